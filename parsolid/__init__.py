@@ -1,0 +1,26 @@
+"""parsolid: solids simulated with particles on many processors."""
+
+import hashlib
+import os
+from pathlib import Path
+
+__version__ = "0.1.0"
+
+
+def _prepare_numba() -> None:
+    """Set numba's environment before numba is imported: it reads these once."""
+    # worth 1.25x on the pair passes
+    os.environ.setdefault("NUMBA_SLP_VECTORIZE", "1")
+    if "NUMBA_CACHE_DIR" in os.environ:
+        return
+    # numba's cache does not see a change in a callee's file, so the folder is named after all sources
+    digest = hashlib.sha256()
+    root = Path(__file__).resolve().parent
+    for part in ("kernels", "materials", "methods"):
+        for source in sorted((root / part).glob("*.py")):
+            digest.update(source.read_bytes())
+    cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
+    os.environ["NUMBA_CACHE_DIR"] = str(cache / "parsolid" / digest.hexdigest()[:16])
+
+
+_prepare_numba()

@@ -1,0 +1,73 @@
+"""The pair engine: gradient and divergence over a pair list, with Riemann dissipation, for every pair method.
+
+With an antisymmetric weight g_ab and one matrix L_a a particle, the two passes are
+    gradient    (grad v)_a = [sum_b (v_b - v_a) (x) g_ab] L_a / V_a
+    divergence  T_a        =  sum_b (P_a L_a + P_b L_b) g_ab              [N]
+and the dissipation of the upwinding is, eqs (74), (75) with linear reconstruction,
+    D_a = sum_b k_ab [c_s u + (c_p - c_s) (u.n) n],  u = v_b - v_a - 1/2 (grad v_a + grad v_b)(X_b - X_a),  n = x_ab/|x_ab|.
+
+Arrays (rows are particles, owned first; d = dimension):
+    kinematics  d=3: (n, 12) v|0 x|0 X|0;  d=2: (n, 8) v x X 0 0
+    record      what a particle tells its neighbours in the second pass:
+                columns of P L, columns of 1/2 grad v, then halves of rho^2 times the wave tensors Q_p and, where shear
+                waves depend on direction, Q_s, each as a diagonal and an off-diagonal part; the last lane of
+                the diagonal of Q_p holds 1/2 rho c_s where they do not
+    gradient    d=3: (n, 12) columns of sum (v_b - v_a) (x) g, each padded to 4;  d=2: (n, 4) columns
+    force       (n, 8) T padded to 4, D padded to 4
+Pair weights are rows of 4: d=3: (g1, g2, g3, k); d=2: (g1, g2, k, 0), where k is 1/2 |C_skew| / |g| times the factor on
+the dissipation, and C_skew = (L_a + L_b) g.
+An inner list holds each pair of owned particles once and adds to both; a one-sided list (the neighbour is a ghost or a
+mirror image) adds to the owned particle alone.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+KINEMATICS_WIDTH = {2: 8, 3: 12}
+GRADIENT_WIDTH = {2: 4, 3: 12}
+FORCE_WIDTH = 8
+
+
+class PairList(NamedTuple):
+    """Pairs of particle a in rows start[a] : start[a+1] (int64); neighbour (m,) int32, weight (m, 4)."""
+
+    start: np.ndarray
+    neighbour: np.ndarray
+    weight: np.ndarray
+
+
+class Images(NamedTuple):
+    """Which reflection makes each one-sided pair's neighbour: code (m,) int8 into the rows of table (codes, 16).
+
+    With signs Q of a mirrored vector, signs R of the reflected place and the shift T of the planes,
+    v' = Q v,  X' = R X + T,  x' = X' + Q (x - X),  (P L)' = Q P L Q,  (grad v)' = Q grad v R.
+    """
+
+    code: np.ndarray
+    table: np.ndarray
+
+
+def record_width(dimension: int, riemann: bool, shear_tensor: bool) -> int:
+    """Columns of the record: stress alone, or stress, velocity gradient and wave tensors."""
+    matrix, tensor = {2: (4, 4), 3: (12, 8)}[dimension]
+    if not riemann:
+        return matrix
+    return 2 * matrix + tensor + (tensor if shear_tensor else 0)
+
+
+def image_table(dimension: int, signs: np.ndarray, reflections: np.ndarray, shifts: np.ndarray) -> np.ndarray:
+    """Rows of `Images.table` from signs Q, reflections R (+-1) and shifts T [m], each (codes, dimension)."""
+    table = np.zeros((len(signs), 16))
+    if dimension == 3:
+        table[:, 0:3], table[:, 4:7], table[:, 8:11] = signs, reflections, shifts
+        table[:, 12] = reflections[:, 0] * reflections[:, 1]
+        table[:, 13] = reflections[:, 0] * reflections[:, 2]
+        table[:, 14] = reflections[:, 1] * reflections[:, 2]
+    else:
+        table[:, 0:2], table[:, 2:4] = signs, signs
+        table[:, 4:6], table[:, 6:8] = reflections, shifts
+        # columns of a matrix: Q_i Q_j for P L and Q_i R_j for grad v
+        table[:, 8:12] = np.tile(signs, 2) * np.repeat(signs, 2, axis=1)
+        table[:, 12:16] = np.tile(signs, 2) * np.repeat(reflections, 2, axis=1)
+    return table

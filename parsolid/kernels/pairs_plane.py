@@ -1,0 +1,188 @@
+"""The two passes of the pair engine in plane strain (see `pairs` for the formulas and the arrays).
+
+A 2 x 2 matrix is one Lanes value, column by column; (v, x) of a particle are another.
+"""
+
+import math
+
+from numba import njit
+from numba.extending import register_jitable
+
+from parsolid.kernels.simd import broadcast, from_floats, fused, horizontal_sums, lane, load, store, swizzle
+from parsolid.kernels.types import none_without
+
+_rows = swizzle(0, 1, 0, 1)
+_columns = swizzle(0, 0, 1, 1)
+_swap = swizzle(2, 3, 0, 1)
+_third = swizzle(2, 2, 2, 2)
+
+
+@register_jitable
+def _times(matrix, vector):
+    """Matrix times the vector in the first two lanes; the result stands in the first and again in the last two lanes."""
+    product = matrix * _columns(vector)
+    return product + _swap(product)
+
+
+@register_jitable
+def _motion(images, k, kinematics, b):
+    """(v, x) of the neighbour or of its mirror image."""
+    motion = load(kinematics, b, 0)
+    if images is None:
+        return motion
+    code = images.code[k]
+    X = load(kinematics, b, 4)
+    image = _reference(images, k, kinematics, b)
+    zero = broadcast(0.0)
+    shifted = motion - from_floats(0.0, 0.0, lane(X, 0), lane(X, 1))
+    return fused(load(images.table, code, 0), shifted, zero) + from_floats(0.0, 0.0, lane(image, 0), lane(image, 1))
+
+
+@register_jitable
+def _reference(images, k, kinematics, b):
+    X = load(kinematics, b, 4)
+    if images is None:
+        return X
+    reflection = load(images.table, images.code[k], 4)
+    return fused(reflection, X, _swap(reflection))
+
+
+@register_jitable
+def _signed(images, k, value, column):
+    """A matrix of the neighbour, or with the signs in the table's given columns for its image."""
+    if images is None:
+        return value
+    return load(images.table, images.code[k], column) * value
+
+
+@register_jitable
+def _reconstructed(reconstruct, jump, images, k, record, b, Ga, X):
+    if reconstruct is None:
+        return jump
+    return jump - _times(Ga + _signed(images, k, load(record, b, 4), 12), X)
+
+
+@register_jitable
+def _wave_tensor(images, k, record, b, first):
+    """(Q11, Q22, Q12, last lane) of the neighbour or of its image, R Q R."""
+    tensor = load(record, b, first)
+    if images is None:
+        return tensor
+    reflection = load(images.table, images.code[k], 4)
+    return tensor * from_floats(1.0, 1.0, lane(reflection, 0) * lane(reflection, 1), 1.0)
+
+
+@none_without("shear")
+def _shear_tensor(shear, record, a):
+    return load(record, a, 12)
+
+
+@register_jitable
+def _shear_products(shear, images, k, record, b, squares, Sa):
+    if shear is None:
+        return from_floats(lane(squares, 0), lane(squares, 1), 0.0, 0.0)
+    return (Sa + _wave_tensor(images, k, record, b, 12)) * squares
+
+
+@register_jitable
+def _shear_impedance(shear, root, isotropic):
+    if shear is None:
+        return root * isotropic
+    return root
+
+
+@register_jitable
+def _riemann_force(shear, reconstruct, images, k, kinematics, record, b, g, motion, Xa, Ga, Ma, Sa):
+    """D_ab of eqs (74), (75), in the first two lanes."""
+    step = _motion(images, k, kinematics, b) - motion
+    X = _reference(images, k, kinematics, b) - Xa
+    jump = _reconstructed(reconstruct, _rows(step), images, k, record, b, Ga, X)
+    x = _swap(step)
+    g0, g1 = lane(g, 0), lane(g, 1)
+    squares = from_floats(g0 * g0, g1 * g1, 2.0 * g0 * g1, 0.0)
+    Mb = _wave_tensor(images, k, record, b, 8)
+    pressure = (Ma + Mb) * squares
+    slow = _shear_products(shear, images, k, record, b, squares, Sa)
+    first_two = from_floats(1.0, 1.0, 0.0, 0.0)
+    sums = horizontal_sums(jump * x * first_two, x * x * first_two, pressure, slow)
+    roots = math.sqrt(sums)
+    c_p = lane(roots, 2)
+    c_s = _shear_impedance(shear, lane(roots, 3), lane(Ma, 3) + lane(Mb, 3))
+    normal = (c_p - c_s) * lane(sums, 0) / lane(sums, 1)
+    return first_two * _third(g) * fused(broadcast(c_s), jump, broadcast(normal) * x)
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+def gradient_inner(first, last, pairs, kinematics, gradient):
+    """Add both sides' share of sum (v_b - v_a) (x) g_ab for the pairs of particles first..last-1."""
+    for a in range(first, last):
+        motion = load(kinematics, a, 0)
+        G = load(gradient, a, 0)
+        for k in range(pairs.start[a], pairs.start[a + 1]):
+            b = pairs.neighbour[k]
+            d = _rows(load(kinematics, b, 0) - motion) * _columns(load(pairs.weight, k, 0))
+            G = G + d
+            store(gradient, b, 0, load(gradient, b, 0) + d)
+        store(gradient, a, 0, G)
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+def gradient_one_sided(first, last, pairs, images, kinematics, gradient):
+    """As `gradient_inner` for ghosts (images None) or mirror images: particle a alone receives."""
+    for a in range(first, last):
+        if pairs.start[a] == pairs.start[a + 1]:
+            continue
+        motion = load(kinematics, a, 0)
+        G = load(gradient, a, 0)
+        for k in range(pairs.start[a], pairs.start[a + 1]):
+            step = _motion(images, k, kinematics, pairs.neighbour[k]) - motion
+            G = fused(_rows(step), _columns(load(pairs.weight, k, 0)), G)
+        store(gradient, a, 0, G)
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+def force_inner(first, last, pairs, riemann, shear, reconstruct, kinematics, record, force):
+    """Add T and D of both particles of each pair; `riemann`, `shear`, `reconstruct` are None for what is left out."""
+    for a in range(first, last):
+        P = load(record, a, 0)
+        T = load(force, a, 0)
+        if riemann is not None:
+            motion, Xa, Ga = load(kinematics, a, 0), load(kinematics, a, 4), load(record, a, 4)
+            Ma, Sa = load(record, a, 8), _shear_tensor(shear, record, a)
+            D = load(force, a, 4)
+        for k in range(pairs.start[a], pairs.start[a + 1]):
+            b = pairs.neighbour[k]
+            g = load(pairs.weight, k, 0)
+            t = _times(P + load(record, b, 0), g)
+            T = T + t
+            store(force, b, 0, load(force, b, 0) - t)
+            if riemann is not None:
+                s = _riemann_force(shear, reconstruct, None, k, kinematics, record, b, g, motion, Xa, Ga, Ma, Sa)
+                D = D + s
+                store(force, b, 4, load(force, b, 4) - s)
+        store(force, a, 0, T)
+        if riemann is not None:
+            store(force, a, 4, D)
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+def force_one_sided(first, last, pairs, images, riemann, shear, reconstruct, kinematics, record, force):
+    """As `force_inner` for ghosts (images None) or mirror images: particle a alone receives."""
+    for a in range(first, last):
+        if pairs.start[a] == pairs.start[a + 1]:
+            continue
+        P = load(record, a, 0)
+        T = load(force, a, 0)
+        if riemann is not None:
+            motion, Xa, Ga = load(kinematics, a, 0), load(kinematics, a, 4), load(record, a, 4)
+            Ma, Sa = load(record, a, 8), _shear_tensor(shear, record, a)
+            D = load(force, a, 4)
+        for k in range(pairs.start[a], pairs.start[a + 1]):
+            b = pairs.neighbour[k]
+            g = load(pairs.weight, k, 0)
+            T = T + _times(P + _signed(images, k, load(record, b, 0), 8), g)
+            if riemann is not None:
+                D = D + _riemann_force(shear, reconstruct, images, k, kinematics, record, b, g, motion, Xa, Ga, Ma, Sa)
+        store(force, a, 0, T)
+        if riemann is not None:
+            store(force, a, 4, D)

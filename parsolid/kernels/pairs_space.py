@@ -1,0 +1,208 @@
+"""The two passes of the pair engine in three dimensions (see `pairs` for the formulas and the arrays)."""
+
+import math
+
+from numba import njit
+from numba.extending import register_jitable
+
+from parsolid.kernels.simd import broadcast, fused, horizontal_sums, lane, load, store, swizzle, without_fourth
+from parsolid.kernels.types import none_without
+
+_x = swizzle(0, 0, 0, 0)
+_y = swizzle(1, 1, 1, 1)
+_z = swizzle(2, 2, 2, 2)
+_fourth = swizzle(3, 3, 3, 3)
+_cross_first = swizzle(0, 0, 1, 3)
+_cross_second = swizzle(1, 2, 2, 3)
+
+
+@register_jitable
+def _columns(array, row, first):
+    return load(array, row, first), load(array, row, first + 4), load(array, row, first + 8)
+
+
+@register_jitable
+def _velocity(images, k, kinematics, b):
+    if images is None:
+        return load(kinematics, b, 0)
+    return load(images.table, images.code[k], 0) * load(kinematics, b, 0)
+
+
+@register_jitable
+def _kinematics(images, k, kinematics, b):
+    v, x, X = _columns(kinematics, b, 0)
+    if images is None:
+        return v, x, X
+    code = images.code[k]
+    Q = load(images.table, code, 0)
+    image = fused(load(images.table, code, 4), X, load(images.table, code, 8))
+    return Q * v, fused(Q, x - X, image), image
+
+
+@register_jitable
+def _stress(images, k, record, b):
+    P = _columns(record, b, 0)
+    if images is None:
+        return P
+    Q = load(images.table, images.code[k], 0)
+    return Q * P[0] * _x(Q), Q * P[1] * _y(Q), Q * P[2] * _z(Q)
+
+
+@register_jitable
+def _half_gradient(images, k, record, b):
+    G = _columns(record, b, 12)
+    if images is None:
+        return G
+    Q, R = load(images.table, images.code[k], 0), load(images.table, images.code[k], 4)
+    return Q * G[0] * _x(R), Q * G[1] * _y(R), Q * G[2] * _z(R)
+
+
+@register_jitable
+def _off_diagonal(images, k, record, b, first):
+    if images is None:
+        return load(record, b, first)
+    return load(images.table, images.code[k], 12) * load(record, b, first)
+
+
+@register_jitable
+def _reconstructed(reconstruct, jump, images, k, record, b, Ga, X):
+    if reconstruct is None:
+        return jump
+    Gb = _half_gradient(images, k, record, b)
+    jump = jump - (Ga[0] + Gb[0]) * _x(X)
+    jump = jump - (Ga[1] + Gb[1]) * _y(X)
+    return jump - (Ga[2] + Gb[2]) * _z(X)
+
+
+@none_without("shear")
+def _shear_tensor(shear, record, a):
+    return load(record, a, 32), load(record, a, 36)
+
+
+@register_jitable
+def _shear_products(shear, images, k, record, b, square, cross, Sa):
+    """Lanes that add up to g . Q_s g, or to g . g where shear is isotropic."""
+    if shear is None:
+        return square
+    off_diagonal = Sa[1] + _off_diagonal(images, k, record, b, 36)
+    return fused(off_diagonal, cross, (Sa[0] + load(record, b, 32)) * square)
+
+
+@register_jitable
+def _shear_impedance(shear, root, isotropic):
+    if shear is None:
+        return root * isotropic
+    return root
+
+
+@register_jitable
+def _riemann_force(shear, reconstruct, images, k, kinematics, record, b, g, place, Ga, Ma, Sa):
+    """D_ab of eqs (74), (75)."""
+    v, x, X = _kinematics(images, k, kinematics, b)
+    jump = _reconstructed(reconstruct, v - place[0], images, k, record, b, Ga, X - place[2])
+    x = x - place[1]
+    direction = without_fourth(g)
+    square = direction * direction
+    cross = _cross_first(direction) * _cross_second(direction)
+    cross = cross + cross
+    diagonal = load(record, b, 24)
+    pressure = (Ma[0] + diagonal) * square
+    pressure = fused(Ma[1] + _off_diagonal(images, k, record, b, 28), cross, pressure)
+    slow = _shear_products(shear, images, k, record, b, square, cross, Sa)
+    sums = horizontal_sums(jump * x, x * x, pressure, slow)
+    roots = math.sqrt(sums)
+    c_p = lane(roots, 2)
+    c_s = _shear_impedance(shear, lane(roots, 3), lane(Ma[0], 3) + lane(diagonal, 3))
+    normal = (c_p - c_s) * lane(sums, 0) / lane(sums, 1)
+    return _fourth(g) * fused(broadcast(c_s), jump, broadcast(normal) * x)
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+def gradient_inner(first, last, pairs, kinematics, gradient):
+    """Add both sides' share of sum (v_b - v_a) (x) g_ab for the pairs of particles first..last-1."""
+    for a in range(first, last):
+        v = load(kinematics, a, 0)
+        G0, G1, G2 = _columns(gradient, a, 0)
+        for k in range(pairs.start[a], pairs.start[a + 1]):
+            b = pairs.neighbour[k]
+            g = load(pairs.weight, k, 0)
+            jump = load(kinematics, b, 0) - v
+            d0, d1, d2 = _x(g) * jump, _y(g) * jump, _z(g) * jump
+            G0, G1, G2 = G0 + d0, G1 + d1, G2 + d2
+            store(gradient, b, 0, load(gradient, b, 0) + d0)
+            store(gradient, b, 4, load(gradient, b, 4) + d1)
+            store(gradient, b, 8, load(gradient, b, 8) + d2)
+        store(gradient, a, 0, G0)
+        store(gradient, a, 4, G1)
+        store(gradient, a, 8, G2)
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+def gradient_one_sided(first, last, pairs, images, kinematics, gradient):
+    """As `gradient_inner` for ghosts (images None) or mirror images: particle a alone receives."""
+    for a in range(first, last):
+        if pairs.start[a] == pairs.start[a + 1]:
+            continue
+        v = load(kinematics, a, 0)
+        G0, G1, G2 = _columns(gradient, a, 0)
+        for k in range(pairs.start[a], pairs.start[a + 1]):
+            g = load(pairs.weight, k, 0)
+            jump = _velocity(images, k, kinematics, pairs.neighbour[k]) - v
+            G0, G1, G2 = fused(_x(g), jump, G0), fused(_y(g), jump, G1), fused(_z(g), jump, G2)
+        store(gradient, a, 0, G0)
+        store(gradient, a, 4, G1)
+        store(gradient, a, 8, G2)
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+def force_inner(first, last, pairs, riemann, shear, reconstruct, kinematics, record, force):
+    """Add T and D of both particles of each pair; `riemann`, `shear`, `reconstruct` are None for what is left out."""
+    for a in range(first, last):
+        P = _columns(record, a, 0)
+        T = load(force, a, 0)
+        if riemann is not None:
+            place, Ga = _columns(kinematics, a, 0), _columns(record, a, 12)
+            Ma, Sa = (load(record, a, 24), load(record, a, 28)), _shear_tensor(shear, record, a)
+            D = load(force, a, 4)
+        for k in range(pairs.start[a], pairs.start[a + 1]):
+            b = pairs.neighbour[k]
+            g = load(pairs.weight, k, 0)
+            Pb = _columns(record, b, 0)
+            t = (P[0] + Pb[0]) * _x(g)
+            t = fused(P[1] + Pb[1], _y(g), t)
+            t = fused(P[2] + Pb[2], _z(g), t)
+            T = T + t
+            store(force, b, 0, load(force, b, 0) - t)
+            if riemann is not None:
+                s = _riemann_force(shear, reconstruct, None, k, kinematics, record, b, g, place, Ga, Ma, Sa)
+                D = D + s
+                store(force, b, 4, load(force, b, 4) - s)
+        store(force, a, 0, T)
+        if riemann is not None:
+            store(force, a, 4, D)
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+def force_one_sided(first, last, pairs, images, riemann, shear, reconstruct, kinematics, record, force):
+    """As `force_inner` for ghosts (images None) or mirror images: particle a alone receives."""
+    for a in range(first, last):
+        if pairs.start[a] == pairs.start[a + 1]:
+            continue
+        P = _columns(record, a, 0)
+        T = load(force, a, 0)
+        if riemann is not None:
+            place, Ga = _columns(kinematics, a, 0), _columns(record, a, 12)
+            Ma, Sa = (load(record, a, 24), load(record, a, 28)), _shear_tensor(shear, record, a)
+            D = load(force, a, 4)
+        for k in range(pairs.start[a], pairs.start[a + 1]):
+            b = pairs.neighbour[k]
+            g = load(pairs.weight, k, 0)
+            Pb = _stress(images, k, record, b)
+            t = (P[0] + Pb[0]) * _x(g)
+            t = fused(P[1] + Pb[1], _y(g), t)
+            T = T + fused(P[2] + Pb[2], _z(g), t)
+            if riemann is not None:
+                D = D + _riemann_force(shear, reconstruct, images, k, kinematics, record, b, g, place, Ga, Ma, Sa)
+        store(force, a, 0, T)
+        if riemann is not None:
+            store(force, a, 4, D)

@@ -1,0 +1,1 @@
+"""Material laws, one file each: a NamedTuple of parameters and numba overloads on its type."""
