@@ -1,0 +1,86 @@
+"""Bodies of a scene: a shape filled with particles, its material, its initial state."""
+
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from parsolid.scene.formulas import InitialMatrix, InitialVector
+from parsolid.scene.materials import Material
+from parsolid.scene.section import Positive, Section, dimension_of, mismatch, reject
+from parsolid.scene.shapes import Shape
+
+Name = Annotated[str, Field(pattern=r"^[^.,\s][^.,]*$", description="a name without '.' and ','")]
+Placement = Literal["nodes", "cells"]
+
+
+class FilledShape(Section):
+    """A shape and the particles that fill it.
+
+    particles   number of particles along each of the shape's own directions: X, Y, Z of a box and of the bounding box of a
+                cylinder or sphere; hoop, axial, radial of a shell (hoop, radial in 2-D)
+    spacing     distance of particles [m] along the same directions, or one for all; rounded so that whole numbers fit
+    placement   "nodes": on the boundary too, with trapezoid volumes; "cells": in the middle of equal cells
+    jitter      random offset of each particle as a fraction of the spacing, the same on any number of ranks; particles on
+                the boundary stay
+    """
+
+    at_most_one: ClassVar = (("particles", "spacing"),)
+    name: Name | None = None
+    shape: Shape
+    particles: list[Annotated[int, Field(ge=1)]] | None = None
+    spacing: list[Positive] | None = None
+    placement: Placement | None = Field(None, description="'nodes' or 'cells'")
+    jitter: float = Field(0.0, ge=0.0, lt=0.5)
+    seed: int = Field(0, ge=0)
+
+    @field_validator("spacing", mode="before")
+    @classmethod
+    def _as_list(cls, value: Any) -> Any:
+        return [value] if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+    @field_validator("particles")
+    @classmethod
+    def _one_each(cls, value: list[int] | None, info: ValidationInfo) -> list[int] | None:
+        dimension = dimension_of(info)
+        if value is not None and dimension is not None and len(value) != dimension:
+            raise mismatch(f"{dimension} numbers (one per direction)", value)
+        return value
+
+    @field_validator("spacing")
+    @classmethod
+    def _one_or_all(cls, value: list[float] | None, info: ValidationInfo) -> list[float] | None:
+        dimension = dimension_of(info)
+        if value is not None and dimension is not None and len(value) not in (1, dimension):
+            raise mismatch(f"one number or {dimension} (one per direction)", value)
+        return value
+
+    @model_validator(mode="after")
+    def _filled(self) -> "FilledShape":
+        details = []
+        counted = self.particles is not None or self.spacing is not None
+        if self.shape.kind == "mesh" and counted:
+            key = "particles" if self.particles is not None else "spacing"
+            details.append(((key,), "no such key with a mesh (it has its own particles)", getattr(self, key)))
+        if self.shape.kind != "mesh" and not counted:
+            details.append(((), "exactly one of particles, spacing", "none"))
+        if self.shape.kind in ("cylinder", "sphere") and self.placement == "nodes":
+            details.append((("placement",), f"'cells' for a {self.shape.kind} (its lattice is cut by the surface)", "nodes"))
+        reject(*details)
+        return self
+
+    @property
+    def placed_on(self) -> Placement:
+        """The placement, with the default of the shape where the scene gives none."""
+        return self.placement or ("cells" if self.shape.kind in ("cylinder", "sphere") else "nodes")
+
+
+class Body(FilledShape):
+    """One body: a filled shape, its material and its initial state.
+
+    Without `deformation_gradient` the initial one is that of `displacement`, and without either the identity.
+    """
+
+    velocity: InitialVector | None = None
+    displacement: InitialVector | None = None
+    deformation_gradient: InitialMatrix | None = None
+    material: Material = Field(description="a table with the key kind")

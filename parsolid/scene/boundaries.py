@@ -1,0 +1,62 @@
+"""Boundary conditions of a scene, told apart by their `kind`."""
+
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from parsolid.scene.bodies import Name
+from parsolid.scene.formulas import Vector, VectorOrFree
+from parsolid.scene.section import Plane, Point, Section, by_kind
+from parsolid.scene.shapes import Box, Sphere
+
+
+class Support(Section):
+    """A support on a plane that bounds the body.
+
+    fixed          no velocity
+    roller         no velocity along the normal, no shear traction: a plane of symmetry
+    antisymmetric  no velocity in the plane, no normal traction: the image moves with v' = -R v, R the reflection
+
+    With `mirror` the particles have images beyond the plane; without it the particles on the plane are clamped only, which
+    leaves first-order errors beside the plane.
+    """
+
+    kind: Literal["fixed", "roller", "antisymmetric"]
+    plane: Plane = Field(description="a plane such as 'Y = 0' that bounds the body")
+    body: Name | None = None
+    mirror: bool = True
+
+
+class PrescribedVelocity(Section):
+    """Velocity [m/s] prescribed over a region; components that are "free" follow the equation of motion.
+
+    The region is a plane, a box, a ball, or the particle nearest to a point.
+    """
+
+    exactly_one: ClassVar = (("plane", "box", "ball", "point"),)
+    kind: Literal["velocity"]
+    plane: Plane | None = None
+    box: Box | None = None
+    ball: Sphere | None = None
+    point: Point | None = None
+    body: Name | None = None
+    velocity: VectorOrFree = Field(description="a formula in X, Y, Z, t or 'free' for each component [m/s]")
+
+
+class Traction(Section):
+    """Traction [Pa] per reference area on a plane that bounds the body."""
+
+    kind: Literal["traction"]
+    plane: Plane = Field(description="a plane such as 'Y = 0' that bounds the body")
+    body: Name | None = None
+    traction: Vector = Field(description="a formula in X, Y, Z, t for each component [Pa]")
+
+
+Boundary = by_kind(Support, PrescribedVelocity, Traction)
+
+
+class Loads(Section):
+    """Loads on all bodies: a force [N/m^3] per reference volume, an acceleration [m/s^2]."""
+
+    body_force: Vector | None = None
+    acceleration: Vector | None = None

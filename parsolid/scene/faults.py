@@ -1,0 +1,57 @@
+"""Faults of a scene: one exception that carries all of them, and the words in which they are told."""
+
+import difflib
+import math
+from collections.abc import Iterable
+
+from mpi4py import MPI
+
+
+class SceneError(Exception):
+    """A scene cannot be run; `faults` lists every reason as "key.path: expected ..., found ..."."""
+
+    def __init__(self, faults: Iterable[str]):
+        self.faults = list(faults)
+        super().__init__(self.faults)
+
+    def __str__(self) -> str:
+        return "\n".join(self.faults)
+
+
+def agree(comm: MPI.Comm, faults: list[str]) -> None:
+    """Raise the same SceneError on every rank when any rank has a fault (collective).
+
+    A rank passes on its first faults only, so that a fault of every particle does not flood the ranks.
+    """
+    if comm.allreduce(len(faults)) == 0:
+        return
+    every = [fault for piece in comm.allgather(faults[:50]) for fault in piece]
+    raise SceneError(dict.fromkeys(every))
+
+
+def told(value: object) -> str:
+    """A found value in the words of a message."""
+    if isinstance(value, dict):
+        return f"a table with {', '.join(map(repr, value))}" if value else "an empty table"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    text = repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
+def suggestion(word: object, known: Iterable[str]) -> str:
+    """A did-you-mean for a misspelt word, empty when none of the known ones is near."""
+    near = difflib.get_close_matches(str(word), list(known), n=1, cutoff=0.6)
+    return f" (did you mean {near[0]!r}?)" if near else ""
+
+
+def key_path(location: Iterable[object]) -> str:
+    """The dotted path of a key, as `--set` takes it; the scene itself has an empty location."""
+    return ".".join(map(str, location)) or "scene"
+
+
+def fault(location: Iterable[object], expected: str, found: object) -> str:
+    """One line: key, what was expected, what was found."""
+    return f"{key_path(location)}: expected {expected}, found {told(found)}"

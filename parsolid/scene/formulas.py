@@ -1,0 +1,199 @@
+"""Formulas of a scene: numexpr expressions in X, Y, Z and t, checked name by name before they are compiled.
+
+Whole numbers are read as reals ("X/2" halves, whatever X is). Nothing is ever given to `eval`: the text is parsed, every
+node is compared with a list of allowed ones, and what numexpr compiles is written anew from the parsed tree.
+"""
+
+import ast
+import math
+from typing import Annotated, Any
+
+import numexpr
+import numpy as np
+from pydantic import AfterValidator, PlainSerializer, PlainValidator, ValidationInfo
+
+from parsolid.scene.faults import suggestion
+from parsolid.scene.section import AXES, OnePerDimension, dimension_of, mismatch
+
+# the ranks share the cores already
+numexpr.set_num_threads(1)
+
+_NOT_FOR_POINTS = {"sum", "prod", "min", "max", "contains", "copy", "complex", "conj", "imag", "real", "ones_like"}
+FUNCTIONS = frozenset(numexpr.expressions.functions) - _NOT_FOR_POINTS
+CONSTANTS = {"pi": math.pi}
+_NODES = (ast.BinOp, ast.UnaryOp, ast.Compare, ast.Call, ast.Name, ast.Constant, ast.expr_context)
+_OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Mod, ast.Pow, ast.BitAnd, ast.BitOr, ast.USub, ast.UAdd, ast.Invert)
+_COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
+
+
+def _objection(node: ast.AST, names: tuple[str, ...]) -> str | None:
+    """Why one node of a parsed formula is refused; None when it is allowed."""
+    if isinstance(node, ast.BoolOp):
+        return "'and' or 'or' (write (a) & (b), (a) | (b))"
+    if isinstance(node, ast.Compare) and len(node.ops) > 1:
+        return "a chained comparison (write (a < b) & (b < c))"
+    if isinstance(node, ast.Call):
+        if not isinstance(node.func, ast.Name) or node.keywords:
+            return f"the call {ast.unparse(node)!r}"
+        if node.func.id not in FUNCTIONS:
+            return f"the unknown function {node.func.id!r}{suggestion(node.func.id, FUNCTIONS)}"
+    elif isinstance(node, ast.Name):
+        known = (*names, *CONSTANTS)
+        if node.id not in known and node.id not in FUNCTIONS:
+            return f"the unknown name {node.id!r}{suggestion(node.id, known)}"
+    elif isinstance(node, ast.Constant):
+        if type(node.value) not in (int, float):
+            return f"{node.value!r}"
+    elif not isinstance(node, _NODES + _OPERATORS + _COMPARISONS):
+        return f"{ast.unparse(node)!r}"
+    return None
+
+
+class _AsReals(ast.NodeTransformer):
+    def visit_Constant(self, node):
+        return ast.copy_location(ast.Constant(float(node.value)), node)
+
+    def visit_Name(self, node):
+        return ast.copy_location(ast.Constant(CONSTANTS[node.id]), node) if node.id in CONSTANTS else node
+
+
+class Formula:
+    """One scalar formula; `source` is what the scene says (text or a number).
+
+    Raises ValueError with what is wrong when the text is no formula in the given names.
+    """
+
+    def __init__(self, source: str | float, names: tuple[str, ...] = (*AXES, "t")):
+        self.source = source
+        try:
+            tree = ast.parse(str(source).strip(), mode="eval")
+        except (SyntaxError, ValueError, RecursionError):
+            raise ValueError("no formula") from None
+        for node in ast.walk(tree.body):
+            objection = _objection(node, names)
+            if objection:
+                raise ValueError(objection)
+        used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} - FUNCTIONS - set(CONSTANTS)
+        self.names = tuple(sorted(used))
+        self._compiled = None
+        self._constant = None
+        try:
+            self._text = ast.unparse(_AsReals().visit(tree).body)
+            value = self.evaluate(np.zeros((1, len(AXES))))[0]
+        except (TypeError, ValueError, NotImplementedError, LookupError, AttributeError, ArithmeticError) as error:
+            raise ValueError(f"a formula that cannot be compiled ({error})") from None
+        if not self.names:
+            self._constant = float(value)
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether it has the same value everywhere and always."""
+        return self._constant is not None
+
+    @property
+    def depends_on_time(self) -> bool:
+        """Whether t occurs in it."""
+        return "t" in self.names
+
+    def evaluate(self, points: np.ndarray, time: float = 0.0) -> np.ndarray:
+        """Values (n,) at points (n, d) [m] and a time [s]."""
+        if self._constant is not None:
+            return np.full(len(points), self._constant)
+        if self._compiled is None:
+            self._compiled = numexpr.NumExpr(self._text, signature=[(name, np.float64) for name in self.names])
+        given = [np.float64(time) if name == "t" else points[:, AXES.index(name)] for name in self.names]
+        return np.array(np.broadcast_to(self._compiled(*given), len(points)), dtype=np.float64)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Formula) and self.source == other.source
+
+    def __hash__(self) -> int:
+        return hash(self.source)
+
+    def __repr__(self) -> str:
+        return f"Formula({self.source!r})"
+
+    def __getstate__(self) -> dict:
+        return {**self.__dict__, "_compiled": None}
+
+
+class FormulaVector(tuple):
+    """Formulas of the components of a vector field; None stands for a component that is "free"."""
+
+    @property
+    def free(self) -> np.ndarray:
+        """Which components are free, (d,) bool."""
+        return np.array([component is None for component in self])
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether every component is the same everywhere and always."""
+        return all(component is None or component.is_constant for component in self)
+
+    @property
+    def depends_on_time(self) -> bool:
+        """Whether t occurs in any component."""
+        return any(component is not None and component.depends_on_time for component in self)
+
+    def evaluate(self, points: np.ndarray, time: float = 0.0, out: np.ndarray | None = None) -> np.ndarray:
+        """Values (n, components) at points (n, d) [m] and a time [s]; 0 for free components. `out` is written if given."""
+        result = np.zeros((len(points), len(self))) if out is None else out
+        for i, component in enumerate(self):
+            result[:, i] = 0.0 if component is None else component.evaluate(points, time)
+        return result
+
+    @property
+    def sources(self) -> list:
+        """What the scene says, component by component."""
+        return ["free" if component is None else component.source for component in self]
+
+
+def _formula(value: Any, info: ValidationInfo, time: bool) -> Formula:
+    if isinstance(value, Formula):
+        return value
+    names = AXES[: dimension_of(info) or 3] + (("t",) if time else ())
+    expected = f"a formula in {', '.join(names)}"
+    if isinstance(value, bool) or not isinstance(value, str | int | float):
+        raise mismatch(expected, value)
+    try:
+        return Formula(value, names)
+    except ValueError as error:
+        raise mismatch(expected, _Phrase(f"{error} in {value!r}")) from None
+
+
+class _Phrase(str):
+    """Text that a message shows without quotation marks."""
+
+    def __repr__(self) -> str:
+        return str(self)
+
+
+def _of_place(value: Any, info: ValidationInfo) -> Formula:
+    return _formula(value, info, time=False)
+
+
+def _of_place_and_time(value: Any, info: ValidationInfo) -> Formula:
+    return _formula(value, info, time=True)
+
+
+def _or_free(value: Any, info: ValidationInfo) -> Formula | None:
+    return None if value is None or value == "free" else _formula(value, info, time=True)
+
+
+def _vector_of(validate):
+    """A list of formulas, one per dimension, that becomes a FormulaVector and is written as a list again."""
+    component = Annotated[Any, PlainValidator(validate)]
+    return Annotated[
+        list[component], OnePerDimension, AfterValidator(FormulaVector), PlainSerializer(lambda vector: vector.sources)
+    ]
+
+
+InitialVector = _vector_of(_of_place)
+Vector = _vector_of(_of_place_and_time)
+VectorOrFree = _vector_of(_or_free)
+InitialMatrix = Annotated[
+    list[InitialVector],
+    OnePerDimension,
+    AfterValidator(tuple),
+    PlainSerializer(lambda rows: [row.sources for row in rows]),
+]

@@ -1,0 +1,124 @@
+"""From a scene to particles: every rank makes its own contiguous share of the ids, and no rank more than that."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from mpi4py import MPI
+
+from parsolid.scene.boundaries import PrescribedVelocity, Support
+from parsolid.scene.cloud import Cloud
+from parsolid.scene.faults import SceneError, agree, fault, key_path
+from parsolid.scene.fillings import lattice_filling, mesh_filling
+from parsolid.scene.formulas import FormulaVector
+from parsolid.scene.lattice import Filling
+from parsolid.scene.regions import NOBODY, nearest_particles, selected
+from parsolid.scene.schema import Scene, unbounded_plane
+
+
+def generate(scene: Scene, comm: MPI.Comm) -> Cloud:
+    """This rank's share of the scene's particles (collective).
+
+    Global ids run body by body in the order of each body's lattice or mesh; rank r has the ids from r N / size. Raises
+    SceneError, the same on all ranks, for a mesh that cannot be used, a body without particles, a plane that bounds no mesh,
+    a region without particles, a probe away from all particles, and a formula that is not finite at some particle.
+    """
+    fillings = _fillings(scene, comm)
+    ends = np.cumsum([filling.count for filling in fillings])
+    total = int(ends[-1])
+    first, last = total * comm.rank // comm.size, total * (comm.rank + 1) // comm.size
+    pieces = []
+    for i, filling in enumerate(fillings):
+        start = int(ends[i]) - filling.count
+        low, high = max(first - start, 0), min(last - start, filling.count)
+        if low < high:
+            piece = filling.piece(low, high)
+            piece.identifier += start
+            piece.body[:] = i
+            pieces.append(piece)
+    coarsest = max(filling.coarsest for filling in fillings)
+    del fillings
+    cloud = Cloud.joined(pieces, scene.dimension)
+    chosen = [selected(scene, boundary, cloud, comm) for boundary in scene.boundaries]
+    agree(comm, _distant_probes(scene, cloud, coarsest, comm) + _empty_regions(chosen, comm) + _not_finite(scene, cloud, chosen, comm))
+    return cloud
+
+
+def _fillings(scene: Scene, comm: MPI.Comm) -> list[Filling]:
+    fillings, faults = {}, []
+    for i, body in enumerate(scene.bodies):
+        try:
+            make = mesh_filling if body.shape.kind == "mesh" else lattice_filling
+            fillings[i] = make(body, scene.dimension)
+        except SceneError as error:
+            faults += [f"{key_path(('bodies', i, 'shape', 'mesh', 'file'))}: {text}" for text in error.faults]
+    agree(comm, faults)
+    for i, filling in fillings.items():
+        if filling.count < 2:
+            faults.append(fault(("bodies", i), "a body of at least two particles", filling.count))
+    for i, boundary in enumerate(scene.boundaries):
+        if not isinstance(boundary, PrescribedVelocity):
+            faults += unbounded_plane(i, boundary, dict(enumerate(scene.bodies)), fillings)
+    agree(comm, faults)
+    return list(fillings.values())
+
+
+def _distant_probes(scene: Scene, cloud: Cloud, coarsest: float, comm: MPI.Comm) -> list[str]:
+    probes = [(i, probe.at) for i, probe in enumerate(scene.probes) if probe.at is not None]
+    if not probes:
+        return []
+    _, distance = nearest_particles(comm, cloud.identifier, cloud.position, np.array([at for _, at in probes]))
+    # a cell's corner is half a diagonal away from its particle
+    reach = coarsest * max(1.0, 0.5 * np.sqrt(scene.dimension)) * (1.0 + 1e-9)
+    return [
+        fault(("probes", i, "at"), f"a point within one spacing of a particle (the nearest is {away:g} m away)", at)
+        for (i, at), away in zip(probes, distance)
+        if away > reach
+    ]
+
+
+def _empty_regions(chosen: list[np.ndarray], comm: MPI.Comm) -> list[str]:
+    count = np.array([mask.sum() for mask in chosen], np.int64)
+    comm.Allreduce(MPI.IN_PLACE, count, op=MPI.SUM)
+    return [fault(("boundaries", i), "a region that holds particles", int(n)) for i, n in enumerate(count) if n == 0]
+
+
+def _formulas(scene: Scene, cloud: Cloud, chosen: list[np.ndarray]) -> Iterator[tuple[tuple, FormulaVector, np.ndarray]]:
+    """Every formula of the scene with its key and the particles at which it is needed."""
+    for i, body in enumerate(scene.bodies):
+        here = cloud.body == i
+        for key in ("velocity", "displacement"):
+            if getattr(body, key) is not None:
+                yield ("bodies", i, key), getattr(body, key), here
+        for row, formulas in enumerate(body.deformation_gradient or ()):
+            yield ("bodies", i, "deformation_gradient", row), formulas, here
+    for i, boundary in enumerate(scene.boundaries):
+        if not isinstance(boundary, Support):
+            yield ("boundaries", i, boundary.kind), getattr(boundary, boundary.kind), chosen[i]
+    for key in ("body_force", "acceleration"):
+        if getattr(scene.loads, key) is not None:
+            yield ("loads", key), getattr(scene.loads, key), np.ones(len(cloud), bool)
+
+
+def _not_finite(scene: Scene, cloud: Cloud, chosen: list[np.ndarray], comm: MPI.Comm) -> list[str]:
+    """Formulas that are not finite at time 0, each told once: at its particle of lowest id on all ranks."""
+    first, faults = [], []
+    for key, formulas, here in _formulas(scene, cloud, chosen):
+        rows = np.flatnonzero(here)
+        values = formulas.evaluate(cloud.position[rows])
+        for component in range(len(formulas)):
+            bad = rows[~np.isfinite(values[:, component])]
+            worst = bad[np.argmin(cloud.identifier[bad])] if len(bad) else None
+            first.append(NOBODY if worst is None else cloud.identifier[worst])
+            if worst is None:
+                faults.append(None)
+                continue
+            place = ", ".join(f"{x:g}" for x in cloud.position[worst])
+            value = values[np.searchsorted(rows, worst), component]
+            faults.append(
+                f"{key_path((*key, component))}: expected a finite value at every particle, "
+                f"found {value} at particle {cloud.identifier[worst]} ({place})"
+            )
+    mine = np.array(first, np.int64)
+    lowest = np.empty_like(mine)
+    comm.Allreduce(mine, lowest, op=MPI.MIN)
+    return [text for text, own, low in zip(faults, mine, lowest) if text is not None and own == low]

@@ -1,0 +1,45 @@
+"""Initial fields of particles from the bodies' formulas."""
+
+import numpy as np
+
+from parsolid.scene.schema import Scene
+
+
+def initial_velocity(scene: Scene, body: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Initial velocity (n, d) [m/s] of particles with body index (n,) and reference position (n, d) [m]."""
+    return _vectors(scene, body, position, "velocity")
+
+
+def initial_displacement(scene: Scene, body: np.ndarray, position: np.ndarray) -> np.ndarray | None:
+    """Initial displacement (n, d) [m]; None when no body has one."""
+    if all(one.displacement is None for one in scene.bodies):
+        return None
+    return _vectors(scene, body, position, "displacement")
+
+
+def initial_deformation_gradient(
+    scene: Scene, body: np.ndarray, position: np.ndarray
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Initial deformation gradient (n, d, d) and where it is given (n,) bool, the identity elsewhere; None without any."""
+    if all(one.deformation_gradient is None for one in scene.bodies):
+        return None
+    dimension = position.shape[1]
+    result = np.tile(np.eye(dimension), (len(position), 1, 1))
+    given = np.zeros(len(position), bool)
+    for i, one in enumerate(scene.bodies):
+        here = np.flatnonzero(body == i)
+        if one.deformation_gradient is not None:
+            given[here] = True
+            for row, formulas in enumerate(one.deformation_gradient):
+                result[here, row] = formulas.evaluate(position[here])
+    return result, given
+
+
+def _vectors(scene: Scene, body: np.ndarray, position: np.ndarray, key: str) -> np.ndarray:
+    result = np.zeros_like(position)
+    for i, one in enumerate(scene.bodies):
+        formulas = getattr(one, key)
+        if formulas is not None:
+            here = np.flatnonzero(body == i)
+            result[here] = formulas.evaluate(position[here])
+    return result

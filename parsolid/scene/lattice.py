@@ -1,0 +1,149 @@
+"""Box lattices, made piece by piece: any range of ids without the rest of the lattice."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from parsolid.scene.bodies import Body
+from parsolid.scene.cloud import Cloud
+
+
+class Filling(Protocol):
+    """Particles that fill a body, addressed by their id within the body, 0 .. count-1.
+
+    lower, upper (d,) bound the body itself; coarsest is its largest particle spacing [m].
+    """
+
+    count: int
+    lower: np.ndarray
+    upper: np.ndarray
+    coarsest: float
+
+    def piece(self, first: int, last: int) -> Cloud:
+        """The particles with ids first .. last-1, their body index left at 0."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """Particles along one direction of a lattice from `lower` to `upper`; a closed line joins its end to its start."""
+
+    lower: float
+    upper: float
+    count: int
+    nodes: bool
+    closed: bool = False
+
+    @classmethod
+    def of(cls, lower: float, upper: float, number: int | None, spacing: float | None, nodes: bool, closed: bool = False):
+        """The line with a number of particles, or with about the given spacing."""
+        if number is None:
+            number = max(1, round((upper - lower) / spacing))
+            number += 1 if nodes and not closed else 0
+        return cls(lower, upper, number, nodes, closed)
+
+    @property
+    def _on_ends(self) -> bool:
+        return self.nodes and not self.closed and self.count > 1
+
+    @property
+    def step(self) -> float:
+        """Distance of neighbours; the whole length for a lone particle."""
+        return (self.upper - self.lower) / (self.count - 1 if self._on_ends else self.count)
+
+    def coordinate(self, index: np.ndarray, offset: np.ndarray | float = 0.0) -> np.ndarray:
+        """Coordinates at indices moved by `offset` steps; both ends are met exactly by nodes."""
+        if self._on_ends:
+            share = (index + offset) / (self.count - 1)
+        else:
+            share = (index + offset + (0.0 if self.closed and self.nodes else 0.5)) / self.count
+        return (1.0 - share) * self.lower + share * self.upper
+
+    def weight(self, index: np.ndarray) -> np.ndarray:
+        """Tributary length at indices: half a step at the ends of nodes."""
+        if not self._on_ends:
+            return np.full(len(index), self.step)
+        return np.where((index == 0) | (index == self.count - 1), 0.5 * self.step, self.step)
+
+    def side(self, index: np.ndarray) -> np.ndarray:
+        """-1 at the lower end, +1 at the upper, 0 between; 0 for a lone particle, whose two ends cancel."""
+        if self.closed or self.count == 1:
+            return np.zeros(len(index))
+        return (index == self.count - 1).astype(float) - (index == 0)
+
+
+def _hashed(values: np.ndarray) -> np.ndarray:
+    """splitmix64: a well-mixed 64-bit hash of each value."""
+    z = values.astype(np.uint64) + np.uint64(0x9E3779B97F4A7C15)
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return z ^ (z >> np.uint64(31))
+
+
+def jitter_offsets(body: Body, identifier: np.ndarray, movable: np.ndarray, directions: int) -> np.ndarray:
+    """Random offsets (n, directions) in steps, uniform within the body's jitter, a function of seed and id alone."""
+    if body.jitter == 0.0:
+        return np.zeros((len(identifier), directions))
+    stream = _hashed(identifier.astype(np.uint64) ^ _hashed(np.array([body.seed], np.uint64)))
+    uniform = [_hashed(stream + np.uint64(i)) / 2.0**64 for i in range(directions)]
+    return body.jitter * (2.0 * np.stack(uniform, axis=1) - 1.0) * movable[:, None]
+
+
+def numbers_and_spacings(body: Body, directions: int) -> tuple[list, list]:
+    """Number of particles and wanted spacing for each direction; None where the other one is given."""
+    numbers = body.particles or [None] * directions
+    spacings = body.spacing or [None]
+    return numbers, spacings if len(spacings) == directions else spacings * directions
+
+
+class Lattice:
+    """The product of lines; ids run fastest along the last."""
+
+    def __init__(self, lines: list[Line]):
+        self.lines = lines
+        self.shape = tuple(line.count for line in lines)
+        self.count = int(np.prod(self.shape, dtype=object))
+
+    def indices(self, first: int, last: int) -> list[np.ndarray]:
+        """Index along each line of the particles first .. last-1."""
+        return list(np.unravel_index(np.arange(first, last), self.shape))
+
+    def movable(self, index: list[np.ndarray]) -> np.ndarray:
+        """Which particles jitter may move: all in cells, those off the ends among nodes."""
+        result = np.ones(len(index[0]), bool)
+        for line, i in zip(self.lines, index):
+            if line.nodes:
+                result &= line.side(i) == 0.0
+        return result
+
+
+class BoxFilling(Lattice):
+    """A box filled with nodes (trapezoid volumes) or cells; ids run fastest along the last axis."""
+
+    def __init__(self, body: Body, dimension: int):
+        box = body.shape.model
+        numbers, spacings = numbers_and_spacings(body, dimension)
+        nodes = body.placed_on == "nodes"
+        super().__init__(
+            [Line.of(box.lower[i], box.upper[i], numbers[i], spacings[i], nodes) for i in range(dimension)]
+        )
+        self.body = body
+        self.lower, self.upper = np.array(box.lower, float), np.array(box.upper, float)
+        self.coarsest = max(line.step for line in self.lines)
+
+    def piece(self, first: int, last: int) -> Cloud:
+        identifier = np.arange(first, last)
+        index = self.indices(first, last)
+        offset = jitter_offsets(self.body, identifier, self.movable(index), len(self.lines))
+        weight = np.stack([line.weight(i) for line, i in zip(self.lines, index)], axis=1)
+        volume = np.prod(weight, axis=1)
+        side = np.stack([line.side(i) for line, i in zip(self.lines, index)], axis=1)
+        return Cloud(
+            identifier=identifier,
+            position=np.stack([line.coordinate(i, offset[:, k]) for k, (line, i) in enumerate(zip(self.lines, index))], axis=1),
+            volume=volume,
+            spacing=np.tile([line.step for line in self.lines], (len(identifier), 1)),
+            axes=None,
+            body=np.zeros(len(identifier), np.int32),
+            area=side * volume[:, None] / weight,
+        )

@@ -1,0 +1,169 @@
+"""From a TOML file to a scene, and back."""
+
+import os
+import sys
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Any, get_args, get_origin
+
+import tomli_w
+from pydantic import ValidationError
+from pydantic.fields import FieldInfo
+
+from parsolid.scene.faults import SceneError, key_path, suggestion, told
+from parsolid.scene.schema import Parts, Scene, cross_faults
+from parsolid.scene.section import ByKind, Section
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+_EXPECTED = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "string_type": "a text",
+    "bool_type": "true or false",
+    "list_type": "a list",
+    "dict_type": "a table",
+    "model_type": "a table",
+    "finite_number": "a finite number",
+    "greater_than": "a number > {gt:g}",
+    "greater_than_equal": "a number >= {ge:g}",
+    "less_than": "a number < {lt:g}",
+    "less_than_equal": "a number <= {le:g}",
+    "too_short": "at least {min_length} of them",
+    "too_long": "at most {max_length} of them",
+    "literal_error": "{expected}",
+}
+
+
+def packaged_scene(name: str = "twisting_column") -> Path:
+    """The path of a scene that comes with the package."""
+    return Path(str(files("parsolid") / "scenes" / f"{name}.toml"))
+
+
+def load_scene(path: str | os.PathLike, overrides: list[str] | tuple[str, ...] = ()) -> Scene:
+    """Read a scene; `overrides` are "key.path=value" with TOML values, applied before validation.
+
+    Files named in the scene are relative to its folder. Raises SceneError with every fault.
+    """
+    path = Path(path)
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SceneError([f"{path}: expected a readable scene, found {error.strerror or error}"]) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SceneError([f"{path}: expected TOML, found a fault: {error}"]) from None
+    faults = [text for text in (apply_override(data, override) for override in overrides) if text]
+    if isinstance(output := data.setdefault("output", {}), dict):
+        output.setdefault("directory", os.path.join("results", path.stem))
+    try:
+        scene = parse_scene(data, path.resolve().parent)
+    except SceneError as error:
+        raise SceneError(faults + error.faults) from None
+    if faults:
+        raise SceneError(faults)
+    return scene
+
+
+def parse_scene(data: dict[str, Any], folder: str | os.PathLike = ".") -> Scene:
+    """A scene from plain tables; files are relative to `folder`. Raises SceneError with every fault."""
+    dimension = data.get("dimension")
+    known = isinstance(dimension, int) and dimension in (2, 3)
+    context = {"dimension": dimension if known else None, "folder": os.path.abspath(folder)}
+    scene, faults = None, []
+    try:
+        scene = Scene.model_validate(data, context=context)
+    except ValidationError as error:
+        faults = [_told_fault(item, data) for item in error.errors(include_url=False)]
+    parts = Parts.of(data, context)
+    faults += cross_faults(parts) if parts is not None else []
+    if faults:
+        raise SceneError(dict.fromkeys(faults))
+    return scene
+
+
+def dump_scene(scene: Scene, path: str | os.PathLike) -> None:
+    """Write the resolved scene as TOML; it loads again to the same scene."""
+    Path(path).write_text(tomli_w.dumps(scene.resolved()), encoding="utf-8")
+
+
+def apply_override(data: dict[str, Any], override: str) -> str | None:
+    """Set one "key.path=value" in raw tables; the fault when there is no such place, else None."""
+    path, equals, text = override.partition("=")
+    keys = path.strip().split(".")
+    if not equals or not all(keys):
+        return f"--set {override}: expected key.path=value, found {told(override)}"
+    place: Any = data
+    for depth, key in enumerate(keys):
+        last = depth == len(keys) - 1
+        if isinstance(place, list):
+            if not key.isdigit() or int(key) >= len(place):
+                expected = f"an index from 0 to {len(place) - 1}" if place else "no index, the list is empty"
+                return f"--set {path.strip()}: expected {expected} after {key_path(keys[:depth])}, found {told(key)}"
+            key = int(key)
+        elif not isinstance(place, dict):
+            return f"--set {path.strip()}: expected a table at {key_path(keys[:depth])}, found {told(place)}"
+        if last:
+            place[key] = override_value(text.strip())
+        else:
+            place = place[key] if isinstance(place, list) else place.setdefault(key, {})
+    return None
+
+
+def override_value(text: str) -> Any:
+    """A TOML value, or the text itself where it is none."""
+    try:
+        tables = tomllib.loads(f"value = {text}")
+    except tomllib.TOMLDecodeError:
+        return text
+    return tables["value"] if len(tables) == 1 else text
+
+
+def _told_fault(error: dict[str, Any], data: dict) -> str:
+    """One pydantic error in the words of the project."""
+    place, kind, found = error["loc"], error["type"], error["input"]
+    if kind == "mismatch":
+        return f"{key_path(place)}: {error['ctx']['text']}"
+    section = _section_at(place[:-1], data)
+    fields = section.model_fields if section is not None else {}
+    if kind == "extra_forbidden":
+        return f"{key_path(place)}: expected one of {', '.join(fields)}, found the unknown key {place[-1]!r}{suggestion(place[-1], fields)}"
+    field = fields.get(place[-1]) if place else None
+    description = field.description if field is not None else None
+    if kind == "missing":
+        return f"{key_path(place)}: expected {description or 'a value'}, found nothing"
+    template = _EXPECTED.get(kind)
+    expected = template.format(**error.get("ctx", {})) if template else description or error["msg"]
+    if kind == "literal_error":
+        expected += suggestion(found, [word.strip("' ") for word in expected.replace(" or ", ",").split(",")])
+    return f"{key_path(place)}: expected {expected}, found {told(found)}"
+
+
+def _section_at(place: tuple, data: Any) -> type[Section] | None:
+    """The model of the table at a place of raw tables."""
+    section, annotation = Scene, Scene
+    for key in place:
+        data = data[key] if isinstance(data, dict | list) else None
+        if isinstance(key, str):
+            if section is None or key not in section.model_fields:
+                return None
+            annotation = section.model_fields[key]
+        section = _model_of(annotation, data)
+    return section
+
+
+def _model_of(annotation: Any, value: Any) -> type[Section] | None:
+    """The model within an annotation (of a field, a list, an optional), chosen by the value's kind where that decides."""
+    if isinstance(annotation, FieldInfo):
+        candidates = [*annotation.metadata, annotation.annotation]
+    elif isinstance(annotation, ByKind):
+        return annotation.choose(value)
+    elif isinstance(annotation, type) and issubclass(annotation, Section):
+        return annotation
+    else:
+        candidates = [*getattr(annotation, "__metadata__", ()), *get_args(annotation)]
+    models = (_model_of(candidate, value) for candidate in candidates)
+    return next((model for model in models if model is not None), None)

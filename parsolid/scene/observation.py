@@ -1,0 +1,115 @@
+"""What a scene wants to see: probes, output, a reference to compare with."""
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from parsolid.scene.bodies import Name
+from parsolid.scene.section import NotNegative, Point, Positive, Section, reject
+from parsolid.scene.shapes import AxisName, ExistingFile
+
+HISTORY_COLUMNS = ("kinetic", "stored", "dissipation_internal", "dissipation_numerical", "work_external", "balance")
+
+ProbeField = Literal[
+    "displacement", "velocity", "position", "deformation_gradient", "stress", "first_piola_kirchhoff_stress", "pressure",
+    "jacobian", "twist",
+]  # fmt: skip
+ProbeQuantity = Literal["linear_momentum", "angular_momentum", "centre_of_mass", "minimum_jacobian", "maximum_speed"]
+_SCALARS = ("pressure", "jacobian", "twist", "minimum_jacobian", "maximum_speed")
+_TENSORS = ("deformation_gradient", "stress", "first_piola_kirchhoff_stress")
+
+
+def component_names(field: str, dimension: int) -> list[str]:
+    """The history's names of a field's components: itself, with _x..., or with _xx, _xy... row by row.
+
+    The angular momentum has one component (about z) in 2-D.
+    """
+    axes = "xyz"[:dimension]
+    if field in _SCALARS or (field == "angular_momentum" and dimension == 2):
+        return [field]
+    if field in _TENSORS:
+        return [f"{field}_{row}{column}" for row in axes for column in axes]
+    return [f"{field}_{axis}" for axis in axes]
+
+
+class Probe(Section):
+    """Values written to the history: fields of the particle nearest to `at`, or one quantity of all particles.
+
+    twist is the angle [rad], accumulated over turns, by which the particle has turned about `axis` through `centre`.
+    """
+
+    exactly_one: ClassVar = (("at", "quantity"), ("fields", "quantity"))
+    name: Name
+    at: Point | None = None
+    fields: Annotated[list[ProbeField], Field(min_length=1)] | None = None
+    axis: AxisName | None = None
+    centre: Point | None = None
+    quantity: ProbeQuantity | None = None
+
+    @model_validator(mode="after")
+    def _twist_has_axis(self, info: ValidationInfo) -> "Probe":
+        wanted = "twist" in (self.fields or ())
+        details = []
+        if wanted and self.axis is None and len(self.at) == 3:
+            details.append((("axis",), "the axis 'X', 'Y' or 'Z' of the twist", "nothing"))
+        if wanted and self.axis in ("X", "Y") and len(self.at) == 2:
+            details.append((("axis",), "'Z' or nothing in 2-D", self.axis))
+        for key in ("axis", "centre"):
+            if not wanted and getattr(self, key) is not None:
+                details.append(((key,), "no such key without the field twist", getattr(self, key)))
+        reject(*details)
+        return self
+
+    def columns(self, dimension: int) -> list[str]:
+        """The columns of the history that the probe fills."""
+        fields = self.fields if self.quantity is None else [self.quantity]
+        return [f"{self.name}.{column}" for field in fields for column in component_names(field, dimension)]
+
+
+class Output(Section):
+    """Where and how often results are written; times and intervals in s of the simulated time unless said otherwise."""
+
+    at_most_one: ClassVar = (
+        ("history_interval", "history_steps"),
+        ("fields_interval", "fields_times"),
+        ("checkpoint_interval", "checkpoint_steps"),
+    )
+    directory: str = Field("results", description="the folder of the results, relative to the working folder")
+    history_interval: Positive | None = None
+    history_steps: Annotated[int, Field(ge=1)] | None = Field(None, description="every step unless given")
+    fields_interval: Positive | None = Field(None, description="a twentieth of end_time unless given")
+    fields_times: list[NotNegative] | None = None
+    fields: list[str] | None = Field(None, description="the fields to write, all shown ones unless given")
+    checkpoint_interval: Positive | None = None
+    checkpoint_steps: Annotated[int, Field(ge=1)] | None = None
+    checkpoint_wall: Positive = Field(600.0, description="wall time between checkpoints [s]")
+    pictures: bool = True
+
+    @field_validator("fields_times")
+    @classmethod
+    def _in_order(cls, times: list[float] | None) -> list[float] | None:
+        if times is not None:
+            late = [(i, b) for i, (a, b) in enumerate(zip(times, times[1:]), 1) if b <= a]
+            reject(*(((i,), "a time later than the one before", b) for i, b in late))
+        return times
+
+
+class Reference(Section):
+    """What the results are compared with.
+
+    Either a JSON file `series` with "t", "E0" and a table "series" of equally long lists, and `columns` from a column of the
+    history to a name in that table; or an `exact` solution with its `parameters`, compared at `times` [s].
+    """
+
+    exactly_one: ClassVar = (("series", "exact"), ("columns", "times"))
+    series: ExistingFile | None = None
+    columns: Annotated[dict[str, str], Field(min_length=1)] | None = None
+    exact: Literal["viscoelastic-plate"] | None = None
+    parameters: dict[str, float] = {}
+    times: Annotated[list[NotNegative], Field(min_length=1)] | None = None
+
+    @model_validator(mode="after")
+    def _paired(self) -> "Reference":
+        if (self.series is None) != (self.columns is None):
+            reject(((), "series with columns, or exact with times", "one of each"))
+        return self

@@ -1,0 +1,73 @@
+"""Which particles a region means, and which particle is nearest to a point: the same on any number of ranks."""
+
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from parsolid.scene.boundaries import PrescribedVelocity
+from parsolid.scene.cloud import Cloud
+from parsolid.scene.schema import Scene
+from parsolid.scene.section import Plane
+
+NOBODY = np.iinfo(np.int64).max
+
+
+def nearest_particles(
+    comm: MPI.Comm, identifier: np.ndarray, position: np.ndarray, points: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Global id (m,) and distance (m,) [m] of the particle nearest to each point (m, d); the lowest id of equals (collective)."""
+    points = np.asarray(points, float).reshape(-1, position.shape[1])
+    squared = np.full(len(points), np.inf)
+    names = np.full(len(points), NOBODY)
+    for i, point in enumerate(points if len(position) else []):
+        distance = ((position - point) ** 2).sum(axis=1)
+        squared[i] = distance.min()
+        names[i] = identifier[distance == squared[i]].min()
+    least = np.empty_like(squared)
+    comm.Allreduce(squared, least, op=MPI.MIN)
+    names[squared > least] = NOBODY
+    winner = np.empty_like(names)
+    comm.Allreduce(names, winner, op=MPI.MIN)
+    return winner, np.sqrt(least)
+
+
+def selected(scene: Scene, boundary: Any, cloud: Cloud, comm: MPI.Comm) -> np.ndarray:
+    """Which particles (n,) bool a boundary condition is about (collective for a single point).
+
+    A plane means the particles on it; where particles sit in cells, those whose cell it touches. A support or traction with
+    cells means only those with a face on that side.
+    """
+    mask = np.ones(len(cloud), bool)
+    if boundary.body is not None:
+        mask = cloud.body == [body.name for body in scene.bodies].index(boundary.body)
+    if not isinstance(boundary, PrescribedVelocity) or boundary.plane is not None:
+        return mask & _on_plane(scene, boundary.plane, cloud)
+    tolerance = 1e-6 * cloud.spacing.min(axis=1)
+    if boundary.box is not None:
+        lower, upper = np.array(boundary.box.lower), np.array(boundary.box.upper)
+        inside = (cloud.position >= lower - tolerance[:, None]) & (cloud.position <= upper + tolerance[:, None])
+        return mask & inside.all(axis=1)
+    if boundary.ball is not None:
+        distance = np.linalg.norm(cloud.position - np.array(boundary.ball.centre), axis=1)
+        return mask & (distance <= boundary.ball.radius + tolerance)
+    winner, _ = nearest_particles(comm, cloud.identifier[mask], cloud.position[mask], np.array([boundary.point]))
+    return mask & (cloud.identifier == winner[0])
+
+
+def _on_plane(scene: Scene, plane: Plane, cloud: Cloud) -> np.ndarray:
+    """Particles on a plane: nodes within a rounding error, cells within their own half width."""
+    result = np.zeros(len(cloud), bool)
+    distance = np.abs(cloud.position[:, plane.axis] - plane.offset)
+    extent = cloud.spacing[:, plane.axis]
+    if cloud.axes is not None:
+        # the particle's own widths, seen along the normal
+        extent = (np.abs(cloud.axes[:, :, plane.axis]) * cloud.spacing).sum(axis=1)
+    for i, body in enumerate(scene.bodies):
+        reach = 1e-6 if body.placed_on == "nodes" else 0.5 + body.jitter + 1e-6
+        here = (cloud.body == i) & (distance <= reach * extent)
+        if body.placed_on == "cells" and (body.jitter or body.shape.kind == "mesh"):
+            # uneven cells: their faces tell which of them bound the body here
+            here &= cloud.area[:, plane.axis] != 0.0
+        result |= here
+    return result

@@ -1,0 +1,168 @@
+"""The scene as a whole, and the checks that look at several of its tables at once."""
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, TypeAdapter, ValidationError
+
+from parsolid.scene.bodies import Body, FilledShape
+from parsolid.scene.boundaries import Boundary, Loads, PrescribedVelocity
+from parsolid.scene.faults import fault, suggestion
+from parsolid.scene.fillings import lattice_filling
+from parsolid.scene.lattice import Filling
+from parsolid.scene.methods import Method
+from parsolid.scene.observation import HISTORY_COLUMNS, Output, Probe, Reference
+from parsolid.scene.section import Plane, Positive, Section
+
+
+class Scene(Section):
+    """Everything that a run needs to know, in SI units; made by `load_scene` or `parse_scene`."""
+
+    title: str = ""
+    dimension: Literal[2, 3] = Field(description="2 (plane strain) or 3")
+    end_time: Positive = Field(description="the simulated time [s]")
+    method: Method = Field(description="a table with the key kind")
+    bodies: Annotated[list[Body], Field(min_length=1)] = Field(description="at least one body")
+    boundaries: list[Boundary] = []
+    loads: Loads = Loads()
+    probes: list[Probe] = []
+    output: Output = Output()
+    reference: Reference | None = None
+
+    def resolved(self) -> dict[str, Any]:
+        """The scene with its defaults, as plain tables that validate to the same scene."""
+        return self.model_dump(exclude_none=True)
+
+    @property
+    def fields_times(self) -> list[float]:
+        """Times [s] at which fields are written, always ending with end_time."""
+        if self.output.fields_times is not None:
+            return [time for time in self.output.fields_times if time < self.end_time] + [self.end_time]
+        interval = self.output.fields_interval or self.end_time / 20.0
+        # the last interval may be short, but never a rounding error long
+        count = int(np.ceil(self.end_time / interval * (1.0 - 1e-12)))
+        return [min(i * interval, self.end_time) for i in range(count)] + [self.end_time]
+
+
+@dataclass
+class Parts:
+    """The tables of a scene that are sound in themselves, by their place, so that faults between them can be told too."""
+
+    dimension: int
+    bodies: dict[int, FilledShape]
+    boundaries: dict[int, Any]
+    probes: dict[int, Probe]
+    reference: Reference | None
+    complete: bool
+    stated_bodies: int
+
+    @classmethod
+    def of(cls, data: dict, context: dict) -> "Parts | None":
+        """The sound parts of raw tables; None when not even the dimension is known."""
+        if context.get("dimension") is None:
+            return None
+        complete = True
+        lists = {}
+        for key, kind in (("bodies", FilledShape), ("boundaries", Boundary), ("probes", Probe)):
+            adapter = TypeAdapter(kind)
+            entries = data.get(key, [])
+            lists[key] = {}
+            for i, entry in enumerate(entries if isinstance(entries, list) else []):
+                if kind is FilledShape and isinstance(entry, dict):
+                    # where a body is can be sound when its material is not
+                    entry = {word: entry[word] for word in FilledShape.model_fields if word in entry}
+                try:
+                    lists[key][i] = adapter.validate_python(entry, context=context)
+                except ValidationError:
+                    complete = False
+        try:
+            reference = TypeAdapter(Reference | None).validate_python(data.get("reference"), context=context)
+        except ValidationError:
+            reference = None
+        stated = len(data["bodies"]) if isinstance(data.get("bodies"), list) else 0
+        return cls(dimension=context["dimension"], reference=reference, complete=complete, stated_bodies=stated, **lists)
+
+
+def cross_faults(parts: Parts) -> list[str]:
+    """Faults between the tables of a scene."""
+    fillings = {i: lattice_filling(body, parts.dimension) for i, body in parts.bodies.items() if body.shape.kind != "mesh"}
+    every_body_known = 0 < len(fillings) == parts.stated_bodies
+    faults = _repeated_names("bodies", parts.bodies) + _repeated_names("probes", parts.probes)
+    faults += _empty_bodies(fillings) + _boundary_faults(parts, fillings, every_body_known)
+    if every_body_known:
+        faults += _distant_probes(parts, fillings)
+    return faults + _reference_faults(parts)
+
+
+def _repeated_names(key: str, entries: dict[int, Any]) -> list[str]:
+    faults, seen = [], {}
+    for i, entry in entries.items():
+        if entry.name is not None and entry.name in seen:
+            faults.append(fault((key, i, "name"), f"a name other than that of {key}.{seen[entry.name]}", entry.name))
+        seen.setdefault(entry.name, i)
+    return faults
+
+
+def _empty_bodies(fillings: dict[int, Filling]) -> list[str]:
+    return [
+        fault(("bodies", i), "a body of at least two particles", filling.count)
+        for i, filling in fillings.items()
+        if filling.count < 2
+    ]
+
+
+def plane_side(plane: Plane, filling: Filling) -> int:
+    """-1 or +1 when the plane is the lower or upper bound of the body, 0 when it bounds it nowhere."""
+    lower, upper = filling.lower[plane.axis], filling.upper[plane.axis]
+    tolerance = 1e-9 * max(abs(lower), abs(upper), upper - lower)
+    if abs(plane.offset - lower) <= tolerance:
+        return -1
+    return 1 if abs(plane.offset - upper) <= tolerance else 0
+
+
+def _boundary_faults(parts: Parts, fillings: dict[int, Filling], every_body_known: bool) -> list[str]:
+    faults = []
+    names = [body.name for body in parts.bodies.values() if body.name is not None]
+    for i, boundary in parts.boundaries.items():
+        if boundary.body is not None and boundary.body not in names:
+            if parts.complete:
+                expected = f"the name of a body{suggestion(boundary.body, names)}"
+                faults.append(fault(("boundaries", i, "body"), expected, boundary.body))
+        elif not isinstance(boundary, PrescribedVelocity) and every_body_known:
+            faults += unbounded_plane(i, boundary, parts.bodies, fillings)
+    return faults
+
+
+def unbounded_plane(place: int, boundary: Any, bodies: dict[int, FilledShape], fillings: dict[int, Filling]) -> list[str]:
+    """The fault of a support or traction whose plane bounds none of the bodies it is meant for."""
+    meant = [i for i, body in bodies.items() if boundary.body in (None, body.name)]
+    if any(plane_side(boundary.plane, fillings[i]) for i in meant):
+        return []
+    axis = boundary.plane.axis
+    bounds = sorted({float(bound[axis]) for i in meant for bound in (fillings[i].lower, fillings[i].upper)})
+    expected = f"a plane that bounds a body ({'XYZ'[axis]} = {' or '.join(f'{bound:g}' for bound in bounds)})"
+    return [fault(("boundaries", place, "plane"), expected, str(boundary.plane))]
+
+
+def _distant_probes(parts: Parts, fillings: dict[int, Filling]) -> list[str]:
+    faults = []
+    for i, probe in parts.probes.items():
+        if probe.at is None:
+            continue
+        at = np.array(probe.at)
+        beyond = [np.linalg.norm(np.maximum(0.0, np.maximum(f.lower - at, at - f.upper))) - f.coarsest for f in fillings.values()]
+        if min(beyond) > 0.0:
+            faults.append(fault(("probes", i, "at"), "a point within one spacing of a body", probe.at))
+    return faults
+
+
+def _reference_faults(parts: Parts) -> list[str]:
+    if parts.reference is None or parts.reference.columns is None or not parts.complete:
+        return []
+    known = list(HISTORY_COLUMNS) + [column for probe in parts.probes.values() for column in probe.columns(parts.dimension)]
+    return [
+        fault(("reference", "columns", column), f"a column of the history{suggestion(column, known)}", column)
+        for column in parts.reference.columns
+        if column not in known
+    ]

@@ -1,0 +1,133 @@
+"""Shapes of bodies as a scene states them; lengths in m, angles in degrees."""
+
+import os
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
+
+from parsolid.scene.section import Point, Positive, Section, dimension_of, mismatch, reject
+
+AxisName = Literal["X", "Y", "Z"]
+
+
+def _existing_file(path: str, info: ValidationInfo) -> str:
+    """The absolute path of a file named relative to the scene's folder."""
+    full = os.path.abspath(os.path.join((info.context or {}).get("folder", ""), path))
+    if not os.path.isfile(full):
+        raise mismatch("an existing file", full)
+    return full
+
+
+ExistingFile = Annotated[str, AfterValidator(_existing_file)]
+
+
+class Box(Section):
+    """An axis-aligned box (rectangle in 2-D) from `lower` to `upper`."""
+
+    lower: Point = Field(description="the lower corner [m]")
+    upper: Point = Field(description="the upper corner [m]")
+
+    @model_validator(mode="after")
+    def _extended(self) -> "Box":
+        reject(
+            *(
+                (("upper", i), f"more than lower = {low:g}", high)
+                for i, (low, high) in enumerate(zip(self.lower, self.upper))
+                if not high > low
+            )
+        )
+        return self
+
+
+class Cylinder(Section):
+    """A solid circular cylinder from the centre `base` of one end along `axis`; 3-D only."""
+
+    base: Point = Field(description="the centre of the lower end [m]")
+    axis: AxisName
+    radius: Positive = Field(description="the radius [m]")
+    length: Positive = Field(description="the length [m]")
+
+
+class CylindricalShell(Section):
+    """A cylindrical shell or a sector of one (a ring sector in 2-D) of mid-surface `radius`.
+
+    3-D: `base` is the centre of the lower end, `axis` the direction of `length`. 2-D: `centre` alone.
+    `angles` [degrees] run from the next axis in the cycle X, Y, Z: about Z from X to Y, about X from Y to Z, about Y from
+    Z to X. A span of 360 is a closed ring.
+    """
+
+    exactly_one: ClassVar = (("base", "centre"),)
+    base: Point | None = None
+    centre: Point | None = None
+    axis: AxisName | None = None
+    radius: Positive = Field(description="the radius of the mid-surface [m]")
+    thickness: Positive = Field(description="the thickness [m]")
+    length: Positive | None = None
+    angles: Annotated[list[float], Field(min_length=2, max_length=2)] = [0.0, 360.0]
+
+    @property
+    def closed(self) -> bool:
+        """Whether the hoop direction closes on itself."""
+        return self.angles[1] - self.angles[0] == 360.0
+
+    @field_validator("angles")
+    @classmethod
+    def _span(cls, angles: list[float]) -> list[float]:
+        if not 0.0 < angles[1] - angles[0] <= 360.0:
+            raise mismatch("[from, to] with 0 < to - from <= 360 degrees", angles)
+        return angles
+
+    @model_validator(mode="after")
+    def _consistent(self, info: ValidationInfo) -> "CylindricalShell":
+        dimension = dimension_of(info) or len(self.base or self.centre)
+        details = []
+        if self.thickness >= 2.0 * self.radius:
+            details.append((("thickness",), f"less than the diameter {2.0 * self.radius:g}", self.thickness))
+        for key, value in (("base", self.base), ("axis", self.axis), ("length", self.length)):
+            if dimension == 3 and value is None:
+                details.append(((key,), "a value in 3-D", "nothing"))
+            if dimension == 2 and value is not None:
+                details.append(((key,), "no such key in 2-D (use centre)", value))
+        reject(*details)
+        return self
+
+
+class Sphere(Section):
+    """A solid sphere (a disc in 2-D)."""
+
+    centre: Point = Field(description="the centre [m]")
+    radius: Positive = Field(description="the radius [m]")
+
+
+class MeshFile(Section):
+    """A mesh in any format that meshio reads, its coordinates multiplied by `scale`."""
+
+    file: ExistingFile = Field(description="the mesh file, relative to the scene")
+    scale: Positive = 1.0
+
+
+class Shape(Section):
+    """Exactly one shape; `kind` names it and `model` is its table."""
+
+    exactly_one: ClassVar = (("box", "cylinder", "cylindrical_shell", "sphere", "mesh"),)
+    box: Box | None = None
+    cylinder: Cylinder | None = None
+    cylindrical_shell: CylindricalShell | None = None
+    sphere: Sphere | None = None
+    mesh: MeshFile | None = None
+
+    @property
+    def kind(self) -> str:
+        """The key that is given."""
+        return next(key for key in self.exactly_one[0] if getattr(self, key) is not None)
+
+    @property
+    def model(self) -> Box | Cylinder | CylindricalShell | Sphere | MeshFile:
+        """The table of the shape that is given."""
+        return getattr(self, self.kind)
+
+    @model_validator(mode="after")
+    def _fits_dimension(self, info: ValidationInfo) -> "Shape":
+        if dimension_of(info) == 2 and self.cylinder is not None:
+            reject((("cylinder",), "a 2-D shape (a disc is a sphere)", "cylinder"))
+        return self
