@@ -1,0 +1,199 @@
+"""Messages between owners and ghosts: one per neighbour for any set of arrays, packed and unpacked by one numba call each.
+
+A transfer is described by one table of integers, made once: addresses and strides of every column of every array, the
+rows that go to or come from each neighbour, and the message buffer. A start then costs one numba call with one argument.
+"""
+
+import weakref
+
+import numpy as np
+from llvmlite import ir
+from mpi4py import MPI
+from numba import njit, types
+from numba.extending import intrinsic
+
+# MPI promises tags up to 32767
+_TAGS = 1 << 14
+_HEADER = 4
+
+
+def _pointer(builder, address, kind):
+    return builder.inttoptr(address, kind.as_pointer())
+
+
+@intrinsic
+def _load(typingctx, address):
+    """The 8 bytes at an address, as an integer."""
+
+    def generate(context, builder, signature, arguments):
+        return builder.load(_pointer(builder, arguments[0], ir.IntType(64)))
+
+    return types.int64(types.int64), generate
+
+
+@intrinsic
+def _store(typingctx, address, value):
+    """Put 8 bytes at an address."""
+
+    def generate(context, builder, signature, arguments):
+        builder.store(arguments[1], _pointer(builder, arguments[0], ir.IntType(64)))
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64), generate
+
+
+@intrinsic
+def _add(typingctx, address, source):
+    """Add the float64 at address `source` to that at `address`."""
+
+    def generate(context, builder, signature, arguments):
+        target, source = (_pointer(builder, argument, ir.DoubleType()) for argument in arguments)
+        builder.store(builder.fadd(builder.load(target), builder.load(source)), target)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64), generate
+
+
+@njit(cache=True)
+def _pack(table):
+    """Copy rows into the messages, column by column within a message."""
+    columns, messages, row, message = table[0], table[1], table[2], table[3]
+    for m in range(messages):
+        rows = table[_HEADER + 2 * columns + m]
+        for c in range(columns):
+            base, stride = table[_HEADER + 2 * c], table[_HEADER + 2 * c + 1]
+            for i in range(rows):
+                _store(message + 8 * i, _load(base + stride * _load(row + 8 * i)))
+            message += 8 * rows
+        row += 8 * rows
+
+
+@njit(cache=True)
+def _unpack(table):
+    """Copy messages into rows."""
+    columns, messages, row, message = table[0], table[1], table[2], table[3]
+    for m in range(messages):
+        rows = table[_HEADER + 2 * columns + m]
+        for c in range(columns):
+            base, stride = table[_HEADER + 2 * c], table[_HEADER + 2 * c + 1]
+            for i in range(rows):
+                _store(base + stride * _load(row + 8 * i), _load(message + 8 * i))
+            message += 8 * rows
+        row += 8 * rows
+
+
+@njit(cache=True)
+def _unpack_add(table):
+    """Add messages to rows, one neighbour after the other."""
+    columns, messages, row, message = table[0], table[1], table[2], table[3]
+    for m in range(messages):
+        rows = table[_HEADER + 2 * columns + m]
+        for c in range(columns):
+            base, stride = table[_HEADER + 2 * c], table[_HEADER + 2 * c + 1]
+            for i in range(rows):
+                _add(base + stride * _load(row + 8 * i), message + 8 * i)
+            message += 8 * rows
+        row += 8 * rows
+
+
+def _columns(array: np.ndarray) -> list[int]:
+    """Address and row stride of each column of an array whose first axis counts rows."""
+    base, stride = array.ctypes.data, array.strides[0]
+    offsets = np.zeros(1, np.int64)
+    for length, step in zip(array.shape[1:], array.strides[1:]):
+        offsets = (offsets[:, None] + step * np.arange(length)).ravel()
+    return [number for offset in offsets for number in (base + int(offset), stride)]
+
+
+def _table(arrays: list[np.ndarray], rows: np.ndarray, counts: list[int], buffer: np.ndarray) -> np.ndarray:
+    columns = [number for array in arrays for number in _columns(array)]
+    header = [len(columns) // 2, len(counts), rows.ctypes.data, buffer.ctypes.data]
+    return np.array(header + columns + counts, np.int64)
+
+
+def _release(requests: list) -> None:
+    """Give the persistent requests back to MPI."""
+    if not MPI.Is_finalized():
+        for request in requests:
+            request.Free()
+    requests.clear()
+
+
+def _checked(array, index: int, capacity: int, accumulate: bool) -> None:
+    name = f"arrays[{index}]"
+    if not isinstance(array, np.ndarray) or array.ndim == 0 or not array.flags.writeable:
+        raise ValueError(f"{name}: expected a writeable array of shape (capacity, ...), found {type(array).__name__}")
+    if len(array) < capacity:
+        raise ValueError(f"{name}: expected at least {capacity} rows (owned and ghosts), found {len(array)}")
+    if array.dtype.hasobject or array.dtype.itemsize != 8 or not array.dtype.isnative:
+        raise ValueError(f"{name}: expected a type of 8 bytes, found {array.dtype}")
+    if accumulate and array.dtype != np.float64:
+        raise ValueError(f"{name}: expected float64 to add up, found {array.dtype}")
+
+
+class Exchange:
+    """A set of arrays to be sent from owners to ghosts, or added from ghosts to owners, again and again.
+
+    Made by `Halo.exchange` and `Halo.accumulate`. Holds addresses inside the arrays, which it keeps alive and which must not
+    be resized. Between start and finish the rows to be sent must not be written, nor those received be read. Several may be
+    under way at once if all ranks start them in the same order.
+
+    bytes_sent, bytes_received: of one start on this rank.
+    """
+
+    def __init__(self, comm, arrays, outgoing, incoming, capacity: int, tag: int, accumulate: bool):
+        """outgoing, incoming: (ranks, counts, rows), rows int64 in the order of the messages."""
+        self._arrays = list(arrays)
+        for index, array in enumerate(self._arrays):
+            _checked(array, index, capacity, accumulate)
+        width = sum(int(np.prod(array.shape[1:])) for array in self._arrays)
+        self._rows = outgoing[2], incoming[2]
+        self._buffers = np.empty(width * len(outgoing[2])), np.empty(width * len(incoming[2]))
+        self.bytes_sent, self.bytes_received = (buffer.nbytes for buffer in self._buffers)
+        self._pack_table = _table(self._arrays, outgoing[2], outgoing[1], self._buffers[0])
+        self._unpack_table = _table(self._arrays, incoming[2], incoming[1], self._buffers[1])
+        self._scatter = _unpack_add if accumulate else _unpack
+        self._receives = self._requests(comm.Recv_init, incoming, self._buffers[1], width, tag)
+        self._sends = self._requests(comm.Send_init, outgoing, self._buffers[0], width, tag)
+        self._all = self._receives + self._sends
+        self._finalizer = weakref.finalize(self, _release, self._all.copy())
+        if not self._all:
+            self.start = self.finish = _nothing
+
+    @staticmethod
+    def _requests(make, side, buffer, width, tag) -> list:
+        requests, at = [], 0
+        for rank, count in zip(side[0], side[1]):
+            if width * count:
+                requests.append(make([buffer[at : at + width * count], MPI.DOUBLE], rank, tag))
+            at += width * count
+        return requests
+
+    def start(self) -> None:
+        """Pack and send; returns while the messages travel."""
+        MPI.Prequest.Startall(self._receives)
+        _pack(self._pack_table)
+        MPI.Prequest.Startall(self._sends)
+
+    def finish(self) -> None:
+        """Wait for the messages and unpack them."""
+        MPI.Prequest.Waitall(self._all)
+        self._scatter(self._unpack_table)
+
+    def progress(self) -> bool:
+        """Let MPI move large messages along during long work between start and finish; True when all have arrived."""
+        return MPI.Prequest.Testall(self._all)
+
+    def free(self) -> None:
+        """Give the requests back to MPI now; garbage collection does so otherwise. No start may follow."""
+        self._finalizer()
+        self._all = self._receives = self._sends = ()
+        self.start = self.finish = _freed
+
+
+def _nothing() -> None:
+    """No neighbours, nothing to do."""
+
+
+def _freed() -> None:
+    raise RuntimeError("Exchange: expected one that is in use, found it freed")
