@@ -16,8 +16,8 @@ def _prepare_numba() -> None:
     # numba's cache does not see a change in a callee's file, so the folder is named after all sources
     digest = hashlib.sha256()
     root = Path(__file__).resolve().parent
-    for part in ("kernels", "materials", "methods"):
-        for source in sorted((root / part).glob("*.py")):
+    for part in (root / "kernels", root / "materials", root / "methods", root.parent / "decomposition"):
+        for source in sorted(part.glob("*.py")):
             digest.update(source.read_bytes())
     cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
     os.environ["NUMBA_CACHE_DIR"] = str(cache / "parsolid" / digest.hexdigest()[:16])

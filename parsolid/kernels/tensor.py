@@ -308,3 +308,33 @@ def largest_eigenvalue(s):
     determinant = d0 * (d1 * d2 - s[5] * s[5]) - s[3] * (s[3] * d2 - s[4] * s[5]) + s[4] * (s[3] * s[5] - s[4] * d1)
     cosine = min(1.0, max(-1.0, determinant / (2.0 * square * radius)))
     return mean + 2.0 * radius * math.cos(math.acos(cosine) / 3.0)
+
+
+def lane_of_general(a, k):
+    """Lane k of a general tensor of Lanes, as a tensor of floats."""
+    raise NotImplementedError
+
+
+@overload(lane_of_general)
+def _lane_of_general(a, k):
+    if _size(a) == PLANE:
+        return lambda a, k: (lane(a[0], k), lane(a[1], k), lane(a[2], k), lane(a[3], k), lane(a[4], k))
+    if _size(a) == SPACE:
+        return lambda a, k: (
+            lane(a[0], k), lane(a[1], k), lane(a[2], k),
+            lane(a[3], k), lane(a[4], k), lane(a[5], k),
+            lane(a[6], k), lane(a[7], k), lane(a[8], k),
+        )  # fmt: skip
+
+
+def lane_of_stored_symmetric(s, k):
+    """Lane k of a symmetric tensor of Lanes, as a tensor of floats of the same dimension."""
+    raise NotImplementedError
+
+
+@overload(lane_of_stored_symmetric)
+def _lane_of_stored_symmetric(s, k):
+    if _size(s) == SYMMETRIC_PLANE:
+        return lambda s, k: (lane(s[0], k), lane(s[1], k), lane(s[2], k), lane(s[3], k))
+    if _size(s) == SYMMETRIC_SPACE:
+        return lambda s, k: (lane(s[0], k), lane(s[1], k), lane(s[2], k), lane(s[3], k), lane(s[4], k), lane(s[5], k))

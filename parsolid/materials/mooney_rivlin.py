@@ -34,6 +34,11 @@ class MooneyRivlin(NamedTuple):
     branch_moduli: tuple | None
     relaxation_times: tuple | None
 
+    @property
+    def directional_shear(self) -> bool:
+        """Whether the shear wave speed depends on direction."""
+        return self.zeta is not None or self.branch_moduli is not None
+
 
 @register_jitable
 def _total(moduli):

@@ -1,1 +1,5 @@
 """Particle methods, one file each."""
+
+from parsolid.methods.tlsph import TotalLagrangianSPH
+
+METHODS = {"tlsph": TotalLagrangianSPH}

@@ -128,7 +128,7 @@ def _commit_branches(space, law, branches, stage, i, old_inverse, H, J, count):
 
 
 @none_without("branches")
-def _current_branches(space, law, branches, i, F):
+def current_branches(space, law, branches, i, F):
     """sum mu_alpha A_alpha of the stored A."""
     total = scale(0.0, gram(F))
     for alpha in range(len(law.branch_moduli)):
@@ -219,6 +219,6 @@ def largest_wave_modulus(space, first, last, law, body):
     largest = 0.0
     for i in range(first, last, WIDTH):
         F, H, J = load_deformation(space, body.deformation, i)
-        branch_sum = _current_branches(space, law, body.branches, i, F)
+        branch_sum = current_branches(space, law, body.branches, i, F)
         largest = _largest_speed(largest, pressure_wave_tensor(law, F, H, J, branch_sum), i, min(i + WIDTH, last))
     return largest

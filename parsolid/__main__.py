@@ -1,0 +1,7 @@
+"""`python -m parsolid`."""
+
+import sys
+
+from parsolid.cli import main
+
+sys.exit(main())

@@ -1,0 +1,176 @@
+"""All boundary conditions and loads of a scene on one rank's particles."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from parsolid.boundary import ON_PLANE, MirrorCodes, MirrorPlane, check_sides
+from parsolid.methods import motion
+from parsolid.scene.regions import selected
+from parsolid.together import anywhere, minimum, raise_together
+
+
+@dataclass
+class Prescribed:
+    """Velocity components that follow formulas: entries (k,) of particles and components, all with one formula."""
+
+    particles: np.ndarray
+    component: int
+    positions: np.ndarray
+    formula: object
+
+
+@dataclass
+class Load:
+    """An acceleration scale * formula(X, t) of some particles [m/s^2]; constant in time where the formula is."""
+
+    particles: np.ndarray
+    positions: np.ndarray
+    scale: np.ndarray
+    formulas: object
+    component: int | None = None
+
+
+@dataclass
+class BoundarySet:
+    """What the momentum equation needs of a scene's boundaries and loads; arrays are of this rank's owned particles."""
+
+    planes: list[MirrorPlane]
+    codes: MirrorCodes | None
+    clamp: np.ndarray | None
+    prescribed: list[Prescribed] = field(default_factory=list)
+    constant_load: np.ndarray | None = None
+    changing_loads: list[Load] = field(default_factory=list)
+    entries: tuple | None = None
+    held_energy: float = 0.0
+
+    def plane_count(self, cloud) -> np.ndarray:
+        """On how many mirror planes each particle lies (n,)."""
+        count = np.zeros(len(cloud.position))
+        for plane in self.planes:
+            count += plane.contains(cloud.position, cloud.spacing)
+        return count
+
+    def loads_at(self, time: float) -> np.ndarray | None:
+        """Accelerations (n, 4) of body forces and tractions [m/s^2]; None without loads."""
+        if not self.changing_loads:
+            return self.constant_load
+        result = self.constant_load.copy()
+        for load in self.changing_loads:
+            _add_load(result, load, time)
+        return result
+
+    def prescribe(self, time: float, kinematics: np.ndarray) -> None:
+        """Set prescribed velocity components to their values at a time [s]."""
+        if not self.prescribed:
+            return
+        values = [entry.formula.evaluate(entry.positions, time) for entry in self.prescribed]
+        particles, components = self.entries
+        motion.prescribe(particles, components, np.concatenate(values), kinematics)
+
+    def prescribed_power(self, kinematics, force, share) -> float:
+        """Power [W] against the pair forces; see `motion.prescribed_power`."""
+        if not self.prescribed:
+            return 0.0
+        return motion.prescribed_power(*self.entries, kinematics, force, share)
+
+    def prescribed_energy_gain(self, kinematics, mass, share) -> float:
+        """Kinetic energy [J] that prescribed components gained since the last call."""
+        if not self.prescribed:
+            return 0.0
+        particles, components = self.entries
+        energy = float(np.sum(0.5 * mass[particles] * share[particles] * kinematics[particles, components] ** 2))
+        gain, self.held_energy = energy - self.held_energy, energy
+        return gain
+
+
+def _add_load(result: np.ndarray, load: Load, time: float) -> None:
+    values = load.formulas.evaluate(load.positions, time)
+    result[load.particles, : values.shape[1]] += load.scale[:, None] * values
+
+
+def build_boundaries(comm, scene, cloud, density: np.ndarray) -> BoundarySet:
+    """Boundaries and loads of a scene for this rank's cloud; density (n,) [kg/m^3]; collective.
+
+    Raises SolverError on all ranks when a region holds no particle or a mirror plane cuts a body.
+    """
+    dimension = cloud.position.shape[1]
+    planes, held, prescribed, loads = [], np.zeros((len(cloud.position), dimension), bool), [], []
+    for index, boundary in enumerate(scene.boundaries):
+        chosen = selected(scene, boundary, cloud, comm)
+        if boundary.kind in ("roller", "fixed", "antisymmetric"):
+            plane = MirrorPlane(boundary.plane.axis, boundary.plane.offset, boundary.kind)
+            if boundary.mirror:
+                check_sides(comm, plane, cloud, f"boundaries.{index}")
+                planes.append(plane)
+                # cell-centred particles beside the plane move; their images hold them
+                chosen &= plane.contains(cloud.position, cloud.spacing)
+            held |= chosen[:, None] & plane.held(dimension)
+            continue
+        _need_particles(comm, chosen, f"boundaries.{index}")
+        if boundary.kind == "velocity":
+            prescribed += _prescribed(boundary, chosen, cloud)
+        else:
+            loads.append(_traction(boundary, chosen, cloud, density))
+    loads += _body_loads(scene, cloud, density)
+    tolerance = ON_PLANE * minimum(comm, float(cloud.spacing.min(initial=np.inf)))
+    result = BoundarySet(planes, MirrorCodes.of(planes, tolerance), _clamp(comm, held, dimension), prescribed)
+    _install_loads(result, loads, len(cloud.position))
+    if prescribed:
+        components = [np.full(len(entry.particles), entry.component) for entry in prescribed]
+        result.entries = (np.concatenate([entry.particles for entry in prescribed]), np.concatenate(components))
+    return result
+
+
+def _need_particles(comm, chosen: np.ndarray, key: str) -> None:
+    fault = None
+    if comm.allreduce(int(chosen.sum())) == 0:
+        fault = f"{key}: expected at least one particle in the region, found none"
+    raise_together(comm, fault)
+
+
+def _prescribed(boundary, chosen, cloud) -> list[Prescribed]:
+    particles = np.flatnonzero(chosen)
+    return [
+        Prescribed(particles, i, cloud.position[particles], formula)
+        for i, formula in enumerate(boundary.velocity)
+        if formula is not None
+    ]
+
+
+def _traction(boundary, chosen, cloud, density) -> Load:
+    """Traction [Pa] times tributary area over tributary mass."""
+    particles = np.flatnonzero(chosen)
+    area = np.abs(cloud.area[particles, boundary.plane.axis])
+    scale = area / (density[particles] * cloud.volume[particles])
+    return Load(particles, cloud.position[particles], scale, boundary.traction)
+
+
+def _body_loads(scene, cloud, density) -> list[Load]:
+    everything = np.arange(len(cloud.position))
+    loads = []
+    if scene.loads.body_force is not None:
+        loads.append(Load(everything, cloud.position, 1.0 / density, scene.loads.body_force))
+    if scene.loads.acceleration is not None:
+        loads.append(Load(everything, cloud.position, np.ones(len(everything)), scene.loads.acceleration))
+    return loads
+
+
+def _install_loads(result: BoundarySet, loads: list[Load], owned: int) -> None:
+    if not loads:
+        return
+    result.constant_load = np.zeros((owned, 4))
+    for load in loads:
+        if load.formulas.depends_on_time:
+            result.changing_loads.append(load)
+        else:
+            _add_load(result.constant_load, load, 0.0)
+
+
+def _clamp(comm, held: np.ndarray, dimension: int) -> np.ndarray | None:
+    """Multipliers (n, 4) of velocity components; None when no rank holds any."""
+    if not anywhere(comm, held.any()):
+        return None
+    clamp = np.ones((len(held), 4))
+    clamp[:, :dimension][held] = 0.0
+    return clamp

@@ -1,0 +1,131 @@
+"""The command line: run, check, bench.
+
+Exit status: 0 done, 2 bad input, 3 the run went wrong, 75 stopped with a checkpoint to continue from, 1 anything else.
+"""
+
+import argparse
+import sys
+import traceback
+
+from mpi4py import MPI
+
+from parsolid import __version__
+from parsolid.output.errors import OutputError
+from parsolid.scene.faults import SceneError
+from parsolid.together import SolverError
+
+DONE, BAD_INPUT, WENT_WRONG, TO_BE_CONTINUED = 0, 2, 3, 75
+
+
+class _BadArguments(Exception):
+    """The command line itself is wrong."""
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message):
+        raise _BadArguments(f"{message}\n{self.format_usage().rstrip()}")
+
+
+def _seconds(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"expected a positive number of seconds, found {text}")
+    return value
+
+
+def _count(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"expected a whole number of at least 1, found {text}")
+    return value
+
+
+def _scene_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("scene", nargs="?", metavar="SCENE", help="TOML file (default: the twisting column)")
+    parser.add_argument("-o", "--output", metavar="DIR", help="folder of the results (default: output.directory of the scene)")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY.PATH=VALUE", help="override a key of the scene")
+    parser.add_argument("--end-time", type=_seconds, metavar="T", help="simulated time to stop at [s]")
+    parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
+    parser.add_argument("-v", "--verbose", action="store_true", help="say more")
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The parser of all commands."""
+    parser = _Parser(prog="parsolid", description="Solids simulated with particles on many processors.")
+    parser.add_argument("--version", action="version", version=f"parsolid {__version__}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
+    run = commands.add_parser("run", help="run a scene (the default command)")
+    _scene_arguments(run)
+    run.add_argument("--restart", nargs="?", const="", metavar="FILE", help="continue from a checkpoint (default: the newest in DIR)")
+    run.add_argument("--max-steps", type=_count, metavar="N", help="stop after so many steps")
+    run.add_argument("--wall-time", type=_seconds, metavar="S", help="write a checkpoint and stop after so many seconds")
+    run.add_argument("--dry-run", action="store_true", help="set up, report, and stop")
+    check = commands.add_parser("check", help="set a scene up and report its cost, without running it")
+    _scene_arguments(check)
+    bench = commands.add_parser("bench", help="measure the speed of the kernels on this machine")
+    bench.add_argument("--particles", type=_count, default=28000, metavar="N", help="about how many particles (default 28000)")
+    bench.add_argument("--scaling", type=_count, metavar="N", help="also measure whole steps on all ranks with N particles")
+    return parser
+
+
+COMMANDS = ("run", "check", "bench")
+
+
+def parse(arguments: list[str]) -> argparse.Namespace:
+    """Parsed arguments; `run` is the command where none is named."""
+    if not arguments or (arguments[0] not in COMMANDS and arguments[0] not in ("-h", "--help", "--version")):
+        arguments = ["run", *arguments]
+    return build_parser().parse_args(arguments)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run a command on all ranks; the exit status. Prints one message, on rank 0, for bad input and failed runs."""
+    comm = MPI.COMM_WORLD
+    try:
+        return _dispatch(comm, sys.argv[1:] if arguments is None else arguments)
+    except (_BadArguments, SceneError, SolverError) as error:
+        _say(comm, f"parsolid: {_headline(error)}")
+        return BAD_INPUT
+    except OutputError as error:
+        _say(comm, f"parsolid: {error}")
+        return 1
+    except SystemExit as exit_request:
+        return int(exit_request.code or 0)
+    except Exception as error:  # a fault of the program: end all ranks rather than leave them waiting
+        from parsolid.simulation import RunFailed
+
+        if isinstance(error, RunFailed):
+            _say(comm, f"parsolid: {error}")
+            return WENT_WRONG
+        traceback.print_exc()
+        sys.stderr.flush()
+        if comm.size > 1:
+            comm.Abort(1)
+        return 1
+
+
+def _headline(error: Exception) -> str:
+    faults = getattr(error, "faults", None)
+    if faults and len(faults) > 1:
+        return f"the scene has {len(faults)} faults:\n  " + "\n  ".join(faults)
+    return str(error)
+
+
+def _say(comm, text: str) -> None:
+    if comm.rank == 0:
+        print(text, file=sys.stderr, flush=True)
+
+
+def _dispatch(comm, arguments: list[str]) -> int:
+    if comm.rank > 0 and any(argument in ("-h", "--help", "--version") for argument in arguments):
+        return DONE
+    options = parse(arguments)
+    if options.command == "bench":
+        from parsolid.bench import bench
+
+        return bench(comm, options.particles, options.scaling)
+    from parsolid.run import check, run
+
+    if options.command == "check" or options.dry_run:
+        return check(comm, options)
+    return run(comm, options)

@@ -1,0 +1,52 @@
+"""From generated points to each rank's own particles: partition, migration, order along cells."""
+
+import dataclasses
+
+import numpy as np
+
+from decomposition.migration import migrate
+from decomposition.neighbours import order_along_cells
+from decomposition.partition import bisect
+from parsolid.methods.groups import group_numbers
+from parsolid.together import anywhere
+
+
+def distribute(comm, cloud, values: dict | None = None):
+    """Give each rank a compact part of all particles with the same number of them; collective.
+
+    With values, further arrays (n, ...) of the particles by name, returns (cloud, values), else the cloud.
+    """
+    if anywhere(comm, cloud.axes is not None) and cloud.axes is None:
+        cloud = dataclasses.replace(cloud, axes=np.tile(np.eye(cloud.position.shape[1]), (len(cloud.position), 1, 1)))
+    # in units of the spacing, so that parts have few interactions across their cuts
+    owner = bisect(comm, np.ascontiguousarray(cloud.position / _typical_spacing(comm, cloud)))
+    moved = dataclasses.replace(cloud, **migrate(comm, owner, columns(cloud)))
+    return moved if values is None else (moved, migrate(comm, owner, values))
+
+
+def columns(cloud) -> dict[str, np.ndarray]:
+    """The arrays of a cloud, by name, leaving out what is None."""
+    values = {entry.name: getattr(cloud, entry.name) for entry in dataclasses.fields(cloud)}
+    return {name: array for name, array in values.items() if array is not None}
+
+
+def take(cloud, order: np.ndarray):
+    """The particles of a cloud in another order, or some of them."""
+    return dataclasses.replace(cloud, **{name: array[order] for name, array in columns(cloud).items()})
+
+
+def sort_for_speed(comm, cloud, laws: list):
+    """Order (n,) by law and then along cells about two spacings wide, so that neighbours lie close in memory; collective."""
+    _, number = group_numbers(laws, cloud.body)
+    along = order_along_cells(np.ascontiguousarray(cloud.position / _typical_spacing(comm, cloud)), 2.0)
+    return along[np.argsort(number[along], kind="stable")]
+
+
+def _typical_spacing(comm, cloud) -> np.ndarray:
+    """Mean spacing (d,) [m] along the coordinate axes over all particles; collective."""
+    spacing = cloud.spacing
+    if cloud.axes is not None:
+        # extent of the particle's own box along each coordinate axis, to first order
+        spacing = np.einsum("nk,nki->ni", spacing, np.abs(cloud.axes))
+    total = comm.allreduce(np.append(spacing.sum(axis=0), len(spacing)))
+    return total[:-1] / total[-1]

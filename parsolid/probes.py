@@ -1,0 +1,118 @@
+"""Probes: what a scene watches over time, at a particle or over the body."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from parsolid.observables import Observables
+from parsolid.scene import nearest_particles
+from parsolid.together import minimum
+
+
+@dataclass
+class Twist:
+    """Accumulated angle [rad] about an axis; the state survives a restart through `angle` and `direction`."""
+
+    axis: int
+    centre: np.ndarray
+    angle: float = 0.0
+    direction: float | None = None
+
+    def update(self, position: np.ndarray) -> float:
+        """Angle since the first call; the particle may turn by less than half a turn between calls."""
+        # a right-handed turn about the axis; in the plane the axis points out of it
+        second, third = ((1, 2), (2, 0), (0, 1))[self.axis]
+        x = position - self.centre[: len(position)]
+        direction = float(np.arctan2(x[third], x[second]))
+        if self.direction is not None:
+            self.angle += (direction - self.direction + np.pi) % (2.0 * np.pi) - np.pi
+        self.direction = direction
+        return self.angle
+
+
+class Probes:
+    """All probes of a scene; columns are "name.field" with a suffix for each component."""
+
+    def __init__(self, comm, scene, method):
+        self.comm, self.scene, self.method = comm, scene, method
+        self.observables = Observables(method)
+        self.particles, self.twists, self.columns = {}, {}, []
+        table = method.table
+        for probe in scene.probes:
+            self.columns += probe.columns(method.dimension)
+            if probe.quantity is not None:
+                continue
+            place = np.array([probe.at], float)
+            identifiers = table.owned_rows("identifier")
+            winner, _ = nearest_particles(comm, identifiers, table.owned_rows("reference_position"), place)
+            mine = np.flatnonzero(identifiers == winner[0])
+            self.particles[probe.name] = int(mine[0]) if len(mine) else None
+            for name in probe.fields:
+                if name == "twist":
+                    centre = np.zeros(3) if probe.centre is None else np.asarray(probe.centre, float)
+                    self.twists[probe.name] = Twist("XYZ".index(probe.axis or "Z"), centre)
+
+    def _value(self, name: str, index: int) -> np.ndarray:
+        """One particle's value; of a tensor the components in the plane or in space."""
+        value = self.observables.field(name, index, index + 1)[0]
+        d = self.method.dimension
+        return value[:d, :d] if np.ndim(value) == 2 else value
+
+    def sample(self) -> list[float]:
+        """Values of all columns; collective."""
+        sums, extremes = [], []
+        for probe in self.scene.probes:
+            if probe.quantity is None:
+                sums += self._at_particle(probe)
+            elif probe.quantity in ("minimum_jacobian", "maximum_speed"):
+                extremes.append(self._extreme(probe.quantity))
+            else:
+                sums += list(self.observables.totals(probe.quantity))
+        total = self.comm.allreduce(np.array(sums, float))
+        lowest = minimum(self.comm, np.array(extremes, float))
+        return self._in_order(list(total), list(lowest))
+
+    def _at_particle(self, probe) -> list[float]:
+        """Values at a probe's particle on its owner's rank, zeros elsewhere."""
+        index, values = self.particles[probe.name], []
+        if index is None:
+            return [0.0] * len(probe.columns(self.method.dimension))
+        for name in probe.fields:
+            if name == "twist":
+                values.append(self.twists[probe.name].update(self.method.table.owned_rows("position")[index]))
+            else:
+                values += list(np.ravel(self._value(name, index)).astype(float))
+        return values
+
+    def _extreme(self, quantity: str) -> float:
+        """The rank's least value (of the negative speed)."""
+        table = self.method.table
+        if quantity == "minimum_jacobian":
+            return float(table.owned_rows("jacobian").min(initial=np.inf))
+        return -float(np.linalg.norm(table.owned_rows("velocity"), axis=1).max(initial=0.0))
+
+    def _in_order(self, total: list, lowest: list) -> list[float]:
+        result = []
+        for probe in self.scene.probes:
+            if probe.quantity == "maximum_speed":
+                result.append(-lowest.pop(0))
+            elif probe.quantity == "minimum_jacobian":
+                result.append(lowest.pop(0))
+            elif probe.quantity == "centre_of_mass":
+                moments, total = total[: self.method.dimension + 1], total[self.method.dimension + 1 :]
+                result += [moment / moments[-1] for moment in moments[:-1]]
+            else:
+                count = len(probe.columns(self.method.dimension))
+                result, total = result + total[:count], total[count:]
+        return [float(value) for value in result]
+
+    def state(self) -> dict:
+        """What a restart needs: the twists; collective."""
+        own = {name: (self.twists[name].angle, self.twists[name].direction) for name in self.twists if self.particles[name] is not None}
+        return {name: value for piece in self.comm.allgather(own) for name, value in piece.items()}
+
+    def restore(self, state: dict) -> None:
+        """Continue the twists of a checkpoint."""
+        for name, (angle, direction) in state.items():
+            if name in self.twists:
+                self.twists[name].angle, self.twists[name].direction = angle, direction

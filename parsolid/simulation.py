@@ -1,0 +1,148 @@
+"""The loop: advance, look, write."""
+
+import signal
+import time as clock
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from decomposition.reduction import MinimumAhead
+from parsolid.boundary_set import build_boundaries
+from parsolid.distribution import distribute, sort_for_speed, take
+from parsolid.initial import initial_state, laws_of
+from parsolid.ledger import Ledger
+from parsolid.methods import METHODS
+from parsolid.methods.groups import group_numbers, ranges
+
+RUNNING, FINISHED, STOPPED, FAILED = "running", "finished", "stopped", "failed"
+
+
+class RunFailed(RuntimeError):
+    """The run went wrong; the message, the same on every rank, says when, where and what to try."""
+
+
+@dataclass
+class Limits:
+    """Where to stop before the scene's end: steps, wall time [s]."""
+
+    steps: int | None = None
+    wall: float | None = None
+
+
+@dataclass
+class Clock:
+    """Time [s], step number and seconds spent, of this run and of those it continues."""
+
+    time: float = 0.0
+    step: int = 0
+    began: float = field(default_factory=clock.perf_counter)
+    loop_seconds: float = 0.0
+    waiting_seconds: float = 0.0
+
+
+class StopRequest:
+    """Remembers SIGTERM and SIGUSR1, so that the loop can end at a step's end with a checkpoint."""
+
+    def __init__(self):
+        self.received: str | None = None
+
+    def install(self) -> None:
+        """Catch the signals that batch systems send."""
+        for name in ("SIGTERM", "SIGUSR1"):
+            signal.signal(getattr(signal, name), self._note)
+
+    def _note(self, number, frame) -> None:
+        self.received = signal.Signals(number).name
+
+
+class Simulation:
+    """One scene on all ranks of a communicator, from its particles to its last step."""
+
+    def __init__(self, comm, scene, restart=None):
+        """restart: `restart.Restart` to continue from, or None for a new run. Collective.
+
+        Raises SceneError or SolverError on all ranks when the scene cannot be set up.
+        """
+        self.comm, self.scene, self.clock, self.ledger = comm, scene, Clock(), Ledger()
+        laws = laws_of(scene)
+        cloud = restart.cloud if restart else distribute(comm, self._generate())
+        order = restart.order(cloud, laws) if restart else sort_for_speed(comm, cloud, laws)
+        cloud = take(cloud, order)
+        distinct, number = group_numbers(laws, cloud.body)
+        density = np.array([law.density for law in laws])[cloud.body]
+        boundaries = build_boundaries(comm, scene, cloud, density)
+        self.cloud = cloud
+        self.method = METHODS[scene.method.kind](comm, scene.method, cloud, ranges(distinct, number), boundaries)
+        if restart:
+            restart.apply(self, order)
+        else:
+            initial_state(scene, cloud, self.method)
+        self.boundaries = boundaries
+        self.minimum = MinimumAhead(comm, 2)
+        self.failed = False
+        self.setup_seconds = clock.perf_counter() - self.clock.began
+
+    def _generate(self):
+        from parsolid.scene import generate
+
+        return generate(self.scene, self.comm)
+
+    @property
+    def particles(self) -> int:
+        """Number of particles on all ranks; collective."""
+        return self.comm.allreduce(self.method.owned)
+
+    def run(self, watch, limits: Limits, stop: StopRequest) -> str:
+        """Advance to the scene's end, a limit or a signal; FINISHED or STOPPED. Collective.
+
+        `watch` (see `output.watch`) is told of every step. Raises RunFailed on all ranks.
+        """
+        end, began = self.scene.end_time, clock.perf_counter()
+        first_step = self.clock.step
+        self.minimum.begin(np.array([self.method.stable_step(), 0.0]))
+        while True:
+            stable, interrupted = self._result()
+            self._check(stable)
+            watch.look(self)
+            if self.clock.time >= end:
+                return FINISHED
+            if interrupted < 0.0 or (limits.steps is not None and self.clock.step - first_step >= limits.steps):
+                return STOPPED
+            wall = clock.perf_counter() - began
+            wanted = stop.received is not None or (limits.wall is not None and wall > limits.wall)
+            self._advance(watch.clip(self.clock.time, self._limit(stable)), wanted)
+
+    def _result(self) -> np.ndarray:
+        waiting = clock.perf_counter()
+        result = self.minimum.result()
+        self.clock.waiting_seconds += clock.perf_counter() - waiting
+        return result
+
+    def _limit(self, stable: float) -> float:
+        longest = self.scene.method.maximum_step
+        return stable if longest is None else min(stable, longest)
+
+    def _advance(self, step: float, wanted: bool) -> None:
+        """One time step; the next stable step and any wish to stop are agreed on while the forces are computed."""
+        began = clock.perf_counter()
+
+        def announce(sound: bool, stable: float) -> None:
+            healthy = sound and not self.failed and np.isfinite(stable)
+            self.minimum.begin(np.array([stable if healthy or self.method.owned == 0 else -1.0, -float(wanted)]))
+
+        for number in range(len(self.method.stages)):
+            if not self.method.advance_stage(number, self.clock.time, step, self.ledger, announce):
+                self.failed = True
+        self.method.finish_step(self.ledger)
+        self.clock.time += step
+        self.clock.step += 1
+        self.clock.loop_seconds += clock.perf_counter() - began
+
+    def _check(self, stable: float) -> None:
+        """Raise RunFailed on all ranks when the agreed step says that something went wrong."""
+        floor = self.scene.method.minimum_step or 1e-12 * self.scene.end_time
+        if stable >= floor:
+            return
+        from parsolid.diagnosis import describe_failure
+
+        raise RunFailed(describe_failure(self, stable, floor))
