@@ -1,0 +1,123 @@
+"""Tests on any number of ranks: `pytest`, or `mpirun -n 3 python -m pytest`; a failure on one rank is one on all.
+
+All ranks run all tests in step. After each phase of a test they tell each other how it went, so that a test that fails on
+one rank fails on all, and rank 0 reports it. A rank that fails while the others wait for it inside the test would leave
+them waiting for ever; then, after a grace, it shows its failure and ends the whole job.
+"""
+
+import faulthandler
+import os
+import time
+import zlib
+from pathlib import Path
+
+import pytest
+from mpi4py import MPI
+
+WORLD = MPI.COMM_WORLD
+# a rank that failed waits this long for the others, and every phase of a test may take that long, in seconds
+GRACE, LONGEST = 60.0, 600.0
+_PASSED, _SKIPPED, _FAILED = range(3)
+
+
+class _Step:
+    """Talk between ranks about the tests, on a communicator of its own."""
+
+    def __init__(self):
+        self.comm = WORLD.Dup()
+        self.errors = os.fdopen(os.dup(2), "w")
+
+    def agree(self, mine: int, name: str, text: str, patience: float) -> list[int]:
+        """Every rank's number; ends the job, showing the text, when the others do not come."""
+        everyone = [0] * self.comm.size
+        send, receive = bytearray(mine.to_bytes(8, "little")), bytearray(8 * self.comm.size)
+        request = self.comm.Iallgather([send, MPI.BYTE], [receive, MPI.BYTE])
+        end = time.monotonic() + patience
+        while not request.Test():
+            if time.monotonic() > end:
+                self.abort(f"{name}: rank {self.comm.rank} waited {patience:.0f} s in vain for the others\n{text}")
+            time.sleep(2e-4)
+        for rank in range(self.comm.size):
+            everyone[rank] = int.from_bytes(receive[8 * rank : 8 * rank + 8], "little")
+        return everyone
+
+    def abort(self, message: str) -> None:
+        print(f"\n{message}\n", file=self.errors, flush=True)
+        WORLD.Abort(1)
+
+
+_step = None
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_configure(config):
+    global _step
+    if WORLD.size > 1:
+        # not before: while conftest is imported, pytest captures the error stream
+        _step = _Step()
+    config.addinivalue_line("markers", "mpi(ranks): run only if the number of MPI ranks is in the list")
+    config.addinivalue_line("markers", "slow: takes more than a few seconds")
+    reporter = config.pluginmanager.get_plugin("terminalreporter")
+    if WORLD.rank > 0 and reporter is not None:
+        # rank 0 reports for all
+        reporter._tw._file = open(os.devnull, "w")
+
+
+def pytest_collection_finish(session):
+    if _step is None:
+        return
+    found = zlib.crc32("\n".join(item.nodeid for item in session.items).encode())
+    everyone = _step.agree(found, "collection", "", GRACE)
+    if len(set(everyone)) > 1:
+        _step.abort(f"collection: rank {WORLD.rank} found {len(session.items)} tests, not the same as the others")
+
+
+def pytest_runtest_setup(item):
+    marker = item.get_closest_marker("mpi")
+    if marker is not None:
+        ranks = marker.kwargs.get("ranks", marker.args[0] if marker.args else None)
+        if ranks is not None and WORLD.size not in ranks:
+            pytest.skip(f"needs {' or '.join(map(str, ranks))} ranks, runs on {WORLD.size}")
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_protocol(item, nextitem):
+    if _step is not None:
+        # all ranks waiting for each other: show where, and end the job
+        faulthandler.dump_traceback_later(LONGEST, exit=True, file=_step.errors)
+    try:
+        return (yield)
+    finally:
+        if _step is not None:
+            faulthandler.cancel_dump_traceback_later()
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_makereport(item, call):
+    report = yield
+    if _step is None:
+        return report
+    mine = _FAILED if report.failed else _SKIPPED if report.skipped else _PASSED
+    name = f"{item.nodeid} ({report.when})"
+    everyone = _step.agree(mine, name, report.longreprtext, GRACE if mine == _FAILED else LONGEST)
+    if len(set(everyone)) == 1 and _FAILED not in everyone:
+        return report
+    texts = _step.comm.allgather(report.longreprtext if report.failed else None)
+    words = ("passed", "skipped", "failed")
+    summary = [f"rank {rank} {words[outcome]}" for rank, outcome in enumerate(everyone)]
+    parts = [f"--- rank {rank} ---\n{text}" for rank, text in enumerate(texts) if text]
+    report.outcome = "failed"
+    report.longrepr = "\n".join([", ".join(summary), *parts])
+    return report
+
+
+@pytest.fixture(scope="session")
+def comm():
+    """All ranks of this run, one when it was not started by mpirun."""
+    return WORLD
+
+
+@pytest.fixture
+def shared_path(tmp_path):
+    """A fresh folder that is the same on all ranks, unlike tmp_path."""
+    return Path(WORLD.bcast(str(tmp_path)))
