@@ -1,16 +1,20 @@
-"""Which filling belongs to which shape."""
+"""Which filling belongs to which shape; a new shape is a model in `shapes` and one entry here."""
 
-from parsolid.scene.bodies import Body
+from parsolid.scene.bodies import FilledShape
+from parsolid.scene.clipped import ClippedFilling
 from parsolid.scene.lattice import BoxFilling, Filling
+from parsolid.scene.mesh import MeshFilling
+from parsolid.scene.shell import ShellFilling
 
-_LATTICES = {"box": BoxFilling}
+_FILLINGS = {
+    "box": BoxFilling,
+    "cylindrical_shell": ShellFilling,
+    "cylinder": ClippedFilling,
+    "sphere": ClippedFilling,
+    "mesh": MeshFilling,
+}
 
 
-def lattice_filling(body: Body, dimension: int) -> Filling:
-    """The particles of a body whose shape is known without reading a file."""
-    return _LATTICES[body.shape.kind](body, dimension)
-
-
-def mesh_filling(body: Body, dimension: int) -> Filling:
-    """The particles of a body that a mesh file describes. Raises SceneError when the mesh cannot be used."""
-    raise NotImplementedError
+def filling_of(body: FilledShape, dimension: int) -> Filling:
+    """The particles of a body, not yet made. Raises SceneError for a mesh that cannot be used."""
+    return _FILLINGS[body.shape.kind](body, dimension)

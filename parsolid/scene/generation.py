@@ -8,7 +8,7 @@ from mpi4py import MPI
 from parsolid.scene.boundaries import PrescribedVelocity, Support
 from parsolid.scene.cloud import Cloud
 from parsolid.scene.faults import SceneError, agree, fault, key_path
-from parsolid.scene.fillings import lattice_filling, mesh_filling
+from parsolid.scene.fillings import filling_of
 from parsolid.scene.formulas import FormulaVector
 from parsolid.scene.lattice import Filling
 from parsolid.scene.regions import NOBODY, nearest_particles, selected
@@ -47,8 +47,7 @@ def _fillings(scene: Scene, comm: MPI.Comm) -> list[Filling]:
     fillings, faults = {}, []
     for i, body in enumerate(scene.bodies):
         try:
-            make = mesh_filling if body.shape.kind == "mesh" else lattice_filling
-            fillings[i] = make(body, scene.dimension)
+            fillings[i] = filling_of(body, scene.dimension)
         except SceneError as error:
             faults += [f"{key_path(('bodies', i, 'shape', 'mesh', 'file'))}: {text}" for text in error.faults]
     agree(comm, faults)

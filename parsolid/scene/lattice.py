@@ -5,7 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
-from parsolid.scene.bodies import Body
+from parsolid.scene.bodies import FilledShape
 from parsolid.scene.cloud import Cloud
 
 
@@ -80,7 +80,7 @@ def _hashed(values: np.ndarray) -> np.ndarray:
     return z ^ (z >> np.uint64(31))
 
 
-def jitter_offsets(body: Body, identifier: np.ndarray, movable: np.ndarray, directions: int) -> np.ndarray:
+def jitter_offsets(body: FilledShape, identifier: np.ndarray, movable: np.ndarray, directions: int) -> np.ndarray:
     """Random offsets (n, directions) in steps, uniform within the body's jitter, a function of seed and id alone."""
     if body.jitter == 0.0:
         return np.zeros((len(identifier), directions))
@@ -89,7 +89,7 @@ def jitter_offsets(body: Body, identifier: np.ndarray, movable: np.ndarray, dire
     return body.jitter * (2.0 * np.stack(uniform, axis=1) - 1.0) * movable[:, None]
 
 
-def numbers_and_spacings(body: Body, directions: int) -> tuple[list, list]:
+def numbers_and_spacings(body: FilledShape, directions: int) -> tuple[list, list]:
     """Number of particles and wanted spacing for each direction; None where the other one is given."""
     numbers = body.particles or [None] * directions
     spacings = body.spacing or [None]
@@ -120,7 +120,7 @@ class Lattice:
 class BoxFilling(Lattice):
     """A box filled with nodes (trapezoid volumes) or cells; ids run fastest along the last axis."""
 
-    def __init__(self, body: Body, dimension: int):
+    def __init__(self, body: FilledShape, dimension: int):
         box = body.shape.model
         numbers, spacings = numbers_and_spacings(body, dimension)
         nodes = body.placed_on == "nodes"

@@ -9,7 +9,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 from parsolid.scene.bodies import Body, FilledShape
 from parsolid.scene.boundaries import Boundary, Loads, PrescribedVelocity
 from parsolid.scene.faults import fault, suggestion
-from parsolid.scene.fillings import lattice_filling
+from parsolid.scene.fillings import filling_of
 from parsolid.scene.lattice import Filling
 from parsolid.scene.methods import Method
 from parsolid.scene.observation import HISTORY_COLUMNS, Output, Probe, Reference
@@ -86,7 +86,7 @@ class Parts:
 
 def cross_faults(parts: Parts) -> list[str]:
     """Faults between the tables of a scene."""
-    fillings = {i: lattice_filling(body, parts.dimension) for i, body in parts.bodies.items() if body.shape.kind != "mesh"}
+    fillings = {i: filling_of(body, parts.dimension) for i, body in parts.bodies.items() if body.shape.kind != "mesh"}
     every_body_known = 0 < len(fillings) == parts.stated_bodies
     faults = _repeated_names("bodies", parts.bodies) + _repeated_names("probes", parts.probes)
     faults += _empty_bodies(fillings) + _boundary_faults(parts, fillings, every_body_known)

@@ -1,0 +1,79 @@
+"""Linear finite elements: volumes lumped to their nodes, facets and edges. Node orders are VTK's, as meshio gives them."""
+
+import itertools
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Element(NamedTuple):
+    """The topology of an element kind; facets and edges are given by local node numbers."""
+
+    dimension: int
+    facets: tuple[tuple[int, ...], ...]
+    edges: tuple[tuple[int, int], ...]
+    # reference coordinates -1 or 1 of the nodes of a product element, None for a simplex
+    corners: np.ndarray | None
+
+
+_SQUARE = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+_CUBE = np.array([[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]])
+_RING = ((0, 1), (1, 2), (2, 3), (3, 0))
+
+ELEMENTS = {
+    "triangle": Element(2, ((0, 1), (1, 2), (2, 0)), ((0, 1), (1, 2), (2, 0)), None),
+    "quad": Element(2, _RING, _RING, _SQUARE),
+    "tetra": Element(3, ((0, 1, 2), (0, 1, 3), (1, 2, 3), (0, 2, 3)), tuple(itertools.combinations(range(4), 2)), None),
+    "hexahedron": Element(
+        3,
+        ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
+        _RING + ((4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
+        _CUBE,
+    ),
+}
+
+
+def _at_gauss_points(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Shape functions (points, nodes) and their gradients (points, nodes, d) at the 2^d Gauss points."""
+    dimension = corners.shape[1]
+    places = corners / math.sqrt(3.0)
+    factor = 0.5 * (1.0 + places[:, None, :] * corners[None, :, :])
+    gradient = np.empty((len(places), *corners.shape))
+    for i in range(dimension):
+        others = [k for k in range(dimension) if k != i]
+        gradient[:, :, i] = 0.5 * corners[None, :, i] * factor[:, :, others].prod(axis=2)
+    return factor.prod(axis=2), gradient
+
+
+def lumped_volumes(kind: str, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Volume of each element lumped to its nodes, and which elements are sound.
+
+    nodes is (elements, nodes, d) [m]; returns (elements, nodes) [m^3] and (elements,) bool. Elements turned inside out as a
+    whole (all Jacobians negative) are counted with the opposite order of their nodes; those with Jacobians of both signs, or
+    zero, are not sound. The quadrature is exact.
+    """
+    element = ELEMENTS[kind]
+    if element.corners is None:
+        volume = np.linalg.det(nodes[:, 1:] - nodes[:, :1]) / math.factorial(element.dimension)
+        size = np.abs(nodes[:, 1:] - nodes[:, :1]).max(axis=(1, 2)) ** element.dimension
+        count = nodes.shape[1]
+        return np.repeat(np.abs(volume)[:, None] / count, count, axis=1), np.abs(volume) > 1e-14 * size
+    values, gradient = _at_gauss_points(element.corners)
+    jacobian = np.linalg.det(np.einsum("eni,gnj->egij", nodes, gradient))
+    sound = (jacobian > 0.0).all(axis=1) | (jacobian < 0.0).all(axis=1)
+    return np.abs(jacobian) @ values, sound
+
+
+def facet_areas(facets: np.ndarray, inner: np.ndarray) -> np.ndarray:
+    """Area vectors (facets, d) [m^2] of facets (facets, nodes, d), pointing away from the points inner (facets, d)."""
+    if facets.shape[1] == 2:
+        along = facets[:, 1] - facets[:, 0]
+        area = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    else:
+        # half the cross product of the diagonals, or of two edges of a triangle
+        first = facets[:, 2] - facets[:, 0]
+        second = facets[:, 3] - facets[:, 1] if facets.shape[1] == 4 else facets[:, 2] - facets[:, 1]
+        area = 0.5 * np.cross(first, second)
+    inward = ((facets.mean(axis=1) - inner) * area).sum(axis=1) < 0.0
+    return np.where(inward[:, None], -area, area)

@@ -1,0 +1,149 @@
+"""Particles from meshes: any file that meshio reads with hexahedra, tetrahedra, quads or triangles."""
+
+import contextlib
+import io
+
+import meshio
+import numpy as np
+
+from parsolid.scene.bodies import FilledShape
+from parsolid.scene.cloud import Cloud
+from parsolid.scene.elements import ELEMENTS, facet_areas, lumped_volumes
+from parsolid.scene.faults import SceneError
+from parsolid.scene.lattice import jitter_offsets
+
+_LESS_THAN_SOLID = {2: ("vertex", "line"), 3: ("vertex", "line", "triangle", "quad")}
+
+
+def read_mesh(path: str, scale: float, dimension: int) -> tuple[np.ndarray, list[tuple[str, np.ndarray]]]:
+    """Node coordinates (nodes, d) [m] and the blocks (kind, (elements, nodes)) of solid elements.
+
+    Raises SceneError for a file that meshio cannot read and for elements that have no particles here.
+    """
+    try:
+        # some readers print, and meshio leaves the program when none fits
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            mesh = meshio.read(path)
+    except (Exception, SystemExit) as error:
+        raise SceneError([f"expected a mesh that meshio reads, found {path} ({type(error).__name__}: {error})"]) from None
+    known = [kind for kind, element in ELEMENTS.items() if element.dimension == dimension]
+    kinds = [block.type for block in mesh.cells if len(block.data)]
+    others = sorted(set(kinds) - set(known) - set(_LESS_THAN_SOLID[dimension]))
+    if others:
+        raise SceneError([f"expected only elements of the kinds {', '.join(known)}, found {', '.join(others)}"])
+    blocks = [(block.type, np.asarray(block.data, np.int64)) for block in mesh.cells if block.type in known and len(block.data)]
+    if not blocks:
+        raise SceneError([f"expected elements of the kinds {', '.join(known)}, found {', '.join(kinds) or 'none'}"])
+    points = np.asarray(mesh.points, float) * scale
+    if points.shape[1] < dimension or not np.isfinite(points).all():
+        raise SceneError([f"expected {dimension} finite coordinates a node, found {points.shape[1]} or some not finite"])
+    if points.shape[1] > dimension and np.ptp(points[:, dimension:]) > 0.0:
+        raise SceneError(["expected a plane mesh (one Z for all nodes) in 2-D, found nodes with different Z"])
+    return np.ascontiguousarray(points[:, :dimension]), blocks
+
+
+class MeshFilling:
+    """Particles of a mesh, on its nodes or at the centroids of its elements.
+
+    nodes: volumes of the elements and areas of the boundary facets lumped to their nodes, the spacing is the mean length of
+    the edges that meet; nodes of no element are dropped. cells: one particle an element, the spacing is its volume to the
+    power 1/d. Raises SceneError for meshes that cannot be read and for elements that are partly inside out.
+    """
+
+    def __init__(self, body: FilledShape, dimension: int):
+        self.body = body
+        points, blocks = read_mesh(body.shape.model.file, body.shape.model.scale, dimension)
+        lumped = [self._sound_volumes(kind, points[cells]) for kind, cells in blocks]
+        used = np.unique(np.concatenate([cells.ravel() for _, cells in blocks]))
+        self.lower, self.upper = points[used].min(axis=0), points[used].max(axis=0)
+        facets = _boundary_facets(points, blocks)
+        if body.placed_on == "nodes":
+            self._on_nodes(points, blocks, lumped, facets, used)
+        else:
+            self._in_cells(points, blocks, lumped, facets)
+        self.count = len(self.volume)
+        self.coarsest = float(self.spacing.max())
+
+    @staticmethod
+    def _sound_volumes(kind: str, nodes: np.ndarray) -> np.ndarray:
+        volumes, sound = lumped_volumes(kind, nodes)
+        if not sound.all():
+            bad = np.flatnonzero(~sound)
+            place = ", ".join(f"{x:g}" for x in nodes[bad[0]].mean(axis=0))
+            raise SceneError(
+                [f"expected elements of positive volume, found {len(bad)} {kind} elements inside out or flat, the first at ({place})"]
+            )
+        return volumes
+
+    def _on_nodes(self, points, blocks, lumped, facets, used) -> None:
+        total = len(points)
+        volume = np.zeros(total)
+        for (_, cells), shares in zip(blocks, lumped):
+            volume += np.bincount(cells.ravel(), shares.ravel(), minlength=total)
+        area = np.zeros_like(points)
+        for _, nodes, vectors in facets:
+            for i in range(points.shape[1]):
+                share = np.repeat(vectors[:, i] / nodes.shape[1], nodes.shape[1])
+                area[:, i] += np.bincount(nodes.ravel(), share, minlength=total)
+        self.position, self.volume, self.area = points[used], volume[used], area[used]
+        self.movable = np.ones(total, bool)
+        for _, nodes, _ in facets:
+            self.movable[nodes] = False
+        self.movable = self.movable[used]
+        self.spacing = _mean_edge(points, blocks)[used]
+
+    def _in_cells(self, points, blocks, lumped, facets) -> None:
+        self.position = np.concatenate([points[cells].mean(axis=1) for _, cells in blocks])
+        self.volume = np.concatenate([shares.sum(axis=1) for shares in lumped])
+        self.area = np.zeros_like(self.position)
+        for owner, _, vectors in facets:
+            np.add.at(self.area, owner, vectors)
+        self.movable = np.ones(len(self.volume), bool)
+        self.spacing = self.volume ** (1.0 / points.shape[1])
+
+    def piece(self, first: int, last: int) -> Cloud:
+        identifier = np.arange(first, last)
+        rows = slice(first, last)
+        dimension = self.position.shape[1]
+        spacing = np.repeat(self.spacing[rows, None], dimension, axis=1)
+        offset = jitter_offsets(self.body, identifier, self.movable[rows], dimension)
+        return Cloud(
+            identifier=identifier,
+            position=self.position[rows] + offset * spacing,
+            volume=self.volume[rows].copy(),
+            spacing=spacing,
+            axes=None,
+            body=np.zeros(len(identifier), np.int32),
+            area=self.area[rows].copy(),
+        )
+
+
+def _boundary_facets(points, blocks) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """(owning element, nodes, outward area vector) of the facets that belong to one element only, by number of nodes."""
+    gathered = {}
+    first = 0
+    for kind, cells in blocks:
+        owner = np.arange(first, first + len(cells))
+        first += len(cells)
+        centre = points[cells].mean(axis=1)
+        for facet in ELEMENTS[kind].facets:
+            gathered.setdefault(len(facet), []).append((owner, cells[:, facet], centre))
+    result = []
+    for pieces in gathered.values():
+        owner, nodes, centre = (np.concatenate(column) for column in zip(*pieces))
+        _, index, count = np.unique(np.sort(nodes, axis=1), axis=0, return_index=True, return_counts=True)
+        single = np.sort(index[count == 1])
+        result.append((owner[single], nodes[single], facet_areas(points[nodes[single]], centre[single])))
+    return result
+
+
+def _mean_edge(points, blocks) -> np.ndarray:
+    """Mean length [m] of the edges that meet in each node; 0 for nodes of no element."""
+    total = len(points)
+    pairs = np.concatenate([np.sort(cells[:, edge], axis=1) for kind, cells in blocks for edge in ELEMENTS[kind].edges])
+    keys = np.unique(pairs[:, 0] * total + pairs[:, 1])
+    start, end = keys // total, keys % total
+    length = np.linalg.norm(points[start] - points[end], axis=1)
+    both = np.concatenate([start, end])
+    summed = np.bincount(both, np.concatenate([length, length]), minlength=total)
+    return summed / np.maximum(np.bincount(both, minlength=total), 1)
