@@ -1,0 +1,225 @@
+"""Checkpoints: everything a run needs to go on, in one HDF5 file that is whole at every instant.
+
+Layout (format version 1):
+
+    /                      attributes format, version, complete (1 once everything is on the disk)
+    /header                JSON text: what is not an array
+    /particles/<field>     (N,) or (N, c), contiguous, the ranks' particles one rank after the other
+    /ranks/offset          (ranks + 1,) int64: rank r wrote rows offset[r] to offset[r + 1]
+    /ranks/values          (ranks, k) float64: what each rank keeps for itself
+"""
+
+import json
+import os
+from pathlib import Path
+
+import h5py
+import numpy as np
+from mpi4py import MPI
+
+from parsolid.output.errors import OutputError, together, words
+from parsolid.output.slabs import SlabWriter, create_slab, flush_to_disk, open_serial, places, probe
+
+FORMAT = "parsolid checkpoint"
+VERSION = 1
+DEFAULT_NAME = "checkpoint.h5"
+_KINDS = ("float64", "int64", "int32", "uint8")
+
+
+def previous_name(path: Path | str) -> Path:
+    """The last checkpoint but one: checkpoint.h5 -> checkpoint.previous.h5."""
+    path = Path(path)
+    return path.with_name(f"{path.stem}.previous{path.suffix}")
+
+
+def partial_name(path: Path | str) -> Path:
+    """The checkpoint being written: checkpoint.h5 -> checkpoint.h5.partial."""
+    path = Path(path)
+    return path.with_name(path.name + ".partial")
+
+
+def write_checkpoint(
+    comm: MPI.Comm,
+    path: Path | str,
+    header: dict,
+    fields: dict[str, np.ndarray],
+    per_rank: np.ndarray | None = None,
+    method: str | None = None,
+) -> None:
+    """Write a checkpoint beside the last one, then put it in its place; the last two are kept. Collective.
+
+    header: anything JSON can hold (numpy scalars and arrays too), the same on all ranks; rank 0's is written.
+    fields: name -> this rank's rows (n,) or (n, c), any strides, float64, int64, int32 or uint8; the same
+    names, types and c on all ranks. per_rank: (k,) float64 of this rank, k the same on all ranks.
+    method: see `slabs`. Killed at any instant, a whole checkpoint remains (`find_checkpoint`).
+
+    Raises OutputError on all ranks; the last checkpoint is then untouched.
+    """
+    path = Path(path)
+    partial = partial_name(path)
+    doing = f"cannot write the checkpoint {path}"
+    values = np.empty(0) if per_rank is None else np.asarray(per_rank, float)
+    rows = _row_count(comm, fields, values, doing)
+    offset = np.concatenate([[0], np.cumsum(comm.allgather(rows))]).astype(np.int64)
+    laid = None
+    with together(comm, doing):
+        if comm.rank == 0:
+            _finish_interrupted(path)
+            _lay_out(partial, header, fields, offset, len(values))
+            laid = places(partial)
+    laid = comm.bcast(laid)
+    with SlabWriter(comm, partial, laid, method) as writer:
+        for name, array in fields.items():
+            writer.write(f"particles/{name}", int(offset[comm.rank]), array)
+        writer.write("ranks/values", comm.rank, values[np.newaxis])
+    with together(comm, doing):
+        if comm.rank == 0:
+            _complete(partial)
+            _put_in_place(path)
+
+
+def read_header(path: Path | str) -> dict:
+    """The header of a checkpoint; one rank alone may call it. Raises OutputError when the file is not whole."""
+    with _open_whole(path) as file:
+        return json.loads(file["header"][()])
+
+
+def read_checkpoint(comm: MPI.Comm, path: Path | str) -> tuple[dict, dict[str, np.ndarray], np.ndarray]:
+    """Read a checkpoint: header, fields, per-rank rows. Collective.
+
+    On as many ranks as wrote it, every rank gets the rows that it wrote, in the same order; on another
+    number, even contiguous shares (to be partitioned anew). fields: name -> (n,) or (n, c), C-contiguous.
+    per-rank rows: (ranks that wrote, k) float64, all of them on every rank.
+
+    Raises OutputError on all ranks.
+    """
+    layout = None
+    doing = f"cannot read the checkpoint {path}"
+    with together(comm, doing):
+        if comm.rank == 0:
+            with _open_whole(path) as file:
+                layout = json.loads(file["header"][()]), file["ranks/offset"][()], file["ranks/values"][()]
+    header, offset, values = comm.bcast(layout)
+    if len(offset) - 1 != comm.size:
+        offset = np.array([offset[-1] * rank // comm.size for rank in range(comm.size + 1)])
+    fields = {}
+    with together(comm, doing):
+        with open_serial(path, "r") as file:
+            for name, dataset in file["particles"].items():
+                fields[name] = dataset[offset[comm.rank] : offset[comm.rank + 1]]
+    return header, fields, values
+
+
+def find_checkpoint(directory: Path | str, comm: MPI.Comm | None = None, name: str = DEFAULT_NAME) -> Path:
+    """The newest whole checkpoint of a directory. With comm collective, else for one rank alone.
+
+    Raises OutputError (on all ranks) that says of each candidate why it will not do.
+    """
+    if comm is None:
+        return _find(Path(directory), name)
+    found = None
+    with together(comm, f"cannot look for a checkpoint in {directory}"):
+        if comm.rank == 0:
+            found = _find(Path(directory), name)
+    return comm.bcast(found)
+
+
+def _find(directory: Path, name: str) -> Path:
+    path = directory / name
+    reasons = []
+    # a whole partial file is newer than both: the run was killed between the two renames or just before
+    for candidate in (partial_name(path), path, previous_name(path)):
+        try:
+            _open_whole(candidate).close()
+        except OutputError as error:
+            reasons.append(str(error))
+        else:
+            return candidate
+    raise OutputError(f"no whole checkpoint in {directory}: " + "; ".join(reasons))
+
+
+def _open_whole(path: Path | str) -> h5py.File:
+    path = Path(path)
+    if not path.exists():
+        raise OutputError(f"{path.name}: does not exist")
+    try:
+        file = open_serial(path, "r")
+        found, version, complete = (file.attrs.get(name) for name in ("format", "version", "complete"))
+    except (OSError, RuntimeError, KeyError) as error:  # what h5py raises depends on where the file is torn
+        raise OutputError(f"{path.name}: not a whole HDF5 file ({words(error)})") from error
+    if found != FORMAT:
+        fault = f"not a checkpoint (format: expected {FORMAT!r}, found {found!r})"
+    elif version > VERSION:
+        fault = f"written by a newer parsolid (version: expected at most {VERSION}, found {version})"
+    elif complete != 1:
+        fault = "not written to its end"
+    else:
+        return file
+    file.close()
+    raise OutputError(f"{path.name}: {fault}")
+
+
+def _row_count(comm: MPI.Comm, fields: dict, values: np.ndarray, doing: str) -> int:
+    """This rank's number of rows; checks that the arrays fit together on and across ranks."""
+    signature = [(name, array.shape[1:], array.dtype.name) for name, array in fields.items()] + [values.shape]
+    expected = comm.bcast(signature)
+    counts = {len(array) for array in fields.values()}
+    with together(comm, doing):
+        if not fields:
+            raise ValueError("fields: expected at least one, found none")
+        if len(counts) > 1:
+            raise ValueError(f"fields: expected equal lengths, found {sorted(counts)}")
+        unknown = {array.dtype.name for array in fields.values()} - set(_KINDS)
+        if unknown:
+            raise ValueError(f"fields: expected {', '.join(_KINDS)}, found {', '.join(sorted(unknown))}")
+        if values.ndim != 1:
+            raise ValueError(f"per_rank: expected shape (k,), found {values.shape}")
+        if signature != expected:
+            raise ValueError(f"fields differ from those of rank 0: expected {expected}, found {signature}")
+    return counts.pop()
+
+
+def _lay_out(partial: Path, header: dict, fields: dict, offset: np.ndarray, values: int) -> None:
+    text = json.dumps(header, default=_plain).encode()
+    row_bytes = sum(array.dtype.itemsize * int(np.prod(array.shape[1:])) for array in fields.values())
+    probe(partial, int(offset[-1]) * row_bytes + len(text) + 8 * len(offset) * (values + 1))
+    with open_serial(partial, "w") as file:
+        file.attrs["format"] = FORMAT
+        file.attrs["version"] = VERSION
+        file.attrs["complete"] = 0
+        file.create_dataset("header", data=text, dtype=h5py.string_dtype("utf-8", max(1, len(text))))
+        particles = file.create_group("particles")
+        for name, array in fields.items():
+            create_slab(particles, name, (int(offset[-1]), *array.shape[1:]), array.dtype)
+        ranks = file.create_group("ranks")
+        ranks["offset"] = offset
+        create_slab(ranks, "values", (len(offset) - 1, values), np.float64)
+
+
+def _plain(value):
+    if isinstance(value, (np.generic, np.ndarray)):
+        return value.tolist()
+    raise TypeError(f"header: expected what JSON can hold, found {type(value).__name__}")
+
+
+def _complete(partial: Path) -> None:
+    # the numbers are on the disk already (SlabWriter), so the mark cannot get there before them
+    with open_serial(partial, "r+") as file:
+        file.attrs.modify("complete", 1)
+    flush_to_disk(partial)
+
+
+def _put_in_place(path: Path) -> None:
+    if path.exists():
+        os.replace(path, previous_name(path))
+    os.replace(partial_name(path), path)
+    flush_to_disk(path.parent)
+
+
+def _finish_interrupted(path: Path) -> None:
+    """Complete the renames of a run that was killed between them, before the partial file is overwritten."""
+    try:
+        _open_whole(partial_name(path)).close()
+    except OutputError:
+        return
+    _put_in_place(path)

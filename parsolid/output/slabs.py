@@ -1,0 +1,197 @@
+"""Contiguous HDF5 data sets that every rank writes its own rows of; no rank gathers.
+
+Rank 0 lays a file out serially: contiguous data sets whose space is allocated early and never filled, so
+that each has a fixed place in the file. Then all ranks write their rows in one of two ways:
+
+"mpio"     h5py built on parallel HDF5: the file is opened with the mpio driver and written collectively.
+"offsets"  any h5py: collective MPI-IO writes of the raw numbers at the data sets' places in the file.
+
+Both leave the same file.
+"""
+
+import os
+import shutil
+from pathlib import Path
+from typing import NamedTuple
+
+import h5py
+import numpy as np
+from mpi4py import MPI
+
+from parsolid.output.errors import OutputError, agree, together
+
+METHODS = ("mpio", "offsets")
+
+# rows are copied and written in pieces of this size: bounds the extra memory, and keeps counts below 2^31
+PIECE_BYTES = 32 * 2**20
+
+# a superblock without open-for-writing marks: a killed run leaves a file that opens
+LIBRARY_VERSIONS = ("earliest", "v108")
+
+# what HDF5 itself needs in a file besides the numbers, generously
+_METADATA_BYTES = 2**18
+
+
+class DataSet(NamedTuple):
+    """Where a data set lies: byte offset in the file (None when it has no rows), shape, numpy dtype string."""
+
+    offset: int | None
+    shape: tuple
+    dtype: str
+
+
+def default_method() -> str:
+    """"mpio" where h5py was built on parallel HDF5, else "offsets"."""
+    return "mpio" if h5py.get_config().mpi else "offsets"
+
+
+def open_serial(path: Path | str, mode: str) -> h5py.File:
+    """Open a file on one rank, without HDF5's file lock: a user may look at the file while the run goes on."""
+    return h5py.File(path, mode, libver=LIBRARY_VERSIONS, locking=False)
+
+
+def create_slab(group: h5py.Group, name: str, shape: tuple, dtype) -> None:
+    """Create a contiguous data set that has its place in the file at once and whose bytes are left unwritten."""
+    properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    properties.set_layout(h5py.h5d.CONTIGUOUS)
+    properties.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    properties.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+    group.create_dataset(name, shape=shape, dtype=dtype, dcpl=properties)
+
+
+def probe(path: Path | str, size: int) -> None:
+    """Make sure that a file of so many bytes can be written; raises OSError. Leaves a file to be overwritten.
+
+    HDF5 itself does not survive a write that fails while a file is laid out, so that is found out before.
+    """
+    with open(path, "wb") as file:
+        free = shutil.disk_usage(path).free
+        if free < size + _METADATA_BYTES:
+            raise OSError(f"the disk is full: expected {size + _METADATA_BYTES} bytes free, found {free}")
+        file.truncate(size + _METADATA_BYTES)
+        file.write(bytes(_METADATA_BYTES))
+
+
+def places(path: Path | str) -> dict[str, DataSet]:
+    """Name -> place of every contiguous data set of a file."""
+    found = {}
+
+    def note(name, item):
+        if isinstance(item, h5py.Dataset) and item.chunks is None:
+            found[name] = DataSet(item.id.get_offset(), item.shape, item.dtype.str)
+
+    with open_serial(path, "r") as file:
+        file.visititems(note)
+    return found
+
+
+def flush_to_disk(path: Path | str) -> None:
+    """Wait until a file's (or directory's) content is on the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+class SlabWriter:
+    """Writes rows of laid-out data sets from all ranks; a context manager, entered and left collectively.
+
+    A rank that fails goes on taking part in the collective calls; leaving the context raises one
+    OutputError on all ranks, else the data are on the disk.
+
+    Parameters: comm; path of the file laid out; datasets as `places` returns them, the same on all ranks;
+    method "mpio", "offsets" or None for the default; piece_bytes, the most that is copied and written at once.
+    """
+
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        path: Path | str,
+        datasets: dict[str, DataSet],
+        method: str | None = None,
+        piece_bytes: int = PIECE_BYTES,
+    ):
+        self._comm = comm
+        self._path = str(path)
+        self._datasets = datasets
+        self._piece_bytes = piece_bytes
+        self._error: Exception | None = None
+        method = method or default_method()
+        if method not in METHODS:
+            raise ValueError(f"method: expected one of {', '.join(METHODS)}, found {method!r}")
+        if method == "mpio" and not h5py.get_config().mpi:
+            raise ValueError('method "mpio" needs an h5py built on parallel HDF5; this one is not')
+        self._put = self._put_mpio if method == "mpio" else self._put_offsets
+        self._open = self._open_mpio if method == "mpio" else self._open_offsets
+
+    def __enter__(self):
+        with together(self._comm, f"cannot open {self._path} for writing"):
+            open(self._path, "r+b").close()
+        self._attempt(self._open)
+        agree(self._comm, self._error, f"cannot open {self._path} for writing")
+        return self
+
+    def __exit__(self, kind, error, traceback):
+        self._attempt(self._close)
+        if kind is None:
+            self._attempt(flush_to_disk, self._path)
+            agree(self._comm, self._error, f"cannot write {self._path}")
+
+    def write(self, name: str, first_row: int, rows: np.ndarray) -> None:
+        """Put rows (n, ...) of any strides at first_row of the data set; converted to its type. Collective.
+
+        n may differ between ranks and may be 0.
+        """
+        dataset = self._datasets[name]
+        if dataset.offset is None:
+            return
+        row_shape = dataset.shape[1:]
+        if rows.shape[1:] != row_shape or first_row + len(rows) > dataset.shape[0]:
+            self._error = self._error or OutputError(
+                f"{self._path}: {name}: rows {rows.shape} at {first_row} do not fit into {dataset.shape}"
+            )
+            rows = np.empty((0, *row_shape), dataset.dtype)
+        row_bytes = int(np.prod(row_shape, dtype=np.int64)) * np.dtype(dataset.dtype).itemsize
+        piece = max(1, self._piece_bytes // row_bytes)
+        rounds = -(-self._comm.allreduce(len(rows), op=MPI.MAX) // piece)
+        for turn in range(rounds):
+            part = np.ascontiguousarray(rows[turn * piece : (turn + 1) * piece], dataset.dtype)
+            self._attempt(self._put, name, first_row + turn * piece, part, row_bytes)
+
+    def _attempt(self, function, *arguments):
+        """Call a collective function; keep the first error for the end, so that no rank leaves the others."""
+        try:
+            function(*arguments)
+        except Exception as caught:
+            self._error = self._error or caught
+
+    def _open_offsets(self):
+        self._file = MPI.File.Open(self._comm, self._path, MPI.MODE_WRONLY)
+
+    def _put_offsets(self, name, row, part, row_bytes):
+        offset = self._datasets[name].offset + row * row_bytes if len(part) else 0
+        self._file.Write_at_all(offset, part.reshape(-1).view(np.uint8))
+
+    def _open_mpio(self):
+        self._file = h5py.File(self._path, "r+", driver="mpio", comm=self._comm)
+        self._transfer = h5py.h5p.create(h5py.h5p.DATASET_XFER)
+        self._transfer.set_dxpl_mpio(h5py.h5fd.MPIO_COLLECTIVE)
+
+    def _put_mpio(self, name, row, part, row_bytes):
+        target = self._file[name].id
+        place = target.get_space()
+        memory = h5py.h5s.create_simple(part.shape if len(part) else (1, *part.shape[1:]))
+        if len(part):
+            place.select_hyperslab((row, *(0,) * (part.ndim - 1)), part.shape)
+        else:
+            place.select_none()
+            memory.select_none()
+            part = np.empty((1, *part.shape[1:]), part.dtype)
+        target.write(memory, place, part, dxpl=self._transfer)
+
+    def _close(self):
+        if isinstance(self._file, h5py.File):
+            self._file.close()
+        else:
+            self._file.Close()
