@@ -1,30 +1,10 @@
 """Fixtures of the output tests; they run on any number of ranks: mpirun -n 3 python -m pytest tests/output."""
 
-import shutil
-import tempfile
-from pathlib import Path
-
 import h5py
 import numpy as np
 import pytest
-from mpi4py import MPI
 
 METHODS = ["offsets", pytest.param("mpio", marks=pytest.mark.skipif(not h5py.get_config().mpi, reason="h5py without MPI"))]
-
-
-@pytest.fixture
-def comm():
-    return MPI.COMM_WORLD
-
-
-@pytest.fixture
-def shared(comm):
-    """An empty directory that all ranks see, removed when all are done."""
-    path = comm.bcast(tempfile.mkdtemp(prefix="parsolid-") if comm.rank == 0 else None)
-    yield Path(path)
-    comm.Barrier()
-    if comm.rank == 0:
-        shutil.rmtree(path)
 
 
 @pytest.fixture(params=METHODS)

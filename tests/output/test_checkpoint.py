@@ -28,25 +28,25 @@ def same_bits(one, other):
     return one.dtype == other.dtype and one.shape == other.shape and one.tobytes() == other.tobytes()
 
 
-def test_the_same_ranks_read_their_own_rows_back_bit_for_bit(comm, shared, fields, method):
+def test_the_same_ranks_read_their_own_rows_back_bit_for_bit(comm, shared_path, fields, method):
     own = np.array([comm.rank + 0.1, np.nextafter(1.0, 2.0)])
-    write_checkpoint(comm, shared / "checkpoint.h5", HEADER, fields, own, method)
-    header, found, per_rank = read_checkpoint(comm, shared / "checkpoint.h5")
-    assert header == HEADER and read_header(shared / "checkpoint.h5") == HEADER
+    write_checkpoint(comm, shared_path / "checkpoint.h5", HEADER, fields, own, method)
+    header, found, per_rank = read_checkpoint(comm, shared_path / "checkpoint.h5")
+    assert header == HEADER and read_header(shared_path / "checkpoint.h5") == HEADER
     assert list(found) == sorted(fields)
     assert all(same_bits(np.ascontiguousarray(fields[name]), found[name]) for name in fields)
     assert per_rank.shape == (comm.size, 2) and same_bits(per_rank[comm.rank], own)
 
 
-def test_another_number_of_ranks_gets_even_contiguous_shares(comm, shared, fields, pieces, method):
-    write_checkpoint(comm, shared / "checkpoint.h5", HEADER, fields, None, method)
-    alone = read_checkpoint(MPI.COMM_SELF, shared / "checkpoint.h5")[1]
+def test_another_number_of_ranks_gets_even_contiguous_shares(comm, shared_path, fields, pieces, method):
+    write_checkpoint(comm, shared_path / "checkpoint.h5", HEADER, fields, None, method)
+    alone = read_checkpoint(MPI.COMM_SELF, shared_path / "checkpoint.h5")[1]
     assert np.array_equal(alone["identifier"], np.arange(pieces[0]))
     assert np.array_equal(alone["momentum"], np.arange(pieces[0])[:, np.newaxis] * np.pi + np.arange(6))
     if comm.rank == 0:
-        write_checkpoint(MPI.COMM_SELF, shared / "alone.h5", HEADER, alone, np.array([3.0]))
+        write_checkpoint(MPI.COMM_SELF, shared_path / "alone.h5", HEADER, alone, np.array([3.0]))
     comm.Barrier()
-    _, shares, per_rank = read_checkpoint(comm, shared / "alone.h5")
+    _, shares, per_rank = read_checkpoint(comm, shared_path / "alone.h5")
     count = len(shares["jacobian"])
     assert abs(count - pieces[0] / comm.size) < 1.0
     first = comm.exscan(count) or 0
@@ -54,17 +54,17 @@ def test_another_number_of_ranks_gets_even_contiguous_shares(comm, shared, field
     assert comm.allreduce(count) == pieces[0] and np.array_equal(per_rank, [[3.0]])
 
 
-def test_both_writers_leave_the_same_file(comm, shared, fields):
+def test_both_writers_leave_the_same_file(comm, shared_path, fields):
     if not h5py.get_config().mpi:
         pytest.skip("h5py without MPI")
     for method in ("mpio", "offsets"):
-        write_checkpoint(comm, shared / f"{method}.h5", HEADER, fields, np.ones(2), method)
-    one, other = ((shared / f"{method}.h5").read_bytes() for method in ("mpio", "offsets"))
+        write_checkpoint(comm, shared_path / f"{method}.h5", HEADER, fields, np.ones(2), method)
+    one, other = ((shared_path / f"{method}.h5").read_bytes() for method in ("mpio", "offsets"))
     assert one == other
 
 
-def test_rows_are_written_in_pieces_of_a_few_bytes(comm, shared, fields, pieces, method):
-    path = shared / "slabs.h5"
+def test_rows_are_written_in_pieces_of_a_few_bytes(comm, shared_path, fields, pieces, method):
+    path = shared_path / "slabs.h5"
     if comm.rank == 0:
         with open_serial(path, "w") as file:
             create_slab(file, "momentum", (pieces[0], 6), np.float32)
@@ -76,23 +76,23 @@ def test_rows_are_written_in_pieces_of_a_few_bytes(comm, shared, fields, pieces,
         assert np.array_equal(file["momentum"][()], expected.astype(np.float32))
 
 
-def test_the_last_two_are_kept(comm, shared, fields):
-    path = shared / "checkpoint.h5"
+def test_the_last_two_are_kept(comm, shared_path, fields):
+    path = shared_path / "checkpoint.h5"
     for step in range(4):
         write_checkpoint(comm, path, {"step": step}, fields)
     assert read_header(path)["step"] == 3 and read_header(previous_name(path))["step"] == 2
     assert not partial_name(path).exists()
 
 
-def test_the_newest_whole_file_is_found_wherever_the_run_was_killed(comm, shared, fields):
-    path = shared / "checkpoint.h5"
+def test_the_newest_whole_file_is_found_wherever_the_run_was_killed(comm, shared_path, fields):
+    path = shared_path / "checkpoint.h5"
     for step in range(3):
         write_checkpoint(comm, path, {"step": step}, fields)
     if comm.rank == 0:
         # killed between the two renames
         os.replace(path, partial_name(path))
     comm.Barrier()
-    assert read_header(find_checkpoint(shared, comm))["step"] == 2
+    assert read_header(find_checkpoint(shared_path, comm))["step"] == 2
     # going on from there must not overwrite the only newest file before the next is whole
     write_checkpoint(comm, path, {"step": 3}, fields)
     assert read_header(path)["step"] == 3 and read_header(previous_name(path))["step"] == 2
@@ -102,11 +102,11 @@ def test_the_newest_whole_file_is_found_wherever_the_run_was_killed(comm, shared
             file.truncate(path.stat().st_size // 2)
         partial_name(path).write_bytes(b"half a header")
     comm.Barrier()
-    assert find_checkpoint(shared, comm) == previous_name(path)
+    assert find_checkpoint(shared_path, comm) == previous_name(path)
 
 
-def test_a_file_not_written_to_its_end_is_refused(comm, shared, fields):
-    path = shared / "checkpoint.h5"
+def test_a_file_not_written_to_its_end_is_refused(comm, shared_path, fields):
+    path = shared_path / "checkpoint.h5"
     write_checkpoint(comm, path, HEADER, fields)
     if comm.rank == 0:
         with open_serial(path, "r+") as file:
@@ -115,23 +115,23 @@ def test_a_file_not_written_to_its_end_is_refused(comm, shared, fields):
     with pytest.raises(OutputError, match="not written to its end"):
         read_checkpoint(comm, path)
     with pytest.raises(OutputError, match="previous.h5: does not exist"):
-        find_checkpoint(shared, comm)
+        find_checkpoint(shared_path, comm)
 
 
-def test_other_files_are_refused_by_name(comm, shared):
+def test_other_files_are_refused_by_name(comm, shared_path):
     if comm.rank == 0:
-        (shared / "text.h5").write_text("no HDF5")
-        h5py.File(shared / "other.h5", "w").close()
+        (shared_path / "text.h5").write_text("no HDF5")
+        h5py.File(shared_path / "other.h5", "w").close()
     comm.Barrier()
     with pytest.raises(OutputError, match="text.h5: not a whole HDF5 file"):
-        read_checkpoint(comm, shared / "text.h5")
+        read_checkpoint(comm, shared_path / "text.h5")
     with pytest.raises(OutputError, match="other.h5: not a checkpoint"):
-        read_header(shared / "other.h5")
+        read_header(shared_path / "other.h5")
 
 
-def test_a_directory_that_does_not_exist_is_one_error_on_all_ranks(comm, shared, fields):
+def test_a_directory_that_does_not_exist_is_one_error_on_all_ranks(comm, shared_path, fields):
     with pytest.raises(OutputError, match="checkpoint.h5"):
-        write_checkpoint(comm, shared / "missing" / "checkpoint.h5", HEADER, fields)
+        write_checkpoint(comm, shared_path / "missing" / "checkpoint.h5", HEADER, fields)
 
 
 @pytest.mark.parametrize(
@@ -142,30 +142,48 @@ def test_a_directory_that_does_not_exist_is_one_error_on_all_ranks(comm, shared,
         lambda fields: fields.clear(),
     ],
 )
-def test_arrays_that_do_not_fit_on_one_rank_are_an_error_on_all(comm, shared, fields, spoil):
+def test_arrays_that_do_not_fit_on_one_rank_are_an_error_on_all(comm, shared_path, fields, spoil):
     if comm.rank == comm.size - 1:
         spoil(fields)
     with pytest.raises(OutputError, match="expected"):
-        write_checkpoint(comm, shared / "checkpoint.h5", HEADER, fields)
+        write_checkpoint(comm, shared_path / "checkpoint.h5", HEADER, fields)
 
 
-def test_a_full_disk_on_one_rank_is_an_error_on_all_and_leaves_the_last_checkpoint(comm, shared, method):
-    path = shared / "checkpoint.h5"
-    write_checkpoint(comm, path, {"step": 1}, {"x": np.zeros(10)}, None, method)
+@pytest.fixture
+def small_files():
+    """A function that lets this rank write no file beyond 300 kB, as on a full disk."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    if comm.rank == comm.size - 1:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, limits[1]))
-    try:
-        with pytest.raises(OutputError, match="checkpoint"):
-            write_checkpoint(comm, path, {"step": 2}, {"x": np.zeros(100_000)}, None, method)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-        signal.signal(signal.SIGXFSZ, handler)
-    assert read_header(find_checkpoint(shared, comm))["step"] == 1
+    yield lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, limits[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    signal.signal(signal.SIGXFSZ, handler)
 
 
-def test_the_header_takes_numpy_values_and_is_text_in_the_file(comm, shared):
-    write_checkpoint(comm, shared / "c.h5", {"t": np.float64(0.1), "a": np.arange(3)}, {"x": np.zeros(comm.rank)})
-    with h5py.File(shared / "c.h5", "r") as file:
+def test_a_disk_that_fills_while_writing_is_an_error_on_all_ranks(comm, shared_path, method, small_files, monkeypatch):
+    path = shared_path / "checkpoint.h5"
+    write_checkpoint(comm, path, {"step": 1}, {"x": np.zeros(10)}, None, method)
+    write = SlabWriter.write
+
+    def write_on_full_disk(self, *arguments):
+        small_files()
+        write(self, *arguments)
+
+    monkeypatch.setattr(SlabWriter, "write", write_on_full_disk)
+    with pytest.raises(OutputError, match="cannot write .*checkpoint.h5"):
+        write_checkpoint(comm, path, {"step": 2}, {"x": np.zeros(100_000)}, None, method)
+    assert read_header(find_checkpoint(shared_path, comm))["step"] == 1
+
+
+def test_a_disk_too_full_to_begin_is_an_error_on_all_ranks(comm, shared_path, small_files):
+    path = shared_path / "checkpoint.h5"
+    write_checkpoint(comm, path, {"step": 1}, {"x": np.zeros(10)})
+    small_files()
+    with pytest.raises(OutputError, match="cannot write the checkpoint .*File too large"):
+        write_checkpoint(comm, path, {"step": 2}, {"x": np.zeros(100_000)})
+    assert read_header(find_checkpoint(shared_path, comm))["step"] == 1
+
+
+def test_the_header_takes_numpy_values_and_is_text_in_the_file(comm, shared_path):
+    write_checkpoint(comm, shared_path / "c.h5", {"t": np.float64(0.1), "a": np.arange(3)}, {"x": np.zeros(comm.rank)})
+    with h5py.File(shared_path / "c.h5", "r") as file:
         assert json.loads(file["header"].asstr()[()]) == {"t": 0.1, "a": [0, 1, 2]}
