@@ -1,7 +1,8 @@
 """Boundary conditions on a rank's particles: mirror planes, held and prescribed components, tractions.
 
 Rollers and fixed walls are planes with mirror images: v' = Q v at X' = R X + T, with Q = R at a roller (symmetry), Q = -1 at
-a fixed wall and Q = -R where only normal motion is free (antisymmetry). Particles on a plane are held as well.
+a fixed wall and Q = -R where only normal motion is free (antisymmetry, exact for small strain: the stress of the image has
+the other sign). Particles on a plane are held as well.
 """
 
 from dataclasses import dataclass
@@ -44,12 +45,13 @@ class MirrorPlane:
 class MirrorCodes:
     """Every reflection a rank may need: in one plane, or in two or three at their common edge or corner.
 
-    signs Q, reflections R, shifts T: (codes, 3); planes: the planes of each code; tolerance [m] for "on the plane".
+    signs Q, reflections R, shifts T: (codes, 3); stress_signs s: (codes,); planes: the planes of each code; tolerance [m] for "on the plane".
     """
 
     signs: np.ndarray
     reflections: np.ndarray
     shifts: np.ndarray
+    stress_signs: np.ndarray
     planes: list[tuple[MirrorPlane, ...]]
     tolerance: float
 
@@ -66,12 +68,14 @@ class MirrorCodes:
         ]
         signs, reflections, shifts = np.ones((3, len(subsets), 3))
         shifts[:] = 0.0
+        stress_signs = np.ones(len(subsets))
         for code, subset in enumerate(subsets):
             for plane in subset:
                 signs[code] *= plane.signs()
+                stress_signs[code] *= -1.0 if plane.kind == "antisymmetric" else 1.0
                 reflections[code, plane.axis] = -1.0
                 shifts[code, plane.axis] = 2.0 * plane.coordinate
-        return cls(signs, reflections, shifts, subsets, tolerance)
+        return cls(signs, reflections, shifts, stress_signs, subsets, tolerance)
 
     def near(self, positions: np.ndarray, code: int, reach: np.ndarray) -> np.ndarray:
         """Particles within reach (d,) [m] of all planes of a code."""
@@ -89,9 +93,8 @@ class MirrorCodes:
 
     def table(self, dimension: int) -> np.ndarray:
         """Rows for `kernels.pairs.Images`."""
-        return image_table(
-            dimension, self.signs[:, :dimension], self.reflections[:, :dimension], self.shifts[:, :dimension]
-        )
+        places = (array[:, :dimension] for array in (self.signs, self.reflections, self.shifts))
+        return image_table(dimension, *places, self.stress_signs)
 
 
 def check_sides(comm, plane: MirrorPlane, cloud, key: str) -> None:

@@ -112,6 +112,11 @@ class Simulation:
             wanted = stop.received is not None or (limits.wall is not None and wall > limits.wall)
             self._advance(watch.clip(self.clock.time, self._limit(stable)), wanted)
 
+    def take_step(self, step: float) -> None:
+        """One time step [s] and the reduction that goes with it, whatever the stable step is; collective."""
+        self._advance((step, self.clock.time + step), False)
+        self._result()
+
     def _result(self) -> np.ndarray:
         waiting = clock.perf_counter()
         result = self.minimum.result()
@@ -122,8 +127,9 @@ class Simulation:
         longest = self.scene.method.maximum_step
         return stable if longest is None else min(stable, longest)
 
-    def _advance(self, step: float, wanted: bool) -> None:
-        """One time step; the next stable step and any wish to stop are agreed on while the forces are computed."""
+    def _advance(self, advance: tuple[float, float], wanted: bool) -> None:
+        """One step to a time; the next stable step and any wish to stop are agreed on while the forces are computed."""
+        step, arrival = advance
         began = clock.perf_counter()
 
         def announce(sound: bool, stable: float) -> None:
@@ -134,7 +140,7 @@ class Simulation:
             if not self.method.advance_stage(number, self.clock.time, step, self.ledger, announce):
                 self.failed = True
         self.method.finish_step(self.ledger)
-        self.clock.time += step
+        self.clock.time = arrival
         self.clock.step += 1
         self.clock.loop_seconds += clock.perf_counter() - began
 

@@ -40,8 +40,8 @@ class PairList(NamedTuple):
 class Images(NamedTuple):
     """Which reflection makes each one-sided pair's neighbour: code (m,) int8 into the rows of table (codes, 16).
 
-    With signs Q of a mirrored vector, signs R of the reflected place and the shift T of the planes,
-    v' = Q v,  X' = R X + T,  x' = X' + Q (x - X),  (P L)' = Q P L Q,  (grad v)' = Q grad v R.
+    With signs Q of a mirrored vector, signs R of the reflected place, the shift T of the planes and a sign s of the stress,
+    v' = Q v,  X' = R X + T,  x' = X' + Q (x - X),  (P L)' = s Q P L Q,  (grad v)' = Q grad v R.
     """
 
     code: np.ndarray
@@ -56,18 +56,19 @@ def record_width(dimension: int, riemann: bool, shear_tensor: bool) -> int:
     return 2 * matrix + tensor + (tensor if shear_tensor else 0)
 
 
-def image_table(dimension: int, signs: np.ndarray, reflections: np.ndarray, shifts: np.ndarray) -> np.ndarray:
-    """Rows of `Images.table` from signs Q, reflections R (+-1) and shifts T [m], each (codes, dimension)."""
+def image_table(dimension: int, signs, reflections, shifts, stress_signs) -> np.ndarray:
+    """Rows of `Images.table` from Q, R (+-1) and T [m], each (codes, dimension), and s (codes,)."""
     table = np.zeros((len(signs), 16))
     if dimension == 3:
         table[:, 0:3], table[:, 4:7], table[:, 8:11] = signs, reflections, shifts
         table[:, 12] = reflections[:, 0] * reflections[:, 1]
         table[:, 13] = reflections[:, 0] * reflections[:, 2]
         table[:, 14] = reflections[:, 1] * reflections[:, 2]
+        table[:, 15] = stress_signs
     else:
         table[:, 0:2], table[:, 2:4] = signs, signs
         table[:, 4:6], table[:, 6:8] = reflections, shifts
-        # columns of a matrix: Q_i Q_j for P L and Q_i R_j for grad v
-        table[:, 8:12] = np.tile(signs, 2) * np.repeat(signs, 2, axis=1)
+        # columns of a matrix: s Q_i Q_j for P L and Q_i R_j for grad v
+        table[:, 8:12] = stress_signs[:, None] * np.tile(signs, 2) * np.repeat(signs, 2, axis=1)
         table[:, 12:16] = np.tile(signs, 2) * np.repeat(reflections, 2, axis=1)
     return table

@@ -45,7 +45,8 @@ def _stress(images, k, record, b):
     if images is None:
         return P
     Q = load(images.table, images.code[k], 0)
-    return Q * P[0] * _x(Q), Q * P[1] * _y(Q), Q * P[2] * _z(Q)
+    signed = Q * images.table[images.code[k], 15]
+    return signed * P[0] * _x(Q), signed * P[1] * _y(Q), signed * P[2] * _z(Q)
 
 
 @register_jitable

@@ -195,6 +195,19 @@ class TotalLagrangianSPH:
         ledger.add(weights.quadrature * step, dissipation, numerical, external)
         return sound
 
+    def evaluate_forces(self) -> None:
+        """One stabilised force evaluation of the current state, which stays as it is (for measurements)."""
+        self._pass_gradient()
+        for group in self.groups:
+            stage = self._stage(group, 0, 0.0)
+            advance_deformation(
+                self.space, group.first, group.last, group.law, stage, self.body_of(group), self.gradient,
+                self.riemann, self.shear, self.record,
+            )  # fmt: skip
+        self._pass_force()
+        self.gradient[:] = 0.0
+        self.force[:] = 0.0
+
     def _stage(self, group: Group, number: int, step: float) -> Stage:
         weights, last = self.stages[number], number == len(self.stages) - 1
         decay = group.relaxation(weights.time * step)

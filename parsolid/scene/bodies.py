@@ -4,6 +4,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
+from parsolid.scene.faults import Phrase
 from parsolid.scene.formulas import InitialMatrix, InitialVector
 from parsolid.scene.materials import Material
 from parsolid.scene.section import Positive, Section, dimension_of, mismatch, reject
@@ -62,7 +63,7 @@ class FilledShape(Section):
             key = "particles" if self.particles is not None else "spacing"
             details.append(((key,), "no such key with a mesh (it has its own particles)", getattr(self, key)))
         if self.shape.kind != "mesh" and not counted:
-            details.append(((), "exactly one of particles, spacing", "none"))
+            details.append(((), "exactly one of particles, spacing", Phrase("none")))
         if self.shape.kind in ("cylinder", "sphere") and self.placement == "nodes":
             details.append((("placement",), f"'cells' for a {self.shape.kind} (its lattice is cut by the surface)", "nodes"))
         reject(*details)

@@ -29,6 +29,16 @@ def agree(comm: MPI.Comm, faults: list[str]) -> None:
     raise SceneError(dict.fromkeys(every))
 
 
+class Phrase(str):
+    """Text that a message shows as it is, without quotation marks."""
+
+    def __repr__(self) -> str:
+        return str(self)
+
+
+NOTHING = Phrase("nothing")
+
+
 def told(value: object) -> str:
     """A found value in the words of a message."""
     if isinstance(value, dict):

@@ -12,7 +12,7 @@ import numexpr
 import numpy as np
 from pydantic import AfterValidator, PlainSerializer, PlainValidator, ValidationInfo
 
-from parsolid.scene.faults import suggestion
+from parsolid.scene.faults import Phrase, suggestion
 from parsolid.scene.section import AXES, OnePerDimension, dimension_of, mismatch
 
 # the ranks share the cores already
@@ -158,14 +158,7 @@ def _formula(value: Any, info: ValidationInfo, time: bool) -> Formula:
     try:
         return Formula(value, names)
     except ValueError as error:
-        raise mismatch(expected, _Phrase(f"{error} in {value!r}")) from None
-
-
-class _Phrase(str):
-    """Text that a message shows without quotation marks."""
-
-    def __repr__(self) -> str:
-        return str(self)
+        raise mismatch(expected, Phrase(f"{error} in {value!r}")) from None
 
 
 def _of_place(value: Any, info: ValidationInfo) -> Formula:

@@ -4,6 +4,7 @@ from typing import ClassVar, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
+from parsolid.scene.faults import Phrase
 from parsolid.scene.section import NotNegative, Positive, Section, by_kind, reject
 
 
@@ -75,14 +76,14 @@ class MooneyRivlin(Section):
     def _polyconvex(self) -> "MooneyRivlin":
         mixed = (self.youngs_modulus is None) != (self.poissons_ratio is None)
         if mixed:
-            reject(((), "youngs_modulus with poissons_ratio, or xi with lambda_hat", "one of each"))
+            reject(((), "youngs_modulus with poissons_ratio, or xi with lambda_hat", Phrase("one of each")))
         moduli = self.moduli
         details = []
         if moduli.shear_modulus <= 0.0:
             details.append((("xi",), "xi + zeta > 0", moduli.xi + moduli.zeta))
         if moduli.xi < 0.0:
             details.append((("zeta",), f"zeta <= mu/2 = {0.5 * moduli.shear_modulus:g} (xi = mu/2 - zeta >= 0)", self.zeta))
-        if moduli.lambda_hat < 0.0:
+        elif moduli.lambda_hat < 0.0:
             # with lambda_hat < 0 the law is not polyconvex and loses real wave speeds in extension
             bound = "lambda_hat = lambda - 4 zeta >= 0 (polyconvexity)"
             details.append((("poissons_ratio",), f"a value with {bound}", self.poissons_ratio))

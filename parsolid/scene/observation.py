@@ -5,6 +5,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from parsolid.scene.bodies import Name
+from parsolid.scene.faults import NOTHING, Phrase
 from parsolid.scene.section import NotNegative, Point, Positive, Section, reject
 from parsolid.scene.shapes import AxisName, ExistingFile
 
@@ -51,7 +52,7 @@ class Probe(Section):
         wanted = "twist" in (self.fields or ())
         details = []
         if wanted and self.axis is None and len(self.at) == 3:
-            details.append((("axis",), "the axis 'X', 'Y' or 'Z' of the twist", "nothing"))
+            details.append((("axis",), "the axis 'X', 'Y' or 'Z' of the twist", NOTHING))
         if wanted and self.axis in ("X", "Y") and len(self.at) == 2:
             details.append((("axis",), "'Z' or nothing in 2-D", self.axis))
         for key in ("axis", "centre"):
@@ -111,5 +112,5 @@ class Reference(Section):
     @model_validator(mode="after")
     def _paired(self) -> "Reference":
         if (self.series is None) != (self.columns is None):
-            reject(((), "series with columns, or exact with times", "one of each"))
+            reject(((), "series with columns, or exact with times", Phrase("one of each")))
         return self

@@ -35,8 +35,8 @@ def nearest_particles(
 def selected(scene: Scene, boundary: Any, cloud: Cloud, comm: MPI.Comm) -> np.ndarray:
     """Which particles (n,) bool a boundary condition is about (collective for a single point).
 
-    A plane means the particles on it; where particles sit in cells, those whose cell it touches. A support or traction with
-    cells means only those with a face on that side.
+    A plane means the particles on it; where particles sit in cells, those whose cell it touches; where these cells are
+    jittered or a mesh's, only those with a face on the surface of the body.
     """
     mask = np.ones(len(cloud), bool)
     if boundary.body is not None:
@@ -64,10 +64,11 @@ def _on_plane(scene: Scene, plane: Plane, cloud: Cloud) -> np.ndarray:
         # the particle's own widths, seen along the normal
         extent = (np.abs(cloud.axes[:, :, plane.axis]) * cloud.spacing).sum(axis=1)
     for i, body in enumerate(scene.bodies):
-        reach = 1e-6 if body.placed_on == "nodes" else 0.5 + body.jitter + 1e-6
+        uneven = body.shape.kind == "mesh"
+        reach = 1e-6 if body.placed_on == "nodes" else 1.0 if uneven else 0.5 + body.jitter + 1e-6
         here = (cloud.body == i) & (distance <= reach * extent)
-        if body.placed_on == "cells" and (body.jitter or body.shape.kind == "mesh"):
-            # uneven cells: their faces tell which of them bound the body here
+        if body.placed_on == "cells" and (body.jitter or uneven):
+            # their faces tell which of the cells bound the body here
             here &= cloud.area[:, plane.axis] != 0.0
         result |= here
     return result

@@ -5,7 +5,7 @@ from typing import Annotated, Any, ClassVar, get_args
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
 
-from parsolid.scene.faults import suggestion, told
+from parsolid.scene.faults import NOTHING, suggestion, told
 
 AXES = ("X", "Y", "Z")
 
@@ -92,7 +92,7 @@ class ByKind:
             raise mismatch("a table", value)
         kinds = ", ".join(map(repr, self.models))
         if "kind" not in value:
-            reject((("kind",), f"one of {kinds}", "nothing"))
+            reject((("kind",), f"one of {kinds}", NOTHING))
         model = self.choose(value)
         if model is None:
             reject((("kind",), f"one of {kinds}{suggestion(value['kind'], self.models)}", value["kind"]))

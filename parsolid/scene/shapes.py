@@ -5,6 +5,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
+from parsolid.scene.faults import NOTHING
 from parsolid.scene.section import Point, Positive, Section, dimension_of, mismatch, reject
 
 AxisName = Literal["X", "Y", "Z"]
@@ -85,7 +86,7 @@ class CylindricalShell(Section):
             details.append((("thickness",), f"less than the diameter {2.0 * self.radius:g}", self.thickness))
         for key, value in (("base", self.base), ("axis", self.axis), ("length", self.length)):
             if dimension == 3 and value is None:
-                details.append(((key,), "a value in 3-D", "nothing"))
+                details.append(((key,), "a value in 3-D", NOTHING))
             if dimension == 2 and value is not None:
                 details.append(((key,), "no such key in 2-D (use centre)", value))
         reject(*details)
