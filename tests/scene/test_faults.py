@@ -1,0 +1,231 @@
+"""Broken scenes: each names its key, what was expected and what was found."""
+
+import copy
+import math
+
+import pytest
+
+from parsolid.scene import SceneError, agree, generate, load_scene, packaged_scene, parse_scene
+
+DELETED = object()
+
+
+def changed(data, changes):
+    """A copy of plain tables with {"key.path": value}; DELETED removes the key."""
+    data = copy.deepcopy(data)
+    for path, value in changes.items():
+        *keys, last = (int(key) if key.isdigit() else key for key in path.split("."))
+        place = data
+        for key in keys:
+            place = place[key] if isinstance(place, list) else place.setdefault(key, {})
+        if value is DELETED:
+            del place[last]
+        else:
+            place[last] = value
+    return data
+
+
+def shell(**keys):
+    return {"cylindrical_shell": {"base": [0.0, 0.0, 0.0], "axis": "Z", "radius": 1.0, "thickness": 0.1, "length": 1.0} | keys}
+
+
+SUPPORT = {"plane": "Y = 0", "kind": "fixed"}
+PROBE = {"name": "p", "at": [0.0, 0.0, 0.0], "fields": ["velocity"]}
+
+BROKEN = {
+    "unknown key": ({"method.smoothin": 1.0}, "method.smoothin: expected one of kind, .*unknown key 'smoothin' .*did you mean 'smoothing'"),
+    "unknown table": ({"boundary": []}, "boundary: .*found the unknown key 'boundary' .*did you mean 'boundaries'"),
+    "unknown key in a list": ({"bodies.0.material.branches": [{"beta": 1.0, "tau": 1.0, "taus": 1.0}]}, "branches.0.taus: .*did you mean 'tau'"),
+    "wrong type": ({"end_time": "long"}, "end_time: expected a number, found 'long'"),
+    "text for a truth": ({"method.reconstruction": "yes"}, "method.reconstruction: expected true or false, found 'yes'"),
+    "real for a count": ({"bodies.0.particles": [3, 4.5, 5]}, "bodies.0.particles.1: expected a whole number, found 4.5"),
+    "number for a table": ({"method": 3}, "method: expected a table, found 3"),
+    "table for a list": ({"bodies": {}}, "bodies: expected a list, found an empty table"),
+    "missing key": ({"end_time": DELETED}, r"end_time: expected the simulated time \[s\], found nothing"),
+    "missing kind": ({"method": {}}, "method.kind: expected one of 'tlsph', found nothing"),
+    "unknown method": ({"method.kind": "tlsp"}, "method.kind: expected one of 'tlsph' .*did you mean 'tlsph'.*, found 'tlsp'"),
+    "unknown material": ({"bodies.0.material.kind": "neo-hookian"}, "bodies.0.material.kind: .*did you mean 'neo-hookean'"),
+    "unknown kernel": ({"method.kernel": "cubic"}, "method.kernel: expected 'wendland-c2', 'cubic-spline' or 'quintic-spline'.*found 'cubic'"),
+    "dimension": ({"dimension": 1}, "dimension: expected 2 or 3, found 1"),
+    "no bodies": ({"bodies": []}, "bodies: expected a list of at least 1, found"),
+    "negative density": ({"bodies.0.material.density": -5.0}, "bodies.0.material.density: expected a number > 0, found -5.0"),
+    "zero modulus": ({"bodies.0.material.youngs_modulus": 0.0}, "youngs_modulus: expected a number > 0, found 0.0"),
+    "incompressible": ({"bodies.0.material.poissons_ratio": 0.5}, "poissons_ratio: expected a number < 0.5, found 0.5"),
+    "auxetic": ({"bodies.0.material.poissons_ratio": -0.2}, "poissons_ratio: expected a value with lambda_hat .*found -0.2"),
+    "zeta too large": ({"bodies.0.material.zeta": 1e9}, "bodies.0.material.zeta: expected zeta <= mu/2"),
+    "half of each": ({"bodies.0.material.poissons_ratio": DELETED}, "bodies.0.material: expected exactly one of poissons_ratio, lambda_hat; found none"),
+    "crossed constants": (
+        {"bodies.0.material.poissons_ratio": DELETED, "bodies.0.material.lambda_hat": 1.0},
+        "bodies.0.material: expected youngs_modulus with poissons_ratio, or xi with lambda_hat",
+    ),
+    "both constants": ({"bodies.0.material.xi": 1.0}, "exactly one of youngs_modulus, xi; found youngs_modulus and xi"),
+    "negative tau": ({"bodies.0.material.branches": [{"beta": 1.0, "tau": -1.0}]}, "branches.0.tau: expected a number > 0, found -1.0"),
+    "two stiffnesses": ({"bodies.0.material.branches": [{"beta": 1.0, "modulus": 1.0, "tau": 1.0}]}, "branches.0: expected exactly one of beta, modulus"),
+    "not a number": ({"end_time": math.nan}, "end_time: expected a finite number, found nan"),
+    "infinite": ({"bodies.0.shape.box.upper.1": math.inf}, "bodies.0.shape.box.upper.1: expected a finite number, found inf"),
+    "negative extent": ({"bodies.0.shape.box.upper": [1.0, -2.0, 3.0]}, "box.upper.1: expected more than lower = 0, found -2.0"),
+    "two shapes": ({"bodies.0.shape.sphere": {"centre": [0.0, 0.0, 0.0], "radius": 1.0}}, "bodies.0.shape: expected exactly one of .*found box and sphere"),
+    "no shape": ({"bodies.0.shape": {}}, "bodies.0.shape: expected exactly one of .*found none"),
+    "too few components": ({"bodies.0.shape.box.lower": [0.0, 0.0]}, r"box.lower: expected 3 components \(one per dimension\), found \[0.0, 0.0\]"),
+    "particles and spacing": ({"bodies.0.spacing": 0.1}, "bodies.0: expected at most one of particles, spacing; found particles and spacing"),
+    "neither particles nor spacing": ({"bodies.0.particles": DELETED}, "bodies.0: expected exactly one of particles, spacing, found"),
+    "particles of another dimension": ({"bodies.0.particles": [3, 3]}, r"particles: expected 3 numbers \(one per direction\), found \[3, 3\]"),
+    "one particle": ({"bodies.0.particles": [1, 1, 1]}, "bodies.0: expected a body of at least two particles, found 1"),
+    "large jitter": ({"bodies.0.jitter": 0.5}, "bodies.0.jitter: expected a number < 0.5, found 0.5"),
+    "missing mesh": (
+        {"bodies.0.shape": {"mesh": {"file": "nowhere.msh"}}, "bodies.0.particles": DELETED},
+        "bodies.0.shape.mesh.file: expected an existing file, found '.*nowhere.msh'",
+    ),
+    "particles of a mesh": ({"bodies.0.shape": {"mesh": {"file": __file__}}}, "bodies.0.particles: expected no such key with a mesh"),
+    "sphere on nodes": (
+        {"bodies.0.shape": {"sphere": {"centre": [0.0, 0.0, 0.0], "radius": 1.0}}, "bodies.0.placement": "nodes"},
+        "bodies.0.placement: expected 'cells' for a sphere",
+    ),
+    "shell thicker than round": ({"bodies.0.shape": shell(thickness=2.5)}, "thickness: expected less than the diameter 2, found 2.5"),
+    "shell without axis": (
+        {"bodies.0.shape": {"cylindrical_shell": {"base": [0.0, 0.0, 0.0], "radius": 1.0, "thickness": 0.1, "length": 1.0}}},
+        "cylindrical_shell.axis: expected a value in 3-D",
+    ),
+    "shell turned back": ({"bodies.0.shape": shell(angles=[90.0, 0.0])}, "angles: expected .*0 < to - from <= 360"),
+    "formula syntax": ({"bodies.0.velocity": ["X +", "0", "0"]}, "bodies.0.velocity.0: expected a formula in X, Y, Z, found no formula in 'X \\+'"),
+    "formula name": ({"bodies.0.velocity": ["0", "x", "0"]}, "bodies.0.velocity.1: .*the unknown name 'x'"),
+    "formula of time at the start": ({"bodies.0.velocity": ["0", "t", "0"]}, "bodies.0.velocity.1: .*the unknown name 't'"),
+    "formula with code": ({"loads.acceleration": ["().__class__", "0", "0"]}, "loads.acceleration.0: .*__class__"),
+    "formula components": ({"bodies.0.velocity": ["0", "0"]}, "bodies.0.velocity: expected 3 components"),
+    "free where it cannot be": ({"bodies.0.velocity": ["0", "free", "0"]}, "bodies.0.velocity.1: .*the unknown name 'free'"),
+    "plane of no axis": ({"boundaries": [{**SUPPORT, "plane": "Q = 0"}]}, "boundaries.0.plane: expected a plane such as 'Y = 0'.*found 'Q = 0'"),
+    "plane inside": ({"boundaries": [{**SUPPORT, "plane": "Y = 0.7"}]}, r"boundaries.0.plane: expected a plane that bounds a body \(Y = 0 or 2\), found 'Y = 0.7'"),
+    "support on a box": ({"boundaries": [{**SUPPORT, "box": {}}]}, "boundaries.0.box: .*unknown key 'box'"),
+    "velocity nowhere": ({"boundaries": [{"kind": "velocity", "velocity": ["0", "0", "0"]}]}, "boundaries.0: expected exactly one of plane, box, ball, point; found none"),
+    "unknown body": ({"boundaries": [{**SUPPORT, "body": "cub"}]}, "boundaries.0.body: expected the name of a body .*did you mean 'cube'.*found 'cub'"),
+    "probe outside": ({"probes": [{**PROBE, "at": [0.0, 9.0, 0.0]}]}, r"probes.0.at: expected a point within one spacing of a body, found \[0.0, 9.0, 0.0\]"),
+    "probe of nothing": ({"probes": [{"name": "p", "at": [0.0, 0.0, 0.0]}]}, "probes.0: expected exactly one of fields, quantity; found none"),
+    "probe field": ({"probes": [{**PROBE, "fields": ["velocty"]}]}, "probes.0.fields.0: .*did you mean 'velocity'"),
+    "probe name": ({"probes": [{**PROBE, "name": "a.b"}]}, "probes.0.name: expected a name without '.' and ',', found 'a.b'"),
+    "two probes of one name": ({"probes": [PROBE, PROBE]}, "probes.1.name: expected a name other than that of probes.0, found 'p'"),
+    "twist about nothing": ({"probes": [{**PROBE, "fields": ["twist"]}]}, "probes.0.axis: expected the axis"),
+    "two intervals": ({"output": {"history_steps": 2, "history_interval": 0.1}}, "output: expected at most one of history_interval, history_steps"),
+    "times out of order": ({"output": {"fields_times": [0.2, 0.1]}}, "output.fields_times.1: expected a time later than the one before, found 0.1"),
+    "missing reference": ({"reference": {"series": "none.json", "columns": {"kinetic": "K"}}}, "reference.series: expected an existing file"),
+    "reference column": ({"reference": {"series": __file__, "columns": {"kinetik": "K"}}}, "reference.columns.kinetik: expected a column of the history .*did you mean 'kinetic'"),
+    "steps out of order": ({"method.minimum_step": 1.0, "method.maximum_step": 0.5}, "method.minimum_step: expected at most maximum_step = 0.5, found 1.0"),
+}
+
+
+@pytest.mark.parametrize(("changes", "message"), BROKEN.values(), ids=BROKEN)
+def test_broken_scene(cube, changes, message):
+    with pytest.raises(SceneError, match=message) as caught:
+        parse_scene(changed(cube, changes))
+    assert len(caught.value.faults) == 1
+
+
+def test_all_faults_at_once(cube):
+    broken = {
+        "title": 3,
+        "method.cfl": -1.0,
+        "bodies.0.material.density": 0.0,
+        "bodies.0.velocity": ["Q", "0", "("],
+        "boundaries": [{**SUPPORT, "plane": "Y = 1"}, {"kind": "roler"}],
+        "probes": [{**PROBE, "at": [0.0, 0.0, -9.0]}],
+        "outputs": {},
+    }
+    with pytest.raises(SceneError) as caught:
+        parse_scene(changed(cube, broken))
+    keys = [line.split(":")[0] for line in str(caught.value).splitlines()]
+    assert keys == [
+        "title", "method.cfl", "bodies.0.velocity.0", "bodies.0.velocity.2", "bodies.0.material.density",
+        "boundaries.1.kind", "outputs", "boundaries.0.plane", "probes.0.at",
+    ]  # fmt: skip
+
+
+def test_2d_scene_with_3d_words(square):
+    broken = {
+        "bodies.0.velocity": ["Z", "0"],
+        "boundaries": [{"kind": "roller", "plane": "Z = 0"}],
+        "probes": [{"name": "p", "at": [0.0, 0.0], "fields": ["twist"], "axis": "X"}],
+    }
+    with pytest.raises(SceneError) as caught:
+        parse_scene(changed(square, broken))
+    text = str(caught.value)
+    assert "bodies.0.velocity.0: expected a formula in X, Y, found the unknown name 'Z'" in text
+    assert "boundaries.0.plane: expected a plane such as 'Y = 0' with one of the axes X, Y, found 'Z = 0'" in text
+    assert "probes.0.axis: expected 'Z' or nothing in 2-D, found 'X'" in text
+
+
+def test_cylinder_and_shell_in_2d(square):
+    cylinder = {"cylinder": {"base": [0.0, 0.0], "axis": "Z", "radius": 1.0, "length": 1.0}}
+    with pytest.raises(SceneError, match="shape.cylinder: expected a 2-D shape"):
+        parse_scene(changed(square, {"bodies.0.shape": cylinder}))
+    with pytest.raises(SceneError, match="cylindrical_shell.length: expected no such key in 2-D"):
+        ring = {"cylindrical_shell": {"centre": [0.0, 0.0], "radius": 1.0, "thickness": 0.1, "length": 1.0}}
+        parse_scene(changed(square, {"bodies.0.shape": ring}))
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("methd.cfl=1", "methd: .*did you mean 'method'"),
+        ("bodies.7.particles=[1,2,3]", "--set bodies.7.particles: expected an index from 0 to 0 after bodies, found '7'"),
+        ("title.x=1", "--set title.x: expected a table at title, found 'Twisting column'"),
+        ("method.cfl", "--set method.cfl: expected key.path=value, found 'method.cfl'"),
+        ("=3", "--set =3: expected key.path=value"),
+        ("method.cfl=fast", "method.cfl: expected a number, found 'fast'"),
+    ],
+)
+def test_broken_override(override, message):
+    with pytest.raises(SceneError, match=message):
+        load_scene(packaged_scene(), [override])
+
+
+def test_files_that_are_no_scenes(tmp_path):
+    with pytest.raises(SceneError, match="none.toml: expected a readable scene, found No such file"):
+        load_scene(tmp_path / "none.toml")
+    (tmp_path / "bad.toml").write_text("title = \ndimension = 2")
+    with pytest.raises(SceneError, match="bad.toml: expected TOML, found a fault: .*line 1"):
+        load_scene(tmp_path / "bad.toml")
+    (tmp_path / "bytes.toml").write_bytes(b"\xff\xfe")
+    with pytest.raises(SceneError, match="bytes.toml: expected TOML"):
+        load_scene(tmp_path / "bytes.toml")
+
+
+AT_GENERATION = {
+    "velocity": ({"bodies.0.velocity": ["0", "log(X)", "0"]}, r"bodies.0.velocity.1: expected a finite value at every particle, found -inf at particle 0 \(0, 0, 0\)"),
+    "gradient": (
+        {"bodies.0.deformation_gradient": [["1", "0", "0"], ["0", "1", "0"], ["0", "0", "sqrt(0.5-X)"]]},
+        r"bodies.0.deformation_gradient.2.2: .* found nan at particle 70 \(1, 0, 0\)",
+    ),
+    "load": ({"loads.body_force": ["1/(Z-3)", "0", "0"]}, r"loads.body_force.0: .*found inf at particle 6 \(0, 0, 3\)"),
+    "traction": (
+        {"boundaries": [{"kind": "traction", "plane": "X = 1", "traction": ["sqrt(X-1)", "0", "arccos(Y)"]}]},
+        r"boundaries.0.traction.2: .*found nan at particle 91 \(1, 1.5, 0\)",
+    ),
+    "empty region": (
+        {"boundaries": [{"kind": "velocity", "ball": {"centre": [9.0, 0.0, 0.0], "radius": 1.0}, "velocity": ["0", "0", "free"]}]},
+        "boundaries.0: expected a region that holds particles, found 0",
+    ),
+    "probe in a hole": (
+        {
+            "bodies.0.shape": shell(),
+            "bodies.0.particles": [40, 5, 2],
+            "probes": [{**PROBE, "at": [0.0, 0.0, 0.5]}],
+        },
+        r"probes.0.at: expected a point within one spacing of a particle \(the nearest is 0.95 m away\)",
+    ),
+}
+
+
+@pytest.mark.parametrize(("changes", "message"), AT_GENERATION.values(), ids=AT_GENERATION)
+def test_fault_at_generation_is_the_same_on_all_ranks(cube, comm, changes, message):
+    scene = parse_scene(changed(cube, changes))
+    with pytest.raises(SceneError, match=message) as caught:
+        generate(scene, comm)
+    assert len(caught.value.faults) == 1
+    assert len(set(comm.allgather(str(caught.value)))) == 1
+
+
+def test_ranks_agree(comm):
+    agree(comm, [])
+    mine = [f"fault of rank {comm.rank}", "fault of all"] if comm.rank == comm.size - 1 else ["fault of all"]
+    with pytest.raises(SceneError) as caught:
+        agree(comm, mine)
+    assert sorted(caught.value.faults) == ["fault of all", f"fault of rank {comm.size - 1}"]

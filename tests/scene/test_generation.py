@@ -1,0 +1,272 @@
+"""Particles of every shape: exact volumes, closed surfaces, ids that do not depend on the number of ranks."""
+
+import math
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from parsolid.scene import (
+    generate,
+    initial_deformation_gradient,
+    initial_displacement,
+    initial_velocity,
+    nearest_particles,
+    parse_scene,
+    selected,
+)
+from parsolid.scene.fillings import filling_of
+
+MATERIAL = {"kind": "mooney-rivlin", "density": 1100.0, "youngs_modulus": 17e6, "poissons_ratio": 0.45}
+BOX = {"box": {"lower": [-1.0, 0.0, 2.0], "upper": [1.0, 3.0, 3.0]}}
+RECTANGLE = {"box": {"lower": [-1.0, 0.0], "upper": [1.0, 3.0]}}
+SECTOR = {"axis": "Y", "base": [1.0, 2.0, 3.0], "radius": 2.0, "thickness": 0.5, "length": 4.0, "angles": [0.0, 90.0]}
+TUBE = {**SECTOR, "angles": [30.0, 390.0]}
+RING = {"centre": [1.0, 2.0], "radius": 2.0, "thickness": 0.5}
+ROD = {"base": [0.0, 1.0, 2.0], "axis": "X", "radius": 1.0, "length": 5.0}
+TUBE_VOLUME = 2.0 * math.pi * 2.0 * 0.5 * 4.0
+
+# dimension, shape, filling, exact volume
+FILLED = {
+    "box nodes": (3, BOX, {"particles": [5, 4, 3]}, 6.0),
+    "box cells": (3, BOX, {"particles": [5, 4, 3], "placement": "cells"}, 6.0),
+    "box spacing": (3, BOX, {"spacing": 0.3}, 6.0),
+    "box spacings": (3, BOX, {"spacing": [0.3, 0.5, 0.2], "placement": "cells"}, 6.0),
+    "box jittered": (3, BOX, {"particles": [5, 4, 3], "jitter": 0.2, "seed": 3}, 6.0),
+    "single layer": (3, BOX, {"particles": [5, 4, 1]}, 6.0),
+    "rectangle": (2, RECTANGLE, {"particles": [5, 4]}, 6.0),
+    "sector nodes": (3, {"cylindrical_shell": SECTOR}, {"particles": [9, 5, 3]}, TUBE_VOLUME / 4),
+    "sector cells": (3, {"cylindrical_shell": SECTOR}, {"particles": [9, 5, 3], "placement": "cells"}, TUBE_VOLUME / 4),
+    "tube": (3, {"cylindrical_shell": TUBE}, {"particles": [24, 5, 3]}, TUBE_VOLUME),
+    "tube spacing": (3, {"cylindrical_shell": TUBE}, {"spacing": [0.4, 1.0, 0.25], "jitter": 0.1}, TUBE_VOLUME),
+    "ring": (2, {"cylindrical_shell": RING}, {"particles": [24, 3]}, TUBE_VOLUME / 4),
+    "half ring": (2, {"cylindrical_shell": {**RING, "angles": [0.0, 180.0]}}, {"particles": [24, 3]}, TUBE_VOLUME / 8),
+    "rod": (3, {"cylinder": ROD}, {"spacing": 0.2}, 5.0 * math.pi),
+    "rod odd": (3, {"cylinder": ROD}, {"particles": [4, 9, 9], "jitter": 0.2}, 5.0 * math.pi),
+    "ball": (3, {"sphere": {"centre": [1.0, 2.0, 3.0], "radius": 2.0}}, {"spacing": 0.3}, 32.0 / 3.0 * math.pi),
+    "ball odd": (3, {"sphere": {"centre": [1.0, 2.0, 3.0], "radius": 2.0}}, {"particles": [9, 11, 13]}, 32.0 / 3.0 * math.pi),
+    "disc": (2, {"sphere": {"centre": [1.0, 2.0], "radius": 2.0}}, {"spacing": 0.11}, 4.0 * math.pi),
+}
+every_filling = pytest.mark.parametrize(("dimension", "shape", "filling", "volume"), FILLED.values(), ids=FILLED)
+
+
+def whole(scene, comm):
+    """All particles on every rank, in the order of their ids; only for the small clouds of tests."""
+    cloud = generate(scene, comm)
+    names = ("identifier", "position", "volume", "spacing", "body", "area")
+    return {name: np.concatenate(comm.allgather(getattr(cloud, name))) for name in names}
+
+
+@every_filling
+def test_volume_and_ids(scene_of, comm, dimension, shape, filling, volume):
+    cloud = whole(scene_of(dimension, shape, **filling), comm)
+    assert cloud["volume"].sum() == pytest.approx(volume, rel=1e-13)
+    np.testing.assert_array_equal(cloud["identifier"], np.arange(len(cloud["identifier"])))
+    assert len(np.unique(cloud["position"], axis=0)) == len(cloud["position"])
+
+
+@every_filling
+def test_surface_is_closed(scene_of, comm, dimension, shape, filling, volume):
+    area = whole(scene_of(dimension, shape, **filling), comm)["area"]
+    if "cylindrical_shell" in shape and filling.get("particles", [0])[0] == 9:
+        # the chords of a sector's particles close up to the rule's error in the angle
+        assert np.abs(area.sum(axis=0)).max() <= 5e-3 * np.abs(area).sum()
+    else:
+        assert np.abs(area.sum(axis=0)).max() <= 1e-3 * np.abs(area).sum()
+
+
+@every_filling
+@pytest.mark.parametrize("parts", [2, 3, 7])
+def test_pieces_make_the_whole(scene_of, dimension, shape, filling, volume, parts):
+    body = scene_of(dimension, shape, **filling).bodies[0]
+    one = filling_of(body, dimension)
+    ends = [one.count * i // parts for i in range(parts + 1)]
+    pieces = [filling_of(body, dimension).piece(a, b) for a, b in zip(ends, ends[1:])]
+    full = one.piece(0, one.count)
+    for name in ("identifier", "position", "volume", "spacing", "area"):
+        np.testing.assert_array_equal(np.concatenate([getattr(p, name) for p in pieces]), getattr(full, name))
+
+
+@every_filling
+def test_particles_lie_within_the_bounds(scene_of, dimension, shape, filling, volume):
+    one = filling_of(scene_of(dimension, shape, **filling).bodies[0], dimension)
+    position = one.piece(0, one.count).position
+    assert (position >= one.lower - 1e-12).all() and (position <= one.upper + 1e-12).all()
+
+
+def test_ranks_have_equal_contiguous_shares(cube, comm):
+    second = {**cube["bodies"][0], "name": "other", "shape": {"box": {"lower": [5.0, 0.0, 0.0], "upper": [6.0, 1.0, 1.0]}}}
+    cube["bodies"].append({**second, "particles": [4, 4, 4]})
+    cloud = generate(parse_scene(cube), comm)
+    total = 3 * 5 * 7 + 64
+    np.testing.assert_array_equal(
+        cloud.identifier, np.arange(total * comm.rank // comm.size, total * (comm.rank + 1) // comm.size)
+    )
+    np.testing.assert_array_equal(cloud.body, cloud.identifier >= 105)
+    assert (cloud.position[cloud.body == 1, 0] >= 5.0).all()
+
+
+def test_box_areas_sum_to_its_faces(scene_of, comm):
+    for placement in ("nodes", "cells"):
+        cloud = whole(scene_of(3, BOX, particles=[5, 4, 3], placement=placement), comm)
+        np.testing.assert_allclose(np.maximum(cloud["area"], 0.0).sum(axis=0), [3.0, 2.0, 6.0], rtol=1e-14)
+        np.testing.assert_allclose(np.minimum(cloud["area"], 0.0).sum(axis=0), [-3.0, -2.0, -6.0], rtol=1e-14)
+
+
+def test_corner_of_a_box(scene_of, comm):
+    cloud = whole(scene_of(3, BOX, particles=[5, 4, 3]), comm)
+    corner = 0
+    np.testing.assert_array_equal(cloud["position"][corner], [-1.0, 0.0, 2.0])
+    np.testing.assert_allclose(cloud["spacing"][corner], [0.5, 1.0, 0.5])
+    assert cloud["volume"][corner] == pytest.approx(0.5 * 1.0 * 0.5 / 8)
+    np.testing.assert_allclose(cloud["area"][corner], [-1.0 * 0.5 / 4, -0.5 * 0.5 / 4, -0.5 * 1.0 / 4])
+
+
+def test_spacing_that_does_not_fit_is_rounded(scene_of):
+    one = filling_of(scene_of(2, RECTANGLE, spacing=0.7).bodies[0], 2)
+    assert one.shape == (4, 5)
+    np.testing.assert_allclose(one.piece(0, 1).spacing, [[2.0 / 3.0, 0.75]])
+
+
+def test_shell_follows_its_axes(scene_of):
+    one = filling_of(scene_of(3, {"cylindrical_shell": SECTOR}, particles=[9, 5, 3]).bodies[0], 3)
+    cloud = one.piece(0, one.count)
+    np.testing.assert_allclose(cloud.axes @ cloud.axes.transpose(0, 2, 1), np.tile(np.eye(3), (one.count, 1, 1)), atol=1e-15)
+    radial = (cloud.position - [1.0, 2.0, 3.0]) * [1.0, 0.0, 1.0]
+    radius = np.linalg.norm(radial, axis=1)
+    np.testing.assert_allclose(cloud.axes[:, 2], radial / radius[:, None], atol=1e-15)
+    np.testing.assert_array_equal(cloud.axes[:, 1], np.tile([0.0, 1.0, 0.0], (one.count, 1)))
+    np.testing.assert_allclose(cloud.spacing[:, 0], radius * (math.pi / 2) / 8, rtol=1e-14)
+    # about Y the angle runs from Z to X; the ends lie on the planes of symmetry exactly
+    np.testing.assert_array_equal(cloud.position[:15, 0], 1.0)
+    np.testing.assert_array_equal(cloud.position[-15:, 2], 3.0)
+    np.testing.assert_allclose(one.lower, [1.0, 2.0, 3.0], atol=1e-15)
+    np.testing.assert_allclose(one.upper, [3.25, 6.0, 5.25])
+
+
+def test_shell_areas(scene_of):
+    one = filling_of(scene_of(3, {"cylindrical_shell": TUBE}, particles=[24, 5, 3], placement="cells").bodies[0], 3)
+    cloud = one.piece(0, one.count)
+    outward = (cloud.area * cloud.axes[:, 2]).sum(axis=1)
+    assert outward[outward > 0].sum() == pytest.approx(2.0 * math.pi * 2.25 * 4.0)
+    assert outward[outward < 0].sum() == pytest.approx(-2.0 * math.pi * 1.75 * 4.0)
+    assert cloud.area[:, 1].max() > 0 and np.maximum(cloud.area[:, 1], 0).sum() == pytest.approx(2.0 * math.pi * 2.0 * 0.5)
+
+
+def test_clipped_shapes_are_where_they_should_be(scene_of):
+    body = scene_of(3, FILLED["ball"][1], **FILLED["ball"][2]).bodies[0]
+    one = filling_of(body, 3)
+    position = one.piece(0, one.count).position - [1.0, 2.0, 3.0]
+    lattice = [line.coordinate(np.arange(line.count)) for line in one.lines]
+    grid = np.stack(np.meshgrid(*lattice, indexing="ij"), axis=-1).reshape(-1, 3) - [1.0, 2.0, 3.0]
+    inside = grid[(grid**2).sum(axis=1) < 4.0]
+    assert sorted(map(tuple, position.round(12))) == sorted(map(tuple, inside.round(12)))
+    assert np.abs(position.mean(axis=0)).max() < 1e-13
+    assert one.volume == pytest.approx((4.0 / 13.0) ** 3, rel=0.05)
+
+
+def test_rod_ends_have_the_exact_area(scene_of):
+    one = filling_of(scene_of(3, {"cylinder": ROD}, spacing=0.2).bodies[0], 3)
+    area = one.piece(0, one.count).area
+    assert np.maximum(area[:, 0], 0.0).sum() == pytest.approx(math.pi, rel=1e-13)
+    assert np.maximum(area[:, 1], 0.0).sum() == pytest.approx(2.0 * 5.0, rel=0.02)
+
+
+def test_jitter_moves_inner_particles_only(scene_of):
+    smooth = filling_of(scene_of(3, BOX, particles=[5, 4, 3]).bodies[0], 3).piece(0, 60)
+    moved = filling_of(scene_of(3, BOX, particles=[5, 4, 3], jitter=0.3).bodies[0], 3).piece(0, 60)
+    other = filling_of(scene_of(3, BOX, particles=[5, 4, 3], jitter=0.3, seed=1).bodies[0], 3).piece(0, 60)
+    steps = (moved.position - smooth.position) / smooth.spacing
+    inner = (smooth.area == 0.0).all(axis=1)
+    assert (steps[~inner] == 0.0).all()
+    assert 0.05 < np.abs(steps[inner]).max() <= 0.3
+    assert (other.position[inner] != moved.position[inner]).all()
+
+
+def test_jitter_is_uniform(scene_of):
+    body = scene_of(2, RECTANGLE, particles=[300, 300], placement="cells", jitter=0.4).bodies[0]
+    smooth = scene_of(2, RECTANGLE, particles=[300, 300], placement="cells").bodies[0]
+    steps = (filling_of(body, 2).piece(0, 90000).position - filling_of(smooth, 2).piece(0, 90000).position) / [2 / 300, 3 / 300]
+    assert np.abs(steps.mean(axis=0)).max() < 3e-3
+    np.testing.assert_allclose(steps.std(axis=0), 0.4 / math.sqrt(3.0), rtol=0.01)
+    assert abs(np.corrcoef(steps.T)[0, 1]) < 0.01 and abs(np.corrcoef(steps[1:, 0], steps[:-1, 0])[0, 1]) < 0.01
+
+
+def test_initial_fields(cube, comm):
+    cube["bodies"][0] |= {"velocity": ["Y", "0", "-X"], "displacement": ["0.1*X", "0", "0"]}
+    second = {"shape": BOX, "particles": [2, 2, 2], "material": MATERIAL}
+    second["deformation_gradient"] = [["2", "X", "0"], ["0", "1", "0"], ["0", "0", "1"]]
+    cube["bodies"].append(second)
+    scene = parse_scene(cube)
+    cloud = generate(scene, comm)
+    velocity = initial_velocity(scene, cloud.body, cloud.position)
+    first = cloud.body == 0
+    np.testing.assert_array_equal(velocity[first, 0], cloud.position[first, 1])
+    assert (velocity[~first] == 0.0).all()
+    np.testing.assert_allclose(initial_displacement(scene, cloud.body, cloud.position)[first, 0], 0.1 * cloud.position[first, 0])
+    gradient, given = initial_deformation_gradient(scene, cloud.body, cloud.position)
+    np.testing.assert_array_equal(given, ~first)
+    np.testing.assert_array_equal(gradient[~first, 0, 1], cloud.position[~first, 0])
+    assert (gradient[first] == np.eye(3)).all()
+
+
+def test_no_initial_fields(cube, comm):
+    scene = parse_scene(cube)
+    cloud = generate(scene, comm)
+    assert (initial_velocity(scene, cloud.body, cloud.position) == 0.0).all()
+    assert initial_displacement(scene, cloud.body, cloud.position) is None
+    assert initial_deformation_gradient(scene, cloud.body, cloud.position) is None
+
+
+FIXED = ["0", "0", "0"]
+REGIONS = {
+    "plane": ({"kind": "fixed", "plane": "Y = 2"}, 3 * 7),
+    "inner plane": ({"kind": "velocity", "plane": "Y = 1", "velocity": FIXED}, 3 * 7),
+    "box": ({"kind": "velocity", "box": {"lower": [0.0, 0.0, 0.0], "upper": [0.5, 0.5, 0.5]}, "velocity": FIXED}, 8),
+    "ball": ({"kind": "velocity", "ball": {"centre": [0.5, 1.0, 1.5], "radius": 0.5}, "velocity": FIXED}, 7),
+    "point": ({"kind": "velocity", "point": [0.4, 1.1, 1.5], "velocity": FIXED}, 1),
+    "tied point": ({"kind": "velocity", "point": [0.25, 0.25, 0.25], "velocity": FIXED}, 1),
+    "traction": ({"kind": "traction", "plane": "X = 1", "traction": FIXED}, 5 * 7),
+    "other body": ({"kind": "velocity", "plane": "Y = 1", "velocity": FIXED, "body": "other"}, 16),
+}
+
+
+@pytest.mark.parametrize(("boundary", "number"), REGIONS.values(), ids=REGIONS)
+def test_regions(cube, comm, boundary, number):
+    other = {"lower": [5.0, 0.0, 0.0], "upper": [6.0, 1.0, 1.0]}
+    if boundary.get("body"):
+        cube["bodies"].append({"name": "other", "shape": {"box": other}, "particles": [4, 4, 4], "material": MATERIAL})
+    cube["boundaries"] = [boundary]
+    scene = parse_scene(cube)
+    mask = selected(scene, scene.boundaries[0], generate(scene, comm), comm)
+    assert comm.allreduce(int(mask.sum())) == number
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.3])
+def test_plane_of_cells(cube, comm, jitter):
+    cube["bodies"][0] |= {"placement": "cells", "jitter": jitter}
+    cube["boundaries"] = [{"kind": "roller", "plane": "Y = 2"}]
+    scene = parse_scene(cube)
+    cloud = generate(scene, comm)
+    mask = selected(scene, scene.boundaries[0], cloud, comm)
+    np.testing.assert_array_equal(mask, cloud.area[:, 1] > 0.0)
+
+
+def test_nearest_particles(cube, comm):
+    cloud = generate(parse_scene(cube), comm)
+    names, distance = nearest_particles(comm, cloud.identifier, cloud.position, [[0.0, 0.0, 0.0], [9.0, 2.0, 3.0], [0.25, 0.0, 0.0]])
+    np.testing.assert_array_equal(names, [0, 104, 0])
+    np.testing.assert_allclose(distance, [0.0, 8.0, 0.25])
+
+
+def test_more_ranks_than_particles(scene_of):
+    scene = scene_of(2, RECTANGLE, particles=[2, 1])
+    cloud = generate(scene, MPI.COMM_WORLD)
+    assert MPI.COMM_WORLD.allreduce(len(cloud)) == 2 and cloud.position.shape == (len(cloud), 2)
+
+
+def test_large_lattice_is_made_in_pieces_only(scene_of):
+    huge = filling_of(scene_of(3, BOX, particles=[4000, 4000, 4000]).bodies[0], 3)
+    assert huge.count == 64 * 10**9
+    piece = huge.piece(huge.count - 10, huge.count)
+    np.testing.assert_array_equal(piece.position[-1], [1.0, 3.0, 3.0])

@@ -1,0 +1,190 @@
+"""Particles from meshes: volumes, surfaces and spacings of every element kind, and meshes that are refused."""
+
+import itertools
+
+import meshio
+import numpy as np
+import pytest
+
+from parsolid.scene import SceneError, generate, parse_scene, selected
+from parsolid.scene.fillings import filling_of
+
+LENGTHS = (2.0, 3.0, 1.0)
+COUNTS = (4, 5, 3)
+
+
+def grid(dimension, distortion=0.0):
+    """Nodes of a box lattice, inner ones moved at random, and its cells in VTK's order."""
+    shape = [count + 1 for count in COUNTS[:dimension]]
+    lines = [np.linspace(0.0, length, count) for length, count in zip(LENGTHS, shape)]
+    points = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, dimension)
+    number = np.arange(len(points)).reshape(shape)
+    inner = ((points > 1e-9) & (points < np.array(LENGTHS[:dimension]) - 1e-9)).all(axis=1)
+    points[inner] += distortion * (np.random.default_rng(1).random((inner.sum(), dimension)) - 0.5)
+    ring = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    corners = ring if dimension == 2 else [(*xy, z) for z in (0, 1) for xy in ring]
+    slices = [tuple(slice(c, c + n) for c, n in zip(corner, COUNTS)) for corner in corners]
+    return points, np.stack([number[s].ravel() for s in slices], axis=1)
+
+
+def split(cells):
+    """Triangles of quads, tetrahedra of hexahedra (six around a diagonal)."""
+    if cells.shape[1] == 4:
+        return np.concatenate([cells[:, [0, 1, 2]], cells[:, [0, 2, 3]]])
+    corner = {(0, 0, 0): 0, (1, 0, 0): 1, (1, 1, 0): 2, (0, 1, 0): 3, (0, 0, 1): 4, (1, 0, 1): 5, (1, 1, 1): 6, (0, 1, 1): 7}
+    pieces = []
+    for order in itertools.permutations(range(3)):
+        place, path = [0, 0, 0], [0]
+        for axis in order:
+            place[axis] = 1
+            path.append(corner[tuple(place)])
+        pieces.append(cells[:, path])
+    return np.concatenate(pieces)
+
+
+def mesh_scene(folder, dimension, points, cells, name="mesh.vtk", **filling):
+    if points.shape[1] == 2:
+        points = np.column_stack([points, np.zeros(len(points))])
+    meshio.write(folder / name, meshio.Mesh(points, cells))
+    data = {
+        "dimension": dimension,
+        "end_time": 1.0,
+        "method": {"kind": "tlsph"},
+        "bodies": [
+            {
+                "shape": {"mesh": {"file": name}},
+                "material": {"kind": "neo-hookean", "density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3},
+                **filling,
+            }
+        ],
+    }
+    return parse_scene(data, folder)
+
+
+KINDS = [(2, "quad"), (2, "triangle"), (3, "hexahedron"), (3, "tetra")]
+
+
+@pytest.mark.parametrize("placement", ["nodes", "cells"])
+@pytest.mark.parametrize(("dimension", "kind"), KINDS)
+def test_volume_and_surface(shared_path, comm, dimension, kind, placement):
+    points, cells = grid(dimension, 0.2)
+    if kind in ("triangle", "tetra"):
+        cells = split(cells)
+    scene = mesh_scene(shared_path, dimension, points, [(kind, cells)], f"{comm.rank}.vtk", placement=placement)
+    cloud = generate(scene, comm)
+    lengths = np.array(LENGTHS[:dimension])
+    assert comm.allreduce(cloud.volume.sum()) == pytest.approx(lengths.prod(), rel=1e-13)
+    assert cloud.volume.min() > 0.0
+    faces = lengths.prod() / lengths
+    np.testing.assert_allclose(comm.allreduce(np.maximum(cloud.area, 0.0).sum(axis=0)), faces, rtol=1e-12)
+    np.testing.assert_allclose(comm.allreduce(np.minimum(cloud.area, 0.0).sum(axis=0)), -faces, rtol=1e-12)
+    number = len(points) if placement == "nodes" else len(cells)
+    assert comm.allreduce(len(cloud)) == number
+    assert len(cloud) == number * (comm.rank + 1) // comm.size - number * comm.rank // comm.size
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_regular_mesh_is_the_lattice(shared_path, comm, dimension):
+    points, cells = grid(dimension)
+    kind = "quad" if dimension == 2 else "hexahedron"
+    scene = mesh_scene(shared_path, dimension, points, [(kind, cells)], f"{comm.rank}.vtu")
+    data = scene.resolved()
+    box = {"box": {"lower": [0.0] * dimension, "upper": list(LENGTHS[:dimension])}}
+    data["bodies"][0] |= {"shape": box, "particles": [n + 1 for n in COUNTS[:dimension]]}
+    mesh, lattice = generate(scene, comm), generate(parse_scene(data), comm)
+    for name in ("identifier", "position", "volume", "area"):
+        np.testing.assert_allclose(getattr(mesh, name), getattr(lattice, name), atol=1e-14)
+
+
+def test_spacing(tmp_path):
+    points = np.array(list(itertools.product((0.0, 0.5, 1.0), repeat=2)))
+    number = np.arange(9).reshape(3, 3)
+    cells = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1).reshape(-1, 4)
+    for placement in ("nodes", "cells"):
+        body = mesh_scene(tmp_path, 2, points, [("quad", cells)], placement=placement).bodies[0]
+        one = filling_of(body, 2)
+        np.testing.assert_allclose(one.piece(0, one.count).spacing, 0.5)
+
+
+@pytest.mark.parametrize(("dimension", "kind"), KINDS)
+def test_elements_turned_inside_out_as_a_whole(tmp_path, dimension, kind):
+    points, cells = grid(dimension)
+    if kind in ("triangle", "tetra"):
+        cells = split(cells)
+    mirror = points * np.array([-1.0] + [1.0] * (dimension - 1))
+    one = filling_of(mesh_scene(tmp_path, dimension, mirror, [(kind, cells)]).bodies[0], dimension)
+    cloud = one.piece(0, one.count)
+    assert cloud.volume.sum() == pytest.approx(np.prod(LENGTHS[:dimension]))
+    assert (cloud.area * (cloud.position - cloud.position.mean(axis=0))).sum() > 0.0
+
+
+def test_unused_nodes_are_dropped_and_lower_elements_ignored(tmp_path):
+    points, cells = grid(3)
+    extra = np.concatenate([[[50.0, 50.0, 50.0]], points, [[70.0, 0.0, 0.0]]])
+    blocks = [("quad", np.array([[1, 2, 3, 4]])), ("line", np.array([[1, 2]])), ("hexahedron", cells + 1)]
+    one = filling_of(mesh_scene(tmp_path, 3, extra, blocks).bodies[0], 3)
+    assert one.count == len(points)
+    np.testing.assert_array_equal(one.upper, LENGTHS)
+
+
+def test_scale(tmp_path):
+    points, cells = grid(2)
+    scene = mesh_scene(tmp_path, 2, points, [("quad", cells)], shape={"mesh": {"file": __file__, "scale": 0.001}})
+    data = scene.resolved()
+    data["bodies"][0]["shape"]["mesh"]["file"] = str(tmp_path / "mesh.vtk")
+    one = filling_of(parse_scene(data).bodies[0], 2)
+    assert one.piece(0, one.count).volume.sum() == pytest.approx(6e-6)
+
+
+def test_supports_and_regions(shared_path, comm):
+    points, cells = grid(3, 0.2)
+    for placement, number in (("nodes", 6 * 4), ("cells", None)):
+        scene = mesh_scene(shared_path, 3, points, [("tetra", split(cells))], f"{comm.rank}.vtk", placement=placement)
+        data = scene.resolved() | {"boundaries": [{"kind": "fixed", "plane": "X = 0"}]}
+        scene = parse_scene(data)
+        cloud = generate(scene, comm)
+        mask = selected(scene, scene.boundaries[0], cloud, comm)
+        assert number is None or comm.allreduce(int(mask.sum())) == number
+        assert comm.allreduce(cloud.area[mask, 0].sum()) == pytest.approx(-3.0, rel=1e-12)
+
+
+def refused(folder, comm, dimension, points, cells, message):
+    scene = mesh_scene(folder, dimension, points, cells, f"{comm.rank}.vtk")
+    with pytest.raises(SceneError, match=message) as caught:
+        generate(scene, comm)
+    assert str(caught.value).startswith("bodies.0.shape.mesh.file: expected")
+
+
+def test_refused_elements(shared_path, comm):
+    points, cells = grid(3)
+    refused(shared_path, comm, 3, points, [("wedge", cells[:, :6])], "kinds tetra, hexahedron, found wedge")
+    refused(shared_path, comm, 3, points, [("quad", cells[:, :4])], "kinds tetra, hexahedron, found quad")
+    refused(shared_path, comm, 2, points, [("hexahedron", cells)], "kinds triangle, quad, found hexahedron")
+    plane, quads = grid(2)
+    tilted = np.column_stack([plane, plane[:, 0]])
+    refused(shared_path, comm, 2, tilted, [("quad", quads)], "plane mesh .* in 2-D, found nodes with different Z")
+    twisted = quads.copy()
+    twisted[7] = twisted[7, [0, 2, 1, 3]]
+    refused(shared_path, comm, 2, plane, [("quad", twisted)], "found 1 quad elements inside out or flat, the first at \\(0.75, 1.5\\)")
+    flat = points * [1.0, 1.0, 0.0]
+    refused(shared_path, comm, 3, flat, [("tetra", split(cells))], "found 360 tetra elements inside out or flat")
+
+
+@pytest.mark.parametrize(("name", "content"), [("bad.vtk", "no mesh"), ("bad.msh", "no mesh"), ("bad.xyz9", "1 2 3"), ("bad.vtu", "<a>")])
+def test_unreadable_files(tmp_path, comm, capfd, name, content):
+    points, cells = grid(2)
+    data = mesh_scene(tmp_path, 2, points, [("quad", cells)]).resolved()
+    (tmp_path / name).write_text(content)
+    data["bodies"][0]["shape"]["mesh"]["file"] = str(tmp_path / name)
+    scene = parse_scene(data)
+    with pytest.raises(SceneError, match="bodies.0.shape.mesh.file: expected a mesh that meshio reads, found .*bad"):
+        generate(scene, comm)
+    assert capfd.readouterr().err == ""
+
+
+def test_plane_that_bounds_no_mesh(shared_path, comm):
+    points, cells = grid(3)
+    scene = mesh_scene(shared_path, 3, points, [("hexahedron", cells)], f"{comm.rank}.vtk")
+    data = scene.resolved() | {"boundaries": [{"kind": "fixed", "plane": "X = 1"}]}
+    with pytest.raises(SceneError, match=r"boundaries.0.plane: expected a plane that bounds a body \(X = 0 or 2\), found 'X = 1.0'"):
+        generate(parse_scene(data), comm)
