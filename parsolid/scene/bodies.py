@@ -28,7 +28,7 @@ class FilledShape(Section):
     at_most_one: ClassVar = (("particles", "spacing"),)
     name: Name | None = None
     shape: Shape
-    particles: list[Annotated[int, Field(ge=1)]] | None = None
+    particles: list[Annotated[int, Field(ge=1, le=10**12)]] | None = None
     spacing: list[Positive] | None = None
     placement: Placement | None = Field(None, description="'nodes' or 'cells'")
     jitter: float = Field(0.0, ge=0.0, lt=0.5)

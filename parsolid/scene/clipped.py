@@ -6,7 +6,7 @@ import numpy as np
 
 from parsolid.scene.bodies import FilledShape
 from parsolid.scene.cloud import Cloud
-from parsolid.scene.lattice import Line, jitter_offsets, numbers_and_spacings
+from parsolid.scene.lattice import Line, counted, jitter_offsets, numbers_and_spacings
 
 
 class ClippedFilling:
@@ -35,9 +35,8 @@ class ClippedFilling:
             exact = math.pi * radius**2 * shape.length
             curved = 2
         numbers, spacings = numbers_and_spacings(body, dimension)
-        self.lines = [
-            Line.of(self.lower[i], self.upper[i], numbers[i], spacings[i], nodes=False) for i in range(dimension)
-        ]
+        self.lines = [Line.of(self.lower[i], self.upper[i], numbers[i], spacings[i], nodes=False) for i in range(dimension)]
+        counted(self.lines)
         self.step = np.array([line.step for line in self.lines])
         self.coarsest = float(self.step.max())
         self.across = [i for i in range(dimension) if i != self.column_axis]
@@ -98,9 +97,10 @@ class ClippedFilling:
             for side in (-1, 1):
                 beyond = [one + side if k == i else one for k, one in enumerate(index)]
                 area[:, i] += side * self.face[i] * ~self._holds(beyond)
+        coordinates = [line.coordinate(one, offset[:, k]) for k, (line, one) in enumerate(zip(self.lines, index))]
         return Cloud(
             identifier=identifier,
-            position=np.stack([line.coordinate(one, offset[:, k]) for k, (line, one) in enumerate(zip(self.lines, index))], axis=1),
+            position=np.stack(coordinates, axis=1),
             volume=np.full(len(identifier), self.volume),
             spacing=np.tile(self.step, (len(identifier), 1)),
             axes=None,

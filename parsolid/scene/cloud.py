@@ -38,8 +38,6 @@ class Cloud:
         axes = None
         if any(piece.axes is not None for piece in pieces):
             cartesian = np.eye(dimension)
-            axes = np.concatenate(
-                [np.tile(cartesian, (len(p), 1, 1)) if p.axes is None else p.axes for p in pieces]
-            )
+            axes = np.concatenate([np.tile(cartesian, (len(p), 1, 1)) if p.axes is None else p.axes for p in pieces])
         names = ("identifier", "position", "volume", "spacing", "body", "area")
         return cls(axes=axes, **{name: np.concatenate([getattr(p, name) for p in pieces]) for name in names})

@@ -39,7 +39,8 @@ def generate(scene: Scene, comm: MPI.Comm) -> Cloud:
     del fillings
     cloud = Cloud.joined(pieces, scene.dimension)
     chosen = [selected(scene, boundary, cloud, comm) for boundary in scene.boundaries]
-    agree(comm, _distant_probes(scene, cloud, coarsest, comm) + _empty_regions(chosen, comm) + _not_finite(scene, cloud, chosen, comm))
+    faults = _distant_probes(scene, cloud, coarsest, comm) + _empty_regions(chosen, comm)
+    agree(comm, faults + _not_finite(scene, cloud, chosen, comm))
     return cloud
 
 

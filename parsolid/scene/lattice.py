@@ -1,5 +1,6 @@
 """Box lattices, made piece by piece: any range of ids without the rest of the lattice."""
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -7,6 +8,9 @@ import numpy as np
 
 from parsolid.scene.bodies import FilledShape
 from parsolid.scene.cloud import Cloud
+from parsolid.scene.faults import SceneError
+
+MOST_PARTICLES = 10**12
 
 
 class Filling(Protocol):
@@ -38,7 +42,8 @@ class Line:
     def of(cls, lower: float, upper: float, number: int | None, spacing: float | None, nodes: bool, closed: bool = False):
         """The line with a number of particles, or with about the given spacing."""
         if number is None:
-            number = max(1, round((upper - lower) / spacing))
+            # the upper limit keeps an absurd spacing countable, so that it can be refused
+            number = max(1, round(min((upper - lower) / spacing, 2.0 * MOST_PARTICLES)))
             number += 1 if nodes and not closed else 0
         return cls(lower, upper, number, nodes, closed)
 
@@ -96,13 +101,21 @@ def numbers_and_spacings(body: FilledShape, directions: int) -> tuple[list, list
     return numbers, spacings if len(spacings) == directions else spacings * directions
 
 
+def counted(lines: list[Line]) -> int:
+    """Number of places of a lattice. Raises SceneError when it is beyond all machines."""
+    number = math.prod(line.count for line in lines)
+    if number > MOST_PARTICLES:
+        raise SceneError([f"expected at most {MOST_PARTICLES:g} particles, found {number:g}"])
+    return number
+
+
 class Lattice:
     """The product of lines; ids run fastest along the last."""
 
     def __init__(self, lines: list[Line]):
         self.lines = lines
         self.shape = tuple(line.count for line in lines)
-        self.count = int(np.prod(self.shape, dtype=object))
+        self.count = counted(lines)
 
     def indices(self, first: int, last: int) -> list[np.ndarray]:
         """Index along each line of the particles first .. last-1."""
@@ -124,9 +137,7 @@ class BoxFilling(Lattice):
         box = body.shape.model
         numbers, spacings = numbers_and_spacings(body, dimension)
         nodes = body.placed_on == "nodes"
-        super().__init__(
-            [Line.of(box.lower[i], box.upper[i], numbers[i], spacings[i], nodes) for i in range(dimension)]
-        )
+        super().__init__([Line.of(box.lower[i], box.upper[i], numbers[i], spacings[i], nodes) for i in range(dimension)])
         self.body = body
         self.lower, self.upper = np.array(box.lower, float), np.array(box.upper, float)
         self.coarsest = max(line.step for line in self.lines)
@@ -138,9 +149,10 @@ class BoxFilling(Lattice):
         weight = np.stack([line.weight(i) for line, i in zip(self.lines, index)], axis=1)
         volume = np.prod(weight, axis=1)
         side = np.stack([line.side(i) for line, i in zip(self.lines, index)], axis=1)
+        coordinates = [line.coordinate(i, offset[:, k]) for k, (line, i) in enumerate(zip(self.lines, index))]
         return Cloud(
             identifier=identifier,
-            position=np.stack([line.coordinate(i, offset[:, k]) for k, (line, i) in enumerate(zip(self.lines, index))], axis=1),
+            position=np.stack(coordinates, axis=1),
             volume=volume,
             spacing=np.tile([line.step for line in self.lines], (len(identifier), 1)),
             axes=None,

@@ -4,7 +4,7 @@ import os
 import sys
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Any, get_args, get_origin
+from typing import Any, get_args
 
 import tomli_w
 from pydantic import ValidationError
@@ -130,7 +130,8 @@ def _told_fault(error: dict[str, Any], data: dict) -> str:
     section = _section_at(place[:-1], data)
     fields = section.model_fields if section is not None else {}
     if kind == "extra_forbidden":
-        return f"{key_path(place)}: expected one of {', '.join(fields)}, found the unknown key {place[-1]!r}{suggestion(place[-1], fields)}"
+        unknown = f"the unknown key {place[-1]!r}{suggestion(place[-1], fields)}"
+        return f"{key_path(place)}: expected one of {', '.join(fields)}, found {unknown}"
     field = fields.get(place[-1]) if place else None
     description = field.description if field is not None else None
     if kind == "missing":

@@ -70,9 +70,8 @@ class MeshFilling:
         if not sound.all():
             bad = np.flatnonzero(~sound)
             place = ", ".join(f"{x:g}" for x in nodes[bad[0]].mean(axis=0))
-            raise SceneError(
-                [f"expected elements of positive volume, found {len(bad)} {kind} elements inside out or flat, the first at ({place})"]
-            )
+            found = f"{len(bad)} {kind} elements inside out or flat, the first at ({place})"
+            raise SceneError([f"expected elements of positive volume, found {found}"])
         return volumes
 
     def _on_nodes(self, points, blocks, lumped, facets, used) -> None:

@@ -1,5 +1,7 @@
 """What a scene wants to see: probes, output, a reference to compare with."""
 
+import json
+from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
@@ -113,4 +115,13 @@ class Reference(Section):
     def _paired(self) -> "Reference":
         if (self.series is None) != (self.columns is None):
             reject(((), "series with columns, or exact with times", Phrase("one of each")))
+        if self.series is not None:
+            try:
+                data = json.loads(Path(self.series).read_text(encoding="utf-8"))
+                known = [name for name, values in data["series"].items() if len(values) == len(data["t"])]
+                float(data["E0"])
+            except (ValueError, TypeError, LookupError, AttributeError):
+                reject((("series",), "JSON with t, E0 and a table series", self.series))
+            unknown = [(column, name) for column, name in self.columns.items() if name not in known]
+            reject(*((("columns", column), f"one of {', '.join(known)}", name) for column, name in unknown))
         return self

@@ -8,7 +8,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from parsolid.scene.bodies import Body, FilledShape
 from parsolid.scene.boundaries import Boundary, Loads, PrescribedVelocity
-from parsolid.scene.faults import fault, suggestion
+from parsolid.scene.faults import SceneError, fault, key_path, suggestion
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.lattice import Filling
 from parsolid.scene.methods import Method
@@ -86,9 +86,15 @@ class Parts:
 
 def cross_faults(parts: Parts) -> list[str]:
     """Faults between the tables of a scene."""
-    fillings = {i: filling_of(body, parts.dimension) for i, body in parts.bodies.items() if body.shape.kind != "mesh"}
+    fillings, faults = {}, []
+    for i, body in parts.bodies.items():
+        if body.shape.kind != "mesh":
+            try:
+                fillings[i] = filling_of(body, parts.dimension)
+            except SceneError as error:
+                faults += [f"{key_path(('bodies', i))}: {text}" for text in error.faults]
     every_body_known = 0 < len(fillings) == parts.stated_bodies
-    faults = _repeated_names("bodies", parts.bodies) + _repeated_names("probes", parts.probes)
+    faults += _repeated_names("bodies", parts.bodies) + _repeated_names("probes", parts.probes)
     faults += _empty_bodies(fillings) + _boundary_faults(parts, fillings, every_body_known)
     if every_body_known:
         faults += _distant_probes(parts, fillings)

@@ -32,10 +32,18 @@ def shell(**keys):
 SUPPORT = {"plane": "Y = 0", "kind": "fixed"}
 PROBE = {"name": "p", "at": [0.0, 0.0, 0.0], "fields": ["velocity"]}
 
+SERIES = str(packaged_scene().with_name("column_b1.json"))
+
 BROKEN = {
-    "unknown key": ({"method.smoothin": 1.0}, "method.smoothin: expected one of kind, .*unknown key 'smoothin' .*did you mean 'smoothing'"),
+    "unknown key": (
+        {"method.smoothin": 1.0},
+        "method.smoothin: expected one of kind, .*unknown key 'smoothin' .*did you mean 'smoothing'",
+    ),
     "unknown table": ({"boundary": []}, "boundary: .*found the unknown key 'boundary' .*did you mean 'boundaries'"),
-    "unknown key in a list": ({"bodies.0.material.branches": [{"beta": 1.0, "tau": 1.0, "taus": 1.0}]}, "branches.0.taus: .*did you mean 'tau'"),
+    "unknown key in a list": (
+        {"bodies.0.material.branches": [{"beta": 1.0, "tau": 1.0, "taus": 1.0}]},
+        "branches.0.taus: .*did you mean 'tau'",
+    ),
     "wrong type": ({"end_time": "long"}, "end_time: expected a number, found 'long'"),
     "text for a truth": ({"method.reconstruction": "yes"}, "method.reconstruction: expected true or false, found 'yes'"),
     "real for a count": ({"bodies.0.particles": [3, 4.5, 5]}, "bodies.0.particles.1: expected a whole number, found 4.5"),
@@ -45,7 +53,10 @@ BROKEN = {
     "missing kind": ({"method": {}}, "method.kind: expected one of 'tlsph', found nothing"),
     "unknown method": ({"method.kind": "tlsp"}, "method.kind: expected one of 'tlsph' .*did you mean 'tlsph'.*, found 'tlsp'"),
     "unknown material": ({"bodies.0.material.kind": "neo-hookian"}, "bodies.0.material.kind: .*did you mean 'neo-hookean'"),
-    "unknown kernel": ({"method.kernel": "cubic"}, "method.kernel: expected 'wendland-c2', 'cubic-spline' or 'quintic-spline'.*found 'cubic'"),
+    "unknown kernel": (
+        {"method.kernel": "cubic"},
+        "method.kernel: expected 'wendland-c2', 'cubic-spline' or 'quintic-spline'.*found 'cubic'",
+    ),
     "dimension": ({"dimension": 1}, "dimension: expected 2 or 3, found 1"),
     "no bodies": ({"bodies": []}, "bodies: expected a list of at least 1, found"),
     "negative density": ({"bodies.0.material.density": -5.0}, "bodies.0.material.density: expected a number > 0, found -5.0"),
@@ -53,62 +64,144 @@ BROKEN = {
     "incompressible": ({"bodies.0.material.poissons_ratio": 0.5}, "poissons_ratio: expected a number < 0.5, found 0.5"),
     "auxetic": ({"bodies.0.material.poissons_ratio": -0.2}, "poissons_ratio: expected a value with lambda_hat .*found -0.2"),
     "zeta too large": ({"bodies.0.material.zeta": 1e9}, "bodies.0.material.zeta: expected zeta <= mu/2"),
-    "half of each": ({"bodies.0.material.poissons_ratio": DELETED}, "bodies.0.material: expected exactly one of poissons_ratio, lambda_hat; found none"),
+    "half of each": (
+        {"bodies.0.material.poissons_ratio": DELETED},
+        "bodies.0.material: expected exactly one of poissons_ratio, lambda_hat; found none",
+    ),
     "crossed constants": (
         {"bodies.0.material.poissons_ratio": DELETED, "bodies.0.material.lambda_hat": 1.0},
         "bodies.0.material: expected youngs_modulus with poissons_ratio, or xi with lambda_hat",
     ),
     "both constants": ({"bodies.0.material.xi": 1.0}, "exactly one of youngs_modulus, xi; found youngs_modulus and xi"),
-    "negative tau": ({"bodies.0.material.branches": [{"beta": 1.0, "tau": -1.0}]}, "branches.0.tau: expected a number > 0, found -1.0"),
-    "two stiffnesses": ({"bodies.0.material.branches": [{"beta": 1.0, "modulus": 1.0, "tau": 1.0}]}, "branches.0: expected exactly one of beta, modulus"),
+    "negative tau": (
+        {"bodies.0.material.branches": [{"beta": 1.0, "tau": -1.0}]},
+        "branches.0.tau: expected a number > 0, found -1.0",
+    ),
+    "two stiffnesses": (
+        {"bodies.0.material.branches": [{"beta": 1.0, "modulus": 1.0, "tau": 1.0}]},
+        "branches.0: expected exactly one of beta, modulus",
+    ),
     "not a number": ({"end_time": math.nan}, "end_time: expected a finite number, found nan"),
     "infinite": ({"bodies.0.shape.box.upper.1": math.inf}, "bodies.0.shape.box.upper.1: expected a finite number, found inf"),
     "negative extent": ({"bodies.0.shape.box.upper": [1.0, -2.0, 3.0]}, "box.upper.1: expected more than lower = 0, found -2.0"),
-    "two shapes": ({"bodies.0.shape.sphere": {"centre": [0.0, 0.0, 0.0], "radius": 1.0}}, "bodies.0.shape: expected exactly one of .*found box and sphere"),
+    "two shapes": (
+        {"bodies.0.shape.sphere": {"centre": [0.0, 0.0, 0.0], "radius": 1.0}},
+        "bodies.0.shape: expected exactly one of .*found box and sphere",
+    ),
     "no shape": ({"bodies.0.shape": {}}, "bodies.0.shape: expected exactly one of .*found none"),
-    "too few components": ({"bodies.0.shape.box.lower": [0.0, 0.0]}, r"box.lower: expected 3 components \(one per dimension\), found \[0.0, 0.0\]"),
-    "particles and spacing": ({"bodies.0.spacing": 0.1}, "bodies.0: expected at most one of particles, spacing; found particles and spacing"),
-    "neither particles nor spacing": ({"bodies.0.particles": DELETED}, "bodies.0: expected exactly one of particles, spacing, found"),
-    "particles of another dimension": ({"bodies.0.particles": [3, 3]}, r"particles: expected 3 numbers \(one per direction\), found \[3, 3\]"),
+    "too few components": (
+        {"bodies.0.shape.box.lower": [0.0, 0.0]},
+        r"box.lower: expected 3 components \(one per dimension\), found \[0.0, 0.0\]",
+    ),
+    "particles and spacing": (
+        {"bodies.0.spacing": 0.1},
+        "bodies.0: expected at most one of particles, spacing; found particles and spacing",
+    ),
+    "neither particles nor spacing": (
+        {"bodies.0.particles": DELETED},
+        "bodies.0: expected exactly one of particles, spacing, found",
+    ),
+    "particles of another dimension": (
+        {"bodies.0.particles": [3, 3]},
+        r"particles: expected 3 numbers \(one per direction\), found \[3, 3\]",
+    ),
     "one particle": ({"bodies.0.particles": [1, 1, 1]}, "bodies.0: expected a body of at least two particles, found 1"),
     "large jitter": ({"bodies.0.jitter": 0.5}, "bodies.0.jitter: expected a number < 0.5, found 0.5"),
     "missing mesh": (
         {"bodies.0.shape": {"mesh": {"file": "nowhere.msh"}}, "bodies.0.particles": DELETED},
         "bodies.0.shape.mesh.file: expected an existing file, found '.*nowhere.msh'",
     ),
-    "particles of a mesh": ({"bodies.0.shape": {"mesh": {"file": __file__}}}, "bodies.0.particles: expected no such key with a mesh"),
+    "particles of a mesh": (
+        {"bodies.0.shape": {"mesh": {"file": __file__}}},
+        "bodies.0.particles: expected no such key with a mesh",
+    ),
     "sphere on nodes": (
         {"bodies.0.shape": {"sphere": {"centre": [0.0, 0.0, 0.0], "radius": 1.0}}, "bodies.0.placement": "nodes"},
         "bodies.0.placement: expected 'cells' for a sphere",
     ),
-    "shell thicker than round": ({"bodies.0.shape": shell(thickness=2.5)}, "thickness: expected less than the diameter 2, found 2.5"),
+    "shell thicker than round": (
+        {"bodies.0.shape": shell(thickness=2.5)},
+        "thickness: expected less than the diameter 2, found 2.5",
+    ),
     "shell without axis": (
         {"bodies.0.shape": {"cylindrical_shell": {"base": [0.0, 0.0, 0.0], "radius": 1.0, "thickness": 0.1, "length": 1.0}}},
         "cylindrical_shell.axis: expected a value in 3-D",
     ),
     "shell turned back": ({"bodies.0.shape": shell(angles=[90.0, 0.0])}, "angles: expected .*0 < to - from <= 360"),
-    "formula syntax": ({"bodies.0.velocity": ["X +", "0", "0"]}, "bodies.0.velocity.0: expected a formula in X, Y, Z, found no formula in 'X \\+'"),
+    "formula syntax": (
+        {"bodies.0.velocity": ["X +", "0", "0"]},
+        "bodies.0.velocity.0: expected a formula in X, Y, Z, found no formula in 'X \\+'",
+    ),
     "formula name": ({"bodies.0.velocity": ["0", "x", "0"]}, "bodies.0.velocity.1: .*the unknown name 'x'"),
     "formula of time at the start": ({"bodies.0.velocity": ["0", "t", "0"]}, "bodies.0.velocity.1: .*the unknown name 't'"),
     "formula with code": ({"loads.acceleration": ["().__class__", "0", "0"]}, "loads.acceleration.0: .*__class__"),
     "formula components": ({"bodies.0.velocity": ["0", "0"]}, "bodies.0.velocity: expected 3 components"),
     "free where it cannot be": ({"bodies.0.velocity": ["0", "free", "0"]}, "bodies.0.velocity.1: .*the unknown name 'free'"),
-    "plane of no axis": ({"boundaries": [{**SUPPORT, "plane": "Q = 0"}]}, "boundaries.0.plane: expected a plane such as 'Y = 0'.*found 'Q = 0'"),
-    "plane inside": ({"boundaries": [{**SUPPORT, "plane": "Y = 0.7"}]}, r"boundaries.0.plane: expected a plane that bounds a body \(Y = 0 or 2\), found 'Y = 0.7'"),
+    "plane of no axis": (
+        {"boundaries": [{**SUPPORT, "plane": "Q = 0"}]},
+        "boundaries.0.plane: expected a plane such as 'Y = 0'.*found 'Q = 0'",
+    ),
+    "plane inside": (
+        {"boundaries": [{**SUPPORT, "plane": "Y = 0.7"}]},
+        r"boundaries.0.plane: expected a plane that bounds a body \(Y = 0 or 2\), found 'Y = 0.7'",
+    ),
     "support on a box": ({"boundaries": [{**SUPPORT, "box": {}}]}, "boundaries.0.box: .*unknown key 'box'"),
-    "velocity nowhere": ({"boundaries": [{"kind": "velocity", "velocity": ["0", "0", "0"]}]}, "boundaries.0: expected exactly one of plane, box, ball, point; found none"),
-    "unknown body": ({"boundaries": [{**SUPPORT, "body": "cub"}]}, "boundaries.0.body: expected the name of a body .*did you mean 'cube'.*found 'cub'"),
-    "probe outside": ({"probes": [{**PROBE, "at": [0.0, 9.0, 0.0]}]}, r"probes.0.at: expected a point within one spacing of a body, found \[0.0, 9.0, 0.0\]"),
-    "probe of nothing": ({"probes": [{"name": "p", "at": [0.0, 0.0, 0.0]}]}, "probes.0: expected exactly one of fields, quantity; found none"),
+    "velocity nowhere": (
+        {"boundaries": [{"kind": "velocity", "velocity": ["0", "0", "0"]}]},
+        "boundaries.0: expected exactly one of plane, box, ball, point; found none",
+    ),
+    "unknown body": (
+        {"boundaries": [{**SUPPORT, "body": "cub"}]},
+        "boundaries.0.body: expected the name of a body .*did you mean 'cube'.*found 'cub'",
+    ),
+    "probe outside": (
+        {"probes": [{**PROBE, "at": [0.0, 9.0, 0.0]}]},
+        r"probes.0.at: expected a point within one spacing of a body, found \[0.0, 9.0, 0.0\]",
+    ),
+    "probe of nothing": (
+        {"probes": [{"name": "p", "at": [0.0, 0.0, 0.0]}]},
+        "probes.0: expected exactly one of fields, quantity; found none",
+    ),
     "probe field": ({"probes": [{**PROBE, "fields": ["velocty"]}]}, "probes.0.fields.0: .*did you mean 'velocity'"),
     "probe name": ({"probes": [{**PROBE, "name": "a.b"}]}, "probes.0.name: expected a name without '.' and ',', found 'a.b'"),
-    "two probes of one name": ({"probes": [PROBE, PROBE]}, "probes.1.name: expected a name other than that of probes.0, found 'p'"),
+    "two probes of one name": (
+        {"probes": [PROBE, PROBE]},
+        "probes.1.name: expected a name other than that of probes.0, found 'p'",
+    ),
     "twist about nothing": ({"probes": [{**PROBE, "fields": ["twist"]}]}, "probes.0.axis: expected the axis"),
-    "two intervals": ({"output": {"history_steps": 2, "history_interval": 0.1}}, "output: expected at most one of history_interval, history_steps"),
-    "times out of order": ({"output": {"fields_times": [0.2, 0.1]}}, "output.fields_times.1: expected a time later than the one before, found 0.1"),
-    "missing reference": ({"reference": {"series": "none.json", "columns": {"kinetic": "K"}}}, "reference.series: expected an existing file"),
-    "reference column": ({"reference": {"series": __file__, "columns": {"kinetik": "K"}}}, "reference.columns.kinetik: expected a column of the history .*did you mean 'kinetic'"),
-    "steps out of order": ({"method.minimum_step": 1.0, "method.maximum_step": 0.5}, "method.minimum_step: expected at most maximum_step = 0.5, found 1.0"),
+    "two intervals": (
+        {"output": {"history_steps": 2, "history_interval": 0.1}},
+        "output: expected at most one of history_interval, history_steps",
+    ),
+    "times out of order": (
+        {"output": {"fields_times": [0.2, 0.1]}},
+        "output.fields_times.1: expected a time later than the one before, found 0.1",
+    ),
+    "missing reference": (
+        {"reference": {"series": "none.json", "columns": {"kinetic": "K"}}},
+        "reference.series: expected an existing file",
+    ),
+    "reference column": (
+        {"reference": {"series": SERIES, "columns": {"kinetik": "K"}}},
+        "reference.columns.kinetik: expected a column of the history .*did you mean 'kinetic'",
+    ),
+    "reference series": (
+        {"reference": {"series": SERIES, "columns": {"kinetic": "Q"}}},
+        "reference.columns.kinetic: expected one of K, W, Dint, .*found 'Q'",
+    ),
+    "reference of another kind": (
+        {"reference": {"series": __file__, "columns": {"kinetic": "K"}}},
+        "reference.series: expected JSON with t, E0 and a table series, found '.*test_faults.py'",
+    ),
+    "too many particles": ({"bodies.0.particles": [10**6] * 3}, r"bodies.0: expected at most 1e\+12 particles, found 1e\+18"),
+    "absurd spacing": (
+        {"bodies.0.particles": DELETED, "bodies.0.spacing": 1e-320},
+        r"bodies.0: expected at most 1e\+12 particles, found",
+    ),
+    "steps out of order": (
+        {"method.minimum_step": 1.0, "method.maximum_step": 0.5},
+        "method.minimum_step: expected at most maximum_step = 0.5, found 1.0",
+    ),
 }
 
 
@@ -189,7 +282,10 @@ def test_files_that_are_no_scenes(tmp_path):
 
 
 AT_GENERATION = {
-    "velocity": ({"bodies.0.velocity": ["0", "log(X)", "0"]}, r"bodies.0.velocity.1: expected a finite value at every particle, found -inf at particle 0 \(0, 0, 0\)"),
+    "velocity": (
+        {"bodies.0.velocity": ["0", "log(X)", "0"]},
+        r"bodies.0.velocity.1: expected a finite value at every particle, found -inf at particle 0 \(0, 0, 0\)",
+    ),
     "gradient": (
         {"bodies.0.deformation_gradient": [["1", "0", "0"], ["0", "1", "0"], ["0", "0", "sqrt(0.5-X)"]]},
         r"bodies.0.deformation_gradient.2.2: .* found nan at particle 70 \(1, 0, 0\)",
@@ -200,7 +296,11 @@ AT_GENERATION = {
         r"boundaries.0.traction.2: .*found nan at particle 91 \(1, 1.5, 0\)",
     ),
     "empty region": (
-        {"boundaries": [{"kind": "velocity", "ball": {"centre": [9.0, 0.0, 0.0], "radius": 1.0}, "velocity": ["0", "0", "free"]}]},
+        {
+            "boundaries": [
+                {"kind": "velocity", "ball": {"centre": [9.0, 0.0, 0.0], "radius": 1.0}, "velocity": ["0", "0", "free"]}
+            ]
+        },
         "boundaries.0: expected a region that holds particles, found 0",
     ),
     "probe in a hole": (

@@ -254,7 +254,9 @@ def test_plane_of_cells(cube, comm, jitter):
 
 def test_nearest_particles(cube, comm):
     cloud = generate(parse_scene(cube), comm)
-    names, distance = nearest_particles(comm, cloud.identifier, cloud.position, [[0.0, 0.0, 0.0], [9.0, 2.0, 3.0], [0.25, 0.0, 0.0]])
+    names, distance = nearest_particles(
+        comm, cloud.identifier, cloud.position, [[0.0, 0.0, 0.0], [9.0, 2.0, 3.0], [0.25, 0.0, 0.0]]
+    )
     np.testing.assert_array_equal(names, [0, 104, 0])
     np.testing.assert_allclose(distance, [0.0, 8.0, 0.25])
 

@@ -165,12 +165,16 @@ def test_refused_elements(shared_path, comm):
     refused(shared_path, comm, 2, tilted, [("quad", quads)], "plane mesh .* in 2-D, found nodes with different Z")
     twisted = quads.copy()
     twisted[7] = twisted[7, [0, 2, 1, 3]]
-    refused(shared_path, comm, 2, plane, [("quad", twisted)], "found 1 quad elements inside out or flat, the first at \\(0.75, 1.5\\)")
+    refused(
+        shared_path, comm, 2, plane, [("quad", twisted)], "found 1 quad elements inside out or flat, the first at \\(0.75, 1.5\\)"
+    )
     flat = points * [1.0, 1.0, 0.0]
     refused(shared_path, comm, 3, flat, [("tetra", split(cells))], "found 360 tetra elements inside out or flat")
 
 
-@pytest.mark.parametrize(("name", "content"), [("bad.vtk", "no mesh"), ("bad.msh", "no mesh"), ("bad.xyz9", "1 2 3"), ("bad.vtu", "<a>")])
+@pytest.mark.parametrize(
+    ("name", "content"), [("bad.vtk", "no mesh"), ("bad.msh", "no mesh"), ("bad.xyz9", "1 2 3"), ("bad.vtu", "<a>")]
+)
 def test_unreadable_files(tmp_path, comm, capfd, name, content):
     points, cells = grid(2)
     data = mesh_scene(tmp_path, 2, points, [("quad", cells)]).resolved()
@@ -186,5 +190,7 @@ def test_plane_that_bounds_no_mesh(shared_path, comm):
     points, cells = grid(3)
     scene = mesh_scene(shared_path, 3, points, [("hexahedron", cells)], f"{comm.rank}.vtk")
     data = scene.resolved() | {"boundaries": [{"kind": "fixed", "plane": "X = 1"}]}
-    with pytest.raises(SceneError, match=r"boundaries.0.plane: expected a plane that bounds a body \(X = 0 or 2\), found 'X = 1.0'"):
+    with pytest.raises(
+        SceneError, match=r"boundaries.0.plane: expected a plane that bounds a body \(X = 0 or 2\), found 'X = 1.0'"
+    ):
         generate(parse_scene(data), comm)

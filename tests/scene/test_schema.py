@@ -69,7 +69,12 @@ def test_neo_hookean_and_branches_without_stiffness(square):
 def test_overrides_come_before_validation(tmp_path):
     scene = load_scene(
         packaged_scene(),
-        ["bodies.0.particles=[5,25,5]", "method.kernel=cubic-spline", "bodies.0.material.branches=[]", "loads.acceleration=[0,-9.81,0]"],
+        [
+            "bodies.0.particles=[5,25,5]",
+            "method.kernel=cubic-spline",
+            "bodies.0.material.branches=[]",
+            "loads.acceleration=[0,-9.81,0]",
+        ],
     )
     assert scene.bodies[0].particles == [5, 25, 5] and scene.method.kernel == "cubic-spline"
     assert scene.bodies[0].material.branches == []
@@ -78,7 +83,16 @@ def test_overrides_come_before_validation(tmp_path):
 
 @pytest.mark.parametrize(
     ("text", "value"),
-    [("3", 3), ("0.5", 0.5), ("true", True), ("[1, 2]", [1, 2]), ('"3"', "3"), ("Y = 0", "Y = 0"), ("a\nb = 1", "a\nb = 1"), ("1\nb = 1", "1\nb = 1")],
+    [
+        ("3", 3),
+        ("0.5", 0.5),
+        ("true", True),
+        ("[1, 2]", [1, 2]),
+        ('"3"', "3"),
+        ("Y = 0", "Y = 0"),
+        ("a\nb = 1", "a\nb = 1"),
+        ("1\nb = 1", "1\nb = 1"),
+    ],
 )
 def test_override_values(text, value):
     assert override_value(text) == value
