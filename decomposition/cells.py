@@ -32,8 +32,9 @@ class Cells(NamedTuple):
 
 
 def checked_points(points: np.ndarray, name: str = "points") -> np.ndarray:
-    """The points as a (n, d) float64 array, d = 1, 2 or 3. Raises ValueError for another shape."""
-    points = np.asarray(points, dtype=np.float64)
+    """The points as a contiguous (n, d) float64 array, d = 1, 2 or 3. Raises ValueError for another shape."""
+    # numba compiles the kernels for one layout only
+    points = np.ascontiguousarray(points, dtype=np.float64)
     if points.ndim != 2 or not 1 <= points.shape[1] <= 3:
         raise ValueError(f"{name}: expected shape (n, d) with d = 1, 2 or 3, found {points.shape}")
     if len(points) >= 2**31:
@@ -186,8 +187,8 @@ def _build(points, lower, inverse, shape):
     return Cells(lower, inverse, shape, order, x, y, z, cell_key, begin, table)
 
 
-def grid(lower: np.ndarray, upper: np.ndarray, size: float, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Lower corner, 1 / cell size and number of cells, each (3,), for cells of at least `size`, at most `most` an axis."""
+def grid(lower: np.ndarray, upper: np.ndarray, size: float, most: int) -> tuple[np.ndarray, ...]:
+    """Lower corner, 1 / cell size and number of cells, each (3,): cells of at least `size`, at most `most` an axis."""
     corner, inverse, shape = np.zeros(3), np.ones(3), np.ones(3, np.int64)
     if np.all(lower <= upper):
         d = len(lower)

@@ -1,7 +1,7 @@
-"""Messages between owners and ghosts: one per neighbour for any set of arrays, packed and unpacked by one numba call each.
+"""Messages between owners and ghosts: one a neighbour for any set of arrays, packed and unpacked by a numba call each.
 
 A transfer is described by one table of integers, made once: addresses and strides of every column of every array, the
-rows that go to or come from each neighbour, and the message buffer. A start then costs one numba call with one argument.
+rows that go to or come from each neighbour, and the message buffer. A start is then one numba call with one argument.
 """
 
 import weakref
@@ -134,9 +134,9 @@ def _checked(array, index: int, capacity: int, accumulate: bool) -> None:
 class Exchange:
     """A set of arrays to be sent from owners to ghosts, or added from ghosts to owners, again and again.
 
-    Made by `Halo.exchange` and `Halo.accumulate`. Holds addresses inside the arrays, which it keeps alive and which must not
-    be resized. Between start and finish the rows to be sent must not be written, nor those received be read. Several may be
-    under way at once if all ranks start them in the same order.
+    Made by `Halo.exchange` and `Halo.accumulate`. Holds addresses in the arrays, which it keeps alive and which must
+    not be resized. What is sent is copied at the start; what is received is written at the finish, so between the two
+    the arrays are free. Several may be under way at once if all ranks start them in the same order.
 
     bytes_sent, bytes_received: of one start on this rank.
     """

@@ -4,7 +4,7 @@ import numpy as np
 from mpi4py import MPI
 from numba import njit
 
-from .cells import bounds, checked_length, checked_points, within_reach
+from .cells import bounds, checked_points, within_reach
 from .exchange import _TAGS, Exchange
 
 _PLAN_TAG = _TAGS
@@ -12,14 +12,16 @@ _KEEP_TAG = _TAGS + 1
 
 
 def _boxes(comm, points: np.ndarray, reach: float) -> np.ndarray:
-    """Bounding box of every rank's points (ranks, 2, d); every rank raises when a coordinate, d or reach is wrong on one."""
+    """Bounding box of each rank's points (ranks, 2, d); all raise if a coordinate, d or reach of one is wrong."""
     d = points.shape[1]
     mine = np.full(8, np.nan)
     mine[:d], mine[3 : 3 + d] = bounds(points)
-    mine[6:] = d, reach
+    mine[6:] = d, reach if 0.0 < reach < np.inf else np.nan
     boxes = np.empty((comm.size, 8))
     comm.Allgather(mine, boxes)
     for rank in range(comm.size):
+        if np.isnan(boxes[rank, 7]):
+            raise ValueError(f"reach: expected a positive finite length, found another on rank {rank}; here {reach!r}")
         if boxes[rank, 6] != boxes[0, 6] or boxes[rank, 7] != boxes[0, 7]:
             raise ValueError(
                 f"points, reach: expected the same dimension and reach on all ranks, found {boxes[rank, 6]:.0f} and "
@@ -32,7 +34,7 @@ def _boxes(comm, points: np.ndarray, reach: float) -> np.ndarray:
 
 @njit(cache=True)
 def _near_box(points, lower, upper, reach):
-    """Rows of the points closer than reach to a box; in rounding, too, none is missed that is that close to a point in it."""
+    """Rows of points closer than reach to a box; rounding is monotonic:, none that close to a point in it is missed."""
     found = 0
     for turn in range(2):
         if turn:
@@ -64,10 +66,10 @@ def _overlapping(boxes: np.ndarray, here: int, reach: float) -> list[int]:
 
 def _swap(comm, ranks: list[int], outgoing: list[np.ndarray], tag: int) -> list[np.ndarray]:
     """Send each rank its array (rows of one shape and type) and return theirs, whose lengths are not known before."""
-    sizes = [np.array([len(array)]) for array in outgoing]
+    sizes = [np.array([len(array)], np.int64) for array in outgoing]
     theirs = [np.empty(1, np.int64) for _ in ranks]
     requests = [comm.Irecv(size, rank, tag) for size, rank in zip(theirs, ranks)]
-    requests += [comm.Isend(size.astype(np.int64), rank, tag) for size, rank in zip(sizes, ranks)]
+    requests += [comm.Isend(size, rank, tag) for size, rank in zip(sizes, ranks)]
     MPI.Request.Waitall(requests)
     incoming = [np.empty((size[0], *array.shape[1:]), array.dtype) for size, array in zip(theirs, outgoing)]
     requests = [comm.Irecv(array, rank, tag) for array, rank in zip(incoming, ranks)]
@@ -107,12 +109,13 @@ class Halo:
     def plan(cls, comm, points: np.ndarray, reach: float) -> "Halo":
         """Find the ghosts: all points of other ranks closer than `reach` to one of this rank's points, and no others.
 
-        points (n, d) [m], d = 1, 2 or 3, this rank's own, which may be none; reach [m]. Collective. Ghosts are ordered by rank
-        and then by row on that rank. Only bounding boxes go to all ranks; points near a rank's box go to that rank.
-        Raises ValueError, on all ranks, for a coordinate that is not finite or a reach that differs between ranks.
+        points (n, d) [m], d = 1, 2 or 3, this rank's own, which may be none; reach [m]. Collective. Ghosts are ordered
+        by rank and then by row on that rank. Only bounding boxes go to all ranks; points near a rank's box go to that
+        rank. Raises ValueError, on all ranks, for a coordinate that is not finite and for a reach that is not positive
+        and finite or differs between ranks.
         """
-        points = np.ascontiguousarray(checked_points(points))
-        reach = checked_length(reach, "reach")
+        points = checked_points(points)
+        reach = float(reach)
         boxes = _boxes(comm, points, reach)
         ranks = _overlapping(boxes, comm.rank, reach)
         candidates = [_near_box(points, boxes[rank, 0], boxes[rank, 1], reach) for rank in ranks]
@@ -158,15 +161,15 @@ class Halo:
     def exchange(self, arrays: list[np.ndarray]) -> Exchange:
         """An exchange that copies owners' rows of the arrays to their ghosts; make it in the same order on all ranks.
 
-        arrays: (capacity, ...) of any strides and any type of 8 bytes, capacity >= owned + ghosts; the same columns on all
-        ranks. All travel in one message a neighbour. Raises ValueError for other arrays.
+        arrays: (capacity, ...) of any strides and any type of 8 bytes, capacity >= owned + ghosts; the same columns on
+        all ranks. All travel in one message a neighbour. Raises ValueError for other arrays.
         """
         return Exchange(
             self.comm, arrays, self._owner_side, self._ghost_side, self.owned + self.ghosts, self._tag(), False
         )
 
     def accumulate(self, arrays: list[np.ndarray]) -> Exchange:
-        """An exchange that adds ghosts' rows of float64 arrays to their owners', in the order of the ranks that hold them.
+        """An exchange that adds ghosts' rows of float64 arrays to their owners', in the order of the holding ranks.
 
         The ghosts' rows keep their values. Otherwise as `exchange`.
         """

@@ -53,9 +53,10 @@ def _counts(comm, owner: np.ndarray, arrays: dict) -> tuple[np.ndarray, np.ndarr
 def migrate(comm, owner: np.ndarray, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Send row i of every array to rank owner[i]; collective.
 
-    owner (n,) integers; arrays: name -> (n, ...) of any plain type and strides, the same names, types and row shapes in the
-    same order on all ranks. Returns new contiguous arrays, rows ordered by the rank they come from, then as they were there.
-    One array travels at a time, and rows that stay are copied once. Raises ValueError, on all ranks, for wrong arguments.
+    owner (n,) integers; arrays: name -> (n, ...) of any plain type and strides, the same names, types and row shapes in
+    the same order on all ranks. Returns new contiguous arrays, rows ordered by the rank they come from, then as they
+    were there. One array travels at a time, and rows that stay are copied once. Raises ValueError, on all ranks, for
+    wrong arguments.
     """
     owner = np.asarray(owner)
     arrays = {name: np.asarray(array) for name, array in arrays.items()}
@@ -71,9 +72,8 @@ def migrate(comm, owner: np.ndarray, arrays: dict[str, np.ndarray]) -> dict[str,
     to[here] = 0
     incoming = source.copy()
     incoming[here] = 0
-    return {
-        name: _move(comm, array, leaving, staying, to, incoming, received_before, kept_at) for name, array in arrays.items()
-    }
+    route = leaving, staying, to, incoming, received_before, kept_at
+    return {name: _move(comm, array, *route) for name, array in arrays.items()}
 
 
 def _move(comm, array, leaving, staying, to, incoming, received_before, kept_at) -> np.ndarray:

@@ -3,7 +3,8 @@
 import numpy as np
 from numba import njit
 
-from .cells import build_cells, cell_coordinate, checked_bounds, checked_length, checked_points, grid, locate, stable_order, surround
+from .cells import build_cells, cell_coordinate, checked_bounds, checked_length, checked_points
+from .cells import grid, locate, stable_order, surround
 
 
 @njit(cache=True)
@@ -116,10 +117,10 @@ def half_pairs(points: np.ndarray, owned: int, reach: float) -> tuple[np.ndarray
     """Every pair of points closer than `reach`, once, in compressed rows.
 
     points (n, d) [m], d = 1, 2 or 3: the first `owned` rows are the rank's own, the others ghosts. reach [m].
-    Returns start (owned + 1,) int64 and neighbour (m,) int32: the neighbours b of a are neighbour[start[a]:start[a + 1]],
-    rising, all b > a; so a pair of owned points stands once, under the first, and one with a ghost under the owned one.
-    Pairs of ghosts are left out. Points at one place are a pair. Linear time where the points in a cell are bounded; about
-    50 bytes a point beside the result. Fastest when the points are ordered by `order_along_cells`.
+    Returns start (owned + 1,) int64 and neighbour (m,) int32: those of a are neighbour[start[a]:start[a + 1]], rising,
+    all behind a; so a pair of owned points stands once, under the first, and one with a ghost under the owned one.
+    Pairs of ghosts are left out. Points at one place are a pair. Linear time where the points in a cell are bounded;
+    about 60 bytes a point beside the result. Fastest when the points are ordered by `order_along_cells`.
     Raises ValueError for a bad shape, an `owned` outside 0..n, a reach that is not positive, a coordinate not finite.
     """
     points = checked_points(points)

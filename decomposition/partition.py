@@ -2,8 +2,8 @@
 
 Source: M. J. Berger and S. H. Bokhari, "A partitioning strategy for nonuniform problems on multiprocessors", IEEE
 Transactions on Computers C-36 (1987). All parts of a level are cut at once. A cut is found exactly, by histograms over
-the bits of the coordinates; points tied on the cut are told apart by their other coordinates, and points at one place by
-rank and row, so that lattices, too, are cut to the particle.
+the bits of the coordinates; points tied on the cut are told apart by their other coordinates, and points at one place
+by rank and row, so that lattices, too, are cut to the particle.
 """
 
 import numpy as np
@@ -20,10 +20,11 @@ _TIED, _LEFT, _RIGHT = np.int8(0), np.int8(1), np.int8(2)
 
 
 @njit(cache=True)
-def _sortable(x):
-    """Unsigned integer in the order of the floating-point number."""
-    bits = np.array([x + 0.0]).view(np.uint64)[0]
+def _sortable(bits):
+    """Unsigned integer in the order of the double that has these bits; the zeros of both signs are one."""
     sign = np.uint64(1) << np.uint64(63)
+    if bits == sign:
+        return sign
     return ~bits if bits & sign else bits | sign
 
 
@@ -41,14 +42,17 @@ def _part_bounds(points, part, parts):
 
 
 @njit(cache=True)
-def _histogram(points, weights, part, side, axis, low, shift, bins):
-    """Weight of the tied points of each part in each bin of width 2**shift from `low`; points off both ends are not tied."""
+def _histogram(bits, weights, part, side, axis, low, shift, bins):
+    """Weight of the tied points of each part in each bin of width 2**shift from `low`.
+
+    bits (n, d) uint64: those of the coordinates; points beyond the bins at either end are left out.
+    """
     result = np.zeros((len(axis), bins), np.int64)
-    for i in range(len(points)):
+    for i in range(len(bits)):
         p = part[i]
         if p < 0 or side[i] != _TIED or axis[p] < 0:
             continue
-        key = _sortable(points[i, axis[p]])
+        key = _sortable(bits[i, axis[p]])
         if key >= low[p]:
             k = (key - low[p]) >> shift[p]
             if k < np.uint64(bins):
@@ -57,12 +61,12 @@ def _histogram(points, weights, part, side, axis, low, shift, bins):
 
 
 @njit(cache=True)
-def _split_tied(points, part, side, axis, cut):
+def _split_tied(bits, part, side, axis, cut):
     """Send tied points beside the cut to their side; those on it stay tied."""
-    for i in range(len(points)):
+    for i in range(len(bits)):
         p = part[i]
         if p >= 0 and side[i] == _TIED and axis[p] >= 0:
-            key = _sortable(points[i, axis[p]])
+            key = _sortable(bits[i, axis[p]])
             if key != cut[p]:
                 side[i] = _LEFT if key < cut[p] else _RIGHT
 
@@ -83,7 +87,7 @@ def _split_by_row(weights, part, side, before, target):
     for i in range(len(part)):
         p = part[i]
         if p >= 0 and side[i] == _TIED:
-            # weight / 2 is rounded down: a point of weight 1 fits exactly or not at all
+            # half the weight is rounded up: a point of weight 1 fits wholly or not at all
             side[i] = _LEFT if before[p] + (weights[i] + 1) // 2 <= target[p] else _RIGHT
             before[p] += weights[i]
 
@@ -103,14 +107,15 @@ def _reduced(comm, local: np.ndarray, operation) -> np.ndarray:
 def _integer_weights(comm, n: int, weights) -> np.ndarray:
     """Weights as integers whose sum over all ranks fits; ones where none are given. Raises ValueError on all ranks."""
     if weights is None:
-        return np.broadcast_to(np.int64(1), (n,))
+        return np.ones(n, np.int64)
     weights = np.asarray(weights, dtype=np.float64)
     good = weights.shape == (n,) and bool(np.isfinite(weights).all()) and bool((weights >= 0.0).all())
     total = _reduced(comm, np.array([weights.sum() if good else np.nan, float(n)]), MPI.SUM)
     if np.isnan(total[0]):
-        raise ValueError(f"weights: expected {n} finite numbers, none negative, on every rank; here shape {weights.shape}")
+        found = f"shape {weights.shape}, from {weights.min(initial=np.inf)} on" if weights.size else "none"
+        raise ValueError(f"weights: expected {n} finite numbers, none negative, on every rank; here found {found}")
     if total[0] == 0.0:
-        return np.broadcast_to(np.int64(1), (n,))
+        return np.ones(n, np.int64)
     return np.rint(weights * (_UNITS / total[0])).astype(np.int64)
 
 
@@ -120,6 +125,7 @@ class _Level:
     def __init__(self, comm, points, weights, part, ranks):
         self.comm, self.points, self.weights, self.part, self.ranks = comm, points, weights, part, ranks
         self.parts = len(ranks)
+        self.bits = points.view(np.uint64)
         self.side = np.zeros(len(points), np.int8)
         box = _reduced(comm, _part_bounds(points, part, self.parts), MPI.MIN)
         self.lower, self.upper = box[:, 0], -box[:, 1]
@@ -151,24 +157,25 @@ class _Level:
         """Find each part's cut value along its axis: the weight below fits the target, that up to it does not."""
         rows = np.arange(self.parts)
         low, high = np.zeros(self.parts, np.uint64), np.zeros(self.parts, np.uint64)
+        lower, upper = self.lower.copy().view(np.uint64), self.upper.copy().view(np.uint64)
         for p in np.flatnonzero(axis >= 0):
-            low[p], high[p] = _sortable(self.lower[p, axis[p]]), _sortable(self.upper[p, axis[p]])
+            low[p], high[p] = _sortable(lower[p, axis[p]]), _sortable(upper[p, axis[p]])
         bits = max(_FEWEST_BITS, min(_MOST_BITS, int(np.log2(_ENTRIES / self.parts))))
         width = int(max((int(h) - int(l) for l, h in zip(low, high)), default=0)).bit_length()
         below = np.zeros(self.parts, np.int64)
         while True:
             width = max(width - bits, 0)
             shift = np.full(self.parts, width, np.uint64)
-            weight = _histogram(self.points, self.weights, self.part, self.side, axis, low, shift, 1 << bits)
+            weight = _histogram(self.bits, self.weights, self.part, self.side, axis, low, shift, 1 << bits)
             upto = np.cumsum(_reduced(self.comm, weight, MPI.SUM), axis=1)
             fits = below[:, None] + upto <= self.target[:, None]
-            # the last bin when all the weight fits: then the cut lies beyond every tied point
+            # all the weight fits only in parts without points, whose cut does not matter
             k = np.minimum(fits.sum(axis=1), (1 << bits) - 1)
             below += np.where(k > 0, upto[rows, k - 1], 0)
             low += k.astype(np.uint64) << shift
             if width == 0:
                 break
-        _split_tied(self.points, self.part, self.side, axis, low)
+        _split_tied(self.bits, self.part, self.side, axis, low)
         self.target -= below
 
 
@@ -191,9 +198,9 @@ def bisect(comm, points: np.ndarray, weights: np.ndarray | None = None) -> np.nd
     """New owner of each point, (n,) int32: parts of about equal weight, compact, near ones on near ranks. Collective.
 
     points (n, d) [m], d = 1, 2 or 3, this rank's share, which may be empty; weights (n,), none negative, or None on all
-    ranks. Any number of ranks. Without weights the parts differ by at most two points. The same points give the same parts
-    however they are spread over the ranks, save points at one place. Raises ValueError, on all ranks, for weights that
-    are negative or not finite and for coordinates that are not finite.
+    ranks. Any number of ranks. Without weights the parts differ by at most two points. The same points give the same
+    parts however they are spread over the ranks, save points at one place. Raises ValueError, on all ranks, for weights
+    that are negative or not finite and for coordinates that are not finite.
     """
     points = checked_points(points)
     if _reduced(comm, np.array([int(np.isnan(bounds(points)[0]).any())]), MPI.MAX)[0]:

@@ -8,13 +8,13 @@ from numba import njit
 _LIMB_BITS = 32
 _LIMBS = 68
 _LEAST_EXPONENT = 1074
-# additions of less than 2**32 that a limb of 63 bits surely takes
+# additions of less than 2**33 that a limb of 63 bits surely takes
 _BETWEEN_CARRIES = 1 << 29
 _NAN, _POSITIVE, _NEGATIVE = _LIMBS, _LIMBS + 1, _LIMBS + 2
 
 
 def sums(comm, values) -> np.ndarray:
-    """Sum of each value over all ranks, the same on all, as an array of the same shape; one Allreduce. Collective."""
+    """Sum of each value over all ranks, the same on all, in an array of the same shape; one Allreduce. Collective."""
     values = np.array(values)
     result = np.empty_like(values)
     comm.Allreduce(values, result, MPI.SUM)
@@ -72,11 +72,11 @@ def _rounded(limbs: np.ndarray) -> float:
 
 
 def ordered_sum(comm, values: np.ndarray) -> float | np.ndarray:
-    """The double nearest to the exact sum over all ranks: the same bits for any order and any number of ranks. Collective.
+    """The double nearest to the exact sum over all ranks: the same bits for any order and number of ranks. Collective.
 
-    values (n,) float64, n may differ between ranks and be 0: returns a float. values (n, c), the same c on all ranks: the sum
-    of each column, (c,). NaN or infinite values give NaN or the infinity. Raises ValueError for another shape.
-    Source: U. Kulisch, "Very fast and exact accumulation of products", Computing 91 (2011): one long fixed-point number.
+    values (n,) float64, n may differ between ranks and be 0: returns a float. values (n, c), the same c on all ranks:
+    the sum of each column, (c,). NaN or infinite values give NaN or the infinity. Raises ValueError for another shape.
+    Source: U. Kulisch, "Very fast and exact accumulation of products", Computing 91 (2011): a long fixed-point number.
     """
     values = np.asarray(values, dtype=np.float64)
     if values.ndim not in (1, 2):
@@ -108,9 +108,9 @@ class MinimumAhead:
         return self._request is not None
 
     def begin(self, values) -> None:
-        """Start the reduction of this rank's values (length,); collective. NaN counts as -inf, so that no rank misses it."""
+        """Start the reduction of this rank's values (length,); collective. NaN counts as -inf, so none misses it."""
         if self._request is not None:
-            raise RuntimeError("MinimumAhead.begin: expected the result of the last begin to be fetched, found it pending")
+            raise RuntimeError("MinimumAhead.begin: expected the last result to be fetched first, found it pending")
         self._values[:] = values
         self._values[np.isnan(self._values)] = -np.inf
         self._request = self._comm.Iallreduce(self._values, self._minima, MPI.MIN)

@@ -1,8 +1,8 @@
 """Tests on any number of ranks: `pytest`, or `mpirun -n 3 python -m pytest`; a failure on one rank is one on all.
 
-All ranks run all tests in step. After each phase of a test they tell each other how it went, so that a test that fails on
-one rank fails on all, and rank 0 reports it. A rank that fails while the others wait for it inside the test would leave
-them waiting for ever; then, after a grace, it shows its failure and ends the whole job.
+All ranks run all tests in step. After each phase of a test they tell each other how it went, so that a test that fails
+on one rank fails on all, and rank 0 reports it. A rank that fails while the others wait for it inside the test would
+leave them waiting for ever; then, after a grace, it shows its failure and ends the whole job.
 """
 
 import faulthandler

@@ -1,0 +1,94 @@
+"""How long the decomposition takes: `mpirun -n 2 python -m decomposition.benchmark [--points-per-rank N]`.
+
+A cubic lattice, reach 2.4 spacings (about 56 neighbours a point), is partitioned, ordered, planned, paired, exchanged.
+Times are the slowest rank's, best of several. "Beyond the messages" is packing, unpacking and Python.
+"""
+
+import argparse
+
+import numpy as np
+from mpi4py import MPI
+
+from . import Halo, bisect, half_pairs, migrate, order_along_cells, ordered_sum
+
+_REACH = 2.4
+
+
+def _slice(comm, points_per_rank: int) -> np.ndarray:
+    """This rank's share of a cubic lattice of about points_per_rank * ranks points: (n, 3)."""
+    edge = round((points_per_rank * comm.size) ** (1 / 3))
+    first, last = edge**3 * comm.rank // comm.size, edge**3 * (comm.rank + 1) // comm.size
+    return np.stack(np.unravel_index(np.arange(first, last), (edge,) * 3), axis=1).astype(float)
+
+
+def _timed(comm, work, repeats: int = 3):
+    """Seconds of the slowest rank, best of several, and the last result."""
+    work()
+    best = np.inf
+    for _ in range(repeats):
+        comm.Barrier()
+        begun = MPI.Wtime()
+        result = work()
+        best = min(best, comm.allreduce(MPI.Wtime() - begun, MPI.MAX))
+    return best, result
+
+
+def _exchange_seconds(comm, exchange, repeats: int) -> tuple[float, float]:
+    """Seconds of one start and finish, and of its bare messages, best of five series."""
+
+    def bare():
+        MPI.Prequest.Startall(exchange._receives)
+        MPI.Prequest.Startall(exchange._sends)
+        MPI.Prequest.Waitall(exchange._all)
+
+    def whole():
+        exchange.start()
+        exchange.finish()
+
+    def series(work):
+        for _ in range(repeats):
+            work()
+
+    return _timed(comm, lambda: series(whole), 5)[0] / repeats, _timed(comm, lambda: series(bare), 5)[0] / repeats
+
+
+def main() -> None:
+    """Measure and print one line a part, on rank 0."""
+    parser = argparse.ArgumentParser(prog="python -m decomposition.benchmark", description=__doc__.splitlines()[0])
+    parser.add_argument("--points-per-rank", type=int, default=100_000)
+    arguments = parser.parse_args()
+    comm = MPI.COMM_WORLD
+
+    def say(text: str) -> None:
+        if comm.rank == 0:
+            print(text, flush=True)
+
+    points = _slice(comm, arguments.points_per_rank)
+    n = len(points)
+    say(f"{comm.size} ranks, {n} points on rank 0")
+
+    def report(name, work):
+        seconds, result = _timed(comm, work)
+        say(f"{name:20s} {seconds * 1e3:9.2f} ms {seconds / n * 1e9:7.0f} ns a point")
+        return result
+
+    owner = report("bisect", lambda: bisect(comm, points))
+    points = report("migrate", lambda: migrate(comm, owner, {"points": points})["points"])
+    points = points[report("order_along_cells", lambda: order_along_cells(points, _REACH))]
+    halo = report("Halo.plan", lambda: Halo.plan(comm, points, _REACH))
+    everywhere = np.concatenate((points, halo.ghost_positions()))
+    start, neighbour = report("half_pairs", lambda: half_pairs(everywhere, halo.owned, _REACH))
+    report("ordered_sum", lambda: ordered_sum(comm, points[:, 0]))
+    say(f"{len(neighbour)} pairs ({neighbour.nbytes / 2**20:.0f} MiB), {halo.ghosts} ghosts on rank 0")
+    capacity = halo.owned + halo.ghosts
+    for columns in (1, 10, 27):
+        exchange = halo.exchange([np.zeros((columns, capacity)).T])
+        whole, bare = _exchange_seconds(comm, exchange, 200)
+        say(
+            f"exchange {columns:2d} columns  {whole * 1e6:9.1f} us, {exchange.bytes_sent} bytes from rank 0; "
+            f"beyond the messages {max(whole - bare, 0.0) * 1e6:.1f} us"
+        )
+
+
+if __name__ == "__main__":
+    main()

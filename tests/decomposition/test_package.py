@@ -1,0 +1,41 @@
+"""The package as a whole: cheap to import, alone, the same bits every time."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import decomposition
+from decomposition import Halo, bisect, half_pairs, migrate, order_along_cells
+
+from point_sets import point_set, share
+
+
+def test_public_names_exist():
+    assert {"bisect", "migrate", "half_pairs", "Halo", "ordered_sum"} <= set(dir(decomposition))
+    assert all(callable(getattr(decomposition, name)) for name in decomposition.__all__)
+    with pytest.raises(AttributeError, match="gather_everything"):
+        decomposition.gather_everything
+
+
+@pytest.mark.mpi(ranks=[1])
+def test_import_is_cheap_and_alone():
+    code = "import sys, decomposition; print([n for n in ('numba', 'mpi4py', 'numpy') if n in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
+    code = "import sys; from decomposition import *; print([n for n in sys.modules if n.startswith('parsolid')])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
+
+
+def test_the_same_input_gives_the_same_order(comm):
+    points = point_set("lattice", 3)
+    results = []
+    for _ in range(2):
+        mine = points[share(comm, len(points))]
+        mine = migrate(comm, bisect(comm, mine), {"points": mine})["points"]
+        mine = mine[order_along_cells(mine, 0.3)]
+        halo = Halo.plan(comm, mine, 0.3)
+        everywhere = np.concatenate((mine, halo.ghost_positions()))
+        results.append((everywhere, *half_pairs(everywhere, halo.owned, 0.3)))
+    for first, second in zip(*results):
+        np.testing.assert_array_equal(first, second)
