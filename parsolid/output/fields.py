@@ -1,0 +1,198 @@
+"""Fields of the particles over time, in fields.vtkhdf, which ParaView opens as it is.
+
+Rows are ordered by the particles' identifiers, so that a particle keeps its row from step to step and the file does
+not depend on the number of ranks. To that end ranks exchange rows; none ever has more than its even share.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from mpi4py import MPI
+
+from decomposition.migration import migrate
+from parsolid.output import vtkhdf
+from parsolid.output.errors import OutputError, agree, together
+from parsolid.output.slabs import SlabWriter, places, probe
+
+DEFAULT_NAME = "fields.vtkhdf"
+
+
+class FieldSeries:
+    """Writes steps to a VTKHDF file, which is readable, with all complete steps, at every instant.
+
+    Parameters: comm; path; capacity, how many steps the file has room for (space is taken as steps are written);
+    resume_at, a time [s]: go on with the file at path, keeping its steps up to and including that time, if it is
+    whole and holds the same fields of as many particles, else None; double, write floating-point fields with 8
+    bytes instead of 4 (positions always have 8); method as in `slabs`.
+
+    A file that is at path and is not gone on with, or is full, is renamed to the next free of fields.1.vtkhdf,
+    fields.2.vtkhdf and so on. Checkpoints must be written after the fields of the same time, not before.
+    """
+
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        path: Path | str,
+        capacity: int,
+        resume_at: float | None = None,
+        double: bool = False,
+        method: str | None = None,
+    ):
+        if capacity < 1:
+            raise ValueError(f"capacity: expected at least 1, found {capacity}")
+        self._comm = comm
+        self.path = Path(path)
+        self._capacity = capacity
+        self._resume_at = resume_at
+        self._floats = np.float64 if double else np.float32
+        self._method = method
+        self._layout: vtkhdf.Layout | None = None
+        self._places: dict = {}
+        self._times = np.empty(0)
+
+    @property
+    def times(self) -> np.ndarray:
+        """Times of the steps in the file [s]; known after the first `write`."""
+        return self._times
+
+    def write(
+        self,
+        time: float,
+        identifier: np.ndarray,
+        position: np.ndarray,
+        varying: dict[str, np.ndarray],
+        constant: dict[str, np.ndarray] | None = None,
+    ) -> None:
+        """Add a step at a time [s] later than the last; at the time of the last it does nothing. Collective.
+
+        identifier (n,): the particles 0 to N - 1, each on one rank; position (n, d) [m]. varying, constant: name ->
+        (n,) scalars, (n, d) vectors, (n, d, d) or (n, 4) (2-D) or (n, 9) tensors by rows, or any (n, c); plane ones are
+        padded with zeros to 3-D. constant fields are written with a file's first step only. All strides will do.
+
+        Raises OutputError on all ranks; the steps before remain readable.
+        """
+        constant = constant or {}
+        if self._layout is None:
+            self._begin(len(identifier), varying, constant)
+        if len(self._times) and time <= self._times[-1]:
+            if time == self._times[-1]:
+                return
+            raise OutputError(f"{self.path}: expected a time after {self._times[-1]:.9g} s, found {time:.9g} s")
+        rows = _ByIdentifier(self._comm, identifier, self._layout.particles)
+        if len(self._times) == self._layout.capacity:
+            self._start_new_file()
+        step = len(self._times) * self._layout.particles + rows.first
+        with SlabWriter(self._comm, self.path, self._places, self._method) as writer:
+            writer.write("VTKHDF/Points", step, rows.arrange(_in_space(position)))
+            for name, values in varying.items():
+                writer.write(f"VTKHDF/PointData/{name}", step, rows.arrange(self._shown(values)))
+            if len(self._times) == 0:
+                self._write_constants(writer, rows, constant)
+        self._publish(np.append(self._times, time))
+
+    def _begin(self, owned: int, varying: dict, constant: dict) -> None:
+        kinds = [
+            {name: (_in_space(values).shape[1:], self._shown(values[:0]).dtype.name) for name, values in fields.items()}
+            for fields in (varying, constant)
+        ]
+        wrong = [name for name in (*varying, *constant) if "/" in name or name in (".", "")]
+        twice = set(varying) & set(constant)
+        if wrong or twice:
+            raise ValueError(f"fields: expected distinct names without '/', found {', '.join(sorted({*wrong, *twice}))}")
+        particles = self._comm.allreduce(owned)
+        self._layout = vtkhdf.Layout(particles, self._capacity, *kinds)
+        if not self._resume():
+            self._start_new_file()
+
+    def _resume(self) -> bool:
+        """Go on with the file at path, if it will do."""
+        found = None
+        if self._comm.rank == 0 and self._resume_at is not None:
+            try:
+                layout, times = vtkhdf.published(self.path)
+                if layout.like(self._layout):
+                    found = layout, times[times <= self._resume_at], places(self.path)
+            except OutputError:
+                found = None  # torn or not there: it is set aside like any other
+        found = self._comm.bcast(found)
+        if found is None:
+            return False
+        self._layout, times, self._places = found
+        self._publish(times)
+        return True
+
+    def _start_new_file(self) -> None:
+        self._layout = self._layout._replace(capacity=self._capacity)
+        laid = None
+        with together(self._comm, f"cannot lay out {self.path}"):
+            if self._comm.rank == 0:
+                partial = self.path.with_name(self.path.name + ".partial")
+                probe(partial, self._layout.bytes_per_step)
+                vtkhdf.lay_out(partial, self._layout)
+                laid = places(partial)
+                if self.path.exists():
+                    self.path.rename(_next_free(self.path))
+                partial.rename(self.path)
+        self._places = self._comm.bcast(laid)
+        self._times = np.empty(0)
+
+    def _write_constants(self, writer: SlabWriter, rows: "_ByIdentifier", constant: dict) -> None:
+        for name in self._layout.constant:
+            writer.write(f"VTKHDF/PointData/{name}", rows.first, rows.arrange(self._shown(constant[name])))
+        for name, entries in (("Connectivity", vtkhdf.vertex_connectivity), ("Offsets", vtkhdf.vertex_offsets)):
+            total = self._places[f"VTKHDF/Vertices/{name}"].shape[0]
+            first, last = (total * rank // self._comm.size for rank in (self._comm.rank, self._comm.rank + 1))
+            writer.write(f"VTKHDF/Vertices/{name}", first, entries(first, last))
+
+    def _publish(self, times: np.ndarray) -> None:
+        with together(self._comm, f"cannot write {self.path}"):
+            if self._comm.rank == 0:
+                vtkhdf.publish(self.path, times)
+        self._times = times
+
+    def _shown(self, values: np.ndarray) -> np.ndarray:
+        """Values as they are written: in space, floats with the precision asked for."""
+        values = _in_space(values)
+        if values.dtype.kind == "f":
+            return values.astype(self._floats, copy=False)
+        return values.astype(np.uint8) if values.dtype == bool else values
+
+
+class _ByIdentifier:
+    """Moves rows so that rank r has the identifiers from ceil(r N / ranks) on, in order."""
+
+    def __init__(self, comm: MPI.Comm, identifier: np.ndarray, particles: int):
+        """Collective. OutputError on all ranks unless the identifiers are 0 to N - 1, each once."""
+        self._comm = comm
+        self.first, end = (-(-rank * particles // comm.size) for rank in (comm.rank, comm.rank + 1))
+        outside = len(identifier) > 0 and not 0 <= identifier.min() <= identifier.max() < particles
+        fault = ValueError(f"identifier: expected 0 to {particles - 1}, each on one rank")
+        agree(comm, fault if outside else None, "cannot order the particles")
+        self._owner = identifier * comm.size // particles if particles else identifier
+        moved = migrate(comm, self._owner, {"identifier": identifier})["identifier"]
+        self._order = np.argsort(moved, kind="stable")
+        whole = np.array_equal(moved[self._order], np.arange(self.first, end))
+        agree(comm, None if whole else fault, "cannot order the particles")
+
+    def arrange(self, values: np.ndarray) -> np.ndarray:
+        """This rank's share of an array in the order of the identifiers. Collective."""
+        return migrate(self._comm, self._owner, {"values": values})["values"][self._order]
+
+
+def _in_space(values: np.ndarray) -> np.ndarray:
+    """Plane vectors (n, 2) as (n, 3), tensors (n, 4) and (n, d, d) as (n, 9); anything else as it is."""
+    if values.ndim == 2 and values.shape[1] == 2:
+        return np.pad(values, ((0, 0), (0, 1)))
+    if values.ndim == 2 and values.shape[1] == 4:
+        values = values.reshape(-1, 2, 2)
+    if values.ndim == 3:
+        missing = 3 - values.shape[1]
+        return np.pad(values, ((0, 0), (0, missing), (0, missing))).reshape(-1, 9)
+    return values
+
+
+def _next_free(path: Path) -> Path:
+    number = 1
+    while (found := path.with_name(f"{path.stem}.{number}{path.suffix}")).exists():
+        number += 1
+    return found

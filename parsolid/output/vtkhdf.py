@@ -1,0 +1,148 @@
+"""A VTKHDF file of points over time (PolyData, one vertex cell a particle), laid out once for a number of steps.
+
+Source: VTKHDF specification, version 2.2, "Poly data" and "Temporal data". Every step has as many points, in the same
+order, so that cells and constant fields are stored once: their offsets are 0 for all steps.
+
+Readers take the number of steps from Steps/NSteps and want Steps/Values of exactly that length. A run may be killed
+between the two, so they are never changed while in use: /series holds two versions of the Steps group, the one not in
+use is brought up to date, and then a soft link is pointed at it, which is one small write to the file.
+
+    /VTKHDF/Steps       -> /series/shown/steps -> /series/empty, /series/first or /series/other
+    /series             attribute layout (JSON): what the file was laid out for
+"""
+
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+import h5py
+import numpy as np
+
+from parsolid.output.errors import OutputError, words
+from parsolid.output.slabs import create_slab, flush_to_disk, open_serial
+
+VERSION = (2, 2)
+
+# a reader loads a part as one piece: larger sets are cut so that parallel readers can share them
+PART = 4_000_000
+
+_TOPOLOGIES = ("Vertices", "Lines", "Polygons", "Strips")
+
+
+class Layout(NamedTuple):
+    """particles; capacity, the most steps; name -> (row shape, dtype name) of the fields that vary and that do not."""
+
+    particles: int
+    capacity: int
+    varying: dict
+    constant: dict
+
+    def like(self, other: "Layout") -> bool:
+        """True when both hold the same fields of as many particles."""
+        return self._replace(capacity=0) == other._replace(capacity=0)
+
+    @property
+    def bytes_per_step(self) -> int:
+        """Bytes that one step adds."""
+        rows = [np.dtype(kind).itemsize * int(np.prod(shape)) for shape, kind in self.varying.values()]
+        return self.particles * (24 + sum(rows))
+
+
+def lay_out(path: Path | str, layout: Layout) -> None:
+    """Create the file with no step in it. One rank alone."""
+    particles, capacity, parts = layout.particles, layout.capacity, -(-layout.particles // PART)
+    with open_serial(path, "w") as file:
+        vtk = file.create_group("VTKHDF")
+        vtk.attrs["Version"] = np.array(VERSION, np.int64)
+        # readers want a string of fixed length
+        vtk.attrs.create("Type", b"PolyData", dtype=h5py.string_dtype("ascii", 8))
+        sizes = np.full(parts, PART)
+        sizes[parts - 1 :] = particles - PART * (parts - 1)
+        vtk["NumberOfPoints"] = sizes
+        create_slab(vtk, "Points", (capacity * particles, 3), np.float64)
+        for name in _TOPOLOGIES:
+            _create_cells(vtk.create_group(name), sizes if name == "Vertices" else np.zeros_like(sizes))
+        data = vtk.create_group("PointData")
+        for name, (shape, kind) in layout.varying.items():
+            create_slab(data, name, (capacity * particles, *shape), kind)
+        for name, (shape, kind) in layout.constant.items():
+            create_slab(data, name, (particles, *shape), kind)
+        _create_steps(file, layout, parts)
+        vtk["Steps"] = h5py.SoftLink("/series/shown/steps")
+
+
+def _create_cells(group: h5py.Group, sizes: np.ndarray) -> None:
+    group["NumberOfCells"] = sizes
+    group["NumberOfConnectivityIds"] = sizes
+    create_slab(group, "Connectivity", (sizes.sum(),), np.int64)
+    if sizes.any():
+        create_slab(group, "Offsets", (sizes.sum() + len(sizes),), np.int64)
+    else:
+        group["Offsets"] = np.zeros(len(sizes), np.int64)
+
+
+def _create_steps(file: h5py.File, layout: Layout, parts: int) -> None:
+    series = file.create_group("series")
+    series.attrs["layout"] = json.dumps(layout)
+    capacity = layout.capacity
+    tables = series.create_group("tables")
+    tables["PartOffsets"] = np.zeros(capacity, np.int64)
+    tables["NumberOfParts"] = np.full(capacity, parts)
+    tables["PointOffsets"] = np.arange(capacity) * layout.particles
+    for name in ("CellOffsets", "ConnectivityIdOffsets"):
+        tables[name] = np.zeros((capacity, len(_TOPOLOGIES)), np.int64)
+    offsets = tables.create_group("PointDataOffsets")
+    for name in layout.varying:
+        offsets[name] = np.arange(capacity) * layout.particles
+    for name in layout.constant:
+        offsets[name] = np.zeros(capacity, np.int64)
+    for state in ("empty", "first", "other"):
+        steps = series.create_group(state)
+        steps.attrs["NSteps"] = np.int64(0)
+        # one chunk, in the file from the start, so that publishing allocates nothing
+        length = 0 if state == "empty" else 1
+        steps.create_dataset("Values", (length,), np.float64, maxshape=(capacity,), chunks=(capacity,), data=np.zeros(length))
+        for name in tables:
+            steps[name] = tables[name]
+    # a group that tracks the order keeps its link in its own header, one block of the file
+    series.create_group("shown", track_order=True)["steps"] = h5py.SoftLink("/series/empty")
+
+
+def vertex_connectivity(first: int, last: int) -> np.ndarray:
+    """Entries first to last of Vertices/Connectivity: the point of each cell, counted within its part."""
+    return np.arange(first, last) % PART
+
+
+def vertex_offsets(first: int, last: int) -> np.ndarray:
+    """Entries first to last of Vertices/Offsets: where each cell's points begin, one entry more than cells in a part."""
+    return np.arange(first, last) % (PART + 1)
+
+
+def published(path: Path | str) -> tuple[Layout, np.ndarray]:
+    """The layout of a file and the times of its steps [s]. One rank alone; OutputError when it is no such file."""
+    try:
+        with open_serial(path, "r") as file:
+            particles, capacity, *fields = json.loads(file["series"].attrs["layout"])
+            kinds = [{name: (tuple(shape), kind) for name, (shape, kind) in field.items()} for field in fields]
+            steps = file["VTKHDF/Steps"]
+            return Layout(particles, capacity, *kinds), steps["Values"][: steps.attrs["NSteps"]]
+    except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
+        raise OutputError(f"{path}: not a whole series of fields ({words(error)})") from error
+
+
+def publish(path: Path | str, times: np.ndarray) -> None:
+    """Make the first len(times) steps, at these times [s], the ones that readers see. One rank alone."""
+    with open_serial(path, "r+") as file:
+        shown = file["series/shown"].get("steps", getlink=True).path
+        unused = "/series/other" if shown == "/series/first" else "/series/first"
+        if len(times) == 0:
+            unused = "/series/empty"
+        else:
+            file[unused].attrs.modify("NSteps", np.int64(len(times)))
+            file[unused]["Values"].resize((len(times),))
+            file[unused]["Values"][...] = times
+    flush_to_disk(path)
+    with open_serial(path, "r+") as file:
+        del file["series/shown/steps"]
+        file["series/shown/steps"] = h5py.SoftLink(unused)
+    flush_to_disk(path)
