@@ -19,11 +19,12 @@ ON_PLANE = 1e-6
 
 @dataclass(frozen=True)
 class MirrorPlane:
-    """The plane X[axis] = coordinate; kind is "roller", "fixed" or "antisymmetric"."""
+    """The plane X[axis] = coordinate; kind is "roller", "fixed" or "antisymmetric"; body is an index, None means all."""
 
     axis: int
     coordinate: float
     kind: str
+    body: int | None = None
 
     def signs(self) -> np.ndarray:
         """Q (3,)."""
@@ -36,9 +37,14 @@ class MirrorPlane:
         normal = np.arange(dimension) == self.axis
         return {"roller": normal, "fixed": np.ones(dimension, bool), "antisymmetric": ~normal}[self.kind]
 
-    def contains(self, positions: np.ndarray, spacing: np.ndarray) -> np.ndarray:
-        """Which particles lie on the plane."""
-        return np.abs(positions[:, self.axis] - self.coordinate) <= ON_PLANE * spacing.min(axis=1)
+    def concerns(self, body: np.ndarray) -> np.ndarray:
+        """Which particles, by their body (n,), the plane is meant for."""
+        return np.ones(len(body), bool) if self.body is None else body == self.body
+
+    def contains(self, cloud) -> np.ndarray:
+        """Which particles it is meant for lie on the plane."""
+        offset = np.abs(cloud.position[:, self.axis] - self.coordinate)
+        return self.concerns(cloud.body) & (offset <= ON_PLANE * cloud.spacing.min(axis=1))
 
 
 @dataclass
@@ -77,10 +83,11 @@ class MirrorCodes:
                 shifts[code, plane.axis] = 2.0 * plane.coordinate
         return cls(signs, reflections, shifts, stress_signs, subsets, tolerance)
 
-    def near(self, positions: np.ndarray, code: int, reach: np.ndarray) -> np.ndarray:
-        """Particles within reach (d,) [m] of all planes of a code."""
+    def near(self, positions: np.ndarray, body: np.ndarray, code: int, reach: np.ndarray) -> np.ndarray:
+        """Particles that all planes of a code are meant for and within reach (d,) [m] of them."""
         result = np.ones(len(positions), bool)
         for plane in self.planes[code]:
+            result &= plane.concerns(body)
             result &= np.abs(positions[:, plane.axis] - plane.coordinate) <= reach[plane.axis]
         return result
 
@@ -98,9 +105,10 @@ class MirrorCodes:
 
 
 def check_sides(comm, plane: MirrorPlane, cloud, key: str) -> None:
-    """All particles must lie on one side of a mirror plane; collective."""
-    offset = cloud.position[:, plane.axis] - plane.coordinate
-    slack = ON_PLANE * cloud.spacing.min(axis=1, initial=np.inf)
+    """All particles that a mirror plane is meant for must lie on one side of it; collective."""
+    meant = plane.concerns(cloud.body)
+    offset = cloud.position[meant, plane.axis] - plane.coordinate
+    slack = ON_PLANE * cloud.spacing[meant].min(axis=1, initial=np.inf)
     below = anywhere(comm, np.any(offset < -slack))
     above = anywhere(comm, np.any(offset > slack))
     letter = "XYZ"[plane.axis]

@@ -48,7 +48,7 @@ class BoundarySet:
         """On how many mirror planes each particle lies (n,)."""
         count = np.zeros(len(cloud.position))
         for plane in self.planes:
-            count += plane.contains(cloud.position, cloud.spacing)
+            count += plane.contains(cloud)
         return count
 
     def loads_at(self, time: float) -> np.ndarray | None:
@@ -95,16 +95,17 @@ def build_boundaries(comm, scene, cloud, density: np.ndarray) -> BoundarySet:
     Raises SolverError on all ranks when a region holds no particle or a mirror plane cuts a body.
     """
     dimension = cloud.position.shape[1]
+    names = {body.name: index for index, body in enumerate(scene.bodies) if body.name is not None}
     planes, held, prescribed, loads = [], np.zeros((len(cloud.position), dimension), bool), [], []
     for index, boundary in enumerate(scene.boundaries):
         chosen = selected(scene, boundary, cloud, comm)
         if boundary.kind in ("roller", "fixed", "antisymmetric"):
-            plane = MirrorPlane(boundary.plane.axis, boundary.plane.offset, boundary.kind)
+            plane = MirrorPlane(boundary.plane.axis, boundary.plane.offset, boundary.kind, names.get(boundary.body))
             if boundary.mirror:
                 check_sides(comm, plane, cloud, f"boundaries.{index}")
                 planes.append(plane)
                 # cell-centred particles beside the plane move; their images hold them
-                chosen &= plane.contains(cloud.position, cloud.spacing)
+                chosen &= plane.contains(cloud)
             held |= chosen[:, None] & plane.held(dimension)
             continue
         _need_particles(comm, chosen, f"boundaries.{index}")

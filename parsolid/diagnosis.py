@@ -5,21 +5,18 @@ import numpy as np
 from parsolid.together import minimum
 
 
-def describe_failure(simulation, stable: float, floor: float) -> str:
-    """One message, the same on every rank; collective."""
+def describe_failure(simulation, otherwise: str) -> str:
+    """One message, the same on every rank; `otherwise` says what is wrong if no particle is at fault. Collective."""
     comm = simulation.comm
     local = _worst_particle(simulation)
     first = minimum(comm, comm.rank if local is not None else comm.size)
     found = comm.bcast(local, root=first) if first < comm.size else None
-    what = "an unstable state"
-    where = ""
+    what, where = otherwise, ""
     if found is not None:
         what = found["what"]
         where = (
             f"\n  particle   {found['identifier']} on rank {first}, at X = ({found['reference']}), now x = ({found['position']})"
         )
-    elif stable >= 0.0:
-        what = f"the stable time step {stable:.3g} s fell below the floor {floor:.3g} s"
     return (
         f"the run failed: {what}\n"
         f"  time       {simulation.clock.time:.9g} s, step {simulation.clock.step}{where}\n"

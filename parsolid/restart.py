@@ -17,6 +17,7 @@ class Restart:
         self.comm, self.path = comm, path
         self.header, self.values, self.rows = read_checkpoint(comm, path)
         self.same_ranks = self.header["ranks"] == comm.size
+        self.stable = self.header["stable_step"]
         dimension = self.values["reference_position"].shape[1]
         self.cloud = self._cloud(dimension)
         if not self.same_ranks:
@@ -48,15 +49,17 @@ class Restart:
         simulation.clock.time, simulation.clock.step = self.header["time"], self.header["step"]
 
 
-def header_of(simulation, probes) -> dict:
+def header_of(simulation, watch) -> dict:
     """What a restart needs besides the fields; collective."""
     return {
         "ranks": simulation.comm.size,
         "particles": simulation.particles,
         "time": simulation.clock.time,
         "step": simulation.clock.step,
+        "stable_step": simulation.stable,
         "initial_energy": simulation.ledger.initial,
-        "probes": probes.state(),
+        "largest_energy": watch.largest_energy,
+        "probes": watch.probes.state(),
         "scene": simulation.scene.resolved(),
     }
 

@@ -8,13 +8,14 @@ import numpy as np
 
 from decomposition.reduction import MinimumAhead
 from parsolid.boundary_set import build_boundaries
+from parsolid.diagnosis import describe_failure
 from parsolid.distribution import distribute, sort_for_speed, take
 from parsolid.initial import initial_state, laws_of
 from parsolid.ledger import Ledger
 from parsolid.methods import METHODS
 from parsolid.methods.groups import group_numbers, ranges
 
-RUNNING, FINISHED, STOPPED, FAILED = "running", "finished", "stopped", "failed"
+FINISHED, STOPPED, INTERRUPTED = "finished", "stopped", "interrupted"
 
 
 class RunFailed(RuntimeError):
@@ -23,7 +24,7 @@ class RunFailed(RuntimeError):
 
 @dataclass
 class Limits:
-    """Where to stop before the scene's end: steps, wall time [s]."""
+    """Where to stop before the scene's end: number of steps, reading of the performance counter [s]."""
 
     steps: int | None = None
     wall: float | None = None
@@ -78,8 +79,13 @@ class Simulation:
         else:
             initial_state(scene, cloud, self.method)
         self.boundaries = boundaries
-        self.minimum = MinimumAhead(comm, 2)
-        self.failed = False
+        self.minimum = MinimumAhead(comm, 3)
+        self.failed, self.checkpoint_wanted, self.broken_balance = False, False, None
+        self.last_checkpoint: str | None = None
+        # the step agreed on for the current state; a restart takes it from the checkpoint, for the same bits
+        self.stable = restart.stable if restart else None
+        self.first_step = self.clock.step
+        self.particles = comm.allreduce(self.method.owned)
         self.setup_seconds = clock.perf_counter() - self.clock.began
 
     def _generate(self):
@@ -87,34 +93,34 @@ class Simulation:
 
         return generate(self.scene, self.comm)
 
-    @property
-    def particles(self) -> int:
-        """Number of particles on all ranks; collective."""
-        return self.comm.allreduce(self.method.owned)
-
     def run(self, watch, limits: Limits, stop: StopRequest) -> str:
-        """Advance to the scene's end, a limit or a signal; FINISHED or STOPPED. Collective.
+        """Advance to the scene's end (FINISHED), a number of steps (STOPPED), a signal or a wall time (INTERRUPTED). Collective.
 
         `watch` (see `output.watch`) is told of every step. Raises RunFailed on all ranks.
         """
-        end, began = self.scene.end_time, clock.perf_counter()
-        first_step = self.clock.step
-        self.minimum.begin(np.array([self.method.stable_step(), 0.0]))
+        end = self.scene.end_time
+        self.first_step = self.clock.step
+        stable = self.method.stable_step() if self.stable is None else self.stable
+        self.minimum.begin(np.array([stable, 0.0, 0.0]))
         while True:
-            stable, interrupted = self._result()
-            self._check(stable)
+            self.stable, interrupted, checkpoint = self._result()
+            self.checkpoint_wanted = checkpoint < 0.0
+            self._check(self.stable)
             watch.look(self)
+            self._check_balance()
             if self.clock.time >= end:
                 return FINISHED
-            if interrupted < 0.0 or (limits.steps is not None and self.clock.step - first_step >= limits.steps):
+            if interrupted < 0.0:
+                return INTERRUPTED
+            if limits.steps is not None and self.clock.step - self.first_step >= limits.steps:
                 return STOPPED
-            wall = clock.perf_counter() - began
-            wanted = stop.received is not None or (limits.wall is not None and wall > limits.wall)
-            self._advance(watch.clip(self.clock.time, self._limit(stable)), wanted)
+            late = limits.wall is not None and clock.perf_counter() > limits.wall
+            wishes = (float(stop.received is not None or late), float(watch.wall_checkpoint_due()))
+            self._advance(watch.clip(self.clock.time, self._limit(self.stable)), wishes)
 
     def take_step(self, step: float) -> None:
         """One time step [s] and the reduction that goes with it, whatever the stable step is; collective."""
-        self._advance((step, self.clock.time + step), False)
+        self._advance((step, self.clock.time + step), (0.0, 0.0))
         self._result()
 
     def _result(self) -> np.ndarray:
@@ -127,14 +133,14 @@ class Simulation:
         longest = self.scene.method.maximum_step
         return stable if longest is None else min(stable, longest)
 
-    def _advance(self, advance: tuple[float, float], wanted: bool) -> None:
-        """One step to a time; the next stable step and any wish to stop are agreed on while the forces are computed."""
+    def _advance(self, advance: tuple[float, float], wishes: tuple[float, float]) -> None:
+        """One step to a time; the next stable step and wishes (to stop, to write a checkpoint) are agreed on meanwhile."""
         step, arrival = advance
         began = clock.perf_counter()
 
         def announce(sound: bool, stable: float) -> None:
             healthy = sound and not self.failed and np.isfinite(stable)
-            self.minimum.begin(np.array([stable if healthy or self.method.owned == 0 else -1.0, -float(wanted)]))
+            self.minimum.begin(np.array([stable if healthy or self.method.owned == 0 else -1.0, -wishes[0], -wishes[1]]))
 
         for number in range(len(self.method.stages)):
             if not self.method.advance_stage(number, self.clock.time, step, self.ledger, announce):
@@ -149,6 +155,8 @@ class Simulation:
         floor = self.scene.method.minimum_step or 1e-12 * self.scene.end_time
         if stable >= floor:
             return
-        from parsolid.diagnosis import describe_failure
+        raise RunFailed(describe_failure(self, f"the stable time step {stable:.3g} s fell below the floor {floor:.3g} s"))
 
-        raise RunFailed(describe_failure(self, stable, floor))
+    def _check_balance(self) -> None:
+        if self.broken_balance is not None:
+            raise RunFailed(describe_failure(self, f"the energy balance is off by {self.broken_balance:.4g} J"))

@@ -1,7 +1,7 @@
 """The pair engine: gradient and divergence over a pair list, with Riemann dissipation, for every pair method.
 
 With an antisymmetric weight g_ab and one matrix L_a a particle, the two passes are
-    gradient    (grad v)_a = [sum_b (v_b - v_a) (x) g_ab] L_a / V_a
+    gradient    (grad v)_a = [sum_b (v_b - v_a) (x) g_ab] L_a^T / V_a
     divergence  T_a        =  sum_b (P_a L_a + P_b L_b) g_ab              [N]
 and the dissipation of the upwinding is, eqs (74), (75) with linear reconstruction,
     D_a = sum_b k_ab [c_s u + (c_p - c_s) (u.n) n],  u = v_b - v_a - 1/2 (grad v_a + grad v_b)(X_b - X_a),  n = x_ab/|x_ab|.

@@ -159,6 +159,19 @@ def _matmul(a, b):
         )  # fmt: skip
 
 
+def matmul_transposed(a, b):
+    """a b^T of two general tensors."""
+    raise NotImplementedError
+
+
+@overload(matmul_transposed)
+def _matmul_transposed(a, b):
+    if _size(a) == PLANE:
+        return lambda a, b: matmul(a, (b[0], b[2], b[1], b[3], b[4]))
+    if _size(a) == SPACE:
+        return lambda a, b: matmul(a, (b[0], b[3], b[6], b[1], b[4], b[7], b[2], b[5], b[8]))
+
+
 def expand(s):
     """A symmetric tensor as a general one."""
     raise NotImplementedError

@@ -31,6 +31,7 @@ from parsolid.kernels.tensor import (
     lane_of_symmetric,
     largest_eigenvalue,
     matmul,
+    matmul_transposed,
     scale,
     trace_symmetric,
 )
@@ -192,7 +193,8 @@ def advance_deformation(space, first, last, law, stage, body, gradient, riemann,
         else:
             F0, H0, J0 = load_deformation(space, body.start, i)
         L = load_correction(space, body.correction, i)
-        G = scale(1.0 / load(body.volume, 0, i), matmul(load_gradient(space, gradient, i), L))
+        # (70): C_ab = 2 L_a g_ab, and L is symmetric only where spacings are equal
+        G = scale(1.0 / load(body.volume, 0, i), matmul_transposed(load_gradient(space, gradient, i), L))
         old_inverse = _start_inverse(body.branches, stage.first, H, J, H0, J0)
         evolved = _branches_at_stage(space, law, body.branches, stage, i, F, H, J, old_inverse)
         branch_sum = _branch_sum(evolved)

@@ -38,15 +38,15 @@ def metrics(spacing: np.ndarray, axes: np.ndarray | None, smoothing: float) -> n
     return result
 
 
-def common_metric(comm, metric: np.ndarray) -> np.ndarray:
-    """One row when all particles of all ranks have the same metric, to round-off; else the rows as they are."""
+def common_metric(comm, metric: np.ndarray) -> tuple[np.ndarray, bool]:
+    """(one row, True) when all particles of all ranks have the same metric to round-off, else (the rows, False); collective."""
     low, high = np.full(6, np.inf), np.full(6, -np.inf)
     if len(metric):
         low, high = metric.min(axis=0), metric.max(axis=0)
     low, high = minimum(comm, low), maximum(comm, high)
     if np.all(high - low <= 1e-9 * np.abs(high).max()):
-        return low[None, :].copy()
-    return metric
+        return low[None, :].copy(), True
+    return metric, False
 
 
 def reach_of(comm, metric: np.ndarray, support: float, dimension: int) -> Reach:
@@ -84,22 +84,14 @@ class Pairing:
         return 2 * len(self.inner.neighbour) + sum(len(p.neighbour) for p in (self.rim, self.mirror) if p is not None)
 
 
-def _with_ghosts(halo: Halo, owned: np.ndarray) -> np.ndarray:
-    """An array of owned rows extended by the ghosts' rows; collective."""
-    full = np.zeros((halo.owned + halo.ghosts, *owned.shape[1:]))
-    full[: halo.owned] = owned
-    halo.update([full])
-    return full
-
-
 _IDENTITY = (np.ones((1, 3)), np.zeros((1, 3)))
 
 
-def _mirror_candidates(positions, owned, codes: MirrorCodes, reach: Reach):
+def _mirror_candidates(positions, body, owned, codes: MirrorCodes, reach: Reach):
     """Pairs of owned particles and images near the planes, as (start, neighbour, code), unfiltered by the metric."""
     starts, neighbours, kinds = [], [], []
     for code in range(len(codes.signs)):
-        near = codes.near(positions, code, reach.scale * reach.distance)
+        near = codes.near(positions, body, code, reach.scale * reach.distance)
         apart = near & ~codes.on_planes(positions, code)
         receivers = np.flatnonzero(near[:owned])
         givers = np.flatnonzero(apart)
@@ -149,17 +141,19 @@ class _Builder:
         return pairs
 
 
-def build_pairing(comm, kernel, positions, metric, volume, codes: MirrorCodes | None, factor: float) -> Pairing:
+def build_pairing(comm, kernel, positions, body, metric, volume, codes: MirrorCodes | None, factor: float) -> Pairing:
     """Plan ghosts and build every list; collective.
 
-    positions (n, d) [m], metric (1 or n, 6) [1/m^2], volume (n,) [m^3] of owned particles; factor scales the dissipation.
+    positions (n, d) [m], body (n,), metric (n, 6) [1/m^2], volume (n,) [m^3] of owned particles; factor scales the
+    dissipation.
     Raises SolverError, on all ranks, for coincident particles and for a particle without neighbours.
     """
     dimension, owned = positions.shape[1], len(positions)
+    metric, uniform = common_metric(comm, metric)
     reach = reach_of(comm, metric, kernel.support, dimension)
     halo = Halo.plan(comm, np.ascontiguousarray(positions / reach.scale), reach.distance)
-    place, V = _with_ghosts(halo, positions), _with_ghosts(halo, volume)
-    full_metric = metric if len(metric) == 1 and comm.allreduce(len(metric)) == comm.size else _with_ghosts(halo, metric)
+    place, V = halo.with_ghosts(positions), halo.with_ghosts(volume)
+    full_metric = metric if uniform else halo.with_ghosts(metric)
     build = _Builder(kernel, place, full_metric, V)
     start, neighbour = half_pairs(np.ascontiguousarray(place / reach.scale), owned, reach.distance)
     plain = np.zeros(len(neighbour), np.int8)
@@ -169,7 +163,7 @@ def build_pairing(comm, kernel, positions, metric, volume, codes: MirrorCodes | 
         rim = build.weigh(*build.select(start, neighbour, owned, len(place), plain, *_IDENTITY), *_IDENTITY)
     del start, neighbour, plain
     if codes is not None:
-        start, neighbour, code = _mirror_candidates(place, owned, codes, reach)
+        start, neighbour, code = _mirror_candidates(place, halo.with_ghosts(body.astype(np.int64)), owned, codes, reach)
         selected = build.select(start, neighbour, 0, len(place), code, codes.reflections, codes.shifts)
         mirror = build.weigh(*selected, codes.reflections, codes.shifts)
         images = Images(selected[2], codes.table(dimension))

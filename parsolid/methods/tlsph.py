@@ -4,6 +4,8 @@ A stage is: ghosts' v and x while the inner gradient runs; gradient at the rim; 
 ghosts' records while the inner forces run; forces at the rim; momentum.
 """
 
+import time as clock
+
 import numpy as np
 
 from parsolid.integrators import SSP_RK3
@@ -13,7 +15,7 @@ from parsolid.kernels.smoothing import KERNELS
 from parsolid.methods import motion
 from parsolid.methods.deformation import Body, Stage, advance_deformation, largest_wave_modulus
 from parsolid.methods.groups import Group
-from parsolid.methods.pairing import Pairing, build_pairing, common_metric, metrics
+from parsolid.methods.pairing import Pairing, build_pairing, metrics
 from parsolid.particles import Field, FieldTable
 from parsolid.together import anywhere, maximum
 
@@ -31,6 +33,7 @@ class TotalLagrangianSPH:
         Raises SolverError on all ranks when particles cannot be paired.
         """
         self.comm, self.settings, self.groups, self.boundaries = comm, settings, groups, boundaries
+        self.communication_seconds = 0.0
         self.owned, self.dimension = cloud.position.shape
         self.space = layout.LAYOUT[self.dimension]
         self.passes = _PASSES[self.dimension]
@@ -49,10 +52,10 @@ class TotalLagrangianSPH:
         self._plan_exchanges()
 
     def _pair(self, cloud, share, factor) -> Pairing:
-        metric = common_metric(self.comm, metrics(cloud.spacing, cloud.axes, self.settings.smoothing))
+        metric = metrics(cloud.spacing, cloud.axes, self.settings.smoothing)
         kernel = KERNELS[self.settings.kernel]
         codes = self.boundaries.codes
-        return build_pairing(self.comm, kernel, cloud.position, metric, cloud.volume / share, codes, factor)
+        return build_pairing(self.comm, kernel, cloud.position, cloud.body, metric, cloud.volume / share, codes, factor)
 
     def _allocate(self, cloud, share) -> None:
         d, owned = self.dimension, self.owned
@@ -153,7 +156,7 @@ class TotalLagrangianSPH:
         self.gradient[:] = 0.0
         L = self.body.correction[:, : self.owned].T.reshape(self.owned, d, d)
         volume = self.body.volume[0, : self.owned, None, None]
-        return (columns @ L / volume).reshape(self.owned, d * d)
+        return (columns @ L.swapaxes(1, 2) / volume).reshape(self.owned, d * d)
 
     # --- what the loop asks -----------------------------------------------------------------------------------
 
@@ -216,20 +219,26 @@ class TotalLagrangianSPH:
 
     def _pass_gradient(self) -> None:
         pairing, passes = self.pairing, self.passes
-        self.motion_exchange.start()
+        self._timed(self.motion_exchange.start)
         passes.gradient_inner(0, self.owned, pairing.inner, self.kinematics, self.gradient)
-        self.motion_exchange.finish()
+        self._timed(self.motion_exchange.finish)
         if pairing.rim is not None:
             passes.gradient_one_sided(0, self.owned, pairing.rim, None, self.kinematics, self.gradient)
         if pairing.mirror is not None:
             passes.gradient_one_sided(0, self.owned, pairing.mirror, pairing.images, self.kinematics, self.gradient)
 
+    def _timed(self, communicate) -> None:
+        """Send or receive, and count the seconds it takes."""
+        began = clock.perf_counter()
+        communicate()
+        self.communication_seconds += clock.perf_counter() - began
+
     def _pass_force(self) -> None:
         pairing, passes = self.pairing, self.passes
         choices = (self.riemann, self.shear, self.reconstruct, self.kinematics, self.record, self.force)
-        self.record_exchange.start()
+        self._timed(self.record_exchange.start)
         passes.force_inner(0, self.owned, pairing.inner, *choices)
-        self.record_exchange.finish()
+        self._timed(self.record_exchange.finish)
         if pairing.rim is not None:
             passes.force_one_sided(0, self.owned, pairing.rim, None, *choices)
         if pairing.mirror is not None:

@@ -1,0 +1,63 @@
+"""The directory of a run's results: made if need be, and never at the cost of results that are there."""
+
+import os
+from pathlib import Path
+
+from mpi4py import MPI
+
+from parsolid.output.errors import OutputError, together
+
+# what a run writes; a new run moves it aside
+RESULTS = (
+    "history.csv",
+    "fields.vtkhdf",
+    "fields.*.vtkhdf",
+    "checkpoint.h5",
+    "checkpoint.previous.h5",
+    "scene.toml",
+    "summary.json",
+    "*.partial",
+)
+
+
+def prepare(comm: MPI.Comm, directory: Path | str, continuing: bool = False, inputs: tuple = ()) -> Path:
+    """Make a directory ready for a run; returns it. Collective.
+
+    A new run moves the results of an older one to the next free of previous-1/, previous-2/ and so on within the
+    directory. continuing: they stay, to be gone on with. inputs: files that the run reads (its scene, meshes,
+    checkpoint): none of them is moved; where the run would write a file of the same name, that is an error.
+
+    Raises OutputError on all ranks when the directory cannot be made or written, or an input is in the way.
+    """
+    directory = Path(directory)
+    with together(comm, f"cannot write to the directory {directory}"):
+        if comm.rank == 0:
+            directory.mkdir(parents=True, exist_ok=True)
+            if not os.access(directory, os.W_OK | os.X_OK):
+                raise PermissionError(13, "Permission denied", str(directory))
+            results = sorted({path for pattern in RESULTS for path in directory.glob(pattern) if path.is_file()})
+            _refuse_inputs(results, inputs, continuing)
+            if results and not continuing:
+                _move_aside(directory, results)
+    return directory
+
+
+def _refuse_inputs(results: list[Path], inputs: tuple, continuing: bool) -> None:
+    read = {Path(path).resolve() for path in inputs}
+    for path in results:
+        # a continued run reads a checkpoint here, and does not lose it
+        if path.resolve() in read and not (continuing and path.suffix == ".h5"):
+            raise OutputError(f"{path} is read by this run and would be overwritten: choose another output directory")
+
+
+def _move_aside(directory: Path, results: list[Path]) -> None:
+    number = 1
+    while True:
+        aside = directory / f"previous-{number}"
+        try:
+            aside.mkdir()
+            break
+        except FileExistsError:
+            number += 1
+    for path in results:
+        path.rename(aside / path.name)

@@ -1,0 +1,160 @@
+"""Progress on rank 0: a live bar on a terminal, plain flushed lines anywhere else."""
+
+import os
+import sys
+import time as clock
+from pathlib import Path
+
+from rich.columns import Columns
+from rich.console import Console, Group
+from rich.live import Live
+from rich.progress_bar import ProgressBar
+from rich.text import Text
+
+QUIET, NORMAL, VERBOSE = 0, 1, 2
+
+_LAUNCHERS = ("mpirun", "mpiexec", "orterun", "prterun", "hydra")
+_BAR_SECONDS = 0.2
+# a line is due after so many seconds, or after this share of the simulated time if half a second has passed
+_LINES = {NORMAL: (5.0, 0.1), VERBOSE: (1.0, 0.02)}
+_LEAST_SECONDS = 0.5
+
+
+class Progress:
+    """Tells how far a run is: step, time, step size, time left, energies, particle-steps per second.
+
+    Parameters: title; end_time [s]; particles of all ranks; level QUIET, NORMAL or VERBOSE; stream, standard output by
+    default. One rank creates it and calls it; it never raises for a stream that is closed.
+    """
+
+    def __init__(self, title: str, end_time: float, particles: int, level: int = NORMAL, stream=None):
+        self._end_time, self._particles, self._level = end_time, particles, level
+        self._stream = stream or sys.stdout
+        self._first = self._last = None
+        self._bar = None
+        if level == QUIET:
+            return
+        self._say(f"{title}: {particles} particles, to t = {end_time:.6g} s")
+        columns = terminal_columns(self._stream)
+        if columns:
+            self._start_bar(columns)
+
+    def update(self, step: int, time: float, step_size: float, row: dict | None) -> None:
+        """Show a step (with its time [s] and size [s]), if it is time to; row: the last history row, by column."""
+        if self._level == QUIET:
+            return
+        now = clock.perf_counter()
+        if self._first is None:
+            self._first = self._last = (now, step, time)
+            return
+        if not self._due(now, time):
+            return
+        words = self._words(now, step, time, step_size, row or {})
+        self._last = (now, step, time)
+        head = f"step {step:7d}  t {time:.4e} s {100.0 * time / self._end_time:5.1f} %"
+        if self._bar is None:
+            self._say("  ".join([head, *words]))
+        else:
+            self._show(time, [head, *words])
+
+    def close(self, summary: dict) -> None:
+        """End the bar and say how the run went; summary as in summary.json."""
+        if self._bar is not None:
+            self._bar.stop()
+            self._bar = None
+        if self._level == QUIET:
+            return
+        text = f"{summary.get('status', 'ended')}: {summary.get('steps')} steps to t = {summary.get('end_time'):.6g} s"
+        text += f" in {summary.get('wall_seconds'):.1f} s"
+        if (rate := summary.get("particle_steps_per_second_per_rank")) is not None:
+            text += f", {rate:.3g} particle-steps/s a rank"
+        if (balance := summary.get("energy_balance")) is not None:
+            text += f", energy balance {balance:.1e}"
+        self._say(text)
+        for name, value in (summary.get("errors") or {}).items():
+            self._say(f"error {name}: {value:.3g}" if isinstance(value, float) else f"error {name}: {value}")
+
+    def _due(self, now: float, time: float) -> bool:
+        since = now - self._last[0]
+        if self._bar is not None:
+            return since >= _BAR_SECONDS or time >= self._end_time
+        seconds, share = _LINES[self._level]
+        tenths, tenths_before = (int(moment / (share * self._end_time) + 1e-9) for moment in (time, self._last[2]))
+        return since >= seconds or (since >= _LEAST_SECONDS and tenths > tenths_before) or time >= self._end_time
+
+    def _words(self, now: float, step: int, time: float, step_size: float, row: dict) -> list[str]:
+        began, first_step, first_time = self._first
+        rate = self._particles * (step - self._last[1]) / max(now - self._last[0], 1e-9)
+        gone = max(time - first_time, 1e-300)
+        left = (now - began) * max(self._end_time - time, 0.0) / gone
+        parts = [f"dt {step_size:.2e} s", f"ETA {_duration(left)}"]
+        if row:
+            dissipated = row["dissipation_internal"] + row["dissipation_numerical"]
+            energies = {"kinetic": row["kinetic"], "stored": row["stored"], "dissipated": dissipated}
+            if self._level == VERBOSE:
+                energies |= {"numerical": row["dissipation_numerical"], "balance": row["balance"]}
+            parts += [f"{name} {value:.3e} J" for name, value in energies.items()]
+        return [*parts, f"{rate:.2e} particle-steps/s"]
+
+    def _start_bar(self, columns: int) -> None:
+        console = Console(file=self._stream, force_terminal=True, width=columns)
+        # no thread of its own: it would disturb the ranks' timing
+        self._bar = Live(Text("setting up"), console=console, auto_refresh=False)
+        self._bar.start()
+        # a run that is killed must not leave the terminal without its cursor
+        console.show_cursor(True)
+
+    def _show(self, time: float, words: list[str]) -> None:
+        bar = ProgressBar(total=self._end_time, completed=time)
+        try:
+            self._bar.update(Group(bar, Columns([Text(word, no_wrap=True) for word in words], padding=(0, 2))), refresh=True)
+        except (OSError, ValueError):
+            self._level, self._bar = QUIET, None
+
+    def _say(self, text: str) -> None:
+        try:
+            print(text, file=self._stream, flush=True)
+        except (OSError, ValueError):  # nobody listens any more: the run goes on
+            self._level = QUIET
+
+
+def terminal_columns(stream) -> int | None:
+    """Width of the terminal that a stream ends in, None if it is none.
+
+    Under mpirun a rank's output is a pipe to the launcher: what counts is where the launcher's own output goes.
+    """
+    try:
+        if stream.isatty():
+            return _columns(stream.fileno())
+        if stream.fileno() != 1:
+            return None
+    except (OSError, ValueError, AttributeError):
+        return None
+    return _launcher_columns()
+
+
+def _columns(descriptor: int) -> int:
+    # terminals that do not know their width say 0
+    return os.get_terminal_size(descriptor).columns or 80
+
+
+def _launcher_columns() -> int | None:
+    process, columns = os.getppid(), None
+    try:
+        while process > 1 and Path(f"/proc/{process}/comm").read_text().startswith(_LAUNCHERS):
+            output = os.readlink(f"/proc/{process}/fd/1")
+            columns = None
+            if output.startswith(("/dev/pts/", "/dev/tty")):
+                with open(output, "rb", buffering=0) as terminal:
+                    columns = _columns(terminal.fileno())
+            # "pid (name) state parent ...": the name may hold anything but its closing bracket is the last one
+            process = int(Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[1])
+    except (OSError, ValueError):
+        return None
+    return columns
+
+
+def _duration(seconds: float) -> str:
+    minutes, seconds = divmod(int(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{seconds:02d}"

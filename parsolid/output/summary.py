@@ -1,0 +1,104 @@
+"""summary.json: what a run was and how it went; and where the numbers in it come from."""
+
+import json
+import math
+import os
+import platform
+import resource
+import subprocess
+import sys
+from datetime import datetime, timezone
+from pathlib import Path
+
+import h5py
+import numpy as np
+from mpi4py import MPI
+
+import parsolid
+from parsolid.output.errors import OutputError, words
+
+
+def write_summary(path: Path | str, summary: dict) -> None:
+    """Write a summary as JSON, keys in the order given, beside and renamed; for one rank alone.
+
+    numpy values become numbers and lists; what is not finite becomes null, since JSON has no word for it.
+    Raises OutputError.
+    """
+    path = Path(path)
+    text = json.dumps(_plain(summary), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    partial = path.with_name(path.name + ".partial")
+    try:
+        partial.write_text(text, encoding="utf-8")
+        os.replace(partial, path)
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {words(error)}") from error
+
+
+def peak_memory_bytes() -> int:
+    """Most memory this process has had resident so far [bytes]."""
+    try:
+        # getrusage would count what the process had before it became this program
+        for line in Path("/proc/self/status").read_text().splitlines():
+            if line.startswith("VmHWM:"):
+                return 1024 * int(line.split()[1])
+    except OSError:
+        pass  # not Linux
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else 1024 * peak
+
+
+def git_hash() -> str | None:
+    """Commit of the checkout this package runs from, "-modified" when files differ from it; None outside of one."""
+    package = Path(parsolid.__file__).resolve().parent
+    # a package installed into an environment inside somebody's repository is not part of that repository
+    if _git(package, "ls-files", "--error-unmatch", "__init__.py") is None:
+        return None
+    commit = _git(package, "rev-parse", "HEAD")
+    changes = _git(package, "status", "--porcelain", "--untracked-files=no", "--", str(package), str(package.parent / "decomposition"))
+    return commit and commit + ("-modified" if changes else "")
+
+
+def versions() -> dict[str, str]:
+    """Versions of everything that the numbers may depend on."""
+    import numba
+
+    return {
+        "parsolid": parsolid.__version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "numba": numba.__version__,
+        "h5py": h5py.__version__,
+        "hdf5": h5py.version.hdf5_version,
+        "parallel_hdf5": str(h5py.get_config().mpi).lower(),
+        "mpi": " ".join(MPI.Get_library_version().split()[:3]).strip(", \0"),
+    }
+
+
+def provenance() -> dict:
+    """What summary.json says of the program: commit, versions, and where and when it ran."""
+    return {
+        "git_hash": git_hash(),
+        "versions": versions(),
+        "host": platform.node(),
+        "written_at": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+    }
+
+
+def _git(directory: Path, *arguments: str) -> str | None:
+    try:
+        result = subprocess.run(["git", "-C", directory, *arguments], capture_output=True, text=True, timeout=10)
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return result.stdout.strip() if result.returncode == 0 else None
+
+
+def _plain(value):
+    if isinstance(value, dict):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, (np.generic, np.ndarray)):
+        return _plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return str(value) if isinstance(value, Path) else value

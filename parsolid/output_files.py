@@ -1,0 +1,54 @@
+"""The files of one run: which folder, what is in it, and how a restart goes on with them."""
+
+import time as clock
+from pathlib import Path
+
+import numpy as np
+
+from parsolid.observables import Observables
+from parsolid.output.directory import prepare_directory
+from parsolid.output.fields import FieldSeries
+from parsolid.output.history import History
+
+SHOWN = ("displacement", "velocity", "pressure", "von_mises_stress", "jacobian")
+
+
+class OutputFiles:
+    """history.csv, fields.vtkhdf and checkpoint.h5 in the run's folder; every call is collective."""
+
+    def __init__(self, comm, scene, directory, restart=None, inputs=()):
+        """restart: the `Restart` to continue from, or None. Results of another run in the folder are moved aside.
+
+        inputs: files the run reads. Raises OutputError on all ranks.
+        """
+        self.comm, self.scene = comm, scene
+        self.directory = Path(directory)
+        # a checkpoint from elsewhere starts a folder of its own
+        self.continued = restart if restart and restart.path.resolve().parent == self.directory.resolve() else None
+        self.moved = prepare_directory(comm, self.directory, self.continued is not None, inputs)
+        self.checkpoint = self.directory / "checkpoint.h5"
+        self.field_times = scene.fields_times
+        resume_at = self.continued.header["time"] if self.continued else None
+        self.fields = FieldSeries(comm, self.directory / "fields.vtkhdf", max(1, len(self.field_times)), resume_at)
+        self.history: History | None = None
+        self.seconds = 0.0
+
+    def open_history(self, columns: list[str]) -> None:
+        """Start the history with its columns, or go on with it."""
+        step = self.continued.header["step"] if self.continued else None
+        self.history = History(self.comm, self.directory / "history.csv", columns, step)
+
+    def append_history(self, values: list[float]) -> None:
+        """Add a row; rank 0's is written."""
+        self.history.append(values)
+
+    def write_fields(self, simulation, time: float) -> None:
+        """Write the shown fields at a time [s]."""
+        began = clock.perf_counter()
+        observables, table = Observables(simulation.method), simulation.method.table
+        names = self.scene.output.fields or SHOWN
+        varying = {name: np.ascontiguousarray(observables.field(name)) for name in names}
+        constant = {"body": table.owned_rows("body"), "volume": table.owned_rows("volume")}
+        position = np.ascontiguousarray(table.owned_rows("position"))
+        self.fields.write(time, table.owned_rows("identifier"), position, varying, constant)
+        self.seconds += clock.perf_counter() - began

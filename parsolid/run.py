@@ -1,0 +1,107 @@
+"""The commands `run` and `check`."""
+
+import time as clock
+from pathlib import Path
+
+from parsolid.output.checkpoint import find_checkpoint
+from parsolid.output.progress import Progress
+from parsolid.output.summary import git_hash, versions, write_summary
+from parsolid.output_files import OutputFiles
+from parsolid.restart import Restart
+from parsolid.scene import SceneError, dump_scene, load_scene, packaged_scene
+from parsolid.simulation import FINISHED, INTERRUPTED, Limits, RunFailed, Simulation, StopRequest
+from parsolid.watch import Watch
+
+TO_BE_CONTINUED = 75
+
+
+def load(comm, options):
+    """The scene of a command line, read by rank 0 alone; the same on all ranks. Raises SceneError on all ranks."""
+    scene = error = None
+    if comm.rank == 0:
+        overrides = list(options.set)
+        if options.end_time is not None:
+            overrides.append(f"end_time={options.end_time!r}")
+        try:
+            scene = load_scene(options.scene or packaged_scene(), overrides)
+        except SceneError as found:
+            error = found.faults
+    scene, error = comm.bcast((scene, error))
+    if error is not None:
+        raise SceneError(error)
+    return scene
+
+
+def run(comm, options) -> int:
+    """Run a scene to its end; the exit status. Collective."""
+    began = clock.perf_counter()
+    stop = StopRequest()
+    stop.install()
+    scene = load(comm, options)
+    directory = Path(options.output or scene.output.directory)
+    restart = None
+    if options.restart is not None:
+        restart = Restart(comm, Path(options.restart) if options.restart else find_checkpoint(directory, comm))
+    simulation = Simulation(comm, scene, restart)
+    files = OutputFiles(comm, scene, directory, restart, _inputs(options, restart))
+    progress = None
+    if comm.rank == 0:
+        dump_scene(scene, files.directory / "scene.toml")
+        level = 0 if options.quiet else 2 if options.verbose else 1
+        progress = Progress(scene.title, scene.end_time, simulation.particles, level)
+    watch = Watch(simulation, files, progress)
+    files.open_history(watch.columns)
+    if restart:
+        watch.resume(restart.header)
+        simulation.last_checkpoint = str(restart.path)
+    limits = Limits(options.max_steps, None if options.wall_time is None else began + options.wall_time)
+    return _follow(comm, simulation, watch, limits, stop, options)
+
+
+def _inputs(options, restart) -> tuple:
+    """Files that the run reads and must not write over."""
+    scene = (options.scene,) if options.scene else ()
+    return scene + ((restart.path,) if restart else ())
+
+
+def _follow(comm, simulation, watch, limits, stop, options) -> int:
+    """The loop with its ending: checkpoint, summary, pictures."""
+    failure = None
+    try:
+        status = simulation.run(watch, limits, stop)
+        watch.finish()
+    except RunFailed as error:
+        status, failure = "failed", error
+    summary = watch.summary(status)
+    summary |= {"git_hash": git_hash(), "versions": versions()}
+    write_summary(comm, watch.files.directory / "summary.json", summary)
+    if watch.progress is not None:
+        watch.progress.close(summary)
+    if failure is not None:
+        raise failure
+    if status == FINISHED and simulation.scene.output.pictures:
+        _pictures(comm, watch.files.directory)
+    return TO_BE_CONTINUED if status == INTERRUPTED else 0
+
+
+def _pictures(comm, directory: Path) -> None:
+    """The standard set of pictures, on rank 0, where the plotting packages are installed."""
+    if comm.rank > 0:
+        return
+    try:
+        from parsolid.plot import plot_run
+    except ImportError:
+        return
+    plot_run(directory)
+
+
+def check(comm, options) -> int:
+    """Set a scene up and print what it costs; exit status 0. Collective."""
+    from parsolid.report import print_report
+
+    scene = load(comm, options)
+    simulation = Simulation(comm, scene)
+    print_report(comm, simulation)
+    return 0
+
+
