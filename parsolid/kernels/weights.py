@@ -1,7 +1,8 @@
 """Set-up of the pair engine: pairs within the kernel's support, their weights g_ab, corrections L_a and jump factors k_ab.
 
 Metrics are (m, 6) rows (11, 22, 33, 12, 13, 23) of M = h^{-2}, with m = 1 when every particle has the same; a pair uses
-the mean of both particles' metrics, so that g_ab = -g_ba. In plane strain M33 = 1 and the other out-of-plane terms are 0.
+the mean of both particles' metrics (of an image R M R), so that g_ab = -g_ba. In plane strain M33 = 1 and the other
+out-of-plane terms are 0.
 """
 
 import math
@@ -14,12 +15,15 @@ from parsolid.kernels.smoothing import gradient_factor
 
 
 @register_jitable
-def _pair_metric(metric, a, b):
+def _pair_metric(metric, a, b, R):
+    """Mean of M_a and R M_b R."""
     last = metric.shape[0] - 1
     i, j = min(a, last), min(b, last)
     return (
         0.5 * (metric[i, 0] + metric[j, 0]), 0.5 * (metric[i, 1] + metric[j, 1]), 0.5 * (metric[i, 2] + metric[j, 2]),
-        0.5 * (metric[i, 3] + metric[j, 3]), 0.5 * (metric[i, 4] + metric[j, 4]), 0.5 * (metric[i, 5] + metric[j, 5]),
+        0.5 * (metric[i, 3] + R[0] * R[1] * metric[j, 3]),
+        0.5 * (metric[i, 4] + R[0] * R[2] * metric[j, 4]),
+        0.5 * (metric[i, 5] + R[1] * R[2] * metric[j, 5]),
     )  # fmt: skip
 
 
@@ -61,7 +65,7 @@ def distance_in_support(positions, metric, a, b, reflection, shift):
     """q of particle a and particle b, or b's image R X_b + T; reflection and shift are (3,)."""
     Xa, Xb = _point(positions, a), _image_point(positions, b, reflection, shift)
     x = (Xa[0] - Xb[0], Xa[1] - Xb[1], Xa[2] - Xb[2])
-    Mx = _product(_pair_metric(metric, a, b), x)
+    Mx = _product(_pair_metric(metric, a, b, reflection), x)
     return math.sqrt(x[0] * Mx[0] + x[1] * Mx[1] + x[2] * Mx[2])
 
 
@@ -108,7 +112,7 @@ def pair_weights(kernel, dimension, start, neighbour, code, reflections, shifts,
             b = neighbour[k]
             Xb = _image_point(positions, b, reflections[code[k]], shifts[code[k]])
             x = (Xa[0] - Xb[0], Xa[1] - Xb[1], Xa[2] - Xb[2])
-            M = _pair_metric(metric, a, b)
+            M = _pair_metric(metric, a, b, reflections[code[k]])
             Mx = _product(M, x)
             q = math.sqrt(x[0] * Mx[0] + x[1] * Mx[1] + x[2] * Mx[2])
             factor = volume[a] * volume[b] * math.sqrt(_determinant(M)) * gradient_factor(kernel, q, dimension)
