@@ -1,0 +1,58 @@
+"""The output directory: older results are never lost."""
+
+import pytest
+
+from parsolid.output import OutputError
+from parsolid.output.directory import prepare
+
+
+def fill(comm, directory, names, text="old"):
+    if comm.rank == 0:
+        directory.mkdir(exist_ok=True)
+        for name in names:
+            (directory / name).write_text(text)
+    comm.Barrier()
+
+
+def listing(comm, directory):
+    comm.Barrier()
+    found = {str(path.relative_to(directory)): path.read_text() for path in directory.rglob("*") if path.is_file()}
+    comm.Barrier()
+    return found
+
+
+def test_it_is_made_with_its_parents(comm, shared_path):
+    assert prepare(comm, shared_path / "a" / "b") == shared_path / "a" / "b"
+    assert (shared_path / "a" / "b").is_dir()
+
+
+def test_a_new_run_moves_older_results_aside_each_time(comm, shared_path):
+    directory = shared_path / "out"
+    results = ["history.csv", "fields.vtkhdf", "fields.1.vtkhdf", "checkpoint.h5", "checkpoint.h5.partial", "summary.json"]
+    fill(comm, directory, [*results, "notes.txt"])
+    prepare(comm, directory)
+    assert listing(comm, directory) == {**{f"previous-1/{name}": "old" for name in results}, "notes.txt": "old"}
+    fill(comm, directory, ["history.csv"], "newer")
+    prepare(comm, directory)
+    assert listing(comm, directory)["previous-2/history.csv"] == "newer"
+    assert listing(comm, directory)["previous-1/history.csv"] == "old"
+
+
+def test_a_continued_run_finds_everything_in_place(comm, shared_path):
+    fill(comm, shared_path, ["history.csv", "checkpoint.h5"])
+    prepare(comm, shared_path, continuing=True, inputs=(shared_path / "checkpoint.h5",))
+    assert listing(comm, shared_path) == {"history.csv": "old", "checkpoint.h5": "old"}
+
+
+def test_a_file_the_run_reads_is_never_in_the_way_silently(comm, shared_path):
+    fill(comm, shared_path, ["scene.toml", "history.csv"])
+    for continuing in (False, True):
+        with pytest.raises(OutputError, match="scene.toml is read by this run and would be overwritten"):
+            prepare(comm, shared_path, continuing, inputs=(shared_path / "scene.toml",))
+    assert listing(comm, shared_path) == {"scene.toml": "old", "history.csv": "old"}
+
+
+def test_a_file_in_the_place_of_the_directory_is_one_error_on_all_ranks(comm, shared_path):
+    fill(comm, shared_path, ["out"])
+    with pytest.raises(OutputError, match="cannot write to the directory .*out"):
+        prepare(comm, shared_path / "out")

@@ -1,0 +1,71 @@
+"""The history: the same bits when read back, nothing doubled or lost by a restart."""
+
+import math
+
+import numpy as np
+import pytest
+
+from parsolid.output import OutputError
+from parsolid.output.history import History, read_history
+
+COLUMNS = ["step", "time", "kinetic", "tip.displacement"]
+
+
+def rows(count):
+    random = np.random.default_rng(3)
+    return [[step, step * 0.1, np.float64(random.standard_normal() * 10.0**step), None] for step in range(count)]
+
+
+def write(path, table, resume_at=None):
+    history = History(path, COLUMNS)
+    if resume_at is not None:
+        history.resume(resume_at)
+    for row in table:
+        history.append(row)
+    return history
+
+
+@pytest.mark.mpi(ranks=[1])
+class TestHistory:
+    def test_numbers_are_read_back_bit_for_bit(self, tmp_path):
+        table = rows(20)
+        write(tmp_path / "history.csv", table)
+        found = read_history(tmp_path / "history.csv")
+        assert list(found) == COLUMNS
+        assert found["kinetic"] == [row[2] for row in table] and found["time"] == [row[1] for row in table]
+        assert all(map(math.isnan, found["tip.displacement"]))
+
+    def test_every_row_is_there_before_the_file_is_closed(self, tmp_path):
+        write(tmp_path / "history.csv", rows(3))
+        assert (tmp_path / "history.csv").read_text().splitlines()[0] == "step,time,kinetic,tip.displacement"
+        assert len((tmp_path / "history.csv").read_text().splitlines()) == 4
+
+    def test_a_resumed_history_equals_an_uninterrupted_one(self, tmp_path):
+        table = rows(10)
+        write(tmp_path / "whole.csv", table)
+        write(tmp_path / "history.csv", table[:8])
+        with open(tmp_path / "history.csv", "a") as file:
+            file.write("8,0.8")  # killed within a row
+        write(tmp_path / "history.csv", table[6:], resume_at=5)
+        assert (tmp_path / "history.csv").read_bytes() == (tmp_path / "whole.csv").read_bytes()
+
+    def test_resuming_without_a_file_begins_one(self, tmp_path):
+        write(tmp_path / "history.csv", rows(2), resume_at=7)
+        assert len(read_history(tmp_path / "history.csv")["step"]) == 2
+
+    def test_a_file_with_other_columns_is_refused_and_kept(self, tmp_path):
+        path = tmp_path / "history.csv"
+        write(path, rows(4))
+        before = path.read_bytes()
+        with pytest.raises(OutputError, match="expected the columns .*'stored'.*, found .*'kinetic'"):
+            History(path, ["step", "time", "stored"]).resume(2)
+        assert path.read_bytes() == before
+
+    def test_faults_are_named(self, tmp_path):
+        with pytest.raises(OutputError, match="missing/history.csv"):
+            write(tmp_path / "missing" / "history.csv", rows(1))
+        with pytest.raises(ValueError, match="expected 4 values, found 2"):
+            History(tmp_path / "history.csv", COLUMNS).append([1, 2.0])
+        (tmp_path / "other.csv").write_text("a,b\n1,2\n")
+        with pytest.raises(OutputError, match="not a history"):
+            read_history(tmp_path / "other.csv")

@@ -1,0 +1,96 @@
+"""Progress: plain lines in a log, a bar on a terminal, silence on request; never an error."""
+
+import io
+import os
+import pty
+import threading
+
+import pytest
+
+from parsolid.output import progress
+from parsolid.output.progress import NORMAL, QUIET, VERBOSE, Progress, terminal_columns
+
+pytestmark = pytest.mark.mpi(ranks=[1])
+
+ROW = {"kinetic": 1.5, "stored": 2.0, "dissipation_internal": 0.25, "dissipation_numerical": 0.5, "balance": 1e-6}
+SUMMARY = {"status": "finished", "steps": 99, "end_time": 0.5, "wall_seconds": 12.0, "energy_balance": 1e-5, "errors": {"u": 0.1}}
+
+
+@pytest.fixture
+def passing_time(monkeypatch):
+    """A clock that the test sets: seconds."""
+    seconds = [0.0]
+    monkeypatch.setattr(progress.clock, "perf_counter", lambda: seconds[0])
+    return seconds
+
+
+def follow(level, stream, seconds, step_seconds):
+    """100 steps of 10 particles to 0.5 s."""
+    shown = Progress("Punch", 0.5, 10, level, stream)
+    for step in range(101):
+        shown.update(step, 0.005 * step, 0.005, ROW)
+        seconds[0] += step_seconds
+    shown.close(SUMMARY)
+
+
+def test_a_slow_run_tells_every_five_seconds_with_the_time_left(passing_time):
+    log = io.StringIO()
+    follow(NORMAL, log, passing_time, 1.0)
+    lines = log.getvalue().splitlines()
+    assert lines[0] == "Punch: 10 particles, to t = 0.5 s"
+    assert len(lines) == 1 + 20 + 2
+    assert lines[5].startswith("step      25  t 1.2500e-01 s  25.0 %  dt 5.00e-03 s  ETA 0:01:15")
+    assert "kinetic 1.500e+00 J  stored 2.000e+00 J  dissipated 7.500e-01 J" in lines[5]
+    assert lines[5].endswith("1.00e+01 particle-steps/s")
+    assert lines[-2:] == ["finished: 99 steps to t = 0.5 s in 12.0 s, energy balance 1.0e-05", "error u: 0.1"]
+
+
+def test_a_run_of_some_seconds_tells_every_tenth(passing_time):
+    log = io.StringIO()
+    follow(NORMAL, log, passing_time, 0.1)
+    assert [line.split()[1] for line in log.getvalue().splitlines()[1:-2]] == [str(step) for step in range(10, 101, 10)]
+
+
+def test_verbose_says_more_and_quiet_nothing(passing_time):
+    log, silence = io.StringIO(), io.StringIO()
+    follow(VERBOSE, log, passing_time, 1.0)
+    follow(QUIET, silence, passing_time, 1.0)
+    assert len(log.getvalue().splitlines()) == 1 + 100 + 2 and "balance 1.000e-06 J" in log.getvalue()
+    assert silence.getvalue() == ""
+
+
+def test_a_terminal_gets_a_bar(passing_time):
+    leader, follower = pty.openpty()
+    chunks = []
+
+    def listen():
+        try:
+            while chunk := os.read(leader, 4096):
+                chunks.append(chunk)
+        except OSError:
+            return  # the terminal was closed
+
+    listener = threading.Thread(target=listen)
+    listener.start()
+    with os.fdopen(follower, "w") as terminal:
+        assert terminal_columns(terminal) == 80
+        follow(NORMAL, terminal, passing_time, 1.0)
+    listener.join()
+    os.close(leader)
+    shown = b"".join(chunks).decode()
+    assert "━" in shown and "particle-steps/s" in shown and "finished: 99 steps" in shown
+    # the cursor is visible whenever the run may be killed
+    assert shown.rindex("\x1b[?25h") > shown.rindex("\x1b[?25l")
+
+
+def test_a_closed_stream_does_not_stop_the_run(passing_time):
+    reader, writer = os.pipe()
+    os.close(reader)
+    stream = os.fdopen(writer, "w", buffering=1)
+    follow(NORMAL, stream, passing_time, 1.0)
+    closed = io.StringIO()
+    closed.close()
+    follow(NORMAL, closed, passing_time, 1.0)
+    assert passing_time[0] == 202.0
+    with pytest.raises(BrokenPipeError):
+        stream.close()
