@@ -68,11 +68,11 @@ class BoundarySet:
         particles, components = self.entries
         motion.prescribe(particles, components, np.concatenate(values), kinematics)
 
-    def prescribed_power(self, kinematics, force, share) -> float:
-        """Power [W] against the pair forces; see `motion.prescribed_power`."""
+    def prescribed_power(self, kinematics, force, mass, share, loads) -> float:
+        """Power [W] against pair forces and loads; see `motion.prescribed_power`."""
         if not self.prescribed:
             return 0.0
-        return motion.prescribed_power(*self.entries, kinematics, force, share)
+        return motion.prescribed_power(*self.entries, kinematics, force, mass, share, loads)
 
     def prescribed_energy_gain(self, kinematics, mass, share) -> float:
         """Kinetic energy [J] that prescribed components gained since the last call."""
@@ -118,6 +118,7 @@ def build_boundaries(comm, scene, cloud, density: np.ndarray) -> BoundarySet:
     result = BoundarySet(planes, MirrorCodes.of(planes, tolerance), _clamp(comm, held, dimension), prescribed)
     _install_loads(result, loads, len(cloud.position))
     if prescribed:
+        _last_one_holds(prescribed)
         components = [np.full(len(entry.particles), entry.component) for entry in prescribed]
         result.entries = (np.concatenate([entry.particles for entry in prescribed]), np.concatenate(components))
     return result
@@ -137,6 +138,16 @@ def _prescribed(boundary, chosen, cloud) -> list[Prescribed]:
         for i, formula in enumerate(boundary.velocity)
         if formula is not None
     ]
+
+
+def _last_one_holds(prescribed: list[Prescribed]) -> None:
+    """Leave every particle's component to the last entry that prescribes it, so that its work is counted once."""
+    taken = {}
+    for entry in reversed(prescribed):
+        earlier = taken.get(entry.component, np.zeros(0, np.int64))
+        keep = ~np.isin(entry.particles, earlier)
+        taken[entry.component] = np.concatenate((earlier, entry.particles))
+        entry.particles, entry.positions = entry.particles[keep], entry.positions[keep]
 
 
 def _traction(boundary, chosen, cloud, density) -> Load:

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from parsolid.observables import Observables
-from parsolid.output.directory import prepare_directory
+from parsolid.output.directory import prepare
+from parsolid.output.errors import together
 from parsolid.output.fields import FieldSeries
 from parsolid.output.history import History
 
@@ -22,10 +23,10 @@ class OutputFiles:
         inputs: files the run reads. Raises OutputError on all ranks.
         """
         self.comm, self.scene = comm, scene
-        self.directory = Path(directory)
+        directory = Path(directory)
         # a checkpoint from elsewhere starts a folder of its own
-        self.continued = restart if restart and restart.path.resolve().parent == self.directory.resolve() else None
-        self.moved = prepare_directory(comm, self.directory, self.continued is not None, inputs)
+        self.continued = restart if restart and restart.path.resolve().parent == directory.resolve() else None
+        self.directory = prepare(comm, directory, self.continued is not None, inputs)
         self.checkpoint = self.directory / "checkpoint.h5"
         self.field_times = scene.fields_times
         resume_at = self.continued.header["time"] if self.continued else None
@@ -35,12 +36,18 @@ class OutputFiles:
 
     def open_history(self, columns: list[str]) -> None:
         """Start the history with its columns, or go on with it."""
-        step = self.continued.header["step"] if self.continued else None
-        self.history = History(self.comm, self.directory / "history.csv", columns, step)
+        path = self.directory / "history.csv"
+        with together(self.comm, f"cannot go on with {path}"):
+            if self.comm.rank == 0:
+                self.history = History(path, columns)
+                if self.continued:
+                    self.history.resume(self.continued.header["step"])
 
     def append_history(self, values: list[float]) -> None:
         """Add a row; rank 0's is written."""
-        self.history.append(values)
+        with together(self.comm, "cannot write the history"):
+            if self.history is not None:
+                self.history.append(values)
 
     def write_fields(self, simulation, time: float) -> None:
         """Write the shown fields at a time [s]."""

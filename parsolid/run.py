@@ -4,8 +4,9 @@ import time as clock
 from pathlib import Path
 
 from parsolid.output.checkpoint import find_checkpoint
+from parsolid.output.errors import together
 from parsolid.output.progress import Progress
-from parsolid.output.summary import git_hash, versions, write_summary
+from parsolid.output.summary import provenance, write_summary
 from parsolid.output_files import OutputFiles
 from parsolid.restart import Restart
 from parsolid.scene import SceneError, dump_scene, load_scene, packaged_scene
@@ -44,9 +45,11 @@ def run(comm, options) -> int:
         restart = Restart(comm, Path(options.restart) if options.restart else find_checkpoint(directory, comm))
     simulation = Simulation(comm, scene, restart)
     files = OutputFiles(comm, scene, directory, restart, _inputs(options, restart))
+    with together(comm, "cannot write scene.toml"):
+        if comm.rank == 0:
+            dump_scene(scene, files.directory / "scene.toml")
     progress = None
     if comm.rank == 0:
-        dump_scene(scene, files.directory / "scene.toml")
         level = 0 if options.quiet else 2 if options.verbose else 1
         progress = Progress(scene.title, scene.end_time, simulation.particles, level)
     watch = Watch(simulation, files, progress)
@@ -73,8 +76,10 @@ def _follow(comm, simulation, watch, limits, stop, options) -> int:
     except RunFailed as error:
         status, failure = "failed", error
     summary = watch.summary(status)
-    summary |= {"git_hash": git_hash(), "versions": versions()}
-    write_summary(comm, watch.files.directory / "summary.json", summary)
+    path = watch.files.directory / "summary.json"
+    with together(comm, f"cannot write {path}"):
+        if comm.rank == 0:
+            write_summary(path, summary | provenance())
     if watch.progress is not None:
         watch.progress.close(summary)
     if failure is not None:

@@ -105,15 +105,19 @@ def _least_pair(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     From many frames, the frame is turned in each of its three planes by the best angle, until no turn gains.
     """
     N = _starts()
-    frames = np.stack([*_tangents(N), N], axis=-1)
-    first, second = (np.einsum("kim,...ij,kjn->...kmn", frames, form, frames) for form in np.broadcast_arrays(first, second))
+    fixed = np.stack([*_tangents(N), N], axis=-1)
+    frames = np.empty((*first.shape[:-2], len(N) + 2, 3, 3))
+    frames[..., :-2, :, :] = fixed
+    frames[..., -2, :, :] = np.linalg.eigh(first)[1][..., (0, 2, 1)]
+    frames[..., -1, :, :] = np.linalg.eigh(second)[1][..., (1, 2, 0)]
+    first, second = (np.einsum("...kim,...ij,...kjn->...kmn", frames, form, frames, optimize=True) for form in (first, second))
     result = np.empty(first.shape[:-2])
     _turn_to_least(first.reshape(-1, 3, 3), second.reshape(-1, 3, 3), result.reshape(-1))
     return result.min(axis=-1)
 
 
 @njit(cache=True)
-def _turn_to_least(first, second, result, rounds=200):
+def _turn_to_least(first, second, result, rounds=1000):
     """Turn each frame, in which the forms are given, until first_11 + second_33 is least there; forms are overwritten."""
     for k in range(len(first)):
         a, b = first[k], second[k]

@@ -114,13 +114,21 @@ def advance_motion(space, owned, stage, kinematics, start, force, gradient, mass
     return dissipation, power
 
 
+@register_jitable
+def _load_force(loads, a, i, mass):
+    if loads is None:
+        return 0.0
+    return mass * loads[a, i]
+
+
 @njit(cache=True)
-def prescribed_power(particles, components, kinematics, force, share):
-    """Power [W] that holds prescribed components against the pair forces."""
+def prescribed_power(particles, components, kinematics, force, mass, share, loads):
+    """Power [W] that holds prescribed components against pair forces and loads; arguments as in `advance_motion`."""
     power = 0.0
     for k in range(particles.shape[0]):
         a, i = particles[k], components[k]
-        power -= share[a] * (force[a, i] + force[a, 4 + i]) * kinematics[a, i]
+        resisted = force[a, i] + force[a, 4 + i] + _load_force(loads, a, i, mass[a])
+        power -= share[a] * resisted * kinematics[a, i]
     return power
 
 

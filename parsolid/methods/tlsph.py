@@ -17,7 +17,7 @@ from parsolid.methods.deformation import Body, Stage, advance_deformation, large
 from parsolid.methods.groups import Group
 from parsolid.methods.pairing import Pairing, build_pairing, metrics
 from parsolid.particles import Field, FieldTable
-from parsolid.together import anywhere, maximum
+from parsolid.together import anywhere, maximum, minimum
 
 _PASSES = {2: pairs_plane, 3: pairs_space}
 
@@ -83,8 +83,8 @@ class TotalLagrangianSPH:
         self.mass = np.empty(owned)
         for group in self.groups:
             self.mass[group.first : group.last] = group.law.density * volume[0, group.first : group.last]
-        # the width of the narrowest spacing bounds the step (79)
-        self.spacing = float(cloud.spacing.min(initial=np.inf))
+        # the narrowest spacing of all ranks bounds the step (79), so that it does not depend on their number
+        self.spacing = minimum(self.comm, float(cloud.spacing.min(initial=np.inf)))
 
     def _declare(self, cloud) -> None:
         d, add = self.dimension, self.table.add
@@ -248,10 +248,11 @@ class TotalLagrangianSPH:
         """Advance v and x; (numerical dissipation rate, external power) [W]."""
         weights, boundaries = self.stages[number], self.boundaries
         stage = Stage(number == 0, False, step, weights.keep, weights.take, 0.0, _NO_BRANCHES, _NO_BRANCHES)
-        held = boundaries.prescribed_power(self.kinematics, self.force, self.share)
+        loads = boundaries.loads_at(time + weights.time * step)
+        held = boundaries.prescribed_power(self.kinematics, self.force, self.mass, self.share, loads)
         dissipation, power = motion.advance_motion(
             self.space, self.owned, stage, self.kinematics, self.start_motion, self.force, self.gradient,
-            self.mass, self.share, boundaries.loads_at(time + weights.time * step), boundaries.clamp,
+            self.mass, self.share, loads, boundaries.clamp,
         )  # fmt: skip
         boundaries.prescribe(time + weights.next_time * step, self.kinematics)
         return dissipation, held + power
