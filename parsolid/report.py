@@ -22,7 +22,7 @@ def print_report(comm, simulation) -> None:
     memory = maximum(comm, peak_memory_bytes())
     if comm.rank > 0:
         return
-    print(f"{scene.title or 'scene'}: {scene.method.kind}, {scene.dimension}-D, {comm.size} ranks\n")
+    print(f"{scene.title or 'scene'}: {scene.method.kind}, {scene.dimension}-D, {comm.size} {'rank' if comm.size == 1 else 'ranks'}\n")
     _print_fields(method)
     print()
     for name, values in numbers.items():
