@@ -1,0 +1,74 @@
+"""Laws with and without area term and branches, and random states of them."""
+
+import numpy as np
+import pytest
+
+from parsolid.materials.hyperbolicity import polyconvex_state
+from parsolid.materials.mooney_rivlin import MooneyRivlin
+
+LAWS = {
+    "neo-hookean": MooneyRivlin(1100.0, 3.0, None, 7.0, None, None),
+    "mooney-rivlin": MooneyRivlin(1100.0, 3.0, 2.0, 7.0, None, None),
+    "neo-hookean with branches": MooneyRivlin(1100.0, 3.0, None, 7.0, (2.0, 5.0), (0.1, 3.0)),
+    "mooney-rivlin with branches": MooneyRivlin(1100.0, 3.0, 2.0, 7.0, (2.0, 5.0), (0.1, 3.0)),
+}
+
+
+@pytest.fixture(params=LAWS.values(), ids=LAWS)
+def law(request):
+    """Every kind of law in turn."""
+    return request.param
+
+
+@pytest.fixture(params=[LAWS["neo-hookean with branches"], LAWS["mooney-rivlin with branches"]], ids=["neo-hookean", "mooney-rivlin"])
+def viscous(request):
+    """The laws with branches."""
+    return request.param
+
+
+@pytest.fixture
+def random():
+    """The same random numbers in every run."""
+    return np.random.default_rng(20240611)
+
+
+@pytest.fixture
+def random_deformation(random):
+    """Deformation gradients (n, 3, 3) with J > 0.2, as far from the identity as `spread` says."""
+
+    def make(count, spread=0.3):
+        F = np.eye(3) + spread * random.standard_normal((4 * count, 3, 3))
+        F = F[np.linalg.det(F) > 0.2]
+        assert len(F) >= count
+        return F[:count]
+
+    return make
+
+
+@pytest.fixture
+def random_branches(random_deformation):
+    """Internal variables A (n, m, 3, 3), symmetric and positive definite."""
+
+    def make(count, branches, spread=0.3):
+        G = random_deformation(count * branches, spread).reshape(count, branches, 3, 3)
+        return np.swapaxes(G, -1, -2) @ G
+
+    return make
+
+
+@pytest.fixture
+def random_state(random, random_deformation, random_branches):
+    """A consistent state, or one whose F, H, J, Y, y are independent of each other as in the polyconvex energy."""
+
+    def make(law, count, independent=False):
+        A = random_branches(count, len(law.branch_moduli or ())) if law.branch_moduli else None
+        state = polyconvex_state(law, random_deformation(count), A)
+        if independent:
+            state = state._replace(
+                H=random_deformation(count),
+                J=random.uniform(0.5, 2.0, count),
+                y=random.uniform(0.5, 2.0, state.y.shape),
+            )
+        return state
+
+    return make

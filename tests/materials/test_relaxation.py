@@ -1,0 +1,132 @@
+"""Relaxation of the internal variables over a step, and the energy that it dissipates."""
+
+import numpy as np
+import pytest
+from numba import njit
+
+from parsolid.materials.evaluation import symmetric_rows, symmetric_tensors
+from parsolid.materials.hyperbolicity import dissipation_rates, energies, polyconvex_state
+from parsolid.materials.maxwell import branch_dissipation, branch_energy, relaxation_weights
+from parsolid.materials.mooney_rivlin import MooneyRivlin
+from parsolid.materials.relaxation import dissipated_energy, relax_branches
+
+TIMES = np.array([0.5])
+
+
+@njit(cache=True)
+def _energy(modulus, C, J, A):
+    return branch_energy(modulus, C, J, A)
+
+
+@njit(cache=True)
+def _dissipation(modulus, time, C, inverse, A):
+    return branch_dissipation(modulus, time, C, inverse, A)
+
+
+def inverse_at(t):
+    """C^{-1} of a motion with shear and stretch, as a row of 6."""
+    F = np.array([[1.0 + 0.4 * np.sin(t), 0.7 * t, 0.0], [0.0, 1.0 + 0.1 * t, 0.2 * t * t], [0.0, 0.0, 1.0]])
+    return symmetric_rows(np.linalg.inv(F.T @ F))[0]
+
+
+def relaxed(steps, end=2.0, times=TIMES):
+    A = symmetric_rows(np.eye(3)).repeat(len(times), axis=0)
+    step = end / steps
+    for k in range(steps):
+        relax_branches(A.copy(), inverse_at(k * step), inverse_at((k + 1) * step), step, times, A)
+    return A
+
+
+@pytest.mark.parametrize("x", [0.0, 1e-300, 1e-12, 1e-6, 9.99e-6, 1.001e-5, 1e-3, 1.0, 30.0, 1e3, 1e12])
+def test_weights_sum_to_one_and_are_exact(x):
+    weights = relaxation_weights(x, 1.0)
+    assert sum(weights) == pytest.approx(1.0, abs=1e-15)
+    assert min(weights) >= 0.0
+    # exp(-x), x/2 - x^2/3..., x/2 - x^2/6...: the series where they cancel
+    if x < 0.1:
+        series = [sum((-x) ** k * (k / factorial(k + 1)) for k in range(1, 30)), sum((-x) ** k / factorial(k + 1) for k in range(1, 30))]
+        assert weights[1] == pytest.approx(-series[0], rel=1e-9, abs=1e-300)
+        assert weights[2] == pytest.approx(-series[1], rel=1e-9, abs=1e-300)
+    else:
+        phi = (1.0 - np.exp(-x)) / x
+        assert weights == pytest.approx((np.exp(-x), phi - np.exp(-x), 1.0 - phi), rel=1e-13)
+
+
+def factorial(n):
+    return float(np.prod(np.arange(1.0, n + 1.0)))
+
+
+def test_relaxation_is_of_second_order():
+    exact = relaxed(20000)
+    errors = [np.abs(relaxed(steps) - exact).max() for steps in (25, 50, 100)]
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert orders == pytest.approx([2.0, 2.0], abs=0.05)
+
+
+def test_relaxation_at_fixed_deformation_is_exact_whatever_the_step():
+    inverse = inverse_at(1.3)
+    times = np.array([1e-6, 1e-2, 1.0, 1e4])
+    start = symmetric_rows(np.eye(3)).repeat(4, axis=0)
+    for step in (1e-9, 1e-3, 2.0, 1e5):
+        A = np.empty_like(start)
+        relax_branches(start, inverse, inverse, step, times, A)
+        expected = inverse + (start - inverse) * np.exp(-step / times)[:, None]
+        assert A == pytest.approx(expected, abs=1e-15)
+
+
+def test_a_jump_leaves_the_internal_variables_as_they_are():
+    A = np.empty((1, 6))
+    start = symmetric_rows(np.diag([1.0, 2.0, 3.0]))
+    relax_branches(start, inverse_at(0.0), inverse_at(1.0), 0.0, TIMES, A)
+    assert np.array_equal(A, start)
+    assert dissipated_energy(start, inverse_at(0.0), inverse_at(1.0), 0.0, np.array([2.0]), TIMES) == 0.0
+
+
+def closed_form(C, decay):
+    """Energy that a branch of modulus 2, virgin before a jump to C, has lost when its excess has decayed to a part of it."""
+    excess = np.linalg.eigvalsh(C) - 1.0
+    return (excess * (1.0 - decay) - np.log((1.0 + excess) / (1.0 + excess * decay))).sum()
+
+
+@pytest.mark.parametrize("stretch", [0.1, 0.5, 1.5, 8.0])
+@pytest.mark.parametrize("step", [1e-2, 0.3, 5.0, 1e4, 1e9])
+def test_dissipated_energy_of_a_hold_is_that_of_the_closed_form(stretch, step):
+    F = np.diag([stretch, 1.1, 0.7]) @ np.array([[1.0, 0.4, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    C = F.T @ F
+    inverse = symmetric_rows(np.linalg.inv(C))[0]
+    found = dissipated_energy(symmetric_rows(np.eye(3)), inverse, inverse, step, np.array([2.0]), TIMES)
+    assert found == pytest.approx(closed_form(C, np.exp(-step / TIMES[0])), rel=1e-12)
+
+
+@pytest.mark.parametrize("tau", [1e-7, 1e-2, 1.0, 1e3])
+def test_dissipated_energy_is_the_integral_of_the_rate(tau):
+    # C^{-1} linear in time, as the step takes it
+    old, new, step = inverse_at(0.5), inverse_at(0.9), 0.4
+    start = 0.9 * old + 0.1 * symmetric_rows(np.eye(3))[0]
+    found = dissipated_energy(start[None], old, new, step, np.array([2.0]), np.array([tau]))
+    law = MooneyRivlin(1.0, 1.0, None, 1.0, (2.0,), (tau,))
+    # the layer at the start is resolved by times in geometric progression
+    edges = np.concatenate([[0.0], step * np.geomspace(1e-12, 1.0, 400)])
+    nodes, weights = np.polynomial.legendre.leggauss(6)
+    total = 0.0
+    for lower, upper in zip(edges, edges[1:]):
+        s = lower + 0.5 * (upper - lower) * (1.0 + nodes)
+        C_inverse = symmetric_tensors(old + (s / step)[:, None] * (new - old))
+        change = np.exp(-s / tau)[:, None] * (start - old) + tau * np.expm1(-s / tau)[:, None] * (new - old) / step
+        A = C_inverse + symmetric_tensors(change)
+        F = np.swapaxes(np.linalg.cholesky(np.linalg.inv(C_inverse)), 1, 2)
+        total += 0.5 * (upper - lower) * weights @ dissipation_rates(law, polyconvex_state(law, F, A[:, None]))[:, 0]
+    # the check itself subtracts C^{-1} from A where they are equal but for the lag, tau times the rate
+    assert found == pytest.approx(total, rel=1e-10 if tau > 1e-5 else 1e-6)
+
+
+def test_solver_branch_functions_say_the_same(random_deformation, random_branches):
+    law = MooneyRivlin(1.0, 1.0, None, 1.0, (2.0,), (0.3,))
+    F, A = random_deformation(20), random_branches(20, 1)
+    state = polyconvex_state(law, F, A)
+    C = np.swapaxes(F, 1, 2) @ F
+    rows = [symmetric_rows(value) for value in (C, np.linalg.inv(C), A)]
+    for n in range(20):
+        C_n, inverse_n, A_n = (tuple(row[n]) for row in rows)
+        assert _energy(2.0, C_n, state.J[n], A_n) == pytest.approx(energies(law, state)[1][n, 0], rel=1e-11)
+        assert _dissipation(2.0, 0.3, C_n, inverse_n, A_n) == pytest.approx(dissipation_rates(law, state)[n, 0], rel=1e-11)
