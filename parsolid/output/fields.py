@@ -74,6 +74,8 @@ class FieldSeries:
         constant = constant or {}
         if self._layout is None:
             self._begin(len(identifier), varying, constant)
+        if set(varying) != set(self._layout.varying):
+            raise OutputError(f"{self.path}: expected the fields {sorted(self._layout.varying)}, found {sorted(varying)}")
         if len(self._times) and time <= self._times[-1]:
             if time == self._times[-1]:
                 return

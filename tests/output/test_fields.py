@@ -180,12 +180,14 @@ def test_a_full_file_is_followed_by_another(comm, shared_path):
     assert np.array_equal(vtkhdf.published(shared_path / "fields.vtkhdf")[1], TIMES[3:])
 
 
-def test_going_back_in_time_and_missing_particles_are_refused_on_all_ranks(comm, shared_path):
+def test_going_back_in_time_other_fields_and_missing_particles_are_refused_on_all_ranks(comm, shared_path):
     particles = Particles(comm)
     series = FieldSeries(comm, shared_path / "fields.vtkhdf", 3)
     particles.write(series, 1.0)
     with pytest.raises(OutputError, match="expected a time after 1 s, found 0.5 s"):
         particles.write(series, 0.5)
+    with pytest.raises(OutputError, match="expected the fields .*'pressure'.*, found \\['velocity'\\]"):
+        series.write(2.0, particles.identifier, particles.position(2.0), {"velocity": particles.position(2.0)})
     if comm.rank == 0:
         particles.identifier[0] = particles.identifier[-1]
     with pytest.raises(OutputError, match="identifier: expected 0 to 28, each on one rank"):
