@@ -50,12 +50,7 @@ def load_scene(path: str | os.PathLike, overrides: list[str] | tuple[str, ...] =
     Files named in the scene are relative to its folder. Raises SceneError with every fault.
     """
     path = Path(path)
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise SceneError([f"{path}: expected a readable scene, found {error.strerror or error}"]) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise SceneError([f"{path}: expected TOML, found a fault: {error}"]) from None
+    data = read_tables(path, "scene")
     faults = [text for text in (apply_override(data, override) for override in overrides) if text]
     if isinstance(output := data.setdefault("output", {}), dict):
         output.setdefault("directory", os.path.join("results", path.stem))
@@ -68,6 +63,16 @@ def load_scene(path: str | os.PathLike, overrides: list[str] | tuple[str, ...] =
     return scene
 
 
+def read_tables(path: Path, what: str) -> dict[str, Any]:
+    """The raw tables of a TOML file; `what` it should hold is for the message. Raises SceneError."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SceneError([f"{path}: expected a readable {what}, found {error.strerror or error}"]) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SceneError([f"{path}: expected TOML, found a fault: {error}"]) from None
+
+
 def parse_scene(data: dict[str, Any], folder: str | os.PathLike = ".") -> Scene:
     """A scene from plain tables; files are relative to `folder`. Raises SceneError with every fault."""
     dimension = data.get("dimension")
@@ -77,7 +82,7 @@ def parse_scene(data: dict[str, Any], folder: str | os.PathLike = ".") -> Scene:
     try:
         scene = Scene.model_validate(data, context=context)
     except ValidationError as error:
-        faults = [_told_fault(item, data) for item in error.errors(include_url=False)]
+        faults = told_faults(error, data, Scene)
     parts = Parts.of(data, context)
     faults += cross_faults(parts) if parts is not None else []
     if faults:
@@ -122,12 +127,16 @@ def override_value(text: str) -> Any:
     return tables["value"] if len(tables) == 1 else text
 
 
-def _told_fault(error: dict[str, Any], data: dict) -> str:
-    """One pydantic error in the words of the project."""
+def told_faults(error: ValidationError, data: dict, model: type[Section]) -> list[str]:
+    """What pydantic found wrong with the raw tables of a model, in the words of the project."""
+    return [_told_fault(item, data, model) for item in error.errors(include_url=False)]
+
+
+def _told_fault(error: dict[str, Any], data: dict, model: type[Section]) -> str:
     place, kind, found = error["loc"], error["type"], error["input"]
     if kind == "mismatch":
         return f"{key_path(place)}: {error['ctx']['text']}"
-    section = _section_at(place[:-1], data)
+    section = _section_at(place[:-1], data, model)
     fields = section.model_fields if section is not None else {}
     if kind == "extra_forbidden":
         unknown = f"the unknown key {place[-1]!r}{suggestion(place[-1], fields)}"
@@ -143,9 +152,9 @@ def _told_fault(error: dict[str, Any], data: dict) -> str:
     return f"{key_path(place)}: expected {expected}, found {told(found)}"
 
 
-def _section_at(place: tuple, data: Any) -> type[Section] | None:
-    """The model of the table at a place of raw tables."""
-    section, annotation = Scene, Scene
+def _section_at(place: tuple, data: Any, model: type[Section]) -> type[Section] | None:
+    """The model of the table at a place of a model's raw tables."""
+    section, annotation = model, model
     for key in place:
         data = data[key] if isinstance(data, dict | list) else None
         if isinstance(key, str):
