@@ -3,12 +3,10 @@
 A 2 x 2 matrix is one Lanes value, column by column; (v, x) of a particle are another.
 """
 
-import math
-
 from numba import njit
 from numba.extending import register_jitable
 
-from parsolid.kernels.simd import broadcast, from_floats, fused, horizontal_sums, lane, load, store, swizzle
+from parsolid.kernels.simd import broadcast, from_floats, fused, horizontal_sums, lane, last_two_roots, load, store, swizzle
 from parsolid.kernels.types import none_without
 
 _rows = swizzle(0, 1, 0, 1)
@@ -105,9 +103,8 @@ def _riemann_force(shear, reconstruct, images, k, kinematics, record, b, g, moti
     slow = _shear_products(shear, images, k, record, b, squares, Sa)
     first_two = from_floats(1.0, 1.0, 0.0, 0.0)
     sums = horizontal_sums(jump * x * first_two, x * x * first_two, pressure, slow)
-    roots = math.sqrt(sums)
-    c_p = lane(roots, 2)
-    c_s = _shear_impedance(shear, lane(roots, 3), lane(Ma, 3) + lane(Mb, 3))
+    c_p, root = last_two_roots(sums)
+    c_s = _shear_impedance(shear, root, lane(Ma, 3) + lane(Mb, 3))
     normal = (c_p - c_s) * lane(sums, 0) / lane(sums, 1)
     return first_two * _third(g) * fused(broadcast(c_s), jump, broadcast(normal) * x)
 

@@ -1,11 +1,9 @@
 """The two passes of the pair engine in three dimensions (see `pairs` for the formulas and the arrays)."""
 
-import math
-
 from numba import njit
 from numba.extending import register_jitable
 
-from parsolid.kernels.simd import broadcast, fused, horizontal_sums, lane, load, store, swizzle, without_fourth
+from parsolid.kernels.simd import broadcast, fused, horizontal_sums, lane, last_two_roots, load, store, swizzle, without_fourth
 from parsolid.kernels.types import none_without
 
 _x = swizzle(0, 0, 0, 0)
@@ -111,9 +109,8 @@ def _riemann_force(shear, reconstruct, images, k, kinematics, record, b, g, plac
     pressure = fused(Ma[1] + _off_diagonal(images, k, record, b, 28), cross, pressure)
     slow = _shear_products(shear, images, k, record, b, square, cross, Sa)
     sums = horizontal_sums(jump * x, x * x, pressure, slow)
-    roots = math.sqrt(sums)
-    c_p = lane(roots, 2)
-    c_s = _shear_impedance(shear, lane(roots, 3), lane(Ma[0], 3) + lane(diagonal, 3))
+    c_p, root = last_two_roots(sums)
+    c_s = _shear_impedance(shear, root, lane(Ma[0], 3) + lane(diagonal, 3))
     normal = (c_p - c_s) * lane(sums, 0) / lane(sums, 1)
     return _fourth(g) * fused(broadcast(c_s), jump, broadcast(normal) * x)
 

@@ -259,6 +259,20 @@ def horizontal_sums(typing_context, a, b, c, d):
 
 
 @intrinsic
+def last_two_roots(typing_context, value):
+    """Square roots of lanes 2 and 3 as floats: two roots take half the time of four."""
+
+    def generate(context, builder, signature, arguments):
+        pair_type = ir.VectorType(_DOUBLE, 2)
+        mask = ir.Constant(ir.VectorType(_INT, 2), [2, 3])
+        pair = builder.shuffle_vector(arguments[0], ir.Constant(_VECTOR, ir.Undefined), mask)
+        roots = _llvm_call(context, builder, "llvm.sqrt.v2f64", pair_type, [pair])
+        return context.make_tuple(builder, signature.return_type, [builder.extract_element(roots, _INT(k)) for k in (0, 1)])
+
+    return types.UniTuple(types.float64, 2)(lanes), generate
+
+
+@intrinsic
 def transpose(typing_context, a, b, c, d):
     """The 4 x 4 transpose: lane j of result i is lane i of argument j."""
 
