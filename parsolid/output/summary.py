@@ -54,7 +54,8 @@ def git_hash() -> str | None:
     if _git(package, "ls-files", "--error-unmatch", "__init__.py") is None:
         return None
     commit = _git(package, "rev-parse", "HEAD")
-    changes = _git(package, "status", "--porcelain", "--untracked-files=no", "--", str(package), str(package.parent / "decomposition"))
+    sources = (str(package), str(package.parent / "decomposition"))
+    changes = _git(package, "status", "--porcelain", "--untracked-files=no", "--", *sources)
     return commit and commit + ("-modified" if changes else "")
 
 

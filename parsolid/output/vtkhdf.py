@@ -100,8 +100,8 @@ def _create_steps(file: h5py.File, layout: Layout, parts: int) -> None:
         steps = series.create_group(state)
         steps.attrs["NSteps"] = np.int64(0)
         # one chunk, in the file from the start, so that publishing allocates nothing
-        length = 0 if state == "empty" else 1
-        steps.create_dataset("Values", (length,), np.float64, maxshape=(capacity,), chunks=(capacity,), data=np.zeros(length))
+        values = np.zeros(0 if state == "empty" else 1)
+        steps.create_dataset("Values", data=values, maxshape=(capacity,), chunks=(capacity,))
         for name in tables:
             steps[name] = tables[name]
     # a group that tracks the order keeps its link in its own header, one block of the file
