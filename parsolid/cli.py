@@ -1,4 +1,4 @@
-"""The command line: run, check, bench.
+"""The command line: run, check, bench, point, study, plot.
 
 Exit status: 0 done, 2 bad input, 3 the run went wrong, 75 stopped with a checkpoint to continue from, 1 anything else.
 """
@@ -6,6 +6,7 @@ Exit status: 0 done, 2 bad input, 3 the run went wrong, 75 stopped with a checkp
 import argparse
 import sys
 import traceback
+from importlib import import_module
 
 from mpi4py import MPI
 
@@ -49,8 +50,8 @@ def _scene_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-v", "--verbose", action="store_true", help="say more")
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """The parser of all commands."""
+def build_parser(command: str) -> argparse.ArgumentParser:
+    """The parser of all commands, with the arguments of one of them."""
     parser = _Parser(prog="parsolid", description="Solids simulated with particles on many processors.")
     parser.add_argument("--version", action="version", version=f"parsolid {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
@@ -65,17 +66,28 @@ def build_parser() -> argparse.ArgumentParser:
     bench = commands.add_parser("bench", help="measure the speed of the kernels on this machine")
     bench.add_argument("--particles", type=_count, default=28000, metavar="N", help="about how many particles (default 28000)")
     bench.add_argument("--scaling", type=_count, metavar="N", help="also measure whole steps on all ranks with N particles")
+    for name, (module, summary) in _MODULES.items():
+        sub = commands.add_parser(name, help=summary)
+        if name == command:
+            import_module(module).add_arguments(sub)
     return parser
 
 
-COMMANDS = ("run", "check", "bench")
+_PLOTTING = ("pyvista", "vtkmodules", "matplotlib")
+# commands of their own modules, imported only when they are asked for
+_MODULES = {
+    "point": ("parsolid.point", "drive a material along a path of deformation, without particles"),
+    "study": ("parsolid.study", "run scenes over resolutions and options; error against run time"),
+    "plot": ("parsolid.plot", "pictures of a run: energies, probes, the deformed body"),
+}
+COMMANDS = ("run", "check", "bench", *_MODULES)
 
 
 def parse(arguments: list[str]) -> argparse.Namespace:
     """Parsed arguments; `run` is the command where none is named."""
     if not arguments or (arguments[0] not in COMMANDS and arguments[0] not in ("-h", "--help", "--version")):
         arguments = ["run", *arguments]
-    return build_parser().parse_args(arguments)
+    return build_parser(arguments[0]).parse_args(arguments)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -97,6 +109,9 @@ def main(arguments: list[str] | None = None) -> int:
         if isinstance(error, RunFailed):
             _say(comm, f"parsolid: {error}")
             return WENT_WRONG
+        if isinstance(error, ModuleNotFoundError) and error.name in _PLOTTING:
+            _say(comm, f"parsolid: {error.name} is not installed: pip install 'parsolid[plot]'")
+            return 1
         traceback.print_exc()
         sys.stderr.flush()
         if comm.size > 1:
@@ -120,6 +135,8 @@ def _dispatch(comm, arguments: list[str]) -> int:
     if comm.rank > 0 and any(argument in ("-h", "--help", "--version") for argument in arguments):
         return DONE
     options = parse(arguments)
+    if options.command in _MODULES:
+        return getattr(import_module(_MODULES[options.command][0]), f"run_{options.command}")(comm, options)
     if options.command == "bench":
         from parsolid.bench import bench
 
