@@ -2,27 +2,28 @@
 
 import numpy as np
 
-from parsolid.together import minimum
+from parsolid.together import maximum, minimum
 
 
 def describe_failure(simulation, otherwise: str) -> str:
     """One message, the same on every rank; `otherwise` says what is wrong if no particle is at fault. Collective."""
-    comm = simulation.comm
-    local = _worst_particle(simulation)
-    first = minimum(comm, comm.rank if local is not None else comm.size)
-    found = comm.bcast(local, root=first) if first < comm.size else None
-    what, where = otherwise, ""
-    if found is not None:
-        what = found["what"]
-        where = (
-            f"\n  particle   {found['identifier']} on rank {first}, at X = ({found['reference']}), now x = ({found['position']})"
-        )
+    found = _first_of(simulation.comm, _unsound_particle(simulation))
+    if found is None:
+        found = _first_of(simulation.comm, _fastest_particle(simulation)) | {"what": otherwise}
     return (
-        f"the run failed: {what}\n"
-        f"  time       {simulation.clock.time:.9g} s, step {simulation.clock.step}{where}\n"
+        f"the run failed: {found['what']}\n"
+        f"  time       {simulation.clock.time:.9g} s, step {simulation.clock.step}\n"
+        f"  particle   {found['identifier']} on rank {found['rank']}{found.get('why', '')}, "
+        f"at X = ({found['reference']}), now x = ({found['position']})\n"
         f"  checkpoint {simulation.last_checkpoint or 'none was written'}\n"
         f"  try        {advice(simulation)}"
     )
+
+
+def _first_of(comm, local: dict | None) -> dict | None:
+    """What the lowest rank that has found something has found; collective."""
+    first = minimum(comm, comm.rank if local is not None else comm.size)
+    return comm.bcast(local, root=first) | {"rank": first} if first < comm.size else None
 
 
 def advice(simulation) -> str:
@@ -38,7 +39,7 @@ def advice(simulation) -> str:
     return ", or ".join(hints)
 
 
-def _worst_particle(simulation) -> dict | None:
+def _unsound_particle(simulation) -> dict | None:
     """The rank's first particle with a Jacobian or a velocity that is not sound."""
     table = simulation.method.table
     jacobian, velocity = table.owned_rows("jacobian"), table.owned_rows("velocity")
@@ -49,8 +50,22 @@ def _worst_particle(simulation) -> dict | None:
     what = f"the Jacobian is {jacobian[index]:.4g}, not positive: matter is turned inside out"
     if not np.isfinite(jacobian[index]) or not np.isfinite(velocity[index]).all():
         what = "a number is no longer finite"
+    return {"what": what} | _named(table, index)
+
+
+def _fastest_particle(simulation) -> dict | None:
+    """The fastest particle of all, on its rank alone; where a run becomes unstable, it is near; collective."""
+    table = simulation.method.table
+    speed = np.linalg.norm(table.owned_rows("velocity"), axis=1)
+    largest = float(speed.max(initial=-1.0))
+    if largest < maximum(simulation.comm, largest):
+        return None
+    index = int(np.argmax(speed))
+    return {"why": f" (the fastest, {largest:.4g} m/s)"} | _named(table, index)
+
+
+def _named(table, index: int) -> dict:
     return {
-        "what": what,
         "identifier": int(table.owned_rows("identifier")[index]),
         "reference": _place(table.owned_rows("reference_position")[index]),
         "position": _place(table.owned_rows("position")[index]),

@@ -44,7 +44,7 @@ def run(comm, options) -> int:
     if options.restart is not None:
         restart = Restart(comm, Path(options.restart) if options.restart else find_checkpoint(directory, comm))
     simulation = Simulation(comm, scene, restart)
-    files = OutputFiles(comm, scene, directory, restart, _inputs(options, restart))
+    files = OutputFiles(comm, scene, directory, restart, _inputs(options, scene, restart))
     with together(comm, "cannot write scene.toml"):
         if comm.rank == 0:
             dump_scene(scene, files.directory / "scene.toml")
@@ -61,10 +61,12 @@ def run(comm, options) -> int:
     return _follow(comm, simulation, watch, limits, stop, options)
 
 
-def _inputs(options, restart) -> tuple:
+def _inputs(options, scene, restart) -> tuple:
     """Files that the run reads and must not write over."""
-    scene = (options.scene,) if options.scene else ()
-    return scene + ((restart.path,) if restart else ())
+    meshes = tuple(body.shape.model.file for body in scene.bodies if body.shape.kind == "mesh")
+    series = (scene.reference.series,) if scene.reference and scene.reference.series else ()
+    named = (options.scene,) if options.scene else ()
+    return named + meshes + series + ((restart.path,) if restart else ())
 
 
 def _follow(comm, simulation, watch, limits, stop, options) -> int:
