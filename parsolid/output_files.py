@@ -9,7 +9,7 @@ from parsolid.observables import Observables
 from parsolid.output.directory import prepare
 from parsolid.output.errors import together
 from parsolid.output.fields import FieldSeries
-from parsolid.output.history import History
+from parsolid.output.history import History, read_history
 
 SHOWN = ("displacement", "velocity", "pressure", "von_mises_stress", "jacobian")
 
@@ -42,6 +42,17 @@ class OutputFiles:
                 self.history = History(path, columns)
                 if self.continued:
                     self.history.resume(self.continued.header["step"])
+
+    def history_rows(self, last_only: bool) -> list[dict[str, float]]:
+        """Rows that a continued history has kept, all or the last one, the same on all ranks; collective."""
+        columns: dict[str, list[float]] = {}
+        path = self.directory / "history.csv"
+        with together(self.comm, f"cannot go on with {path}"):
+            if self.comm.rank == 0 and self.continued:
+                columns = read_history(path)
+                columns = {name: values[-1:] if last_only else values for name, values in columns.items()}
+        columns = self.comm.bcast(columns)
+        return [dict(zip(columns, values)) for values in zip(*columns.values())]
 
     def append_history(self, values: list[float]) -> None:
         """Add a row; rank 0's is written."""

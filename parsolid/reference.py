@@ -7,9 +7,7 @@ Against an exact solution: relative L2 norms of fields, weighted with tributary 
 import json
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
-from parsolid.exact import SOLUTIONS
 from parsolid.ledger import COLUMNS
 
 
@@ -23,6 +21,9 @@ class Errors:
         self.times: tuple[float, ...] = ()
         self.solution = None
         if self.reference is not None and self.reference.exact is not None:
+            # scipy takes half a second to import, which a run without a reference is spared
+            from parsolid.exact import SOLUTIONS
+
             self.solution = SOLUTIONS[self.reference.exact].of_scene(scene)
             self.times = tuple(time for time in self.reference.times if time <= scene.end_time)
 
@@ -30,6 +31,12 @@ class Errors:
         """Remember a history row."""
         if self.reference is not None and self.reference.series is not None:
             self.rows.append({name: row[name] for name in ("time", *self.reference.columns)})
+
+    def resume(self, rows: list[dict], found: dict[str, float]) -> None:
+        """Continue with the history rows and the errors of the run before a restart."""
+        self.found |= found
+        for row in rows:
+            self.note(row)
 
     def look(self, simulation, observables) -> None:
         """Compare fields with the exact solution when its time has come; collective then."""
@@ -60,6 +67,8 @@ def _squares(volume: np.ndarray, values: np.ndarray) -> float:
 
 def series_errors(rows: list[dict], reference) -> dict[str, float]:
     """Errors of history rows against a reference series; rows hold "time" and the reference's columns."""
+    from scipy.interpolate import CubicSpline
+
     with open(reference.series) as file:
         data = json.load(file)
     times = np.asarray(data["t"], float)

@@ -60,6 +60,7 @@ def header_of(simulation, watch) -> dict:
         "initial_energy": simulation.ledger.initial,
         "largest_energy": watch.largest_energy,
         "probes": watch.probes.state(),
+        "errors": watch.errors.found,
         "scene": simulation.scene.resolved(),
     }
 

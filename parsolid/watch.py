@@ -39,6 +39,9 @@ class Watch:
         self.resumed_step = self.last_checkpoint_step = self.simulation.clock.step
         self.largest_energy = header["largest_energy"]
         self.probes.restore(header["probes"])
+        rows = self.files.history_rows(last_only=self.errors.reference is None)
+        self.last_row = rows[-1] if rows else None
+        self.errors.resume(rows, header["errors"])
 
     @property
     def columns(self) -> list[str]:
