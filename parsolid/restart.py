@@ -1,11 +1,17 @@
 """Continue a run from a checkpoint, on the same ranks bit for bit, or on any other number of ranks."""
 
+import json
+
 import numpy as np
 
 from parsolid.distribution import distribute, sort_for_speed
 from parsolid.output.checkpoint import read_checkpoint
 from parsolid.scene.cloud import Cloud
+from parsolid.together import SolverError
+from parsolid.together import SolverError
 
+# keys of a body that say where its particles are
+_FILLING = ("shape", "particles", "spacing", "placement", "jitter", "seed")
 _CLOUD = ("identifier", "volume", "spacing", "axes", "body", "area")
 
 
@@ -24,11 +30,32 @@ class Restart:
             moved = distribute(comm, self.cloud, self.values)
             self.cloud, self.values = moved
 
+    def check(self, scene) -> None:
+        """Raise SolverError, on all ranks, when the scene's particles or their fields are not those of the checkpoint."""
+        faults = _differences(self.header["scene"], scene.resolved())
+        if faults:
+            raise SolverError("\n  ".join([f"--restart {self.path}: the checkpoint is of another scene:", *faults]))
+
     def _cloud(self, dimension: int) -> Cloud:
         fields = {name: self.values.get(name) for name in _CLOUD}
         if fields["axes"] is not None:
             fields["axes"] = fields["axes"].reshape(-1, dimension, dimension)
         return Cloud(position=self.values["reference_position"], **fields)
+
+    def check(self, scene) -> None:
+        """Raise SolverError, on all ranks, when the scene has other particles than the checkpoint."""
+        then, now = self.header["scene"], scene.resolved()
+        if then["dimension"] != now["dimension"]:
+            raise SolverError(f"dimension: expected that of the checkpoint, {then['dimension']}, found {now['dimension']}")
+        if len(then["bodies"]) != len(now["bodies"]):
+            raise SolverError(f"bodies: expected those of the checkpoint, {len(then['bodies'])}, found {len(now['bodies'])}")
+        for index, (old, new) in enumerate(zip(then["bodies"], now["bodies"])):
+            for key in ("shape", "particles", "spacing", "placement", "jitter", "seed"):
+                # as JSON, because the header has been through it
+                if json.dumps(old.get(key)) != json.dumps(new.get(key)):
+                    raise SolverError(
+                        f"bodies.{index}.{key}: expected {old.get(key)} as in the checkpoint {self.path}, found {new.get(key)}"
+                    )
 
     def order(self, cloud, laws: list) -> np.ndarray:
         """Order (n,) of the particles on this rank: as in the checkpoint on the same ranks."""
@@ -37,7 +64,13 @@ class Restart:
         return sort_for_speed(self.comm, cloud, laws)
 
     def apply(self, simulation, order: np.ndarray) -> None:
-        """Put state, ledger and clock back."""
+        """Put state, ledger and clock back. Raises SolverError, on all ranks, when the material keeps another state."""
+        wanted, found = set(simulation.method.table.checkpointed()), set(self.values)
+        if wanted != found:
+            raise SolverError(
+                f"bodies.material: expected the state of the checkpoint {self.path} ({', '.join(sorted(found))}), "
+                f"found one with {', '.join(sorted(wanted))}"
+            )
         simulation.method.table.restore({name: values[order] for name, values in self.values.items()})
         simulation.method.resume()
         ledger = simulation.ledger
@@ -47,6 +80,25 @@ class Restart:
         elif self.comm.rank == 0:
             ledger.values[:] = self.rows.sum(axis=0)
         simulation.clock.time, simulation.clock.step = self.header["time"], self.header["step"]
+
+
+def _differences(before: dict, now: dict) -> list[str]:
+    """What differs between two resolved scenes of what a restart cannot change, by key."""
+    values = []
+    for scene in (before, now):
+        entries = {"dimension": scene["dimension"], "method.kind": scene["method"]["kind"], "number of bodies": len(scene["bodies"])}
+        for index, body in enumerate(scene["bodies"]):
+            entries |= {f"bodies.{index}.{key}": body.get(key) for key in _FILLING}
+            branches = body["material"].get("branches", [])
+            entries[f"bodies.{index}.material.branches"] = f"{len(branches)} of them"
+        values.append(entries)
+    old, new = values
+    shared = [key for key in old if key in new and old[key] != new[key]]
+    return [f"{key}: expected {_told(old[key])} as in the checkpoint, found {_told(new[key])}" for key in shared]
+
+
+def _told(value) -> str:
+    return "nothing" if value is None else str(value)
 
 
 def header_of(simulation, watch) -> dict:

@@ -4,13 +4,14 @@ import time as clock
 from pathlib import Path
 
 from parsolid.output.checkpoint import find_checkpoint
-from parsolid.output.errors import together
+from parsolid.output.errors import OutputError, together
 from parsolid.output.progress import Progress
 from parsolid.output.summary import provenance, write_summary
 from parsolid.output_files import OutputFiles
 from parsolid.restart import Restart
 from parsolid.scene import SceneError, dump_scene, load_scene, packaged_scene
 from parsolid.simulation import FINISHED, INTERRUPTED, Limits, RunFailed, Simulation, StopRequest
+from parsolid.together import SolverError
 from parsolid.watch import Watch
 
 TO_BE_CONTINUED = 75
@@ -39,15 +40,11 @@ def run(comm, options) -> int:
     stop = StopRequest()
     stop.install()
     scene = load(comm, options)
-    directory = Path(options.output or scene.output.directory)
-    restart = None
-    if options.restart is not None:
-        restart = Restart(comm, Path(options.restart) if options.restart else find_checkpoint(directory, comm))
-    simulation = Simulation(comm, scene, restart)
-    files = OutputFiles(comm, scene, directory, restart, _inputs(options, scene, restart))
-    with together(comm, "cannot write scene.toml"):
-        if comm.rank == 0:
-            dump_scene(scene, files.directory / "scene.toml")
+    try:
+        simulation, files, restart = _set_up(comm, scene, options)
+    except OutputError as error:
+        # a folder that cannot be written or a checkpoint that cannot be read is bad input
+        raise SolverError(str(error)) from error
     progress = None
     if comm.rank == 0:
         level = 0 if options.quiet else 2 if options.verbose else 1
@@ -59,6 +56,20 @@ def run(comm, options) -> int:
         simulation.last_checkpoint = str(restart.path)
     limits = Limits(options.max_steps, None if options.wall_time is None else began + options.wall_time)
     return _follow(comm, simulation, watch, limits, stop, options)
+
+
+def _set_up(comm, scene, options):
+    """Simulation, files and restart (or None); nothing is written before the scene is known to be sound. Collective."""
+    directory = Path(options.output or scene.output.directory)
+    restart = None
+    if options.restart is not None:
+        restart = Restart(comm, Path(options.restart) if options.restart else find_checkpoint(directory, comm))
+    simulation = Simulation(comm, scene, restart)
+    files = OutputFiles(comm, scene, directory, restart, _inputs(options, scene, restart))
+    with together(comm, f"cannot write {directory / 'scene.toml'}"):
+        if comm.rank == 0:
+            dump_scene(scene, files.directory / "scene.toml")
+    return simulation, files, restart
 
 
 def _inputs(options, scene, restart) -> tuple:

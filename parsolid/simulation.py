@@ -65,6 +65,8 @@ class Simulation:
         Raises SceneError or SolverError on all ranks when the scene cannot be set up.
         """
         self.comm, self.scene, self.clock, self.ledger = comm, scene, Clock(), Ledger()
+        if restart:
+            restart.check(scene)
         laws = laws_of(scene)
         cloud = restart.cloud if restart else distribute(comm, self._generate())
         order = restart.order(cloud, laws) if restart else sort_for_speed(comm, cloud, laws)
