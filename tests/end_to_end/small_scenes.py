@@ -1,0 +1,139 @@
+"""Scenes of a few particles and a few steps that together use everything a run can do."""
+
+import copy
+from pathlib import Path
+
+import tomli_w
+
+SOFT = {"kind": "mooney-rivlin", "density": 1100.0, "youngs_modulus": 17e6, "poissons_ratio": 0.45}
+STIFF = SOFT | {"density": 1500.0, "youngs_modulus": 40e6, "poissons_ratio": 0.4}
+ONE = [{"beta": 1.0, "tau": 0.02}]
+THREE = [{"beta": 2.0, "tau": 0.001}, {"beta": 1.0, "tau": 0.01}, {"beta": 0.5, "tau": 0.3}]
+ROLLERS = [{"plane": plane, "kind": "roller"} for plane in ("X = 0", "X = 1", "Y = 0")]
+
+OUTPUT = {"history_steps": 1, "fields_interval": 1e-3, "pictures": False}
+
+PUNCH = {
+    "title": "Small punch",
+    "dimension": 2,
+    "end_time": 5e-3,
+    "method": {"kind": "tlsph"},
+    "bodies": [
+        {
+            "shape": {"box": {"lower": [0.0, 0.0], "upper": [1.0, 1.0]}},
+            "particles": [9, 9],
+            "velocity": ["0", "-100*Y*where(X < 0.5, 2*X, 1)"],
+            "material": SOFT,
+        }
+    ],
+    "boundaries": ROLLERS,
+    "probes": [
+        {"name": "corner", "at": [1.0, 1.0], "fields": ["displacement", "velocity", "stress"]},
+        {"name": "mass", "quantity": "centre_of_mass"},
+    ],
+    "output": OUTPUT,
+}
+
+COLUMN = {
+    "title": "Small column",
+    "dimension": 3,
+    "end_time": 0.04,
+    "method": {"kind": "tlsph"},
+    "bodies": [
+        {
+            "shape": {"box": {"lower": [-0.5, 0.0, -0.5], "upper": [0.5, 2.0, 0.5]}},
+            "particles": [5, 9, 5],
+            "velocity": ["105*sin(pi*Y/4)*Z", "0", "-105*sin(pi*Y/4)*X"],
+            "material": SOFT | {"branches": ONE},
+        }
+    ],
+    "boundaries": [{"plane": "Y = 0", "kind": "fixed"}],
+    "probes": [
+        {"name": "tip", "at": [0.5, 2.0, 0.5], "fields": ["displacement", "velocity", "twist"], "axis": "Y"},
+        {"name": "whole", "quantity": "angular_momentum"},
+        {"name": "least", "quantity": "minimum_jacobian"},
+    ],
+    "output": OUTPUT | {"fields_interval": 0.01},
+}
+
+# two materials, one of them with fewer branches, driven by a wall whose velocity changes, pulled and sheared
+DRIVEN = {
+    "title": "Driven plates",
+    "dimension": 2,
+    "end_time": 5e-3,
+    "method": {"kind": "tlsph", "kernel": "quintic-spline", "smoothing": 0.7},
+    "bodies": [
+        {
+            "name": "left",
+            "shape": {"box": {"lower": [0.0, 0.0], "upper": [1.0, 1.0]}},
+            "particles": [9, 9],
+            "material": SOFT | {"branches": THREE},
+        },
+        {
+            "name": "right",
+            "shape": {"box": {"lower": [3.0, 0.0], "upper": [4.0, 1.0]}},
+            "particles": [9, 9],
+            "material": STIFF | {"branches": ONE},
+        },
+    ],
+    "boundaries": [
+        {"plane": "Y = 0", "kind": "roller"},
+        {"plane": "X = 0", "kind": "velocity", "velocity": ["20*sin(2000*t)", "free"]},
+        {"plane": "Y = 1", "kind": "traction", "body": "right", "traction": ["1e5*t/0.005", "2e5*cos(1000*t)"]},
+    ],
+    "loads": {"acceleration": ["0", "-9.81"]},
+    "probes": [
+        {"name": "edge", "at": [4.0, 1.0], "fields": ["displacement", "twist", "pressure"], "centre": [3.5, 0.5]},
+        {"name": "fastest", "quantity": "maximum_speed"},
+        {"name": "all", "quantity": "linear_momentum"},
+    ],
+    "output": OUTPUT,
+}
+
+PULLED = {
+    "title": "Pulled block",
+    "dimension": 3,
+    "end_time": 0.02,
+    "method": {"kind": "tlsph", "maximum_step": 1e-3},
+    "bodies": [
+        {
+            "shape": {"box": {"lower": [0.0, 0.0, 0.0], "upper": [1.0, 1.0, 1.0]}},
+            "particles": [5, 6, 7],
+            "material": SOFT | {"branches": THREE, "zeta": 5e5},
+        }
+    ],
+    "boundaries": [
+        {"plane": "X = 0", "kind": "roller"},
+        {
+            "kind": "velocity",
+            "box": {"lower": [0.0, 0.0, 0.9], "upper": [1.0, 1.0, 1.0]},
+            "velocity": ["free", "0", "10*t/0.02"],
+        },
+    ],
+    "loads": {"body_force": ["1e5*sin(300*t)", "0", "0"]},
+    "probes": [{"name": "corner", "at": [1.0, 1.0, 0.0], "fields": ["position", "jacobian", "deformation_gradient"]}],
+    "output": OUTPUT | {"fields_interval": 0.005},
+}
+
+SCENES = {"punch": PUNCH, "column": COLUMN, "driven": DRIVEN, "pulled": PULLED}
+
+
+def changed(scene: dict, changes: dict) -> dict:
+    """A copy of a scene with {"key.path": value}; None removes the key."""
+    scene = copy.deepcopy(scene)
+    for path, value in changes.items():
+        *keys, last = (int(key) if key.isdigit() else key for key in path.split("."))
+        place = scene
+        for key in keys:
+            place = place[key] if isinstance(place, list) else place.setdefault(key, {})
+        if value is None:
+            del place[last]
+        else:
+            place[last] = value
+    return scene
+
+
+def write(scene: dict, path: Path) -> Path:
+    """Write a scene; returns the path."""
+    path.write_text(tomli_w.dumps(scene), encoding="utf-8")
+    return path

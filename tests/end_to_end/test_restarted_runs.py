@@ -1,0 +1,89 @@
+"""A run that was stopped and restarted ends where the uninterrupted one does."""
+
+import json
+import shutil
+
+import pytest
+from command_line import all_done, many
+from run_results import assert_close, assert_same_bits, history, state, summary
+from small_scenes import PUNCH, SCENES, changed, write
+
+RANKS = 2
+# steps taken before each interruption
+PIECES = (1, 6, 5)
+
+
+def restarts(paths, folder, *more):
+    return [[path, "-q", "-o", folder / name, "--restart", *more] for name, path in paths.items()]
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """Results of every scene: whole, in pieces on the same ranks, and restarted on 1 and 3 ranks from the first pieces."""
+    folder = tmp_path_factory.mktemp("restarts")
+    paths = {name: write(scene, folder / f"{name}.toml") for name, scene in SCENES.items()}
+    whole = [[path, "-q", "-o", folder / "whole" / name] for name, path in paths.items()]
+    begun = [[path, "-q", "-o", folder / "pieces" / name, "--max-steps", PIECES[0]] for name, path in paths.items()]
+    all_done(many(whole + begun, RANKS, folder / "job-0"))
+    for number, steps in enumerate(PIECES[1:], 1):
+        all_done(many(restarts(paths, folder / "pieces", "--max-steps", steps), RANKS, folder / f"job-{number}"))
+    for ranks in (1, 3):
+        shutil.copytree(folder / "pieces", folder / f"on-{ranks}")
+        all_done(many(restarts(paths, folder / f"on-{ranks}"), ranks, folder / f"job-on-{ranks}"))
+    elsewhere = [
+        [path, "-q", "-o", folder / "elsewhere" / name, "--restart", folder / "pieces" / name / "checkpoint.previous.h5"]
+        for name, path in paths.items()
+    ]
+    all_done(many(elsewhere + restarts(paths, folder / "pieces"), RANKS, folder / "job-last"))
+    return folder
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_restarted_on_the_same_ranks_gives_the_same_bits(runs, name):
+    assert_same_bits(runs / "pieces" / name, runs / "whole" / name)
+    assert state(runs / "whole" / name)[0]["step"] > sum(PIECES) + 5
+
+
+@pytest.mark.parametrize("ranks", [1, 3])
+@pytest.mark.parametrize("name", SCENES)
+def test_restarted_on_other_ranks_gives_the_same_numbers(runs, name, ranks):
+    assert_close(runs / f"on-{ranks}" / name, runs / "whole" / name, 1e-9)
+    assert summary(runs / f"on-{ranks}" / name)["ranks"] == ranks
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_restarted_from_a_checkpoint_elsewhere_fills_a_folder_of_its_own(runs, name):
+    found, wanted = history(runs / "elsewhere" / name), history(runs / "whole" / name)
+    # the last checkpoint but one is at the end of the second piece
+    first = sum(PIECES[:2])
+    for column in wanted:
+        assert found[column].tolist() == wanted[column][first + 1 :].tolist()
+    fields, expected = state(runs / "elsewhere" / name)[1], state(runs / "whole" / name)[1]
+    assert all(fields[field].tobytes() == expected[field].tobytes() for field in expected)
+
+
+def test_summary_of_a_restarted_run_compares_all_rows_with_the_reference(tmp_path):
+    reference = {"t": [0.0, 1e-3, 2e-3, 5e-3], "E0": 1e6, "series": {"K": [1e6, 2e6, 0.0, 1e6]}}
+    (tmp_path / "reference.json").write_text(json.dumps(reference))
+    compared = changed(PUNCH, {"reference": {"series": "reference.json", "columns": {"kinetic": "K"}}})
+    scene = write(compared, tmp_path / "scene.toml")
+    whole, pieces = tmp_path / "whole", tmp_path / "pieces"
+    commands = [[scene, "-q", "-o", whole], [scene, "-q", "-o", pieces, "--max-steps", 12], [scene, "-q", "-o", pieces, "--restart"]]
+    all_done(many(commands, 1, tmp_path / "job"))
+    assert summary(whole)["errors"]["kinetic"] > 0.1
+    assert summary(pieces)["errors"] == summary(whole)["errors"]
+    assert summary(pieces)["energy_balance"] == summary(whole)["energy_balance"]
+
+
+def test_a_finished_run_goes_on_to_a_later_end(tmp_path):
+    scene = write(PUNCH, tmp_path / "scene.toml")
+    folder, short = tmp_path / "run", [scene, "-q", "-o", tmp_path / "run", "--end-time", "2e-3"]
+    commands = [short, [*short, "--restart"], [scene, "-q", "-o", folder, "--restart"]]
+    (tmp_path / "direct").mkdir()
+    all_done(many([*commands, [scene, "-q", "-o", tmp_path / "direct"]], RANKS, tmp_path / "job"))
+    columns, direct = history(folder), history(tmp_path / "direct")
+    assert columns["step"].tolist() == list(range(len(columns["step"])))
+    assert 2e-3 in columns["time"] and columns["time"][-1] == 5e-3
+    assert summary(folder)["status"] == "finished" and summary(folder)["end_time"] == 5e-3
+    # the first part's last step was cut short to land on its end, so this is as close as the time integration
+    assert columns["stored"][-1] == pytest.approx(direct["stored"][-1], rel=0.02)
