@@ -8,10 +8,7 @@ from parsolid.distribution import distribute, sort_for_speed
 from parsolid.output.checkpoint import read_checkpoint
 from parsolid.scene.cloud import Cloud
 from parsolid.together import SolverError
-from parsolid.together import SolverError
 
-# keys of a body that say where its particles are
-_FILLING = ("shape", "particles", "spacing", "placement", "jitter", "seed")
 _CLOUD = ("identifier", "volume", "spacing", "axes", "body", "area")
 
 
@@ -29,12 +26,6 @@ class Restart:
         if not self.same_ranks:
             moved = distribute(comm, self.cloud, self.values)
             self.cloud, self.values = moved
-
-    def check(self, scene) -> None:
-        """Raise SolverError, on all ranks, when the scene's particles or their fields are not those of the checkpoint."""
-        faults = _differences(self.header["scene"], scene.resolved())
-        if faults:
-            raise SolverError("\n  ".join([f"--restart {self.path}: the checkpoint is of another scene:", *faults]))
 
     def _cloud(self, dimension: int) -> Cloud:
         fields = {name: self.values.get(name) for name in _CLOUD}
@@ -80,25 +71,6 @@ class Restart:
         elif self.comm.rank == 0:
             ledger.values[:] = self.rows.sum(axis=0)
         simulation.clock.time, simulation.clock.step = self.header["time"], self.header["step"]
-
-
-def _differences(before: dict, now: dict) -> list[str]:
-    """What differs between two resolved scenes of what a restart cannot change, by key."""
-    values = []
-    for scene in (before, now):
-        entries = {"dimension": scene["dimension"], "method.kind": scene["method"]["kind"], "number of bodies": len(scene["bodies"])}
-        for index, body in enumerate(scene["bodies"]):
-            entries |= {f"bodies.{index}.{key}": body.get(key) for key in _FILLING}
-            branches = body["material"].get("branches", [])
-            entries[f"bodies.{index}.material.branches"] = f"{len(branches)} of them"
-        values.append(entries)
-    old, new = values
-    shared = [key for key in old if key in new and old[key] != new[key]]
-    return [f"{key}: expected {_told(old[key])} as in the checkpoint, found {_told(new[key])}" for key in shared]
-
-
-def _told(value) -> str:
-    return "nothing" if value is None else str(value)
 
 
 def header_of(simulation, watch) -> dict:
