@@ -1,0 +1,81 @@
+"""The picture of a material point: deformation, stress, loop, energies, internal variables and wave speeds."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from parsolid.output.errors import OutputError, words
+from parsolid.scene.observation import component_names
+
+
+def draw(path: Path, title: str, columns: dict[str, np.ndarray]) -> None:
+    """Draw columns of point.csv into a PNG file; needs no display. Raises OutputError."""
+    figure = Figure(figsize=(13.0, 7.5), layout="constrained")
+    panels = figure.subplots(2, 3)
+    figure.suptitle(title or "material point")
+    _components(panels[0, 0], columns, "deformation_gradient", "deformation gradient")
+    _components(panels[0, 1], columns, "stress", "Cauchy stress [Pa]")
+    panels[0, 1].plot(columns["time"], columns["von_mises_stress"], "k--", linewidth=1.0, label="von Mises")
+    panels[0, 1].legend(fontsize=7)
+    _loop(panels[0, 2], columns)
+    _series(panels[1, 0], columns, "energy density [J/m$^3$]", ("work", "stored", "dissipation", "equilibrium"))
+    _branches(panels[1, 1], columns)
+    _waves(panels[1, 2], columns)
+    try:
+        FigureCanvasAgg(figure).print_png(str(path))
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {words(error)}") from error
+
+
+def _series(panel, columns: dict, label: str, names, labels=None) -> None:
+    for name, text in zip(names, labels or names):
+        if name in columns:
+            panel.plot(columns["time"], columns[name], label=text.replace("_", " "), linewidth=1.2)
+    panel.set_xlabel("time [s]")
+    panel.set_ylabel(label)
+    panel.legend(fontsize=7)
+
+
+def _components(panel, columns: dict, field: str, label: str) -> None:
+    """The components that are more than rounding, and not another's by symmetry."""
+    names = component_names(field, 3)
+    largest = max(np.abs(columns[name]).max() for name in names)
+    shown = [name for name in names if np.abs(columns[name]).max() > 1e-9 * largest]
+    if field == "stress":
+        shown = [name for name in shown if name[-2] <= name[-1]]
+    _series(panel, columns, label, shown, [name[-2:] for name in shown])
+
+
+def _waves(panel, columns: dict) -> None:
+    """Wave speeds: greatest over all directions in black, along each direction in a colour of its own."""
+    for name in columns:
+        if name.endswith("wave_speed"):
+            where, _, kind = name.rpartition(".")
+            style = {"color": f"C{int(where.rpartition('_')[2]) - 1}"} if where else {"color": "k", "linestyle": "--"}
+            first = "pressure" in kind or not where
+            label = (where or kind).replace("_", " ") if first else None
+            panel.plot(columns["time"], columns[name], linewidth=1.2, label=label, **style)
+    panel.set_xlabel("time [s]")
+    panel.set_ylabel("wave speed [m/s]")
+    panel.legend(fontsize=7)
+
+
+def _loop(panel, columns: dict) -> None:
+    """Stress over deformation, for the component of F that moves most."""
+    names = component_names("deformation_gradient", 3)
+    moved = max(names, key=lambda name: np.ptp(columns[name]))
+    stress = moved.replace("deformation_gradient", "first_piola_kirchhoff_stress")
+    panel.plot(columns[moved], columns[stress], linewidth=1.2)
+    panel.set_xlabel(moved.replace("_", " "))
+    panel.set_ylabel(f"{stress.replace('_', ' ')} [Pa]")
+
+
+def _branches(panel, columns: dict) -> None:
+    """Internal variables of the branches, or the von Mises stress and the pressure where there are none."""
+    names = [name for name in columns if ".A_" in name and np.ptp(columns[name]) > 1e-9]
+    if not names:
+        _series(panel, columns, "stress [Pa]", ("von_mises_stress", "pressure"))
+        return
+    _series(panel, columns, "internal variable A", names[:18], [name.replace(".", ", ") for name in names])
