@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import tempfile
 from pathlib import Path
 
 __version__ = "0.1.0"
@@ -19,8 +20,14 @@ def _prepare_numba() -> None:
     for part in (root / "kernels", root / "materials", root / "methods", root.parent / "decomposition"):
         for source in sorted(part.glob("*.py")):
             digest.update(source.read_bytes())
-    cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
-    os.environ["NUMBA_CACHE_DIR"] = str(cache / "parsolid" / digest.hexdigest()[:16])
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "parsolid" / digest.hexdigest()[:16]
+    try:
+        cache.mkdir(parents=True, exist_ok=True)
+        writable = os.access(cache, os.W_OK)
+    except OSError:
+        writable = False
+    # numba refuses to work with a cache it cannot write
+    os.environ["NUMBA_CACHE_DIR"] = str(cache if writable else Path(tempfile.mkdtemp(prefix="parsolid-")))
 
 
 _prepare_numba()

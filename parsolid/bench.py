@@ -10,6 +10,7 @@ from mpi4py import MPI
 
 from parsolid.scene import parse_scene
 from parsolid.simulation import Simulation
+from parsolid.warmup import wait_quietly
 
 REPETITIONS = 7
 
@@ -97,13 +98,6 @@ def _scaling_rows(comm, particles: int) -> list[list]:
     total = run.simulation.particles
     speeds = [f"{total / alone:.3g}", f"{total / together / comm.size:.3g}"]
     return [[1, total, speeds[0], 1.0], [comm.size, total, speeds[1], f"{alone / together:.2f}"]]
-
-
-def wait_quietly(comm) -> None:
-    """A barrier that sleeps instead of spinning, so that a waiting rank does not disturb the measurement."""
-    request = comm.Ibarrier()
-    while not request.Test():
-        time.sleep(0.01)
 
 
 def _table(title: str, names: list[str], rows: list[list]) -> None:

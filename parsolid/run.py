@@ -12,6 +12,7 @@ from parsolid.restart import Restart
 from parsolid.scene import SceneError, dump_scene, load_scene, packaged_scene
 from parsolid.simulation import FINISHED, INTERRUPTED, Limits, RunFailed, Simulation, StopRequest
 from parsolid.together import SolverError
+from parsolid.warmup import warm_up
 from parsolid.watch import Watch
 
 TO_BE_CONTINUED = 75
@@ -64,6 +65,7 @@ def _set_up(comm, scene, options):
     restart = None
     if options.restart is not None:
         restart = Restart(comm, Path(options.restart) if options.restart else find_checkpoint(directory, comm))
+    warm_up(comm, scene)
     simulation = Simulation(comm, scene, restart)
     files = OutputFiles(comm, scene, directory, restart, _inputs(options, scene, restart))
     with together(comm, f"cannot write {directory / 'scene.toml'}"):
@@ -118,6 +120,7 @@ def check(comm, options) -> int:
     from parsolid.report import print_report
 
     scene = load(comm, options)
+    warm_up(comm, scene)
     simulation = Simulation(comm, scene)
     print_report(comm, simulation)
     return 0

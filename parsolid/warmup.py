@@ -1,0 +1,71 @@
+"""One rank of each node compiles a scene's kernels before the others, which then load them from the file cache."""
+
+import hashlib
+import json
+import os
+import time
+from pathlib import Path
+
+from mpi4py import MPI
+
+from parsolid.observables import Observables
+from parsolid.scene import parse_scene
+from parsolid.simulation import Simulation
+
+
+def warm_up(comm, scene) -> None:
+    """Compile on the first rank of each node, unless the cache has been warmed for such a scene; collective."""
+    if comm.size == 1:
+        return
+    node = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    tables = _small_scene(scene)
+    if node.rank == 0:
+        mark = _mark(tables)
+        if not mark.exists():
+            compile_kernels(tables)
+            mark.parent.mkdir(parents=True, exist_ok=True)
+            mark.touch()
+    wait_quietly(node)
+    node.Free()
+
+
+def wait_quietly(comm) -> None:
+    """A barrier that sleeps instead of spinning, so that waiting ranks leave the processor to the working ones."""
+    request = comm.Ibarrier()
+    while not request.Test():
+        time.sleep(0.01)
+
+
+def compile_kernels(tables: dict) -> None:
+    """Run one step of a small scene on this rank alone, and call what only several ranks need."""
+    simulation = Simulation(MPI.COMM_SELF, parse_scene(tables))
+    simulation.take_step(1e-9 * simulation.method.stable_step())
+    method = simulation.method
+    method.energies()
+    Observables(method).field("pressure")
+    # lists of ghosts have no images
+    method.passes.gradient_one_sided(0, 0, method.pairing.inner, None, method.kinematics, method.gradient)
+    choices = (method.riemann, method.shear, method.reconstruct, method.kinematics, method.record, method.force)
+    method.passes.force_one_sided(0, 0, method.pairing.inner, None, *choices)
+
+
+def _mark(tables: dict) -> Path:
+    name = hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()[:16]
+    return Path(os.environ["NUMBA_CACHE_DIR"]) / f"warm-{name}"
+
+
+def _small_scene(scene) -> dict:
+    """A scene of a few particles whose kernels have the same types."""
+    d, full = scene.dimension, scene.resolved()
+    bodies = []
+    for index, body in enumerate(full["bodies"]):
+        lower = [10.0 * index] + [0.0] * (d - 1)
+        box = {"lower": lower, "upper": [lower[0] + 1.0] + [1.0] * (d - 1)}
+        bodies.append({"shape": {"box": box}, "particles": [3] * d, "placement": "nodes", "material": body["material"]})
+    kinds = {boundary["kind"] for boundary in full["boundaries"]}
+    boundaries = [{"plane": "Y = 0", "kind": kind} for kind in sorted(kinds & {"fixed", "roller", "antisymmetric"})[:1]]
+    if "velocity" in kinds:
+        boundaries.append({"plane": "Y = 1", "kind": "velocity", "velocity": [0.0] * d})
+    loads = {"acceleration": [0.0] * d} if full.get("loads") or "traction" in kinds else {}
+    small = {"dimension": d, "end_time": 1.0, "method": full["method"], "bodies": bodies, "boundaries": boundaries}
+    return small | {"loads": loads, "title": "warming up"}
