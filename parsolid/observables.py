@@ -74,5 +74,7 @@ class Observables:
         if name == "linear_momentum":
             return (mass * v).sum(axis=0)
         if name == "angular_momentum":
-            return np.atleast_1d(np.sum(mass * np.cross(x, v).reshape(len(x), -1), axis=0))
+            if self.dimension == 2:
+                return np.array([mass[:, 0] @ (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0])])
+            return (mass * np.cross(x, v)).sum(axis=0)
         return np.append((mass * x).sum(axis=0), mass.sum())
