@@ -190,11 +190,11 @@ class Table(Path):
             times, _ = self._series
         except _TableFault as error:
             reject((("file" if self.file else "rows",), error.expected, error.found))
-        late = np.flatnonzero(np.diff(times) < 0.0)
+        key, late = ("file" if self.file else "rows",), np.flatnonzero(np.diff(times) < 0.0)
         if times[0] > 0.0:
-            reject((("file" if self.file else "rows",), "a table that starts at time 0", Phrase(f"time {times[0]:g}")))
+            reject((key, "a table that starts at time 0", Phrase(f"time {times[0]:g}")))
         if len(late):
-            reject((("file" if self.file else "rows",), "times that do not fall", Phrase(f"{times[late[0] + 1]:g} after {times[late[0]]:g}")))
+            reject((key, "times that do not fall", Phrase(f"{times[late[0] + 1]:g} after {times[late[0]]:g}")))
         return self
 
     @property
@@ -216,7 +216,8 @@ class Table(Path):
         if "time" not in columns:
             raise _TableFault("a column 'time'", Phrase(", ".join(columns)[:80]))
         if not set(known) & set(columns):
-            raise _TableFault(f"a column such as {next(iter(known))!r}{suggestion(columns[-1], known)}", Phrase(", ".join(columns)[-80:]))
+            near = suggestion(columns[-1], known)
+            raise _TableFault(f"a column such as {next(iter(known))!r}{near}", Phrase(", ".join(columns)[-80:]))
         ragged = next((i for i, row in enumerate(rows) if len(row) != len(columns)), None)
         if ragged is not None:
             raise _TableFault(f"{len(columns)} numbers in every row", Phrase(f"{len(rows[ragged])} in row {ragged + 1}"))

@@ -130,7 +130,7 @@ def _prepared(directory: Path, point: MaterialPoint, source: str) -> Path:
     inputs = {Path(name).resolve() for name in (source, getattr(point.path, "file", None)) if name}
     for name in (TABLE, PICTURE, SUMMARY):
         if (directory / name).resolve() in inputs:
-            raise OutputError(f"{directory / name}: is read by this command, and would be written over; choose another folder (-o DIR)")
+            raise OutputError(f"{directory / name}: is read by this command; choose another folder for the results (-o DIR)")
     return directory
 
 

@@ -11,8 +11,13 @@ from parsolid.materials import evaluation
 from parsolid.materials.hyperbolicity import branch_sum, dissipation_rates, polyconvex_state
 from parsolid.materials.law import first_piola_kirchhoff_stress, isotropic_shear_modulus, pressure_wave_tensor, shear_wave_tensor
 from parsolid.materials.maxwell import branch_dissipation, inverse_right_cauchy_green, relaxation_weights, relaxed
+from parsolid.materials.mooney_rivlin import MooneyRivlin
 from parsolid.methods.deformation import current_branches
 
+LAWS = {
+    "neo-hookean": MooneyRivlin(1100.0, 3.0, None, 7.0, (2.0, 5.0), (0.1, 3.0)),
+    "mooney-rivlin": MooneyRivlin(1100.0, 3.0, 2.0, 7.0, (2.0, 5.0), (0.1, 3.0)),
+}
 TENSOR = {2: [0, 1, 3, 4], 3: list(range(9))}
 SYMMETRIC = {2: [0, 1, 3], 3: list(range(6))}
 STORED = {2: [0, 1, 2, 3], 3: list(range(6))}
@@ -93,9 +98,8 @@ def branches_on_lanes(space, law, deformation, branches, weights, dissipation, n
             new[k, c] = values[c]
 
 
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 def test_branches(law, dimension, particles):
-    if law.branch_moduli is None:
-        pytest.skip("a law without branches")
     state, deformation, branches = particles
     dissipation, new = np.empty(4), np.empty((4, len(STORED[dimension])))
     weights = relaxation_weights(0.2, 0.3)
