@@ -162,6 +162,7 @@ class Watch:
             "wall_seconds": clock.perf_counter() - clock_.began,
             "setup_seconds": simulation.setup_seconds,
             "loop_seconds": slowest,
+            "first_step_seconds": maximum(comm, clock_.first_step_seconds),
             "output_seconds": self.output_seconds,
             "particle_steps_per_second_per_rank": rate,
             "nanoseconds_per_pair": slowest * comm.size / (evaluations * directed / 2) * 1e9 if steps and directed else None,
