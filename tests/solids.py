@@ -1,0 +1,224 @@
+"""Small bodies, random states and short runs for the tests; no particle number in here is more than a few hundred."""
+
+import copy
+
+import numpy as np
+from mpi4py import MPI
+
+from parsolid.methods import motion
+from parsolid.methods.deformation import Stage, advance_deformation
+from parsolid.scene import parse_scene
+from parsolid.simulation import Limits, Simulation, StopRequest
+
+# numbers of order one, so that tolerances are absolute
+SOFT = {"kind": "mooney-rivlin", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": 0.3}
+RUBBER = {"kind": "mooney-rivlin", "density": 1100.0, "youngs_modulus": 17e6, "poissons_ratio": 0.45}
+ONE_BRANCH = [{"beta": 1.0, "tau": 0.02}]
+THREE_BRANCHES = [{"beta": 1.0, "tau": 0.02}, {"beta": 0.5, "tau": 0.3}, {"beta": 2.0, "tau": 4.0}]
+
+
+def tables(particles, upper=None, lower=None, *, material=SOFT, method=None, end_time=1.0, body=None, **rest) -> dict:
+    """Raw tables of a scene with one box; `method` and `body` add keys, `rest` are further tables."""
+    dimension = len(particles)
+    box = {"lower": list(lower or [0.0] * dimension), "upper": list(upper or [1.0] * dimension)}
+    data = {
+        "dimension": dimension,
+        "end_time": end_time,
+        "method": {"kind": "tlsph", **(method or {})},
+        "bodies": [{"shape": {"box": box}, "particles": list(particles), "material": material, **(body or {})}],
+        **rest,
+    }
+    return copy.deepcopy(data)
+
+
+def simulation(data: dict, comm=MPI.COMM_SELF) -> Simulation:
+    """A simulation of raw tables, by default of this rank alone."""
+    return Simulation(comm, parse_scene(data))
+
+
+def supports(**planes) -> list[dict]:
+    """Boundary tables from X=(0.0, "roller") and the like; several on an axis as X0, X1."""
+    return [{"plane": f"{key[0]} = {place}", "kind": kind} for key, (place, kind) in planes.items()]
+
+
+def punch(particles=(17, 17), **keys) -> dict:
+    """The punch test of Lee et al., section 7.2.1."""
+    return tables(
+        particles,
+        material={**RUBBER, "branches": [{"beta": 3.0, "tau": 0.02}]},
+        body={"velocity": ["0", "-100*Y*where(X < 0.5, 2*X, 1)"]},
+        boundaries=supports(X0=(0.0, "roller"), X1=(1.0, "roller"), Y=(0.0, "roller")),
+        **keys,
+    )
+
+
+def column(particles=(5, 13, 5), beta=1.0, **keys) -> dict:
+    """A short twisting column after Lee et al., section 7.3."""
+    return tables(
+        particles,
+        lower=[-0.5, 0.0, -0.5],
+        upper=[0.5, 3.0, 0.5],
+        material={**RUBBER, "branches": [{"beta": beta, "tau": 0.02}]},
+        body={"velocity": ["50*sin(pi*Y/6)*Z", "0", "-50*sin(pi*Y/6)*X"]},
+        boundaries=supports(Y=(0.0, "fixed")),
+        **keys,
+    )
+
+
+class Record:
+    """Keeps the ledger's row, and any further numbers, after every step."""
+
+    def __init__(self, more=None):
+        self.more = more or (lambda simulation: {})
+        self.rows = []
+
+    def clip(self, time: float, step: float) -> tuple[float, float]:
+        return step, time + step
+
+    def look(self, simulation) -> None:
+        row = simulation.ledger.row(simulation.comm, *simulation.method.energies())
+        self.rows.append({"time": simulation.clock.time, **row, **self.more(simulation)})
+
+    def wall_checkpoint_due(self) -> bool:
+        return False
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Every column over the steps."""
+        return {name: np.array([row[name] for row in self.rows]) for name in self.rows[0]}
+
+
+class Until(Record):
+    """As Record, with a last step that ends at the scene's end."""
+
+    def __init__(self, end: float, more=None):
+        super().__init__(more)
+        self.end = end
+
+    def clip(self, time: float, step: float) -> tuple[float, float]:
+        return (step, time + step) if time + step < self.end else (self.end - time, self.end)
+
+
+def run_steps(data: dict, steps: int, comm=MPI.COMM_SELF, more=None) -> tuple[Simulation, dict]:
+    """So many stable steps; the simulation and the columns of its record."""
+    sim = simulation(data, comm)
+    record = Record(more)
+    sim.run(record, Limits(steps=steps), StopRequest())
+    return sim, record.columns()
+
+
+def run_to_end(data: dict, comm=MPI.COMM_SELF, more=None) -> tuple[Simulation, dict]:
+    """A run to exactly the end; the simulation and the columns of its record."""
+    sim = simulation(data, comm)
+    record = Until(sim.scene.end_time, more)
+    sim.run(record, Limits(), StopRequest())
+    return sim, record.columns()
+
+
+def gathered(sim, *names: str) -> list[np.ndarray]:
+    """Fields of all particles of all ranks in the order of their identifiers, the same on every rank; small bodies only."""
+    table = sim.method.table
+    order = np.argsort(np.concatenate(sim.comm.allgather(table.owned_rows("identifier").copy())))
+    return [np.concatenate(sim.comm.allgather(np.array(table.owned_rows(name))))[order] for name in names]
+
+
+# --- random states -----------------------------------------------------------------------------------------------
+
+
+def random_of(identifier: np.ndarray, *shape: int, seed: int = 0) -> np.ndarray:
+    """Normal numbers (n, ...) that depend on the particles' identifiers alone."""
+    draws = [np.random.default_rng([seed, int(number)]).normal(size=shape) for number in identifier]
+    return np.array(draws).reshape(len(identifier), *shape)
+
+
+def set_random_state(sim, strain: float = 0.15, consistent: bool = True, seed: int = 0) -> None:
+    """Random v, x, F with H = cof F and J = det F (else also random), and A, with the symmetries of the mirror planes."""
+    table, d, owned = sim.method.table, sim.method.dimension, sim.method.owned
+    names = table.owned_rows("identifier")
+    free = np.ones((owned, d)) if sim.boundaries.clamp is None else sim.boundaries.clamp[:, :d]
+    table.owned_rows("velocity")[:] = free * random_of(names, d, seed=seed)
+    table.owned_rows("position")[:] = table.owned_rows("reference_position") + 0.03 * free * random_of(names, d, seed=seed + 1)
+    F = np.tile(np.eye(3), (owned, 1, 1))
+    F[:, :d, :d] += symmetrised(sim, strain * random_of(names, d, d, seed=seed + 2))
+    table.owned_rows("deformation_gradient")[:] = F[:, :d, :d].reshape(owned, d * d)
+    J, H = np.linalg.det(F), np.linalg.det(F)[:, None, None] * np.linalg.inv(F).swapaxes(1, 2)
+    if not consistent:
+        J = J * (1.0 + 0.05 * random_of(names, seed=seed + 3))
+        H[:, :d, :d] += symmetrised(sim, 0.05 * random_of(names, d, d, seed=seed + 4))
+    table.owned_rows("jacobian")[:] = J
+    if d == 3:
+        table.owned_rows("cofactor")[:] = H.reshape(owned, 9)
+    for alpha in range(sim.method.branches):
+        root = strain * random_of(names, d, d, seed=seed + 5 + alpha)
+        A = np.eye(d) + symmetrised(sim, root + root.swapaxes(1, 2) + 3.0 * root @ root.swapaxes(1, 2))
+        rows = [A[:, i, i] for i in range(d)] + [A[:, i, j] for i in range(d) for j in range(i + 1, d)]
+        table.owned_rows(f"viscous_strain_inverse_{alpha + 1}")[:] = np.stack(rows, axis=1)
+
+
+def symmetrised(sim, tensors: np.ndarray) -> np.ndarray:
+    """Tensors (n, d, d), displacement gradients or strains, made X = R X R on rollers, X = -R X R on antisymmetric planes."""
+    d, result = sim.method.dimension, tensors.copy()
+    for plane in sim.boundaries.planes:
+        if plane.kind == "fixed":
+            continue
+        on = plane.contains(sim.cloud)
+        R = np.eye(d)
+        R[plane.axis, plane.axis] = -1.0
+        sign = -1.0 if plane.kind == "antisymmetric" else 1.0
+        result[on] = 0.5 * (result[on] + sign * R @ result[on] @ R)
+    return result
+
+
+def strains(sim) -> dict[str, np.ndarray]:
+    """F, H (n, 3, 3), J (n,) and A (branches, n, 3, 3) of the owned particles."""
+    table, d, owned = sim.method.table, sim.method.dimension, sim.method.owned
+    F = np.tile(np.eye(3), (owned, 1, 1))
+    F[:, :d, :d] = table.owned_rows("deformation_gradient").reshape(owned, d, d)
+    J = np.array(table.owned_rows("jacobian"))
+    if d == 3:
+        H = np.array(table.owned_rows("cofactor")).reshape(owned, 3, 3)
+    else:
+        # in plane strain H = cof F but for H33, which is the evolved J
+        H = np.zeros_like(F)
+        H[:, 0, 0], H[:, 0, 1], H[:, 1, 0], H[:, 1, 1] = F[:, 1, 1], -F[:, 1, 0], -F[:, 0, 1], F[:, 0, 0]
+        H[:, 2, 2] = J
+    A = np.tile(np.eye(3), (sim.method.branches, owned, 1, 1))
+    for alpha in range(sim.method.branches):
+        rows = np.array(table.owned_rows(f"viscous_strain_inverse_{alpha + 1}"))
+        A[alpha][:, range(d), range(d)] = rows[:, :d]
+        for column, (i, j) in zip(rows[:, d:].T, [(i, j) for i in range(d) for j in range(i + 1, d)]):
+            A[alpha][:, i, j] = A[alpha][:, j, i] = column
+    return {"F": F, "H": H, "J": J, "A": A}
+
+
+def evaluate(sim) -> dict[str, np.ndarray | float]:
+    """One semi-discrete evaluation of the current state, which stays as it is; collective.
+
+    gradient (n, d, d) [1/s], P L (n, d, d) [Pa], T, D (n, d) [N], internal and numerical dissipation and the loads' power of
+    this rank [W].
+    """
+    method, d = sim.method, sim.method.dimension
+    kept = method.body.deformation.copy()
+    method._pass_gradient()
+    internal = 0.0
+    for group in method.groups:
+        # an Euler step of 1 s changes F by grad v
+        euler = Stage(True, False, 1.0, 0.0, 1.0, 0.0, group.relaxation(0.0), group.relaxation(0.0))
+        _, rate, _ = advance_deformation(
+            method.space, group.first, group.last, group.law, euler, method.body_of(group), method.gradient,
+            method.riemann, method.shear, method.record,
+        )  # fmt: skip
+        internal += rate
+    gradient = (method.body.deformation - kept)[: d * d, : method.owned].T.reshape(-1, d, d)
+    method.body.deformation[:] = kept
+    method._pass_force()
+    T, D = method.force[: method.owned, :d].copy(), method.force[: method.owned, 4 : 4 + d].copy()
+    record = method.record[: method.owned, : 4 if d == 2 else 12].reshape(-1, d, 2 if d == 2 else 4)
+    stage = Stage(True, False, 0.0, 0.0, 1.0, 0.0, np.zeros((0, 3)), np.zeros((0, 3)))
+    numerical, power = motion.advance_motion(
+        method.space, method.owned, stage, method.kinematics, method.start_motion, method.force, method.gradient,
+        method.mass, method.share, method.boundaries.loads_at(0.0), method.boundaries.clamp,
+    )  # fmt: skip
+    return {
+        "gradient": gradient, "PL": record[:, :, :d].swapaxes(1, 2).copy(), "T": T, "D": D,
+        "internal": internal, "numerical": numerical, "power": power,
+    }  # fmt: skip
