@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 import time
+from contextlib import suppress
 from pathlib import Path
 
 from mpi4py import MPI
@@ -21,12 +22,19 @@ def warm_up(comm, scene) -> None:
     tables = _small_scene(scene)
     if node.rank == 0:
         mark = _mark(tables)
-        if not mark.exists():
-            compile_kernels(tables)
-            mark.parent.mkdir(parents=True, exist_ok=True)
-            mark.touch()
+        # an error of this rank alone would leave the others waiting; one of the scene's meets all ranks in a moment
+        with suppress(Exception):
+            _compile_unless_marked(mark, tables)
     wait_quietly(node)
     node.Free()
+
+
+def _compile_unless_marked(mark: Path, tables: dict) -> None:
+    if mark.exists():
+        return
+    compile_kernels(tables)
+    mark.parent.mkdir(parents=True, exist_ok=True)
+    mark.touch()
 
 
 def wait_quietly(comm) -> None:
