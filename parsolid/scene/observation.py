@@ -17,6 +17,10 @@ ProbeField = Literal[
     "displacement", "velocity", "position", "deformation_gradient", "stress", "first_piola_kirchhoff_stress", "pressure",
     "jacobian", "twist",
 ]  # fmt: skip
+ShownField = Literal[
+    "displacement", "velocity", "position", "deformation_gradient", "stress", "first_piola_kirchhoff_stress", "pressure",
+    "von_mises_stress", "jacobian", "rank",
+]  # fmt: skip
 ProbeQuantity = Literal["linear_momentum", "angular_momentum", "centre_of_mass", "minimum_jacobian", "maximum_speed"]
 _SCALARS = ("pressure", "jacobian", "twist", "minimum_jacobian", "maximum_speed")
 _TENSORS = ("deformation_gradient", "stress", "first_piola_kirchhoff_stress")
@@ -82,7 +86,7 @@ class Output(Section):
     history_steps: Annotated[int, Field(ge=1)] | None = Field(None, description="every step unless given")
     fields_interval: Positive | None = Field(None, description="a twentieth of end_time unless given")
     fields_times: list[NotNegative] | None = None
-    fields: list[str] | None = Field(None, description="the fields to write, all shown ones unless given")
+    fields: list[ShownField] | None = Field(None, description="the fields to write, the usual ones unless given")
     checkpoint_interval: Positive | None = None
     checkpoint_steps: Annotated[int, Field(ge=1)] | None = None
     checkpoint_wall: Positive = Field(600.0, description="wall time between checkpoints [s]")
