@@ -45,8 +45,8 @@ def prepare(comm: MPI.Comm, directory: Path | str, continuing: bool = False, inp
 def _refuse_inputs(results: list[Path], inputs: tuple, continuing: bool) -> None:
     read = {Path(path).resolve() for path in inputs}
     for path in results:
-        # a continued run reads a checkpoint here, and does not lose it
-        if path.resolve() in read and not (continuing and path.suffix == ".h5"):
+        # a continued run reads a checkpoint here, maybe a whole one not renamed yet, and does not lose it
+        if path.resolve() in read and not (continuing and ".h5" in path.suffixes):
             raise OutputError(f"{path} is read by this run and would be overwritten: choose another output directory")
 
 
