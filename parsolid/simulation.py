@@ -38,8 +38,11 @@ class Clock:
     step: int = 0
     began: float = field(default_factory=clock.perf_counter)
     loop_seconds: float = 0.0
+    # of this rank's processor, which other work on the machine does not lengthen
+    loop_processor_seconds: float = 0.0
     # the first step of a program also loads or compiles the kernels
     first_step_seconds: float = 0.0
+    first_step_processor_seconds: float = 0.0
     waiting_seconds: float = 0.0
 
 
@@ -140,7 +143,7 @@ class Simulation:
     def _advance(self, advance: tuple[float, float], wishes: tuple[float, float]) -> None:
         """One step to a time; the next stable step and wishes (to stop, to write a checkpoint) are agreed on meanwhile."""
         step, arrival = advance
-        began = clock.perf_counter()
+        began, processor_began = clock.perf_counter(), clock.process_time()
 
         def announce(sound: bool, stable: float) -> None:
             healthy = sound and not self.failed and np.isfinite(stable)
@@ -152,10 +155,15 @@ class Simulation:
         self.method.finish_step(self.ledger)
         self.clock.time = arrival
         self.clock.step += 1
-        seconds = clock.perf_counter() - began
-        self.clock.loop_seconds += seconds
-        if self.clock.step == self.first_step + 1:
-            self.clock.first_step_seconds = seconds
+        self._count(clock.perf_counter() - began, clock.process_time() - processor_began)
+
+    def _count(self, seconds: float, processor_seconds: float) -> None:
+        """Add what a step took, on the wall and on this rank's processor [s]."""
+        spent = self.clock
+        spent.loop_seconds += seconds
+        spent.loop_processor_seconds += processor_seconds
+        if spent.step == self.first_step + 1:
+            spent.first_step_seconds, spent.first_step_processor_seconds = seconds, processor_seconds
 
     def _check(self, stable: float) -> None:
         """Raise RunFailed on all ranks when the agreed step says that something went wrong."""

@@ -41,10 +41,13 @@ def inverse_right_cauchy_green(H, J):
 
 @register_jitable
 def branch_dissipation(modulus, relaxation_time, C, C_inverse, A):
-    """Rate of internal dissipation of one branch [W/m^3] (eq (28))."""
-    return (0.5 * modulus / relaxation_time) * (
-        contract_symmetric(C, A) + contract_symmetric(C_inverse, inverse_symmetric(A)) - 6.0
-    )
+    """Rate of internal dissipation of one branch [W/m^3]: (28) as mu/(2 tau) (C - A^{-1}) : (A - C^{-1}).
+
+    This is -dW/dt at fixed F for any pair C, C_inverse. With F, H and J evolved apart these are inverses only to the time
+    integration's error, which (28) as printed would divide by tau.
+    """
+    driving = add(C, scale(-1.0, inverse_symmetric(A)))
+    return (0.5 * modulus / relaxation_time) * contract_symmetric(driving, add(A, scale(-1.0, C_inverse)))
 
 
 @register_jitable
