@@ -61,8 +61,7 @@ def run_study(comm, options) -> int:
 def report(console: Console, study: Study, cases: list[Case], folder: Path, study_path: str) -> None:
     """Judge the runs that have a record; print tables, write study.csv, study.md and pictures into the folder."""
     for case in cases:
-        if case.record.get("status") in LASTING:
-            case.measures = measures_of(_folder(folder, case), case.record["loop_seconds"])
+        _measure(folder, case)
     judge(study, cases)
     sheets = sheets_of(study, cases)
     if not sheets:
@@ -86,6 +85,12 @@ def _pictures(console: Console, study: Study, cases: list[Case], folder: Path) -
     except ModuleNotFoundError as error:
         console.print(f"no pictures: {error.name} is not installed (parsolid[plot])")
         return []
+
+
+def _measure(folder: Path, case: Case) -> None:
+    record = case.record
+    if record.get("status") in LASTING:
+        case.measures = measures_of(_folder(folder, case), record["loop_seconds"], record["processor_seconds"])
 
 
 def _folder(folder: Path, case: Case) -> Path:
@@ -128,8 +133,7 @@ def _make(console: Console, study: Study, cases: list[Case], folder: Path, repet
         began = clock.perf_counter()
         with console.status(f"{case.title}: {case.particles} particles, {case.ranks} ranks"):
             case.record = run_case(case, _folder(folder, case), repetitions)
-        if case.record["status"] in LASTING:
-            case.measures = measures_of(_folder(folder, case), case.record["loop_seconds"])
+        _measure(folder, case)
         left = seconds_left(cases, lacking[number:], repetitions)
         told = f"about {_duration(left)} left" if number < len(lacking) else "done"
         line = f"[{number:>{width}}/{len(lacking)}] {case.title}: {_outcome(study, case)}"

@@ -62,7 +62,7 @@ def _number_faults(study: Study, case: Case) -> list[str]:
         if value is None or not value <= bound:
             faults.append(f"{name} {_told(value)}, at most {bound:g}")
     for name, ratio in yardstick_ratios(case).items():
-        allowed = 1.0 if name == "core_seconds" else study.allowed
+        allowed = 1.0 if name == "processor_seconds" else study.allowed
         if not ratio <= allowed:
             faults.append(f"{name} {ratio:.2f} of the yardstick, at most {allowed:g}")
     for name, least in case.series.orders.items():

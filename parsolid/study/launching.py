@@ -60,8 +60,8 @@ def run_case(case: Case, folder: Path, repetitions: int = 1) -> dict:
     """Make a run as many times as it lacks repetitions, and return its record, which is kept in the folder.
 
     Record: status, exit_status, message (last words of a run that did not finish), clean (one message at most), not_finite
-    (files that hold such numbers), seconds (wall, of the first), loop_seconds and load (load average of the machine at the
-    start) of each, command. A KeyboardInterrupt ends the run and leaves no record that it is done.
+    (files that hold such numbers), seconds (wall, of the first), loop_seconds, processor_seconds and load (load average of
+    the machine at the start) of each, command. A KeyboardInterrupt ends the run and leaves no record that it is done.
     """
     record = read_record(folder)
     if record.get("status") not in LASTING:
@@ -74,7 +74,7 @@ def run_case(case: Case, folder: Path, repetitions: int = 1) -> dict:
         shutil.rmtree(beside)
         if again["status"] != FINISHED:
             break
-        record |= {key: record[key] + again[key] for key in ("loop_seconds", "load")}
+        record |= {key: record[key] + again[key] for key in ("loop_seconds", "processor_seconds", "load")}
         write_summary(folder / "record.json", record)
     return record
 
@@ -109,7 +109,7 @@ def _run_once(case: Case, folder: Path) -> dict:
         "clean": _clean(log_text, status),
         "not_finite": not_finite(folder),
         "seconds": clock.perf_counter() - began,
-        "loop_seconds": _loop_seconds(folder),
+        **_seconds(folder),
         "load": [load],
         "ranks": case.ranks,
         "command": shlex.join(["parsolid", *arguments]),
@@ -159,11 +159,19 @@ def _clean(log: str, status: str) -> bool:
     return log.count("parsolid: ") == wanted and "Traceback" not in log
 
 
-def _loop_seconds(folder: Path) -> list[float]:
-    """Seconds of the time loop, its first step, which also loads or compiles the kernels, counted as one of the others."""
+def _seconds(folder: Path) -> dict[str, list[float]]:
+    """loop_seconds and processor_seconds (of all ranks) of the time loop; nothing where there is no summary.
+
+    The first step, which also loads or compiles the kernels, counts as one of the others.
+    """
     try:
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return []
-    steps, first = summary["steps"], summary["first_step_seconds"]
-    return [(summary["loop_seconds"] - first) * steps / (steps - 1)] if steps > 1 else [summary["loop_seconds"]]
+        return {"loop_seconds": [], "processor_seconds": []}
+    steps, result = summary["steps"], {}
+    for name, loop, first in (
+        ("loop_seconds", "loop_seconds", "first_step_seconds"),
+        ("processor_seconds", "loop_processor_seconds", "first_step_processor_seconds"),
+    ):
+        result[name] = [(summary[loop] - summary[first]) * steps / (steps - 1) if steps > 1 else summary[loop]]
+    return result

@@ -14,6 +14,7 @@ MEASURES = {
     "steps": ("steps", ",d", "time steps of three stages"),
     "particle_steps": ("particle-steps", ".3g", "particles times steps"),
     "core_seconds": ("core-s", ".3g", "seconds of the time loop, kernels being loaded, times ranks; the least of all repetitions"),
+    "processor_seconds": ("CPU s", ".3g", "seconds of the processors in the time loop, on all ranks; the least of all repetitions"),
     "wall_seconds": ("wall s", ".3g", "wall time of the run with set-up and output [s]"),
     "particle_steps_per_core_second": ("particle-steps / core-s", ".3g", "speed"),
     "mean_step": ("mean dt [s]", ".3g", "simulated time over steps [s]"),
@@ -28,8 +29,8 @@ MEASURES = {
 }
 
 
-def measures_of(folder: Path, loop_seconds: list[float]) -> dict:
-    """Measures and errors (under "errors") of a run from the files in its folder; loop_seconds of its repetitions.
+def measures_of(folder: Path, loop_seconds: list[float], processor_seconds: list[float]) -> dict:
+    """Measures and errors (under "errors") of a run from the files in its folder, and the seconds of its repetitions.
 
     Empty where there is no summary. A failed run has those that its files give.
     """
@@ -44,6 +45,7 @@ def measures_of(folder: Path, loop_seconds: list[float]) -> dict:
         "steps": steps,
         "particle_steps": particles * steps,
         "core_seconds": core_seconds,
+        "processor_seconds": min(processor_seconds),
         "wall_seconds": summary["wall_seconds"],
         "particle_steps_per_core_second": particles * steps / core_seconds if core_seconds else None,
         "mean_step": summary["end_time"] / steps if steps else None,

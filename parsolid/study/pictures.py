@@ -18,7 +18,7 @@ def draw(study: Study, cases: list[Case], folder: Path) -> list[Path]:
     lines = {name: line for name, line in _all_lines(cases).items() if line}
     written = []
     against = (
-        ("time", "core-seconds of the time loop [s]", lambda case: case.measures["core_seconds"]),
+        ("time", "processor seconds of the time loop, all ranks", lambda case: case.measures["processor_seconds"]),
         ("spacing", "particle spacing [m]", lambda case: case.spacing),
     )
     for word, label, abscissa in against:
@@ -84,7 +84,7 @@ def _line(place, number: int, line: list[Case], name: str, panel: str, abscissa)
         text += f", t = {name.split('@')[1]} s"
     place.plot(*zip(*points), style, color=color, marker=marker, markersize=4.5, linewidth=1.3, label=text)
     yardstick = [
-        (abscissa(case) if case.spacing and abscissa(case) == case.spacing else case.yardstick.get("core_seconds"), case.yardstick.get(name))
+        (abscissa(case) if case.spacing and abscissa(case) == case.spacing else case.yardstick.get("processor_seconds"), case.yardstick.get(name))
         for case in line
     ]
     yardstick = [(x, y) for x, y in yardstick if x and y]

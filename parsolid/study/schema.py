@@ -22,7 +22,7 @@ class Demands(Section):
                 message and no number in its files that is not finite; "refused": exit status 2 before anything is computed
     shows       the same in words, for the table
     bounds      largest allowed value of a measure or an error, by name
-    yardstick   what another code reached: errors, core_seconds
+    yardstick   what another code reached: errors, processor_seconds
     """
 
     expect: Expected | None = None

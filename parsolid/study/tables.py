@@ -54,23 +54,23 @@ def sheets_of(study: Study, cases: list[Case]) -> list[Sheet]:
 def shown_errors(study: Study, cases: list[Case]) -> list[str]:
     """Names of the errors of some runs, in the study's order."""
     present = dict.fromkeys(name for case in cases for name in case.measures.get("errors") or {})
-    return [name for name in study.errors or present if name in present]
+    return [name for name in (present if study.errors is None else study.errors) if name in present]
 
 
 def _accuracy_sheet(study: Study, name: str, cases: list[Case]) -> Sheet:
     errors, axes = shown_errors(study, cases), [axis.title for axis in cases[0].series.axes]
     compared = any(case.yardstick for case in cases)
     probed = any("momentum_drift" in case.measures for case in cases)
-    measured = ["particles", "steps", "core_seconds"]
+    measured = ["particles", "steps", "core_seconds", "processor_seconds"]
     measured += ["numerical_dissipation", "energy_drift"] + (["momentum_drift"] if probed else [])
     headings = [*axes, "ranks", *(MEASURES[key][0] for key in measured), *map(spaced, errors)]
-    sheet = Sheet(name, headings + (["errors / yardstick", "core-s / yardstick"] if compared else []) + ["as stated"], len(axes))
+    sheet = Sheet(name, headings + (["errors / yardstick", "CPU s / yardstick"] if compared else []) + ["as stated"], len(axes))
     for case in cases:
         row = [*case.labels.values(), str(case.ranks), *(told(case, key) for key in measured)]
         row += [_error_with_order(case, error) for error in errors]
         if compared:
             ratios = yardstick_ratios(case)
-            time = ratios.pop("core_seconds", None)
+            time = ratios.pop("processor_seconds", None)
             row += [f"{ratio:.2f}" if ratio is not None else "" for ratio in (max(ratios.values(), default=None), time)]
         sheet.rows.append([*row, _verdict(case)])
     sheet.notes = _notes(cases)
