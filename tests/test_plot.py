@@ -1,0 +1,236 @@
+"""Pictures of a run: sizes, contents, messages; and the fields file as pyvista reads it."""
+
+import argparse
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from parsolid.cli import main
+from parsolid.plot import add_arguments, plot_run, run_plot
+from parsolid.plot.scales import scale_of
+from parsolid.plot.skins import Skin, lattice_faces
+from parsolid.scene import SceneError
+
+pytest.importorskip("matplotlib")
+pyvista = pytest.importorskip("pyvista")
+from PIL import Image  # noqa: E402  (comes with matplotlib)
+from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline  # noqa: E402
+
+SCENE = """
+title = "Small {kind}"
+dimension = {dimension}
+end_time = 2e-4
+[method]
+kind = "tlsph"
+[[bodies]]
+shape = {shape}
+particles = {particles}
+velocity = [{velocity}]
+[bodies.material]
+kind = "mooney-rivlin"
+density = 1100
+youngs_modulus = 17e6
+poissons_ratio = 0.3
+[[probes]]
+name = "corner"
+at = {at}
+fields = ["displacement", "pressure"]
+[output]
+pictures = false
+fields_times = [0, 1e-4]
+"""
+SHAPES = {
+    "plate": (2, "{ box = { lower = [0, 0], upper = [1, 1] } }", [7, 7], '"0", "-30*Y"', [1, 1]),
+    "block": (3, "{ box = { lower = [0, 0, 0], upper = [1, 2, 1] } }", [4, 7, 4], '"0", "-30*Y", "0"', [1, 2, 1]),
+    "ball": (3, "{ sphere = { centre = [0, 0, 0], radius = 1 } }", [6, 6, 6], '"0", "0", "-30*Z"', [0, 0, 0.9]),
+}
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """A small run of each shape, made by all ranks."""
+    root = Path(MPI.COMM_WORLD.bcast(str(tmp_path_factory.mktemp("plot"))))
+    for kind, (dimension, shape, particles, velocity, at) in SHAPES.items():
+        scene = root / f"{kind}.toml"
+        if MPI.COMM_WORLD.rank == 0:
+            text = SCENE.format(kind=kind, dimension=dimension, shape=shape, particles=particles, velocity=velocity, at=at)
+            scene.write_text(text)
+        MPI.COMM_WORLD.Barrier()
+        assert main([str(scene), "-o", str(root / kind), "-q"]) == 0
+    return root
+
+
+def options_of(*arguments):
+    parser = argparse.ArgumentParser(exit_on_error=False)
+    add_arguments(parser)
+    return parser.parse_args([str(argument) for argument in arguments])
+
+
+def draw(comm, *arguments):
+    assert run_plot(comm, options_of(*arguments)) == 0
+
+
+def pixels(path):
+    image = Image.open(path)
+    assert image.format == "PNG"
+    return np.asarray(image.convert("RGB"))
+
+
+def is_coloured(image):
+    """Whether a good part of the picture is neither white nor grey."""
+    spread = image.max(axis=2).astype(int) - image.min(axis=2)
+    return np.mean(spread > 40) > 0.02
+
+
+@pytest.mark.parametrize("kind", ["plate", "ball"])
+def test_standard_set(comm, folders, kind):
+    folder = folders / kind
+    if comm.rank == 0:
+        plot_run(folder)
+        assert sorted(path.name for path in (folder / "pictures").iterdir()) == ["energies.png", "pressure.png", "probes.png"]
+        for name in ("energies.png", "probes.png"):
+            assert np.mean(pixels(folder / "pictures" / name) < 128) > 0.005
+        assert is_coloured(pixels(folder / "pictures" / "pressure.png"))
+
+
+@pytest.mark.parametrize("kind, field", [("plate", "velocity"), ("block", "displacement_y"), ("ball", "volume")])
+def test_sheet_has_the_size_asked_for(comm, folders, kind, field):
+    out = folders / f"{kind}-{field}.png"
+    draw(comm, folders / kind, "--field", field, "--size", "640x320", "-o", out)
+    if comm.rank == 0:
+        image = pixels(out)
+        assert image.shape == (320, 640, 3)
+        assert is_coloured(image)
+
+
+def test_same_picture_twice_and_another_from_elsewhere(comm, folders):
+    names = [folders / f"again-{i}.png" for i in range(3)]
+    for out, view in zip(names, ("iso", "iso", "1,0,0")):
+        draw(comm, folders / "block", "--times", "1e-4", "--view", view, "--size", "300x300", "-o", out)
+    if comm.rank == 0:
+        first, second, other = map(pixels, names)
+        assert np.array_equal(first, second)
+        assert not np.array_equal(first, other)
+
+
+def test_single_pictures_and_small_ones(comm, folders):
+    out = folders / "singles"
+    draw(comm, folders / "plate", "--single", "--small", "-o", out)
+    if comm.rank == 0:
+        names = sorted(path.name for path in out.glob("pressure-*"))
+        assert names == ["pressure-0.0001s.png", "pressure-0.0002s.png", "pressure-0s.png"]
+        assert all(Image.open(out / name).mode == "P" for name in names)
+
+
+def test_animation_shows_every_time(comm, folders):
+    out = folders / "motion.gif"
+    draw(comm, folders / "block", "--animation", "--mirror", "XZ", "--exaggerate", "3", "--size", "240x240", "-o", out)
+    if comm.rank == 0:
+        image = Image.open(out)
+        assert image.format == "GIF" and image.n_frames == 3 and image.size == (240, 240)
+
+
+@pytest.mark.parametrize(
+    "arguments, expected",
+    [
+        (["--field", "presure"], "did you mean 'pressure'?"),
+        (["--times", "0.5"], "--times: expected times from 0 to 0.0002 s, found 0.5"),
+        (["--times", "0", "--every"], "--times, --every: expected one of them, found both"),
+        (["-o", "picture.bmp"], "--output: expected a folder or a name that ends in"),
+        (["--colours", "virridis"], "did you mean 'viridis'?"),
+        (["--single", "-o", "one.png"], "--single: expected a folder"),
+        (["--animation", "-o", "one.png"], "--animation: expected a name that ends in .gif or .mp4"),
+        (["--size", "60x60", "-o", "one.png"], "--size: expected room for"),
+    ],
+)
+def test_bad_input_is_told_in_one_line(comm, folders, monkeypatch, tmp_path, arguments, expected):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SceneError) as caught:
+        run_plot(comm, options_of(folders / "plate", *arguments))
+    assert expected in str(caught.value) and "\n" not in str(caught.value)
+    assert not list(tmp_path.glob("*.png"))
+
+
+@pytest.mark.parametrize("option", ["--view=0,0,0", "--range=2,1", "--size=12", "--times=soon", "--mirror=XX", "--columns=0"])
+def test_options_that_are_no_values_are_refused(option):
+    with pytest.raises(argparse.ArgumentError, match="expected"):
+        options_of("folder", option)
+
+
+def test_faces_of_lattices():
+    # a block of 4 x 3 x 2 points, a closed ring of 6 x 3 x 2, a single layer, a line
+    assert sum(map(len, lattice_faces([(4, False), (3, False), (2, False)], 3))) == 2 * (3 * 2 + 3 * 1 + 2 * 1)
+    assert sum(map(len, lattice_faces([(6, True), (3, False), (2, False)], 3))) == 2 * (6 * 2 + 6 * 1)
+    assert sum(map(len, lattice_faces([(4, False), (3, False), (1, False)], 3))) == 3 * 2
+    assert lattice_faces([(4, False), (1, False), (1, False)], 3) == []
+    assert sum(map(len, lattice_faces([(4, True), (3, False)], 2))) == 4 * 2
+
+
+def test_cells_are_continued_to_the_surface_linearly_or_not_at_all():
+    skin = Skin(0, 8, [], cells=((4, False), (2, False)))
+    centre = np.stack(np.meshgrid([0.5, 1.5, 2.5, 3.5], [0.5, 1.5], indexing="ij"), axis=-1).reshape(-1, 2)
+    corner = np.stack(np.meshgrid(np.arange(5.0), np.arange(3.0), indexing="ij"), axis=-1).reshape(-1, 2)
+    stretch = np.array([[1.2, 0.3], [-0.1, 0.8]])
+    assert np.allclose(skin.points(centre @ stretch, linear=True), corner @ stretch, atol=1e-14)
+    field = skin.points(centre[:, 0], linear=False)
+    assert (field.min(), field.max()) == (0.5, 3.5)
+
+
+@pytest.mark.parametrize(
+    "name, largest, label",
+    [("pressure", 2e6, "pressure [MPa]"), ("velocity_x", 300.0, "velocity x [m/s]"), ("displacement", 1e-5, "displacement [µm]")],
+)
+def test_scales_have_units_and_signs(name, largest, label):
+    values = np.linspace(-largest, 0.8 * largest, 1001)
+    scale = scale_of(name, [values], None)
+    assert scale.label == label
+    assert scale.lower == -scale.upper and 0.9 * largest < scale.upper <= largest
+    assert scale.colours != scale_of(name, [np.abs(values)], None).colours
+    fixed = scale_of(name, [values], (-1.0, 2.0))
+    assert (fixed.lower, fixed.upper) == (-1.0, 2.0)
+
+
+def test_a_folder_without_a_run(comm, shared_path):
+    with pytest.raises(SceneError, match="expected the folder of a run"):
+        run_plot(comm, options_of(shared_path))
+
+
+def test_failing_pictures_leave_a_finished_run_alone(tmp_path, capfd):
+    plot_run(tmp_path)
+    assert capfd.readouterr().err.startswith("no pictures: ")
+
+
+def test_without_a_display_nothing_is_said(folders, comm):
+    if comm.rank == 0:
+        command = [sys.executable, "-m", "parsolid.plot", str(folders / "block")]
+        environment = {name: value for name, value in os.environ.items() if name != "DISPLAY"}
+        environment["MPI4PY_RC_INITIALIZE"] = "false"
+        ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
+
+
+def test_pyvista_reads_all_time_steps(comm, folders):
+    if comm.rank > 0:
+        return
+    reader = pyvista.get_reader(str(folders / "block" / "fields.vtkhdf"))
+    # pyvista's reader has no times of its own yet: those of the VTK reader in it
+    inner = reader.reader
+    inner.UpdateInformation()
+    times = inner.GetOutputInformation(0).Get(vtkStreamingDemandDrivenPipeline.TIME_STEPS())
+    assert times == pytest.approx([0.0, 1e-4, 2e-4])
+    places = []
+    for time in times:
+        inner.UpdateTimeStep(time)
+        mesh = pyvista.wrap(inner.GetOutputDataObject(0)).copy()
+        assert mesh.n_points == 4 * 7 * 4
+        names = ("displacement", "velocity", "pressure", "von_mises_stress", "jacobian", "body", "volume")
+        assert set(names) <= set(mesh.point_data)
+        reference = mesh.points - mesh["displacement"]
+        places.append(mesh.points)
+        assert np.allclose(reference.min(axis=0), 0.0, atol=1e-6) and np.allclose(reference.max(axis=0), [1, 2, 1], atol=1e-6)
+    assert not np.allclose(places[0], places[2])

@@ -1,0 +1,51 @@
+"""The thin plate of Lee et al., section 7.4.1: momentum, and the checkerboard that numerical dissipation prevents."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from parsolid.checkerboard import checkerboard_of_run
+from parsolid.checkerboard import main as print_contents
+from parsolid.cli import main
+from parsolid.output.history import read_history
+
+SCENE = Path(__file__).parents[1] / "runs" / "tlsph" / "thin_plate.toml"
+THIN = ("bodies.0.shape.box.lower=[0,0,-0.025]", "bodies.0.shape.box.upper=[10,10,0.025]", "bodies.0.material.branches=[]")
+
+
+def run(directory, *settings):
+    arguments = [part for setting in (*settings, "output.pictures=false") for part in ("--set", setting)]
+    assert main([str(SCENE), "-o", str(directory), "-q", *arguments]) == 0
+    return directory
+
+
+@pytest.mark.parametrize("dissipation", [0, 1])
+def test_linear_momentum_does_not_change(shared_path, dissipation):
+    folder = run(shared_path / "plate", "bodies.0.particles=[11,11,3]", "end_time=1.5", f"method.dissipation={dissipation}")
+    history = read_history(folder / "history.csv")
+    momentum = np.array([history[f"total.linear_momentum_{axis}"] for axis in "xyz"])
+    assert momentum[2, 0] > 1e4
+    assert np.abs(momentum - momentum[:, :1]).max() <= 1e-11 * momentum[2, 0]
+
+
+@pytest.mark.slow
+def test_without_dissipation_the_pressure_checkerboards(shared_path, comm, capsys):
+    contents = []
+    for dissipation in (0, 1):
+        settings = ("bodies.0.particles=[17,17,3]", f"method.dissipation={dissipation}", *THIN)
+        folder = run(shared_path / f"plate-{dissipation}", *settings)
+        contents.append(dict(checkerboard_of_run(folder)))
+    without, with_it = contents
+    # at 6 s, 17 x 17 x 3: 0.0363 and 0.0100
+    assert without[6.0] > 0.03 and with_it[6.0] < 0.013
+    assert without[5.5] > 3.0 * with_it[5.5]
+    if comm.rank == 0:
+        capsys.readouterr()
+        assert print_contents([str(folder)]) == 0
+        assert f"t = 6          s  {with_it[6.0]:.5f}" in capsys.readouterr().out
+
+
+def test_a_folder_without_a_run(tmp_path, capsys):
+    assert print_contents([str(tmp_path)]) == 2
+    assert "expected the folder of a run" in capsys.readouterr().err
