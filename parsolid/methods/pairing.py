@@ -10,6 +10,7 @@ from parsolid.boundary import MirrorCodes
 from parsolid.kernels import weights
 from parsolid.kernels.pairs import Images, PairList
 from parsolid.kernels.simd import aligned_zeros
+from parsolid.methods.pair_correction import Closure, close
 from parsolid.together import maximum, minimum, raise_together
 
 
@@ -141,11 +142,14 @@ class _Builder:
         return pairs
 
 
-def build_pairing(comm, kernel, positions, body, metric, volume, codes: MirrorCodes | None, factor: float) -> Pairing:
+def build_pairing(
+    comm, kernel, positions, body, metric, volume, codes: MirrorCodes | None, factor: float, surface=None
+) -> Pairing:
     """Plan ghosts and build every list; collective.
 
     positions (n, d) [m], body (n,), metric (n, 6) [1/m^2], volume (n,) [m^3] of owned particles; factor scales the
-    dissipation.
+    dissipation. With surface = (area vectors (n, d) [m^2], parts of the particles on this side of planes (n,)) the weights
+    are closed, see `pair_correction`.
     Raises SolverError, on all ranks, for coincident particles and for a particle without neighbours.
     """
     dimension, owned = positions.shape[1], len(positions)
@@ -169,7 +173,14 @@ def build_pairing(comm, kernel, positions, body, metric, volume, codes: MirrorCo
         images = Images(selected[2], codes.table(dimension))
     raise_together(comm, build.fault)
     pairing = Pairing(halo, inner, rim, mirror, images, None, full_metric, V, place)
-    _correct(pairing, codes, factor)
+    lists = list(_lists(pairing, codes))
+    _correct(pairing, lists)
+    if surface is not None:
+        close(Closure(halo, lists, place, *surface), pairing, lambda: _correct(pairing, lists))
+    for pairs, _, code, reflections, _ in lists:
+        weights.jump_factors(
+            factor, pairs.start, pairs.neighbour, code, reflections, pairing.correction, pairs.weight
+        )
     return pairing
 
 
@@ -182,12 +193,12 @@ def _lists(pairing: Pairing, codes):
         yield pairing.mirror, False, pairing.images.code, codes.reflections, codes.shifts
 
 
-def _correct(pairing: Pairing, codes, factor: float) -> None:
-    """Corrections L_a (71) of owned particles and ghosts, and the jump factors."""
+def _correct(pairing: Pairing, lists) -> None:
+    """Corrections L_a (71) of owned particles and ghosts; collective."""
     n, d = pairing.positions.shape
     owned = pairing.halo.owned
     moment = np.zeros((n, d, d))
-    for pairs, both, code, reflections, shifts in _lists(pairing, codes):
+    for pairs, both, code, reflections, shifts in lists:
         weights.add_moments(
             both, pairs.start, pairs.neighbour, code, reflections, shifts, pairing.positions, pairs.weight, moment
         )
@@ -197,10 +208,6 @@ def _correct(pairing: Pairing, codes, factor: float) -> None:
     flat = correction.reshape(n, d * d)
     pairing.halo.update([flat])
     pairing.correction = flat.reshape(n, d, d)
-    for pairs, _, code, reflections, _ in _lists(pairing, codes):
-        weights.jump_factors(
-            factor, pairs.start, pairs.neighbour, code, reflections, pairing.correction, pairs.weight
-        )
 
 
 def _lonely(moment: np.ndarray, positions: np.ndarray) -> str | None:

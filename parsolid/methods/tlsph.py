@@ -15,6 +15,7 @@ from parsolid.kernels.smoothing import KERNELS
 from parsolid.methods import motion
 from parsolid.methods.deformation import Body, Stage, advance_deformation, largest_wave_modulus
 from parsolid.methods.groups import Group
+from parsolid.methods.pair_correction import surface_area
 from parsolid.methods.pairing import Pairing, build_pairing, metrics
 from parsolid.particles import Field, FieldTable
 from parsolid.together import anywhere, maximum, minimum
@@ -54,8 +55,12 @@ class TotalLagrangianSPH:
     def _pair(self, cloud, share, factor) -> Pairing:
         metric = metrics(cloud.spacing, cloud.axes, self.settings.smoothing)
         kernel = KERNELS[self.settings.kernel]
-        codes = self.boundaries.codes
-        return build_pairing(self.comm, kernel, cloud.position, cloud.body, metric, cloud.volume / share, codes, factor)
+        codes, surface = self.boundaries.codes, None
+        if self.settings.pair_correction == "closure":
+            surface = (surface_area(self.comm, cloud, self.boundaries.planes), share)
+        return build_pairing(
+            self.comm, kernel, cloud.position, cloud.body, metric, cloud.volume / share, codes, factor, surface
+        )
 
     def _allocate(self, cloud, share) -> None:
         d, owned = self.dimension, self.owned

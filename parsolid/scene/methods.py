@@ -16,6 +16,9 @@ class TotalLagrangianSPH(Section):
     cfl: Positive = Field(0.7, description="time step over (particle spacing / largest wave speed)")
     dissipation: NotNegative = Field(1.0, description="factor on the Riemann dissipation, 0 = none")
     reconstruction: bool = Field(True, description="linear reconstruction of the velocity jump")
+    pair_correction: Literal["none", "closure"] = Field(
+        "none", description='"closure" for irregular particles: weights under which a constant stress has no force inside'
+    )
     maximum_step: Positive | None = Field(None, description="the largest time step [s]")
     minimum_step: Positive | None = Field(None, description="the time step [s] below which the run stops")
 

@@ -1,0 +1,157 @@
+"""Closed pair weights: a constant stress has no force inside, and irregular particles are as accurate as a lattice."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from solids import column, gathered, punch, run_steps, run_to_end, simulation, supports, tables
+
+from parsolid.kernels.smoothing import WendlandC2
+from parsolid.methods.pairing import build_pairing, metrics
+from parsolid.together import SolverError
+
+CLOSED = {"pair_correction": "closure"}
+JITTERED = {2: {"jitter": 0.15}, 3: {"jitter": 0.15}}
+PARTICLES = {2: (12, 11), 3: (6, 7, 6)}
+ROLLERS = supports(X=(0.0, "roller"), Y=(0.0, "roller"))
+
+
+def body(dimension, correction="closure", boundaries=(), **keys) -> dict:
+    """A box with an uneven inside."""
+    data = tables(PARTICLES[dimension], method={"pair_correction": correction}, boundaries=list(boundaries))
+    data["bodies"][0] |= {**JITTERED[dimension], **keys}
+    return data
+
+
+def forces_of(sim, stress) -> np.ndarray:
+    """sum_b (P_a L_a + P_b L_b) g_ab (n, d) [N] of a stress that is the same at all particles, through the pair engine."""
+    method = sim.method
+    d, owned = method.dimension, method.owned
+    L = method.body.correction[:, :owned].T.reshape(owned, d, d)
+    width = {2: 2, 3: 4}[d]
+    method.record[:] = 0.0
+    method.record[:owned, : d * width].reshape(owned, d, width)[:, :, :d] = (stress @ L).swapaxes(1, 2)
+    method.force[:] = 0.0
+    method._pass_force()
+    result = np.array(method.force[:owned, :d])
+    method.force[:] = 0.0
+    return result
+
+
+def left_over(sim) -> np.ndarray:
+    """Force of a unit pressure inside, over the face of a particle."""
+    method, d = sim.method, sim.method.dimension
+    share = method.share
+    inside = (sim.cloud.area == 0.0).all(axis=1) & (share == 1.0)
+    return forces_of(sim, np.eye(d))[inside] / (sim.cloud.volume / share)[inside, None] ** (1 - 1 / d)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("boundaries", [(), ROLLERS], ids=["free", "mirror"])
+@pytest.mark.mpi(ranks=[1])
+def test_a_constant_stress_has_almost_no_force_inside(dimension, boundaries):
+    plain = left_over(simulation(body(dimension, "none", boundaries)))
+    closed = left_over(simulation(body(dimension, "closure", boundaries)))
+    assert np.abs(plain).max() > 0.5
+    assert np.abs(closed).max() < 0.04
+    assert np.sqrt(np.mean(closed**2)) < 0.02 * np.sqrt(np.mean(plain**2))
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.mpi(ranks=[1])
+def test_on_the_surface_it_has_the_force_of_its_traction(dimension):
+    sim = simulation(body(dimension))
+    stress = np.arange(1.0, 1.0 + dimension**2).reshape(dimension, dimension)
+    found, wanted = forces_of(sim, stress), -sim.cloud.area @ stress.T
+    assert np.abs(found - wanted).max() < 0.1 * np.abs(wanted).max()
+    # pairwise: nothing is lost, whatever is left over
+    assert np.abs(found.sum(axis=0)).max() < 1e-12 * np.abs(found).sum()
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("boundaries", [(), ROLLERS], ids=["free", "mirror"])
+def test_gradients_of_linear_fields_stay_exact(dimension, boundaries, comm):
+    sim = simulation(body(dimension, "closure", boundaries), comm)
+    # what the mirror planes X = 0 and Y = 0 allow
+    slope = np.diag([0.3, -0.2, 0.7][:dimension]) if boundaries else np.arange(1.0, 1.0 + dimension**2).reshape(dimension, dimension)
+    table = sim.method.table
+    table.owned_rows("position")[:] += table.owned_rows("reference_position") @ slope.T
+    sim.method.motion_exchange.start()
+    sim.method.motion_exchange.finish()
+    found = sim.method._displacement_gradient()
+    assert np.abs(found - slope.ravel()).max(initial=0.0) < 1e-10
+
+
+def test_the_weights_of_a_pair_are_opposite_on_both_of_its_ranks(comm):
+    sim = simulation(body(2), comm)
+    pairing = sim.method.pairing
+    names = pairing.halo.with_ghosts(np.array(sim.method.table.owned_rows("identifier")).astype(np.int64))
+    directed = {}
+    if pairing.rim is not None:
+        row = np.repeat(np.arange(pairing.halo.owned), np.diff(pairing.rim.start))
+        for a, b, g in zip(names[row], names[pairing.rim.neighbour], pairing.rim.weight[:, :2]):
+            directed[int(a), int(b)] = g.tolist()
+    everyone = {pair: g for part in comm.allgather(directed) for pair, g in part.items()}
+    assert (len(everyone) > 0) == (comm.size > 1)
+    assert all(everyone[b, a] == [-x for x in g] for (a, b), g in everyone.items())
+
+
+def test_any_number_of_ranks_makes_the_same_weights(comm):
+    data = punch((13, 13), method=CLOSED)
+    data["bodies"][0]["jitter"] = 0.1
+    (alone, _), (together, _) = run_steps(data, 20), run_steps(data, 20, comm)
+    for one, many in zip(gathered(alone, "velocity", "position"), gathered(together, "velocity", "position")):
+        assert np.abs(one - many).max() < 1e-9 * np.abs(one).max()
+
+
+@pytest.mark.mpi(ranks=[1])
+@pytest.mark.parametrize("jitter", [0.1, 0.2])
+def test_an_irregular_punch_is_as_good_as_a_regular_one(jitter):
+    def history(jitter, correction):
+        data = punch((17, 17), end_time=0.005, method={"pair_correction": correction})
+        data["bodies"][0]["jitter"] = jitter
+        return run_to_end(data)[1]
+
+    def difference(found):
+        energies = [np.interp(regular["time"], found["time"], found[name]) - regular[name] for name in ("kinetic", "stored")]
+        return np.abs(energies).max() / (regular["kinetic"][0] + regular["stored"][0])
+
+    regular = history(0.0, "none")
+    assert difference(history(jitter, "none")) > 0.25
+    # the regular body itself is 0.02 from the reference
+    assert difference(history(jitter, "closure")) < 0.012
+
+
+@pytest.mark.mpi(ranks=[1])
+def test_momentum_and_energy_are_kept():
+    data = column((5, 9, 5), method=CLOSED)
+    data["boundaries"] = []
+    data["bodies"][0]["jitter"] = 0.15
+
+    def momentum(sim):
+        values = sim.method.mass @ sim.method.table.owned_rows("velocity")
+        return {f"p{i}": value for i, value in enumerate(values)}
+
+    sim, rows = run_steps(data, 60, more=momentum)
+    scale = float(np.sum(sim.method.mass)) * 50.0
+    assert max(np.ptp(rows[f"p{i}"]) for i in range(3)) < 1e-12 * scale
+    assert np.abs(rows["balance"]).max() < 1e-3 * rows["kinetic"][0]
+
+
+def test_cells_are_refused(comm):
+    data = body(2, placement="cells")
+    with pytest.raises(SolverError, match='method.pair_correction: expected particles on the surface .* found cells'):
+        simulation(data, comm)
+
+
+@pytest.mark.mpi(ranks=[1])
+def test_volumes_that_do_not_fit_are_refused():
+    rng = np.random.default_rng(0)
+    place = np.stack(np.meshgrid(np.arange(12.0), np.arange(12.0)), axis=-1).reshape(-1, 2)
+    place += rng.uniform(-0.45, 0.45, place.shape)
+    metric = metrics(np.ones_like(place), None, 0.85)
+    area = np.zeros_like(place)
+    with pytest.raises(SolverError, match="method.pair_correction: expected particles whose volumes fit"):
+        build_pairing(
+            MPI.COMM_SELF, WendlandC2(), place, np.zeros(144, np.int32), metric, np.ones(144), None, 1.0,
+            (area, np.ones(144)),
+        )  # fmt: skip
