@@ -76,8 +76,12 @@ def cases_of(study: Study) -> list[Case]:
             faults += _complete(case)
             cases.append(case)
     faults += _unknown_names(study, cases)
-    repeated = [case.title for i, case in enumerate(cases) if case.digest in {other.digest for other in cases[:i]}]
-    faults += [f"{title}: expected a run that differs from the others, found the same scene and ranks" for title in repeated]
+    first = {case.digest: case.title for case in reversed(cases) if case.digest}
+    faults += [
+        f"{case.title}: expected a run that differs from the others, found the scene and ranks of {first[case.digest]}"
+        for case in cases
+        if case.digest and first[case.digest] != case.title
+    ]
     if faults:
         raise SceneError(dict.fromkeys(faults))
     return cases

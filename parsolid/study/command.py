@@ -7,6 +7,7 @@ import time as clock
 from contextlib import contextmanager
 from fnmatch import fnmatchcase
 from pathlib import Path
+from statistics import median
 
 from rich.console import Console
 
@@ -25,9 +26,11 @@ def add_arguments(parser) -> None:
     """Add the command's arguments to an argparse parser."""
     parser.add_argument("study", metavar="STUDY", help="TOML file of the study")
     parser.add_argument("-o", "--output", metavar="DIR", help="folder of the runs and reports (default: results/STUDY)")
-    parser.add_argument("--only", action="append", default=[], metavar="NAME", help="run only this series, or runs whose title matches; may be repeated; * and ? stand for anything")
+    only = "run only this series, or runs whose title matches (* and ? stand for anything); may be repeated"
+    parser.add_argument("--only", action="append", default=[], metavar="NAME", help=only)
     parser.add_argument("--dry-run", action="store_true", help="list the runs and what is done of them, and stop")
-    parser.add_argument("--repetitions", type=int, default=1, metavar="N", help="time each run until it was made N times; the least counts")
+    repetitions = "make each run until it was timed N times; the least time counts"
+    parser.add_argument("--repetitions", type=int, default=1, metavar="N", help=repetitions)
 
 
 def run_study(comm, options) -> int:
@@ -74,7 +77,8 @@ def report(console: Console, study: Study, cases: list[Case], folder: Path, stud
         written += _pictures(console, study, cases, folder)
     faulty = sum(bool(case.faults) for case in cases)
     done = sum(bool(case.record) for case in cases)
-    console.print(f"{done} of {len(cases)} runs made, {done - faulty} as stated, {faulty} not. Written: {', '.join(map(str, written))}")
+    console.print(f"{done} of {len(cases)} runs made, {done - faulty} as stated, {faulty} not")
+    console.print(f"written: {', '.join(map(str, written))}", soft_wrap=True)
 
 
 def _pictures(console: Console, study: Study, cases: list[Case], folder: Path) -> list[Path]:
@@ -119,7 +123,8 @@ def _list(console: Console, cases: list[Case], repetitions: int) -> None:
     for case in cases:
         state = "to do" if _lacking(case, repetitions) else case.record["status"]
         console.print(f"{state:<10} {case.title}: {case.particles} particles, {case.ranks} ranks", markup=False)
-        console.print("           " + shlex.join(["parsolid", *arguments_of(case, Path(case.folder_name))]), markup=False, style="dim", soft_wrap=True)
+        command = shlex.join(["parsolid", *arguments_of(case, Path(case.folder_name))])
+        console.print(f"           {command}", markup=False, style="dim", soft_wrap=True)
     console.print(f"{len(cases)} runs, {sum(_lacking(case, repetitions) for case in cases)} to do")
 
 
@@ -147,7 +152,7 @@ def _outcome(study: Study, case: Case) -> str:
         return f"{status}: {(case.record['message'] or '').splitlines()[0] if case.record['message'] else ''}"
     errors = case.measures.get("errors") or {}
     worst = [f"{spaced(name)} {errors[name]:.1e}" for name in shown_errors(study, [case])[:2]]
-    return ", ".join([f"{status}, {case.measures['core_seconds']:.3g} core-s", *worst])
+    return ", ".join([f"{status}, {case.measures['processor_seconds']:.3g} CPU s", *worst])
 
 
 def seconds_left(cases: list[Case], todo: list[Case], repetitions: int) -> float:
@@ -160,9 +165,9 @@ def seconds_left(cases: list[Case], todo: list[Case], repetitions: int) -> float
     for case in made:
         if case.work:
             rates.setdefault(case.series.name, []).append((case.record["seconds"] - start_up) / case.work)
-    every = [rate for group in rates.values() for rate in group]
-    overall = sum(every) / max(1, len(every))
-    return repetitions * sum(start_up + case.work * max(rates.get(case.series.name, [overall])) for case in todo)
+    # runs that had to compile are far too slow, so the least or the median of what was seen
+    overall = median([rate for group in rates.values() for rate in group] or [0.0])
+    return repetitions * sum(start_up + case.work * min(rates.get(case.series.name, [overall])) for case in todo)
 
 
 def _duration(seconds: float) -> str:

@@ -30,7 +30,8 @@ _GRACE = 10.0
 def refuse_ranks(comm) -> None:
     """Raise SceneError on all ranks when the study itself was started by an MPI launcher."""
     if comm.size > 1 or any(mark in os.environ for mark in _RANK_MARKS):
-        raise SceneError(["study: expected to be started without mpirun (it starts its runs on ranks itself), found a launcher"])
+        expected = "expected to be started without mpirun (it starts its runs on ranks itself)"
+        raise SceneError([f"study: {expected}, found a launcher"])
 
 
 def launcher(ranks: int) -> list[str]:

@@ -136,7 +136,8 @@ def write_csv(path: Path, study: Study, cases: list[Case]) -> None:
     axes = list(dict.fromkeys(axis for case in done for axis in case.labels))
     errors = list(dict.fromkeys(name for case in done for name in case.measures.get("errors") or {}))
     headings = ["series", *axes, "spacing", "ranks", "status", "exit_status", "as_stated", *MEASURES]
-    headings += [*(f"error {name}" for name in errors), *(f"order {name}" for name in errors), "load_average", "folder", "faults"]
+    headings += [*(f"error {name}" for name in errors), *(f"order {name}" for name in errors)]
+    headings += ["load_average", "folder", "faults"]
     with open(path, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(headings)

@@ -1,0 +1,59 @@
+"""The fast ones of the stiff and extreme cases, from the study that makes the table in docs/stiff-and-extreme.md."""
+
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from parsolid.cli import main
+from parsolid.study.cases import cases_of
+from parsolid.study.launching import arguments_of
+from parsolid.study.measures import measures_of, not_finite
+from parsolid.study.schema import load_study
+
+STUDY = Path(__file__).parent.parent / "runs/tlsph/studies/stiff_and_extreme.toml"
+STATUS = {"stable": 0, "failure": 3, "refused": 2}
+FAST = (
+    "punch, relaxation time over time step, 0.001",
+    "punch, relaxation time over time step, 1",
+    "punch, relaxation time over time step, 1000",
+    "punch, ten branches, tau = 1e-7 to 10 s",
+    "punch, velocity, 1",
+    "punch, velocity, 3",
+    "punch, time step too long, 1.3",
+    "punch, spacing ratio, 65 x 9 (1:8)",
+    "a single layer of particles",
+    "tensile, beta 0, past 1.6 ms, 15 x 15",
+    "a body of one particle, 1 x 1",
+)
+
+
+@cache
+def cases() -> dict:
+    return {case.title: case for case in cases_of(load_study(STUDY))}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("title", FAST)
+def test_a_case_ends_as_the_study_says(title, comm, shared_path, capfd):
+    case = cases()[title]
+    folder = shared_path / "run"
+    status = main([*arguments_of(case, folder), "--quiet", "--set", "output.pictures=false"])
+    said = capfd.readouterr().err
+    assert status == STATUS[case.expect or "stable"], said
+    if comm.rank > 0:
+        return
+    assert said.count("parsolid: ") == (status != 0)
+    assert "Traceback" not in said
+    assert not_finite(folder) == []
+    if status == 0:
+        found = measures_of(folder, [1.0], [1.0])
+        assert case.bounds, "a stable case without a bound says nothing"
+        for name, bound in case.bounds.items():
+            assert found[name] <= bound, name
+
+
+def test_every_case_states_a_bound_or_an_ending():
+    for case in cases().values():
+        assert case.bounds or case.expect in ("failure", "refused"), case.title
+        assert case.ranks == 2, case.title
