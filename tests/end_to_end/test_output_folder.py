@@ -1,0 +1,72 @@
+"""What a run does to the folder of its results, and what it says when it cannot write there."""
+
+import os
+import subprocess
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from command_line import all_done, many
+from run_results import history, state
+from small_scenes import PUNCH, changed, write
+
+RANKS = 2
+
+
+def test_a_new_run_into_a_folder_with_results_loses_none(tmp_path):
+    scene, folder = write(PUNCH, tmp_path / "scene.toml"), tmp_path / "run"
+    folder.mkdir()
+    (folder / "notes.txt").write_text("mine")
+    run = [scene, "-q", "-o", folder, "--max-steps", "2"]
+    all_done(many([run], RANKS, tmp_path / "first"))
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    all_done(many([run], RANKS, tmp_path / "second"))
+    aside = {path.name: path.read_bytes() for path in (folder / "previous-1").iterdir()}
+    assert {"history.csv", "checkpoint.h5", "fields.vtkhdf", "scene.toml", "summary.json"} <= set(aside)
+    assert before == aside | {"notes.txt": b"mine"} and (folder / "notes.txt").read_text() == "mine"
+
+
+def test_a_folder_that_cannot_be_made_is_told(tmp_path):
+    scene, file = write(PUNCH, tmp_path / "scene.toml"), tmp_path / "file"
+    file.write_text("in the way")
+    commands = [[scene, "-q", "-o", file / "run"], [scene, "-q", "-o", file]]
+    for ranks in many(commands, RANKS, tmp_path / "job"):
+        assert [rank.status for rank in ranks] == [2] * RANKS
+        assert ranks[0].err.startswith("parsolid: cannot write to the directory ") and not ranks[1].err
+        assert len(ranks[0].err.splitlines()) == 1
+    assert file.read_text() == "in the way"
+
+
+def test_a_scene_in_the_folder_of_its_own_results_is_not_overwritten(tmp_path):
+    scene = write(PUNCH, tmp_path / "scene.toml")
+    text = scene.read_bytes()
+    ranks = many([[scene, "-q", "-o", tmp_path, "--max-steps", "1"]], RANKS, tmp_path / "job")[0]
+    assert [rank.status for rank in ranks] == [2] * RANKS
+    assert "is read by this run and would be overwritten" in ranks[0].err
+    assert scene.read_bytes() == text and not (tmp_path / "history.csv").exists()
+
+
+@contextmanager
+def small_disk(path: Path, kilobytes: int):
+    """A file system of so many kB; skips the test where none can be mounted."""
+    path.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", f"size={kilobytes}k", "tmpfs", path]
+    if os.geteuid() != 0 or subprocess.run(command, capture_output=True).returncode != 0:
+        pytest.skip("mounting a small file system needs root")
+    try:
+        yield path
+    finally:
+        subprocess.run(["umount", path], check=True)
+
+
+def test_a_full_disk_ends_the_run_with_a_message_and_keeps_what_there_is(tmp_path):
+    growing = changed(PUNCH, {"output.checkpoint_steps": 2, "output.fields_interval": 1e-4, "end_time": 0.05, "bodies.0.particles": [17, 17]})
+    scene = write(growing, tmp_path / "scene.toml")
+    with small_disk(tmp_path / "disk", 1500) as disk:
+        ranks = many([[scene, "-q", "-o", disk / "run"]], RANKS, tmp_path / "job")[0]
+        assert [rank.status for rank in ranks] == [1] * RANKS, ranks[0].err
+        assert ranks[0].err.startswith("parsolid: ") and "full" in ranks[0].err or "No space left" in ranks[0].err
+        assert not ranks[1].err and "Traceback" not in ranks[0].err
+        header, fields, _ = state(disk / "run")
+        assert header["step"] > 0 and len(fields["identifier"]) == 17 * 17
+        assert history(disk / "run")["step"][-1] >= header["step"]

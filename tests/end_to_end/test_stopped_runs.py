@@ -1,0 +1,58 @@
+"""Asked to stop by a signal or by the clock, a run writes a checkpoint, ends with status 75 and goes on later."""
+
+import os
+import signal
+
+import pytest
+from command_line import all_done, finish, many, ranks_of, start, wait_for
+from run_results import assert_same_bits, state, summary
+from small_scenes import PUNCH, changed, write
+
+RANKS = 2
+TO_BE_CONTINUED = 75
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """(scene, folder of the uninterrupted run); it takes long enough to be interrupted."""
+    folder = tmp_path_factory.mktemp("stopped")
+    slow = {"end_time": 0.01, "bodies.0.particles": [17, 17], "output.fields_interval": 1e-3}
+    scene = write(changed(PUNCH, slow), folder / "scene.toml")
+    all_done(many([[scene, "-q", "-o", folder / "whole"]], RANKS, folder / "job"))
+    return scene, folder / "whole"
+
+
+def stopped(scene, folder, number: int, receiver) -> None:
+    """Start a run and send a signal to the process receiver(job) once it computes."""
+    job = start([scene, "-q", "-o", folder], RANKS)
+    history = folder / "history.csv"
+    wait_for(lambda: history.exists() and len(history.read_text().splitlines()) > 5, job)
+    os.kill(receiver(job), number)
+    result = finish(job, 60.0)
+    assert result.status == TO_BE_CONTINUED, f"{result.status}\n{result.err}"
+    assert "Traceback" not in result.err
+
+
+def test_a_signal_to_one_rank_or_to_mpirun_stops_all_and_a_restart_goes_on(whole, tmp_path):
+    scene, expected = whole
+    # Open MPI's mpirun passes on SIGUSR1 but not SIGTERM
+    signals = {"SIGTERM": lambda job: sorted(ranks_of(job))[-1], "SIGUSR1": lambda job: job.pid}
+    for name, receiver in signals.items():
+        folder = tmp_path / name
+        stopped(scene, folder, getattr(signal, name), receiver)
+        assert summary(folder)["status"] == "interrupted"
+        assert state(folder)[0]["step"] == summary(folder)["steps"] < state(expected)[0]["step"]
+    all_done(many([[scene, "-q", "-o", tmp_path / name, "--restart"] for name in signals], RANKS, tmp_path / "job"))
+    for name in signals:
+        assert_same_bits(tmp_path / name, expected)
+
+
+def test_the_wall_time_stops_a_run_again_and_again(whole, tmp_path):
+    scene, expected = whole
+    folder = tmp_path / "run"
+    # the limit counts from the command's start, so it is over before the first step; one step is taken all the same
+    run = [scene, "-q", "-o", folder, "--wall-time", "1e-3"]
+    results = many([run, [*run, "--restart"], [*run[:-1], "1e6", "--restart"]], RANKS, tmp_path / "job")
+    assert [[rank.status for rank in ranks] for ranks in results] == [[TO_BE_CONTINUED] * RANKS] * 2 + [[0] * RANKS]
+    assert_same_bits(folder, expected)
+    assert summary(folder)["steps"] == state(expected)[0]["step"]
