@@ -83,6 +83,18 @@ class MirrorCodes:
                 shifts[code, plane.axis] = 2.0 * plane.coordinate
         return cls(signs, reflections, shifts, stress_signs, subsets, tolerance)
 
+    def too_close(self, reach: np.ndarray) -> str | None:
+        """Two parallel planes whose images would need images themselves, as a message; reach (d,) of the kernel [m]."""
+        planes = [codes[0] for codes in self.planes if len(codes) == 1]
+        for first, second in combinations(planes, 2):
+            distance = abs(first.coordinate - second.coordinate)
+            if first.axis == second.axis and 2.0 * distance <= reach[first.axis]:
+                return (
+                    f"boundaries: expected parallel mirror planes farther apart than half the kernel's reach, "
+                    f"{0.5 * reach[first.axis]:.4g} m, found two {distance:.4g} m apart along {'XYZ'[first.axis]}"
+                )
+        return None
+
     def near(self, positions: np.ndarray, body: np.ndarray, code: int, reach: np.ndarray) -> np.ndarray:
         """Particles that all planes of a code are meant for and within reach (d,) [m] of them."""
         result = np.ones(len(positions), bool)

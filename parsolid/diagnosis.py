@@ -8,6 +8,8 @@ from parsolid.together import maximum, minimum
 def describe_failure(simulation, otherwise: str) -> str:
     """One message, the same on every rank; `otherwise` says what is wrong if no particle is at fault. Collective."""
     found = _first_of(simulation.comm, _unsound_particle(simulation))
+    if found is None and simulation.failed_somewhere:
+        found = _first_of(simulation.comm, _most_crushed_particle(simulation))
     if found is None:
         found = _first_of(simulation.comm, _fastest_particle(simulation)) | {"what": otherwise}
     return (
@@ -62,6 +64,17 @@ def _fastest_particle(simulation) -> dict | None:
         return None
     index = int(np.argmax(speed))
     return {"why": f" (the fastest, {largest:.4g} m/s)"} | _named(table, index)
+
+
+def _most_crushed_particle(simulation) -> dict | None:
+    """The particle with the least Jacobian of all, on its rank alone: sound now, but not within the step; collective."""
+    table = simulation.method.table
+    jacobian = table.owned_rows("jacobian")
+    least = float(jacobian.min(initial=np.inf))
+    if least > minimum(simulation.comm, least):
+        return None
+    what = f"a Jacobian was not positive within the step (the least is now {least:.4g}): matter is turned inside out"
+    return {"what": what} | _named(table, int(np.argmin(jacobian)))
 
 
 def _named(table, index: int) -> dict:

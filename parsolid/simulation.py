@@ -87,7 +87,7 @@ class Simulation:
             initial_state(scene, cloud, self.method)
         self.boundaries = boundaries
         self.minimum = MinimumAhead(comm, 3)
-        self.failed, self.checkpoint_wanted, self.broken_balance = False, False, None
+        self.failed, self.failed_somewhere, self.checkpoint_wanted, self.broken_balance = False, False, False, None
         self.last_checkpoint: str | None = None
         # the step agreed on for the current state; a restart takes it from the checkpoint, for the same bits
         self.stable = restart.stable if restart else None
@@ -170,6 +170,8 @@ class Simulation:
         floor = self.scene.method.minimum_step or 1e-12 * self.scene.end_time
         if stable >= floor:
             return
+        # the agreed step is negative when a stage of any rank was not sound
+        self.failed_somewhere = stable < 0.0
         raise RunFailed(describe_failure(self, f"the stable time step {stable:.3g} s fell below the floor {floor:.3g} s"))
 
     def _check_balance(self) -> None:

@@ -52,9 +52,9 @@ def compile_kernels(tables: dict) -> None:
     method.energies()
     Observables(method).field("pressure")
     # lists of ghosts have no images
-    method.passes.gradient_one_sided(0, 0, method.pairing.inner, None, method.kinematics, method.gradient)
+    method.passes.add_gradients(0, 0, method.pairing.inner, None, None, method.kinematics, method.gradient)
     choices = (method.riemann, method.shear, method.reconstruct, method.kinematics, method.record, method.force)
-    method.passes.force_one_sided(0, 0, method.pairing.inner, None, *choices)
+    method.passes.add_forces(0, 0, method.pairing.inner, None, None, *choices)
 
 
 def _mark(tables: dict) -> Path:

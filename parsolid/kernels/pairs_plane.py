@@ -110,37 +110,35 @@ def _riemann_force(shear, reconstruct, images, k, kinematics, record, b, g, moti
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def gradient_inner(first, last, pairs, kinematics, gradient):
-    """Add both sides' share of sum (v_b - v_a) (x) g_ab for the pairs of particles first..last-1."""
+def add_gradients(first, last, pairs, images, both, kinematics, gradient):
+    """Add sum (v_b - v_a) (x) g_ab of the pairs of particles first..last-1 to particle a, and with `both` to b as well.
+
+    `both` is None for one-sided lists, whose neighbours are ghosts (images None) or mirror images.
+    """
     for a in range(first, last):
+        if pairs.start[a] == pairs.start[a + 1]:
+            continue
         motion = load(kinematics, a, 0)
         G = load(gradient, a, 0)
         for k in range(pairs.start[a], pairs.start[a + 1]):
             b = pairs.neighbour[k]
-            d = _rows(load(kinematics, b, 0) - motion) * _columns(load(pairs.weight, k, 0))
+            step = _motion(images, k, kinematics, b) - motion
+            d = _rows(step) * _columns(load(pairs.weight, k, 0))
             G = G + d
-            store(gradient, b, 0, load(gradient, b, 0) + d)
+            if both is not None:
+                store(gradient, b, 0, load(gradient, b, 0) + d)
         store(gradient, a, 0, G)
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def gradient_one_sided(first, last, pairs, images, kinematics, gradient):
-    """As `gradient_inner` for ghosts (images None) or mirror images: particle a alone receives."""
+def add_forces(first, last, pairs, images, both, riemann, shear, reconstruct, kinematics, record, force):
+    """Add T and D of the pairs of particles first..last-1 to particle a, and with `both` to b as well.
+
+    `both`, `riemann`, `shear`, `reconstruct` are None for what is left out; see `add_gradients` for the lists.
+    """
     for a in range(first, last):
         if pairs.start[a] == pairs.start[a + 1]:
             continue
-        motion = load(kinematics, a, 0)
-        G = load(gradient, a, 0)
-        for k in range(pairs.start[a], pairs.start[a + 1]):
-            step = _motion(images, k, kinematics, pairs.neighbour[k]) - motion
-            G = fused(_rows(step), _columns(load(pairs.weight, k, 0)), G)
-        store(gradient, a, 0, G)
-
-
-@njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def force_inner(first, last, pairs, riemann, shear, reconstruct, kinematics, record, force):
-    """Add T and D of both particles of each pair; `riemann`, `shear`, `reconstruct` are None for what is left out."""
-    for a in range(first, last):
         P = load(record, a, 0)
         T = load(force, a, 0)
         if riemann is not None:
@@ -150,36 +148,15 @@ def force_inner(first, last, pairs, riemann, shear, reconstruct, kinematics, rec
         for k in range(pairs.start[a], pairs.start[a + 1]):
             b = pairs.neighbour[k]
             g = load(pairs.weight, k, 0)
-            t = _times(P + load(record, b, 0), g)
+            t = _times(P + _signed(images, k, load(record, b, 0), 8), g)
             T = T + t
-            store(force, b, 0, load(force, b, 0) - t)
+            if both is not None:
+                store(force, b, 0, load(force, b, 0) - t)
             if riemann is not None:
-                s = _riemann_force(shear, reconstruct, None, k, kinematics, record, b, g, motion, Xa, Ga, Ma, Sa)
+                s = _riemann_force(shear, reconstruct, images, k, kinematics, record, b, g, motion, Xa, Ga, Ma, Sa)
                 D = D + s
-                store(force, b, 4, load(force, b, 4) - s)
-        store(force, a, 0, T)
-        if riemann is not None:
-            store(force, a, 4, D)
-
-
-@njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def force_one_sided(first, last, pairs, images, riemann, shear, reconstruct, kinematics, record, force):
-    """As `force_inner` for ghosts (images None) or mirror images: particle a alone receives."""
-    for a in range(first, last):
-        if pairs.start[a] == pairs.start[a + 1]:
-            continue
-        P = load(record, a, 0)
-        T = load(force, a, 0)
-        if riemann is not None:
-            motion, Xa, Ga = load(kinematics, a, 0), load(kinematics, a, 4), load(record, a, 4)
-            Ma, Sa = load(record, a, 8), _shear_tensor(shear, record, a)
-            D = load(force, a, 4)
-        for k in range(pairs.start[a], pairs.start[a + 1]):
-            b = pairs.neighbour[k]
-            g = load(pairs.weight, k, 0)
-            T = T + _times(P + _signed(images, k, load(record, b, 0), 8), g)
-            if riemann is not None:
-                D = D + _riemann_force(shear, reconstruct, images, k, kinematics, record, b, g, motion, Xa, Ga, Ma, Sa)
+                if both is not None:
+                    store(force, b, 4, load(force, b, 4) - s)
         store(force, a, 0, T)
         if riemann is not None:
             store(force, a, 4, D)

@@ -116,73 +116,37 @@ def _riemann_force(shear, reconstruct, images, k, kinematics, record, b, g, plac
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def gradient_inner(first, last, pairs, kinematics, gradient):
-    """Add both sides' share of sum (v_b - v_a) (x) g_ab for the pairs of particles first..last-1."""
-    for a in range(first, last):
-        v = load(kinematics, a, 0)
-        G0, G1, G2 = _columns(gradient, a, 0)
-        for k in range(pairs.start[a], pairs.start[a + 1]):
-            b = pairs.neighbour[k]
-            g = load(pairs.weight, k, 0)
-            jump = load(kinematics, b, 0) - v
-            d0, d1, d2 = _x(g) * jump, _y(g) * jump, _z(g) * jump
-            G0, G1, G2 = G0 + d0, G1 + d1, G2 + d2
-            store(gradient, b, 0, load(gradient, b, 0) + d0)
-            store(gradient, b, 4, load(gradient, b, 4) + d1)
-            store(gradient, b, 8, load(gradient, b, 8) + d2)
-        store(gradient, a, 0, G0)
-        store(gradient, a, 4, G1)
-        store(gradient, a, 8, G2)
+def add_gradients(first, last, pairs, images, both, kinematics, gradient):
+    """Add sum (v_b - v_a) (x) g_ab of the pairs of particles first..last-1 to particle a, and with `both` to b as well.
 
-
-@njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def gradient_one_sided(first, last, pairs, images, kinematics, gradient):
-    """As `gradient_inner` for ghosts (images None) or mirror images: particle a alone receives."""
+    `both` is None for one-sided lists, whose neighbours are ghosts (images None) or mirror images.
+    """
     for a in range(first, last):
         if pairs.start[a] == pairs.start[a + 1]:
             continue
         v = load(kinematics, a, 0)
         G0, G1, G2 = _columns(gradient, a, 0)
         for k in range(pairs.start[a], pairs.start[a + 1]):
+            b = pairs.neighbour[k]
             g = load(pairs.weight, k, 0)
-            jump = _velocity(images, k, kinematics, pairs.neighbour[k]) - v
-            G0, G1, G2 = fused(_x(g), jump, G0), fused(_y(g), jump, G1), fused(_z(g), jump, G2)
+            jump = _velocity(images, k, kinematics, b) - v
+            d0, d1, d2 = _x(g) * jump, _y(g) * jump, _z(g) * jump
+            G0, G1, G2 = G0 + d0, G1 + d1, G2 + d2
+            if both is not None:
+                store(gradient, b, 0, load(gradient, b, 0) + d0)
+                store(gradient, b, 4, load(gradient, b, 4) + d1)
+                store(gradient, b, 8, load(gradient, b, 8) + d2)
         store(gradient, a, 0, G0)
         store(gradient, a, 4, G1)
         store(gradient, a, 8, G2)
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def force_inner(first, last, pairs, riemann, shear, reconstruct, kinematics, record, force):
-    """Add T and D of both particles of each pair; `riemann`, `shear`, `reconstruct` are None for what is left out."""
-    for a in range(first, last):
-        P = _columns(record, a, 0)
-        T = load(force, a, 0)
-        if riemann is not None:
-            place, Ga = _columns(kinematics, a, 0), _columns(record, a, 12)
-            Ma, Sa = (load(record, a, 24), load(record, a, 28)), _shear_tensor(shear, record, a)
-            D = load(force, a, 4)
-        for k in range(pairs.start[a], pairs.start[a + 1]):
-            b = pairs.neighbour[k]
-            g = load(pairs.weight, k, 0)
-            Pb = _columns(record, b, 0)
-            t = (P[0] + Pb[0]) * _x(g)
-            t = fused(P[1] + Pb[1], _y(g), t)
-            t = fused(P[2] + Pb[2], _z(g), t)
-            T = T + t
-            store(force, b, 0, load(force, b, 0) - t)
-            if riemann is not None:
-                s = _riemann_force(shear, reconstruct, None, k, kinematics, record, b, g, place, Ga, Ma, Sa)
-                D = D + s
-                store(force, b, 4, load(force, b, 4) - s)
-        store(force, a, 0, T)
-        if riemann is not None:
-            store(force, a, 4, D)
+def add_forces(first, last, pairs, images, both, riemann, shear, reconstruct, kinematics, record, force):
+    """Add T and D of the pairs of particles first..last-1 to particle a, and with `both` to b as well.
 
-
-@njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def force_one_sided(first, last, pairs, images, riemann, shear, reconstruct, kinematics, record, force):
-    """As `force_inner` for ghosts (images None) or mirror images: particle a alone receives."""
+    `both`, `riemann`, `shear`, `reconstruct` are None for what is left out; see `add_gradients` for the lists.
+    """
     for a in range(first, last):
         if pairs.start[a] == pairs.start[a + 1]:
             continue
@@ -198,9 +162,15 @@ def force_one_sided(first, last, pairs, images, riemann, shear, reconstruct, kin
             Pb = _stress(images, k, record, b)
             t = (P[0] + Pb[0]) * _x(g)
             t = fused(P[1] + Pb[1], _y(g), t)
-            T = T + fused(P[2] + Pb[2], _z(g), t)
+            t = fused(P[2] + Pb[2], _z(g), t)
+            T = T + t
+            if both is not None:
+                store(force, b, 0, load(force, b, 0) - t)
             if riemann is not None:
-                D = D + _riemann_force(shear, reconstruct, images, k, kinematics, record, b, g, place, Ga, Ma, Sa)
+                s = _riemann_force(shear, reconstruct, images, k, kinematics, record, b, g, place, Ga, Ma, Sa)
+                D = D + s
+                if both is not None:
+                    store(force, b, 4, load(force, b, 4) - s)
         store(force, a, 0, T)
         if riemann is not None:
             store(force, a, 4, D)

@@ -155,6 +155,8 @@ def build_pairing(
     dimension, owned = positions.shape[1], len(positions)
     metric, uniform = common_metric(comm, metric)
     reach = reach_of(comm, metric, kernel.support, dimension)
+    if codes is not None:
+        raise_together(comm, codes.too_close(reach.scale * kernel.support))
     halo = Halo.plan(comm, np.ascontiguousarray(positions / reach.scale), reach.distance)
     place, V = halo.with_ghosts(positions), halo.with_ghosts(volume)
     full_metric = metric if uniform else halo.with_ghosts(metric)

@@ -225,12 +225,12 @@ class TotalLagrangianSPH:
     def _pass_gradient(self) -> None:
         pairing, passes = self.pairing, self.passes
         self._timed(self.motion_exchange.start)
-        passes.gradient_inner(0, self.owned, pairing.inner, self.kinematics, self.gradient)
+        passes.add_gradients(0, self.owned, pairing.inner, None, True, self.kinematics, self.gradient)
         self._timed(self.motion_exchange.finish)
         if pairing.rim is not None:
-            passes.gradient_one_sided(0, self.owned, pairing.rim, None, self.kinematics, self.gradient)
+            passes.add_gradients(0, self.owned, pairing.rim, None, None, self.kinematics, self.gradient)
         if pairing.mirror is not None:
-            passes.gradient_one_sided(0, self.owned, pairing.mirror, pairing.images, self.kinematics, self.gradient)
+            passes.add_gradients(0, self.owned, pairing.mirror, pairing.images, None, self.kinematics, self.gradient)
 
     def _timed(self, communicate) -> None:
         """Send or receive, and count the seconds it takes."""
@@ -242,12 +242,12 @@ class TotalLagrangianSPH:
         pairing, passes = self.pairing, self.passes
         choices = (self.riemann, self.shear, self.reconstruct, self.kinematics, self.record, self.force)
         self._timed(self.record_exchange.start)
-        passes.force_inner(0, self.owned, pairing.inner, *choices)
+        passes.add_forces(0, self.owned, pairing.inner, None, True, *choices)
         self._timed(self.record_exchange.finish)
         if pairing.rim is not None:
-            passes.force_one_sided(0, self.owned, pairing.rim, None, *choices)
+            passes.add_forces(0, self.owned, pairing.rim, None, None, *choices)
         if pairing.mirror is not None:
-            passes.force_one_sided(0, self.owned, pairing.mirror, pairing.images, *choices)
+            passes.add_forces(0, self.owned, pairing.mirror, pairing.images, None, *choices)
 
     def _momentum(self, number: int, time: float, step: float) -> tuple[float, float]:
         """Advance v and x; (numerical dissipation rate, external power) [W]."""
