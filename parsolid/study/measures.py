@@ -64,7 +64,7 @@ def energies_of(history: dict[str, np.ndarray]) -> dict:
     largest, start = energy.max(), energy[:, 0].sum()
     # a body at rest at the start has the largest energy for a scale
     scale = start or largest
-    falls = [-np.diff(history[name]).min(initial=0.0) for name in ("dissipation_internal", "dissipation_numerical")]
+    falls = [np.max(-np.diff(history[name]), initial=0.0) for name in ("dissipation_internal", "dissipation_numerical")]
     steps = history["dt"][history["step"] > 0]
     result = {
         "smallest_step": float(steps.min()) if len(steps) else None,

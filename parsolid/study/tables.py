@@ -83,11 +83,16 @@ def _stability_sheet(study: Study, cases: list[Case]) -> Sheet:
     sheet = Sheet(study.title, headings, 3)
     for case in cases:
         shows = case.shows or {"failure": "a clean failure", "refused": "refused"}.get(case.expect, "stable")
-        bounds = [f"{MEASURES[name][0] if name in MEASURES else name} <= {bound:g}" for name, bound in case.bounds.items()]
+        bounds = [f"{MEASURES.get(name, (name,))[0]} <= {bound:g}" for name, bound in _asked(case).items()]
         row = [case.title, ", ".join([shows, *bounds]), _ending(case), *(told(case, key) for key in measured)]
         sheet.rows.append([*row, str(case.ranks), _verdict(case)])
     sheet.notes = _notes(cases)
     return sheet
+
+
+def _asked(case: Case) -> dict[str, float]:
+    """The bounds of a run that is to finish."""
+    return case.bounds if case.expect in (None, "stable") else {}
 
 
 def _ending(case: Case) -> str:
