@@ -309,17 +309,19 @@ def _lane_of_symmetric(s, k):
         return lambda s, k: (lane(s[0], k), lane(s[1], k), lane(s[2], k), lane(s[3], k), lane(s[4], k), lane(s[5], k))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def largest_eigenvalue(s):
     """Largest eigenvalue of a symmetric tensor of floats (11, 22, 33, 12, 13, 23), in closed form."""
     mean = (s[0] + s[1] + s[2]) / 3.0
     d0, d1, d2 = s[0] - mean, s[1] - mean, s[2] - mean
     square = (d0 * d0 + d1 * d1 + d2 * d2 + 2.0 * (s[3] * s[3] + s[4] * s[4] + s[5] * s[5])) / 6.0
-    if square == 0.0:
-        return mean
     radius = math.sqrt(square)
+    scale = 2.0 * square * radius
+    # of a multiple of the identity, to round-off or underflow
+    if not scale > 0.0:
+        return mean
     determinant = d0 * (d1 * d2 - s[5] * s[5]) - s[3] * (s[3] * d2 - s[4] * s[5]) + s[4] * (s[3] * s[5] - s[4] * d1)
-    cosine = min(1.0, max(-1.0, determinant / (2.0 * square * radius)))
+    cosine = min(1.0, max(-1.0, determinant / scale))
     return mean + 2.0 * radius * math.cos(math.acos(cosine) / 3.0)
 
 
