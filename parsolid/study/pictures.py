@@ -66,6 +66,7 @@ def _picture(study: Study, lines: dict[tuple, list[Case]], abscissa: Abscissa, f
     for (panel, errors), place in zip(panels.items(), axes.flat):
         place.set(xscale="log", yscale="log", xlabel=abscissa.label, ylabel="error", title=panel)
         place.grid(True, which="both", alpha=0.25)
+        place.tick_params(axis="x", which="minor", labelsize=6)
         points = []
         for number, line in enumerate(lines.values()):
             for style, error in zip(_STYLES * len(errors), errors):
