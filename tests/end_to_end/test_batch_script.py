@@ -5,7 +5,7 @@ import shutil
 import signal
 import subprocess
 
-from command_line import ROOT, environment, launcher, wait_for
+from command_line import ROOT, environment, finish, launcher, wait_for
 from run_results import summary
 from small_scenes import PUNCH, changed, write
 
@@ -31,9 +31,9 @@ def warned(job, folder) -> tuple[int, str]:
     before = (folder / "history.csv").stat().st_ino if (folder / "history.csv").exists() else None
     wait_for(lambda: (folder / "history.csv").exists() and (folder / "history.csv").stat().st_ino != before, job)
     os.kill(job.pid, signal.SIGUSR1)
-    out, err = job.communicate(timeout=60.0)
-    assert "Traceback" not in err, err
-    return job.returncode, out
+    result = finish(job)
+    assert "Traceback" not in result.err, result.err
+    return result.status, result.out
 
 
 def test_the_script_puts_its_job_back_and_restarts(tmp_path):

@@ -60,8 +60,8 @@ def small_disk(path: Path, kilobytes: int):
 
 
 def test_a_full_disk_ends_the_run_with_a_message_and_keeps_what_there_is(tmp_path):
-    growing = changed(PUNCH, {"output.checkpoint_steps": 2, "output.fields_interval": 1e-4, "end_time": 0.05, "bodies.0.particles": [17, 17]})
-    scene = write(growing, tmp_path / "scene.toml")
+    often = {"output.checkpoint_steps": 2, "output.fields_interval": 1e-4, "end_time": 0.05}
+    scene = write(changed(PUNCH, often | {"bodies.0.particles": [17, 17]}), tmp_path / "scene.toml")
     with small_disk(tmp_path / "disk", 1500) as disk:
         ranks = many([[scene, "-q", "-o", disk / "run"]], RANKS, tmp_path / "job")[0]
         assert [rank.status for rank in ranks] == [1] * RANKS, ranks[0].err

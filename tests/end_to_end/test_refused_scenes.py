@@ -16,7 +16,10 @@ BROKEN = {
     "missing key": ({"end_time": None}, ("end_time", "expected", "found nothing")),
     "dimension": ({"dimension": 1}, ("dimension", "expected 2 or 3", "found 1")),
     "negative density": ({f"{MATERIAL}.density": -5.0}, (f"{MATERIAL}.density", "expected a number > 0", "found -5.0")),
-    "incompressible": ({f"{MATERIAL}.poissons_ratio": 0.5}, (f"{MATERIAL}.poissons_ratio", "expected a number < 0.5", "found 0.5")),
+    "incompressible": (
+        {f"{MATERIAL}.poissons_ratio": 0.5},
+        (f"{MATERIAL}.poissons_ratio", "expected a number < 0.5", "found 0.5"),
+    ),
     "no such material": ({f"{MATERIAL}.kind": "mooney"}, (f"{MATERIAL}.kind", "did you mean 'mooney-rivlin'", "found 'mooney'")),
     "negative relaxation time": (
         {f"{MATERIAL}.branches": [{"beta": 1.0, "tau": -1.0}]},
@@ -28,7 +31,10 @@ BROKEN = {
         {"bodies.0.shape.box.upper": [1.0, -1.0]},
         ("bodies.0.shape.box.upper.1", "expected more than lower = 0", "found -1.0"),
     ),
-    "overlapping keys": ({"bodies.0.spacing": 0.1}, ("bodies.0", "at most one of particles, spacing", "found particles and spacing")),
+    "overlapping keys": (
+        {"bodies.0.spacing": 0.1},
+        ("bodies.0", "at most one of particles, spacing", "found particles and spacing"),
+    ),
     "missing mesh": (
         {"bodies.0.shape": {"mesh": {"file": "nowhere.msh"}}, "bodies.0.particles": None},
         ("bodies.0.shape.mesh.file", "expected an existing file", "nowhere.msh"),
@@ -53,9 +59,18 @@ BROKEN = {
     ),
     "probe outside": ({"probes.0.at": [9.0, 9.0]}, ("probes.0.at", "expected a point within one spacing", "found [9.0, 9.0]")),
     "twice the same probe": ({"probes": [PROBE, PROBE]}, ("probes.1.name", "expected a name other than", "found 'p'")),
-    "unknown field": ({"output.fields": ["velocity", "presure"]}, ("output.fields.1", "did you mean 'pressure'", "found 'presure'")),
-    "field times out of order": ({"output.fields_interval": None, "output.fields_times": [2.0, 1.0]}, ("output.fields_times.1", "found 1.0")),
-    "too little smoothing": ({"method.smoothing": 0.2}, ("method.smoothing", "expected every particle to have a neighbour", "found none")),
+    "unknown field": (
+        {"output.fields": ["velocity", "presure"]},
+        ("output.fields.1", "did you mean 'pressure'", "found 'presure'"),
+    ),
+    "field times out of order": (
+        {"output.fields_interval": None, "output.fields_times": [2.0, 1.0]},
+        ("output.fields_times.1", "expected a time later than the one before", "found 1.0"),
+    ),
+    "too little smoothing": (
+        {"method.smoothing": 0.2},
+        ("method.smoothing", "expected every particle to have a neighbour", "found none"),
+    ),
     "missing reference": (
         {"reference": {"series": "nowhere.json", "columns": {"kinetic": "K"}}},
         ("reference.series", "expected an existing file", "nowhere.json"),

@@ -68,7 +68,8 @@ def test_summary_of_a_restarted_run_compares_all_rows_with_the_reference(tmp_pat
     compared = changed(PUNCH, {"reference": {"series": "reference.json", "columns": {"kinetic": "K"}}})
     scene = write(compared, tmp_path / "scene.toml")
     whole, pieces = tmp_path / "whole", tmp_path / "pieces"
-    commands = [[scene, "-q", "-o", whole], [scene, "-q", "-o", pieces, "--max-steps", 12], [scene, "-q", "-o", pieces, "--restart"]]
+    in_pieces = [scene, "-q", "-o", pieces]
+    commands = [[scene, "-q", "-o", whole], [*in_pieces, "--max-steps", 12], [*in_pieces, "--restart"]]
     all_done(many(commands, 1, tmp_path / "job"))
     assert summary(whole)["errors"]["kinetic"] > 0.1
     assert summary(pieces)["errors"] == summary(whole)["errors"]

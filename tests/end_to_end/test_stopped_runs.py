@@ -28,7 +28,7 @@ def stopped(scene, folder, number: int, receiver) -> None:
     history = folder / "history.csv"
     wait_for(lambda: history.exists() and len(history.read_text().splitlines()) > 5, job)
     os.kill(receiver(job), number)
-    result = finish(job, 60.0)
+    result = finish(job)
     assert result.status == TO_BE_CONTINUED, f"{result.status}\n{result.err}"
     assert "Traceback" not in result.err
 
