@@ -1,9 +1,9 @@
 """The batch script without a batch system: it stops on the warning signal, goes back into the queue and goes on."""
 
 import os
-import shutil
 import signal
 import subprocess
+import sys
 
 from command_line import ROOT, environment, finish, launcher, wait_for
 from run_results import summary
@@ -16,11 +16,12 @@ def submit(tmp_path, scene, folder, restarts: int = 0) -> subprocess.Popen:
     """Start the script as a batch system would; `scontrol` only notes what it was asked."""
     programs = tmp_path / "programs"
     programs.mkdir(exist_ok=True)
-    (programs / "scontrol").write_text(f'#!/bin/sh\necho "$@" >> {tmp_path}/asked\n')
-    (programs / "scontrol").chmod(0o755)
+    for name, does in {"scontrol": f'echo "$@" >> {tmp_path}/asked', "python": f'exec {sys.executable} "$@"'}.items():
+        (programs / name).write_text(f"#!/bin/sh\n{does}\n")
+        (programs / name).chmod(0o755)
     values = environment() | {"SLURM_JOB_ID": "17", "SLURM_NTASKS": "2", "PARSOLID_LAUNCH": " ".join(launcher(2))}
     values |= {"SLURM_RESTART_COUNT": str(restarts), "PARSOLID_MOST_RESTARTS": "1"}
-    values["PATH"] = os.pathsep.join([str(programs), os.path.dirname(shutil.which("python") or ""), values["PATH"]])
+    values["PATH"] = os.pathsep.join([str(programs), values["PATH"]])
     command = ["bash", SCRIPT, scene, folder, "-q"]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     return subprocess.Popen(command, env=values, text=True, start_new_session=True, **pipes)
