@@ -2,6 +2,10 @@
 
 import sys
 
-from parsolid.cli import main
+from parsolid.stopping import catch_early
+
+catch_early(sys.argv[1:])
+
+from parsolid.cli import main  # noqa: E402 (after the signals are caught: importing takes seconds)
 
 sys.exit(main())

@@ -1,6 +1,7 @@
 """The command line: run, check, bench, point, study, plot.
 
-Exit status: 0 done, 2 bad input, 3 the run went wrong, 75 stopped with a checkpoint to continue from, 1 anything else.
+Exit status: 0 done, 2 bad input, 3 the run went wrong, 75 stopped with a checkpoint to continue from,
+130 interrupted from the keyboard, 1 anything else.
 """
 
 import argparse
@@ -15,7 +16,7 @@ from parsolid.output.errors import OutputError
 from parsolid.scene.faults import SceneError
 from parsolid.together import SolverError
 
-DONE, BAD_INPUT, WENT_WRONG, TO_BE_CONTINUED = 0, 2, 3, 75
+DONE, BAD_INPUT, WENT_WRONG, INTERRUPTED = 0, 2, 3, 130
 
 
 class _BadArguments(Exception):
@@ -101,6 +102,11 @@ def main(arguments: list[str] | None = None) -> int:
     except OutputError as error:
         _say(comm, f"parsolid: {error}")
         return 1
+    except KeyboardInterrupt:
+        _say(comm, "parsolid: interrupted")
+        if comm.size > 1:
+            comm.Abort(INTERRUPTED)
+        return INTERRUPTED
     except SystemExit as exit_request:
         return int(exit_request.code or 0)
     except Exception as error:  # a fault of the program: end all ranks rather than leave them waiting

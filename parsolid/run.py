@@ -10,7 +10,8 @@ from parsolid.output.summary import provenance, write_summary
 from parsolid.output_files import OutputFiles
 from parsolid.restart import Restart
 from parsolid.scene import SceneError, dump_scene, load_scene, packaged_scene
-from parsolid.simulation import FINISHED, INTERRUPTED, Limits, RunFailed, Simulation, StopRequest
+from parsolid.simulation import FINISHED, INTERRUPTED, Limits, RunFailed, Simulation
+from parsolid.stopping import REQUEST
 from parsolid.together import SolverError
 from parsolid.warmup import warm_up
 from parsolid.watch import Watch
@@ -38,8 +39,7 @@ def load(comm, options):
 def run(comm, options) -> int:
     """Run a scene to its end; the exit status. Collective."""
     began = clock.perf_counter()
-    stop = StopRequest()
-    stop.install()
+    REQUEST.install()
     scene = load(comm, options)
     try:
         simulation, files, restart = _set_up(comm, scene, options)
@@ -58,7 +58,7 @@ def run(comm, options) -> int:
         watch.resume(restart.header)
         simulation.last_checkpoint = str(restart.path)
     limits = Limits(options.max_steps, None if options.wall_time is None else began + options.wall_time)
-    return _follow(comm, simulation, watch, limits, stop, options)
+    return _follow(comm, simulation, watch, limits, options)
 
 
 def _set_up(comm, scene, options):
@@ -93,11 +93,11 @@ def _inputs(options, scene, restart) -> tuple:
     return named + meshes + series + ((restart.path,) if restart else ())
 
 
-def _follow(comm, simulation, watch, limits, stop, options) -> int:
+def _follow(comm, simulation, watch, limits, options) -> int:
     """The loop with its ending: checkpoint, summary, pictures."""
     failure = None
     try:
-        status = simulation.run(watch, limits, stop)
+        status = simulation.run(watch, limits, REQUEST)
         watch.finish()
     except RunFailed as error:
         status, failure = "failed", error

@@ -1,6 +1,5 @@
 """The loop: advance, look, write."""
 
-import signal
 import time as clock
 from dataclasses import dataclass, field
 
@@ -14,6 +13,7 @@ from parsolid.initial import initial_state, laws_of
 from parsolid.ledger import Ledger
 from parsolid.methods import METHODS
 from parsolid.methods.groups import group_numbers, ranges
+from parsolid.stopping import StopRequest
 
 FINISHED, STOPPED, INTERRUPTED = "finished", "stopped", "interrupted"
 
@@ -44,21 +44,6 @@ class Clock:
     first_step_seconds: float = 0.0
     first_step_processor_seconds: float = 0.0
     waiting_seconds: float = 0.0
-
-
-class StopRequest:
-    """Remembers SIGTERM and SIGUSR1, so that the loop can end at a step's end with a checkpoint."""
-
-    def __init__(self):
-        self.received: str | None = None
-
-    def install(self) -> None:
-        """Catch the signals that batch systems send."""
-        for name in ("SIGTERM", "SIGUSR1"):
-            signal.signal(getattr(signal, name), self._note)
-
-    def _note(self, number, frame) -> None:
-        self.received = signal.Signals(number).name
 
 
 class Simulation:
