@@ -202,7 +202,7 @@ def evaluate(sim) -> dict[str, np.ndarray | float]:
     internal = 0.0
     for group in method.groups:
         # an Euler step of 1 s changes F by grad v
-        euler = Stage(True, False, 1.0, 0.0, 1.0, 0.0, group.relaxation(0.0), group.relaxation(0.0))
+        euler = Stage(True, False, 1.0, 0.0, 1.0, group.relaxation(0.0), group.relaxation(0.0))
         _, rate, _ = advance_deformation(
             method.space, group.first, group.last, group.law, euler, method.body_of(group), method.gradient,
             method.riemann, method.shear, method.record,
@@ -213,7 +213,7 @@ def evaluate(sim) -> dict[str, np.ndarray | float]:
     method._pass_force()
     T, D = method.force[: method.owned, :d].copy(), method.force[: method.owned, 4 : 4 + d].copy()
     record = method.record[: method.owned, : 4 if d == 2 else 12].reshape(-1, d, 2 if d == 2 else 4)
-    stage = Stage(True, False, 0.0, 0.0, 1.0, 0.0, np.zeros((0, 3)), np.zeros((0, 3)))
+    stage = Stage(True, False, 0.0, 0.0, 1.0, np.zeros((0, 3)), np.zeros((0, 3)))
     numerical, power = motion.advance_motion(
         method.space, method.owned, stage, method.kinematics, method.start_motion, method.force, method.gradient,
         method.mass, method.share, method.boundaries.loads_at(0.0), method.boundaries.clamp,

@@ -48,8 +48,7 @@ from parsolid.materials.maxwell import branch_dissipation, inverse_right_cauchy_
 class Stage(NamedTuple):
     """One Runge-Kutta stage: new = keep * start + take * (current + step * rate).
 
-    `decay` (branches, 3) relaxes A from the start of the step to the stage, `commit` (branches, 3) to its end;
-    quadrature is the weight of the stage in the step's time integrals [s].
+    `decay` (branches, 3) relaxes A from the start of the step to the stage, `commit` (branches, 3) to its end.
     """
 
     first: bool
@@ -57,7 +56,6 @@ class Stage(NamedTuple):
     step: float
     keep: float
     take: float
-    quadrature: float
     decay: np.ndarray
     commit: np.ndarray
 

@@ -220,7 +220,7 @@ class TotalLagrangianSPH:
         weights, last = self.stages[number], number == len(self.stages) - 1
         decay = group.relaxation(weights.time * step)
         commit = group.relaxation(step) if last else decay
-        return Stage(number == 0, last, step, weights.keep, weights.take, weights.quadrature * step, decay, commit)
+        return Stage(number == 0, last, step, weights.keep, weights.take, decay, commit)
 
     def _pass_gradient(self) -> None:
         pairing, passes = self.pairing, self.passes
@@ -252,7 +252,7 @@ class TotalLagrangianSPH:
     def _momentum(self, number: int, time: float, step: float) -> tuple[float, float]:
         """Advance v and x; (numerical dissipation rate, external power) [W]."""
         weights, boundaries = self.stages[number], self.boundaries
-        stage = Stage(number == 0, False, step, weights.keep, weights.take, 0.0, _NO_BRANCHES, _NO_BRANCHES)
+        stage = Stage(number == 0, False, step, weights.keep, weights.take, _NO_BRANCHES, _NO_BRANCHES)
         loads = boundaries.loads_at(time + weights.time * step)
         held = boundaries.prescribed_power(self.kinematics, self.force, self.mass, self.share, loads)
         dissipation, power = motion.advance_motion(
