@@ -1,0 +1,71 @@
+"""Conjugate gradients: the default of quasi-static steps, because the correspondence operator is symmetric."""
+
+import numpy as np
+from numba import njit
+
+from decomposition.reduction import sums
+from parsolid.solvers.solution import Solution
+
+
+@njit(cache=True)
+def _advance(factor, direction, product, solution, residual):
+    """u += a p, r -= a K p; gives r . r of this rank."""
+    square = 0.0
+    for i in range(residual.size):
+        solution[i] += factor * direction[i]
+        residual[i] -= factor * product[i]
+        square += residual[i] * residual[i]
+    return square
+
+
+@njit(cache=True)
+def _turn(factor, residual, direction):
+    """p = r + b p."""
+    for i in range(residual.size):
+        direction[i] = residual[i] + factor * direction[i]
+
+
+@njit(cache=True)
+def _masked_product(product, direction, free):
+    """Zero K p where a component is prescribed; gives p . K p of this rank."""
+    total = 0.0
+    for i in range(product.size):
+        if free is not None and not free[i]:
+            product[i] = 0.0
+        total += product[i] * direction[i]
+    return total
+
+
+def conjugate_gradients(
+    comm, apply, load: np.ndarray, target: float, free: np.ndarray | None = None, limit: int | None = None
+) -> Solution:
+    """Solve K u = load on free components for a symmetric positive definite K; collective.
+
+    load (n, d) [N], only its free components are looked at; ends when |load - K u|_2 over all ranks is at most target [N],
+    after `limit` products (default: ten times the number of components), or when a direction has no positive stiffness
+    (`converged` is then false). Two global sums an iteration.
+    Source: M. R. Hestenes, E. Stiefel, J. Res. Nat. Bur. Standards 49 (1952) 409.
+    """
+    residual = (load.copy() if free is None else load * free).ravel()
+    mask = None if free is None else np.ascontiguousarray(free, bool).ravel()
+    solution, direction, product = np.zeros_like(residual), residual.copy(), np.zeros(load.shape)
+    flat, shaped = product.ravel(), direction.reshape(load.shape)
+    square, count = sums(comm, [np.vdot(residual, residual), float(residual.size)])
+    limit = 10 * int(count) if limit is None else limit
+    iterations, reason = 0, ""
+    while square > target * target and not reason:
+        if iterations == limit:
+            reason = f"no solution after {limit} iterations"
+            break
+        apply(shaped, product)
+        stiffness = float(sums(comm, [_masked_product(flat, direction, mask)])[0])
+        iterations += 1
+        if not stiffness > 0.0:
+            reason = "a direction without positive stiffness" if np.isfinite(stiffness) else "a product that is not finite"
+            break
+        before = square
+        square = float(sums(comm, [_advance(square / stiffness, direction, flat, solution, residual)])[0])
+        _turn(square / before, residual, direction)
+    if not reason and not np.isfinite(square):
+        reason = "a residual that is not finite"
+    return Solution(solution.reshape(load.shape), iterations, float(np.sqrt(square)), not reason, reason)

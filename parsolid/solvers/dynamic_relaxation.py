@@ -1,0 +1,85 @@
+"""Adaptive dynamic relaxation: a damped fictitious motion that comes to rest where forces balance.
+
+Source: B. Kilic, E. Madenci, "An adaptive dynamic relaxation method for quasi-static simulations using the peridynamic theory",
+Theoretical and Applied Fracture Mechanics 53 (2010) 194; the fictitious time step is 1.
+"""
+
+import numpy as np
+from numba import njit
+
+from decomposition.reduction import sums
+from parsolid.solvers.solution import Solution
+
+# more damping than critical for the highest mode would make the fictitious motion creep
+_LARGEST_DAMPING = 1.9
+# Gerschgorin's bound asks for lambda/4, and the eigenvalue of a power iteration comes from below
+_MARGIN = 1.1
+
+
+def relaxation_mass(largest_eigenvalue: float, mass: np.ndarray) -> np.ndarray:
+    """Fictitious masses (n,) with which the motion is stable: (1.1/4) lambda_max of M^-1 K, times M (n,).
+
+    The stiffness must be that of the whole material step, or the motion diverges at once.
+    """
+    return 0.25 * _MARGIN * largest_eigenvalue * mass
+
+
+@njit(cache=True)
+def _measure(force, before, velocity, displacement, mass):
+    """This rank's (F . F, sum k u^2, sum u^2) with k = -(F/L - F_before/L)/v, nothing where v = 0."""
+    square, stiffness, weight = 0.0, 0.0, 0.0
+    for a in range(force.shape[0]):
+        for i in range(force.shape[1]):
+            square += force[a, i] * force[a, i]
+            u2 = displacement[a, i] * displacement[a, i]
+            weight += u2
+            if velocity[a, i] != 0.0:
+                stiffness -= (force[a, i] - before[a, i]) / (mass[a] * velocity[a, i]) * u2
+    return square, stiffness, weight
+
+
+@njit(cache=True)
+def _move(first, damping, force, before, velocity, displacement, mass):
+    """Advance v and u by one fictitious step and remember F."""
+    for a in range(force.shape[0]):
+        for i in range(force.shape[1]):
+            push = force[a, i] / mass[a]
+            if first:
+                velocity[a, i] = 0.5 * push
+            else:
+                velocity[a, i] = ((2.0 - damping) * velocity[a, i] + 2.0 * push) / (2.0 + damping)
+            displacement[a, i] += velocity[a, i]
+            before[a, i] = force[a, i]
+
+
+def dynamic_relaxation(
+    comm, force, start: np.ndarray, mass: np.ndarray, target: float, free: np.ndarray | None = None, limit: int = 100_000
+) -> Solution:
+    """The displacement at which the force vanishes on free components; collective.
+
+    force(u, out) writes internal and external forces [N] of a displacement (n, d) [m] into out; start (n, d): first guess,
+    with prescribed components in place; mass (n,): see `relaxation_mass`. Ends when |F|_2 over all ranks is at most target [N]
+    or after `limit` evaluations (`converged` is then false). One global sum of three numbers an iteration.
+    """
+    displacement, velocity = start.copy(), np.zeros(start.shape)
+    total, before = np.zeros(start.shape), np.zeros(start.shape)
+    evaluations, reason = 0, ""
+    while True:
+        force(displacement, total)
+        evaluations += 1
+        if free is not None:
+            total *= free
+        square, stiffness, weight = sums(comm, _measure(total, before, velocity, displacement, mass))
+        if square <= target * target:
+            break
+        if not np.isfinite(square):
+            reason = "a force that is not finite"
+        elif evaluations >= limit:
+            reason = f"no balance after {limit} iterations"
+        if reason:
+            break
+        damping = 0.0
+        if evaluations > 1 and stiffness > 0.0 and weight > 0.0:
+            damping = min(2.0 * np.sqrt(stiffness / weight), _LARGEST_DAMPING)
+        _move(evaluations == 1, damping, total, before, velocity, displacement, mass)
+    return Solution(displacement, evaluations, float(np.sqrt(square)), not reason, reason)
