@@ -111,6 +111,27 @@ def _sqrt(value):
         return lambda value: _square_root(value)
 
 
+def _choice(python_function, comparison):
+    @intrinsic
+    def apply(typing_context, left, right):
+        def generate(context, builder, signature, arguments):
+            x = _to_vector(context, builder, arguments[0], signature.args[0])
+            y = _to_vector(context, builder, arguments[1], signature.args[1])
+            return builder.select(builder.fcmp_ordered(comparison, x, y), x, y)
+
+        return lanes(left, right), generate
+
+    @overload(python_function, inline="always")
+    def dispatch(left, right):
+        if (isinstance(left, LanesType) or isinstance(right, LanesType)) and _is_operand(left) and _is_operand(right):
+            return lambda left, right: apply(left, right)
+
+
+# lane by lane; the second argument where either is NaN
+_choice(min, "<")
+_choice(max, ">")
+
+
 @intrinsic
 def fused(typing_context, x, y, z):
     """x * y + z, rounded once; numbers are repeated in every lane."""
@@ -213,6 +234,19 @@ def from_floats(typing_context, first, second, third, fourth):
         return vector
 
     return lanes(types.float64, types.float64, types.float64, types.float64), generate
+
+
+def shuffle(*indices):
+    """An intrinsic that puts lane indices[k] of its first argument, or indices[k] - 4 of its second, into lane k."""
+
+    @intrinsic
+    def apply(typing_context, first, second):
+        def generate(context, builder, signature, arguments):
+            return builder.shuffle_vector(arguments[0], arguments[1], _mask(indices))
+
+        return lanes(lanes, lanes), generate
+
+    return apply
 
 
 def _mask(indices):

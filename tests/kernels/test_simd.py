@@ -9,6 +9,7 @@ from numba import njit
 from parsolid.kernels import simd
 
 _reverse = simd.swizzle(3, 2, 1, 0)
+_mixed = simd.shuffle(4, 1, 7, 2)
 
 
 @njit(cache=True)
@@ -24,6 +25,8 @@ def arithmetic(values, result):
     simd.store(result, 7, 0, 3 - x)
     simd.store(result, 8, 0, x * 0.5 + 1)
     simd.store(result, 9, 0, 1.0 / x)
+    simd.store(result, 10, 0, min(x, y))
+    simd.store(result, 11, 0, max(x, 1.0))
 
 
 @njit(cache=True)
@@ -38,6 +41,7 @@ def lanes_moved(values, result):
     for k in range(4):
         simd.store(result, 5 + k, 0, columns[k])
     simd.store(result, 9, 0, simd.broadcast(simd.total(x)))
+    simd.store(result, 10, 0, _mixed(x, y))
 
 
 @njit(cache=True)
@@ -56,16 +60,17 @@ def values():
 
 
 def test_arithmetic(values):
-    result = np.zeros((10, 4))
+    result = np.zeros((12, 4))
     arithmetic(values, result)
     x, y = values[0], values[1]
     exact = [x + y, x - y, x * y, x / y, -x, np.sqrt(x)]
     np.testing.assert_array_equal(result[:6], exact)
-    np.testing.assert_allclose(result[6:], [x * y + 2.0, 3 - x, x * 0.5 + 1, 1.0 / x], rtol=1e-15)
+    np.testing.assert_allclose(result[6:10], [x * y + 2.0, 3 - x, x * 0.5 + 1, 1.0 / x], rtol=1e-15)
+    np.testing.assert_array_equal(result[10:], [np.minimum(x, y), np.maximum(x, 1.0)])
 
 
 def test_moving_lanes(values):
-    result = np.zeros((10, 4))
+    result = np.zeros((11, 4))
     lanes_moved(values, result)
     np.testing.assert_array_equal(result[0], values[0, ::-1])
     np.testing.assert_array_equal(result[1], [*values[0, :3], 0.0])
@@ -74,6 +79,7 @@ def test_moving_lanes(values):
     np.testing.assert_array_equal(result[4], [1.0, 2.0, 3.0, 4.0])
     np.testing.assert_array_equal(result[5:9], values.T)
     np.testing.assert_allclose(result[9], values[0].sum(), rtol=1e-15)
+    np.testing.assert_array_equal(result[10], [values[1, 0], values[0, 1], values[1, 3], values[0, 2]])
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 4])
