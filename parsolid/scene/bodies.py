@@ -5,7 +5,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from parsolid.scene.faults import Phrase
-from parsolid.scene.formulas import InitialMatrix, InitialVector
+from parsolid.scene.formulas import InitialMatrix, InitialScalar, InitialVector
 from parsolid.scene.materials import Material
 from parsolid.scene.section import Positive, Section, dimension_of, mismatch, reject
 from parsolid.scene.shapes import Shape
@@ -84,4 +84,5 @@ class Body(FilledShape):
     velocity: InitialVector | None = None
     displacement: InitialVector | None = None
     deformation_gradient: InitialMatrix | None = None
+    temperature: InitialScalar | None = Field(None, description="the initial temperature [K], that of the material unless given")
     material: Material = Field(description="a table with the key kind")

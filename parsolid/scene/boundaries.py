@@ -5,9 +5,10 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from parsolid.scene.bodies import Name
-from parsolid.scene.formulas import Vector, VectorOrFree
+from parsolid.scene.formulas import Scalar, Vector, VectorOrFree
 from parsolid.scene.section import Plane, Point, Section, by_kind
 from parsolid.scene.shapes import Box, Sphere
+from parsolid.scene.walls import HeatFlux, PrescribedTemperature, Wall
 
 
 class Support(Section):
@@ -52,11 +53,16 @@ class Traction(Section):
     traction: Vector = Field(description="a formula in X, Y, Z, t for each component [Pa]")
 
 
-Boundary = by_kind(Support, PrescribedVelocity, Traction)
+Boundary = by_kind(Support, PrescribedVelocity, Traction, Wall, PrescribedTemperature, HeatFlux)
 
 
 class Loads(Section):
-    """Loads on all bodies: a force [N/m^3] per reference volume, an acceleration [m/s^2]."""
+    """Loads on all bodies: a force [N/m^3] per reference volume, an acceleration [m/s^2], heat [W/m^3] per reference volume.
+
+    manufactured: also the body force under which the exact solution of the scene's reference holds.
+    """
 
     body_force: Vector | None = None
     acceleration: Vector | None = None
+    heat_source: Scalar | None = None
+    manufactured: bool = False

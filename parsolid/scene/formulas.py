@@ -181,6 +181,13 @@ def _vector_of(validate):
     ]
 
 
+def _scalar_of(validate):
+    """A Formula that is written as the text that it came from."""
+    return Annotated[Any, PlainValidator(validate), PlainSerializer(lambda formula: formula.source)]
+
+
+InitialScalar = _scalar_of(_of_place)
+Scalar = _scalar_of(_of_place_and_time)
 InitialVector = _vector_of(_of_place)
 Vector = _vector_of(_of_place_and_time)
 VectorOrFree = _vector_of(_or_free)

@@ -1,0 +1,32 @@
+"""What the settings of every method have in common."""
+
+from typing import ClassVar
+
+from pydantic import Field, model_validator
+
+from parsolid.scene.section import Positive, Section, reject
+
+
+class MethodSettings(Section):
+    """What every method has, and what it says of itself to the other tables of a scene.
+
+    dimensions; materials, boundaries: the kinds that the method knows; extra_fields, extra_quantities: what can be probed or
+    shown besides the fields of all methods -> "scalar", "vector" or "tensor"; shown_fields: what is written unless the scene
+    chooses; ledger_terms: see `ledger.Ledger`.
+    """
+
+    dimensions: ClassVar[tuple[int, ...]] = (2, 3)
+    materials: ClassVar[tuple[str, ...]] = ()
+    boundaries: ClassVar[tuple[str, ...]] = ()
+    extra_fields: ClassVar[dict[str, str]] = {}
+    extra_quantities: ClassVar[dict[str, str]] = {}
+    shown_fields: ClassVar[tuple[str, ...]] = ("displacement", "velocity", "pressure", "von_mises_stress", "jacobian")
+    ledger_terms: ClassVar[dict[str, int]] = {}
+    maximum_step: Positive | None = Field(None, description="the largest time step [s]")
+    minimum_step: Positive | None = Field(None, description="the time step [s] below which the run stops")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "MethodSettings":
+        if self.maximum_step is not None and self.minimum_step is not None and self.minimum_step > self.maximum_step:
+            reject((("minimum_step",), f"at most maximum_step = {self.maximum_step:g}", self.minimum_step))
+        return self

@@ -1,0 +1,78 @@
+"""The material point method as a scene states it."""
+
+from typing import ClassVar, Literal
+
+from pydantic import Field, ValidationInfo, model_validator
+
+from parsolid.scene.method_settings import MethodSettings
+from parsolid.scene.section import NotNegative, Point, Positive, Section, dimension_of, reject
+
+Basis = Literal["linear", "ugimp", "cpgimp", "quadratic-spline", "cubic-spline"]
+
+
+class ArtificialViscosity(Section):
+    """Bulk viscosity in compression, q = rho h |tr d| (quadratic h |tr d| + linear c); its work becomes internal energy."""
+
+    linear: NotNegative = Field(0.2, description="factor of the sound speed")
+    quadratic: NotNegative = Field(2.0, description="factor of the velocity jump over a cell")
+
+
+class MaterialPoint(MethodSettings):
+    """Material point method with plasticity, an equation of state and heat (Banerjee).
+
+    cell            spacing h [m] of the background grid, of which only cells near particles exist
+    origin          a point [m] of the grid; walls are exact where they lie on its planes
+    formulation     "updated": weights of the current positions; "total-lagrangian": those of the reference positions, for
+                    moderate strain
+    geometry        of a 2-D scene: plane strain per metre of thickness, or axisymmetric with X the radius and Y the axis,
+                    per radian
+    order           stress update first with the new grid velocity ("usl") or with particle velocities mapped again ("musl")
+    motion          false: nothing moves, heat alone is conducted
+    bitwise         the same bits on any number of ranks, for three times the traffic
+    rebalance       largest over mean number of particles on a rank beyond which cells are dealt out anew
+    """
+
+    materials: ClassVar = ("mooney-rivlin", "neo-hookean", "elastic-plastic")
+    boundaries: ClassVar = ("fixed", "roller", "velocity", "wall", "temperature", "heat_flux")
+    extra_fields: ClassVar = {
+        "temperature": "scalar",
+        "plastic_strain": "scalar",
+        "internal_energy": "scalar",
+        "density": "scalar",
+        "velocity_gradient": "tensor",
+    }
+    extra_quantities: ClassVar = {
+        "maximum_temperature": "scalar",
+        "maximum_plastic_strain": "scalar",
+        "plastic_work": "scalar",
+        "heat": "scalar",
+        "lower_bounds": "vector",
+        "upper_bounds": "vector",
+    }
+
+    kind: Literal["mpm"]
+    cell: Positive = Field(description="the spacing of the background grid [m]")
+    origin: Point | None = Field(None, description="a point of the grid [m], zero unless given")
+    basis: Basis = "quadratic-spline"
+    formulation: Literal["updated", "total-lagrangian"] = "updated"
+    geometry: Literal["plane-strain", "axisymmetric"] | None = Field(None, description="of a 2-D scene, plane strain unless given")
+    transfer: Literal["flip", "apic"] = "flip"
+    flip_fraction: float = Field(1.0, ge=0, le=1, description="share of FLIP in the velocity, the rest is PIC")
+    order: Literal["usl", "musl"] = "usl"
+    cfl: Positive = Field(0.3, description="time step over h / (wave speed + particle speed)")
+    viscosity: ArtificialViscosity = ArtificialViscosity()
+    motion: bool = True
+    bitwise: bool = False
+    rebalance: float = Field(1.2, gt=1, description="largest over mean particles of a rank beyond which cells move")
+
+    @model_validator(mode="after")
+    def _consistent(self, info: ValidationInfo) -> "MaterialPoint":
+        details = []
+        if dimension_of(info) == 3 and self.geometry is not None:
+            details.append((("geometry",), "no such key in 3-D", self.geometry))
+        if self.transfer == "apic" and self.flip_fraction != 1.0:
+            details.append((("flip_fraction",), "no such key with the transfer 'apic'", self.flip_fraction))
+        if self.formulation == "total-lagrangian" and self.basis == "cpgimp":
+            details.append((("basis",), "a basis with fixed particle domains, 'ugimp'", self.basis))
+        reject(*details)
+        return self

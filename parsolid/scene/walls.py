@@ -1,0 +1,42 @@
+"""Rigid walls and thermal boundaries of a scene."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from parsolid.scene.bodies import Name
+from parsolid.scene.formulas import Scalar
+from parsolid.scene.section import Plane, Point, Section
+
+
+class Wall(Section):
+    """A rigid plane that moves with a constant velocity, and on one side of which all bodies are.
+
+    contact      "frictionless": the wall's normal velocity; "sticking": its whole velocity
+    separation   whether a body may leave the wall again
+    """
+
+    kind: Literal["wall"]
+    plane: Plane = Field(description="a plane such as 'Y = 0': where the wall is at time 0")
+    side: Literal["above", "below"] = Field(description="'above' or 'below': where along the plane's axis the bodies are")
+    velocity: Point | None = Field(None, description="the velocity of the wall [m/s], at rest unless given")
+    contact: Literal["frictionless", "sticking"] = "frictionless"
+    separation: bool = True
+
+
+class PrescribedTemperature(Section):
+    """Temperature [K] on a plane."""
+
+    kind: Literal["temperature"]
+    plane: Plane = Field(description="a plane such as 'Y = 0'")
+    body: Name | None = None
+    temperature: Scalar = Field(description="a formula in X, Y, Z, t [K]")
+
+
+class HeatFlux(Section):
+    """Heat [W/m^2] that flows into a body through a plane that bounds it; planes without any condition are insulated."""
+
+    kind: Literal["heat_flux"]
+    plane: Plane = Field(description="a plane such as 'Y = 0' that bounds the body")
+    body: Name | None = None
+    heat_flux: Scalar = Field(description="a formula in X, Y, Z, t [W/m^2]")
