@@ -1,0 +1,82 @@
+"""Axial vibration of a viscoelastic bar, clamped at X = 0 and free at X = L, released from a uniform stretch.
+
+Galadima et al., section 8.3. Each mode sin(k X), k = (2n - 1) pi/(2 L), moves by itself:
+    rho T'' = -k^2 [E_0 T + sum_j E_j (T - V_j)],   V_j' = (T - V_j)/tau_j,
+with V_j(0) = T(0) when the stretch had been held for ever ("relaxed"), 0 when it was applied just before ("instantaneous").
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from parsolid.exact.prony import PronySeries
+
+
+class Oscillation(NamedTuple):
+    """A mode's roots: angular frequency [rad/s], decay rate [1/s] of the oscillation, real roots (n,) [1/s] of the creep."""
+
+    frequency: float
+    decay: float
+    creep: np.ndarray
+
+    @property
+    def period(self) -> float:
+        """Period [s]."""
+        return 2.0 * np.pi / self.frequency
+
+
+class BarVibration:
+    """The modal solution. length [m], density [kg/m^3], stretch of the start; relaxed: whether it had been held for ever."""
+
+    def __init__(self, modulus: PronySeries, density: float, length: float, stretch: float, relaxed: bool, modes: int = 2000):
+        self.length, self.stretch, self.relaxed = length, stretch, relaxed
+        self.modulus, self.density, self.modes = modulus, density, modes
+        number = np.arange(1, modes + 1)
+        self.wave_number = (number - 0.5) * np.pi / length
+        sign = np.where(number % 2 == 1, 1.0, -1.0)
+        # stretch * X = sum of amplitude * sin(k X)
+        self.amplitude = 2.0 * stretch * sign / (length * self.wave_number**2)
+        rates, vectors = np.linalg.eig(self._matrices(self.wave_number))
+        start = np.zeros(rates.shape[1])
+        start[0] = 1.0
+        start[2:] = relaxed
+        weights = np.linalg.solve(vectors, np.broadcast_to(start, rates.shape)[..., None])[..., 0]
+        self.rates, self.weights = rates, weights * vectors[:, 0, :]
+
+    def _matrices(self, wave_number: np.ndarray) -> np.ndarray:
+        """The rate (modes, 2 + n, 2 + n) of (T, T', V_1, ...)."""
+        size = 2 + len(self.modulus.times)
+        matrices = np.zeros((len(wave_number), size, size))
+        stiffness = wave_number**2 / self.density
+        matrices[:, 0, 1] = 1.0
+        matrices[:, 1, 0] = -stiffness * self.modulus.instantaneous
+        matrices[:, 1, 2:] = stiffness[:, None] * self.modulus.moduli
+        branch = np.arange(2, size)
+        matrices[:, branch, 0], matrices[:, branch, branch] = 1.0 / self.modulus.times, -1.0 / self.modulus.times
+        return matrices
+
+    def oscillation(self, mode: int = 1) -> Oscillation:
+        """Frequency, decay and creep roots of a mode, counted from 1."""
+        roots = self.rates[mode - 1]
+        # the oscillating pair is the one farthest from the real axis
+        pair = roots[np.argmax(roots.imag)]
+        creep = np.sort(-roots[np.abs(roots.imag) < 1e-9 * abs(pair)].real)
+        return Oscillation(float(pair.imag), float(-pair.real), creep)
+
+    def modal(self, time, mode: int = 1) -> np.ndarray:
+        """T(t)/T(0) of a mode at times [s] of any shape."""
+        phases = np.exp(np.asarray(time, float)[..., None] * self.rates[mode - 1])
+        return (phases @ self.weights[mode - 1]).real
+
+    def fields(self, positions: np.ndarray, time: float) -> dict[str, np.ndarray]:
+        """displacement (n, d) [m] and velocity (n, d) [m/s], along the first axis, at X (n, d) [m].
+
+        The series converges like 1/modes; kinks and jumps of the velocity travel along the bar.
+        """
+        evolved = self.weights * np.exp(self.rates * time)
+        shapes = np.sin(positions[:, :1] * self.wave_number)
+        result = {}
+        for name, factor in (("displacement", evolved.sum(axis=1)), ("velocity", (evolved * self.rates).sum(axis=1))):
+            result[name] = np.zeros(positions.shape)
+            result[name][:, 0] = shapes @ (self.amplitude * factor.real)
+        return result
