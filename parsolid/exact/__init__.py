@@ -1,5 +1,16 @@
 """Closed-form solutions, for scenes, tests and studies alike."""
 
+from parsolid.exact.heat import CosineMode, HeatedSlab, PlasticLayer
+from parsolid.exact.manufactured import AxisAligned, GeneralisedVortex
+from parsolid.exact.shock import SteadyShock
 from parsolid.exact.viscoelastic_plate import ViscoelasticPlate
 
-SOLUTIONS = {"viscoelastic-plate": ViscoelasticPlate}
+SOLUTIONS = {
+    "viscoelastic-plate": ViscoelasticPlate,
+    "axis-aligned": AxisAligned,
+    "generalised-vortex": GeneralisedVortex,
+    "cosine-mode": CosineMode,
+    "heated-slab": HeatedSlab,
+    "plastic-layer": PlasticLayer,
+    "steady-shock": SteadyShock,
+}

@@ -3,7 +3,7 @@
 from parsolid.scene.cloud import Cloud
 from parsolid.scene.faults import SceneError, agree
 from parsolid.scene.generation import generate
-from parsolid.scene.initial import initial_deformation_gradient, initial_displacement, initial_velocity
+from parsolid.scene.initial import initial_deformation_gradient, initial_displacement, initial_temperature, initial_velocity
 from parsolid.scene.loading import dump_scene, load_scene, packaged_scene, parse_scene
 from parsolid.scene.regions import nearest_particles, selected
 from parsolid.scene.schema import Scene
@@ -17,6 +17,7 @@ __all__ = [
     "generate",
     "initial_deformation_gradient",
     "initial_displacement",
+    "initial_temperature",
     "initial_velocity",
     "load_scene",
     "nearest_particles",

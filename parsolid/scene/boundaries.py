@@ -11,7 +11,13 @@ from parsolid.scene.shapes import Box, Sphere
 from parsolid.scene.walls import HeatFlux, PrescribedTemperature, Wall
 
 
-class Support(Section):
+class ParticleCondition(Section):
+    """A condition on the particles of a region."""
+
+    on_particles: ClassVar[bool] = True
+
+
+class Support(ParticleCondition):
     """A support on a plane that bounds the body.
 
     fixed          no velocity
@@ -28,7 +34,7 @@ class Support(Section):
     mirror: bool = True
 
 
-class PrescribedVelocity(Section):
+class PrescribedVelocity(ParticleCondition):
     """Velocity [m/s] prescribed over a region; components that are "free" follow the equation of motion.
 
     The region is a plane, a box, a ball, or the particle nearest to a point.
@@ -44,7 +50,7 @@ class PrescribedVelocity(Section):
     velocity: VectorOrFree = Field(description="a formula in X, Y, Z, t or 'free' for each component [m/s]")
 
 
-class Traction(Section):
+class Traction(ParticleCondition):
     """Traction [Pa] per reference area on a plane that bounds the body."""
 
     kind: Literal["traction"]

@@ -5,14 +5,14 @@ from collections.abc import Iterator
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.scene.boundaries import PrescribedVelocity, Support
+from parsolid.scene.boundaries import Support
 from parsolid.scene.cloud import Cloud
 from parsolid.scene.faults import SceneError, agree, fault, key_path
 from parsolid.scene.fillings import filling_of
-from parsolid.scene.formulas import FormulaVector
+from parsolid.scene.formulas import Formula, FormulaVector
 from parsolid.scene.lattice import Filling
 from parsolid.scene.regions import NOBODY, nearest_particles, selected
-from parsolid.scene.schema import Scene, unbounded_plane
+from parsolid.scene.schema import Scene, needs_bounding_plane, unbounded_plane
 
 
 def generate(scene: Scene, comm: MPI.Comm) -> Cloud:
@@ -38,7 +38,8 @@ def generate(scene: Scene, comm: MPI.Comm) -> Cloud:
     coarsest = max(filling.coarsest for filling in fillings)
     del fillings
     cloud = Cloud.joined(pieces, scene.dimension)
-    chosen = [selected(scene, boundary, cloud, comm) for boundary in scene.boundaries]
+    everywhere = np.ones(len(cloud), bool)
+    chosen = [selected(scene, one, cloud, comm) if one.on_particles else everywhere for one in scene.boundaries]
     faults = _distant_probes(scene, cloud, coarsest, comm) + _empty_regions(chosen, comm)
     agree(comm, faults + _not_finite(scene, cloud, chosen, comm))
     return cloud
@@ -56,7 +57,7 @@ def _fillings(scene: Scene, comm: MPI.Comm) -> list[Filling]:
         if filling.count < 2:
             faults.append(fault(("bodies", i), "a body of at least two particles", filling.count))
     for i, boundary in enumerate(scene.boundaries):
-        if not isinstance(boundary, PrescribedVelocity):
+        if needs_bounding_plane(boundary):
             faults += unbounded_plane(i, boundary, dict(enumerate(scene.bodies)), fillings)
     agree(comm, faults)
     return list(fillings.values())
@@ -89,14 +90,21 @@ def _formulas(scene: Scene, cloud: Cloud, chosen: list[np.ndarray]) -> Iterator[
         for key in ("velocity", "displacement"):
             if getattr(body, key) is not None:
                 yield ("bodies", i, key), getattr(body, key), here
+        if body.temperature is not None:
+            yield ("bodies", i, "temperature"), _as_vector(body.temperature), here
         for row, formulas in enumerate(body.deformation_gradient or ()):
             yield ("bodies", i, "deformation_gradient", row), formulas, here
     for i, boundary in enumerate(scene.boundaries):
-        if not isinstance(boundary, Support):
-            yield ("boundaries", i, boundary.kind), getattr(boundary, boundary.kind), chosen[i]
-    for key in ("body_force", "acceleration"):
+        formulas = None if isinstance(boundary, Support) else getattr(boundary, boundary.kind, None)
+        if formulas is not None:
+            yield ("boundaries", i, boundary.kind), _as_vector(formulas), chosen[i]
+    for key in ("body_force", "acceleration", "heat_source"):
         if getattr(scene.loads, key) is not None:
-            yield ("loads", key), getattr(scene.loads, key), np.ones(len(cloud), bool)
+            yield ("loads", key), _as_vector(getattr(scene.loads, key)), np.ones(len(cloud), bool)
+
+
+def _as_vector(formulas: Formula | FormulaVector) -> FormulaVector:
+    return FormulaVector((formulas,)) if isinstance(formulas, Formula) else formulas
 
 
 def _not_finite(scene: Scene, cloud: Cloud, chosen: list[np.ndarray], comm: MPI.Comm) -> list[str]:
@@ -115,7 +123,7 @@ def _not_finite(scene: Scene, cloud: Cloud, chosen: list[np.ndarray], comm: MPI.
             place = ", ".join(f"{x:g}" for x in cloud.position[worst])
             value = values[np.searchsorted(rows, worst), component]
             faults.append(
-                f"{key_path((*key, component))}: expected a finite value at every particle, "
+                f"{key_path(key if len(formulas) == 1 else (*key, component))}: expected a finite value at every particle, "
                 f"found {value} at particle {cloud.identifier[worst]} ({place})"
             )
     mine = np.array(first, np.int64)

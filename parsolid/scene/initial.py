@@ -33,6 +33,16 @@ def initial_deformation_gradient(scene: Scene, body: np.ndarray, position: np.nd
     return result, given
 
 
+def initial_temperature(scene: Scene, body: np.ndarray, position: np.ndarray, usual: np.ndarray) -> np.ndarray:
+    """Initial temperature (n,) [K]; `usual` (bodies,) [K] is taken where a body states none."""
+    result = np.asarray(usual, float)[body]
+    for i, one in enumerate(scene.bodies):
+        if one.temperature is not None:
+            here = np.flatnonzero(body == i)
+            result[here] = one.temperature.evaluate(position[here])
+    return result
+
+
 def _vectors(scene: Scene, body: np.ndarray, position: np.ndarray, key: str) -> np.ndarray:
     result = np.zeros_like(position)
     for i, one in enumerate(scene.bodies):

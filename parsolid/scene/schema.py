@@ -135,9 +135,14 @@ def _boundary_faults(parts: Parts, fillings: dict[int, Filling], every_body_know
             if parts.complete:
                 expected = f"the name of a body{suggestion(boundary.body, names)}"
                 faults.append(fault(("boundaries", i, "body"), expected, boundary.body))
-        elif not isinstance(boundary, PrescribedVelocity) and every_body_known:
+        elif needs_bounding_plane(boundary) and every_body_known:
             faults += unbounded_plane(i, boundary, parts.bodies, fillings)
     return faults
+
+
+def needs_bounding_plane(boundary: Any) -> bool:
+    """Whether a boundary's plane must bound a body: not where particles beside it are chosen, nor where a wall waits for them."""
+    return boundary.on_particles and not isinstance(boundary, PrescribedVelocity)
 
 
 def unbounded_plane(place: int, boundary: Any, bodies: dict[int, FilledShape], fillings: dict[int, Filling]) -> list[str]:

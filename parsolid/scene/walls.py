@@ -1,6 +1,6 @@
-"""Rigid walls and thermal boundaries of a scene."""
+"""Conditions on the nodes of a grid: rigid walls and thermal boundaries."""
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
@@ -9,13 +9,20 @@ from parsolid.scene.formulas import Scalar
 from parsolid.scene.section import Plane, Point, Section
 
 
-class Wall(Section):
+class GridCondition(Section):
+    """A condition on nodes of a grid, wherever particles are."""
+
+    on_particles: ClassVar[bool] = False
+
+
+class Wall(GridCondition):
     """A rigid plane that moves with a constant velocity, and on one side of which all bodies are.
 
     contact      "frictionless": the wall's normal velocity; "sticking": its whole velocity
     separation   whether a body may leave the wall again
     """
 
+    body: ClassVar[None] = None
     kind: Literal["wall"]
     plane: Plane = Field(description="a plane such as 'Y = 0': where the wall is at time 0")
     side: Literal["above", "below"] = Field(description="'above' or 'below': where along the plane's axis the bodies are")
@@ -24,7 +31,7 @@ class Wall(Section):
     separation: bool = True
 
 
-class PrescribedTemperature(Section):
+class PrescribedTemperature(GridCondition):
     """Temperature [K] on a plane."""
 
     kind: Literal["temperature"]
@@ -33,7 +40,7 @@ class PrescribedTemperature(Section):
     temperature: Scalar = Field(description="a formula in X, Y, Z, t [K]")
 
 
-class HeatFlux(Section):
+class HeatFlux(GridCondition):
     """Heat [W/m^2] that flows into a body through a plane that bounds it; planes without any condition are insulated."""
 
     kind: Literal["heat_flux"]

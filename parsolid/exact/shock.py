@@ -1,0 +1,74 @@
+"""The steady plane shock of a solid with a linear shock velocity, U_s = C0 + S u_p, into the body at rest (or the other way round).
+
+P_H(x) = rho0 C0^2 x / (1 - S x)^2 with x = 1 - J; E_H = P_H x / 2 per reference volume; the temperature follows from
+T dS = dE + P dJ = rho0 Cv (dT + gamma0 T dJ) along the Hugoniot, for a Mie-Grueneisen solid with P = P_H + gamma0 (E - E_H).
+"""
+
+import numpy as np
+
+
+class Hugoniot:
+    """The state behind a shock that brings matter from rest to the particle speed u_p."""
+
+    def __init__(self, density, sound_speed, slope, gamma, specific_heat, start, particle_speed):
+        """rho0 [kg/m^3], C0 [m/s], S, gamma0 (the full Grueneisen gamma), Cv [J/(kg K)], T0 [K], u_p [m/s]."""
+        self.density, self.start, self.particle_speed = density, start, particle_speed
+        self.shock_speed = sound_speed + slope * particle_speed
+        self.jacobian = 1.0 - particle_speed / self.shock_speed
+        self.pressure = density * self.shock_speed * particle_speed
+        self.energy = 0.5 * density * particle_speed**2
+        self.temperature = self._temperature(sound_speed, slope, gamma, specific_heat)
+
+    def _temperature(self, sound_speed: float, slope: float, gamma: float, specific_heat: float) -> float:
+        """T = e^(gamma x) [T0 + integral of e^(-gamma x) (P_H' x - P_H) / (2 rho0 Cv) dx] [K]."""
+        nodes, weights = np.polynomial.legendre.leggauss(24)
+        end = 1.0 - self.jacobian
+        x = 0.5 * end * (nodes + 1.0)
+        excess = self.density * sound_speed**2 * 2.0 * slope * x**2 / (1.0 - slope * x) ** 3
+        heat = 0.5 * end * np.sum(weights * np.exp(-gamma * x) * excess) / (2.0 * self.density * specific_heat)
+        return float(np.exp(gamma * end) * (self.start + heat))
+
+
+class SteadyShock:
+    """A bar that flies with -u_p along X against a wall at X = 0, where a shock starts at t = 0.
+
+    Compared are means over the particles behind the shock: between `behind` of its way, in reference positions; and the shock
+    speed, from the momentum that the wall has taken.
+    """
+
+    behind = (0.3, 0.85)
+
+    def __init__(self, state: Hugoniot, length: float):
+        """length [m] of the bar along X."""
+        self.state, self.length = state, length
+
+    @classmethod
+    def of_scene(cls, scene) -> "SteadyShock":
+        """The shock in a scene's first body, a box from X = 0, at the reference's particle_speed [m/s] and start [K]."""
+        given, body = scene.reference.parameters, scene.bodies[0]
+        equation, material = body.material.equation_of_state, body.material
+        state = Hugoniot(
+            material.density, equation.sound_speed, equation.slope, equation.gamma, material.specific_heat, given["start"],
+            given["particle_speed"],
+        )  # fmt: skip
+        return cls(state, body.shape.model.upper[0])
+
+    def fields(self, positions: np.ndarray, time: float) -> dict[str, np.ndarray]:
+        """Stress along X [Pa] (minus the pressure), temperature [K], density [kg/m^3], energy per reference volume [J/m^3] behind."""
+        state, ones = self.state, np.ones(len(positions))
+        return {
+            "stress": -state.pressure * ones,
+            "temperature": state.temperature * ones,
+            "density": state.density / state.jacobian * ones,
+            "internal_energy": state.energy * ones,
+        }
+
+    def region(self, positions: np.ndarray, time: float) -> np.ndarray:
+        """Which particles (n,) are behind the shock, and neither in its front nor beside the wall."""
+        share = positions[:, 0] / (self.state.shock_speed * time)
+        return (share > self.behind[0]) & (share < self.behind[1])
+
+    def shock_speed(self, mass: float, momentum: float, time: float) -> float:
+        """U_s [m/s] from the bar's mass and its momentum along X: what is behind the shock has none."""
+        share = 1.0 + momentum / (mass * self.state.particle_speed)
+        return share * self.length / time
