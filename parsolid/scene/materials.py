@@ -6,6 +6,7 @@ from pydantic import Field, model_validator
 
 from parsolid.scene.faults import Phrase
 from parsolid.scene.section import NotNegative, Positive, Section, by_kind, reject
+from parsolid.scene.viscoelastic import BondBased, LinearElastic, PronySolid
 
 
 class Moduli(NamedTuple):
@@ -98,4 +99,4 @@ class NeoHookean(MooneyRivlin):
     zeta: Literal[0, 0.0] = 0.0
 
 
-Material = by_kind(MooneyRivlin, NeoHookean)
+Material = by_kind(MooneyRivlin, NeoHookean, PronySolid, LinearElastic, BondBased)

@@ -1,0 +1,169 @@
+"""Peridynamics as a scene states it."""
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field, ValidationInfo, model_validator
+
+from parsolid.scene.method_settings import MethodSettings
+from parsolid.scene.section import Plane, Point, Positive, Section, by_kind, dimension_of, reject
+from parsolid.scene.shapes import Box
+
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class Stabilisation(Section):
+    """Control of the zero-energy modes of the correspondence force.
+
+    shear-scaled  self-adjoint, in multiples of the equilibrium shear modulus, on the relaxing displacement
+    paper         eq (39) of Galadima et al. as printed, in multiples of the bond constant; not the derivative of an energy
+    none          nothing; static solutions are then not unique
+    """
+
+    kind: Literal["shear-scaled", "paper", "none"] = "shear-scaled"
+    coefficient: Positive | None = Field(None, description="factor of the control: 0.5 (shear-scaled) or 1 (paper) unless given")
+    modulus: Positive | None = Field(None, description="Young's modulus in the paper's bond constant, at equilibrium unless given [Pa]")
+
+    @property
+    def factor(self) -> float:
+        """The coefficient, with its default."""
+        return self.coefficient or {"shear-scaled": 0.5, "paper": 1.0, "none": 0.0}[self.kind]
+
+    @model_validator(mode="after")
+    def _used(self) -> "Stabilisation":
+        details = []
+        if self.kind == "none" and self.coefficient is not None:
+            details.append((("coefficient",), "no such key without control", self.coefficient))
+        if self.kind != "paper" and self.modulus is not None:
+            details.append((("modulus",), "no such key but with kind = 'paper'", self.modulus))
+        reject(*details)
+        return self
+
+
+class Explicit(Section):
+    """Symplectic Euler with a step of `safety` times 2/sqrt(largest eigenvalue), found by power iteration on the actual body.
+
+    While bonds may break the step is also at most `damage_safety` times that of the undamaged body.
+    """
+
+    kind: Literal["explicit"]
+    safety: float = Field(0.8, gt=0, le=1, description="time step over the stability limit")
+    damage_safety: float = Field(0.25, gt=0, le=1, description="the same where bonds may break")
+
+
+class QuasiStatic(Section):
+    """Equilibrium at the end of every material step, without inertia.
+
+    step           the material step [s]; further steps end at load jumps, each followed by a step of length zero
+    tolerance      residual over the largest load (or reaction) met so far
+    extrapolation  start every solution from the last increment
+    """
+
+    kind: Literal["quasi-static"]
+    step: Positive = Field(description="the material step [s]")
+    solver: Literal["conjugate-gradients", "dynamic-relaxation"] = "conjugate-gradients"
+    tolerance: float = Field(1e-8, gt=0, lt=1, description="residual over the largest load met so far")
+    extrapolation: bool = True
+    most_iterations: Annotated[int, Field(ge=1)] = Field(100_000, description="iterations after which a solution has failed")
+
+
+class Damage(Section):
+    """Bonds that break at a critical stretch, or at a critical bond energy, given as such or by the fracture energy.
+
+    modulus     Young's modulus in the critical stretch: "instantaneous", "equilibrium" or a number [Pa]
+    least_shape_ratio, largest_damage: a particle whose shape tensor's determinant falls below this share of that inside a
+    body, or whose share of broken bonds rises above this one, loses all its bonds
+    """
+
+    exactly_one: ClassVar = (("fracture_energy", "critical_stretch", "critical_bond_energy"),)
+    criterion: Literal["stretch", "energy"] = "stretch"
+    fracture_energy: Positive | None = Field(None, description="the energy release rate G_c [J/m^2]")
+    critical_stretch: Positive | None = Field(None, description="the stretch at which a bond breaks")
+    critical_bond_energy: Positive | None = Field(None, description="energy per two volumes at which a bond breaks [J/m^6]")
+    modulus: Literal["instantaneous", "equilibrium"] | Positive = "instantaneous"
+    least_shape_ratio: Share = 0.02
+    largest_damage: Share = 0.8
+
+    @model_validator(mode="after")
+    def _matched(self) -> "Damage":
+        other = {"stretch": "critical_bond_energy", "energy": "critical_stretch"}[self.criterion]
+        if getattr(self, other) is not None:
+            reject(((other,), f"no such key with criterion = {self.criterion!r}", getattr(self, other)))
+        return self
+
+
+class PreCrack(Section):
+    """A cut at time 0: the bonds through it are broken.
+
+    plane, box  an axis-aligned plane, or what of it is within a box
+    segment     in 2-D: its two ends [m]
+    rectangle   in 3-D: a corner and its two neighbouring corners [m]
+    """
+
+    exactly_one: ClassVar = (("plane", "segment", "rectangle"),)
+    plane: Plane | None = None
+    box: Box | None = None
+    segment: Annotated[list[Point], Field(min_length=2, max_length=2)] | None = None
+    rectangle: Annotated[list[Point], Field(min_length=3, max_length=3)] | None = None
+
+    @model_validator(mode="after")
+    def _flat(self, info: ValidationInfo) -> "PreCrack":
+        dimension, details = dimension_of(info), []
+        if self.box is not None and self.plane is None:
+            details.append((("box",), "no such key without plane", self.box.model_dump()))
+        for key, where in (("segment", 2), ("rectangle", 3)):
+            points = getattr(self, key)
+            if points is None:
+                continue
+            if dimension not in (None, where):
+                details.append(((key,), f"no such key but in {where}-D", points))
+            elif not _spread(points):
+                details.append(((key,), "points that do not lie on one " + ("place" if where == 2 else "line"), points))
+        reject(*details)
+        return self
+
+
+def _spread(points: list) -> bool:
+    """Whether two points differ, or three are not on one line."""
+    edges = [[b - a for a, b in zip(points[0], point)] for point in points[1:]]
+    products = [sum(a * b for a, b in zip(edge, other)) for edge in edges for other in edges]
+    if len(edges) == 1:
+        return products[0] > 0.0
+    return products[0] * products[3] - products[1] ** 2 > 1e-20 * products[0] * products[3]
+
+
+class Peridynamics(MethodSettings):
+    """Non-ordinary state-based (correspondence) peridynamics, viscoelastic, with damage (Galadima et al.); also bond-based.
+
+    horizon_ratio  m: the horizon is (m + 0.015) times the particle spacing
+    influence      w(|xi|/horizon), 1 at |xi| = 0
+    plane          of a 2-D scene: "stress" or "strain" (strain unless given); lengths per metre of thickness
+    """
+
+    dimensions: ClassVar = (1, 2, 3)
+    materials: ClassVar = ("prony", "linear-elastic", "bond-based", "mooney-rivlin", "neo-hookean")
+    boundaries: ClassVar = ("fixed", "roller", "velocity", "displacement", "layer", "traction")
+
+    kind: Literal["peridynamics"]
+    horizon_ratio: float = Field(3.0, ge=1, le=30, description="horizon over particle spacing, from 1 to 30")
+    influence: Literal["constant", "linear", "cubic-spline"] = "constant"
+    plane: Literal["stress", "strain"] | None = Field(None, description="'stress' or 'strain' of a 2-D scene")
+    stabilisation: Stabilisation = Stabilisation()
+    solution: by_kind(Explicit, QuasiStatic) = Explicit(kind="explicit")
+    damage: Damage | None = None
+    pre_cracks: list[PreCrack] = []
+
+    def horizon(self, spacing: float) -> float:
+        """The horizon [m] for a particle spacing [m]; the margin keeps the last neighbours out of reach of rounding."""
+        return (self.horizon_ratio + 0.015) * spacing
+
+    def state(self, dimension: int) -> str:
+        """"bar", "plane-strain", "plane-stress" or "space"."""
+        return {1: "bar", 2: f"plane-{self.plane or 'strain'}", 3: "space"}[dimension]
+
+    @model_validator(mode="after")
+    def _consistent(self, info: ValidationInfo) -> "Peridynamics":
+        details = []
+        if dimension_of(info) in (1, 3) and self.plane is not None:
+            details.append((("plane",), "no such key but in 2-D", self.plane))
+        reject(*details)
+        return self
