@@ -19,6 +19,12 @@ class Plane(NamedTuple):
     dimension: int = 2
 
 
+class Axisymmetric(NamedTuple):
+    """Axisymmetry without torsion: x is the radius, y runs along the axis, volumes and masses are those of a radian."""
+
+    dimension: int = 2
+
+
 class Space(NamedTuple):
     """Three dimensions."""
 

@@ -1,0 +1,126 @@
+"""The grid's transfers once more, in plain numpy, node by node from the formulas: what the kernels are tested against."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import interpolate
+
+from parsolid.kernels import grid, grid_weights
+from parsolid.kernels.layout import LAYOUT
+from parsolid.kernels.simd import aligned_zeros
+
+SPACING = 0.3
+ORIGIN = np.array([-0.7, 0.2, 1.1, 0.0])
+BASES = ("linear", "uniform", "convected", "quadratic", "cubic")
+
+
+def hat(s):
+    return np.maximum(0.0, 1.0 - np.abs(s))
+
+
+def averaged_hat(s, half):
+    """Mean of the hat function over s - half .. s + half, from its second antiderivative."""
+    primitive = interpolate.PPoly(np.array([[0.5, -0.5], [0.0, 1.0], [0.0, 0.5]]), [-1.0, 0.0, 1.0])
+    return (primitive(np.clip(s + half, -1, 1)) - primitive(np.clip(s - half, -1, 1))) / (2.0 * half)
+
+
+def spline(degree):
+    return interpolate.BSpline.basis_element(np.arange(degree + 2) - 0.5 * (degree + 1), extrapolate=False)
+
+
+def weight(name, s, half):
+    """A node's weight at distance s = (x - x_i)/h."""
+    if name == "linear":
+        return hat(s)
+    if name in ("uniform", "convected"):
+        return averaged_hat(s, half)
+    return np.nan_to_num(spline(2 if name == "quadratic" else 3)(s))
+
+
+def slope(name, s, half):
+    """dw/ds."""
+    if name == "linear":
+        return np.where(np.abs(s) < 1.0, -np.sign(s), 0.0)
+    if name in ("uniform", "convected"):
+        return (hat(s + half) - hat(s - half)) / (2.0 * half)
+    return np.nan_to_num(spline(2 if name == "quadratic" else 3).derivative()(s))
+
+
+class Cloud(NamedTuple):
+    """Random particles sorted into base cells, with everything that the kernels take."""
+
+    dimension: int
+    basis: object
+    halves: np.ndarray
+    motion: np.ndarray
+    grid: grid.Grid
+    nodes: np.ndarray
+    places: np.ndarray
+    scratch: grid.Scratch
+
+
+def make_basis(name, halves):
+    return {
+        "linear": grid_weights.Linear(),
+        "uniform": grid_weights.UniformGimp(halves),
+        "convected": grid_weights.ConvectedGimp(halves),
+        "quadratic": grid_weights.QuadraticSpline(),
+        "cubic": grid_weights.CubicSpline(),
+    }[name]
+
+
+def topology(basis, motion, count, dimension, spacing=SPACING, origin=ORIGIN):
+    """Order of the particles by base cell, the grid, and the nodes' positions (nodes, 4)."""
+    base = np.zeros((count, dimension), np.int64)
+    grid_weights.find_bases(0, count, motion, origin, 1.0 / spacing, grid_weights.base_offset(basis), base)
+    order = np.lexsort(base.T[::-1])
+    cells, counts = np.unique(base, axis=0, return_counts=True)
+    across = grid_weights.nodes_across(basis)
+    steps = np.stack(np.meshgrid(*[np.arange(across)] * dimension, indexing="ij"), -1).reshape(-1, dimension)
+    numbers, slots = np.unique((cells[:, None] + steps).reshape(-1, dimension), axis=0, return_inverse=True)
+    places = np.zeros((len(numbers), 4))
+    places[:, :dimension] = origin[:dimension] + spacing * numbers
+    rows = aligned_zeros((len(cells), 4))
+    rows[:, :dimension] = cells
+    start = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    stencil = slots.reshape(len(cells), -1).astype(np.int32)
+    return order, grid.Grid(origin, spacing, 1.0 / spacing, rows, start, stencil), places
+
+
+def make_cloud(name, dimension, count=60, seed=3, lower=0.5):
+    """Particles in a box of about 3 cells a side, some exactly on nodes, cell faces and cell middles."""
+    random = np.random.default_rng(seed)
+    motion = aligned_zeros((count + 4, 8))
+    motion[:count, :dimension] = lower + random.uniform(0.0, 0.9, (count, dimension))
+    special = ORIGIN[:dimension] + SPACING * (6.0 + np.array([0.0, 0.25, 0.5, 1.0])[:, None])
+    # at a node the gradient of a hat function may be either one
+    motion[:4, :dimension] = special + (1e-7 if name == "linear" else 0.0)
+    motion[:count, 3] = random.uniform(0.5, 2.0, count)
+    motion[:count, 4 : 4 + dimension] = random.normal(size=(count, dimension))
+    motion[:count, 7] = random.uniform(0.1, 0.2, count)
+    halves = aligned_zeros((count + 4, 4)) + 0.5
+    widest = 0.5 if name == "uniform" else 1.0
+    halves[:count, :dimension] = random.uniform(0.02, widest, (count, dimension))
+    basis = make_basis(name, halves)
+    order, cells, places = topology(basis, motion, count, dimension)
+    motion[:count], halves[:count] = motion[order], halves[order]
+    nodes = aligned_zeros((len(places), 8))
+    return Cloud(dimension, basis, halves, motion, cells, nodes, places, grid.make_scratch(basis, dimension))
+
+
+def weights_of(cloud, name):
+    """All weights (particles, nodes) and their gradients (particles, nodes, 3), and positions of nodes less particles."""
+    count = cloud.grid.start[-1]
+    x = cloud.motion[:count, :3]
+    apart = cloud.places[None, :, :3] - x[:, None]
+    s = -apart / cloud.grid.spacing
+    half = cloud.halves[:count, None, :3]
+    w, g = weight(name, s, half), slope(name, s, half) / cloud.grid.spacing
+    if cloud.dimension == 2:
+        w[..., 2], g[..., 2] = 1.0, 0.0
+    gradient = np.stack([g[..., 0] * w[..., 1] * w[..., 2], w[..., 0] * g[..., 1] * w[..., 2], w[..., 0] * w[..., 1] * g[..., 2]], -1)
+    return w.prod(-1), gradient, apart
+
+
+def space_of(dimension):
+    return LAYOUT[dimension]
