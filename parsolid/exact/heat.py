@@ -5,12 +5,14 @@ Positions count along X (a mode, a slab) or Y (a sheared layer); T is the absolu
 
 import numpy as np
 
+from parsolid.exact.solution import Solution
+
 # enough that the last term is below round-off for alpha t / L^2 > 1e-4
 _TERMS = 250
 
 
-class _Conduction:
-    """A temperature field; its error is relative to the rise over T0."""
+class _Conduction(Solution):
+    """A temperature; its error is relative to the rise over T0."""
 
     def __init__(self, start: float, diffusivity: float):
         """start T0 [K], diffusivity alpha [m^2/s]."""

@@ -6,6 +6,8 @@ J. Comput. Phys. 227 (2008) 9628) or lambda (J - 1) J (the project's own law).
 
 import numpy as np
 
+from parsolid.exact.solution import Solution
+
 
 class Solid:
     """Density [kg/m^3], Lame constants [Pa] and the volumetric part of a compressible neo-Hookean solid."""
@@ -26,7 +28,7 @@ class Solid:
         return self.first_lame * (J - 1.0) * J, self.first_lame * (2.0 * J - 1.0)
 
 
-class AxisAligned:
+class AxisAligned(Solution):
     """u_i = A sin(pi X_i) sin(c pi t + phase_i) on the unit square, phases 0 and pi; nothing moves normally on its sides.
 
     c is the speed of waves in a bar, sqrt(E / rho); the period is 2 / c.
@@ -79,7 +81,7 @@ class AxisAligned:
         return acceleration - tangent * bend / self.solid.density
 
 
-class GeneralisedVortex:
+class GeneralisedVortex(Solution):
     """Circles of a ring turn rigidly by A sin(pi t) h(R), h = 1 - 32 (R - 1)^2 + 256 (R - 1)^4, R from 0.75 to 1.25 m.
 
     Neither surface moves or bears traction; J = 1 throughout. Kamojjala et al., Eng. Comput. 31 (2015) 1.

@@ -6,6 +6,8 @@ T dS = dE + P dJ = rho0 Cv (dT + gamma0 T dJ) along the Hugoniot, for a Mie-Grue
 
 import numpy as np
 
+from parsolid.exact.solution import Solution, View
+
 
 class Hugoniot:
     """The state behind a shock that brings matter from rest to the particle speed u_p."""
@@ -29,7 +31,7 @@ class Hugoniot:
         return float(np.exp(gamma * end) * (self.start + heat))
 
 
-class SteadyShock:
+class SteadyShock(Solution):
     """A bar that flies with -u_p along X against a wall at X = 0, where a shock starts at t = 0.
 
     Compared are means over the particles behind the shock: between `behind` of its way, in reference positions; and the shock
@@ -53,15 +55,25 @@ class SteadyShock:
         )  # fmt: skip
         return cls(state, body.shape.model.upper[0])
 
-    def fields(self, positions: np.ndarray, time: float) -> dict[str, np.ndarray]:
-        """Stress along X [Pa] (minus the pressure), temperature [K], density [kg/m^3], energy per reference volume [J/m^3] behind."""
-        state, ones = self.state, np.ones(len(positions))
-        return {
-            "stress": -state.pressure * ones,
-            "temperature": state.temperature * ones,
-            "density": state.density / state.jacobian * ones,
-            "internal_energy": state.energy * ones,
-        }
+    def errors(self, view: View, time: float) -> dict[str, float]:
+        """Relative errors of means behind the shock and of the shock speed; of the stress also the rms about the exact one.
+
+        stress along X, density, internal_energy per reference volume, temperature_kelvin (absolute [K]). Collective.
+        """
+        state, behind = self.state, self.region(view.positions, time).astype(float)
+        stress = view.field("stress")[:, 0, 0]
+        found = {"stress": stress, "density": view.field("density"), "internal_energy": view.field("internal_energy")}
+        wanted = {"stress": -state.pressure, "density": state.density / state.jacobian, "internal_energy": state.energy}
+        count, *sums = view.sums(behind, behind * view.field("temperature"), behind * (stress + state.pressure) ** 2,
+                                 *(behind * values for values in found.values()))  # fmt: skip
+        means = dict(zip(found, np.array(sums[2:]) / count))
+        result = {name: float(abs(means[name] / exact - 1.0)) for name, exact in wanted.items()}
+        result["temperature_kelvin"] = float(abs(sums[0] / count - state.temperature))
+        result["stress_rms"] = float(np.sqrt(sums[1] / count)) / state.pressure
+        # moments per volume: densities at rest are one for the whole bar
+        volume, momentum = view.sums(np.ones(len(behind)), view.field("velocity")[:, 0])
+        speed = self.shock_speed(volume, momentum, time)
+        return result | {"shock_speed": abs(speed / state.shock_speed - 1.0)}
 
     def region(self, positions: np.ndarray, time: float) -> np.ndarray:
         """Which particles (n,) are behind the shock, and neither in its front nor beside the wall."""
@@ -69,6 +81,6 @@ class SteadyShock:
         return (share > self.behind[0]) & (share < self.behind[1])
 
     def shock_speed(self, mass: float, momentum: float, time: float) -> float:
-        """U_s [m/s] from the bar's mass and its momentum along X: what is behind the shock has none."""
+        """U_s [m/s] from the bar's mass and its momentum along X, both over its density: what is behind the shock has none."""
         share = 1.0 + momentum / (mass * self.state.particle_speed)
         return share * self.length / time

@@ -8,8 +8,10 @@ The paper's (80), (82) is not a solution: it has no memory, and (82) is not the 
 import numpy as np
 from scipy.linalg import expm
 
+from parsolid.exact.solution import Solution
 
-class ViscoelasticPlate:
+
+class ViscoelasticPlate(Solution):
     """Exact velocity and stress of a material with Maxwell branches in small strain."""
 
     def __init__(self, amplitude: float, density: float, shear_modulus: float, branch_moduli, relaxation_times):

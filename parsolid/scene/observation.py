@@ -105,20 +105,23 @@ class Reference(Section):
     """What the results are compared with.
 
     Either a JSON file `series` with "t", "E0" and a table "series" of equally long lists, and `columns` from a column of the
-    history to a name in that table; or an `exact` solution with its `parameters`, compared at `times` [s].
+    history to a name in that table; or an `exact` solution with its `parameters`, compared at `times` [s] or at each step.
     """
 
-    exactly_one: ClassVar = (("series", "exact"), ("columns", "times"))
+    exactly_one: ClassVar = (("series", "exact"), ("columns", "times", "each_step"))
     series: ExistingFile | None = None
     columns: Annotated[dict[str, str], Field(min_length=1)] | None = None
-    exact: Literal["viscoelastic-plate"] | None = None
+    exact: Literal[
+        "viscoelastic-plate", "axis-aligned", "generalised-vortex", "cosine-mode", "heated-slab", "plastic-layer", "steady-shock"
+    ] | None = None  # fmt: skip
     parameters: dict[str, float] = {}
     times: Annotated[list[NotNegative], Field(min_length=1)] | None = None
+    each_step: Literal[True] | None = Field(None, description="true: the largest error over all steps")
 
     @model_validator(mode="after")
     def _paired(self) -> "Reference":
         if (self.series is None) != (self.columns is None):
-            reject(((), "series with columns, or exact with times", Phrase("one of each")))
+            reject(((), "series with columns, or exact with times or each_step", Phrase("one of each")))
         if self.series is not None:
             try:
                 data = json.loads(Path(self.series).read_text(encoding="utf-8"))

@@ -1,0 +1,70 @@
+"""What exact solutions have in common: how a run is compared with them."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass
+class View:
+    """A run on one rank, as a solution looks at it: `field(name)` of its owned particles, their X (n, d) [m] and volumes [m^3]."""
+
+    comm: Any
+    observables: Any
+
+    @property
+    def positions(self) -> np.ndarray:
+        """Reference positions (n, d) [m]."""
+        return self.observables.table.owned_rows("reference_position")
+
+    @property
+    def volume(self) -> np.ndarray:
+        """Tributary reference volumes (n,) [m^3]."""
+        return self.observables.table.owned_rows("volume")
+
+    def field(self, name: str) -> np.ndarray:
+        """A field of the run."""
+        return self.observables.field(name)
+
+    def sums(self, *values: np.ndarray) -> np.ndarray:
+        """Volume-weighted sums of arrays over all particles; collective."""
+        mine = [np.sum(self.volume * (value.reshape(len(self.volume), -1)).sum(axis=1)) for value in values]
+        return self.comm.allreduce(np.array(mine))
+
+
+class Solution:
+    """An exact solution; `fields(positions, time)` gives arrays (n, ...) by name.
+
+    offsets   what is taken off a field before it is the scale of its own error (a temperature at the start)
+    scales    size of the fields of which a run may be compared at every step: the largest over time of rms(error) / scale
+    """
+
+    offsets: dict[str, float] = {}
+    scales: dict[str, float] = {}
+
+    def fields(self, positions: np.ndarray, time: float) -> dict[str, np.ndarray]:
+        """Fields by name at reference positions (n, d) [m] and a time [s]."""
+        raise NotImplementedError
+
+    def errors(self, view: View, time: float) -> dict[str, float]:
+        """Relative L2 errors by name; absolute where the exact field vanishes. Collective."""
+        result = {}
+        for name, wanted in self.fields(view.positions, time).items():
+            difference = _like(view.field(name), wanted) - wanted
+            error, size = view.sums(difference**2, (wanted - self.offsets.get(name, 0.0)) ** 2)
+            result[name] = float(np.sqrt(error / size)) if size > 0.0 else float(np.sqrt(error))
+        return result
+
+    def rms_errors(self, view: View, time: float) -> dict[str, float]:
+        """rms(error) / scale by name, of the fields that have a scale; collective."""
+        exact, result = self.fields(view.positions, time), {}
+        for name, scale in self.scales.items():
+            error, volume = view.sums((view.field(name) - exact[name]) ** 2, np.ones(len(view.volume)))
+            result[name] = float(np.sqrt(error / volume)) / scale
+        return result
+
+
+def _like(values: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """A tensor field (n, 3, 3) cut to the components that are wanted."""
+    return values[:, : wanted.shape[1], : wanted.shape[2]] if wanted.ndim == 3 else values
