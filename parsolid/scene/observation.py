@@ -101,6 +101,18 @@ class Output(Section):
         return times
 
 
+# exact solutions, and for each the sets of parameters of which it wants one
+SOLUTION_PARAMETERS = {
+    "viscoelastic-plate": (("amplitude",),),
+    "axis-aligned": (("amplitude",),),
+    "generalised-vortex": (("amplitude",),),
+    "cosine-mode": (("start", "amplitude"),),
+    "heated-slab": (("start", "face_rise"), ("start", "heat_flux")),
+    "plastic-layer": (("start", "yield_stress", "rate", "taylor_quinney", "shear_modulus"),),
+    "steady-shock": (("start", "particle_speed"),),
+}
+
+
 class Reference(Section):
     """What the results are compared with.
 
@@ -111,9 +123,7 @@ class Reference(Section):
     exactly_one: ClassVar = (("series", "exact"), ("columns", "times", "each_step"))
     series: ExistingFile | None = None
     columns: Annotated[dict[str, str], Field(min_length=1)] | None = None
-    exact: Literal[
-        "viscoelastic-plate", "axis-aligned", "generalised-vortex", "cosine-mode", "heated-slab", "plastic-layer", "steady-shock"
-    ] | None = None  # fmt: skip
+    exact: Literal[tuple(SOLUTION_PARAMETERS)] | None = None
     parameters: dict[str, float] = {}
     times: Annotated[list[NotNegative], Field(min_length=1)] | None = None
     each_step: Literal[True] | None = Field(None, description="true: the largest error over all steps")
@@ -122,6 +132,11 @@ class Reference(Section):
     def _paired(self) -> "Reference":
         if (self.series is None) != (self.columns is None):
             reject(((), "series with columns, or exact with times or each_step", Phrase("one of each")))
+        if self.exact is not None:
+            wanted = SOLUTION_PARAMETERS[self.exact]
+            if set(self.parameters) not in map(set, wanted):
+                told = " or ".join(", ".join(names) for names in wanted)
+                reject((("parameters",), f"the parameters {told}", Phrase(", ".join(self.parameters) or "none")))
         if self.series is not None:
             try:
                 data = json.loads(Path(self.series).read_text(encoding="utf-8"))
