@@ -12,6 +12,8 @@ from parsolid.solvers.solution import Solution
 
 # more damping than critical for the highest mode would make the fictitious motion creep
 _LARGEST_DAMPING = 1.9
+# a square of the force so many times the first one's is that of a motion that diverges
+_GROWTH = 1e12
 # Gerschgorin's bound asks for lambda/4, and the eigenvalue of a power iteration comes from below
 _MARGIN = 1.1
 
@@ -72,8 +74,10 @@ def dynamic_relaxation(
         square, stiffness, weight = sums(comm, _measure(total, before, velocity, displacement, mass))
         if square <= target * target:
             break
-        if not np.isfinite(square):
-            reason = "a force that is not finite"
+        if evaluations == 1:
+            bound = _GROWTH * square
+        if not square <= bound:
+            reason = "the fictitious motion diverges"
         elif evaluations >= limit:
             reason = f"no balance after {limit} iterations"
         if reason:

@@ -1,0 +1,195 @@
+"""Quasi-static material steps: at the end of each, internal and external forces balance; histories are frozen meanwhile.
+
+The residual is F = f_int(u) + f_ext on free components; a step has converged when |F|_2 is at most the tolerance times the
+largest |f_ext|_2 (or reaction, where only displacements are prescribed) of the run so far: after unloading there is no other
+scale. With loads that jump, a step of length 0 goes before the next one (a_j = A_j = 1 in the histories).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from decomposition.reduction import sums
+from parsolid.solvers import conjugate_gradients, dynamic_relaxation, largest_eigenvalue, relaxation_mass, start_vector
+
+# inner solutions stop a little below the target, so that rounding does not ask for another pass
+_INNER = 0.9
+# of a residual, what conjugate gradients leave when the problem is not linear and will be linearised again
+_FORCING = 0.02
+_PASSES, _HALVINGS = 50, 8
+_RELAXATION_LIMIT, _HEAVIER = 100_000, 6
+
+
+class Balance(NamedTuple):
+    """A displacement (n, d) [m], the internal force (n, d) [N] there, what is not balanced, and how far from the goal that is."""
+
+    displacement: np.ndarray
+    internal: np.ndarray
+    residual: np.ndarray
+    norm: float
+    target: float
+    reference: float
+
+    @property
+    def reached(self) -> bool:
+        """Whether forces balance to the tolerance."""
+        return self.norm <= self.target
+
+
+class QuasiStatic:
+    """Solves material steps on one rank; all methods are collective.
+
+    operator: force(u, out, step), linear(u, du, out, step), free (n, d), mass (n,), identifier (n,), is_linear.
+    settings: solver, tolerance, extrapolation (0: from the last state, 1: last increment, 2: last two), iteration_limit.
+    """
+
+    def __init__(self, comm, operator, settings):
+        self.comm, self.operator, self.settings = comm, operator, settings
+        self.largest_load, self.fault = 0.0, ""
+        # times [s] of the states that `earlier` holds, newest first, since loads jumped last
+        self.times: list[float] = []
+        self.earlier = [np.zeros(operator.free.shape) for _ in range(settings.extrapolation + 1)]
+        self.steps, self.iterations, self.most_iterations = 0, 0, 0
+        self._fictitious: dict[float, np.ndarray] = {}
+
+    # --- a step ---------------------------------------------------------------------------------------------
+
+    def solve(self, start: np.ndarray, external: np.ndarray, step: float) -> Balance:
+        """Balance at the end of a step [s] under external forces (n, d) [N], from a first guess with prescribed values in place.
+
+        Where it is not `reached`, `fault` says why.
+        """
+        self.fault, count = "", self.iterations
+        improve = self._relaxed if self.settings.solver == "dynamic-relaxation" else self._corrected
+        balance = self._balance(start, external, step)
+        for _ in range(_PASSES):
+            if balance.reached or self.fault:
+                break
+            balance = improve(balance, external, step)
+        else:
+            self.fault = f"no balance after {_PASSES} passes"
+        self.largest_load = max(self.largest_load, balance.reference)
+        self.most_iterations = max(self.most_iterations, self.iterations - count)
+        return balance
+
+    def _balance(self, u: np.ndarray, external: np.ndarray, step: float) -> Balance:
+        """What is left over at a displacement: one force evaluation."""
+        internal, free = np.empty_like(u), self.operator.free
+        self.operator.force(u, internal, step)
+        self.iterations += 1
+        residual = (internal + external) * free
+        squares = [_square(external), _square(internal[~free]), _square(residual)]
+        load, reaction, norm = np.sqrt(sums(self.comm, squares))
+        # reactions only where nothing is loaded: they may be large at a first guess
+        reference = load if max(load, self.largest_load) > 0.0 else reaction
+        target = self.settings.tolerance * max(self.largest_load, reference)
+        return Balance(u, internal, residual, float(norm), float(target), float(reference))
+
+    def _corrected(self, balance: Balance, external: np.ndarray, step: float) -> Balance:
+        """Newton's correction by conjugate gradients; the whole of it where the problem is linear."""
+        operator, limit = self.operator, self.settings.iteration_limit
+        inner = _INNER * balance.target
+        if not operator.is_linear:
+            inner = max(inner, _FORCING * balance.norm)
+        solution = conjugate_gradients(
+            self.comm, lambda du, out: operator.linear(balance.displacement, du, out, step),
+            balance.residual, inner, operator.free, limit,
+        )  # fmt: skip
+        self.iterations += solution.iterations
+        if not solution.converged:
+            self.fault = f"conjugate gradients: {solution.reason}"
+            return balance
+        factor = 1.0
+        for _ in range(_HALVINGS):
+            trial = self._balance(balance.displacement + factor * solution.value, external, step)
+            if operator.is_linear or trial.norm < balance.norm:
+                return trial
+            factor *= 0.5
+        self.fault = "Newton's method: no shorter step reduces what is not balanced"
+        return balance
+
+    def _relaxed(self, balance: Balance, external: np.ndarray, step: float) -> Balance:
+        """Dynamic relaxation; with larger masses where the stiffness grows on the way and the motion diverges."""
+        operator, limit = self.operator, self.settings.iteration_limit or _RELAXATION_LIMIT
+
+        def force(displacement, out):
+            operator.force(displacement, out, step)
+            out += external
+
+        mass = self._mass(balance.displacement, step)
+        for _ in range(1 if operator.is_linear else _HEAVIER):
+            solution = dynamic_relaxation(self.comm, force, balance.displacement, mass, balance.target, operator.free, limit)
+            self.iterations += solution.iterations
+            if solution.converged:
+                return self._balance(solution.value, external, step)
+            mass = 4.0 * mass
+        self.fault = f"dynamic relaxation: {solution.reason}"
+        return balance
+
+    def _mass(self, u: np.ndarray, step: float) -> np.ndarray:
+        """Fictitious masses for the stiffness of a step of that length, from a power iteration the first time."""
+        key = float(f"{step:.6e}")
+        if key not in self._fictitious:
+            operator = self.operator
+            start = start_vector(operator.identifier, u.shape[1])
+            largest = largest_eigenvalue(
+                self.comm, lambda du, out: operator.linear(u, du, out, step), start, operator.mass, operator.free
+            )
+            self._fictitious[key] = relaxation_mass(largest, operator.mass)
+        return self._fictitious[key]
+
+    def stiffness_changed(self) -> None:
+        """Forget what was found for the old stiffness (bonds have broken)."""
+        self._fictitious.clear()
+
+    # --- from step to step ------------------------------------------------------------------------------------
+
+    def guess(self, now: np.ndarray, time: float, step: float) -> np.ndarray:
+        """First guess (n, d) [m] for the end of a step [s] that starts at a time [s] with the displacement `now`."""
+        if step == 0.0 or len(self.times) < 2:
+            return now.copy()
+        result = np.zeros(now.shape)
+        for weight, earlier in zip(lagrange_weights(self.times, time + step), self.earlier):
+            result += weight * earlier
+        return result
+
+    def accept(self, balance: Balance, time: float, step: float) -> None:
+        """Remember a converged step that ended at a time [s]."""
+        self.steps += 1
+        if step == 0.0:
+            # what went before the jump says nothing about what follows
+            self.times = []
+        self.times = [time, *self.times][: len(self.earlier)]
+        for k in range(len(self.earlier) - 1, 0, -1):
+            self.earlier[k][:] = self.earlier[k - 1]
+        self.earlier[0][:] = balance.displacement
+
+    def state(self) -> dict:
+        """What a restart needs besides the `earlier` displacements."""
+        return {"largest_load": self.largest_load, "times": self.times, "counts": [self.steps, self.iterations, self.most_iterations]}
+
+    def set_state(self, state: dict) -> None:
+        """Take back what `state` gave."""
+        self.largest_load, self.times = state["largest_load"], list(state["times"])
+        self.steps, self.iterations, self.most_iterations = state["counts"]
+
+    def summary(self) -> dict:
+        """Entries of summary.json: force evaluations, those of a step on average and at most."""
+        mean = self.iterations / self.steps if self.steps else None
+        return {
+            "material_steps": self.steps,
+            "iterations": self.iterations,
+            "iterations_per_step": mean,
+            "most_iterations": self.most_iterations,
+        }
+
+
+def lagrange_weights(times, time: float) -> list[float]:
+    """Weights of values at distinct times with which their interpolating polynomial gives the value at another time."""
+    return [
+        float(np.prod([(time - other) / (own - other) for k, other in enumerate(times) if k != i])) for i, own in enumerate(times)
+    ]
+
+
+def _square(values: np.ndarray) -> float:
+    return float(np.vdot(values, values))

@@ -1,0 +1,155 @@
+"""Material steps on a chain of viscoelastic springs, whose creep is known exactly."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from parsolid.exact.prony import PronySeries
+from parsolid.methods.quasi_static import QuasiStatic, lagrange_weights
+
+_POINTS = 12
+RATIO, TIME = 9.0, 1.0
+
+
+class Chain:
+    """Springs between points in a row, the first held; all relax as 1 + 9 exp(-t/1 s); points spread over the ranks.
+
+    cubic: stiffening with the third power of the elongation of the relaxing displacement.
+    """
+
+    def __init__(self, comm, cubic=0.0):
+        self.comm, self.cubic, self.is_linear = comm, cubic, cubic == 0.0
+        ends = [rank * _POINTS // comm.size for rank in range(comm.size + 1)]
+        self.mine = slice(ends[comm.rank], ends[comm.rank + 1])
+        self.identifier = np.arange(_POINTS)[self.mine]
+        self.free = (self.identifier > 0)[:, None]
+        self.mass = np.ones(len(self.identifier))
+        self.history, self.committed = np.zeros((_POINTS, 1)), np.zeros((_POINTS, 1))
+
+    def whole(self, part):
+        return np.concatenate(self.comm.allgather(part))
+
+    def _weights(self, step):
+        x = step / TIME
+        return np.exp(-x), (-np.expm1(-x) / x if x else 1.0)
+
+    def relaxing(self, u, step):
+        a, A = self._weights(step)
+        return u + RATIO * (a * self.history + A * (u - self.committed))
+
+    def force(self, u, out, step):
+        stretch = np.diff(self.relaxing(self.whole(u), step), axis=0)
+        pull = stretch + self.cubic * stretch**3
+        out[:] = (np.vstack((pull, [[0.0]])) - np.vstack(([[0.0]], pull)))[self.mine]
+
+    def linear(self, u, du, out, step):
+        stretch = np.diff(self.relaxing(self.whole(u), step), axis=0)
+        factor = 1.0 + RATIO * self._weights(step)[1]
+        pull = factor * np.diff(self.whole(du), axis=0) * (1.0 + 3.0 * self.cubic * stretch**2)
+        out[:] = (np.vstack(([[0.0]], pull)) - np.vstack((pull, [[0.0]])))[self.mine]
+
+    def commit(self, u, step):
+        a, A = self._weights(step)
+        u = self.whole(u)
+        self.history = a * self.history + A * (u - self.committed)
+        self.committed = u
+
+
+def settings(**changes):
+    values = {"solver": "conjugate-gradients", "tolerance": 1e-8, "extrapolation": 1, "iteration_limit": None}
+    return SimpleNamespace(**(values | changes))
+
+
+def run(chain, chosen, steps, pull):
+    """Displacements of all points after each of the steps (lengths [s]) under a pull [N] at the last point, by step number."""
+    solver, time, found = QuasiStatic(chain.comm, chain, chosen), 0.0, []
+    u = np.zeros(chain.free.shape)
+    for number, step in enumerate(steps):
+        external = np.zeros(u.shape)
+        external[chain.identifier == _POINTS - 1] = pull(number, time + step)
+        balance = solver.solve(solver.guess(u, time, step), external, step)
+        assert balance.reached and not solver.fault
+        u, time = balance.displacement, time + step
+        chain.commit(u, step)
+        solver.accept(balance, time, step)
+        found.append(chain.whole(u)[:, 0])
+    return solver, np.array(found)
+
+
+@pytest.mark.parametrize("solver", ("conjugate-gradients", "dynamic-relaxation"))
+def test_creep_and_recovery_with_jumps_are_exact_but_for_the_steps_in_between(comm, solver):
+    steps = [0.0, *[0.1] * 20, 0.0, *[0.1] * 10]
+    compliance = PronySeries(1.0, [RATIO], [TIME]).compliance()
+    _, found = run(Chain(comm), settings(solver=solver), steps, lambda number, time: 2.0 * (number <= 20))
+    times = np.cumsum(steps)
+    wanted = np.array([2.0 * (compliance(t) - (compliance(t - times[21]) if i > 20 else 0.0)) for i, t in enumerate(times)])
+    profile = found / (np.arange(_POINTS) + (np.arange(_POINTS) == 0))
+    assert np.abs(profile[:, 1:] - wanted[:, None]).max() < 5e-5 * wanted.max()
+    # jumps themselves are exact: elastic with the instantaneous modulus
+    assert found[0, -1] == pytest.approx(2.0 * 11 / 10.0, rel=1e-7)
+    assert found[21, -1] - found[20, -1] == pytest.approx(-2.0 * 11 / 10.0, rel=1e-6)
+
+
+def test_error_of_the_recursion_is_that_of_another_program(comm):
+    """Largest relative error of the creep strain over 50 s, with a jump step at the start (computed elsewhere)."""
+    compliance = PronySeries(1.0, [RATIO], [TIME]).compliance()
+    for step, wanted in ((1.0, 0.004457146666413281), (0.1, 4.561462342689282e-05)):
+        steps = [0.0, *[step] * round(50 / step)]
+        _, found = run(Chain(comm), settings(tolerance=1e-11), steps, lambda number, time: 1.0)
+        exact = np.array([compliance(t) for t in np.cumsum(steps)])
+        errors = np.abs(found[:, 1] / exact - 1.0)
+        assert errors.max() == pytest.approx(wanted, rel=1e-3)
+
+
+def test_extrapolation_saves_iterations_and_a_restart_continues_it(comm):
+    steps, pull = [0.0, *[0.05] * 10], lambda number, time: 1.0 + 0.3 * np.sin(time)
+    chosen = [settings(solver="dynamic-relaxation", tolerance=1e-6, extrapolation=k) for k in (0, 1, 2)]
+    counts = [run(Chain(comm), settings, steps, pull)[0].iterations for settings in chosen]
+    assert counts[0] > 1.2 * counts[1] and counts[1] > counts[2]
+    solver, found = run(Chain(comm), settings(), steps, pull)
+    other = QuasiStatic(comm, solver.operator, settings())
+    other.set_state(solver.state())
+    for mine, theirs in zip(other.earlier, solver.earlier):
+        mine[:] = theirs
+    now = solver.earlier[0]
+    assert np.array_equal(other.guess(now, 1.0, 0.05), solver.guess(now, 1.0, 0.05)) and other.summary() == solver.summary()
+
+
+@pytest.mark.parametrize("solver", ("conjugate-gradients", "dynamic-relaxation"))
+def test_stiffening_springs(comm, solver):
+    chain = Chain(comm, cubic=0.5)
+    _, found = run(chain, settings(solver=solver), [0.0, 0.1], lambda number, time: 40.0 * (number == 0))
+    # s + s^3/2 = 40 of the relaxing elongation, which is 10 times the elongation of the jump
+    roots = np.roots([0.5, 0.0, 1.0, -40.0])
+    s = roots[np.abs(roots.imag) < 1e-9].real[0]
+    assert np.allclose(np.diff(found[0]), s / 10.0, rtol=1e-6)
+    # without load the relaxing elongation is 0; the tolerance, 4e-7 N, over the least stiffness of the chain, 1/53 N/m
+    assert np.abs(chain.history[:, 0] * RATIO + found[1]).max() < 2.1e-5
+
+
+def test_prescribed_displacements_are_scaled_with_their_reactions(comm):
+    chain = Chain(comm)
+    chain.free = chain.free & (chain.identifier != _POINTS - 1)[:, None]
+    solver = QuasiStatic(comm, chain, settings())
+    start = np.where(chain.identifier == _POINTS - 1, 0.11, 0.0)[:, None]
+    balance = solver.solve(start, np.zeros(start.shape), 0.0)
+    assert np.allclose(chain.whole(balance.displacement)[:, 0], 0.01 * np.arange(_POINTS), atol=1e-8)
+    # the pull at both ends, instantaneously ten times 0.01
+    assert solver.largest_load == pytest.approx(np.sqrt(2.0) * 0.1, rel=1e-6)
+
+
+def test_a_step_without_balance_says_why(comm):
+    chain = Chain(comm)
+    external = np.ones(chain.free.shape)
+    for solver, words in (("conjugate-gradients", "3 iterations"), ("dynamic-relaxation", "no balance after 3")):
+        stuck = QuasiStatic(comm, chain, settings(solver=solver, iteration_limit=3))
+        balance = stuck.solve(np.zeros(external.shape), external, 0.0)
+        assert not balance.reached and words in stuck.fault
+
+
+def test_lagrange_weights():
+    times = [3.0, 2.5, 1.0]
+    for power in range(3):
+        weights = lagrange_weights(times, 4.2)
+        assert np.dot(weights, np.array(times) ** power) == pytest.approx(4.2**power)
