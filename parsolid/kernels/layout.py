@@ -197,23 +197,23 @@ def _load_gradient(space, gradient, i):
     if is_instance(space, Plane):
 
         def plane(space, gradient, i):
-            c = _four_rows(gradient, i, 0)
+            c = four_rows(gradient, i, 0)
             return c[0], c[2], c[1], c[3], broadcast(0.0)
 
         return plane
 
     def solid(space, gradient, i):
-        x, y, z = _four_rows(gradient, i, 0), _four_rows(gradient, i, 4), _four_rows(gradient, i, 8)
+        x, y, z = four_rows(gradient, i, 0), four_rows(gradient, i, 4), four_rows(gradient, i, 8)
         return x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]
 
     return solid
 
 
-def _four_rows(array, i, column):
+def four_rows(array, i, column):
     raise NotImplementedError
 
 
-@overload(_four_rows)
+@overload(four_rows)
 def _load_four_rows(array, i, column):
     return lambda array, i, column: transpose(
         load(array, i, column), load(array, i + 1, column), load(array, i + 2, column), load(array, i + 3, column)

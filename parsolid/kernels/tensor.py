@@ -106,6 +106,23 @@ def _cofactor(a):
         )  # fmt: skip
 
 
+def determinant(a):
+    """Determinant of a general tensor."""
+    raise NotImplementedError
+
+
+@overload(determinant)
+def _determinant(a):
+    if _size(a) == PLANE:
+        return lambda a: a[4] * (a[0] * a[3] - a[1] * a[2])
+    if _size(a) == SPACE:
+        return lambda a: (
+            a[0] * (a[4] * a[8] - a[5] * a[7])
+            + a[1] * (a[5] * a[6] - a[3] * a[8])
+            + a[2] * (a[3] * a[7] - a[4] * a[6])
+        )
+
+
 def contract(a, b):
     """a : b of two general tensors."""
     raise NotImplementedError
@@ -159,6 +176,19 @@ def _matmul(a, b):
         )  # fmt: skip
 
 
+def transposed(a):
+    """a^T of a general tensor."""
+    raise NotImplementedError
+
+
+@overload(transposed)
+def _transposed(a):
+    if _size(a) == PLANE:
+        return lambda a: (a[0], a[2], a[1], a[3], a[4])
+    if _size(a) == SPACE:
+        return lambda a: (a[0], a[3], a[6], a[1], a[4], a[7], a[2], a[5], a[8])
+
+
 def matmul_transposed(a, b):
     """a b^T of two general tensors."""
     raise NotImplementedError
@@ -166,10 +196,7 @@ def matmul_transposed(a, b):
 
 @overload(matmul_transposed)
 def _matmul_transposed(a, b):
-    if _size(a) == PLANE:
-        return lambda a, b: matmul(a, (b[0], b[2], b[1], b[3], b[4]))
-    if _size(a) == SPACE:
-        return lambda a, b: matmul(a, (b[0], b[3], b[6], b[1], b[4], b[7], b[2], b[5], b[8]))
+    return lambda a, b: matmul(a, transposed(b))
 
 
 def expand(s):
