@@ -8,7 +8,7 @@ from parsolid.together import maximum, minimum
 def describe_failure(simulation, otherwise: str) -> str:
     """One message, the same on every rank; `otherwise` says what is wrong if no particle is at fault. Collective."""
     found = _first_of(simulation.comm, _unsound_particle(simulation))
-    if found is None and simulation.failed_somewhere:
+    if found is None and simulation.failed_somewhere and "jacobian" in simulation.method.table.arrays:
         found = _first_of(simulation.comm, _most_crushed_particle(simulation))
     if found is None:
         found = _first_of(simulation.comm, _fastest_particle(simulation)) | {"what": otherwise}
@@ -18,7 +18,7 @@ def describe_failure(simulation, otherwise: str) -> str:
         f"  particle   {found['identifier']} on rank {found['rank']}{found.get('why', '')}, "
         f"at X = ({found['reference']}), now x = ({found['position']})\n"
         f"  checkpoint {simulation.last_checkpoint or 'none was written'}\n"
-        f"  try        {advice(simulation)}"
+        f"  try        {simulation.method.advice()}"
     )
 
 
@@ -28,31 +28,10 @@ def _first_of(comm, local: dict | None) -> dict | None:
     return comm.bcast(local, root=first) | {"rank": first} if first < comm.size else None
 
 
-def advice(simulation) -> str:
-    """What most likely helps."""
-    settings = simulation.scene.method
-    hints = []
-    if settings.cfl > 0.9:
-        hints.append(f"a smaller method.cfl (it is {settings.cfl:g}; 0.7 is stable for smoothing of 0.85 and more)")
-    if settings.dissipation == 0.0:
-        hints.append("method.dissipation = 1 (there is none)")
-    hints.append("more particles where the body is crushed" if settings.cfl <= 0.9 else "more particles")
-    hints.append("a milder load")
-    return ", or ".join(hints)
-
-
 def _unsound_particle(simulation) -> dict | None:
-    """The rank's first particle with a Jacobian or a velocity that is not sound."""
-    table = simulation.method.table
-    jacobian, velocity = table.owned_rows("jacobian"), table.owned_rows("velocity")
-    bad = ~(jacobian > 0.0) | ~np.isfinite(velocity).all(axis=1)
-    if not bad.any():
-        return None
-    index = int(np.argmax(bad))
-    what = f"the Jacobian is {jacobian[index]:.4g}, not positive: matter is turned inside out"
-    if not np.isfinite(jacobian[index]) or not np.isfinite(velocity[index]).all():
-        what = "a number is no longer finite"
-    return {"what": what} | _named(table, index)
+    """The rank's first particle that is not sound, as its method says."""
+    found = simulation.method.unsound()
+    return found and {"what": found[1]} | _named(simulation.method.table, found[0])
 
 
 def _fastest_particle(simulation) -> dict | None:

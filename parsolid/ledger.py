@@ -10,10 +10,27 @@ COLUMNS = ("kinetic", "stored", *ACCUMULATED, "balance")
 
 @dataclass
 class Ledger:
-    """Time integrals of one rank [J]; `values` is in the order of ACCUMULATED. `initial` is the total at time 0, over all ranks."""
+    """Time integrals of one rank [J]: `values` in the order of ACCUMULATED and then of `terms`, a method's own.
 
-    values: np.ndarray = field(default_factory=lambda: np.zeros(len(ACCUMULATED)))
+    terms: name -> sign in the balance: 1 for energy that has left, -1 for energy supplied, 0 for what is only shown.
+    `initial` is the total at time 0, over all ranks.
+    """
+
+    terms: dict[str, int] = field(default_factory=dict)
     initial: float | None = None
+
+    def __post_init__(self):
+        self.values = np.zeros(len(ACCUMULATED) + len(self.terms))
+        self._place = {name: len(ACCUMULATED) + i for i, name in enumerate(self.terms)}
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of what `row` gives, in order."""
+        return [*COLUMNS[:-1], *self.terms, COLUMNS[-1]]
+
+    def add_term(self, name: str, energy: float) -> None:
+        """Add to one of the method's own terms [J]."""
+        self.values[self._place[name]] += energy
 
     def add(self, weight: float, internal: float, numerical: float, external: float) -> None:
         """Add rates [W] times a weight [s]."""
@@ -24,13 +41,15 @@ class Ledger:
     def row(self, comm, kinetic: float, stored: float) -> dict[str, float]:
         """The ledger over all ranks from this rank's kinetic and stored energy [J]; collective.
 
-        balance = kinetic + stored + dissipation - external work - initial total: zero but for the time integration.
+        balance = kinetic + stored + dissipation - external work - initial total, with the method's own terms by their signs: zero
+        but for the time integration.
         """
-        total = np.empty(2 + len(ACCUMULATED))
+        total = np.empty(2 + len(self.values))
         comm.Allreduce(np.concatenate(([kinetic, stored], self.values)), total)
-        result = dict(zip(COLUMNS, map(float, total)))
+        result = dict(zip(self.columns, map(float, total)))
         energy = result["kinetic"] + result["stored"] + result["dissipation_internal"] + result["dissipation_numerical"]
         energy -= result["work_external"]
+        energy += sum(sign * result[name] for name, sign in self.terms.items())
         if self.initial is None:
             self.initial = energy
         result["balance"] = energy - self.initial

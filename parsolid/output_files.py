@@ -11,8 +11,6 @@ from parsolid.output.errors import together
 from parsolid.output.fields import FieldSeries
 from parsolid.output.history import History, read_history
 
-SHOWN = ("displacement", "velocity", "pressure", "von_mises_stress", "jacobian")
-
 
 class OutputFiles:
     """history.csv, fields.vtkhdf and checkpoint.h5 in the run's folder; every call is collective."""
@@ -64,7 +62,7 @@ class OutputFiles:
         """Write the shown fields at a time [s]."""
         began = clock.perf_counter()
         observables, table = Observables(simulation.method), simulation.method.table
-        names = self.scene.output.fields or SHOWN
+        names = self.scene.output.fields or self.scene.method.shown_fields
         varying = {name: np.ascontiguousarray(observables.field(name)) for name in names}
         constant = {"body": table.owned_rows("body"), "volume": table.owned_rows("volume")}
         position = np.ascontiguousarray(table.owned_rows("position"))

@@ -33,11 +33,15 @@ class Field:
 
 @dataclass
 class FieldTable:
-    """Fields of a rank's particles with their arrays, whose first `owned` rows belong to the rank."""
+    """Fields of a rank's particles with their arrays, whose first `owned` rows belong to the rank.
+
+    layout counts how often particles were re-ordered, came or left: what has looked up a particle's row must do so anew.
+    """
 
     owned: int
     fields: dict[str, Field] = field(default_factory=dict)
     arrays: dict[str, np.ndarray] = field(default_factory=dict)
+    layout: int = 0
 
     def add(self, declared: Field, array: np.ndarray) -> None:
         """Register an array of shape (capacity,) or (capacity, components), possibly a view."""

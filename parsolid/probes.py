@@ -36,21 +36,30 @@ class Probes:
     def __init__(self, comm, scene, method):
         self.comm, self.scene, self.method = comm, scene, method
         self.observables = Observables(method)
-        self.particles, self.twists, self.columns = {}, {}, []
+        self.identifiers, self.particles, self.twists, self.columns = {}, {}, {}, []
         table = method.table
+        self.extra = scene.method.extra_quantities
         for probe in scene.probes:
-            self.columns += probe.columns(method.dimension)
+            self.columns += probe.columns(method.dimension, scene.method)
             if probe.quantity is not None:
                 continue
             place = np.array([probe.at], float)
             identifiers = table.owned_rows("identifier")
             winner, _ = nearest_particles(comm, identifiers, table.owned_rows("reference_position"), place)
-            mine = np.flatnonzero(identifiers == winner[0])
-            self.particles[probe.name] = int(mine[0]) if len(mine) else None
+            self.identifiers[probe.name] = winner[0]
             for name in probe.fields:
                 if name == "twist":
                     centre = np.zeros(3) if probe.centre is None else np.asarray(probe.centre, float)
                     self.twists[probe.name] = Twist("XYZ".index(probe.axis or "Z"), centre)
+        self._find()
+
+    def _find(self) -> None:
+        """Where on this rank each probe's particle is, if it is here."""
+        self.layout = self.method.table.layout
+        identifiers = self.method.table.owned_rows("identifier")
+        for name, identifier in self.identifiers.items():
+            mine = np.flatnonzero(identifiers == identifier)
+            self.particles[name] = int(mine[0]) if len(mine) else None
 
     def _value(self, name: str, index: int) -> np.ndarray:
         """One particle's value; of a tensor the components in the plane or in space."""
@@ -60,10 +69,18 @@ class Probes:
 
     def sample(self) -> list[float]:
         """Values of all columns; collective."""
+        if self.method.table.layout != self.layout:
+            self._find()
         sums, extremes = [], []
         for probe in self.scene.probes:
             if probe.quantity is None:
                 sums += self._at_particle(probe)
+            elif probe.quantity in self.extra:
+                kind, values = self.method.measure(probe.quantity)
+                if kind == "sum":
+                    sums += list(np.atleast_1d(values))
+                else:
+                    extremes += list((1.0 if kind == "minimum" else -1.0) * np.atleast_1d(values))
             elif probe.quantity in ("minimum_jacobian", "maximum_speed"):
                 extremes.append(self._extreme(probe.quantity))
             else:
@@ -76,7 +93,7 @@ class Probes:
         """Values at a probe's particle on its owner's rank, zeros elsewhere."""
         index, values = self.particles[probe.name], []
         if index is None:
-            return [0.0] * len(probe.columns(self.method.dimension))
+            return [0.0] * len(probe.columns(self.method.dimension, self.scene.method))
         for name in probe.fields:
             if name == "twist":
                 values.append(self.twists[probe.name].update(self.method.table.owned_rows("position")[index]))
@@ -86,10 +103,9 @@ class Probes:
 
     def _extreme(self, quantity: str) -> float:
         """The rank's least value (of the negative speed)."""
-        table = self.method.table
         if quantity == "minimum_jacobian":
-            return float(table.owned_rows("jacobian").min(initial=np.inf))
-        return -float(np.linalg.norm(table.owned_rows("velocity"), axis=1).max(initial=0.0))
+            return float(self.observables.field("jacobian").min(initial=np.inf))
+        return -float(np.linalg.norm(self.method.table.owned_rows("velocity"), axis=1).max(initial=0.0))
 
     def _in_order(self, total: list, lowest: list) -> list[float]:
         result = []
@@ -102,8 +118,13 @@ class Probes:
                 moments, total = total[: self.method.dimension + 1], total[self.method.dimension + 1 :]
                 result += [moment / moments[-1] for moment in moments[:-1]]
             else:
-                count = len(probe.columns(self.method.dimension))
-                result, total = result + total[:count], total[count:]
+                count = len(probe.columns(self.method.dimension, self.scene.method))
+                kind = self.method.measure(probe.quantity)[0] if probe.quantity in self.extra else "sum"
+                if kind == "sum":
+                    result, total = result + total[:count], total[count:]
+                else:
+                    sign = 1.0 if kind == "minimum" else -1.0
+                    result, lowest = result + [sign * value for value in lowest[:count]], lowest[count:]
         return [float(value) for value in result]
 
     def state(self) -> dict:

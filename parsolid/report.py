@@ -12,12 +12,10 @@ def print_report(comm, simulation) -> None:
     """Print the report on rank 0; collective. A few tiny steps measure the wall time of one."""
     method, scene = simulation.method, simulation.scene
     stable = minimum(comm, method.stable_step())
-    numbers = {
-        "particles": comm.gather(method.owned),
-        "ghosts": comm.gather(method.pairing.halo.ghosts),
-        "interactions": comm.gather(method.pairing.directed_pairs),
-    }
-    sent = comm.allreduce(bytes_a_step(method))
+    counts = {"particles": method.owned} | method.numbers()
+    numbers = {name: comm.gather(count) for name, count in counts.items()}
+    pairs = comm.allreduce(method.directed_pairs) // 2
+    sent = comm.allreduce(method.bytes_a_step())
     seconds = _seconds_a_step(comm, simulation, stable)
     memory = maximum(comm, peak_memory_bytes())
     if comm.rank > 0:
@@ -28,8 +26,9 @@ def print_report(comm, simulation) -> None:
     for name, values in numbers.items():
         print(f"{name:<28} {sum(values):>14,}   a rank: {', '.join(f'{value:,}' for value in values)}")
     steps = int(np.ceil(scene.end_time / stable))
-    print(f"{'pairs':<28} {sum(numbers['interactions']) // 2:>14,}")
-    print(f"{'bytes a particle':<28} {bytes_a_particle(method):>14,.0f}   with pair lists and work arrays")
+    if pairs:
+        print(f"{'pairs':<28} {pairs:>14,}")
+    print(f"{'bytes a particle':<28} {bytes_a_particle(method):>14,.0f}   with all lists and work arrays")
     print(f"{'bytes sent a step':<28} {sent:>14,}   on all ranks")
     print(f"{'peak memory a rank':<28} {memory / 2**20:>14,.0f} MiB")
     print(f"{'time step':<28} {stable:>14.4g} s   now; it changes with the state")
@@ -43,22 +42,14 @@ def _print_fields(method) -> None:
     for name, declared in method.table.fields.items():
         size = method.table.arrays[name].dtype.itemsize * declared.components
         print(f"{name:<28} {declared.components:>10} {declared.unit:>8} {size:>6}   {declared.roles}")
-    print(f"{'(second-pass record)':<28} {method.record.shape[1]:>10} {'':>8} {8 * method.record.shape[1]:>6}   exchanged")
-
-
-def bytes_a_step(method) -> int:
-    """Bytes this rank sends in one step."""
-    return len(method.stages) * (method.motion_exchange.bytes_sent + method.record_exchange.bytes_sent)
+    for name, width in method.exchanged_records().items():
+        print(f"{f'({name})':<28} {width:>10} {'':>8} {8 * width:>6}   exchanged")
 
 
 def bytes_a_particle(method) -> float:
-    """Memory of fields, work arrays and pair lists over this rank's particles [B]."""
+    """Memory of fields, work arrays and lists over this rank's particles [B]."""
     seen, total = set(), 0
-    arrays = [method.kinematics, method.record, method.gradient, method.force, method.start_motion, method.mass, method.share]
-    arrays += [array for array in method.body if array is not None] + list(method.table.arrays.values())
-    for pairs in (method.pairing.inner, method.pairing.rim, method.pairing.mirror):
-        arrays += list(pairs or ())
-    for array in arrays:
+    for array in [*method.table.arrays.values(), *method.arrays()]:
         base = array
         while base.base is not None and isinstance(base.base, np.ndarray):
             base = base.base

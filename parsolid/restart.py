@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from parsolid.distribution import distribute, sort_for_speed
+from parsolid.distribution import distribute
 from parsolid.output.checkpoint import read_checkpoint
 from parsolid.scene.cloud import Cloud
 from parsolid.together import SolverError
@@ -48,14 +48,8 @@ class Restart:
                         f"bodies.{index}.{key}: expected {old.get(key)} as in the checkpoint {self.path}, found {new.get(key)}"
                     )
 
-    def order(self, cloud, laws: list) -> np.ndarray:
-        """Order (n,) of the particles on this rank: as in the checkpoint on the same ranks."""
-        if self.same_ranks:
-            return np.arange(len(cloud.position))
-        return sort_for_speed(self.comm, cloud, laws)
-
     def apply(self, simulation, order: np.ndarray) -> None:
-        """Put state, ledger and clock back. Raises SolverError, on all ranks, when the material keeps another state."""
+        """Put state, ledger and clock back; order (n,) of the particles on this rank. Raises SolverError, on all ranks, when the material keeps another state."""
         wanted, found = set(simulation.method.table.checkpointed()), set(self.values)
         if wanted != found:
             raise SolverError(
@@ -63,8 +57,15 @@ class Restart:
                 f"found one with {', '.join(sorted(wanted))}"
             )
         simulation.method.table.restore({name: values[order] for name, values in self.values.items()})
+        simulation.method.set_state(self.header["method_state"])
         simulation.method.resume()
+        simulation.jumped = self.header["jumped"]
         ledger = simulation.ledger
+        if self.rows.shape[1] != len(ledger.values):
+            raise SolverError(
+                f"method: expected one with the {self.rows.shape[1]} energy terms of the checkpoint {self.path}, "
+                f"found {len(ledger.values)}"
+            )
         ledger.initial = self.header["initial_energy"]
         if self.same_ranks:
             ledger.values[:] = self.rows[self.comm.rank]
@@ -81,11 +82,11 @@ def header_of(simulation, watch) -> dict:
         "time": simulation.clock.time,
         "step": simulation.clock.step,
         "stable_step": simulation.stable,
+        "jumped": simulation.jumped,
+        "method_state": simulation.method.state(),
         "initial_energy": simulation.ledger.initial,
         "largest_energy": watch.largest_energy,
         "probes": watch.probes.state(),
         "errors": watch.errors.found,
         "scene": simulation.scene.resolved(),
     }
-
-

@@ -79,7 +79,7 @@ def _set_up(comm, scene, options):
 def _advice(scene) -> list[str]:
     """What a scene asks for that costs accuracy where it need not."""
     irregular = [i for i, body in enumerate(scene.bodies) if body.jitter > 0.0 or body.shape.kind == "mesh"]
-    if not irregular or scene.method.pair_correction != "none":
+    if not irregular or getattr(scene.method, "pair_correction", "") != "none":
         return []
     names = ", ".join(f"bodies.{i}" for i in irregular)
     return [f'{names}: uneven particles; method.pair_correction = "closure" makes them many times more accurate']

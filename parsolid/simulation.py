@@ -6,13 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from decomposition.reduction import MinimumAhead
-from parsolid.boundary_set import build_boundaries
 from parsolid.diagnosis import describe_failure
-from parsolid.distribution import distribute, sort_for_speed, take
-from parsolid.initial import initial_state, laws_of
+from parsolid.distribution import distribute, take
 from parsolid.ledger import Ledger
-from parsolid.methods import METHODS
-from parsolid.methods.groups import group_numbers, ranges
+from parsolid.methods import method_class
 from parsolid.stopping import StopRequest
 
 FINISHED, STOPPED, INTERRUPTED = "finished", "stopped", "interrupted"
@@ -54,23 +51,20 @@ class Simulation:
 
         Raises SceneError or SolverError on all ranks when the scene cannot be set up.
         """
-        self.comm, self.scene, self.clock, self.ledger = comm, scene, Clock(), Ledger()
+        self.comm, self.scene, self.clock, self.ledger = comm, scene, Clock(), Ledger(scene.method.ledger_terms)
+        # the time of the jump that the last step of length 0 was for
+        self.jumped: float | None = None
         if restart:
             restart.check(scene)
-        laws = laws_of(scene)
+        method = method_class(scene.method.kind)
         cloud = restart.cloud if restart else distribute(comm, self._generate())
-        order = restart.order(cloud, laws) if restart else sort_for_speed(comm, cloud, laws)
-        cloud = take(cloud, order)
-        distinct, number = group_numbers(laws, cloud.body)
-        density = np.array([law.density for law in laws])[cloud.body]
-        boundaries = build_boundaries(comm, scene, cloud, density)
-        self.cloud = cloud
-        self.method = METHODS[scene.method.kind](comm, scene.method, cloud, ranges(distinct, number), boundaries)
+        order = method.sort(comm, scene, cloud) if not (restart and restart.same_ranks) else np.arange(len(cloud))
+        self.cloud = take(cloud, order)
+        self.method = method(comm, scene, self.cloud)
         if restart:
             restart.apply(self, order)
         else:
-            initial_state(scene, cloud, self.method)
-        self.boundaries = boundaries
+            self.method.begin(scene, self.cloud)
         self.minimum = MinimumAhead(comm, 3)
         self.failed, self.failed_somewhere, self.checkpoint_wanted, self.broken_balance = False, False, False, None
         self.last_checkpoint: str | None = None
@@ -108,7 +102,15 @@ class Simulation:
                 return STOPPED
             late = limits.wall is not None and clock.perf_counter() > limits.wall
             wishes = (float(stop.received is not None or late), float(watch.wall_checkpoint_due()))
-            self._advance(watch.clip(self.clock.time, self._limit(self.stable)), wishes)
+            self._advance(self._next(watch), wishes)
+
+    def _next(self, watch) -> tuple[float, float]:
+        """(step, time it leads to) [s]: of length 0 where loads jump."""
+        time = self.clock.time
+        if time in self.method.jumps and self.jumped != time:
+            self.jumped = time
+            return watch.clip(time, 0.0)
+        return watch.clip(time, self._limit(self.stable))
 
     def take_step(self, step: float) -> None:
         """One time step [s] and the reduction that goes with it, whatever the stable step is; collective."""
@@ -134,10 +136,8 @@ class Simulation:
             healthy = sound and not self.failed and np.isfinite(stable)
             self.minimum.begin(np.array([stable if healthy or self.method.owned == 0 else -1.0, -wishes[0], -wishes[1]]))
 
-        for number in range(len(self.method.stages)):
-            if not self.method.advance_stage(number, self.clock.time, step, self.ledger, announce):
-                self.failed = True
-        self.method.finish_step(self.ledger)
+        if not self.method.advance(self.clock.time, step, self.ledger, announce):
+            self.failed = True
         self.clock.time = arrival
         self.clock.step += 1
         self._count(clock.perf_counter() - began, clock.process_time() - processor_began)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+from parsolid.methods import method_class
 from parsolid.observables import Observables
 from parsolid.scene import parse_scene
 from parsolid.simulation import Simulation
@@ -51,10 +52,7 @@ def compile_kernels(tables: dict) -> None:
     method = simulation.method
     method.energies()
     Observables(method).field("pressure")
-    # lists of ghosts have no images
-    method.passes.add_gradients(0, 0, method.pairing.inner, None, None, method.kinematics, method.gradient)
-    choices = (method.riemann, method.shear, method.reconstruct, method.kinematics, method.record, method.force)
-    method.passes.add_forces(0, 0, method.pairing.inner, None, None, *choices)
+    method.warm()
 
 
 def _mark(tables: dict) -> Path:
@@ -76,4 +74,4 @@ def _small_scene(scene) -> dict:
         boundaries.append({"plane": "Y = 1", "kind": "velocity", "velocity": [0.0] * d})
     loads = {"acceleration": [0.0] * d} if full.get("loads") or "traction" in kinds else {}
     small = {"dimension": d, "end_time": 1.0, "method": full["method"], "bodies": bodies, "boundaries": boundaries}
-    return small | {"loads": loads, "title": "warming up"}
+    return method_class(scene.method.kind).small_scene(small | {"loads": loads, "title": "warming up"})

@@ -4,7 +4,6 @@ import time as clock
 
 import numpy as np
 
-from parsolid.ledger import COLUMNS
 from parsolid.output.checkpoint import write_checkpoint
 from parsolid.output.summary import peak_memory_bytes
 from parsolid.probes import Probes
@@ -46,7 +45,7 @@ class Watch:
     @property
     def columns(self) -> list[str]:
         """Columns of the history."""
-        return ["step", "time", "dt", *COLUMNS, *self.probes.columns]
+        return ["step", "time", "dt", *self.simulation.ledger.columns, *self.probes.columns]
 
     def clip(self, time: float, stable: float) -> tuple[float, float]:
         """(step, time it leads to) [s]: at most the stable step, landing exactly on field times and the end."""
@@ -62,7 +61,9 @@ class Watch:
         return step, arrival
 
     def _next_landing(self, time: float) -> float:
-        later = [landing for landing in (*self.files.field_times, *self.errors.times) if landing > time]
+        method = self.simulation.method
+        landings = (*self.files.field_times, *self.errors.times, *method.landings, *method.jumps)
+        later = [landing for landing in landings if landing > time]
         return min([*later, self.scene.end_time])
 
     def look(self, simulation) -> None:
@@ -84,11 +85,14 @@ class Watch:
 
     def _history_due(self, time: float, step: int) -> bool:
         output = self.scene.output
+        if self.step_size == 0.0:
+            # the start, and what a jump of the loads has done
+            return True
         if output.history_steps is not None:
             return step % output.history_steps == 0
         interval = output.history_interval or self.scene.end_time / 200.0
         before = time - self.step_size
-        return step == 0 or int(time / interval * (1 + _SLIVER)) > int(before / interval * (1 + _SLIVER))
+        return int(time / interval * (1 + _SLIVER)) > int(before / interval * (1 + _SLIVER))
 
     def finish(self) -> None:
         """Write the checkpoint that the end of a run owes; collective."""
@@ -146,10 +150,10 @@ class Watch:
         simulation, method, comm = self.simulation, self.simulation.method, self.simulation.comm
         clock_, steps = simulation.clock, simulation.clock.step - simulation.first_step
         directed, slowest, waited, memory = maximum_and_sums(
-            comm, method.pairing.directed_pairs, clock_.loop_seconds, method.communication_seconds + clock_.waiting_seconds
+            comm, method.directed_pairs, clock_.loop_seconds, method.communication_seconds + clock_.waiting_seconds
         )
         rate = simulation.particles * steps / slowest / comm.size if steps else None
-        evaluations = steps * len(method.stages)
+        evaluations = steps * method.evaluations
         return {
             "scene": self.scene.title,
             "method": self.scene.method.kind,
@@ -171,6 +175,7 @@ class Watch:
             "communication_share": waited / (slowest * comm.size) if steps else None,
             "energy_balance": self._relative_balance(),
             "peak_memory_bytes_per_rank": memory,
+            **method.summary(),
             "status": status,
             "errors": self.errors.result(),
         }

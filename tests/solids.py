@@ -134,7 +134,7 @@ def set_random_state(sim, strain: float = 0.15, consistent: bool = True, seed: i
     """Random v, x, F with H = cof F and J = det F (else also random), and A, with the symmetries of the mirror planes."""
     table, d, owned = sim.method.table, sim.method.dimension, sim.method.owned
     names = table.owned_rows("identifier")
-    free = np.ones((owned, d)) if sim.boundaries.clamp is None else sim.boundaries.clamp[:, :d]
+    free = np.ones((owned, d)) if sim.method.boundaries.clamp is None else sim.method.boundaries.clamp[:, :d]
     table.owned_rows("velocity")[:] = free * random_of(names, d, seed=seed)
     table.owned_rows("position")[:] = table.owned_rows("reference_position") + 0.03 * free * random_of(names, d, seed=seed + 1)
     F = np.tile(np.eye(3), (owned, 1, 1))
@@ -157,7 +157,7 @@ def set_random_state(sim, strain: float = 0.15, consistent: bool = True, seed: i
 def symmetrised(sim, tensors: np.ndarray) -> np.ndarray:
     """Tensors (n, d, d), displacement gradients or strains, made X = R X R on rollers, X = -R X R on antisymmetric planes."""
     d, result = sim.method.dimension, tensors.copy()
-    for plane in sim.boundaries.planes:
+    for plane in sim.method.boundaries.planes:
         if plane.kind == "fixed":
             continue
         on = plane.contains(sim.cloud)

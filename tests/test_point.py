@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from parsolid.initial import laws_of
+from parsolid.laws import law_of
 from parsolid.materials.hyperbolicity import energies, first_piola_kirchhoff, polyconvex_state
 from parsolid.output.errors import OutputError
 from parsolid.point import add_arguments, run_point
@@ -56,7 +56,7 @@ def driven(write):
 
     def make(path, material=MATERIAL, head="end_time = 0.1\nsteps = 40\n"):
         point = load_point(write(f"{head}{material}[path]\n{path}\n"))
-        law = point_law(laws_of(SimpleNamespace(bodies=[point]))[0])
+        law = point_law(law_of(point.material))
         record = drive(law, point.path, point.end_time, point.longest_step)
         columns = tabulate(law, record, np.array(point.output.directions))
         return SimpleNamespace(law=law.law, point=point, columns=columns, record=record)
@@ -198,7 +198,7 @@ def test_ten_branches_over_eight_decades(driven):
 def test_wave_speeds_along_chosen_directions(write):
     path = write(f"end_time = 1\nsteps = 1\n{MATERIAL}[path]\n{HOLDS['shear']}\n[output]\ndirections = [[2, 0, 0], [1, 1, 1]]\n")
     point = load_point(path)
-    law = point_law(laws_of(SimpleNamespace(bodies=[point]))[0])
+    law = point_law(law_of(point.material))
     columns = tabulate(law, drive(law, point.path, 1.0, 1.0), np.array(point.output.directions))
     assert "direction_3.pressure_wave_speed" not in columns
     for k in (1, 2):

@@ -40,6 +40,19 @@ class MooneyRivlin(NamedTuple):
         return self.zeta is not None or self.branch_moduli is not None
 
 
+def of_material(material) -> MooneyRivlin:
+    """The law of a scene's material."""
+    moduli = material.moduli
+    return MooneyRivlin(
+        density=float(material.density),
+        xi=float(moduli.xi),
+        zeta=float(moduli.zeta) or None,
+        lambda_hat=float(moduli.lambda_hat),
+        branch_moduli=tuple(map(float, material.branch_moduli)) or None,
+        relaxation_times=tuple(map(float, material.relaxation_times)) or None,
+    )
+
+
 @register_jitable
 def _total(moduli):
     """sum_alpha mu_alpha [Pa]."""

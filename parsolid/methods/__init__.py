@@ -1,5 +1,12 @@
 """Particle methods, one file each."""
 
-from parsolid.methods.tlsph import TotalLagrangianSPH
+from importlib import import_module
 
-METHODS = {"tlsph": TotalLagrangianSPH}
+# loaded only when a scene uses it
+_CLASSES = {"tlsph": ("parsolid.methods.tlsph", "TotalLagrangianSPH")}
+
+
+def method_class(kind: str) -> type:
+    """The class of a method, see `methods.protocol`."""
+    module, name = _CLASSES[kind]
+    return getattr(import_module(module), name)

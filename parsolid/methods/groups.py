@@ -28,6 +28,12 @@ class Group:
         return np.array([relaxation_weights(step, time) for time in self.law.relaxation_times])
 
 
+def groups_of(laws: list, body: np.ndarray) -> tuple[list[Group], np.ndarray]:
+    """Groups of particles (n,) sorted by law, and their densities (n,) [kg/m^3], from one law a body."""
+    distinct, number = group_numbers(laws, body)
+    return ranges(distinct, number), np.array([law.density for law in laws])[body]
+
+
 def group_numbers(laws: list, body: np.ndarray) -> tuple[list, np.ndarray]:
     """Distinct laws in order of appearance, and each particle's index (n,) into them, from one law a body."""
     distinct = list(dict.fromkeys(laws))

@@ -22,6 +22,25 @@ def stress_components(space, first, last, law, body, result):
                 result[i + k - first, c] = values[c]
 
 
+def deformation_gradients(table, dimension: int, first: int, last: int) -> np.ndarray:
+    """F (n, 3, 3) of particles first..last-1 from the table's field, with F33 = 1 in the plane."""
+    result = np.zeros((last - first, 3, 3))
+    result[:, range(3), range(3)] = 1.0
+    F = table.owned_rows("deformation_gradient")[first:last]
+    result[:, :dimension, :dimension] = F.reshape(-1, dimension, dimension)
+    return result
+
+
+def first_piola_kirchhoff_stresses(space, groups: list, body_of, first: int, last: int) -> np.ndarray:
+    """P (n, 3, 3) [Pa] of particles first..last-1; body_of(group) gives the arrays as the group's law sees them."""
+    rows = np.zeros((last - first, 9 if space.dimension == 3 else 5))
+    for group in groups:
+        low, high = max(first, group.first), min(last, group.last)
+        if low < high:
+            stress_components(space, low, high, group.law, body_of(group), rows[low - first : high - first])
+    return as_matrices(rows)
+
+
 def as_matrices(components: np.ndarray) -> np.ndarray:
     """Tensors (n, 3, 3) from rows in `kernels.tensor` order, (n, 9) or plane strain (n, 5)."""
     n = len(components)

@@ -8,34 +8,39 @@ import time as clock
 
 import numpy as np
 
+from parsolid.boundary_set import build_boundaries
 from parsolid.integrators import SSP_RK3
 from parsolid.kernels import layout, pairs, pairs_plane, pairs_space
 from parsolid.kernels.simd import aligned_zeros, padded
 from parsolid.kernels.smoothing import KERNELS
+from parsolid.laws import laws_of
 from parsolid.methods import motion
 from parsolid.methods.deformation import Body, Stage, advance_deformation, largest_wave_modulus
-from parsolid.methods.groups import Group
+from parsolid.methods.groups import Group, groups_of
 from parsolid.methods.pair_correction import surface_area
 from parsolid.methods.pairing import Pairing, build_pairing, metrics
+from parsolid.methods.protocol import ParticleMethod
+from parsolid.methods.stresses import deformation_gradients, first_piola_kirchhoff_stresses
 from parsolid.particles import Field, FieldTable
+from parsolid.scene import initial_deformation_gradient, initial_displacement, initial_velocity
 from parsolid.together import anywhere, maximum, minimum
 
 _PASSES = {2: pairs_plane, 3: pairs_space}
 
 
-class TotalLagrangianSPH:
+class TotalLagrangianSPH(ParticleMethod):
     """The method on one rank. Arrays are laid out as `kernels.layout` and `kernels.pairs` say."""
 
     stages = SSP_RK3
+    evaluations = len(SSP_RK3)
 
-    def __init__(self, comm, settings, cloud, groups: list[Group], boundaries):
-        """settings: scene.method; cloud: this rank's particles, sorted by group; boundaries: `boundary_set.BoundarySet`.
-
-        Raises SolverError on all ranks when particles cannot be paired.
-        """
-        self.comm, self.settings, self.groups, self.boundaries = comm, settings, groups, boundaries
-        self.communication_seconds = 0.0
+    def __init__(self, comm, scene, cloud):
+        """cloud: this rank's particles, sorted by law. Raises SolverError on all ranks when particles cannot be paired. Collective."""
+        self.comm, self.settings = comm, scene.method
+        self.groups, density = groups_of(laws_of(scene), cloud.body)
+        self.boundaries = build_boundaries(comm, scene, cloud, density)
         self.owned, self.dimension = cloud.position.shape
+        settings, groups, boundaries = self.settings, self.groups, self.boundaries
         self.space = layout.LAYOUT[self.dimension]
         self.passes = _PASSES[self.dimension]
         factor = float(settings.dissipation)
@@ -125,6 +130,21 @@ class TotalLagrangianSPH:
         self.motion_exchange = halo.exchange([arrays["velocity"], arrays["position"]])
         self.record_exchange = halo.exchange([self.record])
 
+    def begin(self, scene, cloud) -> None:
+        """Set velocity, displacement and deformation gradient at time 0 by the bodies' formulas; collective."""
+        table, place = self.table, (scene, cloud.body, cloud.position)
+        table.owned_rows("velocity")[:] = initial_velocity(*place)
+        displacement, given = initial_displacement(*place), initial_deformation_gradient(*place)
+        derived = np.zeros(len(cloud), bool)
+        if displacement is not None:
+            table.owned_rows("position")[:] += displacement
+            derived[:] = True
+        if given is not None:
+            gradient, where = given
+            table.owned_rows("deformation_gradient")[:] = gradient.reshape(len(cloud), -1)
+            derived &= ~where
+        self.start(derived)
+
     def start(self, derived: np.ndarray) -> None:
         """Complete the state at time 0 from velocity, position and deformation gradient; collective.
 
@@ -178,6 +198,13 @@ class TotalLagrangianSPH:
     def body_of(self, group: Group) -> Body:
         """The particle arrays as a group's law sees them."""
         return self.body if group.branches else self.body._replace(branches=None)
+
+    def advance(self, time: float, step: float, ledger, announce) -> bool:
+        """One step of three stages."""
+        sound = [self.advance_stage(number, time, step, ledger, announce) for number in range(len(self.stages))]
+        # the work that changed the kinetic energy of prescribed components
+        ledger.add(1.0, 0.0, 0.0, self.boundaries.prescribed_energy_gain(self.kinematics, self.mass, self.share))
+        return all(sound)
 
     def advance_stage(self, number: int, time: float, step: float, ledger, announce) -> bool:
         """One Runge-Kutta stage of the step that starts at `time` [s]; False when a Jacobian is not positive.
@@ -262,10 +289,6 @@ class TotalLagrangianSPH:
         boundaries.prescribe(time + weights.next_time * step, self.kinematics)
         return dissipation, held + power
 
-    def finish_step(self, ledger) -> None:
-        """Account for the work that changed the kinetic energy of prescribed components."""
-        ledger.add(1.0, 0.0, 0.0, self.boundaries.prescribed_energy_gain(self.kinematics, self.mass, self.share))
-
     def energies(self) -> tuple[float, float]:
         """Kinetic and stored energy [J] of this rank's particles, with tributary volumes."""
         kinetic = motion.kinetic_energy(self.owned, self.dimension, self.kinematics, self.mass, self.share)
@@ -273,6 +296,57 @@ class TotalLagrangianSPH:
         for group in self.groups:
             stored += motion.stored_energy(self.space, group.first, group.last, group.law, self.body_of(group))
         return kinetic, stored
+
+    # --- what the output and the reports ask ------------------------------------------------------------------
+
+    def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
+        """Deformation gradient and first Piola-Kirchhoff stress (n, 3, 3)."""
+        if name == "deformation_gradient":
+            return deformation_gradients(self.table, self.dimension, first, last)
+        if name == "first_piola_kirchhoff_stress":
+            return first_piola_kirchhoff_stresses(self.space, self.groups, self.body_of, first, last)
+        return None
+
+    def advice(self) -> str:
+        """What most likely helps."""
+        settings, hints = self.settings, []
+        if settings.cfl > 0.9:
+            hints.append(f"a smaller method.cfl (it is {settings.cfl:g}; 0.7 is stable for smoothing of 0.85 and more)")
+        if settings.dissipation == 0.0:
+            hints.append("method.dissipation = 1 (there is none)")
+        hints.append("more particles where the body is crushed" if settings.cfl <= 0.9 else "more particles")
+        return ", or ".join([*hints, "a milder load"])
+
+    @property
+    def directed_pairs(self) -> int:
+        """Interactions counted once a particle."""
+        return self.pairing.directed_pairs
+
+    def numbers(self) -> dict[str, int]:
+        """Ghosts and interactions."""
+        return {"ghosts": self.pairing.halo.ghosts, "interactions": self.pairing.directed_pairs}
+
+    def exchanged_records(self) -> dict[str, int]:
+        """The record of the second pass."""
+        return {"second-pass record": self.record.shape[1]}
+
+    def arrays(self) -> list[np.ndarray]:
+        """Work arrays and pair lists."""
+        arrays = [self.kinematics, self.record, self.gradient, self.force, self.start_motion, self.mass, self.share]
+        arrays += [array for array in self.body if array is not None]
+        for pairs in (self.pairing.inner, self.pairing.rim, self.pairing.mirror):
+            arrays += list(pairs or ())
+        return arrays
+
+    def bytes_a_step(self) -> int:
+        """Motion and records, in every stage."""
+        return len(self.stages) * (self.motion_exchange.bytes_sent + self.record_exchange.bytes_sent)
+
+    def warm(self) -> None:
+        """Lists of ghosts have no images."""
+        self.passes.add_gradients(0, 0, self.pairing.inner, None, None, self.kinematics, self.gradient)
+        choices = (self.riemann, self.shear, self.reconstruct, self.kinematics, self.record, self.force)
+        self.passes.add_forces(0, 0, self.pairing.inner, None, None, *choices)
 
 
 _NO_BRANCHES = np.zeros((0, 3))

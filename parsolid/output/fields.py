@@ -182,9 +182,9 @@ class _ByIdentifier:
 
 
 def _in_space(values: np.ndarray) -> np.ndarray:
-    """Plane vectors (n, 2) as (n, 3), tensors (n, 4) and (n, d, d) as (n, 9); anything else as it is."""
-    if values.ndim == 2 and values.shape[1] == 2:
-        return np.pad(values, ((0, 0), (0, 1)))
+    """Vectors (n, 1) and (n, 2) as (n, 3), tensors (n, 4) and (n, d, d) as (n, 9); anything else as it is."""
+    if values.ndim == 2 and values.shape[1] < 3:
+        return np.pad(values, ((0, 0), (0, 3 - values.shape[1])))
     if values.ndim == 2 and values.shape[1] == 4:
         values = values.reshape(-1, 2, 2)
     if values.ndim == 3:

@@ -28,7 +28,7 @@ def write_energies(results: Results, path: Path, size: tuple[int, int] | None = 
     """Energies, dissipations and the balance over time, side by side."""
     history = results.history
     time, factor = _time_axis(history["time"])
-    terms = {name: history[name] for name in HISTORY_COLUMNS[:-1]}
+    terms = {name: history[name] for name in HISTORY_COLUMNS[:-1]} | _method_terms(history)
     largest = max((np.nanmax(np.abs(values)) for values in terms.values() if len(values)), default=0.0)
     unit, label = prefixed("J", largest)
     figure = _figure(size or (3 * _PANEL[0], _PANEL[1] + 30), results.title)
@@ -40,6 +40,8 @@ def write_energies(results: Results, path: Path, size: tuple[int, int] | None = 
     energies.plot(time, total / unit, color=_COLOURS["total"], label="kinetic + stored", linewidth=1.0)
     for name, words in (("dissipation_internal", "internal"), ("dissipation_numerical", "numerical")):
         dissipations.plot(time, terms[name] / unit, color=_COLOURS[name], label=words)
+    for name, colour in zip(_method_terms(history), _PALETTE[4:]):
+        dissipations.plot(time, terms[name] / unit, color=colour, label=words_of(name))
     for axes, names in ((energies, ("kinetic", "stored")), (dissipations, HISTORY_COLUMNS[2:4])):
         _add_references(axes, results, names, factor, unit)
     balance.plot(time, history["balance"] / (largest or 1.0), color="#222222")
@@ -49,6 +51,13 @@ def write_energies(results: Results, path: Path, size: tuple[int, int] | None = 
     _finish(figure, (energies, dissipations, balance), prefixed("s", _last(history["time"]))[1])
     balance.ticklabel_format(axis="y", style="sci", scilimits=(-2, 2))
     figure.savefig(path, dpi=DOTS_PER_INCH)
+
+
+def _method_terms(history: dict) -> dict:
+    """Energy terms of the method itself: they stand between the external work and the balance."""
+    columns = list(history)
+    first, last = columns.index("work_external") + 1, columns.index("balance")
+    return {name: history[name] for name in columns[first:last]}
 
 
 def write_probes(results: Results, path: Path, size: tuple[int, int] | None = None) -> bool:

@@ -15,6 +15,7 @@ from parsolid.output.history import read_history
 from parsolid.output.vtkhdf import published
 from parsolid.scene import SceneError
 from parsolid.scene.faults import suggestion, told
+from parsolid.scene.methods import settings_class
 from parsolid.scene.schema import Parts
 
 if sys.version_info >= (3, 11):
@@ -56,7 +57,8 @@ class Results:
     @cached_property
     def parts(self) -> Parts:
         """The sound parts of the scene: a reference or mesh that has gone since the run is left out."""
-        return Parts.of(self._tables, {"dimension": self.dimension, "folder": str(self.directory.resolve())})
+        method = settings_class(self._tables.get("method"))
+        return Parts.of(self._tables, {"dimension": self.dimension, "method": method, "folder": str(self.directory.resolve())})
 
     @cached_property
     def history(self) -> dict[str, np.ndarray]:

@@ -3,11 +3,10 @@
 import os
 import time as clock
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 
-from parsolid.initial import laws_of
+from parsolid.laws import law_of
 from parsolid.output.errors import OutputError, words
 from parsolid.output.summary import provenance, write_summary
 from parsolid.point.driver import PathLost, Record, drive
@@ -26,7 +25,7 @@ def drive_and_report(options) -> dict:
     point = load_point(options.path, options.set)
     directory = _prepared(Path(options.output or point.output.directory), point, options.path)
     began = clock.perf_counter()
-    law = point_law(laws_of(SimpleNamespace(bodies=[point]))[0])
+    law = point_law(law_of(point.material))
     try:
         record = drive(law, point.path, point.end_time, point.longest_step)
     except PathLost as error:

@@ -59,7 +59,8 @@ class Traction(ParticleCondition):
     traction: Vector = Field(description="a formula in X, Y, Z, t for each component [Pa]")
 
 
-Boundary = by_kind(Support, PrescribedVelocity, Traction, Wall, PrescribedTemperature, HeatFlux)
+_KINDS = (Support, PrescribedVelocity, Traction, Wall, PrescribedTemperature, HeatFlux)
+Boundary = by_kind(*_KINDS, known="boundaries")
 
 
 class Loads(Section):

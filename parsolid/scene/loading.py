@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
 from parsolid.scene.faults import SceneError, key_path, suggestion, told
+from parsolid.scene.methods import settings_class
 from parsolid.scene.schema import Parts, Scene, cross_faults
 from parsolid.scene.section import ByKind, Section
 
@@ -76,8 +77,9 @@ def read_tables(path: Path, what: str) -> dict[str, Any]:
 def parse_scene(data: dict[str, Any], folder: str | os.PathLike = ".") -> Scene:
     """A scene from plain tables; files are relative to `folder`. Raises SceneError with every fault."""
     dimension = data.get("dimension")
-    known = isinstance(dimension, int) and dimension in (2, 3)
-    context = {"dimension": dimension if known else None, "folder": os.path.abspath(folder)}
+    method = settings_class(data.get("method"))
+    known = isinstance(dimension, int) and dimension in (method.dimensions if method else (1, 2, 3))
+    context = {"dimension": dimension if known else None, "method": method, "folder": os.path.abspath(folder)}
     scene, faults = None, []
     try:
         scene = Scene.model_validate(data, context=context)

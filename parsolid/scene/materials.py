@@ -99,4 +99,5 @@ class NeoHookean(MooneyRivlin):
     zeta: Literal[0, 0.0] = 0.0
 
 
-Material = by_kind(MooneyRivlin, NeoHookean, PronySolid, LinearElastic, BondBased)
+_KINDS = (MooneyRivlin, NeoHookean, PronySolid, LinearElastic, BondBased)
+Material = by_kind(*_KINDS, known="materials")

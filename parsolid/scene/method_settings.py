@@ -1,4 +1,4 @@
-"""What the settings of every method have in common."""
+"""What the settings of all methods have in common."""
 
 from typing import ClassVar
 
@@ -22,6 +22,7 @@ class MethodSettings(Section):
     extra_quantities: ClassVar[dict[str, str]] = {}
     shown_fields: ClassVar[tuple[str, ...]] = ("displacement", "velocity", "pressure", "von_mises_stress", "jacobian")
     ledger_terms: ClassVar[dict[str, int]] = {}
+    kind: str
     maximum_step: Positive | None = Field(None, description="the largest time step [s]")
     minimum_step: Positive | None = Field(None, description="the time step [s] below which the run stops")
 

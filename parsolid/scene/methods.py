@@ -1,15 +1,19 @@
 """Methods as a scene states them; a new method is one class more, told apart by its `kind`."""
 
-from typing import Literal
+from typing import ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from parsolid.scene.section import NotNegative, Positive, Section, by_kind, reject
+from parsolid.scene.method_settings import MethodSettings
+from parsolid.scene.mpm import MaterialPoint
+from parsolid.scene.section import ByKind, NotNegative, Positive, by_kind
 
 
-class TotalLagrangianSPH(Section):
+class TotalLagrangianSPH(MethodSettings):
     """Upwind total-Lagrangian smoothed particle hydrodynamics (Lee et al.)."""
 
+    materials: ClassVar = ("mooney-rivlin", "neo-hookean")
+    boundaries: ClassVar = ("fixed", "roller", "antisymmetric", "velocity", "traction")
     kind: Literal["tlsph"]
     kernel: Literal["wendland-c2", "cubic-spline", "quintic-spline"] = "wendland-c2"
     smoothing: Positive = Field(0.85, description="smoothing length over particle spacing, h/dx")
@@ -19,14 +23,12 @@ class TotalLagrangianSPH(Section):
     pair_correction: Literal["none", "closure"] = Field(
         "none", description='"closure" for irregular particles: weights under which a constant stress has no force inside'
     )
-    maximum_step: Positive | None = Field(None, description="the largest time step [s]")
-    minimum_step: Positive | None = Field(None, description="the time step [s] below which the run stops")
-
-    @model_validator(mode="after")
-    def _ordered(self) -> "TotalLagrangianSPH":
-        if self.maximum_step is not None and self.minimum_step is not None and self.minimum_step > self.maximum_step:
-            reject((("minimum_step",), f"at most maximum_step = {self.maximum_step:g}", self.minimum_step))
-        return self
 
 
-Method = by_kind(TotalLagrangianSPH)
+_SETTINGS = (TotalLagrangianSPH, MaterialPoint)
+Method = by_kind(*_SETTINGS)
+
+
+def settings_class(table: object) -> type[MethodSettings] | None:
+    """The class of a raw table's settings; None when it names no method."""
+    return ByKind(_SETTINGS).choose(table)

@@ -4,37 +4,57 @@ import json
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
 from parsolid.scene.bodies import Name
-from parsolid.scene.faults import NOTHING, Phrase
-from parsolid.scene.section import NotNegative, Point, Positive, Section, reject
+from parsolid.scene.faults import NOTHING, Phrase, suggestion
+from parsolid.scene.section import NotNegative, Point, Positive, Section, method_of, mismatch, reject
 from parsolid.scene.shapes import AxisName, ExistingFile
 
 HISTORY_COLUMNS = ("kinetic", "stored", "dissipation_internal", "dissipation_numerical", "work_external", "balance")
 
-ProbeField = Literal[
-    "displacement", "velocity", "position", "deformation_gradient", "stress", "first_piola_kirchhoff_stress", "pressure",
-    "jacobian", "twist",
-]  # fmt: skip
-ShownField = Literal[
-    "displacement", "velocity", "position", "deformation_gradient", "stress", "first_piola_kirchhoff_stress", "pressure",
-    "von_mises_stress", "jacobian", "rank",
-]  # fmt: skip
-ProbeQuantity = Literal["linear_momentum", "angular_momentum", "centre_of_mass", "minimum_jacobian", "maximum_speed"]
-_SCALARS = ("pressure", "jacobian", "twist", "minimum_jacobian", "maximum_speed")
-_TENSORS = ("deformation_gradient", "stress", "first_piola_kirchhoff_stress")
+# what every method shows, and how many components it has; methods name further ones
+FIELDS = {
+    "displacement": "vector", "velocity": "vector", "position": "vector", "deformation_gradient": "tensor", "stress": "tensor",
+    "first_piola_kirchhoff_stress": "tensor", "pressure": "scalar", "von_mises_stress": "scalar", "jacobian": "scalar",
+}  # fmt: skip
+_PROBE_FIELDS = FIELDS | {"twist": "scalar"}
+_SHOWN_FIELDS = FIELDS | {"rank": "scalar"}
+_QUANTITIES = {
+    "linear_momentum": "vector", "angular_momentum": "vector", "centre_of_mass": "vector", "minimum_jacobian": "scalar",
+    "maximum_speed": "scalar",
+}  # fmt: skip
 
 
-def component_names(field: str, dimension: int) -> list[str]:
+def _known_name(common: dict[str, str], more: str):
+    """Validator of a name that all methods know, or the scene's method by its table `more`."""
+
+    def check(value: str, info: ValidationInfo) -> str:
+        method = method_of(info)
+        known = common | (getattr(method, more) if method else {})
+        if value not in known and method:
+            raise mismatch(f"one of {', '.join(map(repr, known))}{suggestion(value, known)}", value)
+        return value
+
+    return AfterValidator(check)
+
+
+ProbeField = Annotated[str, _known_name(_PROBE_FIELDS, "extra_fields")]
+ShownField = Annotated[str, _known_name(_SHOWN_FIELDS, "extra_fields")]
+ProbeQuantity = Annotated[str, _known_name(_QUANTITIES, "extra_quantities")]
+
+
+def component_names(field: str, dimension: int, method=None) -> list[str]:
     """The history's names of a field's components: itself, with _x..., or with _xx, _xy... row by row.
 
-    The angular momentum has one component (about z) in 2-D.
+    method: the settings that name further fields. The angular momentum has one component (about z) in 2-D.
     """
-    axes = "xyz"[:dimension]
-    if field in _SCALARS or (field == "angular_momentum" and dimension == 2):
+    axes, kinds = "xyz"[:dimension], _PROBE_FIELDS | _QUANTITIES
+    if method is not None:
+        kinds = kinds | method.extra_fields | method.extra_quantities
+    if kinds[field] == "scalar" or (field == "angular_momentum" and dimension == 2):
         return [field]
-    if field in _TENSORS:
+    if kinds[field] == "tensor":
         return [f"{field}_{row}{column}" for row in axes for column in axes]
     return [f"{field}_{axis}" for axis in axes]
 
@@ -67,10 +87,10 @@ class Probe(Section):
         reject(*details)
         return self
 
-    def columns(self, dimension: int) -> list[str]:
-        """The columns of the history that the probe fills."""
+    def columns(self, dimension: int, method=None) -> list[str]:
+        """The columns of the history that the probe fills; method: the scene's settings of its method."""
         fields = self.fields if self.quantity is None else [self.quantity]
-        return [f"{self.name}.{column}" for field in fields for column in component_names(field, dimension)]
+        return [f"{self.name}.{column}" for field in fields for column in component_names(field, dimension, method)]
 
 
 class Output(Section):

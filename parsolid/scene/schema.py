@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError, ValidationInfo, field_validator
 
 from parsolid.scene.bodies import Body, FilledShape
 from parsolid.scene.boundaries import Boundary, Loads, PrescribedVelocity
@@ -13,14 +13,14 @@ from parsolid.scene.fillings import filling_of
 from parsolid.scene.lattice import Filling
 from parsolid.scene.methods import Method
 from parsolid.scene.observation import HISTORY_COLUMNS, Output, Probe, Reference
-from parsolid.scene.section import Plane, Positive, Section
+from parsolid.scene.section import Plane, Positive, Section, method_of, mismatch
 
 
 class Scene(Section):
     """Everything that a run needs to know, in SI units; made by `load_scene` or `parse_scene`."""
 
     title: str = ""
-    dimension: Literal[2, 3] = Field(description="2 (plane strain) or 3")
+    dimension: Literal[1, 2, 3] = Field(description="1, 2 or 3, as the method allows")
     end_time: Positive = Field(description="the simulated time [s]")
     method: Method = Field(description="a table with the key kind")
     bodies: Annotated[list[Body], Field(min_length=1)] = Field(description="at least one body")
@@ -29,6 +29,14 @@ class Scene(Section):
     probes: list[Probe] = []
     output: Output = Output()
     reference: Reference | None = None
+
+    @field_validator("dimension")
+    @classmethod
+    def _known_to_method(cls, dimension: int, info: ValidationInfo) -> int:
+        method = method_of(info)
+        if method and dimension not in method.dimensions:
+            raise mismatch(f"{' or '.join(map(str, method.dimensions))} with this method", dimension)
+        return dimension
 
     def resolved(self) -> dict[str, Any]:
         """The scene with its defaults, as plain tables that validate to the same scene."""
@@ -54,6 +62,7 @@ class Parts:
     boundaries: dict[int, Any]
     probes: dict[int, Probe]
     reference: Reference | None
+    method: Any
     complete: bool
     stated_bodies: int
 
@@ -81,7 +90,8 @@ class Parts:
         except ValidationError:
             reference = None
         stated = len(data["bodies"]) if isinstance(data.get("bodies"), list) else 0
-        return cls(dimension=context["dimension"], reference=reference, complete=complete, stated_bodies=stated, **lists)
+        here = {"dimension": context["dimension"], "method": context["method"], "reference": reference}
+        return cls(complete=complete, stated_bodies=stated, **here, **lists)
 
 
 def cross_faults(parts: Parts) -> list[str]:
@@ -169,9 +179,10 @@ def _distant_probes(parts: Parts, fillings: dict[int, Filling]) -> list[str]:
 
 
 def _reference_faults(parts: Parts) -> list[str]:
-    if parts.reference is None or parts.reference.columns is None or not parts.complete:
+    if parts.reference is None or parts.reference.columns is None or not parts.complete or parts.method is None:
         return []
-    known = list(HISTORY_COLUMNS) + [column for probe in parts.probes.values() for column in probe.columns(parts.dimension)]
+    known = [*HISTORY_COLUMNS, *parts.method.ledger_terms]
+    known += [column for probe in parts.probes.values() for column in probe.columns(parts.dimension, parts.method)]
     return [
         fault(("reference", "columns", column), f"a column of the history{suggestion(column, known)}", column)
         for column in parts.reference.columns

@@ -32,6 +32,11 @@ def dimension_of(info: ValidationInfo) -> int | None:
     return (info.context or {}).get("dimension")
 
 
+def method_of(info: ValidationInfo) -> type | None:
+    """The class of the scene's method while the scene is validated; None where it is not known (or itself at fault)."""
+    return (info.context or {}).get("method")
+
+
 class Section(BaseModel):
     """A table of a scene: unknown keys and implicit conversions are refused, and it cannot be changed.
 
@@ -77,9 +82,13 @@ class Section(BaseModel):
 
 
 class ByKind:
-    """Annotation of a field whose table's `kind` chooses one of several models."""
+    """Annotation of a field whose table's `kind` chooses one of several models.
 
-    def __init__(self, models: tuple[type[Section], ...]):
+    known: the attribute of a method's settings that lists the kinds which the method knows, "" where all will do.
+    """
+
+    def __init__(self, models: tuple[type[Section], ...], known: str = ""):
+        self.known = known
         self.models = {kind: model for model in models for kind in get_args(model.model_fields["kind"].annotation)}
 
     def __get_pydantic_core_schema__(self, source, handler):
@@ -90,12 +99,16 @@ class ByKind:
             return value
         if not isinstance(value, dict):
             raise mismatch("a table", value)
-        kinds = ", ".join(map(repr, self.models))
+        method = method_of(info)
+        allowed = [kind for kind in self.models if not (self.known and method) or kind in getattr(method, self.known)]
+        kinds = ", ".join(map(repr, allowed))
         if "kind" not in value:
             reject((("kind",), f"one of {kinds}", NOTHING))
         model = self.choose(value)
         if model is None:
-            reject((("kind",), f"one of {kinds}{suggestion(value['kind'], self.models)}", value["kind"]))
+            reject((("kind",), f"one of {kinds}{suggestion(value['kind'], allowed)}", value["kind"]))
+        if value["kind"] not in allowed:
+            reject((("kind",), f"one of {kinds}, which the method of the scene knows", value["kind"]))
         return model.model_validate(value, context=info.context)
 
     def choose(self, table: object) -> type[Section] | None:
@@ -104,9 +117,9 @@ class ByKind:
         return self.models.get(kind) if isinstance(kind, str) else None
 
 
-def by_kind(*models: type[Section]):
-    """The type of a field that holds one of the models; each has a literal field `kind`."""
-    return Annotated[Any, ByKind(models)]
+def by_kind(*models: type[Section], known: str = ""):
+    """The type of a field that holds one of the models; each has a literal field `kind`; known as in `ByKind`."""
+    return Annotated[Any, ByKind(models, known)]
 
 
 def _components(value: list, info: ValidationInfo) -> list:

@@ -62,7 +62,7 @@ every_dimension = pytest.mark.parametrize("dimension", [2, 3])
 def signs_of(sim):
     """(axis, coordinate, Q, R) of each plane of a simulation, matrices (d, d)."""
     d = sim.method.dimension
-    for plane in sim.boundaries.planes:
+    for plane in sim.method.boundaries.planes:
         R = np.eye(d)
         R[plane.axis, plane.axis] = -1.0
         yield plane.axis, plane.coordinate, {"roller": R, "fixed": -np.eye(d), "antisymmetric": -R}[plane.kind], R
@@ -110,7 +110,7 @@ def test_weights_are_antisymmetric_to_the_bit(body, dimension):
 @pytest.mark.parametrize("body", [name for name in BODIES if name not in ("box", "shell")])
 def test_weights_of_images_reflect_each_other(body, dimension):
     sim = BODIES[body](dimension)
-    mirror, images, R = sim.method.pairing.mirror, sim.method.pairing.images, sim.boundaries.codes.reflections
+    mirror, images, R = sim.method.pairing.mirror, sim.method.pairing.images, sim.method.boundaries.codes.reflections
     first = np.repeat(np.arange(sim.method.owned), np.diff(mirror.start))
     row = {key: k for k, key in enumerate(zip(first, mirror.neighbour, images.code))}
     both = [(k, row[b, a, c]) for (a, b, c), k in row.items() if (b, a, c) in row]
@@ -289,7 +289,7 @@ def test_ranks_share_what_one_computes(comm, dimension, mirrored):
         sim = simulation(data, where)
         set_random_state(sim)
         sim.method.table.owned_rows("velocity")[:] += random_of(sim.method.table.owned_rows("identifier"), dimension, seed=99) * (
-            sim.boundaries.clamp[:, :dimension] if mirrored else 1.0
+            sim.method.boundaries.clamp[:, :dimension] if mirrored else 1.0
         )
         found = evaluate(sim)
         order = np.argsort(np.concatenate(where.allgather(sim.cloud.identifier)))

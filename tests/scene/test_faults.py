@@ -57,7 +57,7 @@ BROKEN = {
         {"method.kernel": "cubic"},
         "method.kernel: expected 'wendland-c2', 'cubic-spline' or 'quintic-spline'.*found 'cubic'",
     ),
-    "dimension": ({"dimension": 1}, "dimension: expected 2 or 3, found 1"),
+    "dimension": ({"dimension": 1}, "dimension: expected 2 or 3 with this method, found 1"),
     "no bodies": ({"bodies": []}, "bodies: expected a list of at least 1, found"),
     "negative density": ({"bodies.0.material.density": -5.0}, "bodies.0.material.density: expected a number > 0, found -5.0"),
     "zero modulus": ({"bodies.0.material.youngs_modulus": 0.0}, "youngs_modulus: expected a number > 0, found 0.0"),

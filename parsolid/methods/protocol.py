@@ -1,0 +1,127 @@
+"""What the loop, the output and the reports ask of a method; a new method derives from `ParticleMethod`."""
+
+from typing import Any
+
+import numpy as np
+
+from parsolid.distribution import sort_for_speed
+from parsolid.laws import laws_of
+from parsolid.particles import FieldTable
+
+
+class ParticleMethod:
+    """A method on one rank; sizes are of this rank's owned particles, d = dimension.
+
+    Set by the method: comm, dimension, owned, table (`FieldTable`), mass (owned,) [kg] and share (owned,), the part of a particle's
+    mass on this side of mirror planes (tributary mass = mass share).
+    jumps: times [s] at which a step of length 0 is due, because loads jump; landings: times [s] at which a step must end;
+    evaluations: force evaluations a step; directed_pairs: interactions counted once a particle.
+    """
+
+    comm: Any
+    dimension: int
+    owned: int
+    table: FieldTable
+    mass: np.ndarray
+    share: np.ndarray
+    jumps: tuple[float, ...] = ()
+    landings: tuple[float, ...] = ()
+    evaluations: int = 1
+    directed_pairs: int = 0
+    communication_seconds: float = 0.0
+
+    @staticmethod
+    def sort(comm, scene, cloud) -> np.ndarray:
+        """Order (n,) in which the constructor wants this rank's particles; collective."""
+        return sort_for_speed(comm, cloud, laws_of(scene))
+
+    def __init__(self, comm, scene, cloud):
+        """Everything but the state; cloud: this rank's particles, sorted. Collective.
+
+        Raises SolverError on all ranks when the scene cannot be set up.
+        """
+        raise NotImplementedError
+
+    def begin(self, scene, cloud) -> None:
+        """Set the state at time 0; collective."""
+        raise NotImplementedError
+
+    def resume(self) -> None:
+        """Continue from fields that were put back into the table and from `set_state`; collective."""
+
+    def state(self) -> dict:
+        """What a restart needs besides the checkpointed fields, as JSON has it, the same on all ranks; collective."""
+        return {}
+
+    def set_state(self, state: dict) -> None:
+        """Take back what `state` gave, before `resume`."""
+
+    def stable_step(self) -> float:
+        """Largest step [s] of this rank's particles in the current state."""
+        raise NotImplementedError
+
+    def advance(self, time: float, step: float, ledger, announce) -> bool:
+        """One step from `time` [s]; False when the state is not sound (no longer a solid).
+
+        announce(sound, stable step [s] of this rank after the step) is called once, as early as these are known.
+        """
+        raise NotImplementedError
+
+    def energies(self) -> tuple[float, float]:
+        """Kinetic and stored energy [J] of this rank's particles."""
+        raise NotImplementedError
+
+    def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
+        """Values of particles first..last-1 of a field that is not in the table, (n,), (n, d) or (n, 3, 3); None if there is none.
+
+        Every method has deformation_gradient and first_piola_kirchhoff_stress or stress (Cauchy) [Pa].
+        """
+        raise NotImplementedError
+
+    def measure(self, name: str) -> tuple[str, np.ndarray]:
+        """"sum", "minimum" or "maximum", and this rank's part, of one of the settings' extra quantities."""
+        raise KeyError(name)
+
+    def unsound(self) -> tuple[int, str] | None:
+        """The rank's first particle that is not sound, and what is wrong with it."""
+        jacobian, velocity = self.table.owned_rows("jacobian"), self.table.owned_rows("velocity")
+        bad = ~(jacobian > 0.0) | ~np.isfinite(velocity).all(axis=1)
+        if not bad.any():
+            return None
+        index = int(np.argmax(bad))
+        what = f"the Jacobian is {jacobian[index]:.4g}, not positive: matter is turned inside out"
+        if not np.isfinite(jacobian[index]) or not np.isfinite(velocity[index]).all():
+            what = "a number is no longer finite"
+        return index, what
+
+    def advice(self) -> str:
+        """What most likely helps when a run goes wrong."""
+        return "more particles, or a milder load"
+
+    def numbers(self) -> dict[str, int]:
+        """Counts of this rank that `check` tells."""
+        return {}
+
+    def exchanged_records(self) -> dict[str, int]:
+        """Name and width (8-byte numbers) of what travels to other ranks and is no field."""
+        return {}
+
+    def arrays(self) -> list[np.ndarray]:
+        """Arrays that count as this rank's memory, besides those of the table."""
+        return []
+
+    def bytes_a_step(self) -> int:
+        """Bytes this rank sends in one step."""
+        return 0
+
+    def summary(self) -> dict:
+        """Further entries of summary.json; collective, the same on all ranks."""
+        return {}
+
+    @staticmethod
+    def small_scene(tables: dict) -> dict:
+        """Adapt the tables of a small scene whose kernels are compiled before the run."""
+        return tables
+
+    def warm(self) -> None:
+        """Compile what only runs on several ranks, or only when results are looked at."""
