@@ -6,6 +6,7 @@ from pydantic import Field
 
 from parsolid.scene.method_settings import MethodSettings
 from parsolid.scene.mpm import MaterialPoint
+from parsolid.scene.peridynamics import Peridynamics
 from parsolid.scene.section import ByKind, NotNegative, Positive, by_kind
 
 
@@ -25,7 +26,7 @@ class TotalLagrangianSPH(MethodSettings):
     )
 
 
-_SETTINGS = (TotalLagrangianSPH, MaterialPoint)
+_SETTINGS = (TotalLagrangianSPH, Peridynamics, MaterialPoint)
 Method = by_kind(*_SETTINGS)
 
 
