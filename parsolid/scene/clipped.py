@@ -9,6 +9,9 @@ from parsolid.scene.cloud import Cloud
 from parsolid.scene.lattice import Line, counted, jitter_offsets, numbers_and_spacings
 
 
+_HALVINGS = {"whole": 0, "half": 1, "quarter": 2}
+
+
 class ClippedFilling:
     """A solid cylinder, sphere or disc of lattice cells, the lattice centred on the shape.
 
@@ -22,6 +25,7 @@ class ClippedFilling:
         self.dimension = dimension
         shape = body.shape.model
         radius = shape.radius
+        self.halved = []
         if body.shape.kind == "sphere":
             self.lower, self.upper = np.array(shape.centre, float) - radius, np.array(shape.centre, float) + radius
             self.column_axis = dimension - 1
@@ -32,8 +36,11 @@ class ClippedFilling:
             self.lower, self.upper = np.array(shape.base, float) - radius, np.array(shape.base, float) + radius
             self.lower[self.column_axis] = shape.base[self.column_axis]
             self.upper[self.column_axis] = shape.base[self.column_axis] + shape.length
-            exact = math.pi * radius**2 * shape.length
             curved = 2
+            # planes of symmetry through the axis start the lattice there
+            self.halved = [i for i in range(dimension) if i != self.column_axis][: _HALVINGS[shape.part]]
+            self.lower[self.halved] = np.array(shape.base)[self.halved]
+            exact = math.pi * radius**2 * shape.length / 2 ** len(self.halved)
         numbers, spacings = numbers_and_spacings(body, dimension)
         self.lines = [Line.of(self.lower[i], self.upper[i], numbers[i], spacings[i], nodes=False) for i in range(dimension)]
         counted(self.lines)
@@ -51,7 +58,8 @@ class ClippedFilling:
         squared = np.zeros(self.cross_shape)
         for k, i in enumerate(self.across):
             line = self.lines[i]
-            distance = (np.arange(line.count) - 0.5 * (line.count - 1)) * line.step
+            middle = -0.5 if i in self.halved else 0.5 * (line.count - 1)
+            distance = (np.arange(line.count) - middle) * line.step
             squared += (distance**2).reshape([-1 if m == k else 1 for m in range(len(self.across))])
         inside = squared.ravel() < radius**2
         whole = self.lines[self.column_axis].count

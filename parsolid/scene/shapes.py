@@ -41,12 +41,16 @@ class Box(Section):
 
 
 class Cylinder(Section):
-    """A solid circular cylinder from the centre `base` of one end along `axis`; 3-D only."""
+    """A solid circular cylinder from the centre `base` of one end along `axis`; 3-D only.
+
+    part: "half" or "quarter" keep what is above the base's coordinate along the first or both of the other axes.
+    """
 
     base: Point = Field(description="the centre of the lower end [m]")
     axis: AxisName
     radius: Positive = Field(description="the radius [m]")
     length: Positive = Field(description="the length [m]")
+    part: Literal["whole", "half", "quarter"] = "whole"
 
 
 class CylindricalShell(Section):

@@ -43,6 +43,8 @@ FILLED = {
     "half ring": (2, {"cylindrical_shell": {**RING, "angles": [0.0, 180.0]}}, {"particles": [24, 3]}, TUBE_VOLUME / 8),
     "rod": (3, {"cylinder": ROD}, {"spacing": 0.2}, 5.0 * math.pi),
     "rod odd": (3, {"cylinder": ROD}, {"particles": [4, 9, 9], "jitter": 0.2}, 5.0 * math.pi),
+    "half rod": (3, {"cylinder": {**ROD, "part": "half"}}, {"spacing": 0.2}, 2.5 * math.pi),
+    "quarter rod": (3, {"cylinder": {**ROD, "part": "quarter"}}, {"spacing": 0.1}, 1.25 * math.pi),
     "ball": (3, {"sphere": {"centre": [1.0, 2.0, 3.0], "radius": 2.0}}, {"spacing": 0.3}, 32.0 / 3.0 * math.pi),
     "ball odd": (3, {"sphere": {"centre": [1.0, 2.0, 3.0], "radius": 2.0}}, {"particles": [9, 11, 13]}, 32.0 / 3.0 * math.pi),
     "disc": (2, {"sphere": {"centre": [1.0, 2.0], "radius": 2.0}}, {"spacing": 0.11}, 4.0 * math.pi),
@@ -272,3 +274,11 @@ def test_large_lattice_is_made_in_pieces_only(scene_of):
     assert huge.count == 64 * 10**9
     piece = huge.piece(huge.count - 10, huge.count)
     np.testing.assert_array_equal(piece.position[-1], [1.0, 3.0, 3.0])
+
+
+def test_four_quarters_are_a_whole_rod(scene_of, comm):
+    """A quarter has the whole rod's particles above both planes, with the same volumes."""
+    rods = {part: whole(scene_of(3, {"cylinder": {**ROD, "part": part}}, spacing=0.2), comm) for part in ("whole", "quarter")}
+    kept = (rods["whole"]["position"][:, 1] > 1.0) & (rods["whole"]["position"][:, 2] > 2.0)
+    np.testing.assert_allclose(rods["quarter"]["position"], rods["whole"]["position"][kept], atol=1e-12)
+    np.testing.assert_allclose(rods["quarter"]["volume"], rods["whole"]["volume"][kept], rtol=1e-12)
