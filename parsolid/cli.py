@@ -65,6 +65,7 @@ def build_parser(command: str) -> argparse.ArgumentParser:
     check = commands.add_parser("check", help="set a scene up and report its cost, without running it")
     _scene_arguments(check)
     bench = commands.add_parser("bench", help="measure the speed of the kernels on this machine")
+    bench.add_argument("--method", default=_BENCHES[0], choices=_BENCHES, help=f"the method (default {_BENCHES[0]})")
     bench.add_argument("--particles", type=_count, default=28000, metavar="N", help="about how many particles (default 28000)")
     bench.add_argument("--scaling", type=_count, metavar="N", help="also measure whole steps on all ranks with N particles")
     for name, (module, summary) in _MODULES.items():
@@ -74,6 +75,8 @@ def build_parser(command: str) -> argparse.ArgumentParser:
     return parser
 
 
+# modules of parsolid.bench
+_BENCHES = ("tlsph",)
 _PLOTTING = ("pyvista", "vtkmodules", "matplotlib")
 # commands of their own modules, imported only when they are asked for
 _MODULES = {
@@ -146,7 +149,7 @@ def _dispatch(comm, arguments: list[str]) -> int:
     if options.command == "bench":
         from parsolid.bench import bench
 
-        return bench(comm, options.particles, options.scaling)
+        return bench(comm, options.method, options.particles, options.scaling)
     from parsolid.run import check, run
 
     if options.command == "check" or options.dry_run:
