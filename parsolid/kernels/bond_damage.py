@@ -1,10 +1,11 @@
-"""Breaking of bonds: which have failed, what the particles lose with them, damage (see `bonds` for conventions).
+"""Breaking of bonds: which have failed or are crossed by a crack, what the particles lose with them (see `bonds` for conventions).
 
 Critical stretch: Silling and Askari, "A meshfree method based on the peridynamic model of solid mechanics", 2005, eqs (23)
 to (27). Critical bond energy: Foster, Silling and Chen, "An energy based failure criterion for use with peridynamic
 states", 2011, eq (11).
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -21,11 +22,12 @@ class Stretch(NamedTuple):
     resistance: np.ndarray
 
 
-class Intact(NamedTuple):
-    """What particles have left: shape (n, d, d) sum of weight xi (x) xi; family (n,) [m^3] volume of the neighbours bonded to."""
+class Patch(NamedTuple):
+    """A flat crack: the parallelogram of two edges (3,) [m] at a corner (3,) [m]."""
 
-    shape: np.ndarray
-    family: np.ndarray
+    corner: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
 
 
 @register_jitable
@@ -67,7 +69,7 @@ def fails(space, criterion, weight, images, k, kinematics, a, b):
 
 
 @njit(cache=True, error_model="numpy")
-def find_failed(space, pairs, images, criterion, kinematics, found):
+def find_failed(space, pairs, images, kinematics, criterion, found):
     """List the intact bonds that are to break as rows (particle a, pair k) of found (capacity, 2) int64; returns how many.
 
     When they are more than the capacity, the first that fit are listed.
@@ -102,59 +104,38 @@ def subtract_gradients(space, found, pairs, images, both, kinematics, column, gr
                     gradient[b, stride * j + i] -= term
 
 
-@njit(cache=True, error_model="numpy")
-def cut(space, found, pairs, images, both, kinematics, volume, intact):
-    """Break the listed bonds: their weight becomes 0 and `intact` (see `Intact`) loses their part; volume (n,) [m^3]."""
-    d = intact.shape.shape[1]
+@njit(cache=True)
+def cut(found, pairs):
+    """Break the listed bonds."""
     for row in range(len(found)):
-        a, k = found[row]
-        b = pairs.neighbour[k]
-        x = reference_bond(space, images, k, kinematics, a, b)
-        intact.family[a] -= volume[b]
-        if both is not None:
-            intact.family[b] -= volume[a]
-        for i in range(d):
-            for j in range(d):
-                term = pairs.weight[k] * x[i] * x[j]
-                intact.shape[a, i, j] -= term
-                if both is not None:
-                    intact.shape[b, i, j] -= term
-        pairs.weight[k] = 0.0
+        pairs.weight[found[row, 1]] = 0.0
 
 
-@njit(cache=True, error_model="numpy")
-def add_families(space, pairs, images, both, kinematics, volume, intact):
-    """Add what the intact bonds of a list give to `intact`."""
-    d = intact.shape.shape[1]
+@njit(cache=True)
+def add_families(pairs, both, chosen, volume, family):
+    """Add the volumes [m^3] of the neighbours that the chosen (n,) particles are still bonded to, to family (n,)."""
     for a in range(len(pairs.start) - 1):
         for k in range(pairs.start[a], pairs.start[a + 1]):
-            if pairs.weight[k] == 0.0:
-                continue
             b = pairs.neighbour[k]
-            x = reference_bond(space, images, k, kinematics, a, b)
-            intact.family[a] += volume[b]
-            if both is not None:
-                intact.family[b] += volume[a]
-            for i in range(d):
-                for j in range(d):
-                    term = pairs.weight[k] * x[i] * x[j]
-                    intact.shape[a, i, j] += term
-                    if both is not None:
-                        intact.shape[b, i, j] += term
+            if pairs.weight[k] != 0.0:
+                if chosen[a]:
+                    family[a] += volume[b]
+                if both is not None and chosen[b]:
+                    family[b] += volume[a]
 
 
 @njit(cache=True, error_model="numpy")
-def find_crossing(space, pairs, images, kinematics, axis, offset, lower, upper, found):
-    """List, as `find_failed`, the intact bonds that cross the plane X[axis] = offset within the box lower, upper (3,) [m]."""
+def find_crossing(space, pairs, images, kinematics, patch, found):
+    """List, as `find_failed`, the intact bonds that a crack crosses; through a mirror plane the crack's image counts too."""
     count = 0
     for a in range(len(pairs.start) - 1):
         for k in range(pairs.start[a], pairs.start[a + 1]):
             if pairs.weight[k] == 0.0:
                 continue
             b = pairs.neighbour[k]
-            crosses = _crosses(space, images, k, kinematics, a, b, axis, offset, lower, upper)
+            crosses = _crosses(space, images, k, kinematics, a, b, patch)
             if images is not None:
-                crosses = crosses or _crosses(space, images, k, kinematics, b, a, axis, offset, lower, upper)
+                crosses = crosses or _crosses(space, images, k, kinematics, b, a, patch)
             if crosses:
                 if count < len(found):
                     found[count, 0], found[count, 1] = a, k
@@ -163,16 +144,38 @@ def find_crossing(space, pairs, images, kinematics, axis, offset, lower, upper, 
 
 
 @register_jitable
-def _crosses(space, images, k, kinematics, a, b, axis, offset, lower, upper):
+def _dot(x, y):
+    return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
+
+
+@register_jitable
+def _cross(x, y):
+    return x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]
+
+
+@register_jitable
+def _beyond(part, slack, edge):
+    """Whether a place at `part` of an edge is off it by more than slack [m]."""
+    margin = slack / math.sqrt(_dot(edge, edge))
+    return part < -margin or part > 1.0 + margin
+
+
+@register_jitable
+def _crosses(space, images, k, kinematics, a, b, patch):
+    """Whether the bond from a cuts the patch."""
     A, B = place(space, None, k, kinematics, a), place(space, images, k, kinematics, b)
-    # what lies on an edge of the box, or on the plane, does so for both ends of the bond whatever their rounding
+    # what lies on an edge, or on the plane, does so for both ends of the bond whatever their rounding
     slack = 1e-9 * (abs(B[0] - A[0]) + abs(B[1] - A[1]) + abs(B[2] - A[2]))
-    before, after = A[axis] - offset + slack, B[axis] - offset + slack
+    normal = _cross(patch.first, patch.second)
+    area = math.sqrt(_dot(normal, normal))
+    from_corner = (A[0] - patch.corner[0], A[1] - patch.corner[1], A[2] - patch.corner[2])
+    bond = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
+    before = _dot(from_corner, normal) / area + slack
+    after = before + _dot(bond, normal) / area
     if (before < 0.0) == (after < 0.0):
         return False
     part = before / (before - after)
-    for i in range(3):
-        crossing = A[i] + part * (B[i] - A[i])
-        if i != axis and not lower[i] - slack <= crossing <= upper[i] + slack:
-            return False
-    return True
+    x = (from_corner[0] + part * bond[0], from_corner[1] + part * bond[1], from_corner[2] + part * bond[2])
+    first = _dot(_cross(x, patch.second), normal) / (area * area)
+    second = _dot(_cross(patch.first, x), normal) / (area * area)
+    return not (_beyond(first, slack, patch.first) or _beyond(second, slack, patch.second))

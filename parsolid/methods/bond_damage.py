@@ -1,17 +1,17 @@
-"""Damage of a rank's bonds: pre-cracks, failing bonds, dying particles, and the state of all that for a restart.
+"""Damage of a rank's bonds: pre-cracks, failing bonds, dying particles, and the bits of all that for a restart.
 
 Both ends of a bond decide alike (see `kernels.bonds`), so that nothing is sent but each particle's resistance, with its
 motion. A particle whose shape tensor has nearly degenerated, or that has lost most of its family, dies: it bears no stress from
-then on, and its remaining bonds break, on all ranks, at the next inspection.
+then on, and its remaining bonds break, on all ranks, at the next inspection. Which bonds are broken is all of the state:
+what else is here follows from it, to the bit.
 """
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from parsolid.kernels import bond_damage, bond_state
-from parsolid.kernels.bond_damage import Intact
 from parsolid.kernels.pairs import Images, PairList
 from parsolid.particles import Field
 from parsolid.together import maximum
@@ -27,24 +27,6 @@ class BondList(NamedTuple):
     both: bool | None
 
 
-@dataclass(frozen=True)
-class Crack:
-    """The part of the plane X[axis] = offset [m] within the box lower, upper (3,) [m]; bonds through it do not exist."""
-
-    axis: int
-    offset: float
-    lower: np.ndarray
-    upper: np.ndarray
-
-    def distance(self, positions: np.ndarray) -> np.ndarray:
-        """Distance (n,) [m] of points (n, d) from it."""
-        d = positions.shape[1]
-        lower, upper = self.lower[:d].copy(), self.upper[:d].copy()
-        lower[self.axis] = upper[self.axis] = self.offset
-        beyond = np.maximum(0.0, np.maximum(lower - positions, positions - upper))
-        return np.linalg.norm(beyond, axis=1)
-
-
 class Failed(NamedTuple):
     """Bonds that are to break: rows (particle, pair) for each list, and the owned particles that lose any."""
 
@@ -54,82 +36,62 @@ class Failed(NamedTuple):
 
 @dataclass(frozen=True)
 class Limits:
-    """When a particle dies: determinant of its shape tensor over that of a whole family; part of its family lost."""
+    """When a damaged particle dies: determinant of K over that of a whole family, and damage."""
 
     determinant: float
     damage: float
 
 
 class BondDamage:
-    """Bonds of one rank. Arrays: local = owned and ghosts; d = dimension.
+    """Damage on one rank; local = owned and ghosts.
 
-    resistance (local,) is the limit of the criterion, negative for the dead; exchanged with the motion by the method.
-    inverse_shape (local or owned, d, d) is kept up to date for particles that lose bonds.
+    resistance (local,): the limit of the criterion, negative for the dead; to be exchanged with the motion.
+    damage (owned,): share of the family's volume that a particle is no longer bonded to.
     """
 
-    def __init__(self, comm, space, lists: list[BondList], kinematics, volume, identifier, body, owned, limits: Limits):
-        """kinematics, volume, identifier: local rows; body (owned,). Collective."""
-        self.comm, self.space, self.lists, self.kinematics = comm, space, lists, kinematics
-        self.volume, self.identifier, self.owned, self.limits = volume, identifier, owned, limits
-        self.dimension = d = space.dimension
-        self.intact = Intact(np.zeros((owned, d, d)), np.zeros(owned))
-        for pairs, images, both in lists:
-            bond_damage.add_families(space, pairs, images, both, kinematics, volume, self.intact)
-        self.family = self.intact.family.copy()
-        self.whole = _largest_of_body(comm, np.linalg.det(self.intact.shape), body)
-        self.damage = np.zeros(owned)
-        self.resistance = np.zeros(len(volume))
-        self.words = np.zeros((owned, self._words()), np.int64)
-        self._room = [np.empty((64, 2), np.int64) for _ in lists]
+    def __init__(self, comm, space, bonding, kinematics, body, resistance, limits: Limits):
+        """bonding: `bonding.Bonding`; body (owned,); resistance (owned,) of particles as they are made. Collective."""
+        self.comm, self.space, self.bonding, self.kinematics, self.limits = comm, space, bonding, kinematics, limits
+        self.lists = [BondList(pairs, images, True if both else None) for pairs, images, both, *_ in bonding.lists()]
+        self.owned, local = bonding.owned, len(bonding.volume)
+        self.whole = _largest_of_body(comm, bonding.determinant, body)
+        self.damage, self.resistance = np.zeros(self.owned), np.zeros(local)
+        self.resistance[: self.owned] = resistance
+        bonding.halo.update([self.resistance])
+        self.family = self._families(np.arange(self.owned))
+        self.words = np.zeros((self.owned, self._word_count()), np.int64)
+        self._room = [np.empty((64, 2), np.int64) for _ in self.lists]
 
-    def _words(self) -> int:
+    def _word_count(self) -> int:
         """Words of bits a particle, for the largest family on any rank."""
         count = np.zeros(self.owned, np.int64)
-        slot = self._slots(np.arange(self.owned))
-        for pairs, _, both in self.lists:
-            bond_state.count_neighbours(pairs, both, slot, count)
+        self._count(self._slots(np.arange(self.owned)), count)
         return -(-int(maximum(self.comm, int(count.max(initial=1)))) // bond_state.BITS)
 
     def declare(self, table) -> None:
         """Add the fields that a restart needs, and the damage."""
-        d = self.dimension
-        table.add(Field("damage", 1, "1", evolved=True, checkpointed=True, shown=True), self.damage)
-        table.add(Field("resistance", 1, "1", evolved=True, exchanged=True, checkpointed=True), self.resistance)
-        shape = self.intact.shape.reshape(self.owned, d * d)
-        table.add(Field("intact_shape", d * d, f"m^{3 * d + 2 - d}", evolved=True, checkpointed=True), shape)
-        table.add(Field("intact_family", 1, "m^3", evolved=True, checkpointed=True), self.intact.family)
+        table.add(Field("damage", 1, "1", evolved=True, shown=True), self.damage)
+        table.add(Field("resistance", 1, "1", evolved=True, exchanged=True), self.resistance)
         table.add(Field("broken_bonds", self.words.shape[1], "bits", evolved=True, checkpointed=True), self.words)
 
-    def introduce(self, cracks: list[Crack]) -> np.ndarray:
-        """Break the bonds that cross cracks; returns the owned particles that lose any."""
-        touched = [np.empty(0, np.int64)]
-        for crack in cracks:
-            where = (crack.axis, crack.offset, crack.lower, crack.upper)
-            failed = self._collect(
-                lambda pairs, images, room: bond_damage.find_crossing(
-                    self.space, pairs, images, self.kinematics, *where, room
-                )
-            )
+    def introduce(self, patches: list) -> None:
+        """Break the bonds that cross cracks, `kernels.bond_damage.Patch`."""
+        for patch in patches:
+            failed = self._collect(bond_damage.find_crossing, patch)
             if failed is not None:
                 self.cut(failed)
-                touched.append(failed.particles)
-        return np.unique(np.concatenate(touched))
 
     def inspect(self, criterion) -> Failed | None:
         """The bonds that fail a criterion (see `kernels.bond_damage`); None when there are none on this rank."""
-        return self._collect(
-            lambda pairs, images, room: bond_damage.find_failed(
-                self.space, pairs, images, criterion, self.kinematics, room
-            )
-        )
+        return self._collect(bond_damage.find_failed, criterion)
 
-    def _collect(self, find) -> Failed | None:
+    def _collect(self, find, what) -> Failed | None:
         rows, touched = [], []
         for number, (pairs, images, both) in enumerate(self.lists):
-            count = find(pairs, images, self._room[number])
+            count = find(self.space, pairs, images, self.kinematics, what, self._room[number])
             if count > len(self._room[number]):
                 self._room[number] = np.empty((2 * count, 2), np.int64)
-                find(pairs, images, self._room[number])
+                find(self.space, pairs, images, self.kinematics, what, self._room[number])
             rows.append(self._room[number][:count])
             touched.append(rows[-1][:, 0])
             if both is not None:
@@ -138,51 +100,51 @@ class BondDamage:
         return Failed(rows, particles) if len(particles) else None
 
     def subtract(self, failed: Failed, column: int, gradient: np.ndarray) -> None:
-        """Take bonds out of gradient sums of the field in columns `column`..., before they are cut."""
+        """Take bonds out of gradient sums of the field in columns `column`... of the kinematics, before they are cut."""
         for found, (pairs, images, both) in zip(failed.rows, self.lists):
             bond_damage.subtract_gradients(
                 self.space, found, pairs, images, both, self.kinematics, column, gradient
             )
 
     def cut(self, failed: Failed) -> None:
-        """Break bonds and let particles die of it."""
-        for found, (pairs, images, both) in zip(failed.rows, self.lists):
-            bond_damage.cut(self.space, found, pairs, images, both, self.kinematics, self.volume, self.intact)
-        touched = failed.particles
-        self.damage[touched] = np.clip(1.0 - self.intact.family[touched] / self.family[touched], 0.0, 1.0)
-        determinant = np.linalg.det(self.intact.shape[touched])
-        dies = determinant < self.limits.determinant * self.whole[touched]
-        dies |= self.damage[touched] > self.limits.damage
-        self.resistance[touched[dies]] = _DEAD
+        """Break bonds, let particles die of it, and bring the shape tensors up to date."""
+        for found, bonds in zip(failed.rows, self.lists):
+            bond_damage.cut(found, bonds.pairs)
+        self._refresh(failed.particles)
 
-    def inverse_shape(self, particles: np.ndarray) -> np.ndarray:
-        """K^{-1} / V (n, d, d) of owned particles over their intact bonds; 0 for the dead."""
-        result = np.zeros((len(particles), self.dimension, self.dimension))
-        alive = self.resistance[particles] >= 0.0
-        result[alive] = np.linalg.inv(self.intact.shape[particles[alive]])
-        return result
+    def _refresh(self, particles: np.ndarray) -> None:
+        """What follows from the bonds of some owned particles, and the shape tensors of all."""
+        self.bonding.refresh_shape()
+        self.damage[particles] = 1.0 - self._families(particles) / self.family[particles]
+        dies = self.bonding.determinant[particles] < self.limits.determinant * self.whole[particles]
+        dies |= self.damage[particles] > self.limits.damage
+        self.resistance[particles[dies]] = _DEAD
+        self.bonding.inverse_shape[self.resistance[: self.owned] < 0.0] = 0.0
+
+    def _families(self, particles: np.ndarray) -> np.ndarray:
+        """Volume [m^3] of the neighbours that owned particles are bonded to, summed in an order that never changes."""
+        chosen, family = np.zeros(len(self.resistance), bool), np.zeros(len(self.resistance))
+        chosen[particles] = True
+        for pairs, _, both in self.lists:
+            bond_damage.add_families(pairs, both, chosen, self.bonding.volume, family)
+        return family[particles]
 
     # --- for a restart ----------------------------------------------------------------------------------------
 
-    def damaged(self) -> np.ndarray:
-        """Owned particles that have lost bonds."""
-        return np.flatnonzero(self.intact.family != self.family)
-
     def pack(self) -> None:
         """Bring the bits of all broken bonds up to date, for a checkpoint."""
-        particles = self.damaged()
+        particles = np.flatnonzero(self.damage > 0.0)
         start, source = self._neighbourhoods(particles)
         broken = np.zeros(len(source), bool)
         for number, bonds in enumerate(self.lists):
             mine = source[:, 0] == number
             broken[mine] = bonds.pairs.weight[source[mine, 1]] == 0.0
-        self.words[:] = 0
         words = np.zeros((len(particles), self.words.shape[1]), np.int64)
         bond_state.write_bits(start, broken, words)
         self.words[particles] = words
 
-    def unpack(self) -> np.ndarray:
-        """Break the bonds whose bits are set, after the fields were put back; returns the owned particles that have any."""
+    def unpack(self) -> None:
+        """Break the bonds whose bits are set, after the words were put back; collective."""
         particles = np.flatnonzero(self.words.any(axis=1))
         start, source = self._neighbourhoods(particles)
         broken = np.zeros(len(source), bool)
@@ -190,22 +152,27 @@ class BondDamage:
         for number, bonds in enumerate(self.lists):
             mine = broken & (source[:, 0] == number)
             bonds.pairs.weight[source[mine, 1]] = 0.0
-        return particles
+        self._refresh(particles)
+        self.bonding.halo.update([self.resistance])
 
     def _slots(self, particles: np.ndarray) -> np.ndarray:
-        slot = np.full(len(self.volume), -1, np.int64)
+        slot = np.full(len(self.resistance), -1, np.int64)
         slot[particles] = np.arange(len(particles))
         return slot
+
+    def _count(self, slot: np.ndarray, count: np.ndarray) -> None:
+        for pairs, _, both in self.lists:
+            bond_state.count_neighbours(pairs, both, slot, count)
 
     def _neighbourhoods(self, particles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Neighbours of some particles in the order of the bits: row starts (n + 1,), sources (m, 2) list and pair."""
         slot, count = self._slots(particles), np.zeros(len(particles), np.int64)
-        for pairs, _, both in self.lists:
-            bond_state.count_neighbours(pairs, both, slot, count)
+        self._count(slot, count)
         start = np.concatenate(([0], np.cumsum(count)))
         key, source, cursor = np.empty(start[-1], np.int64), np.empty((start[-1], 2), np.int64), start[:-1].copy()
+        identifier = self.bonding.identifier
         for number, (pairs, images, both) in enumerate(self.lists):
-            bond_state.list_neighbours(pairs, images, both, number, slot, self.identifier, cursor, key, source)
+            bond_state.list_neighbours(pairs, images, both, number, slot, identifier, cursor, key, source)
         bond_state.sort_neighbours(start, key, source)
         return start, source
 

@@ -36,16 +36,35 @@ class BondedBody:
         self.kinematics = np.zeros((len(self.positions), {2: 8, 3: 12}[dimension]))
         self.place = {2: 4, 3: 8}[dimension]
         self.kinematics[:, self.place : self.place + dimension] = self.positions
-        self.lists = [self._direct(True)]
+        self.bonds = [self._direct(True)]
         if halo.ghosts:
-            self.lists.append(self._direct(False))
+            self.bonds.append(self._direct(False))
         if mirror:
-            self.lists.append(self._mirrored(kind))
+            self.bonds.append(self._mirrored(kind))
         self.space = LAYOUT[dimension]
-        self.damage = BondDamage(
-            comm, self.space, self.lists, self.kinematics, self.volume, self.identifier, np.zeros(self.owned, np.int64),
-            self.owned, limits,
-        )  # fmt: skip
+        self.refresh_shape()
+        body = np.zeros(self.owned, np.int64)
+        self.damage = BondDamage(comm, self.space, self, self.kinematics, body, np.ones(self.owned), limits)
+
+    def lists(self):
+        """As `Bonding.lists`."""
+        return [(pairs, images, bool(both)) for pairs, images, both in self.bonds]
+
+    def refresh_shape(self) -> None:
+        """K (owned, d, d) by loops, its determinant and its inverse."""
+        shape = np.zeros((len(self.positions), self.dimension, self.dimension))
+        for pairs, images, both in self.bonds:
+            row = np.repeat(np.arange(self.owned), np.diff(pairs.start))
+            end = self.positions[pairs.neighbour].copy()
+            if images is not None:
+                end[:, 1] *= -1.0
+            x = end - self.positions[row]
+            terms = pairs.weight[:, None, None] * x[:, :, None] * x[:, None, :]
+            np.add.at(shape, row, terms)
+            if both:
+                np.add.at(shape, pairs.neighbour, terms)
+        self.shape = shape[: self.owned] / self.volume[: self.owned, None, None]
+        self.determinant, self.inverse_shape = np.linalg.det(self.shape), np.linalg.pinv(self.shape)
 
     def _direct(self, inner: bool) -> BondList:
         start, neighbour = half_pairs(self.positions, self.owned, REACH)
@@ -79,7 +98,7 @@ class BondedBody:
     def directed(self) -> dict[tuple[int, int, bool], float]:
         """All bonds of all ranks: (identifier, identifier of the neighbour, is it an image) -> weight."""
         result = {}
-        for pairs, images, both in self.lists:
+        for pairs, images, both in self.bonds:
             row = np.repeat(np.arange(self.owned), np.diff(pairs.start))
             for a, b, weight in zip(row, pairs.neighbour, pairs.weight):
                 ends = (int(self.identifier[a]), int(self.identifier[b]))

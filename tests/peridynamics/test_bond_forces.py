@@ -19,7 +19,7 @@ def forces(body):
     d = body.dimension
     c = 2.0 + 0.1 * body.identifier
     force, energy = np.zeros((len(body.positions), 8)), 0.0
-    for pairs, images, both in body.lists:
+    for pairs, images, both in body.bonds:
         add_bond_forces(body.space, 0, body.owned, pairs, images, both, c, body.kinematics, force)
         energy += bond_energy(body.space, pairs, images, both, c, body.kinematics)
     return force[: body.owned, :d], body.comm.allreduce(energy)
@@ -69,7 +69,7 @@ def test_broken_bonds_take_their_energy_with_them(comm, dimension, mirror):
     body.damage.resistance[:] = 0.1
     failed, released = body.damage.inspect(Stretch(body.damage.resistance)), 0.0
     if failed is not None:
-        for found, (pairs, images, both) in zip(failed.rows, body.lists):
+        for found, (pairs, images, both) in zip(failed.rows, body.bonds):
             released += listed_bond_energy(body.space, found, pairs, images, both, c, body.kinematics)
         body.damage.cut(failed)
     released = comm.allreduce(released)
@@ -83,7 +83,7 @@ def test_uniform_stretch_stores_the_energy_of_the_micromodulus(comm):
     body.displace(lambda X: 0.01 * X)
     _, energy = forces(body)
     expected = 0.0
-    for pairs, _, both in body.lists:
+    for pairs, _, both in body.bonds:
         row = np.repeat(np.arange(body.owned), np.diff(pairs.start))
         distance = np.linalg.norm(body.positions[pairs.neighbour] - body.positions[row], axis=1)
         c = 2.0 + 0.05 * (body.identifier[row] + body.identifier[pairs.neighbour])
