@@ -44,7 +44,7 @@ def choose(condition, yes, no):
     return yes if condition > 0.0 else no
 
 
-@overload(choose, inline="always")
+@overload(choose)
 def _choose(condition, yes, no):
     if isinstance(condition, LanesType):
         return lambda condition, yes, no: _select(condition, yes, no)
@@ -67,7 +67,7 @@ def some_positive(value):
     return value > 0.0
 
 
-@overload(some_positive, inline="always")
+@overload(some_positive)
 def _some_positive(value):
     if isinstance(value, LanesType):
         return lambda value: _any_positive(value)
