@@ -17,7 +17,9 @@ _INNER = 0.9
 # of a residual, what conjugate gradients leave when the problem is not linear and will be linearised again
 _FORCING = 0.02
 _PASSES, _HALVINGS = 50, 8
-_RELAXATION_LIMIT, _HEAVIER = 100_000, 6
+_HEAVIER = 6
+# root of the rounding error
+_DIFFERENCE = 1.5e-8
 
 
 class Balance(NamedTuple):
@@ -39,12 +41,15 @@ class Balance(NamedTuple):
 class QuasiStatic:
     """Solves material steps on one rank; all methods are collective.
 
-    operator: force(u, out, step), linear(u, du, out, step), free (n, d), mass (n,), identifier (n,), is_linear.
-    settings: solver, tolerance, extrapolation (0: from the last state, 1: last increment, 2: last two), iteration_limit.
     """
 
-    def __init__(self, comm, operator, settings):
-        self.comm, self.operator, self.settings = comm, operator, settings
+    def __init__(self, comm, operator, identifier: np.ndarray, settings, is_linear: bool = True):
+        """operator: see `peridynamic_operator.Operator`; identifier (n,) of particles; settings: `scene.peridynamics.QuasiStatic`.
+
+        is_linear: whether the force depends linearly on the displacement.
+        """
+        self.comm, self.operator, self.identifier = comm, operator, identifier
+        self.settings, self.is_linear = settings, is_linear
         self.largest_load, self.fault = 0.0, ""
         # times [s] of the states that `earlier` holds, newest first, since loads jumped last
         self.times: list[float] = []
@@ -57,25 +62,26 @@ class QuasiStatic:
     def solve(self, start: np.ndarray, external: np.ndarray, step: float) -> Balance:
         """Balance at the end of a step [s] under external forces (n, d) [N], from a first guess with prescribed values in place.
 
-        Where it is not `reached`, `fault` says why.
+        Where it is not `reached`, `fault` says why. The step is begun here and ended by the operator's `commit`.
         """
-        self.fault, count = "", self.iterations
+        self.fault, count, self.step = "", self.iterations, step
+        self.operator.begin(step)
         improve = self._relaxed if self.settings.solver == "dynamic-relaxation" else self._corrected
-        balance = self._balance(start, external, step)
+        balance = self._balance(start, external)
         for _ in range(_PASSES):
             if balance.reached or self.fault:
                 break
-            balance = improve(balance, external, step)
+            balance = improve(balance, external)
         else:
             self.fault = f"no balance after {_PASSES} passes"
         self.largest_load = max(self.largest_load, balance.reference)
         self.most_iterations = max(self.most_iterations, self.iterations - count)
         return balance
 
-    def _balance(self, u: np.ndarray, external: np.ndarray, step: float) -> Balance:
+    def _balance(self, u: np.ndarray, external: np.ndarray) -> Balance:
         """What is left over at a displacement: one force evaluation."""
         internal, free = np.empty_like(u), self.operator.free
-        self.operator.force(u, internal, step)
+        self.operator.force(u, internal)
         self.iterations += 1
         residual = (internal + external) * free
         squares = [_square(external), _square(internal[~free]), _square(residual)]
@@ -85,57 +91,65 @@ class QuasiStatic:
         target = self.settings.tolerance * max(self.largest_load, reference)
         return Balance(u, internal, residual, float(norm), float(target), float(reference))
 
-    def _corrected(self, balance: Balance, external: np.ndarray, step: float) -> Balance:
+    def _corrected(self, balance: Balance, external: np.ndarray) -> Balance:
         """Newton's correction by conjugate gradients; the whole of it where the problem is linear."""
-        operator, limit = self.operator, self.settings.iteration_limit
-        inner = _INNER * balance.target
-        if not operator.is_linear:
-            inner = max(inner, _FORCING * balance.norm)
-        solution = conjugate_gradients(
-            self.comm, lambda du, out: operator.linear(balance.displacement, du, out, step),
-            balance.residual, inner, operator.free, limit,
-        )  # fmt: skip
+        operator, target, apply = self.operator, _INNER * balance.target, self.operator.apply
+        if not self.is_linear:
+            target, apply = max(target, _FORCING * balance.norm), self._tangent(balance)
+        solution = conjugate_gradients(self.comm, apply, balance.residual, target, operator.free, self.settings.most_iterations)
         self.iterations += solution.iterations
         if not solution.converged:
             self.fault = f"conjugate gradients: {solution.reason}"
             return balance
         factor = 1.0
         for _ in range(_HALVINGS):
-            trial = self._balance(balance.displacement + factor * solution.value, external, step)
-            if operator.is_linear or trial.norm < balance.norm:
+            trial = self._balance(balance.displacement + factor * solution.value, external)
+            if self.is_linear or trial.norm < balance.norm:
                 return trial
             factor *= 0.5
         self.fault = "Newton's method: no shorter step reduces what is not balanced"
         return balance
 
-    def _relaxed(self, balance: Balance, external: np.ndarray, step: float) -> Balance:
+    def _tangent(self, balance: Balance):
+        """K du = -dF by a difference of forces; its step is where rounding and curvature err alike."""
+        size = _norm(self.comm, balance.displacement)
+
+        def apply(du, out):
+            length = _norm(self.comm, du)
+            change = _DIFFERENCE * max(size, length) / length
+            self.operator.force(balance.displacement + change * du, out)
+            np.subtract(balance.internal, out, out=out)
+            out /= change
+
+        return apply
+
+    def _relaxed(self, balance: Balance, external: np.ndarray) -> Balance:
         """Dynamic relaxation; with larger masses where the stiffness grows on the way and the motion diverges."""
-        operator, limit = self.operator, self.settings.iteration_limit or _RELAXATION_LIMIT
+        operator = self.operator
 
         def force(displacement, out):
-            operator.force(displacement, out, step)
+            operator.force(displacement, out)
             out += external
 
-        mass = self._mass(balance.displacement, step)
-        for _ in range(1 if operator.is_linear else _HEAVIER):
-            solution = dynamic_relaxation(self.comm, force, balance.displacement, mass, balance.target, operator.free, limit)
+        mass = self._mass()
+        for _ in range(1 if self.is_linear else _HEAVIER):
+            solution = dynamic_relaxation(
+                self.comm, force, balance.displacement, mass, balance.target, operator.free, self.settings.most_iterations
+            )
             self.iterations += solution.iterations
             if solution.converged:
-                return self._balance(solution.value, external, step)
+                return self._balance(solution.value, external)
             mass = 4.0 * mass
         self.fault = f"dynamic relaxation: {solution.reason}"
         return balance
 
-    def _mass(self, u: np.ndarray, step: float) -> np.ndarray:
-        """Fictitious masses for the stiffness of a step of that length, from a power iteration the first time."""
-        key = float(f"{step:.6e}")
+    def _mass(self) -> np.ndarray:
+        """Fictitious masses for the stiffness of a step of this length, from a power iteration the first time."""
+        key = float(f"{self.step:.6e}")
         if key not in self._fictitious:
-            operator = self.operator
-            start = start_vector(operator.identifier, u.shape[1])
-            largest = largest_eigenvalue(
-                self.comm, lambda du, out: operator.linear(u, du, out, step), start, operator.mass, operator.free
-            )
-            self._fictitious[key] = relaxation_mass(largest, operator.mass)
+            mass, start = self.operator.mass, start_vector(self.identifier, self.operator.free.shape[1])
+            largest = largest_eigenvalue(self.comm, self.operator.apply, start, mass, self.operator.free)
+            self._fictitious[key] = relaxation_mass(largest, mass)
         return self._fictitious[key]
 
     def stiffness_changed(self) -> None:
@@ -189,6 +203,11 @@ def lagrange_weights(times, time: float) -> list[float]:
     return [
         float(np.prod([(time - other) / (own - other) for k, other in enumerate(times) if k != i])) for i, own in enumerate(times)
     ]
+
+
+def _norm(comm, values: np.ndarray) -> float:
+    """The 2-norm over all ranks."""
+    return float(np.sqrt(sums(comm, [_square(values)])[0]))
 
 
 def _square(values: np.ndarray) -> float:

@@ -55,14 +55,14 @@ class QuasiStatic(Section):
 
     step           the material step [s]; further steps end at load jumps, each followed by a step of length zero
     tolerance      residual over the largest load (or reaction) met so far
-    extrapolation  start every solution from the last increment
+    extrapolation  order of the polynomial through earlier states at which a solution starts: 0 the last state, 1 the last increment
     """
 
     kind: Literal["quasi-static"]
     step: Positive = Field(description="the material step [s]")
     solver: Literal["conjugate-gradients", "dynamic-relaxation"] = "conjugate-gradients"
     tolerance: float = Field(1e-8, gt=0, lt=1, description="residual over the largest load met so far")
-    extrapolation: bool = True
+    extrapolation: Annotated[int, Field(ge=0, le=3)] = Field(2, description="order of extrapolation from earlier states, 0 to 3")
     most_iterations: Annotated[int, Field(ge=1)] = Field(100_000, description="iterations after which a solution has failed")
 
 
@@ -137,6 +137,8 @@ class Peridynamics(MethodSettings):
     horizon_ratio  m: the horizon is (m + 0.015) times the particle spacing
     influence      w(|xi|/horizon), 1 at |xi| = 0
     plane          of a 2-D scene: "stress" or "strain" (strain unless given); lengths per metre of thickness
+    initial_state  how the bodies' initial displacement came about: "instantaneous", just before the start, with nothing relaxed
+                   yet, or "relaxed", held for ever
     """
 
     dimensions: ClassVar = (1, 2, 3)
@@ -147,6 +149,7 @@ class Peridynamics(MethodSettings):
     horizon_ratio: float = Field(3.0, ge=1, le=30, description="horizon over particle spacing, from 1 to 30")
     influence: Literal["constant", "linear", "cubic-spline"] = "constant"
     plane: Literal["stress", "strain"] | None = Field(None, description="'stress' or 'strain' of a 2-D scene")
+    initial_state: Literal["instantaneous", "relaxed"] = "instantaneous"
     stabilisation: Stabilisation = Stabilisation()
     solution: by_kind(Explicit, QuasiStatic) = Explicit(kind="explicit")
     damage: Damage | None = None
