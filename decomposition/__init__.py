@@ -4,6 +4,7 @@
     migration    migrate: hand rows of arrays to their new owners
     neighbours   order_along_cells, half_pairs: cell-list search
     halo         Halo, Exchange: ghost layers, owner -> ghost and ghost -> owner
+    grid         RankGrid, Mirror: cells owned by ranks, nodes shared between them, particles handed over by cell
     reduction    sums, ordered_sum, MinimumAhead
 
 No rank ever holds all points. Every result has the same order, to the bit, for the same input on the same ranks.
@@ -19,6 +20,8 @@ _HOME = {
     "half_pairs": "neighbours",
     "Halo": "halo",
     "Exchange": "halo",
+    "RankGrid": "grid",
+    "Mirror": "occupied",
     "sums": "reduction",
     "ordered_sum": "reduction",
     "MinimumAhead": "reduction",

@@ -1,0 +1,202 @@
+"""A background grid over many ranks: ranks own cells and the particles in them, and share the nodes between their cells.
+
+Each rank sums what its own particles give to the nodes; `NodeSum` adds these partial sums of all ranks that have a node, in
+the order of ranks, so that all of them go on with the same numbers. There are no ghost particles.
+"""
+
+import numpy as np
+from mpi4py import MPI
+
+from .cell_partition import CellPartition, balanced
+from .migration import migrate
+from .node_sum import CellSum, NodeSum, Sharing
+from .occupied import Mirror, OccupiedCells, reflected, words
+
+_PARTICLES_TAG, _OFFER_TAG, _SUM_TAG = 21, 22, 23
+# cells without particles are forgotten when they are this many times as many as the others
+_TOO_MANY_EMPTY, _ALWAYS_KEPT = 1.0, 64
+
+
+class RankGrid:
+    """The cells of one rank (`cells`, see `OccupiedCells`) and what it shares with others. Every call but `sum` is collective.
+
+    The particles are an object with `owned`, their number, and the methods
+
+        bases() -> (capacity, d)        cell index of each particle at its present place
+        names() -> (capacity,) int64    numbers that tell particles apart, the same on any number of ranks
+        packed(rows) -> (n, c) float64  all there is to know of some particles
+        remove(rows), insert(packed)    forget particles, take in others
+
+    bitwise: sums have the same bits on any number of ranks: particles are added in the order of their names, cells in
+    lexicographic order, and whole cells travel instead of nodes.
+    """
+
+    def __init__(self, comm, dimension: int, width: int, mirrors: tuple[Mirror, ...] = (), bitwise: bool = False):
+        """dimension 2 or 3; width: nodes of a stencil along one direction; mirrors: planes that the grid is folded at."""
+        self.comm, self.dimension, self.bitwise = comm, dimension, bitwise
+        self.cells = OccupiedCells(dimension, width, tuple(mirrors))
+        self.sharing = Sharing([], [], [], [])
+        self.migrated = 0
+        self._adopt(CellPartition.whole(dimension))
+
+    def _adopt(self, partition: CellPartition) -> None:
+        self.partition = partition
+        # a particle crosses less than one cell a step, a stencil reaches width - 1 cells
+        self.neighbours = partition.neighbours(self.comm.rank, self.cells.width)
+        self._offered_version, self._known_nodes = -1, 0
+        self._pairs = np.zeros((0, 2), np.int64)
+        self._offers = {rank: (np.zeros(0, np.int64), np.zeros(0, np.int64)) for rank in self.neighbours}
+        self._theirs = dict(self._offers)
+
+    @property
+    def version(self) -> tuple[int, int]:
+        """Changes whenever cells, nodes or what is shared change: then stencils and sums must be fetched anew."""
+        return self.cells.version, self.sharing.version
+
+    def deal_out(self, particles, partition: CellPartition | None = None) -> bool:
+        """Give every particle to the owner of its cell under a partition, or under a balanced one; then `settle`."""
+        bases = np.array(particles.bases()[: particles.owned], np.int64)
+        inside = np.isfinite(bases).all(axis=1)
+        if partition is None:
+            self.cells.compact()
+            cells, counts = np.unique(bases[inside], axis=0, return_counts=True)
+            # what a cell costs beside its particles: its nodes are added and read once
+            partition = balanced(self.comm, cells, counts + 1)
+        if self.comm.size > 1:
+            owner = partition.owners(bases)
+            leaving = np.flatnonzero(owner != self.comm.rank)
+            moved = migrate(self.comm, owner[leaving], {"rows": particles.packed(leaving)})["rows"]
+            particles.remove(leaving)
+            particles.insert(moved)
+            self.migrated += len(leaving)
+        self.cells.compact()
+        self._adopt(partition)
+        return self.settle(particles)
+
+    def imbalance(self, owned: int) -> float:
+        """Largest over mean number of particles on a rank."""
+        counts = np.array(self.comm.allgather(owned))
+        return float(counts.max() / max(counts.mean(), 1e-300))
+
+    def settle(self, particles) -> bool:
+        """List particles by cell, hand those that left to their new owners, and agree on the shared nodes.
+
+        Talks to neighbours only. False when a particle of this rank is beyond the lattice, is not a number, or went farther
+        than to a neighbour; such a particle stays.
+        """
+        strays, sound = self._sort(particles), True
+        if len(strays):
+            lost = self.cells.lost(strays)
+            sound, strays = not lost.any(), strays[~lost]
+        if self.neighbours:
+            sound = self._migrate(particles, strays) and sound
+        elif len(strays):
+            self.cells.add(particles.bases()[strays].astype(np.int64))
+            self._sort(particles)
+        if len(self.cells.index) > _ALWAYS_KEPT + (1.0 + _TOO_MANY_EMPTY) * self.cells.occupied.sum():
+            self.cells.compact()
+            self._known_nodes, self._pairs = 0, self._pairs[:0]
+            self._sort(particles)
+        if self.neighbours:
+            self._agree()
+        return sound
+
+    def _sort(self, particles) -> np.ndarray:
+        names = particles.names() if self.bitwise else None
+        return self.cells.sort(particles.bases(), particles.owned, names)
+
+    def _migrate(self, particles, strays: np.ndarray) -> bool:
+        """Send particles in cells of others to their owners; list new cells of this rank's own."""
+        bases = particles.bases()[strays].astype(np.int64)
+        owner = self.partition.owners(bases)
+        sound = bool(np.isin(owner, [self.comm.rank, *self.neighbours]).all())
+        leaving = [strays[owner == rank] for rank in self.neighbours]
+        staying = ~np.isin(owner, self.neighbours)
+        arrived = self._swap([particles.packed(rows) for rows in leaving], _PARTICLES_TAG)
+        arrived = np.concatenate(arrived) if any(map(len, arrived)) else None
+        gone = np.concatenate(leaving)
+        self.cells.add(bases[staying])
+        if len(gone):
+            particles.remove(gone)
+            self.migrated += len(gone)
+        if arrived is not None:
+            particles.insert(arrived)
+        if len(gone) or arrived is not None or staying.any():
+            strays = self._sort(particles)
+            if len(strays):
+                strays = strays[~self.cells.lost(strays)]
+                self.cells.add(particles.bases()[strays].astype(np.int64))
+                self._sort(particles)
+        return sound
+
+    def _swap(self, outgoing: list[np.ndarray], tag: int) -> list[np.ndarray]:
+        """Send each neighbour rows of 8-byte numbers and return theirs, however many."""
+        requests = [
+            self.comm.Isend([np.ascontiguousarray(array).view(np.int64), MPI.INT64_T], rank, tag)
+            for rank, array in zip(self.neighbours, outgoing)
+        ]
+        incoming, status = [], MPI.Status()
+        for rank, array in zip(self.neighbours, outgoing):
+            self.comm.Probe(rank, tag, status)
+            received = np.empty(status.Get_count(MPI.INT64_T), np.int64)
+            self.comm.Recv([received, MPI.INT64_T], rank, tag)
+            incoming.append(received.view(array.dtype).reshape(-1, *array.shape[1:]))
+        MPI.Request.Waitall(requests)
+        return incoming
+
+    def _agree(self) -> None:
+        """Tell neighbours which nodes (and cells) here may concern them, if they have changed, and find the shared ones."""
+        changed = self._offered_version != self.cells.version
+        if changed:
+            self._find_offers()
+            self._offered_version = self.cells.version
+        nothing = np.zeros(0, np.int64)
+        messages = []
+        for rank in self.neighbours:
+            nodes, cells = self._offers[rank]
+            messages.append(np.concatenate(([len(nodes)], nodes, cells)) if changed else nothing)
+        for rank, message in zip(self.neighbours, self._swap(messages, _OFFER_TAG)):
+            if len(message):
+                self._theirs[rank] = message[1 : message[0] + 1].copy(), message[message[0] + 1 :].copy()
+                changed = True
+        if changed:
+            self._share()
+
+    def _find_offers(self) -> None:
+        new = self.cells.nodes[self._known_nodes :]
+        width, here = self.cells.width, self.comm.rank
+        pairs = [self.partition.touching(new, width, here)]
+        for mirror in self.cells.mirrors:
+            rows, images = reflected(new, mirror, width)
+            found = self.partition.touching(images, width, here)
+            pairs.append(np.stack((rows[found[:, 0]], found[:, 1]), axis=1))
+        found = np.concatenate(pairs)
+        found[:, 0] += self._known_nodes
+        self._pairs = np.concatenate((self._pairs, found))
+        self._known_nodes = len(self.cells.nodes)
+        for rank in self.neighbours:
+            slots = np.unique(self._pairs[self._pairs[:, 1] == rank, 0])
+            cells = np.zeros(0, np.int64)
+            if self.bitwise:
+                concerned = np.zeros(len(self.cells.nodes), bool)
+                concerned[slots] = True
+                cells = words(self.cells.index[concerned[self.cells.stencil].any(axis=1)])
+            self._offers[rank] = np.sort(words(self.cells.nodes[slots])), cells
+
+    def _share(self) -> None:
+        offered = [self._offers[rank] for rank in self.neighbours]
+        theirs = [self._theirs[rank] for rank in self.neighbours]
+        shared = [self.cells.slots(np.intersect1d(mine[0], other[0])) for mine, other in zip(offered, theirs)]
+        version = self.sharing.version + 1
+        cells = [(mine[1], other[1]) for mine, other in zip(offered, theirs)]
+        self.sharing = Sharing(self.neighbours, shared, [pair[0] for pair in cells], [pair[1] for pair in cells], version)
+
+    def sum(self, nodes: np.ndarray, first: int, last: int, tag: int, partial: np.ndarray | None = None) -> "NodeSum | CellSum":
+        """Adds up columns first..last-1 of nodes (slots, c) over the ranks; for the present `version` only.
+
+        tag: a small number that tells sums under way at one time apart. With `bitwise`, partial (cells * width**d, c) holds
+        what each cell alone gives to the nodes of its stencil, and the sum writes them to `nodes`, also on one rank.
+        """
+        if self.bitwise:
+            return CellSum(self.comm, self.sharing, self.cells, partial, nodes, (first, last), _SUM_TAG + tag)
+        return NodeSum(self.comm, self.sharing, nodes, (first, last), _SUM_TAG + tag)

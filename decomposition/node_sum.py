@@ -1,0 +1,177 @@
+"""Sums over ranks of what they give to shared nodes: one message a neighbour, with persistent requests."""
+
+import weakref
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+from numba import njit
+
+from .exchange import _release
+from .occupied import OccupiedCells, indices_of, words
+
+
+@dataclass
+class Sharing:
+    """What a rank shares with each of its neighbours, in their order.
+
+    shared: slots of common nodes, in the order of the nodes' words, the same on both sides; sent, received: words of the cells
+    whose parts travel in bitwise sums.
+    """
+
+    neighbours: list[int]
+    shared: list[np.ndarray]
+    sent: list[np.ndarray]
+    received: list[np.ndarray]
+    version: int = 0
+
+    @property
+    def shared_nodes(self) -> int:
+        """How many nodes of this rank others have as well."""
+        return len(np.unique(np.concatenate([np.zeros(0, np.int32), *self.shared])))
+
+
+@njit(cache=True)
+def _pack(nodes, first, last, slots, buffer):
+    width = last - first
+    for n in range(len(slots)):
+        for c in range(width):
+            buffer[n * width + c] = nodes[slots[n], first + c]
+
+
+@njit(cache=True)
+def _add_in_rank_order(nodes, first, last, own_slots, own, slots, lower, buffer):
+    """Rows of lower ranks, this rank's, rows of higher ranks; `lower` counts the rows that come before this rank's."""
+    width = last - first
+    for n in range(len(own_slots)):
+        for c in range(width):
+            nodes[own_slots[n], first + c] = 0.0
+    for n in range(lower):
+        for c in range(width):
+            nodes[slots[n], first + c] += buffer[n * width + c]
+    for n in range(len(own_slots)):
+        for c in range(width):
+            nodes[own_slots[n], first + c] += own[n * width + c]
+    for n in range(lower, len(slots)):
+        for c in range(width):
+            nodes[slots[n], first + c] += buffer[n * width + c]
+
+
+class _Messages:
+    """Persistent requests between neighbours for buffers of known sizes."""
+
+    def __init__(self, comm, neighbours, tag, sent: list[int], received: list[int]):
+        self.outgoing, self.incoming = np.empty(sum(sent)), np.empty(sum(received))
+        self._receives = self._requests(comm.Recv_init, neighbours, received, self.incoming, tag)
+        self._sends = self._requests(comm.Send_init, neighbours, sent, self.outgoing, tag)
+        self._all = self._receives + self._sends
+        self._finalizer = weakref.finalize(self, _release, self._all.copy())
+
+    @staticmethod
+    def _requests(make, neighbours, counts, buffer, tag) -> list:
+        requests, at = [], 0
+        for rank, count in zip(neighbours, counts):
+            if count:
+                requests.append(make([buffer[at : at + count], MPI.DOUBLE], rank, tag))
+            at += count
+        return requests
+
+    def receive(self) -> None:
+        MPI.Prequest.Startall(self._receives)
+
+    def send(self) -> None:
+        MPI.Prequest.Startall(self._sends)
+
+    def wait(self) -> None:
+        MPI.Prequest.Waitall(self._all)
+
+
+class NodeSum:
+    """Partial sums of nodes added up over the ranks that have them, in the order of ranks. Made by `RankGrid.sum`."""
+
+    def __init__(self, comm, sharing: Sharing, nodes: np.ndarray, columns: tuple[int, int], tag: int):
+        self._nodes, self._columns = nodes, columns
+        width, counts = columns[1] - columns[0], [len(slots) for slots in sharing.shared]
+        self._slots = np.concatenate([np.zeros(0, np.int32), *sharing.shared])
+        self._own_slots = np.unique(self._slots)
+        self._own = np.empty(width * len(self._own_slots))
+        self._lower = sum(count for rank, count in zip(sharing.neighbours, counts) if rank < comm.rank)
+        sizes = [width * count for count in counts]
+        self._messages = _Messages(comm, sharing.neighbours, tag, sizes, sizes)
+        self.bytes_sent = self._messages.outgoing.nbytes
+
+    def start(self) -> None:
+        """Send this rank's partial sums; the columns must stay as they are until the finish."""
+        if len(self._slots):
+            self._messages.receive()
+            _pack(self._nodes, *self._columns, self._slots, self._messages.outgoing)
+            self._messages.send()
+
+    def finish(self) -> None:
+        """Wait for the others' and add up."""
+        if len(self._slots):
+            _pack(self._nodes, *self._columns, self._own_slots, self._own)
+            self._messages.wait()
+            _add_in_rank_order(
+                self._nodes, *self._columns, self._own_slots, self._own, self._slots, self._lower, self._messages.incoming
+            )
+
+
+@njit(cache=True)
+def _pack_cells(partial, first, last, rows, size, buffer):
+    width = last - first
+    for n in range(len(rows)):
+        for k in range(size):
+            for c in range(width):
+                buffer[(n * size + k) * width + c] = partial[rows[n] * size + k, first + c]
+
+
+@njit(cache=True)
+def _add_cells(nodes, first, last, partial, stencil, received_stencil, buffer, sequence):
+    """Add cells to nodes one after the other; sequence: a row of the own cells, or -1 - a row of the received."""
+    width, size = last - first, stencil.shape[1]
+    for n in range(len(nodes)):
+        for c in range(first, last):
+            nodes[n, c] = 0.0
+    for row in sequence:
+        for k in range(size):
+            slot = stencil[row, k] if row >= 0 else received_stencil[-1 - row, k]
+            if slot >= 0:
+                for c in range(width):
+                    if row >= 0:
+                        nodes[slot, first + c] += partial[row * size + k, first + c]
+                    else:
+                        nodes[slot, first + c] += buffer[((-1 - row) * size + k) * width + c]
+
+
+class CellSum:
+    """As `NodeSum`, from what each cell alone gives to its nodes: the same bits on any number of ranks."""
+
+    def __init__(self, comm, sharing: Sharing, cells: OccupiedCells, partial, nodes, columns: tuple[int, int], tag: int):
+        self._partial, self._nodes, self._columns, self._stencil = partial, nodes, columns, cells.stencil
+        self._size = cells.stencil.shape[1]
+        own = words(cells.index)
+        self._rows = np.searchsorted(own, np.concatenate([np.zeros(0, np.int64), *sharing.sent]))
+        received = np.concatenate([np.zeros(0, np.int64), *sharing.received])
+        nodes_of = cells.stencil_nodes(indices_of(received, cells.dimension))
+        self._received_stencil = cells.slots(words(nodes_of)).reshape(-1, self._size)
+        everything = np.argsort(np.concatenate((own, received)), kind="stable")
+        self._sequence = np.where(everything < len(own), everything, len(own) - 1 - everything)
+        width = (columns[1] - columns[0]) * self._size
+        sizes = [[width * len(cells) for cells in side] for side in (sharing.sent, sharing.received)]
+        self._messages = _Messages(comm, sharing.neighbours, tag, *sizes)
+        self.bytes_sent = self._messages.outgoing.nbytes
+
+    def start(self) -> None:
+        """Send what cells beside other ranks give."""
+        self._messages.receive()
+        _pack_cells(self._partial, *self._columns, self._rows, self._size, self._messages.outgoing)
+        self._messages.send()
+
+    def finish(self) -> None:
+        """Wait for the others' and write the sums to the nodes."""
+        self._messages.wait()
+        _add_cells(
+            self._nodes, *self._columns, self._partial, self._stencil, self._received_stencil,
+            self._messages.incoming, self._sequence,
+        )  # fmt: skip

@@ -1,0 +1,208 @@
+"""Cells of a lattice that hold particles, and the nodes of their stencils; nothing exists far from particles.
+
+The stencil of a cell is the block of `width` nodes a direction that begins at the node of the cell's own index. Cells and
+nodes have whole-number indices; a word of 63 bits made of an index orders them lexicographically, first direction first.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+# indices from -2**20 to 2**20 - 1 along each direction
+_BITS = 21
+_SHIFT = 1 << (_BITS - 1)
+_LOST = -2
+
+
+class Mirror(NamedTuple):
+    """A mirror plane through nodes or half-way between them: index[axis] = doubled / 2; side +1 when matter is above, -1 below."""
+
+    axis: int
+    doubled: int
+    side: int
+
+
+def words(indices: np.ndarray) -> np.ndarray:
+    """Words (n,) int64 of indices (n, d), in their lexicographic order."""
+    result = np.zeros(len(indices), np.int64)
+    for column in indices.T:
+        result = (result << _BITS) + (column + _SHIFT)
+    return result
+
+
+def indices_of(word: np.ndarray, dimension: int) -> np.ndarray:
+    """Indices (n, d) of words."""
+    result = np.empty((len(word), dimension), np.int64)
+    for axis in range(dimension - 1, -1, -1):
+        result[:, axis] = (word & ((1 << _BITS) - 1)) - _SHIFT
+        word = word >> _BITS
+    return result
+
+
+@njit(cache=True)
+def _locate(bases, owned, cells, cell, start):
+    """Cell number of each particle and how many each cell has, in start[1:]; returns how many particles have no cell.
+
+    cell: -1 where its cell is not listed, -2 where its index is beyond the lattice.
+    """
+    start[:] = 0
+    missing, c, count = 0, 0, len(cells)
+    for p in range(owned):
+        word, inside = np.int64(0), True
+        for k in range(bases.shape[1]):
+            shifted = np.int64(bases[p, k]) + _SHIFT
+            inside = inside and 0 <= shifted < 2 * _SHIFT
+            word = (word << _BITS) + shifted
+        if not inside:
+            cell[p] = _LOST
+            missing += 1
+            continue
+        # particles in storage are nearly in order: the same cell, or the next
+        if c >= count or cells[c] != word:
+            if c + 1 < count and cells[c + 1] == word:
+                c += 1
+            else:
+                c = np.searchsorted(cells, word)
+                if c >= count or cells[c] != word:
+                    cell[p] = -1
+                    missing += 1
+                    continue
+        cell[p] = c
+        start[c + 1] += 1
+    return missing
+
+
+@njit(cache=True)
+def _fill(cell, owned, start, cursor, order):
+    """Turn counts into starts and list the particles of each cell, in the order of storage."""
+    for c in range(len(start) - 1):
+        start[c + 1] += start[c]
+        cursor[c] = start[c]
+    for p in range(owned):
+        if cell[p] >= 0:
+            order[cursor[cell[p]]] = p
+            cursor[cell[p]] += 1
+
+
+@njit(cache=True)
+def _order_by_name(start, order, names):
+    """Order the particles within each cell by their names."""
+    for c in range(len(start) - 1):
+        for n in range(start[c] + 1, start[c + 1]):
+            p = order[n]
+            m = n
+            while m > start[c] and names[order[m - 1]] > names[p]:
+                order[m] = order[m - 1]
+                m -= 1
+            order[m] = p
+
+
+class OccupiedCells:
+    """Cells in lexicographic order with their particles, and their nodes.
+
+    index (cells, d) int64; stencil (cells, width**d) int32 slots of nodes, last direction fastest; start (cells + 1,), order
+    (owned,) int64: particles of cell c are order[start[c] : start[c + 1]]. nodes (count, d) int64: indices by slot.
+    Cells stay when their particles have left, until `compact`. `version` counts changes of cells or nodes.
+    """
+
+    def __init__(self, dimension: int, width: int, mirrors: tuple[Mirror, ...] = ()):
+        self.dimension, self.width, self.mirrors = dimension, width, mirrors
+        offsets = np.meshgrid(*[np.arange(width)] * dimension, indexing="ij")
+        self._offsets = np.stack([axis.ravel() for axis in offsets], axis=1)
+        self.version = 0
+        self.order, self._cell = np.zeros(0, np.int64), np.zeros(0, np.int64)
+        self._clear()
+
+    def _clear(self) -> None:
+        self._words = np.zeros(0, np.int64)
+        self.index = np.zeros((0, self.dimension), np.int64)
+        self.stencil = np.zeros((0, self.width**self.dimension), np.int32)
+        self.start = np.zeros(1, np.int64)
+        self.nodes = np.zeros((0, self.dimension), np.int64)
+        self._node_words, self._node_slots = np.zeros(0, np.int64), np.zeros(0, np.int32)
+
+    @property
+    def occupied(self) -> np.ndarray:
+        """Which cells have particles (cells,) bool."""
+        return np.diff(self.start) > 0
+
+    def sort(self, bases: np.ndarray, owned: int, names: np.ndarray | None = None) -> np.ndarray:
+        """List the particles cell by cell, in the order of storage or, where given, of their names (owned,).
+
+        bases (capacity, d): cell of each particle. Returns the rows of those whose cell is not listed; they are in no cell.
+        """
+        if len(self.order) < owned:
+            self.order, self._cell = np.zeros((2, owned + owned // 4), np.int64)
+        missing = _locate(bases, owned, self._words, self._cell, self.start)
+        _fill(self._cell, owned, self.start, np.empty(len(self.start), np.int64), self.order)
+        if names is not None:
+            _order_by_name(self.start, self.order, names)
+        return np.flatnonzero(self._cell[:owned] < 0) if missing else np.zeros(0, np.int64)
+
+    def lost(self, rows: np.ndarray) -> np.ndarray:
+        """Which of the rows that `sort` returned are beyond the lattice (or not numbers)."""
+        return self._cell[rows] == _LOST
+
+    def add(self, cells: np.ndarray) -> None:
+        """List further cells (n, d), in any order, known ones and repeated ones too; `sort` must follow."""
+        new = np.setdiff1d(words(cells), self._words)
+        if len(new) == 0:
+            return
+        index = indices_of(new, self.dimension)
+        slots = self._slots_of_nodes(self.stencil_nodes(index)).reshape(len(new), -1)
+        place = np.searchsorted(self._words, new)
+        self._words = np.insert(self._words, place, new)
+        self.index = np.insert(self.index, place, index, axis=0)
+        self.stencil = np.insert(self.stencil, place, slots, axis=0)
+        self.start = np.zeros(len(self._words) + 1, np.int64)
+        self.version += 1
+
+    def stencil_nodes(self, cells: np.ndarray) -> np.ndarray:
+        """Nodes (n width**d, d) of the stencils of cells (n, d), last direction fastest."""
+        return (cells[:, None, :] + self._offsets).reshape(-1, self.dimension)
+
+    def _slots_of_nodes(self, nodes: np.ndarray) -> np.ndarray:
+        """Slots of nodes (n, d), which are listed if they are not yet, together with their mirror images."""
+        wanted, back = np.unique(words(nodes), return_inverse=True)
+        unknown = indices_of(np.setdiff1d(wanted, self._node_words), self.dimension)
+        for mirror in self.mirrors:
+            unknown = np.concatenate((unknown, reflected(unknown, mirror, self.width)[1]))
+        new = np.setdiff1d(words(unknown), self._node_words)
+        place = np.searchsorted(self._node_words, new)
+        slots = np.arange(len(self.nodes), len(self.nodes) + len(new), dtype=np.int32)
+        self._node_words = np.insert(self._node_words, place, new)
+        self._node_slots = np.insert(self._node_slots, place, slots)
+        self.nodes = np.concatenate((self.nodes, indices_of(new, self.dimension)))
+        return self.slots(wanted)[back.ravel()]
+
+    def slots(self, word: np.ndarray) -> np.ndarray:
+        """Slots of nodes by their words, -1 where there is no such node."""
+        if len(self._node_words) == 0:
+            return np.full(len(word), -1, np.int32)
+        place = np.minimum(np.searchsorted(self._node_words, word), len(self._node_words) - 1)
+        return np.where(self._node_words[place] == word, self._node_slots[place], np.int32(-1))
+
+    def compact(self) -> None:
+        """Forget cells without particles and nodes without cells; `sort` must follow."""
+        kept = self.index[self.occupied]
+        self._clear()
+        self.add(kept)
+        self.version += 1
+
+    def mirrored(self, mirror: Mirror) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Slots of the nodes behind a mirror plane, slots of their images before it, and slots of the nodes on it."""
+        behind, images = reflected(self.nodes, mirror, self.width, behind=True)
+        partners = self.slots(words(images))
+        on_plane = np.flatnonzero(2 * self.nodes[:, mirror.axis] == mirror.doubled)
+        paired = partners >= 0
+        return behind[paired], partners[paired].astype(np.int64), on_plane
+
+
+def reflected(nodes: np.ndarray, mirror: Mirror, width: int, behind: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of nodes within `width` of a mirror plane, those behind it only or on both sides, and the images' indices."""
+    distance = mirror.side * (2 * nodes[:, mirror.axis] - mirror.doubled)
+    rows = np.flatnonzero((distance < 0) & (distance >= -2 * width) if behind else np.abs(distance) <= 2 * width)
+    images = nodes[rows].copy()
+    images[:, mirror.axis] = mirror.doubled - images[:, mirror.axis]
+    return rows, images

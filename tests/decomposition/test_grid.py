@@ -1,0 +1,223 @@
+"""Cells, shared nodes and moving particles on any number of ranks, against sums done by one rank with numpy."""
+
+import numpy as np
+import pytest
+
+from decomposition.cell_partition import CellPartition, balanced
+from decomposition.grid import RankGrid
+from decomposition.occupied import Mirror, OccupiedCells, indices_of, words
+
+WIDTH = 3
+
+
+class Particles:
+    """Points with a name and a weight that give to the nodes of their cell's stencil in unequal parts."""
+
+    def __init__(self, position, name):
+        self.position, self.name, self.owned = position, name, len(name)
+
+    def bases(self):
+        return np.floor(self.position)
+
+    def names(self):
+        return self.name
+
+    def packed(self, rows):
+        return np.column_stack((self.position[rows], self.name[rows].astype(float)))
+
+    def remove(self, rows):
+        self._keep(np.delete(self.position, rows, axis=0), np.delete(self.name, rows))
+
+    def insert(self, packed):
+        name = np.concatenate((self.name, packed[:, -1].astype(np.int64)))
+        self._keep(np.concatenate((self.position, packed[:, :-1])), name)
+
+    def _keep(self, position, name):
+        self.position, self.name, self.owned = position, name, len(name)
+
+
+def cloud(comm, dimension, count=400, seed=3):
+    """The same cloud on any number of ranks, dealt out in turn."""
+    random = np.random.default_rng(seed)
+    position = random.random((count, dimension)) * np.array([17.0, 9.0, 5.0])[:dimension] - 3.0
+    mine = np.arange(comm.rank, count, comm.size)
+    return Particles(position[mine], mine)
+
+
+def given(name, size):
+    """What a particle gives to each node of its stencil (n, size, 2); bits that sums in another order would not keep."""
+    return np.sin(np.outer(name, np.arange(1.0, size + 1)))[:, :, None] * np.array([1.0, 1e-3])
+
+
+def scatter(grid, particles, private=False):
+    """Sums (rows, 4) of this rank's particles, cell by cell, in columns 1 and 2; one row a node, or a node of each cell."""
+    cells, size = grid.cells, grid.cells.stencil.shape[1]
+    result = np.zeros((len(cells.index) * size if private else len(cells.nodes), 4))
+    for c in range(len(cells.index)):
+        rows = np.arange(c * size, (c + 1) * size) if private else cells.stencil[c]
+        local = np.zeros((size, 2))
+        for p in cells.order[cells.start[c] : cells.start[c + 1]]:
+            local += given(particles.name[p : p + 1], size)[0]
+        result[rows, 1:3] += local
+    return result
+
+
+def totals(position, name, dimension):
+    """Node index -> sum, by one rank."""
+    size = WIDTH**dimension
+    offsets = np.stack(np.meshgrid(*[np.arange(WIDTH)] * dimension, indexing="ij"), -1).reshape(-1, dimension)
+    nodes = (np.floor(position).astype(int)[:, None] + offsets).reshape(-1, dimension)
+    unique, back = np.unique(nodes, axis=0, return_inverse=True)
+    sums = np.zeros((len(unique), 2))
+    np.add.at(sums, back.ravel(), given(name, size).reshape(-1, 2))
+    return {tuple(node): total for node, total in zip(unique, sums)}
+
+
+def summed(grid, particles):
+    """Node values (nodes, 4) after the sum over ranks."""
+    if grid.bitwise:
+        partial, nodes = scatter(grid, particles, private=True), np.zeros((len(grid.cells.nodes), 4))
+        total = grid.sum(nodes, 1, 3, 0, partial)
+    else:
+        nodes = scatter(grid, particles)
+        total = grid.sum(nodes, 1, 3, 0)
+    total.start()
+    total.finish()
+    return nodes
+
+
+def check_sums(comm, grid, particles):
+    nodes = summed(grid, particles)
+    everyone = comm.allgather((particles.position, particles.name))
+    position, name = (np.concatenate(arrays) for arrays in zip(*everyone))
+    wanted = totals(position, name, grid.dimension)
+    found = [wanted.get(tuple(node), np.zeros(2)) for node in grid.cells.nodes]
+    np.testing.assert_allclose(nodes[:, 1:3], np.array(found).reshape(-1, 2), rtol=0.0, atol=1e-13)
+    touched = grid.cells.stencil[grid.cells.occupied]
+    assert {tuple(node) for node in grid.cells.nodes[np.unique(touched)]} <= set(wanted)
+    assert np.array_equal(np.sort(name), np.arange(len(name)))
+    assert (grid.partition.owners(particles.bases().astype(np.int64)) == comm.rank).all()
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_words_keep_the_order_and_the_indices(dimension):
+    index = np.random.default_rng(1).integers(-5000, 5000, (300, dimension))
+    word = words(index)
+    np.testing.assert_array_equal(indices_of(word, dimension), index)
+    np.testing.assert_array_equal(np.argsort(word, kind="stable"), np.lexsort(index.T[::-1]))
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("parts", [1, 2, 3, 7])
+def test_parts_are_equal_and_every_cell_has_one_owner(dimension, parts):
+    class Ranks:
+        """One rank that cuts for many."""
+
+        size = parts
+
+        @staticmethod
+        def Allreduce(send, receive, operation):
+            pass
+
+    index = np.unique(np.random.default_rng(2).integers(-9, 12, (500, dimension)), axis=0)
+    weights = np.random.default_rng(3).integers(1, 9, len(index))
+    partition = balanced(Ranks, index, weights)
+    owner = partition.owners(index)
+    load = np.bincount(owner, weights, minlength=parts)
+    assert load.max() - load.min() <= 4 * weights.max()
+    again = CellPartition.from_state(partition.state(), dimension)
+    far = np.array([[-(10**6)] * dimension, [10**6] * dimension])
+    np.testing.assert_array_equal(again.owners(np.concatenate((index, far))), partition.owners(np.concatenate((index, far))))
+    boxes = partition.boxes()
+    assert ((boxes[owner, 0] <= index) & (index <= boxes[owner, 1])).all()
+    # every rank that owns a cell of a node's neighbourhood is named, and is a neighbour of the owner
+    nodes = index[:40]
+    offsets = np.stack(np.meshgrid(*[np.arange(WIDTH)] * dimension, indexing="ij"), -1).reshape(-1, dimension)
+    for here in range(parts):
+        named = partition.touching(nodes, WIDTH, here)
+        for row, node in enumerate(nodes):
+            true = set(partition.owners(node - offsets).tolist()) - {here}
+            assert true <= set(named[named[:, 0] == row, 1].tolist())
+    for cell in index[:40]:
+        here = int(partition.owners(cell[None])[0])
+        near = set(partition.owners(cell + offsets - 1).tolist()) - {here}
+        assert near <= set(partition.neighbours(here, 1))
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("bitwise", [False, True])
+def test_sums_over_ranks_while_particles_move(comm, dimension, bitwise):
+    particles = cloud(comm, dimension)
+    grid = RankGrid(comm, dimension, WIDTH, bitwise=bitwise)
+    assert grid.deal_out(particles)
+    check_sums(comm, grid, particles)
+    drift = np.array([0.7, -0.4, 0.3])[:dimension]
+    for step in range(12):
+        wobble = 0.3 * np.sin(particles.name + step)[:, None]
+        particles.position = particles.position + drift * 0.9 + wobble
+        assert grid.settle(particles)
+        check_sums(comm, grid, particles)
+    assert comm.allreduce(grid.migrated) > 20 or comm.size == 1
+    # the body has moved by ten cells: what it left behind is forgotten
+    assert len(grid.cells.index) <= 65 + 2 * grid.cells.occupied.sum()
+    assert grid.deal_out(particles)
+    check_sums(comm, grid, particles)
+    assert grid.imbalance(particles.owned) < 1.1
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_bitwise_sums_do_not_depend_on_the_ranks(comm, dimension):
+    alone = comm.Split(comm.rank)
+    many, one = cloud(comm, dimension), cloud(alone, dimension)
+    grids = [RankGrid(c, dimension, WIDTH, bitwise=True) for c in (comm, alone)]
+    for grid, particles in zip(grids, (many, one)):
+        grid.deal_out(particles)
+        particles.position = particles.position + 0.8
+        grid.settle(particles)
+    spread, single = (summed(grid, particles) for grid, particles in zip(grids, (many, one)))
+    slots = grids[1].cells.slots(words(grids[0].cells.nodes))
+    held = slots >= 0
+    np.testing.assert_array_equal(spread[held], single[slots[held]])
+    assert not spread[~held].any()
+
+
+def test_nodes_behind_mirrors_come_with_their_images(comm):
+    mirrors = (Mirror(0, 2 * -3, 1), Mirror(1, 2 * 6 + 1, -1))
+    particles = cloud(comm, 2)
+    grid = RankGrid(comm, 2, WIDTH, mirrors)
+    assert grid.deal_out(particles)
+    for mirror in mirrors:
+        behind, images, on_plane = grid.cells.mirrored(mirror)
+        assert comm.allreduce(len(behind)) > 0
+        ghosts, real = grid.cells.nodes[behind], grid.cells.nodes[images]
+        np.testing.assert_array_equal(ghosts[:, mirror.axis] + real[:, mirror.axis], mirror.doubled)
+        np.testing.assert_array_equal(ghosts[:, 1 - mirror.axis], real[:, 1 - mirror.axis])
+        assert (mirror.side * (2 * ghosts[:, mirror.axis] - mirror.doubled) < 0).all()
+        assert (2 * grid.cells.nodes[on_plane, mirror.axis] == mirror.doubled).all()
+        occupied = np.unique(grid.cells.stencil)
+        beyond = mirror.side * (2 * grid.cells.nodes[occupied, mirror.axis] - mirror.doubled) < 0
+        assert np.isin(occupied[beyond], behind).all()
+    check_sums(comm, grid, particles)
+
+
+def test_the_order_within_cells_is_that_of_storage_or_of_names():
+    cells = OccupiedCells(2, 2)
+    bases = np.array([[0, 0], [1, 0], [0, 0], [0, 1], [0, 0]])
+    assert len(cells.sort(bases, 5)) == 5
+    cells.add(bases)
+    assert len(cells.sort(bases, 5)) == 0
+    np.testing.assert_array_equal(cells.order[:5], [0, 2, 4, 3, 1])
+    np.testing.assert_array_equal(cells.start, [0, 3, 4, 5])
+    cells.sort(bases, 5, np.array([9, 1, 5, 2, 7]))
+    np.testing.assert_array_equal(cells.order[:5], [2, 4, 0, 3, 1])
+
+
+def test_a_particle_that_is_lost_is_told(comm):
+    particles = cloud(comm, 2, 40)
+    grid = RankGrid(comm, 2, WIDTH)
+    grid.deal_out(particles)
+    if particles.owned and comm.rank == 0:
+        particles.position[0] = np.nan, 1e9
+    assert grid.settle(particles) == (comm.rank != 0)
+    if comm.rank == 0:
+        assert 0 not in grid.cells.order[: grid.cells.start[-1]]
