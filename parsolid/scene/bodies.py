@@ -7,7 +7,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from parsolid.scene.faults import Phrase
 from parsolid.scene.formulas import InitialMatrix, InitialScalar, InitialVector
 from parsolid.scene.materials import Material
-from parsolid.scene.section import Positive, Section, dimension_of, mismatch, reject
+from parsolid.scene.section import Positive, Section, dimension_of, method_of, mismatch, reject
 from parsolid.scene.shapes import Shape
 
 Name = Annotated[str, Field(pattern=r"^[^.,\s][^.,]*$", description="a name without '.' and ','")]
@@ -86,3 +86,11 @@ class Body(FilledShape):
     deformation_gradient: InitialMatrix | None = None
     temperature: InitialScalar | None = Field(None, description="the initial temperature [K], that of the material unless given")
     material: Material = Field(description="a table with the key kind")
+
+    @field_validator("temperature")
+    @classmethod
+    def _known_to_method(cls, value: Any, info: ValidationInfo) -> Any:
+        method = method_of(info)
+        if value is not None and method and "temperature" not in method.extra_fields:
+            raise mismatch("no such key with this method", value.source)
+        return value

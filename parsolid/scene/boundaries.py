@@ -2,11 +2,11 @@
 
 from typing import ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, ValidationInfo, model_validator
 
 from parsolid.scene.bodies import Name
 from parsolid.scene.formulas import Scalar, Vector, VectorOrFree
-from parsolid.scene.section import Plane, Point, Section, by_kind
+from parsolid.scene.section import Plane, Point, Section, by_kind, method_of, reject
 from parsolid.scene.shapes import Box, Sphere
 from parsolid.scene.walls import HeatFlux, PrescribedTemperature, Wall
 
@@ -72,4 +72,11 @@ class Loads(Section):
     body_force: Vector | None = None
     acceleration: Vector | None = None
     heat_source: Scalar | None = None
-    manufactured: bool = False
+    manufactured: Literal[True] | None = None
+
+    @model_validator(mode="after")
+    def _known_to_method(self, info: ValidationInfo) -> "Loads":
+        method = method_of(info)
+        stated = self.model_fields_set if method else ()
+        reject(*(((key,), f"one of {', '.join(method.loads)} with this method", key) for key in stated if key not in method.loads))
+        return self

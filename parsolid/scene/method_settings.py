@@ -12,12 +12,13 @@ class MethodSettings(Section):
 
     dimensions; materials, boundaries: the kinds that the method knows; extra_fields, extra_quantities: what can be probed or
     shown besides the fields of all methods -> "scalar", "vector" or "tensor"; shown_fields: what is written unless the scene
-    chooses; ledger_terms: see `ledger.Ledger`.
+    chooses; loads: keys of the table of that name; ledger_terms: see `ledger.Ledger`.
     """
 
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
     materials: ClassVar[tuple[str, ...]] = ()
     boundaries: ClassVar[tuple[str, ...]] = ()
+    loads: ClassVar[tuple[str, ...]] = ("body_force", "acceleration")
     extra_fields: ClassVar[dict[str, str]] = {}
     extra_quantities: ClassVar[dict[str, str]] = {}
     shown_fields: ClassVar[tuple[str, ...]] = ("displacement", "velocity", "pressure", "von_mises_stress", "jacobian")
@@ -25,6 +26,10 @@ class MethodSettings(Section):
     kind: str
     maximum_step: Positive | None = Field(None, description="the largest time step [s]")
     minimum_step: Positive | None = Field(None, description="the time step [s] below which the run stops")
+
+    def scene_faults(self, scene) -> list[tuple[tuple, str, object]]:
+        """What the method cannot make of a scene's other tables: (location, expected, found)."""
+        return []
 
     @model_validator(mode="after")
     def _ordered(self) -> "MethodSettings":

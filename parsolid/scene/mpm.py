@@ -34,6 +34,7 @@ class MaterialPoint(MethodSettings):
 
     materials: ClassVar = ("mooney-rivlin", "neo-hookean", "elastic-plastic")
     boundaries: ClassVar = ("fixed", "roller", "velocity", "wall", "temperature", "heat_flux")
+    loads: ClassVar = ("body_force", "acceleration", "heat_source", "manufactured")
     extra_fields: ClassVar = {
         "temperature": "scalar",
         "plastic_strain": "scalar",
@@ -76,3 +77,18 @@ class MaterialPoint(MethodSettings):
             details.append((("basis",), "a basis with fixed particle domains, 'ugimp'", self.basis))
         reject(*details)
         return self
+
+    def scene_faults(self, scene) -> list[tuple[tuple, str, object]]:
+        """Particles on the surface; bodies beyond the axis; heat without conductivity."""
+        details = []
+        for i, body in enumerate(scene.bodies):
+            if body.shape.kind != "mesh" and body.placed_on == "nodes":
+                details.append((("bodies", i, "placement"), "'cells' with this method", "nodes"))
+            lower = getattr(body.shape.model, "lower", None)
+            if self.geometry == "axisymmetric" and lower is not None and lower[0] < 0.0:
+                details.append((("bodies", i, "shape", "box", "lower", 0), "a radius of at least 0", lower[0]))
+        conducting = any(getattr(body.material, "conductivity", None) for body in scene.bodies)
+        for i, boundary in enumerate(scene.boundaries):
+            if boundary.kind in ("temperature", "heat_flux") and not conducting:
+                details.append((("boundaries", i, "kind"), "a body with a conductivity", boundary.kind))
+        return details

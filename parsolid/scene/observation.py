@@ -132,6 +132,9 @@ SOLUTION_PARAMETERS = {
     "steady-shock": (("start", "particle_speed"),),
 }
 
+# those that come with a body force
+MANUFACTURED = ("axis-aligned", "generalised-vortex")
+
 
 class Reference(Section):
     """What the results are compared with.

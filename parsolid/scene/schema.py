@@ -4,16 +4,16 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, TypeAdapter, ValidationError, ValidationInfo, field_validator
+from pydantic import Field, TypeAdapter, ValidationError, ValidationInfo, field_validator, model_validator
 
 from parsolid.scene.bodies import Body, FilledShape
 from parsolid.scene.boundaries import Boundary, Loads, PrescribedVelocity
-from parsolid.scene.faults import SceneError, fault, key_path, suggestion
+from parsolid.scene.faults import NOTHING, SceneError, fault, key_path, suggestion
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.lattice import Filling
 from parsolid.scene.methods import Method
-from parsolid.scene.observation import HISTORY_COLUMNS, Output, Probe, Reference
-from parsolid.scene.section import Plane, Positive, Section, method_of, mismatch
+from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, Output, Probe, Reference
+from parsolid.scene.section import Plane, Positive, Section, method_of, mismatch, reject
 
 
 class Scene(Section):
@@ -37,6 +37,16 @@ class Scene(Section):
         if method and dimension not in method.dimensions:
             raise mismatch(f"{' or '.join(map(str, method.dimensions))} with this method", dimension)
         return dimension
+
+    @model_validator(mode="after")
+    def _fits_method(self) -> "Scene":
+        details = self.method.scene_faults(self)
+        exact = None if self.reference is None else self.reference.exact
+        if self.loads.manufactured and exact not in MANUFACTURED:
+            known = " or ".join(map(repr, MANUFACTURED))
+            details.append((("loads", "manufactured"), f"reference.exact = {known}", NOTHING if exact is None else exact))
+        reject(*details)
+        return self
 
     def resolved(self) -> dict[str, Any]:
         """The scene with its defaults, as plain tables that validate to the same scene."""

@@ -1,0 +1,83 @@
+"""Scenes of the material point method: what they may say and what is refused."""
+
+import copy
+
+import numpy as np
+import pytest
+
+from parsolid.scene import SceneError, dump_scene, initial_temperature, load_scene, parse_scene
+
+MATERIAL = {"kind": "neo-hookean", "density": 1000.0, "youngs_modulus": 1e7, "poissons_ratio": 0.3}
+SQUARE = {
+    "dimension": 2,
+    "end_time": 0.02,
+    "method": {"kind": "mpm", "cell": 0.125},
+    "bodies": [
+        {
+            "shape": {"box": {"lower": [0.0, 0.0], "upper": [1.0, 1.0]}},
+            "particles": [16, 16],
+            "placement": "cells",
+            "temperature": "300 + 10*X",
+            "material": MATERIAL,
+        }
+    ],
+    "boundaries": [
+        {"kind": "roller", "plane": "X = 0"},
+        {"kind": "wall", "plane": "Y = -3", "side": "above", "velocity": [0.0, 2.0], "contact": "sticking"},
+    ],
+    "loads": {"heat_source": "1e6*X", "manufactured": True},
+    "reference": {"exact": "axis-aligned", "parameters": {"amplitude": 0.05}, "each_step": True},
+}
+
+
+@pytest.fixture
+def tables():
+    return copy.deepcopy(SQUARE)
+
+
+def faults_of(tables) -> list[str]:
+    with pytest.raises(SceneError) as found:
+        parse_scene(tables)
+    return found.value.faults
+
+
+def test_sound_scene_and_back(tables, tmp_path):
+    scene = parse_scene(tables)
+    method = scene.method
+    assert (method.basis, method.transfer, method.order, method.cfl) == ("quadratic-spline", "flip", "usl", 0.3)
+    assert (method.viscosity.linear, method.viscosity.quadratic) == (0.2, 2.0)
+    dump_scene(scene, tmp_path / "scene.toml")
+    assert load_scene(tmp_path / "scene.toml", [f"output.directory={scene.output.directory}"]) == scene
+    temperature = initial_temperature(scene, np.zeros(2, int), np.array([[0.0, 0.5], [1.0, 0.5]]), np.array([77.0]))
+    np.testing.assert_allclose(temperature, [300.0, 310.0])
+
+
+@pytest.mark.parametrize(
+    "place, value, told",
+    [
+        (("method", "basis"), "quintic", "method.basis: expected 'linear'"),
+        (("method", "cell"), -1.0, "method.cell: expected a number > 0"),
+        (("bodies", 0, "placement"), "nodes", "bodies.0.placement: expected 'cells'"),
+        (("reference", "exact"), "viscoelastic-plate", "loads.manufactured: expected reference.exact = 'axis-aligned'"),
+        (("reference", "parameters"), {"size": 1.0}, "reference.parameters: expected the parameters amplitude"),
+        (("boundaries", 0), {"kind": "temperature", "plane": "X = 0", "temperature": 300}, "boundaries.0.kind: expected a body with a cond"),
+        (("boundaries", 1, "side"), "left", "boundaries.1.side: expected 'above' or 'below'"),
+        (("bodies", 0, "shape", "box", "lower"), [-1.0, 0.0], "bodies.0.shape.box.lower.0: expected a radius of at least 0"),
+    ],
+)  # fmt: skip
+def test_faults(tables, place, value, told):
+    *way, last = place
+    target = tables
+    for key in way:
+        target = target[key]
+    target[last] = value
+    tables["method"]["geometry"] = "axisymmetric"
+    assert any(text.startswith(told) for text in faults_of(tables)), faults_of(tables)
+
+
+def test_keys_of_other_methods(tables):
+    tables["method"] = {"kind": "tlsph"}
+    found = faults_of(tables)
+    assert any(text.startswith("bodies.0.temperature: expected no such key") for text in found)
+    assert any(text.startswith("loads.heat_source: expected one of body_force, acceleration") for text in found)
+    assert any(text.startswith("boundaries.1.kind: expected one of") for text in found)
