@@ -14,8 +14,15 @@ Arrays (rows are particles, owned first; d = dimension):
                 the diagonal of Q_p holds 1/2 rho c_s where they do not
     gradient    d=3: (n, 12) columns of sum (v_b - v_a) (x) g, each padded to 4;  d=2: (n, 4) columns
     force       (n, 8) T padded to 4, D padded to 4
-Pair weights are rows of 4: d=3: (g1, g2, g3, k); d=2: (g1, g2, k, 0), where k is 1/2 |C_skew| / |g| times the factor on
+Pair weights (m, 4) are rows: d=3: (g1, g2, g3, k); d=2: (g1, g2, k, 0), where k is 1/2 |C_skew| / |g| times the factor on
 the dissipation, and C_skew = (L_a + L_b) g.
+
+Radial lists (peridynamics) hold one number a pair, weight (m,) = w(|xi|) V_a V_b, and g_ab = weight xi with xi = X_b - X_a is
+formed as it is needed: 12 bytes a pair; 0 is a broken bond. Their kinematics are f u X, f the field that drives stress and
+stabiliser, their records (S = P K^{-1}) columns of M, then the second matrix, then for `AlongBonds` c in every lane. The
+stabiliser adds to T_a
+    ShearScaled   sum_b weight (C1_a + C1_b) (f_b - f_a),     M = S - C1 G,  second matrix C1
+    AlongBonds    sum_b weight xi/(2 |xi|^3) xi . [(c_a + c_b)(f_b - f_a) - (c_a G_a + c_b G_b) xi],     M = S,  second matrix c G
 An inner list holds each pair of owned particles once and adds to both; a one-sided list (the neighbour is a ghost or a
 mirror image) adds to the owned particle alone.
 """
@@ -30,7 +37,7 @@ FORCE_WIDTH = 8
 
 
 class PairList(NamedTuple):
-    """Pairs of particle a in rows start[a] : start[a+1] (int64); neighbour (m,) int32, weight (m, 4)."""
+    """Pairs of particle a in rows start[a] : start[a+1] (int64); neighbour (m,) int32, weight (m, 4), or (m,) where radial."""
 
     start: np.ndarray
     neighbour: np.ndarray
@@ -42,10 +49,31 @@ class Images(NamedTuple):
 
     With signs Q of a mirrored vector, signs R of the reflected place, the shift T of the planes and a sign s of the stress,
     v' = Q v,  X' = R X + T,  x' = X' + Q (x - X),  (P L)' = s Q P L Q,  (grad v)' = Q grad v R.
+    In radial lists M' = Q M R and C1' = Q C1 Q, for which the passes are adjoint at every kind of plane.
     """
 
     code: np.ndarray
     table: np.ndarray
+
+
+class ShearScaled(NamedTuple):
+    """Self-adjoint control of zero-energy modes, after Wan et al. with the shear modulus alone as its scale."""
+
+    kind: int = 0
+
+
+class AlongBonds(NamedTuple):
+    """Control of zero-energy modes by eq (39) of Galadima et al.; not the derivative of an energy."""
+
+    kind: int = 1
+
+
+def bond_record_width(dimension: int, stabiliser) -> int:
+    """Columns of the record of radial lists, in whole cache lines."""
+    matrix = {2: 4, 3: 12}[dimension]
+    if stabiliser is None:
+        return matrix
+    return 2 * matrix + (4 if isinstance(stabiliser, AlongBonds) else 0)
 
 
 def record_width(dimension: int, riemann: bool, shear_tensor: bool) -> int:

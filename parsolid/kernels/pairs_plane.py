@@ -1,13 +1,16 @@
-"""The two passes of the pair engine in plane strain (see `pairs` for the formulas and the arrays).
+"""The two passes of the pair engine in the plane (see `pairs` for the formulas and the arrays).
 
 A 2 x 2 matrix is one Lanes value, column by column; (v, x) of a particle are another.
 """
 
-from numba import njit
-from numba.extending import register_jitable
+import math
 
+from numba import njit
+from numba.extending import overload, register_jitable
+
+from parsolid.kernels.pairs import ShearScaled
 from parsolid.kernels.simd import broadcast, from_floats, fused, horizontal_sums, lane, last_two_roots, load, store, swizzle
-from parsolid.kernels.types import none_without
+from parsolid.kernels.types import is_instance, none_without
 
 _rows = swizzle(0, 1, 0, 1)
 _columns = swizzle(0, 0, 1, 1)
@@ -43,6 +46,86 @@ def _reference(images, k, kinematics, b):
         return X
     reflection = load(images.table, images.code[k], 4)
     return fused(reflection, X, _swap(reflection))
+
+
+@register_jitable
+def _field(images, k, kinematics, b, column):
+    """A vector of the neighbour, or Q times it for its image, in the first two lanes."""
+    if images is None:
+        return load(kinematics, b, column)
+    return load(images.table, images.code[k], 0) * load(kinematics, b, column)
+
+
+def _bond(weight, images, k, kinematics, b, Xa):
+    """g_ab in the first two lanes: as stored, or weight (X_b - X_a) where the list is radial."""
+    raise NotImplementedError
+
+
+@overload(_bond)
+def _bond_of(weight, images, k, kinematics, b, Xa):
+    if weight.ndim == 2:
+        return lambda weight, images, k, kinematics, b, Xa: load(weight, k, 0)
+    return lambda weight, images, k, kinematics, b, Xa: broadcast(weight[k]) * (_reference(images, k, kinematics, b) - Xa)
+
+
+@register_jitable
+def _stiffness(images, k, record, b):
+    """C_1 of the neighbour, or Q C_1 Q of its image."""
+    C = load(record, b, 4)
+    if images is None:
+        return C
+    Q = load(images.table, images.code[k], 0)
+    return Q * _columns(Q) * C
+
+
+def _stabilised(stabiliser, images, k, weight, kinematics, record, b, g, f, X, second, c):
+    """What the stabiliser adds to T of a pair, see `pairs`; f, X, second, c are of the first particle."""
+    raise NotImplementedError
+
+
+@overload(_stabilised)
+def _stabilised_by(stabiliser, images, k, weight, kinematics, record, b, g, f, X, second, c):
+    if is_instance(stabiliser, ShearScaled):
+
+        def shear_scaled(stabiliser, images, k, weight, kinematics, record, b, g, f, X, second, c):
+            jump = broadcast(weight[k]) * (_field(images, k, kinematics, b, 0) - f)
+            return _times(second + _stiffness(images, k, record, b), jump)
+
+        return shear_scaled
+
+    def along_bonds(stabiliser, images, k, weight, kinematics, record, b, g, f, X, second, c):
+        xi = _reference(images, k, kinematics, b) - X
+        jump = (c + load(record, b, 8)) * (_field(images, k, kinematics, b, 0) - f)
+        jump = jump - _times(second + _signed(images, k, load(record, b, 4), 12), xi)
+        x, y = lane(xi, 0), lane(xi, 1)
+        square = x * x + y * y
+        return broadcast(0.5 * (x * lane(jump, 0) + y * lane(jump, 1)) / (square * math.sqrt(square))) * g
+
+    return along_bonds
+
+
+def _stress_of(weight, images, k, record, b):
+    """P L of the neighbour or of its image; of radial lists the image that makes the two passes adjoint at any plane."""
+    raise NotImplementedError
+
+
+@overload(_stress_of)
+def _stress_by_weight(weight, images, k, record, b):
+    if weight.ndim == 2:
+        return lambda weight, images, k, record, b: _signed(images, k, load(record, b, 0), 8)
+    return lambda weight, images, k, record, b: _signed(images, k, load(record, b, 0), 12)
+
+
+def _bond_modulus(stabiliser, record, a):
+    """c of a particle, where the stabiliser has one."""
+    raise NotImplementedError
+
+
+@overload(_bond_modulus)
+def _bond_modulus_of(stabiliser, record, a):
+    if is_instance(stabiliser, ShearScaled):
+        return lambda stabiliser, record, a: None
+    return lambda stabiliser, record, a: load(record, a, 8)
 
 
 @register_jitable
@@ -110,20 +193,21 @@ def _riemann_force(shear, reconstruct, images, k, kinematics, record, b, g, moti
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def add_gradients(first, last, pairs, images, both, kinematics, gradient):
+def add_gradients(first, last, pairs, images, both, column, kinematics, gradient):
     """Add sum (v_b - v_a) (x) g_ab of the pairs of particles first..last-1 to particle a, and with `both` to b as well.
 
-    `both` is None for one-sided lists, whose neighbours are ghosts (images None) or mirror images.
+    v is the vector in the given column of kinematics. `both` is None for one-sided lists, whose neighbours are ghosts
+    (images None) or mirror images.
     """
     for a in range(first, last):
         if pairs.start[a] == pairs.start[a + 1]:
             continue
-        motion = load(kinematics, a, 0)
+        v, X = load(kinematics, a, column), load(kinematics, a, 4)
         G = load(gradient, a, 0)
         for k in range(pairs.start[a], pairs.start[a + 1]):
             b = pairs.neighbour[k]
-            step = _motion(images, k, kinematics, b) - motion
-            d = _rows(step) * _columns(load(pairs.weight, k, 0))
+            step = _field(images, k, kinematics, b, column) - v
+            d = _rows(step) * _columns(_bond(pairs.weight, images, k, kinematics, b, X))
             G = G + d
             if both is not None:
                 store(gradient, b, 0, load(gradient, b, 0) + d)
@@ -131,24 +215,28 @@ def add_gradients(first, last, pairs, images, both, kinematics, gradient):
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def add_forces(first, last, pairs, images, both, riemann, shear, reconstruct, kinematics, record, force):
+def add_forces(first, last, pairs, images, both, stabiliser, riemann, shear, reconstruct, kinematics, record, force):
     """Add T and D of the pairs of particles first..last-1 to particle a, and with `both` to b as well.
 
-    `both`, `riemann`, `shear`, `reconstruct` are None for what is left out; see `add_gradients` for the lists.
+    `both`, `stabiliser`, `riemann`, `shear`, `reconstruct` are None for what is left out; see `add_gradients` for the lists.
     """
     for a in range(first, last):
         if pairs.start[a] == pairs.start[a + 1]:
             continue
-        P = load(record, a, 0)
+        P, X = load(record, a, 0), load(kinematics, a, 4)
         T = load(force, a, 0)
+        if stabiliser is not None:
+            f, second, c = load(kinematics, a, 0), load(record, a, 4), _bond_modulus(stabiliser, record, a)
         if riemann is not None:
             motion, Xa, Ga = load(kinematics, a, 0), load(kinematics, a, 4), load(record, a, 4)
             Ma, Sa = load(record, a, 8), _shear_tensor(shear, record, a)
             D = load(force, a, 4)
         for k in range(pairs.start[a], pairs.start[a + 1]):
             b = pairs.neighbour[k]
-            g = load(pairs.weight, k, 0)
-            t = _times(P + _signed(images, k, load(record, b, 0), 8), g)
+            g = _bond(pairs.weight, images, k, kinematics, b, X)
+            t = _times(P + _stress_of(pairs.weight, images, k, record, b), g)
+            if stabiliser is not None:
+                t = t + _stabilised(stabiliser, images, k, pairs.weight, kinematics, record, b, g, f, X, second, c)
             T = T + t
             if both is not None:
                 store(force, b, 0, load(force, b, 0) - t)

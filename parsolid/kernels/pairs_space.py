@@ -1,10 +1,24 @@
 """The two passes of the pair engine in three dimensions (see `pairs` for the formulas and the arrays)."""
 
-from numba import njit
-from numba.extending import register_jitable
+import math
 
-from parsolid.kernels.simd import broadcast, fused, horizontal_sums, lane, last_two_roots, load, store, swizzle, without_fourth
-from parsolid.kernels.types import none_without
+from numba import njit
+from numba.extending import overload, register_jitable
+
+from parsolid.kernels.pairs import ShearScaled
+from parsolid.kernels.simd import (
+    broadcast,
+    fused,
+    horizontal_sums,
+    lane,
+    last_two_roots,
+    load,
+    store,
+    swizzle,
+    total,
+    without_fourth,
+)
+from parsolid.kernels.types import is_instance, none_without
 
 _x = swizzle(0, 0, 0, 0)
 _y = swizzle(1, 1, 1, 1)
@@ -20,10 +34,31 @@ def _columns(array, row, first):
 
 
 @register_jitable
-def _velocity(images, k, kinematics, b):
+def _field(images, k, kinematics, b, column):
+    """A vector of the neighbour, or Q times it for its image."""
     if images is None:
-        return load(kinematics, b, 0)
-    return load(images.table, images.code[k], 0) * load(kinematics, b, 0)
+        return load(kinematics, b, column)
+    return load(images.table, images.code[k], 0) * load(kinematics, b, column)
+
+
+@register_jitable
+def _reference(images, k, kinematics, b):
+    X = load(kinematics, b, 8)
+    if images is None:
+        return X
+    return fused(load(images.table, images.code[k], 4), X, load(images.table, images.code[k], 8))
+
+
+def _bond(weight, images, k, kinematics, b, Xa):
+    """g_ab with the pair's scalar weight repeated: as stored, or weight (X_b - X_a) where the list is radial."""
+    raise NotImplementedError
+
+
+@overload(_bond)
+def _bond_of(weight, images, k, kinematics, b, Xa):
+    if weight.ndim == 2:
+        return lambda weight, images, k, kinematics, b, Xa: load(weight, k, 0)
+    return lambda weight, images, k, kinematics, b, Xa: broadcast(weight[k]) * (_reference(images, k, kinematics, b) - Xa)
 
 
 @register_jitable
@@ -48,12 +83,56 @@ def _stress(images, k, record, b):
 
 
 @register_jitable
-def _half_gradient(images, k, record, b):
-    G = _columns(record, b, 12)
+def _gradient_like(images, k, record, b, first):
+    """A matrix of the neighbour, or Q G R of its image."""
+    G = _columns(record, b, first)
     if images is None:
         return G
     Q, R = load(images.table, images.code[k], 0), load(images.table, images.code[k], 4)
     return Q * G[0] * _x(R), Q * G[1] * _y(R), Q * G[2] * _z(R)
+
+
+@register_jitable
+def _stiffness(images, k, record, b):
+    """C_1 of the neighbour, or Q C_1 Q of its image."""
+    C = _columns(record, b, 12)
+    if images is None:
+        return C
+    Q = load(images.table, images.code[k], 0)
+    return Q * C[0] * _x(Q), Q * C[1] * _y(Q), Q * C[2] * _z(Q)
+
+
+@register_jitable
+def _product(A, B, vector):
+    """(A + B) vector, of two matrices by their columns."""
+    result = (A[0] + B[0]) * _x(vector)
+    result = fused(A[1] + B[1], _y(vector), result)
+    return fused(A[2] + B[2], _z(vector), result)
+
+
+def _stabilised(stabiliser, images, k, weight, kinematics, record, b, g, f, X, second, c):
+    """What the stabiliser adds to T of a pair, see `pairs`; f, X, second, c are of the first particle."""
+    raise NotImplementedError
+
+
+@overload(_stabilised)
+def _stabilised_by(stabiliser, images, k, weight, kinematics, record, b, g, f, X, second, c):
+    if is_instance(stabiliser, ShearScaled):
+
+        def shear_scaled(stabiliser, images, k, weight, kinematics, record, b, g, f, X, second, c):
+            jump = broadcast(weight[k]) * (_field(images, k, kinematics, b, 0) - f)
+            return _product(second, _stiffness(images, k, record, b), jump)
+
+        return shear_scaled
+
+    def along_bonds(stabiliser, images, k, weight, kinematics, record, b, g, f, X, second, c):
+        xi = _reference(images, k, kinematics, b) - X
+        jump = (c + load(record, b, 24)) * (_field(images, k, kinematics, b, 0) - f)
+        jump = jump - _product(second, _gradient_like(images, k, record, b, 12), xi)
+        square = total(xi * xi)
+        return broadcast(0.5 * total(jump * xi) / (square * math.sqrt(square))) * g
+
+    return along_bonds
 
 
 @register_jitable
@@ -67,7 +146,7 @@ def _off_diagonal(images, k, record, b, first):
 def _reconstructed(reconstruct, jump, images, k, record, b, Ga, X):
     if reconstruct is None:
         return jump
-    Gb = _half_gradient(images, k, record, b)
+    Gb = _gradient_like(images, k, record, b, 12)
     jump = jump - (Ga[0] + Gb[0]) * _x(X)
     jump = jump - (Ga[1] + Gb[1]) * _y(X)
     return jump - (Ga[2] + Gb[2]) * _z(X)
@@ -115,21 +194,46 @@ def _riemann_force(shear, reconstruct, images, k, kinematics, record, b, g, plac
     return _fourth(g) * fused(broadcast(c_s), jump, broadcast(normal) * x)
 
 
+def _stress_of(weight, images, k, record, b):
+    """P L of the neighbour or of its image; of radial lists the image that makes the two passes adjoint at any plane."""
+    raise NotImplementedError
+
+
+@overload(_stress_of)
+def _stress_by_weight(weight, images, k, record, b):
+    if weight.ndim == 2:
+        return lambda weight, images, k, record, b: _stress(images, k, record, b)
+    return lambda weight, images, k, record, b: _gradient_like(images, k, record, b, 0)
+
+
+def _bond_modulus(stabiliser, record, a):
+    """c of a particle, where the stabiliser has one."""
+    raise NotImplementedError
+
+
+@overload(_bond_modulus)
+def _bond_modulus_of(stabiliser, record, a):
+    if is_instance(stabiliser, ShearScaled):
+        return lambda stabiliser, record, a: None
+    return lambda stabiliser, record, a: load(record, a, 24)
+
+
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def add_gradients(first, last, pairs, images, both, kinematics, gradient):
+def add_gradients(first, last, pairs, images, both, column, kinematics, gradient):
     """Add sum (v_b - v_a) (x) g_ab of the pairs of particles first..last-1 to particle a, and with `both` to b as well.
 
-    `both` is None for one-sided lists, whose neighbours are ghosts (images None) or mirror images.
+    v is the vector in the given column of kinematics. `both` is None for one-sided lists, whose neighbours are ghosts
+    (images None) or mirror images.
     """
     for a in range(first, last):
         if pairs.start[a] == pairs.start[a + 1]:
             continue
-        v = load(kinematics, a, 0)
+        v, X = load(kinematics, a, column), load(kinematics, a, 8)
         G0, G1, G2 = _columns(gradient, a, 0)
         for k in range(pairs.start[a], pairs.start[a + 1]):
             b = pairs.neighbour[k]
-            g = load(pairs.weight, k, 0)
-            jump = _velocity(images, k, kinematics, b) - v
+            g = _bond(pairs.weight, images, k, kinematics, b, X)
+            jump = _field(images, k, kinematics, b, column) - v
             d0, d1, d2 = _x(g) * jump, _y(g) * jump, _z(g) * jump
             G0, G1, G2 = G0 + d0, G1 + d1, G2 + d2
             if both is not None:
@@ -142,27 +246,28 @@ def add_gradients(first, last, pairs, images, both, kinematics, gradient):
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def add_forces(first, last, pairs, images, both, riemann, shear, reconstruct, kinematics, record, force):
+def add_forces(first, last, pairs, images, both, stabiliser, riemann, shear, reconstruct, kinematics, record, force):
     """Add T and D of the pairs of particles first..last-1 to particle a, and with `both` to b as well.
 
-    `both`, `riemann`, `shear`, `reconstruct` are None for what is left out; see `add_gradients` for the lists.
+    `both`, `stabiliser`, `riemann`, `shear`, `reconstruct` are None for what is left out; see `add_gradients` for the lists.
     """
     for a in range(first, last):
         if pairs.start[a] == pairs.start[a + 1]:
             continue
-        P = _columns(record, a, 0)
+        P, X = _columns(record, a, 0), load(kinematics, a, 8)
         T = load(force, a, 0)
+        if stabiliser is not None:
+            f, second, c = load(kinematics, a, 0), _columns(record, a, 12), _bond_modulus(stabiliser, record, a)
         if riemann is not None:
             place, Ga = _columns(kinematics, a, 0), _columns(record, a, 12)
             Ma, Sa = (load(record, a, 24), load(record, a, 28)), _shear_tensor(shear, record, a)
             D = load(force, a, 4)
         for k in range(pairs.start[a], pairs.start[a + 1]):
             b = pairs.neighbour[k]
-            g = load(pairs.weight, k, 0)
-            Pb = _stress(images, k, record, b)
-            t = (P[0] + Pb[0]) * _x(g)
-            t = fused(P[1] + Pb[1], _y(g), t)
-            t = fused(P[2] + Pb[2], _z(g), t)
+            g = _bond(pairs.weight, images, k, kinematics, b, X)
+            t = _product(P, _stress_of(pairs.weight, images, k, record, b), g)
+            if stabiliser is not None:
+                t = t + _stabilised(stabiliser, images, k, pairs.weight, kinematics, record, b, g, f, X, second, c)
             T = T + t
             if both is not None:
                 store(force, b, 0, load(force, b, 0) - t)

@@ -85,10 +85,10 @@ class Pairing:
         return 2 * len(self.inner.neighbour) + sum(len(p.neighbour) for p in (self.rim, self.mirror) if p is not None)
 
 
-_IDENTITY = (np.ones((1, 3)), np.zeros((1, 3)))
+IDENTITY = (np.ones((1, 3)), np.zeros((1, 3)))
 
 
-def _mirror_candidates(positions, body, owned, codes: MirrorCodes, reach: Reach):
+def mirror_candidates(positions, body, owned, codes: MirrorCodes, reach: Reach):
     """Pairs of owned particles and images near the planes, as (start, neighbour, code), unfiltered by the metric."""
     starts, neighbours, kinds = [], [], []
     for code in range(len(codes.signs)):
@@ -112,6 +112,22 @@ def _mirror_candidates(positions, body, owned, codes: MirrorCodes, reach: Reach)
     return start, neighbour[order].astype(np.int32), kind[order]
 
 
+def plain_candidates(positions, owned: int, reach: Reach):
+    """Pairs with an owned particle, as (start, neighbour, code), unfiltered by the metric."""
+    start, neighbour = half_pairs(np.ascontiguousarray(positions / reach.scale), owned, reach.distance)
+    return start, neighbour, np.zeros(len(neighbour), np.int8)
+
+
+def coincident(positions, start, candidate: int) -> str:
+    """The fault of two particles at the same place, from their place in the list of candidates."""
+    a = int(np.searchsorted(start, candidate, side="right")) - 1
+    place = ", ".join(f"{x:.6g}" for x in positions[a])
+    return (
+        f"bodies: expected no two particles at the same place, found two at ({place}); "
+        'bodies that touch must not share nodes: use placement = "cells", or one body'
+    )
+
+
 class _Builder:
     """Fills weights for one rank's lists over shared particle arrays."""
 
@@ -125,12 +141,7 @@ class _Builder:
             start, neighbour, self.positions, self.metric, self.kernel.support, first, last, code, reflections, shifts
         )
         if result[3] >= 0:
-            a = int(np.searchsorted(start, result[3], side="right")) - 1
-            place = ", ".join(f"{x:.6g}" for x in self.positions[a])
-            self.fault = (
-                f"bodies: expected no two particles at the same place, found two at ({place}); "
-                'bodies that touch must not share nodes: use placement = "cells", or one body'
-            )
+            self.fault = coincident(self.positions, start, result[3])
         return result[:3]
 
     def weigh(self, start, neighbour, code, reflections, shifts) -> PairList:
@@ -161,15 +172,14 @@ def build_pairing(
     place, V = halo.with_ghosts(positions), halo.with_ghosts(volume)
     full_metric = metric if uniform else halo.with_ghosts(metric)
     build = _Builder(kernel, place, full_metric, V)
-    start, neighbour = half_pairs(np.ascontiguousarray(place / reach.scale), owned, reach.distance)
-    plain = np.zeros(len(neighbour), np.int8)
-    inner = build.weigh(*build.select(start, neighbour, 0, owned, plain, *_IDENTITY), *_IDENTITY)
+    start, neighbour, plain = plain_candidates(place, owned, reach)
+    inner = build.weigh(*build.select(start, neighbour, 0, owned, plain, *IDENTITY), *IDENTITY)
     rim = mirror = images = None
     if halo.ghosts:
-        rim = build.weigh(*build.select(start, neighbour, owned, len(place), plain, *_IDENTITY), *_IDENTITY)
+        rim = build.weigh(*build.select(start, neighbour, owned, len(place), plain, *IDENTITY), *IDENTITY)
     del start, neighbour, plain
     if codes is not None:
-        start, neighbour, code = _mirror_candidates(place, halo.with_ghosts(body.astype(np.int64)), owned, codes, reach)
+        start, neighbour, code = mirror_candidates(place, halo.with_ghosts(body.astype(np.int64)), owned, codes, reach)
         selected = build.select(start, neighbour, 0, len(place), code, codes.reflections, codes.shifts)
         mirror = build.weigh(*selected, codes.reflections, codes.shifts)
         images = Images(selected[2], codes.table(dimension))
@@ -190,7 +200,7 @@ def _lists(pairing: Pairing, codes):
     """(pairs, both sides receive, code, reflections, shifts) of every list."""
     for pairs, both in ((pairing.inner, True), (pairing.rim, False)):
         if pairs is not None:
-            yield pairs, both, np.zeros(len(pairs.neighbour), np.int8), *_IDENTITY
+            yield pairs, both, np.zeros(len(pairs.neighbour), np.int8), *IDENTITY
     if pairing.mirror is not None:
         yield pairing.mirror, False, pairing.images.code, codes.reflections, codes.shifts
 

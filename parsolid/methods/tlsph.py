@@ -252,12 +252,12 @@ class TotalLagrangianSPH(ParticleMethod):
     def _pass_gradient(self) -> None:
         pairing, passes = self.pairing, self.passes
         self._timed(self.motion_exchange.start)
-        passes.add_gradients(0, self.owned, pairing.inner, None, True, self.kinematics, self.gradient)
+        passes.add_gradients(0, self.owned, pairing.inner, None, True, 0, self.kinematics, self.gradient)
         self._timed(self.motion_exchange.finish)
         if pairing.rim is not None:
-            passes.add_gradients(0, self.owned, pairing.rim, None, None, self.kinematics, self.gradient)
+            passes.add_gradients(0, self.owned, pairing.rim, None, None, 0, self.kinematics, self.gradient)
         if pairing.mirror is not None:
-            passes.add_gradients(0, self.owned, pairing.mirror, pairing.images, None, self.kinematics, self.gradient)
+            passes.add_gradients(0, self.owned, pairing.mirror, pairing.images, None, 0, self.kinematics, self.gradient)
 
     def _timed(self, communicate) -> None:
         """Send or receive, and count the seconds it takes."""
@@ -267,7 +267,7 @@ class TotalLagrangianSPH(ParticleMethod):
 
     def _pass_force(self) -> None:
         pairing, passes = self.pairing, self.passes
-        choices = (self.riemann, self.shear, self.reconstruct, self.kinematics, self.record, self.force)
+        choices = (None, self.riemann, self.shear, self.reconstruct, self.kinematics, self.record, self.force)
         self._timed(self.record_exchange.start)
         passes.add_forces(0, self.owned, pairing.inner, None, True, *choices)
         self._timed(self.record_exchange.finish)
@@ -344,8 +344,8 @@ class TotalLagrangianSPH(ParticleMethod):
 
     def warm(self) -> None:
         """Lists of ghosts have no images."""
-        self.passes.add_gradients(0, 0, self.pairing.inner, None, None, self.kinematics, self.gradient)
-        choices = (self.riemann, self.shear, self.reconstruct, self.kinematics, self.record, self.force)
+        self.passes.add_gradients(0, 0, self.pairing.inner, None, None, 0, self.kinematics, self.gradient)
+        choices = (None, self.riemann, self.shear, self.reconstruct, self.kinematics, self.record, self.force)
         self.passes.add_forces(0, 0, self.pairing.inner, None, None, *choices)
 
 

@@ -138,12 +138,12 @@ def test_the_inner_list_as_two_one_sided_lists_gives_the_same(body, dimension):
         np.searchsorted(receiver[order], np.arange(method.owned + 1)), neighbour[order], np.ascontiguousarray(both[order])
     )
     gradient, force = aligned_zeros(method.gradient.shape), aligned_zeros(method.force.shape)
-    passes.add_gradients(0, method.owned, directed, None, None, method.kinematics, gradient)
+    passes.add_gradients(0, method.owned, directed, None, None, 0, method.kinematics, gradient)
     columns = gradient[: method.owned].reshape(method.owned, dimension, -1)[:, :, :dimension].swapaxes(1, 2)
     L = method.body.correction[:, : method.owned].T.reshape(-1, dimension, dimension)
     found = columns @ L.swapaxes(1, 2) / method.body.volume[0, : method.owned, None, None]
     np.testing.assert_allclose(found, inner["gradient"], atol=ROUND_OFF * np.abs(found).max())
-    choices = (method.riemann, method.shear, method.reconstruct, method.kinematics, method.record, force)
+    choices = (None, method.riemann, method.shear, method.reconstruct, method.kinematics, method.record, force)
     passes.add_forces(0, method.owned, directed, None, None, *choices)
     for name, column in (("T", 0), ("D", 4)):
         values = force[: method.owned, column : column + dimension]

@@ -1,0 +1,70 @@
+"""The internal force of a material step as an operator on displacements, for solvers."""
+
+import numpy as np
+
+from parsolid.materials.prony import Prony, algorithmic_factor
+from parsolid.methods.bond_force import BondForce
+from parsolid.methods.relaxing import Relaxation
+
+
+def algorithmic_law(law: Prony, step: float) -> Prony:
+    """The elastic law of a step [s] over 1 + sum gamma_j A_j, the factor by which `Operator.linear` multiplies the field."""
+    factor = algorithmic_factor(law, step)
+    lame = law.first_lame
+    if law.bulk_modulus is not None:
+        G, K = law.shear_modulus * factor, law.bulk_modulus
+        # the free directions of plane stress (1) and of a bar (2) condensed
+        full = K - 2.0 / 3.0 * G
+        condensed = {None: full, 1.0: 2.0 * G * full / (full + 2.0 * G), 2.0: 9.0 * K * G / (3.0 * K + G) - 2.0 * G}
+        lame = condensed[law.free_directions] / factor
+    return law._replace(first_lame=lame, bulk_modulus=None, ratios=None, relaxation_times=None, finite_strain=None)
+
+
+class Operator:
+    """F(u) of one rank's particles over a step whose history is frozen, and its tangent K = -dF/du.
+
+    Vectors are (owned, d), d the scene's dimension; forces [N] are those on the part of a particle on this side of mirror planes,
+    so that K is symmetric in the plain inner product. free (owned, d) bool: components that are not prescribed;
+    mass (owned,) [kg], likewise of this side's part; identifier (owned,). All calls are collective; `step` [s] is the length of
+    the material step that starts at the last committed state, 0.0 a jump.
+    """
+
+    def __init__(self, force: BondForce, groups, relaxation: Relaxation, share: np.ndarray, mass: np.ndarray, free: np.ndarray):
+        self.engine, self.groups, self.relaxation, self.share, self.free = force, groups, relaxation, share, free
+        self.mass, self.identifier = mass * share, force.bonding.identifier[: force.owned]
+        self.dimension = free.shape[1]
+        self.is_linear = True
+        self.evaluations = 0
+        self.step = None
+
+    def _begin(self, step: float) -> None:
+        """Weights of a step, unless they are those of the last call."""
+        if step == self.step:
+            return
+        self.step = step
+        self.relaxation.begin(step)
+        self.laws = [(group.first, group.last, group.law) for group in self.groups]
+        self.tangents = [(first, last, algorithmic_law(law, step)) for first, last, law in self.laws]
+
+    def force(self, displacement: np.ndarray, out: np.ndarray, step: float) -> None:
+        """Internal force [N] at a displacement [m] at the end of a step, stabiliser included, into out."""
+        self._begin(step)
+        d, engine = self.dimension, self.engine
+        engine.displacement[: engine.owned, :d] = displacement
+        self.relaxation.field_of(engine.displacement[: engine.owned], engine.field)
+        np.multiply(engine.evaluate(self.laws)[:, :d], self.share[:, None], out=out)
+        self.evaluations += 1
+
+    def linear(self, displacement: np.ndarray, change: np.ndarray, out: np.ndarray, step: float) -> None:
+        """K du [N] at a displacement at the end of a step: symmetric, positive semi-definite with a self-adjoint stabiliser."""
+        self._begin(step)
+        d, engine = self.dimension, self.engine
+        engine.field[: engine.owned, :d] = self.relaxation.factor[:, None] * change
+        np.multiply(engine.evaluate(self.tangents)[:, :d], -self.share[:, None], out=out)
+        self.evaluations += 1
+
+    def commit(self, displacement: np.ndarray) -> None:
+        """End the step at a displacement [m]: history takes it in."""
+        engine = self.engine
+        engine.displacement[: engine.owned, : self.dimension] = displacement
+        self.relaxation.commit(engine.displacement, engine.field)
