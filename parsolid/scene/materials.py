@@ -6,7 +6,7 @@ from pydantic import Field, model_validator
 
 from parsolid.scene.faults import Phrase
 from parsolid.scene.section import NotNegative, Positive, Section, by_kind, reject
-from parsolid.scene.viscoelastic import BondBased, LinearElastic, PronySolid
+from parsolid.scene.viscoelastic import BondBased, ElasticConstants, LinearElastic, PronySolid, elastic_constants
 
 
 class Moduli(NamedTuple):
@@ -57,6 +57,17 @@ class MooneyRivlin(Section):
             shear, lame = E / (2.0 * (1.0 + nu)), E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))
             xi, lambda_hat = 0.5 * shear - self.zeta, lame - 4.0 * self.zeta
         return Moduli(xi, self.zeta, lambda_hat, shear, lame, lame + 2.0 / 3.0 * shear)
+
+    @property
+    def equilibrium(self) -> ElasticConstants:
+        """Linear elastic constants when everything has relaxed."""
+        return elastic_constants(None, self.moduli.shear_modulus, None, self.moduli.bulk_modulus)
+
+    @property
+    def instantaneous(self) -> ElasticConstants:
+        """Linear elastic constants before anything has relaxed; a branch has the first Lame constant 0."""
+        added = sum(self.branch_moduli)
+        return elastic_constants(None, self.moduli.shear_modulus + added, None, self.moduli.bulk_modulus + 2.0 / 3.0 * added)
 
     @property
     def branch_moduli(self) -> tuple[float, ...]:

@@ -72,17 +72,17 @@ class PronySolid(Section):
     @property
     def equilibrium(self) -> ElasticConstants:
         """Elastic constants when everything has relaxed; a bar without Poisson's ratio has 0."""
-        return _constants(self.youngs_modulus, self.shear_modulus, self.poissons_ratio, self.bulk_modulus)
+        return elastic_constants(self.youngs_modulus, self.shear_modulus, self.poissons_ratio, self.bulk_modulus)
 
     @property
     def instantaneous(self) -> ElasticConstants:
         """Elastic constants before anything has relaxed."""
         known, factor = self.equilibrium, 1.0 + sum(self.term_moduli) / self._stated_modulus
         if self.bulk == "relaxing":
-            return _constants(known.youngs_modulus * factor, None, known.poissons_ratio, None)
+            return elastic_constants(known.youngs_modulus * factor, None, known.poissons_ratio, None)
         if self.youngs_modulus is None or self.conversion == "paper":
-            return _constants(None, known.shear_modulus * factor, None, known.bulk_modulus)
-        return _constants(known.youngs_modulus * factor, None, None, known.bulk_modulus)
+            return elastic_constants(None, known.shear_modulus * factor, None, known.bulk_modulus)
+        return elastic_constants(known.youngs_modulus * factor, None, None, known.bulk_modulus)
 
     @model_validator(mode="after")
     def _stable(self, info: ValidationInfo) -> "PronySolid":
@@ -120,8 +120,15 @@ class BondBased(Section):
     density: Positive = Field(description="the density [kg/m^3]")
     youngs_modulus: Positive = Field(description="Young's modulus [Pa]")
 
+    @property
+    def equilibrium(self) -> ElasticConstants:
+        """Elastic constants with the Poisson's ratio of space and plane strain."""
+        return elastic_constants(self.youngs_modulus, None, 0.25, None)
 
-def _constants(E: float | None, G: float | None, nu: float | None, K: float | None) -> ElasticConstants:
+    instantaneous = equilibrium
+
+
+def elastic_constants(E: float | None, G: float | None, nu: float | None, K: float | None) -> ElasticConstants:
     """All constants from E or G, with nu or K; neither means nu = 0."""
     if K is None:
         nu = nu or 0.0
