@@ -6,6 +6,7 @@ import numpy as np
 
 from parsolid.boundary import ON_PLANE, MirrorCodes, MirrorPlane, check_sides
 from parsolid.methods import motion
+from parsolid.scene.histories import Course
 from parsolid.scene.regions import selected
 from parsolid.together import anywhere, minimum, raise_together
 
@@ -155,16 +156,16 @@ def _traction(boundary, chosen, cloud, density) -> Load:
     particles = np.flatnonzero(chosen)
     area = np.abs(cloud.area[particles, boundary.plane.axis])
     scale = area / (density[particles] * cloud.volume[particles])
-    return Load(particles, cloud.position[particles], scale, boundary.traction)
+    return Load(particles, cloud.position[particles], scale, boundary.course)
 
 
 def _body_loads(scene, cloud, density) -> list[Load]:
     everything = np.arange(len(cloud.position))
     loads = []
     if scene.loads.body_force is not None:
-        loads.append(Load(everything, cloud.position, 1.0 / density, scene.loads.body_force))
+        loads.append(Load(everything, cloud.position, 1.0 / density, Course(scene.loads.body_force, scene.loads)))
     if scene.loads.acceleration is not None:
-        loads.append(Load(everything, cloud.position, np.ones(len(everything)), scene.loads.acceleration))
+        loads.append(Load(everything, cloud.position, np.ones(len(everything)), Course(scene.loads.acceleration, scene.loads)))
     return loads
 
 

@@ -5,7 +5,8 @@ from typing import ClassVar, Literal
 from pydantic import Field, ValidationInfo, model_validator
 
 from parsolid.scene.bodies import Name
-from parsolid.scene.formulas import Scalar, Vector, VectorOrFree
+from parsolid.scene.formulas import Formula, FormulaVector, Scalar, Vector, VectorOrFree
+from parsolid.scene.histories import Course, Timed
 from parsolid.scene.section import Plane, Point, Section, by_kind, method_of, reject
 from parsolid.scene.shapes import Box, Sphere
 from parsolid.scene.walls import HeatFlux, PrescribedTemperature, Wall
@@ -34,23 +35,55 @@ class Support(ParticleCondition):
     mirror: bool = True
 
 
-class PrescribedVelocity(ParticleCondition):
-    """Velocity [m/s] prescribed over a region; components that are "free" follow the equation of motion.
-
-    The region is a plane, a box, a ball, or the particle nearest to a point.
-    """
+class RegionCondition(ParticleCondition):
+    """A condition on a region: a plane, a box, a ball, or the particle nearest to a point."""
 
     exactly_one: ClassVar = (("plane", "box", "ball", "point"),)
-    kind: Literal["velocity"]
     plane: Plane | None = None
     box: Box | None = None
     ball: Sphere | None = None
     point: Point | None = None
     body: Name | None = None
+
+
+class PrescribedVelocity(RegionCondition):
+    """Velocity [m/s] prescribed over a region; components that are "free" follow the equation of motion."""
+
+    kind: Literal["velocity"]
     velocity: VectorOrFree = Field(description="a formula in X, Y, Z, t or 'free' for each component [m/s]")
 
 
-class Traction(ParticleCondition):
+class PrescribedDisplacement(RegionCondition, Timed):
+    """Displacement [m] prescribed over a region; components that are "free" follow the equation of motion."""
+
+    kind: Literal["displacement"]
+    displacement: VectorOrFree = Field(description="a formula in X, Y, Z, t or 'free' for each component [m]")
+
+    @property
+    def course(self) -> Course:
+        """The displacement in time."""
+        return Course(self.displacement, self)
+
+
+class FictitiousLayer(ParticleCondition, Timed):
+    """A layer of fictitious particles, the part of a body on one side of a plane through it, with prescribed displacement [m].
+
+    As wide as the horizon it holds the rest of the body at the plane (Galadima et al., section 8), with an error of first order.
+    """
+
+    kind: Literal["layer"]
+    plane: Plane = Field(description="a plane such as 'Y = 0' through the body")
+    side: Literal["above", "below"] = Field(description="'above' or 'below': where along the plane's axis the layer is")
+    body: Name | None = None
+    displacement: VectorOrFree | None = Field(None, description="a formula or 'free' for each component [m], zero unless given")
+
+    @property
+    def course(self) -> Course:
+        """The displacement in time."""
+        return Course(self.displacement or FormulaVector([Formula(0.0)] * 3), self)
+
+
+class Traction(ParticleCondition, Timed):
     """Traction [Pa] per reference area on a plane that bounds the body."""
 
     kind: Literal["traction"]
@@ -58,14 +91,20 @@ class Traction(ParticleCondition):
     body: Name | None = None
     traction: Vector = Field(description="a formula in X, Y, Z, t for each component [Pa]")
 
+    @property
+    def course(self) -> Course:
+        """The traction in time."""
+        return Course(self.traction, self)
 
-_KINDS = (Support, PrescribedVelocity, Traction, Wall, PrescribedTemperature, HeatFlux)
+
+_KINDS = (Support, PrescribedVelocity, PrescribedDisplacement, FictitiousLayer, Traction, Wall, PrescribedTemperature, HeatFlux)
 Boundary = by_kind(*_KINDS, known="boundaries")
 
 
-class Loads(Section):
+class Loads(Timed):
     """Loads on all bodies: a force [N/m^3] per reference volume, an acceleration [m/s^2], heat [W/m^3] per reference volume.
 
+    history and jumps are those of the force and the acceleration.
     manufactured: also the body force under which the exact solution of the scene's reference holds.
     """
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.scene.boundaries import PrescribedVelocity
+from parsolid.scene.boundaries import FictitiousLayer, RegionCondition
 from parsolid.scene.cloud import Cloud
 from parsolid.scene.schema import Scene
 from parsolid.scene.section import Plane
@@ -41,7 +41,9 @@ def selected(scene: Scene, boundary: Any, cloud: Cloud, comm: MPI.Comm) -> np.nd
     mask = np.ones(len(cloud), bool)
     if boundary.body is not None:
         mask = cloud.body == [body.name for body in scene.bodies].index(boundary.body)
-    if not isinstance(boundary, PrescribedVelocity) or boundary.plane is not None:
+    if isinstance(boundary, FictitiousLayer):
+        return mask & _beside(boundary, cloud)
+    if not isinstance(boundary, RegionCondition) or boundary.plane is not None:
         return mask & _on_plane(scene, boundary.plane, cloud)
     tolerance = 1e-6 * cloud.spacing.min(axis=1)
     if boundary.box is not None:
@@ -53,6 +55,12 @@ def selected(scene: Scene, boundary: Any, cloud: Cloud, comm: MPI.Comm) -> np.nd
         return mask & (distance <= boundary.ball.radius + tolerance)
     winner, _ = nearest_particles(comm, cloud.identifier[mask], cloud.position[mask], np.array([boundary.point]))
     return mask & (cloud.identifier == winner[0])
+
+
+def _beside(layer: FictitiousLayer, cloud: Cloud) -> np.ndarray:
+    """Particles on one side of a plane, those on it too."""
+    above = cloud.position[:, layer.plane.axis] - layer.plane.offset
+    return (above if layer.side == "above" else -above) >= -1e-6 * cloud.spacing.min(axis=1)
 
 
 def _on_plane(scene: Scene, plane: Plane, cloud: Cloud) -> np.ndarray:

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError, ValidationInfo, field_validator, model_validator
 
 from parsolid.scene.bodies import Body, FilledShape
-from parsolid.scene.boundaries import Boundary, Loads, PrescribedVelocity
+from parsolid.scene.boundaries import Boundary, FictitiousLayer, Loads, RegionCondition
 from parsolid.scene.faults import NOTHING, SceneError, fault, key_path, suggestion
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.lattice import Filling
@@ -162,7 +162,7 @@ def _boundary_faults(parts: Parts, fillings: dict[int, Filling], every_body_know
 
 def needs_bounding_plane(boundary: Any) -> bool:
     """Whether a boundary's plane must bound a body: not where particles beside it are chosen, nor where a wall waits for them."""
-    return boundary.on_particles and not isinstance(boundary, PrescribedVelocity)
+    return boundary.on_particles and not isinstance(boundary, RegionCondition | FictitiousLayer)
 
 
 def unbounded_plane(place: int, boundary: Any, bodies: dict[int, FilledShape], fillings: dict[int, Filling]) -> list[str]:
