@@ -73,25 +73,25 @@ class Timed(Section):
     """
 
     history: LoadHistory | None = None
-    jumps: list[NotNegative] = []
+    jumps: list[NotNegative] | None = None
 
     @model_validator(mode="after")
     def _rising(self) -> "Timed":
-        late = [(i, after) for i, (before, after) in enumerate(zip(self.jumps, self.jumps[1:]), 1) if after <= before]
+        late = [(i, after) for i, (before, after) in enumerate(zip(self.jumps or (), (self.jumps or ())[1:]), 1) if after <= before]
         reject(*((("jumps", i), "a time later than the one before", time) for i, time in late))
         return self
 
     @property
     def jump_times(self) -> list[float]:
         """Times [s] at which formulas or history jump."""
-        return sorted({*self.jumps, *(self.history.jumps if self.history is not None else ())})
+        return sorted({*(self.jumps or ()), *(self.history.jumps if self.history is not None else ())})
 
 
 class Course:
     """Formulas of a `Timed` load with its history and jumps, evaluated as a `FormulaVector` is."""
 
     def __init__(self, formulas: FormulaVector, timed: Timed):
-        self.formulas, self.history, self.jumps = formulas, timed.history, timed.jumps
+        self.formulas, self.history, self.jumps = formulas, timed.history, timed.jumps or ()
 
     @property
     def depends_on_time(self) -> bool:
