@@ -66,6 +66,8 @@ class Observables:
         if name == "linear_momentum":
             return (mass * v).sum(axis=0)
         if name == "angular_momentum":
+            if method.dimension == 1:
+                return np.zeros(1)
             if method.dimension == 2:
                 return np.array([mass[:, 0] @ (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0])])
             return (mass * np.cross(x, v)).sum(axis=0)

@@ -24,7 +24,7 @@ def draw(options: argparse.Namespace) -> list[Path]:
     results = Results(options.directory)
     output = Path(options.output) if options.output else results.directory / FOLDER
     one_file = output.suffix.lower() in _STILL + _MOVING
-    faults = _faults(options, output, one_file)
+    faults = _faults(results, options, output, one_file)
     if faults:
         raise SceneError(faults)
     field = options.field or _first_field(results)
@@ -52,7 +52,7 @@ def standard(directory: Path | str) -> list[Path]:
     return _curves(results, folder)
 
 
-def _faults(options: argparse.Namespace, output: Path, one_file: bool) -> list[str]:
+def _faults(results: Results, options: argparse.Namespace, output: Path, one_file: bool) -> list[str]:
     faults = []
     if options.times and options.every:
         faults.append("--times, --every: expected one of them, found both")
@@ -60,6 +60,8 @@ def _faults(options: argparse.Namespace, output: Path, one_file: bool) -> list[s
         faults.append(f"--single: expected a folder as output and no animation, found {told(str(output))}")
     if options.animation and output.suffix.lower() in _STILL:
         faults.append(f"--animation: expected a name that ends in .gif or .mp4, found {told(output.name)}")
+    if results.dimension == 1 and (options.animation or output.suffix.lower() in _MOVING or options.single):
+        faults.append("--animation, --single: expected a scene in two or three dimensions, found one in one")
     if not one_file and output.suffix and not output.is_dir():
         endings = ", ".join(_STILL + _MOVING)
         faults.append(f"--output: expected a folder or a name that ends in {endings}, found {told(output.name)}")
@@ -74,7 +76,8 @@ def _faults(options: argparse.Namespace, output: Path, one_file: bool) -> list[s
 
 def _first_field(results: Results) -> str:
     names = results.field_names
-    return "pressure" if "pressure" in names else names[0]
+    preferred = results.method.pictured_fields if results.method else ()
+    return next((name for name in preferred if name in names), names[0])
 
 
 def _steps(results: Results, options: argparse.Namespace, moving: bool) -> list[int]:
@@ -96,6 +99,12 @@ def _curves(results: Results, folder: Path) -> list[Path]:
 def _draw_bodies(results: Results, field: str, steps: list[int], options, output: Path, moving: bool) -> list[Path]:
     from parsolid.plot.sheets import Look, Sheet, write_animation, write_sheet, write_singles
 
+    if results.dimension == 1:
+        from parsolid.plot.line import write_lines
+
+        path = output if output.suffix.lower() in _STILL else output / f"{field}.png"
+        write_lines(results, field, steps, path, options.size)
+        return [path]
     if results.dimension == 3:
         _check_renderer()
     look = Look(

@@ -50,15 +50,20 @@ class Results:
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise SceneError([f"{scene}: expected TOML, found a fault: {error}"]) from None
         self.dimension = self._tables.get("dimension")
-        if self.dimension not in (2, 3):
-            raise SceneError([f"{scene}: expected dimension = 2 or 3, found {told(self.dimension)}"])
+        if self.dimension not in (1, 2, 3):
+            raise SceneError([f"{scene}: expected dimension = 1, 2 or 3, found {told(self.dimension)}"])
         self.title = str(self._tables.get("title") or self.directory.name)
 
     @cached_property
     def parts(self) -> Parts:
         """The sound parts of the scene: a reference or mesh that has gone since the run is left out."""
-        method = settings_class(self._tables.get("method"))
-        return Parts.of(self._tables, {"dimension": self.dimension, "method": method, "folder": str(self.directory.resolve())})
+        context = {"dimension": self.dimension, "method": self.method, "folder": str(self.directory.resolve())}
+        return Parts.of(self._tables, context)
+
+    @property
+    def method(self) -> type | None:
+        """The class of the settings of the scene's method."""
+        return settings_class(self._tables.get("method"))
 
     @cached_property
     def history(self) -> dict[str, np.ndarray]:
