@@ -22,6 +22,19 @@ class Stretch(NamedTuple):
     resistance: np.ndarray
 
 
+class Energy(NamedTuple):
+    """A stretched bond fails when t . eta / 2 exceeds the lesser of its ends' `resistance` (n,) [J/m^6, in the plane J/m^4].
+
+    eta is the change of the bond's vector and t = w [(M_a + M_b) xi + (C1_a + C1_b)(f_b - f_a)] its force density from the
+    latest `record` (see `pairs`), without the second part where `control` is None; volume (n,) [m^3].
+    """
+
+    resistance: np.ndarray
+    record: np.ndarray
+    control: float | None
+    volume: np.ndarray
+
+
 class Patch(NamedTuple):
     """A flat crack: the parallelogram of two edges (3,) [m] at a corner (3,) [m]."""
 
@@ -40,7 +53,7 @@ def _squares(space, images, k, kinematics, a, b):
 
 
 def exceeds(space, criterion, weight, images, k, kinematics, a, b, limit):
-    """True when the bond of weight `weight` [see `pairs`], as seen from a, is beyond the limit."""
+    """True when the bond of weight w V_a V_b, as seen from a, is beyond the limit."""
     raise NotImplementedError
 
 
@@ -53,6 +66,43 @@ def _exceeds(space, criterion, weight, images, k, kinematics, a, b, limit):
             return y > (1.0 + limit) * (1.0 + limit) * x
 
         return by_stretch
+
+    def by_energy(space, criterion, weight, images, k, kinematics, a, b, limit):
+        y, x = _squares(space, images, k, kinematics, a, b)
+        # the product of the volumes first, so that it rounds alike from both ends
+        volumes = criterion.volume[a] * criterion.volume[b]
+        return y > x and 0.5 * weight * _work(space, criterion, images, k, kinematics, a, b) > limit * volumes
+
+    return by_energy
+
+
+@register_jitable
+def _work(space, criterion, images, k, kinematics, a, b):
+    """t . eta of a bond over its influence and volumes."""
+    x = reference_bond(space, images, k, kinematics, a, b)
+    u = field_jump(space, images, k, kinematics, displacement_column(space), a, b)
+    work = _product(space, criterion.record, 0, images, k, a, b, u, x, False)
+    if criterion.control is not None:
+        f = field_jump(space, images, k, kinematics, 0, a, b)
+        work += _product(space, criterion.record, 1, images, k, a, b, u, f, True)
+    return work
+
+
+@register_jitable
+def _product(space, record, number, images, k, a, b, left, right, vectors):
+    """left . (A_a + A_b) right with matrix `number` of the records; A_b of an image is Q A_b Q for vectors, else Q A_b R."""
+    d = space.dimension
+    stride = 4 if d == 3 else 2
+    result = 0.0
+    for j in range(d):
+        for i in range(d):
+            column = (number * d + j) * stride + i
+            other = record[b, column]
+            if images is not None:
+                row = images.table[images.code[k]]
+                other *= row[i] * row[j if vectors else 4 + j]
+            result += left[i] * (record[a, column] + other) * right[j]
+    return result
 
 
 @register_jitable

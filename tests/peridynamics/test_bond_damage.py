@@ -5,7 +5,7 @@ import pytest
 from bonded_body import BondedBody, lattice
 
 from parsolid.kernels import pairs_plane, pairs_space
-from parsolid.kernels.bond_damage import Stretch
+from parsolid.kernels.bond_damage import Energy, Stretch
 from parsolid.methods.bond_damage import Limits
 from parsolid.methods.cracks import distance, patch_of
 from parsolid.particles import FieldTable
@@ -241,3 +241,41 @@ def test_the_dead_lose_all_bonds_at_the_next_inspection(comm):
             assert weight == 0.0
     inverse = body.of_owned(body.inverse_shape)
     assert all(not inverse[a].any() for a in dead if dead[a])
+
+
+@bodies
+@pytest.mark.parametrize("control", [None, 1.0])
+def test_stretched_bonds_beyond_the_critical_energy_break(comm, dimension, mirror, control):
+    body = BondedBody(comm, dimension, mirror, "fixed")
+    body.displace(crumple)
+    stride, random = {2: 2, 3: 4}[dimension], np.random.default_rng(8)
+    every = random.normal(size=(2, body.comm.allreduce(body.owned), dimension, dimension))
+    every[1] += every[1].swapaxes(1, 2)
+    record = np.zeros((len(body.positions), 2 * stride * dimension))
+    for number in range(2):
+        for j in range(dimension):
+            column = (number * dimension + j) * stride
+            record[:, column : column + dimension] = every[number, body.identifier, :, j]
+    body.kinematics[:, :dimension] = np.cos(body.positions)
+    body.damage.resistance[:] = 0.5
+    failed = body.damage.inspect(Energy(body.damage.resistance, record, control, body.volume))
+    whole = body.directed()
+    if failed is not None:
+        body.damage.cut(failed)
+    X, R = places(dimension), np.where(np.arange(dimension) == 1, -1.0, 1.0)
+    broken = 0
+    for key, weight in body.directed().items():
+        fails = False
+        # a bond with an image is looked at from both sides of the plane
+        for a, b in (key[:2], key[1::-1])[: 1 + key[2]]:
+            Q, S = (-1.0, R) if key[2] else (1.0, np.ones(dimension))
+            xi = S * X[b] - X[a]
+            eta = Q * crumple(X[b][None])[0] - crumple(X[a][None])[0]
+            force = (every[0, a] + Q * every[0, b] * S) @ xi
+            if control is not None:
+                force += (every[1, a] + every[1, b]) @ (Q * np.cos(X[b]) - np.cos(X[a]))
+            influence = whole[key] / ((1.0 + 0.01 * a) * (1.0 + 0.01 * b))
+            fails |= np.linalg.norm(xi + eta) > np.linalg.norm(xi) and 0.5 * influence * force @ eta > 0.5
+        assert (weight == 0.0) == fails
+        broken += fails
+    assert broken > 10
