@@ -1,7 +1,7 @@
-"""Errors against a scene's reference: a series over time, or an exact solution at given times.
+"""Errors against a scene's reference: a series over time, an exact solution, or values at the end.
 
 Against a series: for energies max |error| / E0, for anything else max |error| / max |reference|, over the common times.
-Against an exact solution: its own measure (see `exact.solution`), at given times or as the largest over all steps.
+Against values at the end: |value / expected - 1|. Against an exact solution: its own measure (see `exact.solution`), at given times or as the largest over all steps.
 """
 
 import json
@@ -29,8 +29,12 @@ class Errors:
 
     def note(self, row: dict) -> None:
         """Remember a history row."""
-        if self.reference is not None and self.reference.series is not None:
+        if self.reference is None:
+            return
+        if self.reference.series is not None:
             self.rows.append({name: row[name] for name in ("time", *self.reference.columns)})
+        elif self.reference.final is not None:
+            self.found = {name: abs(row[name] / wanted - 1.0) for name, wanted in self.reference.final.items()}
 
     def resume(self, rows: list[dict], found: dict[str, float]) -> None:
         """Continue with the history rows and the errors of the run before a restart."""

@@ -55,6 +55,9 @@ class SteadyShock(Solution):
         )  # fmt: skip
         return cls(state, body.shape.model.upper[0])
 
+    def error_names(self, dimension: int) -> tuple[str, ...]:
+        return ("stress", "density", "internal_energy", "temperature_kelvin", "stress_rms", "shock_speed")
+
     def errors(self, view: View, time: float) -> dict[str, float]:
         """Relative errors of means behind the shock and of the shock speed; of the stress also the rms about the exact one.
 

@@ -47,6 +47,10 @@ class Solution:
         """Fields by name at reference positions (n, d) [m] and a time [s]."""
         raise NotImplementedError
 
+    def error_names(self, dimension: int) -> tuple[str, ...]:
+        """Names of the errors at a time."""
+        return tuple(self.fields(np.zeros((1, dimension)), 0.0))
+
     def errors(self, view: View, time: float) -> dict[str, float]:
         """Relative L2 errors by name; absolute where the exact field vanishes. Collective."""
         result = {}

@@ -140,10 +140,11 @@ class Reference(Section):
     """What the results are compared with.
 
     Either a JSON file `series` with "t", "E0" and a table "series" of equally long lists, and `columns` from a column of the
-    history to a name in that table; or an `exact` solution with its `parameters`, compared at `times` [s] or at each step.
+    history to a name in that table; or an `exact` solution with its `parameters`, compared at `times` [s] or at each step; or the
+    `final` values of columns of the history.
     """
 
-    exactly_one: ClassVar = (("series", "exact"), ("columns", "times", "each_step"))
+    exactly_one: ClassVar = (("series", "exact", "final"), ("columns", "times", "each_step", "final"))
     series: ExistingFile | None = None
     columns: Annotated[dict[str, str], Field(min_length=1)] | None = None
     exact: Literal[tuple(SOLUTION_PARAMETERS)] | None = None
@@ -151,10 +152,13 @@ class Reference(Section):
     times: Annotated[list[NotNegative], Field(min_length=1)] | None = None
     each_step: Literal[True] | None = Field(None, description="true: the largest error over all steps")
 
+    final: Annotated[dict[str, float], Field(min_length=1)] | None = None
+
     @model_validator(mode="after")
     def _paired(self) -> "Reference":
-        if (self.series is None) != (self.columns is None):
-            reject(((), "series with columns, or exact with times or each_step", Phrase("one of each")))
+        if (self.series is None) != (self.columns is None) or (self.final is not None and self.exact is not None):
+            reject(((), "series with columns, exact with times or each_step, or final alone", Phrase("one of each")))
+        reject(*((("final", column), "a number other than 0", value) for column, value in (self.final or {}).items() if not value))
         if self.exact is not None:
             wanted = SOLUTION_PARAMETERS[self.exact]
             if set(self.parameters) not in map(set, wanted):

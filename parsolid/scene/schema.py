@@ -189,12 +189,13 @@ def _distant_probes(parts: Parts, fillings: dict[int, Filling]) -> list[str]:
 
 
 def _reference_faults(parts: Parts) -> list[str]:
-    if parts.reference is None or parts.reference.columns is None or not parts.complete or parts.method is None:
+    if parts.reference is None or not parts.complete or parts.method is None:
         return []
+    key = "final" if parts.reference.final is not None else "columns"
     known = [*HISTORY_COLUMNS, *parts.method.ledger_terms]
     known += [column for probe in parts.probes.values() for column in probe.columns(parts.dimension, parts.method)]
     return [
-        fault(("reference", "columns", column), f"a column of the history{suggestion(column, known)}", column)
-        for column in parts.reference.columns
+        fault(("reference", key, column), f"a column of the history{suggestion(column, known)}", column)
+        for column in getattr(parts.reference, key) or ()
         if column not in known
     ]

@@ -9,8 +9,6 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-import numpy as np
-
 import decomposition
 import parsolid
 from parsolid.exact import SOLUTIONS
@@ -148,10 +146,13 @@ def error_names(scene: Scene | None) -> set[str]:
     reference = scene.reference if scene is not None else None
     if reference is None:
         return set()
-    if reference.columns is not None:
-        return set(reference.columns)
-    fields = SOLUTIONS[reference.exact].of_scene(scene).fields(np.zeros((1, scene.dimension)), 0.0)
-    return {f"{name}@{time:.6g}" for name in fields for time in reference.times if time <= scene.end_time}
+    if reference.exact is None:
+        return set(reference.columns or reference.final)
+    solution = SOLUTIONS[reference.exact].of_scene(scene)
+    if reference.each_step:
+        return {f"largest_{name}" for name in solution.scales}
+    names = solution.error_names(scene.dimension)
+    return {f"{name}@{time:.6g}" for name in names for time in reference.times if time <= scene.end_time}
 
 
 def digest_of(case: Case) -> str:
