@@ -6,6 +6,7 @@ from importlib import import_module
 _MODULES = {
     "mooney-rivlin": "parsolid.materials.mooney_rivlin",
     "neo-hookean": "parsolid.materials.mooney_rivlin",
+    "elastic-plastic": "parsolid.materials.elastic_plastic",
 }
 
 

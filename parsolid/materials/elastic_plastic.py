@@ -9,7 +9,16 @@ from typing import Any, NamedTuple
 from numba.extending import overload, register_jitable
 
 from parsolid.kernels.elementary import choose, some_positive
+from parsolid.materials.equation_of_state import LinearElastic, MieGrueneisen
+from parsolid.materials.johnson_cook import JohnsonCook
+from parsolid.materials.linear_hardening import LinearHardening
+from parsolid.materials.mechanical_threshold import MechanicalThreshold
+from parsolid.materials.melting import ConstantMelting, SteinbergMelting
 from parsolid.materials.plasticity import SLOWEST_RATE, flow_stress, plastic_increment
+from parsolid.materials.preston_tonks_wallace import PrestonTonksWallace
+from parsolid.materials.shear_modulus import ConstantShearModulus, LinearSoftening, NadalLePoac, SteinbergShearModulus, Varshni
+from parsolid.materials.steinberg_cochran_guinan import SteinbergCochranGuinan, ThermalActivation
+from parsolid.materials.zerilli_armstrong import ZerilliArmstrong
 
 
 class ElasticPlastic(NamedTuple):
@@ -33,6 +42,53 @@ class ElasticPlastic(NamedTuple):
     def internal_energy(self, temperature: float) -> float:
         """E [J/m^3] of the undeformed body at a temperature [K]."""
         return self.density * self.specific_heat * (temperature - self.reference_temperature)
+
+
+_PARTS = {
+    "equation_of_state": {"mie-grueneisen": MieGrueneisen, "linear": LinearElastic},
+    "shear_modulus": {
+        "constant": ConstantShearModulus,
+        "steinberg-cochran-guinan": SteinbergShearModulus,
+        "nadal-le-poac": NadalLePoac,
+        "varshni": Varshni,
+        "linear-softening": LinearSoftening,
+    },
+    "flow_stress": {
+        "linear-hardening": LinearHardening,
+        "johnson-cook": JohnsonCook,
+        "zerilli-armstrong": ZerilliArmstrong,
+        "steinberg-cochran-guinan-lund": SteinbergCochranGuinan,
+        "preston-tonks-wallace": PrestonTonksWallace,
+        "mechanical-threshold": MechanicalThreshold,
+    },
+    "melting": {"constant": ConstantMelting, "steinberg-cochran-guinan": SteinbergMelting},
+}
+_ATOMIC_MASS_UNIT = 1.66053906660e-27
+
+
+def of_material(material) -> ElasticPlastic:
+    """The law of a material of kind "elastic-plastic" as a scene states it."""
+    stated = material.parts
+    parts = {key: _part(kinds, stated[key], stated["density"]) for key, kinds in _PARTS.items()}
+    numbers = ("density", "specific_heat", "reference_temperature", "taylor_quinney")
+    conductivity = stated["conductivity"]
+    numbers = {key: float(stated[key]) for key in numbers}
+    return ElasticPlastic(conductivity=None if conductivity is None else float(conductivity), **numbers, **parts)
+
+
+def _part(kinds: dict, stated, density: float):
+    """The NamedTuple of one part; the material's density where it wants one."""
+    if stated is None:
+        return None
+    kind, values = kinds[stated.kind], {"density": float(density)}
+    for key in kind._fields:
+        if key == "activation" and kind is SteinbergCochranGuinan:
+            values[key] = None if stated.activation is None else ThermalActivation(**stated.activation.model_dump())
+        elif key != "density":
+            values[key] = float(getattr(stated, key))
+    if "atomic_mass" in values:
+        values["atomic_mass"] *= _ATOMIC_MASS_UNIT
+    return kind(**{key: values[key] for key in kind._fields})
 
 
 _MOST_STEPS = 80

@@ -10,13 +10,15 @@ from parsolid.kernels.elementary import choose, power
 from parsolid.kernels.types import is_instance
 from parsolid.materials.plasticity import flow_stress
 
+_BOLTZMANN = 1.380649e-23
+
 
 class ThermalActivation(NamedTuple):
     """Rate term Y_T of Steinberg & Lund (J. Appl. Phys. 65 (1989) 1528), at most the Peierls stress:
 
     rate = 1/(exp(2 U_k (1 - Y_T/Y_P)^2/(k T))/C1 + C2/Y_T).
 
-    frequency C1 [1/s], kink_energy U_k/k [K], peierls_stress Y_P [Pa], drag C2 [Pa s].
+    frequency C1 [1/s], kink_energy U_k [J], peierls_stress Y_P [Pa], drag C2 [Pa s].
     """
 
     frequency: float
@@ -53,7 +55,7 @@ def _thermal(activation, rate, temperature):
 
     def bisected(activation, rate, temperature):
         # the rate rises with Y_T: bisection of y = Y_T/Y_P in [0, 1], to 1e-13 of Y_P
-        low, high, barrier = 0.0 * temperature, 1.0 + 0.0 * temperature, 2.0 * activation.kink_energy / temperature
+        low, high, barrier = 0.0 * temperature, 1.0 + 0.0 * temperature, 2.0 * activation.kink_energy / (_BOLTZMANN * temperature)
         for _ in range(44):
             y = 0.5 * (low + high)
             wait = math.exp(barrier * (1.0 - y) * (1.0 - y)) / activation.frequency + activation.drag / (y * activation.peierls_stress)

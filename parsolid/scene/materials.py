@@ -5,6 +5,7 @@ from typing import ClassVar, Literal, NamedTuple
 from pydantic import Field, model_validator
 
 from parsolid.scene.faults import Phrase
+from parsolid.scene.plasticity import ElasticPlastic
 from parsolid.scene.section import NotNegative, Positive, Section, by_kind, reject
 from parsolid.scene.viscoelastic import BondBased, ElasticConstants, LinearElastic, PronySolid, elastic_constants
 
@@ -110,5 +111,5 @@ class NeoHookean(MooneyRivlin):
     zeta: Literal[0, 0.0] = 0.0
 
 
-_KINDS = (MooneyRivlin, NeoHookean, PronySolid, LinearElastic, BondBased)
+_KINDS = (MooneyRivlin, NeoHookean, PronySolid, LinearElastic, BondBased, ElasticPlastic)
 Material = by_kind(*_KINDS, known="materials")
