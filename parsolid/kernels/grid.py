@@ -1,6 +1,7 @@
 """The background grid of the material point method: arrays, node update, mirror planes, rigid walls.
 
-Only nodes near particles exist; they are numbered by slots in any order. Particles are sorted by base cell (`grid_weights`).
+Only nodes near particles exist; they are numbered by slots in any order. Particles are listed by base cell (`grid_weights`); passes
+are fast where the list is nearly in the order of storage.
 
     motion  (capacity, 8)  x y z m | vx vy vz V0    a particle's position [m], mass [kg], velocity [m/s], reference volume [m3]
     nodes   (nodes, 8)     px py pz m | fx fy fz 0  after a scatter: momentum [kg m/s], mass, force [N]
@@ -25,7 +26,7 @@ class Grid(NamedTuple):
     """Base cells with their particles and nodes.
 
     origin (4,) [m]: a node; spacing [m] and its inverse; base (cells, 4): base nodes' indices as floats, unused columns 0;
-    start (cells + 1,) int64: particles start[c]..start[c+1]-1 lie in cell c; stencil (cells, K**dimension) int32: node slots,
+    start (cells + 1,), order (capacity,) int64: particles order[start[c]]..order[start[c+1]-1] lie in cell c; stencil (cells, K**dimension) int32: node slots,
     the last direction fastest.
     """
 
@@ -34,6 +35,7 @@ class Grid(NamedTuple):
     inverse_spacing: float
     base: np.ndarray
     start: np.ndarray
+    order: np.ndarray
     stencil: np.ndarray
 
 

@@ -31,7 +31,8 @@ def gather(first, last, space, basis, grid, scratch, where, nodes, motion, step,
             continue
         base = load(grid.base, c, 0)
         _copy_nodes(grid, c, nodes, remapped, scratch.cell)
-        for p in range(begin, end):
+        for n in range(begin, end):
+            p = grid.order[n]
             place = load(where, p, 0)
             xi = fused(place - load(grid.origin, 0, 0), broadcast(grid.inverse_spacing), -base)
             store_weights(basis, p, xi, scratch.weights)

@@ -38,7 +38,8 @@ def scatter(first, last, space, basis, grid, scratch, where, motion, transfer, s
             store(cell, k, 0, broadcast(0.0))
             store(cell, k, 4, broadcast(0.0))
         base = load(grid.base, c, 0)
-        for p in range(begin, end):
+        for n in range(begin, end):
+            p = grid.order[n]
             place = load(where, p, 0)
             xi = fused(place - load(grid.origin, 0, 0), broadcast(grid.inverse_spacing), -base)
             store_weights(basis, p, xi, scratch.weights)

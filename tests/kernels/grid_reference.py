@@ -47,7 +47,7 @@ def slope(name, s, half):
 
 
 class Cloud(NamedTuple):
-    """Random particles sorted into base cells, with everything that the kernels take."""
+    """Random particles listed by base cell, with everything that the kernels take."""
 
     dimension: int
     basis: object
@@ -70,7 +70,7 @@ def make_basis(name, halves):
 
 
 def topology(basis, motion, count, dimension, spacing=SPACING, origin=ORIGIN):
-    """Order of the particles by base cell, the grid, and the nodes' positions (nodes, 4)."""
+    """The grid, with the particles' order by base cell, and the nodes' positions (nodes, 4)."""
     base = np.zeros((count, dimension), np.int64)
     grid_weights.find_bases(0, count, motion, origin, 1.0 / spacing, grid_weights.base_offset(basis), base)
     order = np.lexsort(base.T[::-1])
@@ -84,7 +84,7 @@ def topology(basis, motion, count, dimension, spacing=SPACING, origin=ORIGIN):
     rows[:, :dimension] = cells
     start = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     stencil = slots.reshape(len(cells), -1).astype(np.int32)
-    return order, grid.Grid(origin, spacing, 1.0 / spacing, rows, start, stencil), places
+    return grid.Grid(origin, spacing, 1.0 / spacing, rows, start, order, stencil), places
 
 
 def make_cloud(name, dimension, count=60, seed=3, lower=0.5):
@@ -102,8 +102,7 @@ def make_cloud(name, dimension, count=60, seed=3, lower=0.5):
     widest = 0.5 if name == "uniform" else 1.0
     halves[:count, :dimension] = random.uniform(0.02, widest, (count, dimension))
     basis = make_basis(name, halves)
-    order, cells, places = topology(basis, motion, count, dimension)
-    motion[:count], halves[:count] = motion[order], halves[order]
+    cells, places = topology(basis, motion, count, dimension)
     nodes = aligned_zeros((len(places), 8))
     return Cloud(dimension, basis, halves, motion, cells, nodes, places, grid.make_scratch(basis, dimension))
 
