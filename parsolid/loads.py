@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from parsolid.scene.histories import Course
+
 
 class BodyLoads:
     """Acceleration and heat of a scene's loads; `accelerates` and `heats` say whether there is any."""
@@ -9,7 +11,11 @@ class BodyLoads:
     def __init__(self, scene, density):
         """density (bodies,) [kg/m^3]."""
         self.density = np.asarray(density, float)
-        self.per_volume, self.per_mass, self.heating = scene.loads.body_force, scene.loads.acceleration, scene.loads.heat_source
+        self.per_volume, self.per_mass = (
+            None if formulas is None else Course(formulas, scene.loads)
+            for formulas in (scene.loads.body_force, scene.loads.acceleration)
+        )
+        self.heating = scene.loads.heat_source
         self.manufactured = None
         if scene.loads.manufactured:
             # scipy takes half a second to import, which a run without it is spared

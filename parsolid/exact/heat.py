@@ -30,7 +30,8 @@ class _Conduction(Solution):
 
 def diffusivity_of(material) -> float:
     """alpha = k / (rho0 c) [m^2/s] of a scene's material."""
-    return material.conductivity / (material.density * material.specific_heat)
+    parts = material.parts
+    return parts["conductivity"] / (parts["density"] * parts["specific_heat"])
 
 
 class CosineMode(_Conduction):
@@ -65,7 +66,7 @@ class HeatedSlab(_Conduction):
         """The solution for a scene's first body, a box from X = 0, and the reference's start and face_rise [K] or heat_flux."""
         given, body = scene.reference.parameters, scene.bodies[0]
         flux = given.get("heat_flux")
-        gradient = None if flux is None else flux / body.material.conductivity
+        gradient = None if flux is None else flux / body.material.parts["conductivity"]
         alpha = diffusivity_of(body.material)
         return cls(given["start"], alpha, body.shape.model.upper[0], given.get("face_rise"), gradient)
 
@@ -93,12 +94,16 @@ class PlasticLayer(_Conduction):
 
     @classmethod
     def of_scene(cls, scene) -> "PlasticLayer":
-        """The solution for a scene's first body, a box from Y = 0, and the reference's start [K], yield_stress [Pa] and rate [1/s]."""
+        """The solution for a scene's first body, a box from Y = 0, and the reference's start [K] and rate [1/s].
+
+        The flow stress does not change and neither does the shear modulus.
+        """
         given, body = scene.reference.parameters, scene.bodies[0]
-        material, shear = body.material, given["yield_stress"] / np.sqrt(3.0)
-        heating = given["taylor_quinney"] * shear * given["rate"] / (material.density * material.specific_heat)
-        delay = shear / (given["shear_modulus"] * given["rate"])
-        return cls(given["start"], diffusivity_of(material), body.shape.model.upper[1], heating, delay)
+        parts = body.material.parts
+        shear = parts["flow_stress"].yield_stress / np.sqrt(3.0)
+        heating = parts["taylor_quinney"] * shear * given["rate"] / (parts["density"] * parts["specific_heat"])
+        delay = shear / (parts["shear_modulus"].modulus * given["rate"])
+        return cls(given["start"], diffusivity_of(body.material), body.shape.model.upper[1], heating, delay)
 
     def rise(self, positions, time):
         after = time - self.delay

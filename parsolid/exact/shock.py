@@ -48,9 +48,10 @@ class SteadyShock(Solution):
     def of_scene(cls, scene) -> "SteadyShock":
         """The shock in a scene's first body, a box from X = 0, at the reference's particle_speed [m/s] and start [K]."""
         given, body = scene.reference.parameters, scene.bodies[0]
-        equation, material = body.material.equation_of_state, body.material
+        parts = body.material.parts
+        equation = parts["equation_of_state"]
         state = Hugoniot(
-            material.density, equation.sound_speed, equation.slope, equation.gamma, material.specific_heat, given["start"],
+            parts["density"], equation.sound_speed, equation.slope, equation.gamma, parts["specific_heat"], given["start"],
             given["particle_speed"],
         )  # fmt: skip
         return cls(state, body.shape.model.upper[0])

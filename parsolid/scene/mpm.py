@@ -27,6 +27,7 @@ class MaterialPoint(MethodSettings):
     geometry        of a 2-D scene: plane strain per metre of thickness, or axisymmetric with X the radius and Y the axis,
                     per radian
     order           stress update first with the new grid velocity ("usl") or with particle velocities mapped again ("musl")
+    conduction      of heat, where materials have a conductivity
     motion          false: nothing moves, heat alone is conducted
     bitwise         the same bits on any number of ranks, for three times the traffic
     rebalance       largest over mean number of particles on a rank beyond which cells are dealt out anew
@@ -62,6 +63,7 @@ class MaterialPoint(MethodSettings):
     order: Literal["usl", "musl"] = "usl"
     cfl: Positive = Field(0.3, description="time step over h / (wave speed + particle speed)")
     viscosity: ArtificialViscosity = ArtificialViscosity()
+    conduction: bool = True
     motion: bool = True
     bitwise: bool = False
     rebalance: float = Field(1.2, gt=1, description="largest over mean particles of a rank beyond which cells move")
@@ -87,7 +89,7 @@ class MaterialPoint(MethodSettings):
             lower = getattr(body.shape.model, "lower", None)
             if self.geometry == "axisymmetric" and lower is not None and lower[0] < 0.0:
                 details.append((("bodies", i, "shape", "box", "lower", 0), "a radius of at least 0", lower[0]))
-        conducting = any(getattr(body.material, "conductivity", None) for body in scene.bodies)
+        conducting = any(getattr(body.material, "parts", {}).get("conductivity") for body in scene.bodies)
         for i, boundary in enumerate(scene.boundaries):
             if boundary.kind in ("temperature", "heat_flux") and not conducting:
                 details.append((("boundaries", i, "kind"), "a body with a conductivity", boundary.kind))

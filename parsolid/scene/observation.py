@@ -128,7 +128,7 @@ SOLUTION_PARAMETERS = {
     "generalised-vortex": (("amplitude",),),
     "cosine-mode": (("start", "amplitude"),),
     "heated-slab": (("start", "face_rise"), ("start", "heat_flux")),
-    "plastic-layer": (("start", "yield_stress", "rate", "taylor_quinney", "shear_modulus"),),
+    "plastic-layer": (("start", "rate"),),
     "steady-shock": (("start", "particle_speed"),),
 }
 
