@@ -121,15 +121,16 @@ class Output(Section):
         return times
 
 
-# exact solutions, and for each the sets of parameters of which it wants one
-SOLUTION_PARAMETERS = {
-    "viscoelastic-plate": (("amplitude",),),
-    "axis-aligned": (("amplitude",),),
-    "generalised-vortex": (("amplitude",),),
-    "cosine-mode": (("start", "amplitude"),),
-    "heated-slab": (("start", "face_rise"), ("start", "heat_flux")),
-    "plastic-layer": (("start", "rate"),),
-    "steady-shock": (("start", "particle_speed"),),
+_HYPERELASTIC, _PLASTIC = ("mooney-rivlin", "neo-hookean"), ("elastic-plastic",)
+# exact solutions: the sets of parameters of which each wants one, and the kinds of material that it is for
+SOLUTIONS_KNOWN = {
+    "viscoelastic-plate": ((("amplitude",),), _HYPERELASTIC),
+    "axis-aligned": ((("amplitude",),), ("neo-hookean",)),
+    "generalised-vortex": ((("amplitude",),), ("neo-hookean",)),
+    "cosine-mode": ((("start", "amplitude"),), _PLASTIC),
+    "heated-slab": ((("start", "face_rise"), ("start", "heat_flux")), _PLASTIC),
+    "plastic-layer": ((("start", "rate"),), _PLASTIC),
+    "steady-shock": ((("start", "particle_speed"),), _PLASTIC),
 }
 
 # those that come with a body force
@@ -147,7 +148,7 @@ class Reference(Section):
     exactly_one: ClassVar = (("series", "exact", "final"), ("columns", "times", "each_step", "final"))
     series: ExistingFile | None = None
     columns: Annotated[dict[str, str], Field(min_length=1)] | None = None
-    exact: Literal[tuple(SOLUTION_PARAMETERS)] | None = None
+    exact: Literal[tuple(SOLUTIONS_KNOWN)] | None = None
     parameters: dict[str, float] = {}
     times: Annotated[list[NotNegative], Field(min_length=1)] | None = None
     each_step: Literal[True] | None = Field(None, description="true: the largest error over all steps")
@@ -160,7 +161,7 @@ class Reference(Section):
             reject(((), "series with columns, exact with times or each_step, or final alone", Phrase("one of each")))
         reject(*((("final", column), "a number other than 0", value) for column, value in (self.final or {}).items() if not value))
         if self.exact is not None:
-            wanted = SOLUTION_PARAMETERS[self.exact]
+            wanted, _ = SOLUTIONS_KNOWN[self.exact]
             if set(self.parameters) not in map(set, wanted):
                 told = " or ".join(", ".join(names) for names in wanted)
                 reject((("parameters",), f"the parameters {told}", Phrase(", ".join(self.parameters) or "none")))

@@ -12,7 +12,7 @@ from parsolid.scene.faults import NOTHING, SceneError, fault, key_path, suggesti
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.lattice import Filling
 from parsolid.scene.methods import Method
-from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, Output, Probe, Reference
+from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, SOLUTIONS_KNOWN, Output, Probe, Reference
 from parsolid.scene.section import Plane, Positive, Section, method_of, mismatch, reject
 
 
@@ -45,6 +45,9 @@ class Scene(Section):
         if self.loads.manufactured and exact not in MANUFACTURED:
             known = " or ".join(map(repr, MANUFACTURED))
             details.append((("loads", "manufactured"), f"reference.exact = {known}", NOTHING if exact is None else exact))
+        kinds, kind = SOLUTIONS_KNOWN[exact][1] if exact else (), self.bodies[0].material.kind
+        if exact and kind not in kinds:
+            details.append((("reference", "exact"), f"a solution for the material {kind!r}", exact))
         reject(*details)
         return self
 

@@ -1,10 +1,12 @@
 """Scenes of the material point method: what they may say and what is refused."""
 
 import copy
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from parsolid.exact import SOLUTIONS
 from parsolid.scene import SceneError, dump_scene, initial_temperature, load_scene, parse_scene
 
 MATERIAL = {"kind": "neo-hookean", "density": 1000.0, "youngs_modulus": 1e7, "poissons_ratio": 0.3}
@@ -81,3 +83,31 @@ def test_keys_of_other_methods(tables):
     assert any(text.startswith("bodies.0.temperature: expected no such key") for text in found)
     assert any(text.startswith("loads.heat_source: expected one of body_force, acceleration") for text in found)
     assert any(text.startswith("boundaries.1.kind: expected one of") for text in found)
+
+
+RUNS = Path(__file__).parents[2] / "runs" / "mpm"
+
+
+@pytest.mark.parametrize("path", sorted(RUNS.glob("*.toml")), ids=lambda path: path.stem)
+def test_scenes_of_the_runs(path, tmp_path):
+    """Each loads, comes back from its resolved form, and its reference can be made."""
+    scene = load_scene(path)
+    dump_scene(scene, tmp_path / "scene.toml")
+    assert load_scene(tmp_path / "scene.toml") == scene
+    if scene.reference.exact is not None:
+        solution = SOLUTIONS[scene.reference.exact].of_scene(scene)
+        assert solution.scales if scene.reference.each_step else solution.error_names(scene.dimension)
+
+
+def test_initial_velocities_of_the_manufactured_runs():
+    """What the scenes state is the velocity of the exact solution."""
+    for name, X in (("axis_aligned", [[0.2, 0.7]]), ("vortex", [[0.7, -0.6]])):
+        scene, X = load_scene(RUNS / f"{name}.toml"), np.array(X)
+        solution = SOLUTIONS[scene.reference.exact].of_scene(scene)
+        np.testing.assert_allclose(scene.bodies[0].velocity.evaluate(X), solution.fields(X, 0.0)["velocity"], rtol=1e-12)
+
+
+def test_a_solution_for_another_material(tables):
+    tables["reference"] = {"exact": "steady-shock", "parameters": {"start": 300.0, "particle_speed": 1.0}, "times": [0.01]}
+    del tables["loads"]["manufactured"]
+    assert any("reference.exact: expected a solution for the material" in text for text in faults_of(tables))
