@@ -37,11 +37,12 @@ class Probes:
         self.comm, self.scene, self.method = comm, scene, method
         self.observables = Observables(method)
         self.identifiers, self.particles, self.twists, self.columns = {}, {}, {}, []
+        self.weights = {}
         table = method.table
         self.extra = scene.method.extra_quantities
         for probe in scene.probes:
             self.columns += probe.columns(method.dimension, scene.method)
-            if probe.quantity is not None:
+            if probe.at is None:
                 continue
             place = np.array([probe.at], float)
             identifiers = table.owned_rows("identifier")
@@ -60,6 +61,10 @@ class Probes:
         for name, identifier in self.identifiers.items():
             mine = np.flatnonzero(identifiers == identifier)
             self.particles[name] = int(mine[0]) if len(mine) else None
+        places = self.method.table.owned_rows("reference_position")
+        for probe in self.scene.probes:
+            if probe.weight is not None:
+                self.weights[probe.name] = probe.weight.evaluate(places)
 
     def _value(self, name: str, index: int) -> np.ndarray:
         """One particle's value; of a tensor the components in the plane or in space."""
@@ -73,7 +78,9 @@ class Probes:
             self._find()
         sums, extremes = [], []
         for probe in self.scene.probes:
-            if probe.quantity is None:
+            if probe.weight is not None:
+                sums += self._projected(probe)
+            elif probe.quantity is None:
                 sums += self._at_particle(probe)
             elif probe.quantity in self.extra:
                 kind, values = self.method.measure(probe.quantity)
@@ -101,6 +108,16 @@ class Probes:
                 values += list(np.ravel(self._value(name, index)).astype(float))
         return values
 
+    def _projected(self, probe) -> list[float]:
+        """This rank's sums of V w f for each component, and of V w^2."""
+        weight, values, d = self.weights[probe.name], [], self.method.dimension
+        measure = weight * self.method.table.owned_rows("volume")
+        for name in probe.fields:
+            field = self.observables.field(name)
+            field = field[:, :d, :d] if field.ndim == 3 else field
+            values += list(measure @ field.reshape(len(measure), -1))
+        return [*values, float(measure @ weight)]
+
     def _extreme(self, quantity: str) -> float:
         """The rank's least value (of the negative speed)."""
         if quantity == "minimum_jacobian":
@@ -114,8 +131,9 @@ class Probes:
                 result.append(-lowest.pop(0))
             elif probe.quantity == "minimum_jacobian":
                 result.append(lowest.pop(0))
-            elif probe.quantity == "centre_of_mass":
-                moments, total = total[: self.method.dimension + 1], total[self.method.dimension + 1 :]
+            elif probe.quantity == "centre_of_mass" or probe.weight is not None:
+                count = len(probe.columns(self.method.dimension, self.scene.method)) + 1
+                moments, total = total[:count], total[count:]
                 result += [moment / moments[-1] for moment in moments[:-1]]
             else:
                 count = len(probe.columns(self.method.dimension, self.scene.method))

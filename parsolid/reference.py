@@ -1,7 +1,8 @@
 """Errors against a scene's reference: a series over time, an exact solution, or values at the end.
 
 Against a series: for energies max |error| / E0, for anything else max |error| / max |reference|, over the common times.
-Against values at the end: |value / expected - 1|. Against an exact solution: its own measure (see `exact.solution`), at given times or as the largest over all steps.
+Against values at the end: |value / expected - 1|. Against an exact solution: its own measure (see `exact.solution`), at given
+times, as the largest over all steps, or of the history.
 """
 
 import json
@@ -20,20 +21,22 @@ class Errors:
         self.found: dict[str, float] = {}
         self.times: tuple[float, ...] = ()
         self.solution = None
+        self.columns: tuple[str, ...] = ()
+        if self.reference is not None and self.reference.series is not None:
+            self.columns = ("time", *self.reference.columns)
         if self.reference is not None and self.reference.exact is not None:
             # scipy takes half a second to import, which a run without a reference is spared
             from parsolid.exact import SOLUTIONS
 
             self.solution = SOLUTIONS[self.reference.exact].of_scene(scene)
+            self.columns = ("time", "dt", *self.solution.history_columns()) if self.reference.history else ()
             self.times = tuple(time for time in self.reference.times or () if time <= scene.end_time)
 
     def note(self, row: dict) -> None:
         """Remember a history row."""
-        if self.reference is None:
-            return
-        if self.reference.series is not None:
-            self.rows.append({name: row[name] for name in ("time", *self.reference.columns)})
-        elif self.reference.final is not None:
+        if self.columns:
+            self.rows.append({name: row[name] for name in self.columns})
+        elif self.reference is not None and self.reference.final is not None:
             self.found = {name: abs(row[name] / wanted - 1.0) for name, wanted in self.reference.final.items()}
 
     def resume(self, rows: list[dict], found: dict[str, float]) -> None:
@@ -57,8 +60,11 @@ class Errors:
             self.found |= {f"{name}@{time:.6g}": error for name, error in self.solution.errors(view, time).items()}
 
     def result(self) -> dict[str, float]:
-        """Errors by name: a history column, field@time, or largest_field over all steps."""
-        if self.rows:
+        """Errors by name: a history column, field@time, largest_field over all steps, or what a solution finds in the history."""
+        if self.rows and self.solution is not None:
+            history = {name: np.array([row[name] for row in self.rows]) for name in self.columns}
+            self.found |= self.solution.history_errors(history)
+        elif self.rows:
             self.found |= series_errors(self.rows, self.reference)
         return self.found
 

@@ -1,8 +1,10 @@
 """Closed-form solutions, for scenes, tests and studies alike."""
 
+from parsolid.exact.bar_vibration import BarVibration
 from parsolid.exact.heat import CosineMode, HeatedSlab, PlasticLayer
 from parsolid.exact.manufactured import AxisAligned, GeneralisedVortex
 from parsolid.exact.shock import SteadyShock
+from parsolid.exact.uniaxial_creep import UniaxialCreep
 from parsolid.exact.viscoelastic_plate import ViscoelasticPlate
 
 SOLUTIONS = {
@@ -13,4 +15,6 @@ SOLUTIONS = {
     "heated-slab": HeatedSlab,
     "plastic-layer": PlasticLayer,
     "steady-shock": SteadyShock,
+    "uniaxial-creep": UniaxialCreep,
+    "bar-vibration": BarVibration,
 }

@@ -8,8 +8,13 @@ with V_j(0) = T(0) when the stretch had been held for ever ("relaxed"), 0 when i
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from parsolid.exact.prony import PronySeries
+from parsolid.exact.solution import Solution
+
+# the probe, with the weight sin(pi X/(2 L)), from which a run is judged
+MODE_PROBE = "mode_1"
 
 
 class Oscillation(NamedTuple):
@@ -25,10 +30,11 @@ class Oscillation(NamedTuple):
         return 2.0 * np.pi / self.frequency
 
 
-class BarVibration:
-    """The modal solution. length [m], density [kg/m^3], stretch of the start; relaxed: whether it had been held for ever."""
+class BarVibration(Solution):
+    """The modal solution: points of a run lag behind kinks, so that runs are judged by the projection on mode 1."""
 
     def __init__(self, modulus: PronySeries, density: float, length: float, stretch: float, relaxed: bool, modes: int = 2000):
+        """length [m], density [kg/m^3], stretch of the start; relaxed: whether it had been held for ever."""
         self.length, self.stretch, self.relaxed = length, stretch, relaxed
         self.modulus, self.density, self.modes = modulus, density, modes
         number = np.arange(1, modes + 1)
@@ -42,6 +48,13 @@ class BarVibration:
         start[2:] = relaxed
         weights = np.linalg.solve(vectors, np.broadcast_to(start, rates.shape)[..., None])[..., 0]
         self.rates, self.weights = rates, weights * vectors[:, 0, :]
+
+    @classmethod
+    def of_scene(cls, scene) -> "BarVibration":
+        """The solution for a scene's first body, a bar from X = 0, and its reference's stretch."""
+        body = scene.bodies[0]
+        modulus, relaxed = PronySeries.youngs_of(body.material), scene.method.initial_state == "relaxed"
+        return cls(modulus, body.material.density, body.shape.model.upper[0], scene.reference.parameters["stretch"], relaxed)
 
     def _matrices(self, wave_number: np.ndarray) -> np.ndarray:
         """The rate (modes, 2 + n, 2 + n) of (T, T', V_1, ...)."""
@@ -80,3 +93,45 @@ class BarVibration:
             result[name] = np.zeros(positions.shape)
             result[name][:, 0] = shapes @ (self.amplitude * factor.real)
         return result
+
+    # --- a run's history ----------------------------------------------------------------------------------------
+
+    def history_columns(self) -> list[str]:
+        """The projection of the displacement on mode 1."""
+        return [f"{MODE_PROBE}.displacement_x"]
+
+    def history_names(self) -> list[str]:
+        """Errors of the period and the decay rate, relative, and of the mode over its start."""
+        return ["period", "decay_rate", "amplitude"]
+
+    def history_errors(self, history: dict[str, np.ndarray]) -> dict[str, float]:
+        """Relative errors of period and decay rate of mode 1, of a fit to all rows, and the largest |error| over the start.
+
+        The decay rate's is over 0.001 of the frequency where the exact one is 0.
+        """
+        time, exact = history["time"], self.oscillation()
+        values = history[self.history_columns()[0]] / self.amplitude[0]
+        found = fitted_oscillation(time, values, exact)
+        return {
+            "period": abs(found.period / exact.period - 1.0),
+            "decay_rate": abs(found.decay - exact.decay) / max(exact.decay, 1e-3 * exact.frequency),
+            "amplitude": float(np.abs(values - self.modal(time)).max()),
+        }
+
+
+def fitted_oscillation(time: np.ndarray, values: np.ndarray, guess: Oscillation) -> Oscillation:
+    """Frequency and decay of the oscillation that fits values (n,) at times (n,) [s] best, beside creep with the guess's roots.
+
+    Amplitudes follow linearly, so that two numbers are sought. The guess must be right to about a tenth of a period at the end.
+    """
+    creeping = np.exp(-np.outer(time, guess.creep))
+
+    def remainder(parameters):
+        frequency, decay = parameters[0] * guess.frequency, parameters[1] * guess.frequency
+        wave = np.exp((1j * frequency - decay) * time)
+        basis = np.column_stack((wave.real, wave.imag, creeping))
+        return values - basis @ np.linalg.lstsq(basis, values)[0]
+
+    start = np.array([1.0, guess.decay / guess.frequency])
+    best = least_squares(remainder, start, x_scale=[1e-4, 1e-4], xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    return Oscillation(float(best.x[0] * guess.frequency), float(best.x[1] * guess.frequency), guess.creep)

@@ -3,6 +3,8 @@
 import numpy as np
 from scipy.optimize import brentq
 
+from parsolid.materials.interconversion import shear_relaxation
+
 
 class PronySeries:
     """One modulus in small strain: equilibrium value [Pa], moduli (n,) [Pa] and relaxation times (n,) [s] of the terms."""
@@ -14,6 +16,23 @@ class PronySeries:
         # terms of the same time are one term
         self.times = np.unique(times[present])
         self.moduli = np.array([moduli[present & (times == time)].sum() for time in self.times])
+
+    @classmethod
+    def youngs_of(cls, material) -> "PronySeries":
+        """E(t) of a `scene.viscoelastic.PronySolid` whose moduli all relax alike."""
+        modulus = material.equilibrium.youngs_modulus
+        factor = modulus / (material.youngs_modulus or material.shear_modulus)
+        return cls(modulus, factor * np.array(material.term_moduli), material.relaxation_times)
+
+    @classmethod
+    def shear_of(cls, material) -> "PronySeries":
+        """G(t) of a `scene.viscoelastic.PronySolid` whose bulk modulus does not relax."""
+        known = material.equilibrium
+        if material.youngs_modulus is not None and material.conversion != "paper":
+            series = shear_relaxation(known.bulk_modulus, known.youngs_modulus, material.term_moduli, material.relaxation_times)
+            return cls(*series)
+        factor = known.shear_modulus / (material.youngs_modulus or material.shear_modulus)
+        return cls(known.shear_modulus, factor * np.array(material.term_moduli), material.relaxation_times)
 
     @property
     def instantaneous(self) -> float:

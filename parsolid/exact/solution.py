@@ -60,6 +60,18 @@ class Solution:
             result[name] = float(np.sqrt(error / size)) if size > 0.0 else float(np.sqrt(error))
         return result
 
+    def history_columns(self) -> list[str]:
+        """Columns of the history from which a run is judged, besides time and dt; the scene must have the probes for some."""
+        return []
+
+    def history_names(self) -> list[str]:
+        """Names of the errors that `history_errors` finds."""
+        return []
+
+    def history_errors(self, history: dict[str, np.ndarray]) -> dict[str, float]:
+        """Errors by name of a run's history: its columns (rows,) by name."""
+        raise NotImplementedError
+
     def rms_errors(self, view: View, time: float) -> dict[str, float]:
         """rms(error) / scale by name, of the fields that have a scale; collective."""
         exact, result = self.fields(view.positions, time), {}

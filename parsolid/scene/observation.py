@@ -8,6 +8,7 @@ from pydantic import AfterValidator, Field, ValidationInfo, field_validator, mod
 
 from parsolid.scene.bodies import Name
 from parsolid.scene.faults import NOTHING, Phrase, suggestion
+from parsolid.scene.formulas import InitialScalar
 from parsolid.scene.section import NotNegative, Point, Positive, Section, method_of, mismatch, reject
 from parsolid.scene.shapes import AxisName, ExistingFile
 
@@ -62,12 +63,15 @@ def component_names(field: str, dimension: int, method=None) -> list[str]:
 class Probe(Section):
     """Values written to the history: fields of the particle nearest to `at`, or one quantity of all particles.
 
+    With a `weight` w(X, Y, Z) in place of `at` fields are projected on it, sum V w f / sum V w^2 over all particles: the
+    amplitude of a mode w.
     twist is the angle [rad], accumulated over turns, by which the particle has turned about `axis` through `centre`.
     """
 
-    exactly_one: ClassVar = (("at", "quantity"), ("fields", "quantity"))
+    exactly_one: ClassVar = (("at", "quantity", "weight"), ("fields", "quantity"))
     name: Name
     at: Point | None = None
+    weight: InitialScalar | None = None
     fields: Annotated[list[ProbeField], Field(min_length=1)] | None = None
     axis: AxisName | None = None
     centre: Point | None = None
@@ -76,6 +80,8 @@ class Probe(Section):
     @model_validator(mode="after")
     def _twist_has_axis(self, info: ValidationInfo) -> "Probe":
         wanted = "twist" in (self.fields or ())
+        if wanted and self.at is None:
+            reject((("fields",), "no twist without at", self.fields))
         details = []
         if wanted and self.axis is None and len(self.at) == 3:
             details.append((("axis",), "the axis 'X', 'Y' or 'Z' of the twist", NOTHING))
@@ -121,7 +127,7 @@ class Output(Section):
         return times
 
 
-_HYPERELASTIC, _PLASTIC = ("mooney-rivlin", "neo-hookean"), ("elastic-plastic",)
+_HYPERELASTIC, _PLASTIC, _PRONY = ("mooney-rivlin", "neo-hookean"), ("elastic-plastic",), ("prony", "linear-elastic")
 # exact solutions: the sets of parameters of which each wants one, and the kinds of material that it is for
 SOLUTIONS_KNOWN = {
     "viscoelastic-plate": ((("amplitude",),), _HYPERELASTIC),
@@ -131,6 +137,8 @@ SOLUTIONS_KNOWN = {
     "heated-slab": ((("start", "face_rise"), ("start", "heat_flux")), _PLASTIC),
     "plastic-layer": ((("start", "rate"),), _PLASTIC),
     "steady-shock": ((("start", "particle_speed"),), _PLASTIC),
+    "uniaxial-creep": (((),), _PRONY),
+    "bar-vibration": ((("stretch",),), _PRONY),
 }
 
 # those that come with a body force
@@ -141,29 +149,31 @@ class Reference(Section):
     """What the results are compared with.
 
     Either a JSON file `series` with "t", "E0" and a table "series" of equally long lists, and `columns` from a column of the
-    history to a name in that table; or an `exact` solution with its `parameters`, compared at `times` [s] or at each step; or the
-    `final` values of columns of the history.
+    history to a name in that table; or an `exact` solution with its `parameters`, compared at `times` [s], at each step, or with
+    what probes have written to the history (of solutions that say so); or the `final` values of columns of the history.
     """
 
-    exactly_one: ClassVar = (("series", "exact", "final"), ("columns", "times", "each_step", "final"))
+    exactly_one: ClassVar = (("series", "exact", "final"), ("columns", "times", "each_step", "history", "final"))
     series: ExistingFile | None = None
     columns: Annotated[dict[str, str], Field(min_length=1)] | None = None
     exact: Literal[tuple(SOLUTIONS_KNOWN)] | None = None
     parameters: dict[str, float] = {}
     times: Annotated[list[NotNegative], Field(min_length=1)] | None = None
     each_step: Literal[True] | None = Field(None, description="true: the largest error over all steps")
+    history: Literal[True] | None = Field(None, description="true: compare columns of the history")
 
     final: Annotated[dict[str, float], Field(min_length=1)] | None = None
 
     @model_validator(mode="after")
     def _paired(self) -> "Reference":
         if (self.series is None) != (self.columns is None) or (self.final is not None and self.exact is not None):
-            reject(((), "series with columns, exact with times or each_step, or final alone", Phrase("one of each")))
+            expected = "series with columns, exact with times, each_step or history, or final alone"
+            reject(((), expected, Phrase("one of each")))
         reject(*((("final", column), "a number other than 0", value) for column, value in (self.final or {}).items() if not value))
         if self.exact is not None:
             wanted, _ = SOLUTIONS_KNOWN[self.exact]
             if set(self.parameters) not in map(set, wanted):
-                told = " or ".join(", ".join(names) for names in wanted)
+                told = " or ".join(", ".join(names) for names in wanted) or "none"
                 reject((("parameters",), f"the parameters {told}", Phrase(", ".join(self.parameters) or "none")))
         if self.series is not None:
             try:

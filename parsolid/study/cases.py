@@ -149,6 +149,8 @@ def error_names(scene: Scene | None) -> set[str]:
     if reference.exact is None:
         return set(reference.columns or reference.final)
     solution = SOLUTIONS[reference.exact].of_scene(scene)
+    if reference.history:
+        return set(solution.history_names())
     if reference.each_step:
         return {f"largest_{name}" for name in solution.scales}
     names = solution.error_names(scene.dimension)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from parsolid.exact.bar_vibration import BarVibration
+from parsolid.exact.bar_vibration import BarVibration, fitted_oscillation
 from parsolid.exact.lattice_bar import fundamental_period, lattice_frequency
 from parsolid.exact.prony import PronySeries
 from parsolid.exact.uniaxial_creep import UniaxialCreep
@@ -118,3 +118,36 @@ def test_periods_of_a_lattice_bar():
     infinite = [float(angle / lattice_frequency(angle, reach) - 1.0) for reach in layers]
     assert np.allclose(infinite, [2.9e-6, 2.7e-5, 5.9e-5, 1.0e-4], rtol=0.04)
     assert lattice_frequency(0.7, 1) == pytest.approx(np.sin(0.7))
+
+
+@pytest.mark.parametrize("relaxed", (False, True))
+def test_period_and_decay_of_a_history_are_found(relaxed):
+    bar = BarVibration(YOUNG, 1e4, 1.0, 1e-3, relaxed, modes=3)
+    other = BarVibration(YOUNG, 1e4 * 1.0004, 1.0, 1e-3, relaxed, modes=3)
+    time = np.linspace(0.0, 2.8065, 4001)
+    found, exact = fitted_oscillation(time, other.modal(time), bar.oscillation()), bar.oscillation()
+    assert found.period / exact.period - 1.0 == pytest.approx(2e-4, rel=1e-3)
+    assert found.decay == pytest.approx(other.oscillation().decay, rel=1e-5)
+    column = bar.history_columns()[0]
+    errors = bar.history_errors({"time": time, column: bar.amplitude[0] * other.modal(time)})
+    assert errors["period"] == pytest.approx(2e-4, rel=1e-3) and errors["decay_rate"] < 1e-4
+    assert errors["amplitude"] == pytest.approx(np.abs(other.modal(time) - bar.modal(time)).max())
+
+
+def test_history_of_a_creeping_plate_is_judged_on_both_sides_of_its_jumps():
+    plate = UniaxialCreep.complete(YOUNG, 0.3, LOADED_AND_FREED, (0.0, 0.5))
+    plate.probes = ["corner"]
+    place, found = np.array([0.95, 0.9]), []
+    rows = [(0.0, 0.0, -1.0), (0.0, 0.0, 0.0), (20.0, 0.1, 20.0), (50.0, 0.1, 49.9999999999), (50.0, 0.0, 50.0), (80.0, 0.1, 80.0)]
+    for _, _, instant in rows:
+        found.append(plate.fields(place[None, :], instant)["displacement"][0])
+    found = np.array(found)
+    history = {"time": np.array([row[0] for row in rows]), "dt": np.array([row[1] for row in rows])}
+    for i, axis in enumerate("xy"):
+        history[f"corner.displacement_{axis}"], history[f"corner.position_{axis}"] = found[:, i], place[i] + found[:, i]
+    assert set(history) == {"time", "dt", *plate.history_columns()}
+    errors = plate.history_errors(history)
+    assert set(errors) == set(plate.history_names()) and max(errors.values()) < 1e-10
+    history["corner.displacement_y"] = 1.01 * history["corner.displacement_y"]
+    history["corner.position_y"] = place[1] + history["corner.displacement_y"]
+    assert plate.history_errors(history)["corner.displacement_y"] == pytest.approx(0.01)
