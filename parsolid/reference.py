@@ -10,6 +10,7 @@ import json
 import numpy as np
 
 from parsolid.ledger import COLUMNS
+from parsolid.together import SolverError
 
 
 class Errors:
@@ -29,7 +30,8 @@ class Errors:
             from parsolid.exact import SOLUTIONS
 
             self.solution = SOLUTIONS[self.reference.exact].of_scene(scene)
-            self.columns = ("time", "dt", *self.solution.history_columns()) if self.reference.history else ()
+            if self.reference.history:
+                self.columns = ("time", "dt", *_judged(scene, self.solution))
             self.times = tuple(time for time in self.reference.times or () if time <= scene.end_time)
 
     def note(self, row: dict) -> None:
@@ -67,6 +69,17 @@ class Errors:
         elif self.rows:
             self.found |= series_errors(self.rows, self.reference)
         return self.found
+
+
+def _judged(scene, solution) -> list[str]:
+    """Columns of the history that a solution looks at. Raises SolverError when the scene has no probes for them."""
+    wanted = solution.history_columns()
+    known = {column for probe in scene.probes for column in probe.columns(scene.dimension, scene.method)}
+    missing = [column for column in wanted if column not in known]
+    if missing or not wanted:
+        what = ", ".join(missing) or "position and displacement at a point"
+        raise SolverError(f"reference.history: expected probes that fill {what}, found none")
+    return wanted
 
 
 def series_errors(rows: list[dict], reference) -> dict[str, float]:

@@ -161,7 +161,6 @@ class Reference(Section):
     times: Annotated[list[NotNegative], Field(min_length=1)] | None = None
     each_step: Literal[True] | None = Field(None, description="true: the largest error over all steps")
     history: Literal[True] | None = Field(None, description="true: compare columns of the history")
-
     final: Annotated[dict[str, float], Field(min_length=1)] | None = None
 
     @model_validator(mode="after")
