@@ -43,13 +43,9 @@ class QuasiStatic:
 
     """
 
-    def __init__(self, comm, operator, identifier: np.ndarray, settings, is_linear: bool = True):
-        """operator: see `peridynamic_operator.Operator`; identifier (n,) of particles; settings: `scene.peridynamics.QuasiStatic`.
-
-        is_linear: whether the force depends linearly on the displacement.
-        """
-        self.comm, self.operator, self.identifier = comm, operator, identifier
-        self.settings, self.is_linear = settings, is_linear
+    def __init__(self, comm, operator, settings):
+        """operator: see `peridynamic_operator.Operator`; settings: `scene.peridynamics.QuasiStatic`."""
+        self.comm, self.operator, self.settings = comm, operator, settings
         self.largest_load, self.fault = 0.0, ""
         # times [s] of the states that `earlier` holds, newest first, since loads jumped last
         self.times: list[float] = []
@@ -62,10 +58,9 @@ class QuasiStatic:
     def solve(self, start: np.ndarray, external: np.ndarray, step: float) -> Balance:
         """Balance at the end of a step [s] under external forces (n, d) [N], from a first guess with prescribed values in place.
 
-        Where it is not `reached`, `fault` says why. The step is begun here and ended by the operator's `commit`.
+        Where it is not `reached`, `fault` says why. The operator's `commit` ends the step.
         """
         self.fault, count, self.step = "", self.iterations, step
-        self.operator.begin(step)
         improve = self._relaxed if self.settings.solver == "dynamic-relaxation" else self._corrected
         balance = self._balance(start, external)
         for _ in range(_PASSES):
@@ -81,7 +76,7 @@ class QuasiStatic:
     def _balance(self, u: np.ndarray, external: np.ndarray) -> Balance:
         """What is left over at a displacement: one force evaluation."""
         internal, free = np.empty_like(u), self.operator.free
-        self.operator.force(u, internal)
+        self.operator.force(u, internal, self.step)
         self.iterations += 1
         residual = (internal + external) * free
         squares = [_square(external), _square(internal[~free]), _square(residual)]
@@ -93,8 +88,8 @@ class QuasiStatic:
 
     def _corrected(self, balance: Balance, external: np.ndarray) -> Balance:
         """Newton's correction by conjugate gradients; the whole of it where the problem is linear."""
-        operator, target, apply = self.operator, _INNER * balance.target, self.operator.apply
-        if not self.is_linear:
+        operator, target, apply = self.operator, _INNER * balance.target, self._linear(balance.displacement)
+        if not operator.is_linear:
             target, apply = max(target, _FORCING * balance.norm), self._tangent(balance)
         solution = conjugate_gradients(self.comm, apply, balance.residual, target, operator.free, self.settings.most_iterations)
         self.iterations += solution.iterations
@@ -104,11 +99,15 @@ class QuasiStatic:
         factor = 1.0
         for _ in range(_HALVINGS):
             trial = self._balance(balance.displacement + factor * solution.value, external)
-            if self.is_linear or trial.norm < balance.norm:
+            if operator.is_linear or trial.norm < balance.norm:
                 return trial
             factor *= 0.5
         self.fault = "Newton's method: no shorter step reduces what is not balanced"
         return balance
+
+    def _linear(self, displacement: np.ndarray):
+        """K du of the step at a displacement."""
+        return lambda du, out: self.operator.linear(displacement, du, out, self.step)
 
     def _tangent(self, balance: Balance):
         """K du = -dF by a difference of forces; its step is where rounding and curvature err alike."""
@@ -117,7 +116,7 @@ class QuasiStatic:
         def apply(du, out):
             length = _norm(self.comm, du)
             change = _DIFFERENCE * max(size, length) / length
-            self.operator.force(balance.displacement + change * du, out)
+            self.operator.force(balance.displacement + change * du, out, self.step)
             np.subtract(balance.internal, out, out=out)
             out /= change
 
@@ -128,11 +127,11 @@ class QuasiStatic:
         operator = self.operator
 
         def force(displacement, out):
-            operator.force(displacement, out)
+            operator.force(displacement, out, self.step)
             out += external
 
-        mass = self._mass()
-        for _ in range(1 if self.is_linear else _HEAVIER):
+        mass = self._mass(balance.displacement)
+        for _ in range(1 if operator.is_linear else _HEAVIER):
             solution = dynamic_relaxation(
                 self.comm, force, balance.displacement, mass, balance.target, operator.free, self.settings.most_iterations
             )
@@ -143,12 +142,13 @@ class QuasiStatic:
         self.fault = f"dynamic relaxation: {solution.reason}"
         return balance
 
-    def _mass(self) -> np.ndarray:
+    def _mass(self, displacement: np.ndarray) -> np.ndarray:
         """Fictitious masses for the stiffness of a step of this length, from a power iteration the first time."""
         key = float(f"{self.step:.6e}")
         if key not in self._fictitious:
-            mass, start = self.operator.mass, start_vector(self.identifier, self.operator.free.shape[1])
-            largest = largest_eigenvalue(self.comm, self.operator.apply, start, mass, self.operator.free)
+            operator, mass = self.operator, self.operator.mass
+            start = start_vector(operator.identifier, operator.free.shape[1])
+            largest = largest_eigenvalue(self.comm, self._linear(displacement), start, mass, operator.free)
             self._fictitious[key] = relaxation_mass(largest, mass)
         return self._fictitious[key]
 
@@ -177,6 +177,26 @@ class QuasiStatic:
         for k in range(len(self.earlier) - 1, 0, -1):
             self.earlier[k][:] = self.earlier[k - 1]
         self.earlier[0][:] = balance.displacement
+
+    def advance(self, method, time: float, step: float, ledger, announce) -> bool:
+        """One material step [s] of a method from a time [s]; False, with `fault`, when no balance was found. Collective.
+
+        method: external_force(time, before) (n, d) [N] and hold(time, before, displacement) of loads and prescribed displacements,
+        the internal force (n, d) [N] of its state, and displaced(u) that makes u (n, d) [m] its state after `commit`.
+        """
+        end, before = time + step, step > 0.0
+        start, force = self.operator.displacement.copy(), self.operator.settled_force()
+        guess = self.guess(start, time, step)
+        method.hold(end, before, guess)
+        balance = self.solve(guess, method.external_force(end, before), step)
+        self.unbalanced = balance.residual
+        announce(balance.reached, self.settings.step)
+        lost = self.operator.commit(balance.displacement, step)
+        # loads and reactions together are what internal forces balance, at both ends of the step
+        work = -0.5 * np.vdot(force + self.operator.settled_force(), balance.displacement - start)
+        ledger.add(1.0, lost, 0.0, work)
+        self.accept(balance, end, step)
+        return balance.reached
 
     def state(self) -> dict:
         """What a restart needs besides the `earlier` displacements."""

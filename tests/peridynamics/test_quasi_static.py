@@ -19,7 +19,7 @@ class Chain:
     """
 
     def __init__(self, comm, cubic=0.0):
-        self.comm, self.cubic = comm, cubic
+        self.comm, self.cubic, self.is_linear = comm, cubic, cubic == 0.0
         ends = [rank * _POINTS // comm.size for rank in range(comm.size + 1)]
         self.mine = slice(ends[comm.rank], ends[comm.rank + 1])
         self.identifier = np.arange(_POINTS)[self.mine]
@@ -30,31 +30,27 @@ class Chain:
     def whole(self, part):
         return np.concatenate(self.comm.allgather(part))
 
-    def begin(self, step):
+    def _weights(self, step):
         x = step / TIME
-        self.weights = np.exp(-x), (-np.expm1(-x) / x if x else 1.0)
+        return np.exp(-x), (-np.expm1(-x) / x if x else 1.0)
 
-    def relaxed(self, u):
-        a, A = self.weights
+    def relaxed(self, u, step):
+        a, A = self._weights(step)
         return a * self.history + A * (u - self.committed)
 
-    def force(self, u, out):
+    def force(self, u, out, step):
         u = self.whole(u)
-        stretch = np.diff(u + RATIO * self.relaxed(u), axis=0)
+        stretch = np.diff(u + RATIO * self.relaxed(u, step), axis=0)
         pull = stretch + self.cubic * stretch**3
         out[:] = (np.vstack((pull, [[0.0]])) - np.vstack(([[0.0]], pull)))[self.mine]
 
-    def apply(self, du, out):
-        pull = (1.0 + RATIO * self.weights[1]) * np.diff(self.whole(du), axis=0)
+    def linear(self, u, du, out, step):
+        pull = (1.0 + RATIO * self._weights(step)[1]) * np.diff(self.whole(du), axis=0)
         out[:] = (np.vstack(([[0.0]], pull)) - np.vstack((pull, [[0.0]])))[self.mine]
 
-    def commit(self, u):
+    def commit(self, u, step):
         u = self.whole(u)
-        self.history, self.committed = self.relaxed(u), u
-
-
-def solver_of(chain, chosen):
-    return QuasiStatic(chain.comm, chain, chain.identifier, chosen, is_linear=chain.cubic == 0.0)
+        self.history, self.committed = self.relaxed(u, step), u
 
 
 def settings(**changes):
@@ -64,7 +60,7 @@ def settings(**changes):
 
 def run(chain, chosen, steps, pull):
     """Displacements of all points after each of the steps (lengths [s]) under a pull [N] at the last point, by step number."""
-    solver, time, found = solver_of(chain, chosen), 0.0, []
+    solver, time, found = QuasiStatic(chain.comm, chain, chosen), 0.0, []
     u = np.zeros(chain.free.shape)
     for number, step in enumerate(steps):
         external = np.zeros(u.shape)
@@ -72,7 +68,7 @@ def run(chain, chosen, steps, pull):
         balance = solver.solve(solver.guess(u, time, step), external, step)
         assert balance.reached and not solver.fault
         u, time = balance.displacement, time + step
-        chain.commit(u)
+        chain.commit(u, step)
         solver.accept(balance, time, step)
         found.append(chain.whole(u)[:, 0])
     return solver, np.array(found)
@@ -109,7 +105,7 @@ def test_extrapolation_saves_iterations_and_a_restart_continues_it(comm):
     counts = [run(Chain(comm), settings, steps, pull)[0].iterations for settings in chosen]
     assert counts[0] > 1.2 * counts[1] and counts[1] > counts[2]
     solver, found = run(Chain(comm), settings(), steps, pull)
-    other = solver_of(solver.operator, settings())
+    other = QuasiStatic(comm, solver.operator, settings())
     other.set_state(solver.state())
     for mine, theirs in zip(other.earlier, solver.earlier):
         mine[:] = theirs
@@ -132,7 +128,7 @@ def test_stiffening_springs(comm, solver):
 def test_prescribed_displacements_are_scaled_with_their_reactions(comm):
     chain = Chain(comm)
     chain.free = chain.free & (chain.identifier != _POINTS - 1)[:, None]
-    solver = solver_of(chain, settings())
+    solver = QuasiStatic(comm, chain, settings())
     start = np.where(chain.identifier == _POINTS - 1, 0.11, 0.0)[:, None]
     balance = solver.solve(start, np.zeros(start.shape), 0.0)
     assert np.allclose(chain.whole(balance.displacement)[:, 0], 0.01 * np.arange(_POINTS), atol=1e-8)
@@ -144,7 +140,7 @@ def test_a_step_without_balance_says_why(comm):
     chain = Chain(comm)
     external = np.ones(chain.free.shape)
     for solver, words in (("conjugate-gradients", "3 iterations"), ("dynamic-relaxation", "no balance after 3")):
-        stuck = solver_of(chain, settings(solver=solver, most_iterations=3))
+        stuck = QuasiStatic(comm, chain, settings(solver=solver, most_iterations=3))
         balance = stuck.solve(np.zeros(external.shape), external, 0.0)
         assert not balance.reached and words in stuck.fault
 
