@@ -9,6 +9,9 @@ from parsolid.scene.section import NotNegative, Point, Positive, Section, dimens
 
 Basis = Literal["linear", "ugimp", "cpgimp", "quadratic-spline", "cubic-spline"]
 
+# what only elastic-plastic particles carry
+_OF_PLASTICITY = ("temperature", "plastic_strain", "internal_energy", "maximum_temperature", "maximum_plastic_strain", "heat")
+
 
 class ArtificialViscosity(Section):
     """Bulk viscosity in compression, q = rho h |tr d| (quadratic h |tr d| + linear c); its work becomes internal energy."""
@@ -43,6 +46,7 @@ class MaterialPoint(MethodSettings):
         "density": "scalar",
         "velocity_gradient": "tensor",
     }
+    pictured_fields: ClassVar = ("plastic_strain", "temperature", "pressure")
     extra_quantities: ClassVar = {
         "maximum_temperature": "scalar",
         "maximum_plastic_strain": "scalar",
@@ -81,7 +85,7 @@ class MaterialPoint(MethodSettings):
         return self
 
     def scene_faults(self, scene) -> list[tuple[tuple, str, object]]:
-        """Particles on the surface; bodies beyond the axis; heat without conductivity."""
+        """Particles on the surface; bodies beyond the axis; heat without conductivity; fields that no body has."""
         details = []
         for i, body in enumerate(scene.bodies):
             if body.shape.kind != "mesh" and body.placed_on == "nodes":
@@ -93,4 +97,13 @@ class MaterialPoint(MethodSettings):
         for i, boundary in enumerate(scene.boundaries):
             if boundary.kind in ("temperature", "heat_flux") and not conducting:
                 details.append((("boundaries", i, "kind"), "a body with a conductivity", boundary.kind))
-        return details
+        return details + self._fields_of_no_body(scene)
+
+    def _fields_of_no_body(self, scene) -> list[tuple[tuple, str, object]]:
+        if any(body.material.kind == "elastic-plastic" for body in scene.bodies):
+            return []
+        named = [(("output", "fields", i), name) for i, name in enumerate(scene.output.fields or ())]
+        for i, probe in enumerate(scene.probes):
+            named += [(("probes", i, "fields", k), name) for k, name in enumerate(probe.fields or ())]
+            named.append((("probes", i, "quantity"), probe.quantity))
+        return [(place, "something that a body of this scene has", name) for place, name in named if name in _OF_PLASTICITY]
