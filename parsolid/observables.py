@@ -18,7 +18,7 @@ class Observables:
     def field(self, name: str, first: int = 0, last: int | None = None) -> np.ndarray:
         """Values of particles first..last-1 (all owned by default). Raises KeyError for an unknown name."""
         last = self.method.owned if last is None else last
-        if name == "displacement":
+        if name == "displacement" and name not in self.table.arrays:
             rows = self.table.owned_rows
             return rows("position")[first:last] - rows("reference_position")[first:last]
         if name == "rank":

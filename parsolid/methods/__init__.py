@@ -3,7 +3,10 @@
 from importlib import import_module
 
 # loaded only when a scene uses it
-_CLASSES = {"tlsph": ("parsolid.methods.tlsph", "TotalLagrangianSPH")}
+_CLASSES = {
+    "tlsph": ("parsolid.methods.tlsph", "TotalLagrangianSPH"),
+    "peridynamics": ("parsolid.methods.peridynamics", "Peridynamics"),
+}
 
 
 def method_class(kind: str) -> type:

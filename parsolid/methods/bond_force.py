@@ -45,7 +45,7 @@ class BondForce:
         self.projection = self._projection(fixed_planes)
         matrix = pairs.GRADIENT_WIDTH[d]
         changing = self.record[:, : 2 * matrix] if isinstance(stabiliser, AlongBonds) else self.record[:, :matrix]
-        self.field_exchange = bonding.halo.exchange([self.field])
+        self.field_exchange = bonding.halo.exchange([self.field, self.displacement])
         self.record_exchange = bonding.halo.exchange([changing])
 
     def _body(self, scale, capacity) -> BondedBody:
@@ -151,3 +151,32 @@ class BondForce:
             self.record[: self.owned, j * width : j * width + d] = S[:, :, j]
         self.pass_force(stabiliser=None)
         return self.force[: self.owned, :d]
+
+    # --- what the output and the reports ask -------------------------------------------------------------------
+
+    def displacement_gradients(self) -> np.ndarray:
+        """grad u (owned, d, d) with the ghosts' displacements of the last evaluation."""
+        sums = aligned_zeros(self.gradient.shape)
+        self.passes.add_gradients(0, self.owned, self.bonding.inner, None, True, self.displacement_column, self.kinematics, sums)
+        for bonds, images in self._lists():
+            self.passes.add_gradients(0, self.owned, bonds, images, None, self.displacement_column, self.kinematics, sums)
+        columns = sums[: self.owned].reshape(self.owned, self.dimension, -1)[:, :, : self.dimension].swapaxes(1, 2)
+        return columns @ self.bonding.inverse_shape / self.bonding.volume[: self.owned, None, None]
+
+    def arrays(self) -> list[np.ndarray]:
+        """Work arrays and bond lists."""
+        arrays = [self.kinematics, self.record, self.gradient, self.force]
+        arrays += [array for array in self.body if array is not None]
+        for bonds in (self.bonding.inner, self.bonding.rim, self.bonding.mirror):
+            arrays += list(bonds or ())
+        return arrays
+
+    def bytes_sent(self) -> int:
+        """Bytes this rank sends in one evaluation."""
+        return self.field_exchange.bytes_sent + self.record_exchange.bytes_sent
+
+    def warm(self) -> None:
+        """Compile the passes over lists of ghosts."""
+        self.passes.add_gradients(0, 0, self.bonding.inner, None, None, 0, self.kinematics, self.gradient)
+        choices = (self.stabiliser, None, None, None, self.kinematics, self.record, self.force)
+        self.passes.add_forces(0, 0, self.bonding.inner, None, None, *choices)

@@ -13,7 +13,7 @@ from numba.extending import overload
 from parsolid.kernels.layout import Plane, load_correction, load_gradient, store_matrix
 from parsolid.kernels.pairs import ShearScaled
 from parsolid.kernels.simd import WIDTH, broadcast, load
-from parsolid.kernels.tensor import add, expand, matmul, matmul_transposed, scale
+from parsolid.kernels.tensor import add, expand, lane_of_symmetric, matmul, matmul_transposed, scale
 from parsolid.kernels.types import is_instance
 from parsolid.materials.prony import small_strain, stress
 
@@ -90,3 +90,18 @@ def relaxing_records(space, first, last, law, stabiliser, body, gradient, record
         G = scale(1.0 / load(body.volume, 0, i), matmul_transposed(load_gradient(space, gradient, i), L))
         S = matmul(expand(stress(law, None, small_strain(G))), L)
         store_record(space, stabiliser, body, record, i, S, G)
+
+
+@njit(cache=True, error_model="numpy")
+def stresses(space, first, last, law, body, gradient, result):
+    """Stress (n, 3, 3) [Pa] of particles first..last-1 from the sums of the last gradient pass."""
+    for i in range(first, last, WIDTH):
+        L = load_correction(space, body.inverse_shape, i)
+        G = scale(1.0 / load(body.volume, 0, i), matmul_transposed(load_gradient(space, gradient, i), L))
+        sigma = stress(law, None, small_strain(G))
+        for k in range(min(WIDTH, last - i)):
+            s = lane_of_symmetric(sigma, k)
+            result[i + k, 0, 0], result[i + k, 1, 1], result[i + k, 2, 2] = s[0], s[1], s[2]
+            result[i + k, 0, 1] = result[i + k, 1, 0] = s[3]
+            result[i + k, 0, 2] = result[i + k, 2, 0] = s[4]
+            result[i + k, 1, 2] = result[i + k, 2, 1] = s[5]

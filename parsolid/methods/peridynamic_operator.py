@@ -34,26 +34,23 @@ class Operator:
         self.mass, self.identifier = mass * share, force.bonding.identifier[: force.owned]
         self.dimension = free.shape[1]
         self.is_linear = True
-        self.evaluations = 0
+        self.laws = [(group.first, group.last, group.law) for group in self.groups]
         self.step = None
 
     def _begin(self, step: float) -> None:
         """Weights of a step, unless they are those of the last call."""
-        if step == self.step:
-            return
-        self.step = step
-        self.relaxation.begin(step)
-        self.laws = [(group.first, group.last, group.law) for group in self.groups]
-        self.tangents = [(first, last, algorithmic_law(law, step)) for first, last, law in self.laws]
+        if step != self.step:
+            self.step = step
+            self.relaxation.prepare(step)
+            self.tangents = [(first, last, algorithmic_law(law, step)) for first, last, law in self.laws]
 
     def force(self, displacement: np.ndarray, out: np.ndarray, step: float) -> None:
         """Internal force [N] at a displacement [m] at the end of a step, stabiliser included, into out."""
         self._begin(step)
         d, engine = self.dimension, self.engine
         engine.displacement[: engine.owned, :d] = displacement
-        self.relaxation.field_of(engine.displacement[: engine.owned], engine.field)
+        engine.field[: engine.owned] = self.relaxation.factor[:, None] * engine.displacement[: engine.owned] + self.relaxation.base
         np.multiply(engine.evaluate(self.laws)[:, :d], self.share[:, None], out=out)
-        self.evaluations += 1
 
     def linear(self, displacement: np.ndarray, change: np.ndarray, out: np.ndarray, step: float) -> None:
         """K du [N] at a displacement at the end of a step: symmetric, positive semi-definite with a self-adjoint stabiliser."""
@@ -61,10 +58,12 @@ class Operator:
         d, engine = self.dimension, self.engine
         engine.field[: engine.owned, :d] = self.relaxation.factor[:, None] * change
         np.multiply(engine.evaluate(self.tangents)[:, :d], -self.share[:, None], out=out)
-        self.evaluations += 1
 
-    def commit(self, displacement: np.ndarray) -> None:
-        """End the step at a displacement [m]: history takes it in."""
-        engine = self.engine
-        engine.displacement[: engine.owned, : self.dimension] = displacement
-        self.relaxation.commit(engine.displacement, engine.field)
+    def commit(self, displacement: np.ndarray, step: float) -> float:
+        """End a step at a displacement [m], whose force is evaluated once more: history takes it in; the energy dissipated [J]."""
+        engine, d = self.engine, self.dimension
+        engine.displacement[: engine.owned, :d] = displacement
+        self.relaxation.propose(step, engine.displacement, engine.field)
+        engine.evaluate(self.laws)
+        self.step = None
+        return self.relaxation.settle(step, engine.displacement, engine.force)

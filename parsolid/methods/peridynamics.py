@@ -1,0 +1,319 @@
+"""Non-ordinary state-based (correspondence) peridynamics (Galadima et al.; checked in docs/formulation.md), on one rank.
+
+State: displacement, velocity, and of viscoelastic bodies one vector a Prony term (`relaxing`). An explicit step is: kick and
+drift; ghosts' fields while the inner gradient runs; stress and stabiliser of each particle; ghosts' records while the inner
+forces run; kick.
+"""
+
+import numpy as np
+
+from parsolid.boundary_set import build_boundaries
+from parsolid.kernels.bond_weights import INFLUENCES
+from parsolid.kernels.pairs import AlongBonds, ShearScaled
+from parsolid.kernels.simd import aligned_zeros, padded
+from parsolid.laws import law_of
+from parsolid.materials import prony
+from parsolid.methods import bond_motion
+from parsolid.methods.bond_force import BondForce
+from parsolid.methods.bonding import build_bonding
+from parsolid.methods.correspondence import stresses
+from parsolid.methods.groups import groups_of
+from parsolid.methods.peridynamic_operator import Operator
+from parsolid.methods.protocol import ParticleMethod
+from parsolid.methods.relaxing import Relaxation
+from parsolid.particles import Field, FieldTable
+from parsolid.distribution import sort_for_speed
+from parsolid.scene import initial_displacement, initial_velocity
+from parsolid.solvers import largest_eigenvalue, start_vector
+from parsolid.together import raise_together
+
+
+def peridynamic_laws(scene) -> list:
+    """One law for each body."""
+    state = scene.method.state(scene.dimension)
+    return [
+        prony.of_material(body.material, state) if body.material.kind in ("prony", "linear-elastic") else law_of(body.material)
+        for body in scene.bodies
+    ]
+
+
+class Peridynamics(ParticleMethod):
+    """The method on one rank. Arrays are laid out as `kernels.pairs` says; bars lie in the plane."""
+
+    @staticmethod
+    def sort(comm, scene, cloud) -> np.ndarray:
+        """By law, then along cells."""
+        return sort_for_speed(comm, cloud, peridynamic_laws(scene))
+
+    def __init__(self, comm, scene, cloud):
+        """cloud: this rank's particles, sorted by law. Raises SolverError on all ranks when particles cannot be bonded. Collective."""
+        self.comm, self.settings, self.scene = comm, scene.method, scene
+        laws = peridynamic_laws(scene)
+        raise_together(comm, _unlike_series(laws))
+        self.groups, density = groups_of(laws, cloud.body)
+        self.boundaries = build_boundaries(comm, scene, cloud, density)
+        self.owned, self.dimension = cloud.position.shape
+        self.share = 0.5 ** self.boundaries.plane_count(cloud)
+        volume = cloud.volume / self.share
+        self.mass = density * volume
+        horizon = np.array([self.settings.horizon(spacing) for spacing in cloud.spacing.max(axis=1)])
+        influence = INFLUENCES[self.settings.influence]
+        self.bonding = build_bonding(comm, influence, horizon, cloud, volume, self.boundaries.codes)
+        stabiliser, scale = self._stabiliser(horizon)
+        self.engine = BondForce(self.bonding, stabiliser, scale, self._fixed_planes(cloud))
+        self.relaxation = Relaxation(self.groups, self.owned, self.engine.dimension, self.share)
+        clamp = self.boundaries.clamp
+        free = np.ones((self.owned, self.dimension), bool) if clamp is None else clamp[:, : self.dimension] > 0.0
+        self.operator = Operator(self.engine, self.groups, self.relaxation, self.share, self.mass, free)
+        self.laws = [(group.first, group.last, group.law) for group in self.groups]
+        self.velocity = aligned_zeros((padded(self.owned) + 4, 4))
+        self.table = FieldTable(self.owned)
+        self._declare(cloud)
+        self.largest_eigenvalue = None
+        self._gradients = None
+
+    def _stabiliser(self, horizon) -> tuple:
+        """The stabiliser and its scale (owned,): coefficient times G [Pa], or c of eq (39) in the scene's dimension."""
+        settings, kind = self.settings.stabilisation, self.settings.stabilisation.kind
+        if kind == "none":
+            return None, None
+        scale = np.zeros(self.owned)
+        for group in self.groups:
+            rows, G = slice(group.first, group.last), group.law.shear_modulus
+            if kind == "shear-scaled":
+                scale[rows] = settings.factor * G
+            else:
+                modulus = settings.modulus or self._youngs_modulus(group)
+                scale[rows] = settings.factor * bond_constant(self.settings.state(self.dimension), modulus, horizon[rows])
+        return (ShearScaled() if kind == "shear-scaled" else AlongBonds()), scale
+
+    def _youngs_modulus(self, group) -> float:
+        materials = {law: body.material for law, body in zip(peridynamic_laws(self.scene), self.scene.bodies)}
+        return materials[group.law].equilibrium.youngs_modulus
+
+    def _fixed_planes(self, cloud) -> np.ndarray:
+        """Normals (owned, d) of the fixed mirror planes each particle lies on."""
+        result = np.zeros((self.owned, self.bonding.positions.shape[1]), bool)
+        for plane in self.boundaries.planes:
+            if plane.kind == "fixed":
+                result[:, plane.axis] |= plane.contains(cloud)
+        return result
+
+    def _declare(self, cloud) -> None:
+        d, add, owned = self.dimension, self.table.add, self.owned
+        add(Field("identifier", 1, "1", checkpointed=True, shown=True), cloud.identifier)
+        add(Field("body", 1, "1", checkpointed=True, shown=True), cloud.body)
+        add(Field("reference_position", d, "m", checkpointed=True), cloud.position)
+        add(Field("volume", 1, "m^3", checkpointed=True), cloud.volume)
+        add(Field("spacing", d, "m", checkpointed=True), cloud.spacing)
+        if cloud.axes is not None:
+            add(Field("axes", d * d, "1", checkpointed=True), cloud.axes.reshape(owned, d * d))
+        add(Field("area", d, "m^2", checkpointed=True), cloud.area)
+        add(Field("position", d, "m", evolved=True), cloud.position.copy())
+        moving = {"evolved": True, "checkpointed": True, "shown": True}
+        add(Field("velocity", d, "m/s", **moving), self.velocity[:, :d])
+        add(Field("displacement", d, "m", exchanged=True, **moving), self.engine.displacement[:, :d])
+        history, kept = self.relaxation, {"evolved": True, "checkpointed": True}
+        if len(history.terms):
+            add(Field("settled_displacement", history.old.shape[1], "m", **kept), history.old)
+            add(Field("elastic_force", history.old.shape[1], "N", **kept), history.elastic)
+        for j in range(len(history.terms)):
+            add(Field(f"relaxing_displacement_{j + 1}", history.old.shape[1], "m", **kept), history.terms[j])
+            add(Field(f"relaxing_force_{j + 1}", history.old.shape[1], "N", **kept), history.forces[j])
+
+    # --- state -------------------------------------------------------------------------------------------------
+
+    def begin(self, scene, cloud) -> None:
+        """Velocity and displacement by the bodies' formulas, and what is stored in the branches; collective."""
+        place = (scene, cloud.body, cloud.position)
+        self.table.owned_rows("velocity")[:] = initial_velocity(*place)
+        displacement = initial_displacement(*place)
+        if displacement is not None:
+            self.table.owned_rows("displacement")[:] = displacement
+        for array in (self.velocity[: self.owned], self.engine.displacement[: self.owned]):
+            if self.boundaries.clamp is not None:
+                array[:, : self.dimension] *= self.boundaries.clamp[:, : self.dimension]
+        self.boundaries.prescribe(0.0, self.velocity)
+        self.boundaries.prescribed_energy_gain(self.velocity, self.mass, self.share)
+        self._place()
+        history, u = self.relaxation, self.engine.displacement[: self.owned]
+        history.old[:] = u
+        # branches take a jump in full
+        history.terms[:] = u if self.settings.initial_state == "instantaneous" else 0.0
+        self.engine.field[: self.owned] = u
+        history.elastic[:] = self.engine.evaluate(self.laws)
+        history.forces[:] = history.elastic if self.settings.initial_state == "instantaneous" else 0.0
+        self._evaluate()
+
+    def resume(self) -> None:
+        """The forces of a state that was put back into the table; collective."""
+        self._place()
+        if not len(self.relaxation.terms):
+            self.relaxation.old[:] = self.engine.displacement[: self.owned]
+        self._evaluate()
+        if not len(self.relaxation.terms):
+            self.relaxation.elastic[:] = self.engine.force[: self.owned, : self.engine.dimension]
+        self.boundaries.prescribed_energy_gain(self.velocity, self.mass, self.share)
+
+    def _place(self) -> None:
+        rows = self.table.owned_rows
+        rows("position")[:] = rows("reference_position") + rows("displacement")
+
+    def _evaluate(self) -> None:
+        """Forces of the settled state."""
+        self.relaxation.compose(self.engine.displacement, self.engine.field)
+        self.engine.evaluate(self.laws)
+        self._gradients = None
+
+    def state(self) -> dict:
+        """The largest eigenvalue, which decides on the step."""
+        return {"largest_eigenvalue": self.largest_eigenvalue}
+
+    def set_state(self, state: dict) -> None:
+        """Take it back."""
+        self.largest_eigenvalue = state["largest_eigenvalue"]
+
+    # --- explicit motion ---------------------------------------------------------------------------------------
+
+    def stable_step(self) -> float:
+        """safety times 2/sqrt(lambda_max) [s], by power iteration on the body's instantaneous stiffness; the first call is collective."""
+        if self.largest_eigenvalue is None:
+            operator = self.operator
+            start = start_vector(operator.identifier, self.dimension)
+            self.largest_eigenvalue = largest_eigenvalue(
+                self.comm, lambda x, y: operator.linear(x, x, y, 0.0), start, operator.mass, operator.free
+            )
+            # the field and the forces of the state, which the iteration has used
+            self._evaluate()
+        solution = self.settings.solution
+        safety = solution.safety if self.settings.damage is None else min(solution.safety, solution.damage_safety)
+        return safety * 2.0 / np.sqrt(self.largest_eigenvalue)
+
+    def advance(self, time: float, step: float, ledger, announce) -> bool:
+        """One leapfrog step, see `bond_motion`."""
+        d, engine, boundaries, owned = self.dimension, self.engine, self.boundaries, self.owned
+        rows = self.table.owned_rows
+        velocity, half = self.velocity[:owned], 0.5 * step
+        moved = (velocity, engine.force[:owned], self.mass, self.share)
+        work = self._held_power(time, half)
+        work += bond_motion.kick(d, half, *moved, boundaries.loads_at(time), boundaries.clamp)
+        boundaries.prescribe(time + half, self.velocity)
+        bond_motion.drift(d, step, velocity, rows("reference_position"), engine.displacement, rows("position"))
+        sound = bool(np.isfinite(velocity.sum()))
+        announce(sound, self.stable_step())
+        self.relaxation.propose(step, engine.displacement, engine.field)
+        engine.evaluate(self.laws)
+        self._gradients = None
+        lost = self.relaxation.settle(step, engine.displacement, engine.force)
+        work += bond_motion.kick(d, half, *moved, boundaries.loads_at(time + step), boundaries.clamp)
+        boundaries.prescribe(time + step, self.velocity)
+        work += self._held_power(time + step, half) + boundaries.prescribed_energy_gain(self.velocity, self.mass, self.share)
+        ledger.add(1.0, lost, 0.0, work)
+        return sound
+
+    def _held_power(self, time: float, half: float) -> float:
+        """Work [J] of what holds prescribed components against forces and loads over half a step."""
+        boundaries = self.boundaries
+        return half * boundaries.prescribed_power(
+            self.velocity, self._padded_force(), self.mass, self.share, boundaries.loads_at(time)
+        )
+
+    def _padded_force(self) -> np.ndarray:
+        if not self.boundaries.prescribed:
+            return self.engine.force
+        return np.pad(self.engine.force, ((0, 0), (0, 4)))
+
+    def energies(self) -> tuple[float, float]:
+        """Kinetic and stored energy [J] of this rank's particles, the stabiliser's included."""
+        kinetic = bond_motion.kinetic_energy(self.dimension, self.velocity, self.mass, self.share)
+        return kinetic, self.relaxation.stored_energy()
+
+    # --- what the output and the reports ask -------------------------------------------------------------------
+
+    @property
+    def communication_seconds(self) -> float:
+        """Seconds spent on sending and receiving."""
+        return self.engine.communication_seconds
+
+    @property
+    def directed_pairs(self) -> int:
+        """Bonds counted once a particle."""
+        return self.bonding.directed_pairs
+
+    def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
+        """Deformation gradient and Cauchy stress (n, 3, 3)."""
+        if name not in ("deformation_gradient", "stress"):
+            return None
+        if name == "stress":
+            return self._stresses()[first:last]
+        F = np.tile(np.eye(3), (last - first, 1, 1))
+        d = self.engine.dimension
+        F[:, :d, :d] += self._displacement_gradients()[first:last]
+        return F
+
+    def _stresses(self) -> np.ndarray:
+        """sigma (owned, 3, 3) [Pa] of the last evaluation's field."""
+        result, engine = np.zeros((self.owned, 3, 3)), self.engine
+        for first, last, law in self.laws:
+            stresses(engine.space, first, last, law, engine.body, engine.gradient, result)
+        return result
+
+    def _displacement_gradients(self) -> np.ndarray:
+        """grad u (owned, d, d); ghosts' displacements are those of the last evaluation."""
+        if self._gradients is None:
+            self._gradients = self.engine.displacement_gradients()
+        return self._gradients
+
+    def unsound(self) -> tuple[int, str] | None:
+        """The first particle whose velocity is not finite."""
+        bad = ~np.isfinite(self.table.owned_rows("velocity")).all(axis=1)
+        return (int(np.argmax(bad)), "a number is no longer finite") if bad.any() else None
+
+    def advice(self) -> str:
+        """What most likely helps."""
+        hints = []
+        if self.settings.stabilisation.kind != "shear-scaled":
+            hints.append('method.stabilisation.kind = "shear-scaled"')
+        return ", or ".join([*hints, "a smaller method.solution.safety", "a milder load"])
+
+    def numbers(self) -> dict[str, int]:
+        """Ghosts and bonds."""
+        return {"ghosts": self.bonding.halo.ghosts, "interactions": self.bonding.directed_pairs}
+
+    def exchanged_records(self) -> dict[str, int]:
+        """The record of the second pass and the relaxing displacement."""
+        return {"second-pass record": self.engine.record.shape[1], "relaxing displacement": self.dimension}
+
+    def arrays(self) -> list[np.ndarray]:
+        """Work arrays and bond lists."""
+        return [*self.engine.arrays(), self.mass, self.share]
+
+    def bytes_a_step(self) -> int:
+        """Fields and records."""
+        return self.engine.bytes_sent()
+
+    def warm(self) -> None:
+        """Lists of ghosts have no images."""
+        self.engine.warm()
+
+
+def bond_constant(state: str, modulus: float, horizon):
+    """c of eq (39) from Young's modulus [Pa] and horizon [m], for the scene's dimension and thickness 1 m."""
+    return {
+        "bar": 2.0 * modulus / horizon**2,
+        "plane-stress": 9.0 * modulus / (np.pi * horizon**3),
+        "plane-strain": 48.0 * modulus / (5.0 * np.pi * horizon**3),
+        # 18 k with k = 2 E/3, of nu = 1/4
+        "space": 12.0 * modulus / (np.pi * horizon**4),
+    }[state]
+
+
+def _unlike_series(laws: list) -> str | None:
+    """A fault when bodies relax differently: the relaxing displacement is one field for all."""
+    for index, law in enumerate(laws):
+        if (law.ratios, law.relaxation_times) != (laws[0].ratios, laws[0].relaxation_times):
+            return (
+                f"bodies.{index}.material.terms: expected the ratios and times of bodies.0 (the relaxing displacement is one field), "
+                "found others"
+            )
+    return None
