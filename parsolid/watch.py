@@ -53,6 +53,9 @@ class Watch:
         remaining = target - time
         if remaining <= stable * (1.0 + _SLIVER):
             step, arrival = remaining, target
+        elif self.simulation.method.even_steps:
+            step = remaining / np.ceil(remaining / stable / (1.0 + _SLIVER))
+            arrival = time + step
         elif remaining < 2.0 * stable:
             step, arrival = 0.5 * remaining, time + 0.5 * remaining
         else:

@@ -40,6 +40,8 @@ def peridynamic_laws(scene) -> list:
 class Peridynamics(ParticleMethod):
     """The method on one rank. Arrays are laid out as `kernels.pairs` says; bars lie in the plane."""
 
+    even_steps = True
+
     @staticmethod
     def sort(comm, scene, cloud) -> np.ndarray:
         """By law, then along cells."""

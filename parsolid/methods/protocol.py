@@ -15,6 +15,7 @@ class ParticleMethod:
     Set by the method: comm, dimension, owned, table (`FieldTable`), mass (owned,) [kg] and share (owned,), the part of a particle's
     mass on this side of mirror planes (tributary mass = mass share).
     jumps: times [s] at which a step of length 0 is due, because loads jump; landings: times [s] at which a step must end;
+    even_steps: whether steps between two times to land on have one length (leapfrog near its limit gains energy where they change);
     evaluations: force evaluations a step; directed_pairs: interactions counted once a particle.
     """
 
@@ -26,6 +27,7 @@ class ParticleMethod:
     share: np.ndarray
     jumps: tuple[float, ...] = ()
     landings: tuple[float, ...] = ()
+    even_steps: bool = False
     evaluations: int = 1
     directed_pairs: int = 0
     communication_seconds: float = 0.0
