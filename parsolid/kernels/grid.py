@@ -26,8 +26,8 @@ class Grid(NamedTuple):
     """Base cells with their particles and nodes.
 
     origin (4,) [m]: a node; spacing [m] and its inverse; base (cells, 4): base nodes' indices as floats, unused columns 0;
-    start (cells + 1,), order (capacity,) int64: particles order[start[c]]..order[start[c+1]-1] lie in cell c; stencil (cells, K**dimension) int32: node slots,
-    the last direction fastest.
+    start (cells + 1,), order (capacity,) int64: particles order[start[c]]..order[start[c+1]-1] lie in cell c; stencil
+    (cells, K**dimension) int32: node slots, the last direction fastest.
     """
 
     origin: np.ndarray

@@ -38,7 +38,7 @@ def gather(first, last, space, basis, grid, scratch, where, nodes, motion, step,
             store_weights(basis, p, xi, scratch.weights)
             if transfer is not None:
                 _prepare(transfer, basis, xi, scratch.weights)
-            sums = _sum_nodes(space, basis, scratch, transfer, rate, remapped)
+            sums = sum_nodes(space, basis, scratch, transfer, rate, remapped)
             if transfer is not None:
                 _move_velocity(transfer, motion, p, sums, grid.inverse_spacing)
             if rate is not None:
@@ -125,13 +125,17 @@ def _row(basis, weights, offset, cell, row, column):
     return result
 
 
-def _sum_nodes(space, basis, scratch, transfer, rate, remapped):
-    """(sum w v, sum w of columns 4..7, columns of sum v (x) w', columns of sum v (x) u); zeros where not asked for."""
+def sum_nodes(space, basis, scratch, transfer, rate, remapped):
+    """Sums over scratch.cell, v its columns 0..3: (sum w v, sum w of columns 4..7, sums of v dw/dxi_d, sums of v u_d).
+
+    The second only for Flip or where remapped is not None, and then the third is of columns 4..7; the third only where rate is
+    not None, the fourth only for Apic. What is not asked for is 0.
+    """
     raise NotImplementedError
 
 
-@overload(_sum_nodes)
-def _choose_sum_nodes(space, basis, scratch, transfer, rate, remapped):
+@overload(sum_nodes)
+def _choose_sums(space, basis, scratch, transfer, rate, remapped):
     # constants of the compiled code, which drops what the transfer, the rate or remapped momentum does not need
     source = 0 if isinstance(remapped, types.NoneType) else 4
     with_second = source == 4 or is_instance(transfer, Flip)

@@ -47,7 +47,7 @@ def scatter(first, last, space, basis, grid, scratch, where, motion, transfer, s
             slopes = _slopes(transfer, motion, basis, grid, scratch, xi, p)
             columns = _columns(stress, grid, p)
             force = _force(space, stress, external, place, p)
-            _add_particle(space, basis, scratch.weights, cell, momentum, slopes, columns, force)
+            add_particle(space, basis, scratch.weights, cell, momentum, slopes, columns, force)
         if partials is None:
             for k in range(cell.shape[0]):
                 node = grid.stencil[c, k]
@@ -172,12 +172,17 @@ def _add_row(basis, weights, last, cell, row, w, momentum, slope, across, along)
             store(cell, row + k, 4, fused(weights[k, 4 + last], along, force))
 
 
-def _add_particle(space, basis, weights, cell, momentum, slopes, columns, force):
+def add_particle(space, basis, weights, cell, momentum, slopes, columns, force):
+    """Add a particle to the nodes of its cell, (K**dimension, 8).
+
+    To columns 0..3: w momentum, or where slopes is not None w (momentum + sum_d slopes[d] (i - xi)_d); to columns 4..7:
+    w force + sum_d columns[d] dw/dxi_d. momentum, slopes, columns may be None; columns goes with force.
+    """
     raise NotImplementedError
 
 
-@overload(_add_particle)
-def _choose_add_particle(space, basis, weights, cell, momentum, slopes, columns, force):
+@overload(add_particle)
+def _choose_order(space, basis, weights, cell, momentum, slopes, columns, force):
     if is_instance(space, Space):
 
         def in_space(space, basis, weights, cell, momentum, slopes, columns, force):

@@ -71,6 +71,17 @@ def _nodes_across(basis):
     return lambda basis: count
 
 
+def make_basis(kind: str, halves: np.ndarray | None = None):
+    """The basis that a scene names, on the particles' half widths `halves` where it needs them."""
+    if kind in _AVERAGED:
+        return _AVERAGED[kind](halves)
+    return _PLAIN[kind]()
+
+
+_PLAIN = {"linear": Linear, "quadratic-spline": QuadraticSpline, "cubic-spline": CubicSpline}
+_AVERAGED = {"ugimp": UniformGimp, "cpgimp": ConvectedGimp}
+
+
 # a base cell starts so much beyond its base node, in grid spacings
 _OFFSETS = {Linear: 0.0, UniformGimp: 0.5, ConvectedGimp: 1.0, QuadraticSpline: 0.5, CubicSpline: 1.0}
 
@@ -89,6 +100,18 @@ def find_bases(first, last, where, origin, inverse_spacing, offset, base):
     for p in range(first, last):
         for d in range(base.shape[1]):
             base[p, d] = np.floor((where[p, d] - origin[d]) * inverse_spacing - offset)
+
+
+@njit(cache=True)
+def stretch_domains(first, last, deformation, initial, halves):
+    """Half widths of particles first..last-1 for ConvectedGimp: the undeformed ones times F_dd (axis-aligned stretch).
+
+    deformation: rows F11 F12 F21 F22 F33 in two dimensions, the 9 rows of F in three; initial, halves (capacity, 4).
+    """
+    dimension, apart = (3, 4) if deformation.shape[0] >= 9 else (2, 3)
+    for d in range(dimension):
+        for p in range(first, last):
+            halves[p, d] = abs(deformation[apart * d, p]) * initial[p, d]
 
 
 def store_weights(basis, p, xi, weights):

@@ -11,7 +11,7 @@ from parsolid.kernels.simd import aligned_zeros
 
 SPACING = 0.3
 ORIGIN = np.array([-0.7, 0.2, 1.1, 0.0])
-BASES = ("linear", "uniform", "convected", "quadratic", "cubic")
+BASES = ("linear", "ugimp", "cpgimp", "quadratic-spline", "cubic-spline")
 
 
 def hat(s):
@@ -32,18 +32,18 @@ def weight(name, s, half):
     """A node's weight at distance s = (x - x_i)/h."""
     if name == "linear":
         return hat(s)
-    if name in ("uniform", "convected"):
+    if name in ("ugimp", "cpgimp"):
         return averaged_hat(s, half)
-    return np.nan_to_num(spline(2 if name == "quadratic" else 3)(s))
+    return np.nan_to_num(spline(2 if name == "quadratic-spline" else 3)(s))
 
 
 def slope(name, s, half):
     """dw/ds."""
     if name == "linear":
         return np.where(np.abs(s) < 1.0, -np.sign(s), 0.0)
-    if name in ("uniform", "convected"):
+    if name in ("ugimp", "cpgimp"):
         return (hat(s + half) - hat(s - half)) / (2.0 * half)
-    return np.nan_to_num(spline(2 if name == "quadratic" else 3).derivative()(s))
+    return np.nan_to_num(spline(2 if name == "quadratic-spline" else 3).derivative()(s))
 
 
 class Cloud(NamedTuple):
@@ -57,16 +57,6 @@ class Cloud(NamedTuple):
     nodes: np.ndarray
     places: np.ndarray
     scratch: grid.Scratch
-
-
-def make_basis(name, halves):
-    return {
-        "linear": grid_weights.Linear(),
-        "uniform": grid_weights.UniformGimp(halves),
-        "convected": grid_weights.ConvectedGimp(halves),
-        "quadratic": grid_weights.QuadraticSpline(),
-        "cubic": grid_weights.CubicSpline(),
-    }[name]
 
 
 def topology(basis, motion, count, dimension, spacing=SPACING, origin=ORIGIN):
@@ -99,9 +89,9 @@ def make_cloud(name, dimension, count=60, seed=3, lower=0.5):
     motion[:count, 4 : 4 + dimension] = random.normal(size=(count, dimension))
     motion[:count, 7] = random.uniform(0.1, 0.2, count)
     halves = aligned_zeros((count + 4, 4)) + 0.5
-    widest = 0.5 if name == "uniform" else 1.0
+    widest = 0.5 if name == "ugimp" else 1.0
     halves[:count, :dimension] = random.uniform(0.02, widest, (count, dimension))
-    basis = make_basis(name, halves)
+    basis = grid_weights.make_basis(name, halves)
     cells, places = topology(basis, motion, count, dimension)
     nodes = aligned_zeros((len(places), 8))
     return Cloud(dimension, basis, halves, motion, cells, nodes, places, grid.make_scratch(basis, dimension))
@@ -123,3 +113,31 @@ def weights_of(cloud, name):
 
 def space_of(dimension):
     return LAYOUT[dimension]
+
+
+def mirror(cloud, direction, index, side):
+    """Slots (ghost, image) of the nodes on and behind the plane at node `index` of a direction, which the body lies beyond.
+
+    side 1: the body lies above the plane, -1: below. index may be a half.
+    """
+    numbers = np.rint((cloud.places - cloud.grid.origin)[:, : cloud.dimension] / cloud.grid.spacing).astype(int)
+    slots = {tuple(number): slot for slot, number in enumerate(numbers)}
+    ghost = np.flatnonzero(side * (numbers[:, direction] - index) <= 0)
+    images = numbers[ghost].copy()
+    images[:, direction] = np.rint(2 * index - images[:, direction])
+    return ghost.astype(np.int32), np.array([slots[tuple(image)] for image in images], np.int32)
+
+
+def line(kind, cells, per_cell, height=1):
+    """Particles of a strip 0..1 of so many cells and particles a cell and direction, in 2-D, on a grid with nodes at its ends."""
+    spacing, count = 1.0 / cells, cells * per_cell
+    x, y = np.meshgrid((np.arange(count) + 0.5) / count, (np.arange(height * per_cell) + 0.5) / count, indexing="ij")
+    n = x.size
+    motion = aligned_zeros((n + 4, 8))
+    motion[:n, 0], motion[:n, 1] = x.ravel(), y.ravel()
+    motion[:n, 7] = 1.0 / count**2
+    halves = aligned_zeros((n + 4, 4)) + 0.5 / per_cell
+    basis = grid_weights.make_basis(kind, halves)
+    origin = np.zeros(4)
+    cells, places = topology(basis, motion, n, 2, spacing, origin)
+    return Cloud(2, basis, halves, motion, cells, aligned_zeros((len(places), 8)), places, grid.make_scratch(basis, 2))

@@ -1,0 +1,171 @@
+"""Heat conduction on the background grid: lumped capacities, particle temperatures changed by the increments of the nodes.
+
+    C_i = sum_p w_ip C_p    T_i = sum_p w_ip C_p T_p / C_i    Q_i = sum_p [w_ip q_p - V_p kappa (grad T)_p . grad w_ip]
+    T_p <- T_p + dt sum_i w_ip Q_i / C_i
+
+so that sum_p C_p T_p changes by the powers q_p alone. A transfer of temperatures instead of increments would smooth them at every
+step, whatever the spacing.
+
+    thermal (capacity, 4)  T [K], C = m c [J/K], V kappa [W m/K], q [W]     of a particle
+    nodes   (nodes, 8)     C T, C, 0, 0 | Q, 0, 0, 0                        after `scatter_heat` and `conduct`
+                           T, C, 0, 0 | change of T, 0, 0, 0                after `find_temperatures` and `find_increments`
+"""
+
+from numba import njit
+
+from parsolid.kernels.grid_gather import sum_nodes
+from parsolid.kernels.grid_scatter import add_particle
+from parsolid.kernels.grid_weights import store_weights
+from parsolid.kernels.simd import broadcast, from_floats, fused, lane, load, store
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+def scatter_heat(first, last, space, basis, grid, scratch, where, thermal, nodes, partials):
+    """Add C T and C of the particles of cells first..last-1 to nodes; arguments as in `grid_scatter.scatter`."""
+    for c in range(first, last):
+        if grid.start[c] == grid.start[c + 1]:
+            continue
+        cell = scratch.cell if partials is None else partials[c]
+        for k in range(cell.shape[0]):
+            store(cell, k, 0, broadcast(0.0))
+            store(cell, k, 4, broadcast(0.0))
+        base = load(grid.base, c, 0)
+        for n in range(grid.start[c], grid.start[c + 1]):
+            p = grid.order[n]
+            xi = fused(load(where, p, 0) - load(grid.origin, 0, 0), broadcast(grid.inverse_spacing), -base)
+            store_weights(basis, p, xi, scratch.weights)
+            heat = from_floats(thermal[p, 0] * thermal[p, 1], thermal[p, 1], 0.0, 0.0)
+            add_particle(space, basis, scratch.weights, cell, heat, None, None, None)
+        if partials is None:
+            for k in range(cell.shape[0]):
+                node = grid.stencil[c, k]
+                store(nodes, node, 0, load(nodes, node, 0) + load(cell, k, 0))
+
+
+@njit(cache=True, error_model="numpy")
+def find_temperatures(first, last, nodes):
+    """Nodal temperatures from C T and C; 0 where there is no capacity. Columns 4..7 become 0."""
+    for i in range(first, last):
+        capacity = nodes[i, 1]
+        nodes[i, 0] = nodes[i, 0] / capacity if capacity > 0.0 else 0.0
+        store(nodes, i, 4, broadcast(0.0))
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+def conduct(first, last, space, basis, grid, scratch, where, thermal, nodes, partials):
+    """Add the heat flows and powers of the particles of cells first..last-1 to column 4 of nodes, from their temperatures.
+
+    Arguments as in `grid_scatter.scatter`; with partials, columns 4..7 of a cell's are its sums and 0..3 are 0.
+    """
+    for c in range(first, last):
+        if grid.start[c] == grid.start[c + 1]:
+            continue
+        cell = scratch.cell
+        for k in range(cell.shape[0]):
+            store(cell, k, 0, load(nodes, grid.stencil[c, k], 0))
+            store(cell, k, 4, broadcast(0.0))
+        base = load(grid.base, c, 0)
+        for n in range(grid.start[c], grid.start[c + 1]):
+            p = grid.order[n]
+            xi = fused(load(where, p, 0) - load(grid.origin, 0, 0), broadcast(grid.inverse_spacing), -base)
+            store_weights(basis, p, xi, scratch.weights)
+            gradient = sum_nodes(space, basis, scratch, None, thermal, None)[2]
+            # the weights' derivatives are by x/h, here and in the gradient
+            scale = -thermal[p, 2] * grid.inverse_spacing * grid.inverse_spacing
+            columns = (
+                from_floats(scale * lane(gradient[0], 0), 0.0, 0.0, 0.0),
+                from_floats(scale * lane(gradient[1], 0), 0.0, 0.0, 0.0),
+                from_floats(scale * lane(gradient[2], 0), 0.0, 0.0, 0.0),
+            )
+            power = from_floats(thermal[p, 3], 0.0, 0.0, 0.0)
+            add_particle(space, basis, scratch.weights, cell, None, None, columns, power)
+        for k in range(cell.shape[0]):
+            if partials is None:
+                node = grid.stencil[c, k]
+                store(nodes, node, 4, load(nodes, node, 4) + load(cell, k, 4))
+            else:
+                store(partials[c], k, 0, broadcast(0.0))
+                store(partials[c], k, 4, load(cell, k, 4))
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+def add_surface_power(cells, particles, offsets, powers, space, basis, grid, scratch, where, nodes):
+    """Heat that enters through a surface, added to column 4 of nodes after `conduct`.
+
+    particles (n,): those at the surface, as they are numbered now, in cells (n,); offsets (n, 4) [m]: from a particle to its part of the
+    surface, fourth 0; powers (n,) [W]. The weights are those of the surface, or of the point of the particle's base cell that is
+    nearest to it, so that no other cell is needed.
+    """
+    for k in range(particles.size):
+        p, c = particles[k], cells[k]
+        inverse = broadcast(grid.inverse_spacing)
+        offset = load(grid.origin, 0, 0) - load(offsets, k, 0)
+        xi = fused(load(where, p, 0) - offset, inverse, -load(grid.base, c, 0))
+        # a base cell is one spacing wide, in the middle of its stencil
+        low = 0.5 * (scratch.weights.shape[0] - 2)
+        xi = min(max(xi, low), low + 1.0)
+        for i in range(grid.stencil.shape[1]):
+            store(scratch.cell, i, 0, broadcast(0.0))
+        store_weights(basis, p, xi, scratch.weights)
+        add_particle(space, basis, scratch.weights, scratch.cell, from_floats(powers[k], 0.0, 0.0, 0.0), None, None, None)
+        for i in range(grid.stencil.shape[1]):
+            nodes[grid.stencil[c, i], 4] += scratch.cell[i, 0]
+
+
+@njit(cache=True, error_model="numpy")
+def find_increments(first, last, nodes, step):
+    """Changes of the nodal temperatures in a step [K] from the heat flows."""
+    for i in range(first, last):
+        nodes[i, 4] = step * nodes[i, 4] / nodes[i, 1] if nodes[i, 1] > 0.0 else 0.0
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+def gather_heat(first, last, space, basis, grid, scratch, where, nodes, thermal):
+    """Add the nodal increments to the temperatures of the particles of cells first..last-1; the heat that they gained [J]."""
+    gained = 0.0
+    for c in range(first, last):
+        for k in range(grid.stencil.shape[1]):
+            store(scratch.cell, k, 4, load(nodes, grid.stencil[c, k], 4))
+        base = load(grid.base, c, 0)
+        for n in range(grid.start[c], grid.start[c + 1]):
+            p = grid.order[n]
+            xi = fused(load(where, p, 0) - load(grid.origin, 0, 0), broadcast(grid.inverse_spacing), -base)
+            store_weights(basis, p, xi, scratch.weights)
+            change = lane(sum_nodes(space, basis, scratch, None, None, nodes)[1], 0)
+            thermal[p, 0] += change
+            gained += thermal[p, 1] * change
+    return gained
+
+
+@njit(cache=True)
+def fold_capacity(ghost, image, sign, temperature, nodes):
+    """Add what the mirror image of the body gives to C T and C at a mirror plane; before `find_temperatures`.
+
+    ghost, image: as in `grid.fold_mirror`. sign 1.0: an insulated plane, the image has the same temperatures; -1.0: a plane at
+    the given temperature [K], the image has 2 temperature - T.
+    """
+    for k in range(ghost.size):
+        here, there = ghost[k], image[k]
+        nodes[there, 0] += sign * nodes[here, 0] + (1.0 - sign) * temperature * nodes[here, 1]
+        nodes[there, 1] += nodes[here, 1]
+
+
+@njit(cache=True)
+def spread_temperature(ghost, image, sign, temperature, nodes):
+    """Temperatures behind a mirror plane; after `find_temperatures`."""
+    for k in range(ghost.size):
+        nodes[ghost[k], 0] = sign * nodes[image[k], 0] + (1.0 - sign) * temperature
+
+
+@njit(cache=True)
+def fold_flow(ghost, image, sign, nodes):
+    """Add the image's heat flows; after `conduct`, before `find_increments`."""
+    for k in range(ghost.size):
+        nodes[image[k], 4] += sign * nodes[ghost[k], 4]
+
+
+@njit(cache=True)
+def spread_increment(ghost, image, sign, nodes):
+    """Increments behind a mirror plane of constant temperature or none; after `find_increments`."""
+    for k in range(ghost.size):
+        nodes[ghost[k], 4] = sign * nodes[image[k], 4]

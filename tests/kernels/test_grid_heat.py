@@ -1,0 +1,133 @@
+"""Conduction on the grid: the plain sums, total heat, the decay of a cosine, plane and surface boundaries."""
+
+import numpy as np
+import pytest
+from grid_reference import BASES, line, make_cloud, mirror, space_of, weights_of
+
+from parsolid.kernels import grid_heat
+from parsolid.kernels.layout import Plane
+from parsolid.kernels.simd import aligned_zeros
+
+
+class Conduction:
+    """Steps of a cloud's temperatures; planes are (ghost, image, sign, temperature)."""
+
+    def __init__(self, cloud, thermal, planes=()):
+        self.cloud, self.thermal, self.planes = cloud, thermal, planes
+        self.cells, self.space = len(cloud.grid.base), space_of(cloud.dimension)
+
+    def _pass(self, kernel, *more):
+        cloud = self.cloud
+        return kernel(0, self.cells, self.space, cloud.basis, cloud.grid, cloud.scratch, cloud.motion, *more)
+
+    def flow(self):
+        """Heat flows of the nodes."""
+        nodes = self.cloud.nodes
+        nodes[:] = 0.0
+        self._pass(grid_heat.scatter_heat, self.thermal, nodes, None)
+        for plane in self.planes:
+            grid_heat.fold_capacity(*plane, nodes)
+        grid_heat.find_temperatures(0, len(nodes), nodes)
+        for plane in reversed(self.planes):
+            grid_heat.spread_temperature(*plane, nodes)
+        self._pass(grid_heat.conduct, self.thermal, nodes, None)
+        return nodes
+
+    def step(self, step, surface=None):
+        """One step; the heat gained."""
+        nodes = self.flow()
+        if surface is not None:
+            cloud = self.cloud
+            arguments = (self.space, cloud.basis, cloud.grid, cloud.scratch, cloud.motion, nodes)
+            grid_heat.add_surface_power(*surface, *arguments)
+        for plane in self.planes:
+            grid_heat.fold_flow(*plane[:3], nodes)
+        grid_heat.find_increments(0, len(nodes), nodes, step)
+        for plane in reversed(self.planes):
+            grid_heat.spread_increment(*plane[:3], nodes)
+        return self._pass(grid_heat.gather_heat, nodes, self.thermal)
+
+
+def random_thermal(cloud):
+    thermal = aligned_zeros((len(cloud.motion), 4))
+    thermal[:] = np.random.default_rng(3).uniform(1.0, 2.0, thermal.shape) * [300.0, 1.0, 1.0, 1.0]
+    return thermal
+
+
+@pytest.mark.parametrize("name, dimension", [(name, dimension) for name in BASES for dimension in (2, 3)])
+def test_a_step_is_the_plain_sum(name, dimension):
+    cloud = make_cloud(name, dimension)
+    n, thermal = int(cloud.grid.start[-1]), random_thermal(cloud)
+    w, gradient, _ = weights_of(cloud, name)
+    T, C, conductivity, power = thermal[:n].copy().T
+    capacity = w.T @ C
+    with np.errstate(divide="ignore", invalid="ignore"):
+        nodal = np.where(capacity > 0.0, w.T @ (C * T) / capacity, 0.0)
+        flow = w.T @ power - np.einsum("p,pa,pia->i", conductivity, np.einsum("i,pia->pa", nodal, gradient), gradient)
+        increment = np.where(capacity > 0.0, 0.01 * flow / capacity, 0.0)
+    gained = Conduction(cloud, thermal).step(0.01)
+    np.testing.assert_allclose(thermal[:n, 0], T + w @ increment, rtol=1e-10)
+    assert abs(gained - 0.01 * power.sum()) < 1e-12 * (C * T).sum()
+    assert abs((C * (thermal[:n, 0] - T)).sum() - 0.01 * power.sum()) < 1e-12 * (C * T).sum()
+
+
+def cosine(kind, cells):
+    """A strip with T = cos(pi x), unit diffusivity, insulated."""
+    cloud = line(kind, cells, 2)
+    n = int(cloud.grid.start[-1])
+    thermal = aligned_zeros((len(cloud.motion), 4))
+    thermal[:n, 0] = np.cos(np.pi * cloud.motion[:n, 0])
+    thermal[:n, 1] = thermal[:n, 2] = cloud.motion[:n, 7]
+    planes = [(*mirror(cloud, d, i, s), 1.0, 0.0) for d, i, s in ((0, 0, 1), (0, cells, -1), (1, 0, 1), (1, 1, -1))]
+    return cloud, thermal, planes
+
+
+@pytest.mark.parametrize("kind, published", [("linear", 0.0047), ("quadratic-spline", 0.012)])
+def test_a_cosine_decays_at_its_rate(kind, published):
+    cells, time = 20, 0.1
+    cloud, thermal, planes = cosine(kind, cells)
+    n, steps = int(cloud.grid.start[-1]), int(np.ceil(time * 8.0 * cells**2))
+    conduction = Conduction(cloud, thermal, planes)
+    total = thermal[:n, 0] @ thermal[:n, 1]
+    for _ in range(steps):
+        conduction.step(time / steps)
+    exact = np.cos(np.pi * cloud.motion[:n, 0])
+    amplitude = (thermal[:n, 0] @ exact) / (exact @ exact)
+    error = amplitude / np.exp(-(np.pi**2) * time) - 1.0
+    assert abs(error) < 0.015
+    assert error == pytest.approx(published, rel=0.1)
+    assert abs(thermal[:n, 0] @ thermal[:n, 1] - total) < 1e-12
+
+
+@pytest.mark.parametrize("kind", BASES)
+def test_planes_at_two_temperatures_give_the_linear_profile(kind):
+    cells = 6
+    cloud, thermal, planes = cosine(kind, cells)
+    n = int(cloud.grid.start[-1])
+    planes = [(*planes[0][:2], -1.0, 300.0), (*planes[1][:2], -1.0, 400.0), *planes[2:]]
+    thermal[:n, 0] = 300.0 + 100.0 * cloud.motion[:n, 0]
+    before = thermal[:n, 0].copy()
+    gained = Conduction(cloud, thermal, planes).step(0.1 / cells**2)
+    np.testing.assert_allclose(thermal[:n, 0], before, rtol=0.0, atol=1e-10)
+    assert abs(gained) < 1e-10
+
+
+@pytest.mark.parametrize("kind", BASES)
+def test_heat_through_a_surface_is_gained_whole(kind):
+    cells = 6
+    cloud, thermal, planes = cosine(kind, cells)
+    n = int(cloud.grid.start[-1])
+    last = np.flatnonzero(cloud.motion[:n, 0] > 1.0 - 0.5 / cells)
+    offsets = np.zeros((len(last), 4))
+    offsets[:, 0] = 1.0 - cloud.motion[last, 0]
+    powers = np.full(len(last), 0.5 / cells)
+    # what enters at one end leaves at the other, which is held at 0
+    planes = [(*planes[0][:2], -1.0, 0.0), *planes[1:]]
+    thermal[:n, 0] = cloud.motion[:n, 0]
+    step = 0.01 / cells**2
+    cells_of = np.empty(n, int)
+    cells_of[cloud.grid.order] = np.repeat(np.arange(len(cloud.grid.base)), np.diff(cloud.grid.start))
+    kept = Conduction(cloud, thermal.copy(), planes).step(step, (cells_of[last], last, offsets, powers))
+    lost = Conduction(cloud, thermal.copy(), planes).step(step)
+    assert lost == pytest.approx(-step / cells, rel=1e-10)
+    assert kept == pytest.approx(0.0, abs=1e-10 * step)
