@@ -6,6 +6,7 @@ import numpy as np
 
 from parsolid.boundary import ON_PLANE, MirrorCodes, MirrorPlane, check_sides
 from parsolid.methods import motion
+from parsolid.scene.boundaries import Support
 from parsolid.scene.histories import Course
 from parsolid.scene.regions import selected
 from parsolid.together import anywhere, minimum, raise_together
@@ -47,10 +48,7 @@ class BoundarySet:
 
     def plane_count(self, cloud) -> np.ndarray:
         """On how many mirror planes each particle lies (n,)."""
-        count = np.zeros(len(cloud.position))
-        for plane in self.planes:
-            count += plane.contains(cloud)
-        return count
+        return plane_count(self.planes, cloud)
 
     def loads_at(self, time: float) -> np.ndarray | None:
         """Accelerations (n, 4) of body forces and tractions [m/s^2]; None without loads."""
@@ -95,37 +93,63 @@ def build_boundaries(comm, scene, cloud, density: np.ndarray) -> BoundarySet:
 
     Raises SolverError on all ranks when a region holds no particle or a mirror plane cuts a body.
     """
-    dimension = cloud.position.shape[1]
-    names = {body.name: index for index, body in enumerate(scene.bodies) if body.name is not None}
-    planes, held, prescribed, loads = [], np.zeros((len(cloud.position), dimension), bool), [], []
+    planes, held = supports_of(comm, scene, cloud)
+    prescribed, loads = [], []
     for index, boundary in enumerate(scene.boundaries):
-        chosen = selected(scene, boundary, cloud, comm)
-        if boundary.kind in ("roller", "fixed", "antisymmetric"):
-            plane = MirrorPlane(boundary.plane.axis, boundary.plane.offset, boundary.kind, names.get(boundary.body))
-            if boundary.mirror:
-                check_sides(comm, plane, cloud, f"boundaries.{index}")
-                planes.append(plane)
-                # cell-centred particles beside the plane move; their images hold them
-                chosen &= plane.contains(cloud)
-            held |= chosen[:, None] & plane.held(dimension)
+        if isinstance(boundary, Support):
             continue
-        _need_particles(comm, chosen, f"boundaries.{index}")
+        chosen = selected(scene, boundary, cloud, comm)
+        need_particles(comm, chosen, f"boundaries.{index}")
         if boundary.kind == "velocity":
             prescribed += _prescribed(boundary, chosen, cloud)
         else:
             loads.append(_traction(boundary, chosen, cloud, density))
     loads += _body_loads(scene, cloud, density)
-    tolerance = ON_PLANE * minimum(comm, float(cloud.spacing.min(initial=np.inf)))
-    result = BoundarySet(planes, MirrorCodes.of(planes, tolerance), _clamp(comm, held, dimension), prescribed)
+    result = BoundarySet(planes, mirror_codes(comm, planes, cloud), _clamp(comm, held), prescribed)
     _install_loads(result, loads, len(cloud.position))
     if prescribed:
-        _last_one_holds(prescribed)
+        last_one_holds(prescribed)
         components = [np.full(len(entry.particles), entry.component) for entry in prescribed]
         result.entries = (np.concatenate([entry.particles for entry in prescribed]), np.concatenate(components))
     return result
 
 
-def _need_particles(comm, chosen: np.ndarray, key: str) -> None:
+def supports_of(comm, scene, cloud) -> tuple[list[MirrorPlane], np.ndarray]:
+    """Mirror planes of a scene, and which components (n, d) of this rank's particles supports hold at rest; collective.
+
+    Raises SolverError on all ranks when a mirror plane cuts a body.
+    """
+    dimension = cloud.position.shape[1]
+    names = {body.name: index for index, body in enumerate(scene.bodies) if body.name is not None}
+    planes, held = [], np.zeros((len(cloud.position), dimension), bool)
+    for index, boundary in enumerate(scene.boundaries):
+        if not isinstance(boundary, Support):
+            continue
+        chosen = selected(scene, boundary, cloud, comm)
+        plane = MirrorPlane(boundary.plane.axis, boundary.plane.offset, boundary.kind, names.get(boundary.body))
+        if boundary.mirror:
+            check_sides(comm, plane, cloud, f"boundaries.{index}")
+            planes.append(plane)
+            # cell-centred particles beside the plane move; their images hold them
+            chosen &= plane.contains(cloud)
+        held |= chosen[:, None] & plane.held(dimension)
+    return planes, held
+
+
+def mirror_codes(comm, planes: list[MirrorPlane], cloud) -> MirrorCodes | None:
+    """Every reflection that mirror planes need, None without planes; collective."""
+    return MirrorCodes.of(planes, ON_PLANE * minimum(comm, float(cloud.spacing.min(initial=np.inf))))
+
+
+def plane_count(planes: list[MirrorPlane], cloud) -> np.ndarray:
+    """On how many mirror planes each particle lies (n,)."""
+    count = np.zeros(len(cloud.position))
+    for plane in planes:
+        count += plane.contains(cloud)
+    return count
+
+
+def need_particles(comm, chosen: np.ndarray, key: str) -> None:
     fault = None
     if comm.allreduce(int(chosen.sum())) == 0:
         fault = f"{key}: expected at least one particle in the region, found none"
@@ -141,7 +165,7 @@ def _prescribed(boundary, chosen, cloud) -> list[Prescribed]:
     ]
 
 
-def _last_one_holds(prescribed: list[Prescribed]) -> None:
+def last_one_holds(prescribed: list) -> None:
     """Leave every particle's component to the last entry that prescribes it, so that its work is counted once."""
     taken = {}
     for entry in reversed(prescribed):
@@ -180,10 +204,10 @@ def _install_loads(result: BoundarySet, loads: list[Load], owned: int) -> None:
             _add_load(result.constant_load, load, 0.0)
 
 
-def _clamp(comm, held: np.ndarray, dimension: int) -> np.ndarray | None:
+def _clamp(comm, held: np.ndarray) -> np.ndarray | None:
     """Multipliers (n, 4) of velocity components; None when no rank holds any."""
     if not anywhere(comm, held.any()):
         return None
     clamp = np.ones((len(held), 4))
-    clamp[:, :dimension][held] = 0.0
+    clamp[:, : held.shape[1]][held] = 0.0
     return clamp

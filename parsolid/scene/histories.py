@@ -1,6 +1,7 @@
 """How loads go in time: formulas that may jump, and tables of factors."""
 
 import csv
+from copy import copy
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -97,6 +98,12 @@ class Course:
     def depends_on_time(self) -> bool:
         """Whether the values change in time."""
         return self.history is not None or self.formulas.depends_on_time
+
+    def component(self, index: int) -> "Course":
+        """One component alone, in the same time."""
+        result = copy(self)
+        result.formulas = FormulaVector((self.formulas[index],))
+        return result
 
     @property
     def free(self) -> np.ndarray:

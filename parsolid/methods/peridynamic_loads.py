@@ -1,0 +1,188 @@
+"""Supports, prescribed motion and loads of a peridynamic scene on one rank's particles.
+
+A traction t on a plane with normal n acts as the forces that balance a uniform stress, f = -f_int(t (x) n), kept near the
+plane: then a uniform stress is an exact solution, which it is not under forces on the particles at the face ("single-layer")
+or spread over the horizon ("horizon").
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from decomposition.reduction import ordered_sum
+from parsolid.boundary_set import Load, last_one_holds, mirror_codes, plane_count, supports_of
+from parsolid.scene.boundaries import FictitiousLayer, PrescribedDisplacement, PrescribedVelocity, Traction
+from parsolid.scene.formulas import Formula, FormulaVector
+from parsolid.scene.histories import Course
+from parsolid.scene.regions import selected
+from parsolid.together import maximum, minimum
+
+
+@dataclass
+class Guided:
+    """One component of the displacement (`course` [m]) or of the velocity (`velocity` [m/s]) of some particles (k,), prescribed."""
+
+    particles: np.ndarray
+    component: int
+    positions: np.ndarray
+    course: Course | None
+    velocity: Formula | None
+
+
+class PeridynamicLoads:
+    """What a scene's boundaries and loads mean for peridynamics; arrays are of this rank's owned particles, d = dimension.
+
+    codes: mirror images, None without; share (owned,): the part of a particle on this side of mirror planes; held, free
+    (owned, d) bool: components at rest on supports, and components that are neither held nor guided; entries: particles and
+    components (k,) of everything guided; jumps: times [s] before the end at which loads or prescribed displacements jump, with
+    0 where anything is loaded. Forces [N] are those on the part of a particle on this side of mirror planes.
+    """
+
+    def __init__(self, comm, scene, cloud, density: np.ndarray):
+        """cloud: this rank's sorted particles; density (owned,) [kg/m^3]; collective. Raises SolverError on all ranks."""
+        self.comm, self.scene, self.cloud = comm, scene, cloud
+        self.planes, self.held = supports_of(comm, scene, cloud)
+        self.codes = mirror_codes(comm, self.planes, cloud)
+        self.share = 0.5 ** plane_count(self.planes, cloud)
+        self.guided: list[Guided] = []
+        for boundary in scene.boundaries:
+            if isinstance(boundary, PrescribedDisplacement | PrescribedVelocity | FictitiousLayer):
+                self.guided += self._guided(boundary)
+        last_one_holds(self.guided)
+        none = [np.zeros(0, np.int64)]
+        components = [np.full(len(one.particles), one.component) for one in self.guided]
+        self.entries = (np.concatenate(none + [one.particles for one in self.guided]), np.concatenate(none + components))
+        self.free = ~self.held
+        self.free[self.entries] = False
+        self.jumps = self._jump_times()
+        self._loads = self._body_loads(density)
+        self._constant: np.ndarray | None = None
+
+    def _guided(self, boundary) -> list[Guided]:
+        particles = np.flatnonzero(selected(self.scene, boundary, self.cloud, self.comm))
+        positions = self.cloud.position[particles]
+        if isinstance(boundary, PrescribedVelocity):
+            return [Guided(particles, i, positions, None, one) for i, one in enumerate(boundary.velocity) if one is not None]
+        course, dimension = boundary.course, positions.shape[1]
+        return [Guided(particles, i, positions, course.component(i), None) for i in range(dimension) if not course.free[i]]
+
+    def _jump_times(self) -> tuple[float, ...]:
+        scene = self.scene
+        acting = [one for one in scene.boundaries if isinstance(one, Traction | PrescribedDisplacement | FictitiousLayer)]
+        if scene.loads.body_force is not None or scene.loads.acceleration is not None:
+            acting.append(scene.loads)
+        times = {0.0} if acting else set()
+        for one in acting:
+            times.update(one.jump_times)
+        return tuple(sorted(time for time in times if time < scene.end_time))
+
+    def _body_loads(self, density: np.ndarray) -> list[Load]:
+        loads, cloud = self.scene.loads, self.cloud
+        everything, result = np.arange(len(cloud)), []
+        for formulas, scale in ((loads.body_force, cloud.volume), (loads.acceleration, density * cloud.volume)):
+            if formulas is not None:
+                result.append(Load(everything, cloud.position, scale, Course(formulas, loads)))
+        return result
+
+    # --- tractions -------------------------------------------------------------------------------------------
+
+    def install_tractions(self, force, horizon: np.ndarray) -> None:
+        """Find the forces of tractions; force: `BondForce` with all bonds whole; horizon (owned,) [m]; collective."""
+        tractions = [boundary for boundary in self.scene.boundaries if isinstance(boundary, Traction)]
+        reach = maximum(self.comm, float(horizon.max(initial=0.0)))
+        kind = self.scene.method.traction
+        if tractions and kind == "consistent":
+            engine = force.bonding.positions.shape[1]
+            unit = force.of_stress(np.tile(np.eye(engine), (len(self.cloud), 1, 1))) * self.share[:, None]
+        for boundary in tractions:
+            if kind == "consistent":
+                load = self._consistent(boundary, unit[:, boundary.plane.axis], reach)
+            elif kind == "horizon":
+                load = self._spread(boundary, reach)
+            else:
+                load = self._at_face(boundary)
+            self._loads.append(load)
+
+    def _at_face(self, boundary: Traction) -> Load:
+        """Traction times area on the particles of the face."""
+        particles = np.flatnonzero(selected(self.scene, boundary, self.cloud, self.comm))
+        area = np.abs(self.cloud.area[particles, boundary.plane.axis])
+        return Load(particles, self.cloud.position[particles], area, boundary.course)
+
+    def _spread(self, boundary: Traction, reach: float) -> Load:
+        """The face's force on the volume within the horizon."""
+        distance, _ = self._beneath(boundary)
+        particles = np.flatnonzero(distance <= reach)
+        volume = self.cloud.volume[particles]
+        depth = ordered_sum(self.comm, volume) / ordered_sum(self.comm, self._at_face(boundary).scale)
+        return Load(particles, self._projected(boundary, particles), volume / depth, boundary.course)
+
+    def _consistent(self, boundary: Traction, unit: np.ndarray, reach: float) -> Load:
+        """Forces that balance the uniform stress t (x) n within twice the horizon; unit (owned,): those of n (x) n."""
+        distance, outward = self._beneath(boundary)
+        within = distance <= self._depth(boundary, distance, reach)
+        # what is left inside a regular body is rounding
+        within &= np.abs(unit) > 1e-12 * maximum(self.comm, float(np.abs(unit).max(initial=0.0)))
+        particles = np.flatnonzero(within)
+        return Load(particles, self._projected(boundary, particles), -outward * unit[particles], boundary.course)
+
+    def _beneath(self, boundary: Traction) -> tuple[np.ndarray, float]:
+        """Distance (owned,) [m] of the particles meant from the face, infinite for others; direction of the normal, -1 or 1."""
+        cloud, axis = self.cloud, boundary.plane.axis
+        meant = np.ones(len(cloud), bool)
+        if boundary.body is not None:
+            meant = cloud.body == [body.name for body in self.scene.bodies].index(boundary.body)
+        offset = cloud.position[:, axis] - boundary.plane.offset
+        low = minimum(self.comm, float(offset[meant].min(initial=np.inf)))
+        high = maximum(self.comm, float(offset[meant].max(initial=-np.inf)))
+        return np.where(meant, np.abs(offset), np.inf), 1.0 if abs(high) < abs(low) else -1.0
+
+    def _depth(self, boundary: Traction, distance: np.ndarray, reach: float) -> float:
+        """How deep consistent forces go: to the middle of a body with another face within their reach."""
+        axis, offset = boundary.plane.axis, boundary.plane.offset
+        if any(plane.axis == axis and plane.coordinate != offset for plane in self.planes):
+            return 2.0 * reach
+        inside = distance[np.isfinite(distance)]
+        nearest = minimum(self.comm, float(inside.min(initial=np.inf)))
+        farthest = maximum(self.comm, float(inside.max(initial=-np.inf)))
+        return min(2.0 * reach, 0.5 * (nearest + farthest))
+
+    def _projected(self, boundary: Traction, particles: np.ndarray) -> np.ndarray:
+        """Places of particles moved onto the face, where its traction is evaluated."""
+        positions = self.cloud.position[particles].copy()
+        positions[:, boundary.plane.axis] = boundary.plane.offset
+        return positions
+
+    # --- in time ---------------------------------------------------------------------------------------------
+
+    def external(self, time: float, before: bool = False) -> np.ndarray:
+        """Forces (owned, d) [N] of all loads at a time [s], of a jump just after, or just before it; not to be changed."""
+        if self._constant is None:
+            self._constant = np.zeros(self.free.shape)
+            self._add([load for load in self._loads if not load.formulas.depends_on_time], self._constant, 0.0, False)
+            self._loads = [load for load in self._loads if load.formulas.depends_on_time]
+        if not self._loads:
+            return self._constant
+        result = self._constant.copy()
+        self._add(self._loads, result, time, before)
+        return result
+
+    @staticmethod
+    def _add(loads: list[Load], result: np.ndarray, time: float, before: bool) -> None:
+        for load in loads:
+            result[load.particles] += load.scale[:, None] * load.formulas.evaluate(load.positions, time, before)
+
+    def move(self, time: float, step: float, displacement: np.ndarray) -> None:
+        """Bring guided components of a displacement (owned, d) [m] from a time [s] to the end of a step [s].
+
+        A step ends before a jump of that time, one of length 0 after it.
+        """
+        for one in self.guided:
+            place = (one.particles, one.component)
+            if one.velocity is not None:
+                # Simpson's rule
+                first, middle, last = (one.velocity.evaluate(one.positions, time + part * step) for part in (0.0, 0.5, 1.0))
+                displacement[place] += step / 6.0 * (first + 4.0 * middle + last)
+            else:
+                displacement[place] = one.course.evaluate(one.positions, time + step, step > 0.0)[:, 0]
+
