@@ -7,14 +7,23 @@ _MODULES = {
     "mooney-rivlin": "parsolid.materials.mooney_rivlin",
     "neo-hookean": "parsolid.materials.mooney_rivlin",
     "elastic-plastic": "parsolid.materials.elastic_plastic",
+    "prony": "parsolid.materials.prony",
+    "linear-elastic": "parsolid.materials.prony",
+    "bond-based": "parsolid.materials.bond_based",
 }
+
+
+# laws of the small strains that a body can have, made for the state of strain
+_BY_STATE = ("prony", "linear-elastic")
 
 
 def laws_of(scene) -> list:
     """One law for each body."""
-    return [law_of(body.material) for body in scene.bodies]
+    state = scene.method.state(scene.dimension)
+    return [law_of(body.material, state) for body in scene.bodies]
 
 
-def law_of(material):
-    """The parameters, a NamedTuple, of a material as a scene states it."""
-    return import_module(_MODULES[material.kind]).of_material(material)
+def law_of(material, state: str = "space"):
+    """The parameters, a NamedTuple, of a material as a scene states it; state: see `MethodSettings.state`."""
+    make = import_module(_MODULES[material.kind]).of_material
+    return make(material, state) if material.kind in _BY_STATE else make(material)

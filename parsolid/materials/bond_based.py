@@ -13,19 +13,22 @@ POISSONS_RATIO = {"bar": 0.0, "plane-stress": 1.0 / 3.0, "plane-strain": 0.25, "
 
 
 class BondBased(NamedTuple):
-    """density [kg/m^3], micromodulus c [N/m^6] in space, [N/m^5] in the plane, [N/m^4] in a bar."""
+    """density [kg/m^3], youngs_modulus [Pa]."""
 
     density: float
-    micromodulus: float
+    youngs_modulus: float
 
 
-def of_material(material, state: str, influence: str, horizon: float) -> BondBased:
-    """The law of a scene's bond-based solid; state is "space", "plane-strain", "plane-stress" or "bar", horizon in m."""
-    return BondBased(float(material.density), micromodulus(material.youngs_modulus, state, influence, horizon))
+def of_material(material) -> BondBased:
+    """The law of a scene's bond-based solid."""
+    return BondBased(float(material.density), float(material.youngs_modulus))
 
 
-def micromodulus(youngs_modulus: float, state: str, influence: str, horizon: float) -> float:
-    """c from Young's modulus [Pa]; energy 1/4 c s^2 (integral of w |xi| over the family) of a uniform stretch s."""
+def micromodulus(youngs_modulus: float, state: str, influence: str, horizon):
+    """c from Young's modulus [Pa] for a horizon [m], or an array of them; N/m^6 in space, N/m^5 in the plane, N/m^4 in a bar.
+
+    Energy 1/4 c s^2 (integral of w |xi| over the family) of a uniform stretch s.
+    """
     E, nu, power = youngs_modulus, POISSONS_RATIO[state], {"bar": 1, "space": 3}.get(state, 2)
     # energy of a uniform stretch over E s^2
     energy = {

@@ -1,8 +1,9 @@
 """Supports, prescribed motion and loads of a peridynamic scene on one rank's particles.
 
 A traction t on a plane with normal n acts as the forces that balance a uniform stress, f = -f_int(t (x) n), kept near the
-plane: then a uniform stress is an exact solution, which it is not under forces on the particles at the face ("single-layer")
-or spread over the horizon ("horizon").
+plane ("consistent"): then a uniform stress is an exact solution on a lattice, which it is not under forces on the particles
+at the face ("single-layer") or spread over the horizon ("horizon"). Irregular particles carry a uniform stress only under
+small forces inside, too ("consistent-everywhere").
 """
 
 from dataclasses import dataclass
@@ -91,12 +92,13 @@ class PeridynamicLoads:
         tractions = [boundary for boundary in self.scene.boundaries if isinstance(boundary, Traction)]
         reach = maximum(self.comm, float(horizon.max(initial=0.0)))
         kind = self.scene.method.traction
-        if tractions and kind == "consistent":
+        if tractions and kind.startswith("consistent"):
             engine = force.bonding.positions.shape[1]
             unit = force.of_stress(np.tile(np.eye(engine), (len(self.cloud), 1, 1))) * self.share[:, None]
         for boundary in tractions:
-            if kind == "consistent":
-                load = self._consistent(boundary, unit[:, boundary.plane.axis], reach)
+            if kind.startswith("consistent"):
+                depth = 2.0 * reach if kind == "consistent" else np.inf
+                load = self._consistent(boundary, unit[:, boundary.plane.axis], depth)
             elif kind == "horizon":
                 load = self._spread(boundary, reach)
             else:
@@ -117,14 +119,18 @@ class PeridynamicLoads:
         depth = ordered_sum(self.comm, volume) / ordered_sum(self.comm, self._at_face(boundary).scale)
         return Load(particles, self._projected(boundary, particles), volume / depth, boundary.course)
 
-    def _consistent(self, boundary: Traction, unit: np.ndarray, reach: float) -> Load:
-        """Forces that balance the uniform stress t (x) n within twice the horizon; unit (owned,): those of n (x) n."""
+    def _consistent(self, boundary: Traction, unit: np.ndarray, depth: float) -> Load:
+        """Forces that balance the uniform stress t (x) n down to a depth [m]; unit (owned,): those of n (x) n."""
         distance, outward = self._beneath(boundary)
-        within = distance <= self._depth(boundary, distance, reach)
+        within = distance <= min(depth, self._middle(boundary, distance))
         # what is left inside a regular body is rounding
         within &= np.abs(unit) > 1e-12 * maximum(self.comm, float(np.abs(unit).max(initial=0.0)))
         particles = np.flatnonzero(within)
-        return Load(particles, self._projected(boundary, particles), -outward * unit[particles], boundary.course)
+        scale = -outward * unit[particles]
+        if depth < self._middle(boundary, distance):
+            # where particles are irregular the force of the face's area is not quite met
+            scale *= ordered_sum(self.comm, self._at_face(boundary).scale) / ordered_sum(self.comm, scale)
+        return Load(particles, self._projected(boundary, particles), scale, boundary.course)
 
     def _beneath(self, boundary: Traction) -> tuple[np.ndarray, float]:
         """Distance (owned,) [m] of the particles meant from the face, infinite for others; direction of the normal, -1 or 1."""
@@ -137,15 +143,15 @@ class PeridynamicLoads:
         high = maximum(self.comm, float(offset[meant].max(initial=-np.inf)))
         return np.where(meant, np.abs(offset), np.inf), 1.0 if abs(high) < abs(low) else -1.0
 
-    def _depth(self, boundary: Traction, distance: np.ndarray, reach: float) -> float:
-        """How deep consistent forces go: to the middle of a body with another face within their reach."""
+    def _middle(self, boundary: Traction, distance: np.ndarray) -> float:
+        """How deep consistent forces may go: to the middle of a body, beyond which they belong to the face across."""
         axis, offset = boundary.plane.axis, boundary.plane.offset
         if any(plane.axis == axis and plane.coordinate != offset for plane in self.planes):
-            return 2.0 * reach
+            return np.inf
         inside = distance[np.isfinite(distance)]
         nearest = minimum(self.comm, float(inside.min(initial=np.inf)))
         farthest = maximum(self.comm, float(inside.max(initial=-np.inf)))
-        return min(2.0 * reach, 0.5 * (nearest + farthest))
+        return 0.5 * (nearest + farthest)
 
     def _projected(self, boundary: Traction, particles: np.ndarray) -> np.ndarray:
         """Places of particles moved onto the face, where its traction is evaluated."""

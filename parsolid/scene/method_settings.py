@@ -33,6 +33,10 @@ class MethodSettings(Section):
         """What the method cannot make of a scene's other tables: (location, expected, found)."""
         return []
 
+    def state(self, dimension: int) -> str:
+        """The state of strain, "bar", "plane-strain", "plane-stress" or "space"."""
+        return {1: "bar", 2: "plane-strain", 3: "space"}[dimension]
+
     @model_validator(mode="after")
     def _ordered(self) -> "MethodSettings":
         if self.maximum_step is not None and self.minimum_step is not None and self.minimum_step > self.maximum_step:

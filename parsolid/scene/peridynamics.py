@@ -137,8 +137,9 @@ class Peridynamics(MethodSettings):
     horizon_ratio  m: the horizon is (m + 0.015) times the particle spacing
     influence      w(|xi|/horizon), 1 at |xi| = 0
     plane          of a 2-D scene: "stress" or "strain" (strain unless given); lengths per metre of thickness
-    traction       how tractions act: "consistent", as forces that balance a uniform stress near the face; "single-layer", on the
-                   particles at the face; "horizon", spread evenly over the horizon beneath it
+    traction       how tractions act: "consistent", as forces that balance a uniform stress near the face, exact on a lattice;
+                   "consistent-everywhere", also inside, where irregular particles need forces for that; "single-layer", on
+                   the particles at the face; "horizon", spread evenly over the horizon beneath it
     initial_state  how the bodies' initial displacement came about: "instantaneous", just before the start, with nothing relaxed
                    yet, or "relaxed", held for ever
     """
@@ -150,7 +151,7 @@ class Peridynamics(MethodSettings):
     kind: Literal["peridynamics"]
     horizon_ratio: float = Field(3.0, ge=1, le=30, description="horizon over particle spacing, from 1 to 30")
     influence: Literal["constant", "linear", "cubic-spline"] = "constant"
-    traction: Literal["consistent", "single-layer", "horizon"] = "consistent"
+    traction: Literal["consistent", "consistent-everywhere", "single-layer", "horizon"] = "consistent"
     plane: Literal["stress", "strain"] | None = Field(None, description="'stress' or 'strain' of a 2-D scene")
     initial_state: Literal["instantaneous", "relaxed"] = "instantaneous"
     stabilisation: Stabilisation = Stabilisation()
@@ -163,8 +164,8 @@ class Peridynamics(MethodSettings):
         return (self.horizon_ratio + 0.015) * spacing
 
     def state(self, dimension: int) -> str:
-        """"bar", "plane-strain", "plane-stress" or "space"."""
-        return {1: "bar", 2: f"plane-{self.plane or 'strain'}", 3: "space"}[dimension]
+        """The state of strain, "bar", "plane-strain", "plane-stress" or "space"."""
+        return "plane-stress" if self.plane == "stress" else super().state(dimension)
 
     @model_validator(mode="after")
     def _consistent(self, info: ValidationInfo) -> "Peridynamics":
