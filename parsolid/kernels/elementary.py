@@ -25,8 +25,9 @@ from parsolid.kernels.simd import (
 _INTEGERS = ir.VectorType(ir.IntType(64), WIDTH)
 # ln 2 in two parts: the first has few enough digits that n ln 2 is exact
 _LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
-_TAYLOR = tuple(1.0 / math.factorial(k) for k in range(13, -1, -1))
-_ARTANH = tuple(1.0 / (2 * k + 1) for k in range(11, 0, -1))
+# highest powers first, odd and even ones apart: two short chains of products instead of one long
+_EXP_ODD, _EXP_EVEN = (tuple(1.0 / math.factorial(k) for k in range(first, -1, -2)) for first in (13, 12))
+_LOG_ODD, _LOG_EVEN = (tuple(2.0 / (2 * k + 1) for k in range(first, 0, -2)) for first in (11, 10))
 
 
 @intrinsic
@@ -113,6 +114,15 @@ def _mantissa_and_exponent(typing_context, value):
     return types.UniTuple(lanes, 2)(value), generate
 
 
+@register_jitable
+def _horner(coefficients, x):
+    """A polynomial, the coefficient of its highest power first."""
+    result = fused(x, coefficients[0], coefficients[1])
+    for k in range(2, len(coefficients)):
+        result = fused(result, x, coefficients[k])
+    return result
+
+
 @overload(math.exp)
 def _exp(x):
     if not isinstance(x, LanesType):
@@ -123,10 +133,8 @@ def _exp(x):
         x = max(min(x, 709.0), -708.0)
         n = _nearest(x * 1.4426950408889634)
         r = fused(n, -_LN2_LOW, fused(n, -_LN2_HIGH, x))
-        result = fused(r, _TAYLOR[0], _TAYLOR[1])
-        for k in range(2, len(_TAYLOR)):
-            result = fused(result, r, _TAYLOR[k])
-        return result * _power_of_two(n)
+        square = r * r
+        return fused(r, _horner(_EXP_ODD, square), _horner(_EXP_EVEN, square)) * _power_of_two(n)
 
     return exponential
 
@@ -143,10 +151,9 @@ def _log(x):
         # ln m = 2 artanh f = 2 f (1 + f^2/3 + f^4/5 + ...), |f| < 0.172
         f = (m - 1.0) / (m + 1.0)
         square = f * f
-        result = fused(square, _ARTANH[0], _ARTANH[1])
-        for k in range(2, len(_ARTANH)):
-            result = fused(result, square, _ARTANH[k])
-        return fused(n, _LN2_HIGH, fused(n, _LN2_LOW, fused(2.0 * f, square * result, 2.0 * f)))
+        fourth = square * square
+        series = fused(square, _horner(_LOG_EVEN, fourth), _horner(_LOG_ODD, fourth)) * square
+        return fused(n, _LN2_HIGH, fused(n, _LN2_LOW, fused(f, series, 2.0 * f)))
 
     return logarithm
 

@@ -1,4 +1,4 @@
-"""Hypoelastic-plastic solid with an equation of state, and the radial return of a step.
+"""Hypoelastic-plastic solid with an equation of state; its parts are chosen by type.
 
 sigma = s - (P + q) 1. The deviator is carried unrotated (Green-Naghdi rate), flow is isochoric and associated (d^p along s),
 P follows from the full internal energy, and the temperature enters flow stress, shear modulus and melting alone.
@@ -6,15 +6,11 @@ P follows from the full internal energy, and the temperature enters flow stress,
 
 from typing import Any, NamedTuple
 
-from numba.extending import overload, register_jitable
-
-from parsolid.kernels.elementary import choose, some_positive
 from parsolid.materials.equation_of_state import LinearElastic, MieGrueneisen
 from parsolid.materials.johnson_cook import JohnsonCook
 from parsolid.materials.linear_hardening import LinearHardening
 from parsolid.materials.mechanical_threshold import MechanicalThreshold
 from parsolid.materials.melting import ConstantMelting, SteinbergMelting
-from parsolid.materials.plasticity import SLOWEST_RATE, flow_stress, plastic_increment
 from parsolid.materials.preston_tonks_wallace import PrestonTonksWallace
 from parsolid.materials.shear_modulus import ConstantShearModulus, LinearSoftening, NadalLePoac, SteinbergShearModulus, Varshni
 from parsolid.materials.steinberg_cochran_guinan import SteinbergCochranGuinan, ThermalActivation
@@ -89,50 +85,3 @@ def _part(kinds: dict, stated, density: float):
     if "atomic_mass" in values:
         values["atomic_mass"] *= _ATOMIC_MASS_UNIT
     return kind(**{key: values[key] for key in kind._fields})
-
-
-_MOST_STEPS = 80
-# the residual of the return over the trial stress
-_TOLERANCE = 1e-11
-
-
-@register_jitable
-def _residual(flow, x, trial, plastic_strain, step, temperature, heating, mu, melting):
-    """Stress of the return less flow stress [Pa]; falls with x."""
-    returned = trial - 3.0 * mu * x
-    rate = max(x / step, SLOWEST_RATE)
-    return returned - flow_stress(flow, plastic_strain + x, rate, temperature + heating * returned * x, mu, melting)
-
-
-@overload(plastic_increment)
-def _guarded(flow, trial, plastic_strain, step, temperature, heating, shear_modulus, melting_temperature):
-    def increment(flow, trial, plastic_strain, step, temperature, heating, shear_modulus, melting_temperature):
-        # Newton's method with the slope through the last two points, and bisection where it leaves the bracket
-        zero = 0.0 * trial
-        arguments = (trial, plastic_strain, step, temperature, heating, shear_modulus, melting_temperature)
-        excess = _residual(flow, zero, *arguments)
-        if not some_positive(excess):
-            return zero
-        slope = -3.0 * shear_modulus
-        low, high = zero, -trial / slope
-        old, old_residual = zero, excess
-        x, active = choose(excess, -excess / slope, zero), excess
-        for iteration in range(_MOST_STEPS):
-            residual = _residual(flow, x, *arguments)
-            active = choose(active, max(residual, -residual) - _TOLERANCE * trial, active)
-            if not some_positive(active):
-                break
-            low, high = choose(residual, x, low), choose(residual, high, x)
-            new_slope = (residual - old_residual) / (x - old)
-            # rounding can spoil the slope between two points that are close
-            slope = choose(-new_slope, new_slope, slope)
-            new = x - residual / slope
-            inside = choose(new - low, high - new, zero)
-            if iteration > 12 and iteration % 2 == 0:
-                inside = zero
-            new = choose(inside, new, 0.5 * (low + high))
-            old, old_residual = x, residual
-            x = choose(active, new, x)
-        return x
-
-    return increment

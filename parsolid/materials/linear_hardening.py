@@ -29,11 +29,11 @@ def _flow(model, plastic_strain, rate, temperature, shear_modulus, melting_tempe
 
 
 @overload(plastic_increment)
-def _closed_form(flow, trial, plastic_strain, step, temperature, heating, shear_modulus, melting_temperature):
+def _closed_form(flow, trial, expected, plastic_strain, step, temperature, heating, shear_modulus, melting_temperature):
     if not is_instance(flow, LinearHardening):
         return None
 
-    def increment(flow, trial, plastic_strain, step, temperature, heating, shear_modulus, melting_temperature):
+    def increment(flow, trial, expected, plastic_strain, step, temperature, heating, shear_modulus, melting_temperature):
         yielding = flow_stress(flow, plastic_strain, step, temperature, shear_modulus, melting_temperature)
         return max((trial - yielding) / (3.0 * shear_modulus + flow.hardening), 0.0)
 

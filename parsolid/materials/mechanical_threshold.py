@@ -37,25 +37,30 @@ class MechanicalThreshold(NamedTuple):
 
 @register_jitable
 def _hardened(alpha, strain):
-    """x with int_0^x dx'/(1 - tanh(alpha x')/tanh alpha) = strain, by Newton's method from below.
+    """x with int_0^x dx'/(1 - tanh(alpha x')/tanh alpha) = strain, by Halley's method.
 
-    The integral in closed form with w = alpha (1 - x): ln sinh w - w tanh alpha = c. In ln w the left side rises and is concave, so
-    that every step stops short of the root.
+    The integral in closed form with w = alpha (1 - x): ln sinh w - w tanh alpha = c. The unknown is ln w, in which the left side is
+    nearly straight while w is small; the start is right at both ends.
     """
     slope = math.tanh(alpha)
     c = math.log(math.sinh(alpha)) - alpha * slope - alpha / (math.sinh(alpha) * math.cosh(alpha)) * strain
-    logarithm, moving = 1.0 * c, 1.0 + 0.0 * c
-    for _ in range(60):
+    full, first = math.sinh(alpha) * math.exp(-alpha * slope), math.exp(c)
+    near = first / full
+    w = first / (1.0 - slope * first - (1.0 - full / alpha - slope * full) * (near * near * near))
+    logarithm, moving = math.log(w), 1.0 + 0.0 * c
+    for _ in range(20):
         w = math.exp(logarithm)
-        # sinh w = w where e^w - e^-w has no digits left
-        growth = math.exp(min(w, 700.0))
-        sinh, cosh = 0.5 * (growth - 1.0 / growth), 0.5 * (growth + 1.0 / growth)
-        short = w - 1e-4
-        value = choose(short, math.log(sinh), logarithm) - slope * w - c
-        rise = w * (choose(short, cosh / sinh, 1.0 / w) - slope)
-        change = choose(moving, -value / rise, 0.0)
-        logarithm = logarithm + change
-        moving = choose(moving, max(change, -change) - 1e-12, moving)
+        decay = math.exp(-2.0 * w)
+        # where the difference has no digits left, sinh w = w
+        short = w - 1e-5
+        twice = choose(short, 1.0 - decay, 2.0 * w)
+        value = choose(short, w + math.log(0.5 * twice), logarithm) - slope * w - c
+        rise = w * ((1.0 + decay) / twice - slope)
+        bend = rise - 4.0 * w * w * decay / (twice * twice)
+        change = choose(moving, value * rise / (rise * rise - 0.5 * value * bend), 0.0)
+        logarithm = logarithm - change
+        # the error falls with its cube
+        moving = choose(moving, max(change, -change) - 1e-5, moving)
         if not some_positive(moving):
             break
     return 1.0 - math.exp(logarithm) / alpha

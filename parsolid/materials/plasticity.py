@@ -46,9 +46,9 @@ def room_to_compress(eos, J):
     raise NotImplementedError
 
 
-def plastic_increment(flow, trial, plastic_strain, step, temperature, heating, shear_modulus, melting_temperature):
+def plastic_increment(flow, trial, expected, plastic_strain, step, temperature, heating, shear_modulus, melting_temperature):
     """Increment x of the equivalent plastic strain with trial - 3 mu x = sigma_y(ep + x, x/step, T + heating sigma_y x).
 
-    trial: von Mises stress [Pa] of the elastic trial state; heating [K/(J/m^3)] of the plastic work. 0 where the trial is elastic.
+    trial: von Mises stress [Pa] of the elastic trial state; expected: a guess of x, such as the step's equivalent strain; heating [K/(J/m^3)] of the plastic work. 0 where the trial is elastic.
     """
     raise NotImplementedError

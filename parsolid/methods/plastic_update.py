@@ -26,6 +26,7 @@ from parsolid.kernels.tensor import (
     transposed,
 )
 from parsolid.kernels.types import is_instance
+from parsolid.materials import radial_return  # noqa: F401  (its overload)
 from parsolid.materials.plasticity import (
     cold_pressure,
     grueneisen_coefficient,
@@ -238,7 +239,9 @@ def _returned(law, step, s, strain, ep, temperature, J, mu, melting):
     trial = add(s, scale(2.0 * mu, strain))
     mises = math.sqrt(1.5 * contract_symmetric(trial, trial))
     heating = law.taylor_quinney * J / (law.density * law.specific_heat)
-    increment = plastic_increment(law.flow_stress, mises, ep, step, temperature, heating, mu, melting)
+    # steady flow: the whole strain of the step is plastic
+    expected = math.sqrt(2.0 / 3.0 * contract_symmetric(strain, strain))
+    increment = plastic_increment(law.flow_stress, mises, expected, ep, step, temperature, heating, mu, melting)
     stress = mises - 3.0 * mu * increment
     return scale(choose(increment, stress / mises, 1.0), trial), increment, J * stress * increment
 
