@@ -127,6 +127,17 @@ def test_single_pictures_and_small_ones(comm, folders):
         assert all(Image.open(out / name).mode == "P" for name in names)
 
 
+def test_curves_along_an_axis(comm, folders):
+    out = folders / "along.png"
+    draw(comm, folders / "plate", "--along", "Y", "--field", "velocity_x", "--size", "640x320", "-o", out)
+    if comm.rank == 0:
+        image = pixels(out)
+        assert image.shape == (320, 640, 3)
+        assert np.mean(image.max(axis=2) < 128) > 0.002
+    with pytest.raises(SceneError, match="--along: expected one axis of 2"):
+        run_plot(comm, options_of(folders / "plate", "--along", "Z", "-o", out))
+
+
 def test_animation_shows_every_time(comm, folders):
     out = folders / "motion.gif"
     draw(comm, folders / "block", "--animation", "--mirror", "XZ", "--exaggerate", "3", "--size", "240x240", "-o", out)

@@ -56,7 +56,7 @@ class CosineMode(_Conduction):
 class HeatedSlab(_Conduction):
     """A slab at T0 whose face X = 0 is held at T0 + rise, or takes a heat flux q, from t = 0 on; X = L is insulated."""
 
-    def __init__(self, start: float, diffusivity: float, length: float, face_rise: float | None = None, gradient: float | None = None):
+    def __init__(self, start: float, diffusivity: float, length: float, face_rise: float | None = None, gradient=None):
         """face_rise [K] of the face that is held, or gradient q / k [K/m] of the one that is heated."""
         super().__init__(start, diffusivity)
         self.length, self.face_rise, self.gradient = length, face_rise, gradient

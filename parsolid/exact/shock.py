@@ -1,4 +1,4 @@
-"""The steady plane shock of a solid with a linear shock velocity, U_s = C0 + S u_p, into the body at rest (or the other way round).
+"""The steady plane shock of a solid with a linear shock velocity, U_s = C0 + S u_p, into the body at rest.
 
 P_H(x) = rho0 C0^2 x / (1 - S x)^2 with x = 1 - J; E_H = P_H x / 2 per reference volume; the temperature follows from
 T dS = dE + P dJ = rho0 Cv (dT + gamma0 T dJ) along the Hugoniot, for a Mie-Grueneisen solid with P = P_H + gamma0 (E - E_H).

@@ -8,7 +8,7 @@ import numpy as np
 
 @dataclass
 class View:
-    """A run on one rank, as a solution looks at it: `field(name)` of its owned particles, their X (n, d) [m] and volumes [m^3]."""
+    """A run on one rank, as a solution looks at it: fields of its owned particles, their reference positions and volumes."""
 
     comm: Any
     observables: Any

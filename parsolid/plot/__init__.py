@@ -60,6 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--colours", metavar="MAP", help="colour map of matplotlib (default: by the field)")
     mirror = "also show the images in the planes X = 0, Y = 0, Z = 0 of these axes, such as XZ"
     parser.add_argument("--mirror", type=_axes, default=(), metavar="AXES", help=mirror)
+    parser.add_argument("--along", type=_axes, default=(), metavar="AXIS", help="curves over one coordinate, no bodies")
     parser.add_argument("--follow", action="store_true", help="keep the middle of the bodies in the middle of the picture")
     parser.add_argument("--exaggerate", type=_positive, default=1.0, metavar="N", help="factor on the displacements")
     parser.add_argument("--small", action="store_true", help="256 colours only, for a third of the bytes")

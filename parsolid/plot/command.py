@@ -60,8 +60,10 @@ def _faults(results: Results, options: argparse.Namespace, output: Path, one_fil
         faults.append(f"--single: expected a folder as output and no animation, found {told(str(output))}")
     if options.animation and output.suffix.lower() in _STILL:
         faults.append(f"--animation: expected a name that ends in .gif or .mp4, found {told(output.name)}")
-    if results.dimension == 1 and (options.animation or output.suffix.lower() in _MOVING or options.single):
-        faults.append("--animation, --single: expected a scene in two or three dimensions, found one in one")
+    if any(axis >= results.dimension for axis in options.along[:1]) or len(options.along) > 1:
+        faults.append(f"--along: expected one axis of {results.dimension} dimensions, found {told(options.along)}")
+    if (results.dimension == 1 or options.along) and (options.animation or output.suffix.lower() in _MOVING or options.single):
+        faults.append("--animation, --single: expected a scene in two or three dimensions and no --along, found otherwise")
     if not one_file and output.suffix and not output.is_dir():
         endings = ", ".join(_STILL + _MOVING)
         faults.append(f"--output: expected a folder or a name that ends in {endings}, found {told(output.name)}")
@@ -99,11 +101,11 @@ def _curves(results: Results, folder: Path) -> list[Path]:
 def _draw_bodies(results: Results, field: str, steps: list[int], options, output: Path, moving: bool) -> list[Path]:
     from parsolid.plot.sheets import Look, Sheet, write_animation, write_sheet, write_singles
 
-    if results.dimension == 1:
+    if results.dimension == 1 or options.along:
         from parsolid.plot.line import write_lines
 
         path = output if output.suffix.lower() in _STILL else output / f"{field}.png"
-        write_lines(results, field, steps, path, options.size)
+        write_lines(results, field, steps, path, options.size, options.along[0] if options.along else 0)
         return [path]
     if results.dimension == 3:
         _check_renderer()

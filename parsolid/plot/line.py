@@ -1,4 +1,4 @@
-"""Fields of one-dimensional bodies as curves over the reference position, one a time."""
+"""Fields as curves over one coordinate, one a time."""
 
 from pathlib import Path
 
@@ -13,8 +13,10 @@ from parsolid.plot.scales import prefixed, time_labels, unit_of, words_of
 _SIZE, _DOTS_PER_INCH = (640, 420), 100
 
 
-def write_lines(results: Results, field: str, steps: list[int], path: Path, size: tuple[int, int] | None = None) -> None:
-    """Draw a field at some steps into one figure."""
+def write_lines(
+    results: Results, field: str, steps: list[int], path: Path, size: tuple[int, int] | None = None, axis: int = 0
+) -> None:
+    """Draw a field at some steps into one figure, over the present coordinate `axis` of all particles."""
     frames = list(results.frames(steps, field))
     labels = time_labels([frame.time for frame in frames])
     largest = max((np.nanmax(np.abs(frame.values)) for frame in frames), default=0.0)
@@ -24,10 +26,11 @@ def write_lines(results: Results, field: str, steps: list[int], path: Path, size
     FigureCanvasAgg(figure)
     axes = figure.subplots()
     for number, (frame, text) in enumerate(zip(frames, labels)):
-        order = np.argsort(frame.position[:, 0])
+        place = frame.position[:, axis]
+        order = np.argsort(place)
         colour = colormaps["viridis"](0.9 * number / max(1, len(frames) - 1))
-        axes.plot(frame.position[order, 0], frame.values[order] / unit, color=colour, linewidth=1.1, label=text)
-    axes.set_xlabel("x [m]")
+        axes.plot(place[order], frame.values[order] / unit, color=colour, linewidth=1.1, label=text)
+    axes.set_xlabel(f"{'xyz'[axis]} [m]")
     axes.set_ylabel(f"{words_of(field)} [{label}]" if label else words_of(field))
     axes.set_title(results.title, fontsize=10)
     axes.legend(fontsize=7)

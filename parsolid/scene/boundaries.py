@@ -117,5 +117,6 @@ class Loads(Timed):
     def _known_to_method(self, info: ValidationInfo) -> "Loads":
         method = method_of(info)
         stated = self.model_fields_set - Timed.model_fields.keys() if method else ()
-        reject(*(((key,), f"one of {', '.join(method.loads)} with this method", key) for key in stated if key not in method.loads))
+        unknown = [key for key in stated if key not in method.loads]
+        reject(*(((key,), f"one of {', '.join(method.loads)} with this method", key) for key in unknown))
         return self

@@ -61,7 +61,7 @@ class MaterialPoint(MethodSettings):
     origin: Point | None = Field(None, description="a point of the grid [m], zero unless given")
     basis: Basis = "quadratic-spline"
     formulation: Literal["updated", "total-lagrangian"] = "updated"
-    geometry: Literal["plane-strain", "axisymmetric"] | None = Field(None, description="of a 2-D scene, plane strain unless given")
+    geometry: Literal["plane-strain", "axisymmetric"] | None = Field(None, description="of a 2-D scene")
     transfer: Literal["flip", "apic"] = "flip"
     flip_fraction: float = Field(1.0, ge=0, le=1, description="share of FLIP in the velocity, the rest is PIC")
     order: Literal["usl", "musl"] = "usl"

@@ -168,7 +168,8 @@ class Reference(Section):
         if (self.series is None) != (self.columns is None) or (self.final is not None and self.exact is not None):
             expected = "series with columns, exact with times, each_step or history, or final alone"
             reject(((), expected, Phrase("one of each")))
-        reject(*((("final", column), "a number other than 0", value) for column, value in (self.final or {}).items() if not value))
+        zeros = [column for column, value in (self.final or {}).items() if value == 0.0]
+        reject(*((("final", column), "a number other than 0", 0.0) for column in zeros))
         if self.exact is not None:
             wanted, _ = SOLUTIONS_KNOWN[self.exact]
             if set(self.parameters) not in map(set, wanted):

@@ -62,7 +62,7 @@ def test_sound_scene_and_back(tables, tmp_path):
         (("bodies", 0, "placement"), "nodes", "bodies.0.placement: expected 'cells'"),
         (("reference", "exact"), "viscoelastic-plate", "loads.manufactured: expected reference.exact = 'axis-aligned'"),
         (("reference", "parameters"), {"size": 1.0}, "reference.parameters: expected the parameters amplitude"),
-        (("boundaries", 0), {"kind": "temperature", "plane": "X = 0", "temperature": 300}, "boundaries.0.kind: expected a body with a cond"),
+        (("boundaries", 0), {"kind": "temperature", "plane": "X = 0", "temperature": 300}, "boundaries.0.kind: expected a body"),
         (("output",), {"fields": ["temperature"]}, "output.fields.0: expected something that a body of this scene has"),
         (("boundaries", 1, "side"), "left", "boundaries.1.side: expected 'above' or 'below'"),
         (("bodies", 0, "shape", "box", "lower"), [-1.0, 0.0], "bodies.0.shape.box.lower.0: expected a radius of at least 0"),

@@ -1,0 +1,74 @@
+"""Short whole runs of the material point method against exact solutions and finite elements."""
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from parsolid.cli import main
+from parsolid.output.history import read_history
+
+RUNS = Path(__file__).parents[1] / "runs" / "mpm"
+
+
+@pytest.fixture
+def errors_of(comm, shared_path):
+    """Runs a scene with overrides and gives its errors and its history."""
+
+    def run(name: str, *overrides: str) -> tuple[dict, dict]:
+        words = [word for one in (*overrides, "output.pictures=false", "output.fields_times=[0]") for word in ("--set", one)]
+        assert main(["run", str(RUNS / f"{name}.toml"), "-o", str(shared_path / "run"), "--quiet", *words]) == 0
+        summary = json.loads((shared_path / "run" / "summary.json").read_text())
+        return summary["errors"], read_history(shared_path / "run" / "history.csv")
+
+    return run
+
+
+def square(cells: int) -> tuple[str, str]:
+    return f"method.cell={1.0 / cells!r}", f"bodies.0.particles=[{2 * cells}, {2 * cells}]"
+
+
+@pytest.mark.parametrize("basis, coarse, fine", [("quadratic-spline", 0.24, 0.062), ("cubic-spline", 0.33, 0.08)])
+def test_axis_aligned_converges(errors_of, basis, coarse, fine):
+    """Another code of the scheme has 0.204, 0.0517 (quadratic) and 0.274, 0.0658 (cubic) of the amplitude."""
+    found = [errors_of("axis_aligned", f"method.basis={basis}", *square(n))[0]["largest_displacement"] for n in (8, 16)]
+    assert found[0] < coarse and found[1] < fine
+    assert found[0] / found[1] > 2.0**1.8
+
+
+def test_linear_weights_diverge(errors_of):
+    found = [errors_of("axis_aligned", "method.basis=linear", *square(n))[0]["largest_displacement"] for n in (8, 16)]
+    assert found[1] > found[0]
+
+
+def test_cosine_mode(errors_of):
+    errors, history = errors_of("cosine_mode")
+    assert errors["temperature@0.36"] < 0.015
+    heat = history["slab.heat"]
+    assert max(abs(value / heat[0] - 1.0) for value in heat) < 1e-12
+
+
+def test_plane_shock(errors_of):
+    """500 m/s with 100 cells; with 400 the study asks for half of these."""
+    strip = ("bodies.0.shape.box.upper=[0.2, 4e-3]", "boundaries.2.plane=Y = 0.004", "bodies.0.particles=[200, 4]")
+    errors, _ = errors_of("plate_impact", "method.cell=2e-3", *strip)
+    assert errors["shock_speed@3e-05"] < 0.014
+    assert errors["stress@3e-05"] < 0.012
+    assert errors["density@3e-05"] < 0.002
+    assert errors["internal_energy@3e-05"] < 0.02
+    assert errors["temperature_kelvin@3e-05"] < 10.0
+
+
+def test_taylor_bar(errors_of):
+    """Another code of the scheme has 21.458 and 6.977 mm with cells of 0.8 mm."""
+    errors, history = errors_of("taylor", "method.cell=8e-4", "bodies.0.spacing=4e-4")
+    assert history["rod.upper_bounds_y"][-1] == pytest.approx(21.458e-3, abs=0.1e-3)
+    assert history["rod.upper_bounds_x"][-1] == pytest.approx(6.977e-3, abs=0.12e-3)
+    assert max(abs(value) for value in history["balance"]) < 0.015 * history["kinetic"][0]
+
+
+@pytest.mark.skipif("PARSOLID_SLOW_TESTS" not in os.environ, reason="half a minute; PARSOLID_SLOW_TESTS=1 runs it")
+def test_vortex(errors_of):
+    errors, _ = errors_of("vortex")
+    assert errors["largest_displacement"] < 0.012
