@@ -48,7 +48,10 @@ class Watch:
         return ["step", "time", "dt", *self.simulation.ledger.columns, *self.probes.columns]
 
     def clip(self, time: float, stable: float) -> tuple[float, float]:
-        """(step, time it leads to) [s]: at most the stable step, landing exactly on field times and the end."""
+        """(step, time it leads to) [s]: at most the stable step, landing exactly on field times and the end; of length 0 where that is 0."""
+        if stable == 0.0:
+            self.step_size = 0.0
+            return 0.0, time
         target = self._next_landing(time)
         remaining = target - time
         if remaining <= stable * (1.0 + _SLIVER):

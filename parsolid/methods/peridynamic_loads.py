@@ -161,6 +161,11 @@ class PeridynamicLoads:
 
     # --- in time ---------------------------------------------------------------------------------------------
 
+    @property
+    def acting(self) -> bool:
+        """Whether there is any load on any rank."""
+        return self._constant is not None or bool(self._loads)
+
     def external(self, time: float, before: bool = False) -> np.ndarray:
         """Forces (owned, d) [N] of all loads at a time [s], of a jump just after, or just before it; not to be changed."""
         if self._constant is None:

@@ -59,6 +59,15 @@ class Operator:
         engine.field[: engine.owned, :d] = self.relaxation.factor[:, None] * change
         np.multiply(engine.evaluate(self.tangents)[:, :d], -self.share[:, None], out=out)
 
+    @property
+    def displacement(self) -> np.ndarray:
+        """Displacement (owned, d) [m] of the last evaluation, a view."""
+        return self.engine.displacement[: self.engine.owned, : self.dimension]
+
+    def settled_force(self) -> np.ndarray:
+        """Internal force (owned, d) [N] of the last committed state."""
+        return self.engine.force[: self.engine.owned, : self.dimension] * self.share[:, None]
+
     def commit(self, displacement: np.ndarray, step: float) -> float:
         """End a step at a displacement [m], whose force is evaluated once more: history takes it in; the energy dissipated [J]."""
         engine, d = self.engine, self.dimension

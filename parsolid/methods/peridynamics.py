@@ -7,7 +7,6 @@ forces run; kick.
 
 import numpy as np
 
-from parsolid.boundary_set import build_boundaries
 from parsolid.kernels.bond_weights import INFLUENCES
 from parsolid.kernels.pairs import AlongBonds, ShearScaled
 from parsolid.kernels.simd import aligned_zeros, padded
@@ -18,8 +17,10 @@ from parsolid.methods.bond_force import BondForce
 from parsolid.methods.bonding import build_bonding
 from parsolid.methods.correspondence import stresses
 from parsolid.methods.groups import groups_of
+from parsolid.methods.peridynamic_loads import PeridynamicLoads
 from parsolid.methods.peridynamic_operator import Operator
 from parsolid.methods.protocol import ParticleMethod
+from parsolid.methods.quasi_static import QuasiStatic
 from parsolid.methods.relaxing import Relaxation
 from parsolid.particles import Field, FieldTable
 from parsolid.distribution import sort_for_speed
@@ -53,20 +54,26 @@ class Peridynamics(ParticleMethod):
         laws = peridynamic_laws(scene)
         raise_together(comm, _unlike_series(laws))
         self.groups, density = groups_of(laws, cloud.body)
-        self.boundaries = build_boundaries(comm, scene, cloud, density)
+        self.loads = PeridynamicLoads(comm, scene, cloud, density)
         self.owned, self.dimension = cloud.position.shape
-        self.share = 0.5 ** self.boundaries.plane_count(cloud)
+        self.share = self.loads.share
         volume = cloud.volume / self.share
         self.mass = density * volume
         horizon = np.array([self.settings.horizon(spacing) for spacing in cloud.spacing.max(axis=1)])
         influence = INFLUENCES[self.settings.influence]
-        self.bonding = build_bonding(comm, influence, horizon, cloud, volume, self.boundaries.codes)
+        self.bonding = build_bonding(comm, influence, horizon, cloud, volume, self.loads.codes)
         stabiliser, scale = self._stabiliser(horizon)
         self.engine = BondForce(self.bonding, stabiliser, scale, self._fixed_planes(cloud))
         self.relaxation = Relaxation(self.groups, self.owned, self.engine.dimension, self.share)
-        clamp = self.boundaries.clamp
-        free = np.ones((self.owned, self.dimension), bool) if clamp is None else clamp[:, : self.dimension] > 0.0
-        self.operator = Operator(self.engine, self.groups, self.relaxation, self.share, self.mass, free)
+        self.loads.install_tractions(self.engine, horizon)
+        self.operator = Operator(self.engine, self.groups, self.relaxation, self.share, self.mass, self.loads.free)
+        self.clamp = np.ones((self.owned, 4))
+        self.clamp[:, : self.dimension] = self.loads.free
+        self.quasi_static = None
+        if self.settings.solution.kind == "quasi-static":
+            self.quasi_static = QuasiStatic(comm, self.operator, self.settings.solution)
+            # what has not moved yet meets its loads in a jump
+            self.jumps = tuple(sorted({0.0, *self.loads.jumps}))
         self.laws = [(group.first, group.last, group.law) for group in self.groups]
         self.velocity = aligned_zeros((padded(self.owned) + 4, 4))
         self.table = FieldTable(self.owned)
@@ -96,7 +103,7 @@ class Peridynamics(ParticleMethod):
     def _fixed_planes(self, cloud) -> np.ndarray:
         """Normals (owned, d) of the fixed mirror planes each particle lies on."""
         result = np.zeros((self.owned, self.bonding.positions.shape[1]), bool)
-        for plane in self.boundaries.planes:
+        for plane in self.loads.planes:
             if plane.kind == "fixed":
                 result[:, plane.axis] |= plane.contains(cloud)
         return result
@@ -122,6 +129,8 @@ class Peridynamics(ParticleMethod):
         for j in range(len(history.terms)):
             add(Field(f"relaxing_displacement_{j + 1}", history.old.shape[1], "m", **kept), history.terms[j])
             add(Field(f"relaxing_force_{j + 1}", history.old.shape[1], "N", **kept), history.forces[j])
+        for k, earlier in enumerate(self.quasi_static.earlier if self.quasi_static is not None else ()):
+            add(Field(f"earlier_displacement_{k + 1}", d, "m", **kept), earlier)
 
     # --- state -------------------------------------------------------------------------------------------------
 
@@ -133,10 +142,7 @@ class Peridynamics(ParticleMethod):
         if displacement is not None:
             self.table.owned_rows("displacement")[:] = displacement
         for array in (self.velocity[: self.owned], self.engine.displacement[: self.owned]):
-            if self.boundaries.clamp is not None:
-                array[:, : self.dimension] *= self.boundaries.clamp[:, : self.dimension]
-        self.boundaries.prescribe(0.0, self.velocity)
-        self.boundaries.prescribed_energy_gain(self.velocity, self.mass, self.share)
+            array[:, : self.dimension] *= self.loads.free
         self._place()
         history, u = self.relaxation, self.engine.displacement[: self.owned]
         history.old[:] = u
@@ -155,7 +161,6 @@ class Peridynamics(ParticleMethod):
         self._evaluate()
         if not len(self.relaxation.terms):
             self.relaxation.elastic[:] = self.engine.force[: self.owned, : self.engine.dimension]
-        self.boundaries.prescribed_energy_gain(self.velocity, self.mass, self.share)
 
     def _place(self) -> None:
         rows = self.table.owned_rows
@@ -168,17 +173,22 @@ class Peridynamics(ParticleMethod):
         self._gradients = None
 
     def state(self) -> dict:
-        """The largest eigenvalue, which decides on the step."""
-        return {"largest_eigenvalue": self.largest_eigenvalue}
+        """The largest eigenvalue, which decides on the step, and what quasi-static solutions remember."""
+        solver = {} if self.quasi_static is None else {"quasi_static": self.quasi_static.state()}
+        return {"largest_eigenvalue": self.largest_eigenvalue} | solver
 
     def set_state(self, state: dict) -> None:
         """Take it back."""
         self.largest_eigenvalue = state["largest_eigenvalue"]
+        if self.quasi_static is not None:
+            self.quasi_static.set_state(state["quasi_static"])
 
     # --- explicit motion ---------------------------------------------------------------------------------------
 
     def stable_step(self) -> float:
-        """safety times 2/sqrt(lambda_max) [s], by power iteration on the body's instantaneous stiffness; the first call is collective."""
+        """The material step, or safety times 2/sqrt(lambda_max) [s], by power iteration on the body's instantaneous stiffness; the first call is collective."""
+        if self.quasi_static is not None:
+            return self.settings.solution.step
         if self.largest_eigenvalue is None:
             operator = self.operator
             start = start_vector(operator.identifier, self.dimension)
@@ -192,38 +202,57 @@ class Peridynamics(ParticleMethod):
         return safety * 2.0 / np.sqrt(self.largest_eigenvalue)
 
     def advance(self, time: float, step: float, ledger, announce) -> bool:
-        """One leapfrog step, see `bond_motion`."""
-        d, engine, boundaries, owned = self.dimension, self.engine, self.boundaries, self.owned
-        rows = self.table.owned_rows
-        velocity, half = self.velocity[:owned], 0.5 * step
-        moved = (velocity, engine.force[:owned], self.mass, self.share)
-        work = self._held_power(time, half)
-        work += bond_motion.kick(d, half, *moved, boundaries.loads_at(time), boundaries.clamp)
-        boundaries.prescribe(time + half, self.velocity)
+        """One leapfrog step, see `bond_motion`, or one material step."""
+        if self.quasi_static is not None:
+            sound = self.quasi_static.advance(self.loads, time, step, ledger, announce)
+            self._place()
+            self._gradients = None
+            return sound
+        d, engine, loads = self.dimension, self.engine, self.loads
+        rows, velocity, half = self.table.owned_rows, self.velocity[: self.owned], 0.5 * step
+        guided = self._guided_motion()
+        moved = (velocity, engine.force[: self.owned], self.mass, self.share)
+        work = bond_motion.kick(d, half, *moved, self._accelerations(time, False), self.clamp)
         bond_motion.drift(d, step, velocity, rows("reference_position"), engine.displacement, rows("position"))
+        if guided is not None:
+            loads.move(time, step, rows("displacement"))
+            self._place()
         sound = bool(np.isfinite(velocity.sum()))
         announce(sound, self.stable_step())
         self.relaxation.propose(step, engine.displacement, engine.field)
         engine.evaluate(self.laws)
         self._gradients = None
         lost = self.relaxation.settle(step, engine.displacement, engine.force)
-        work += bond_motion.kick(d, half, *moved, boundaries.loads_at(time + step), boundaries.clamp)
-        boundaries.prescribe(time + step, self.velocity)
-        work += self._held_power(time + step, half) + boundaries.prescribed_energy_gain(self.velocity, self.mass, self.share)
+        work += bond_motion.kick(d, half, *moved, self._accelerations(time + step, True), self.clamp)
+        if guided is not None:
+            work += self._guide(guided, step)
         ledger.add(1.0, lost, 0.0, work)
         return sound
 
-    def _held_power(self, time: float, half: float) -> float:
-        """Work [J] of what holds prescribed components against forces and loads over half a step."""
-        boundaries = self.boundaries
-        return half * boundaries.prescribed_power(
-            self.velocity, self._padded_force(), self.mass, self.share, boundaries.loads_at(time)
-        )
+    def _accelerations(self, time: float, before: bool) -> np.ndarray | None:
+        """Loads over mass (owned, 4) [m/s^2] where components are free; None without loads."""
+        if not self.loads.acting:
+            return None
+        result = np.zeros((self.owned, 4))
+        external = self.loads.external(time, before)
+        result[:, : self.dimension] = self.loads.free * external / (self.mass * self.share)[:, None]
+        return result
 
-    def _padded_force(self) -> np.ndarray:
-        if not self.boundaries.prescribed:
-            return self.engine.force
-        return np.pad(self.engine.force, ((0, 0), (0, 4)))
+    def _guided_motion(self) -> tuple | None:
+        """Displacement, velocity and force of guided components before a step; None where nothing is guided on this rank."""
+        if not len(self.loads.entries[0]):
+            return None
+        return tuple(array[self.loads.entries] for array in (self.engine.displacement, self.velocity, self.engine.force))
+
+    def _guide(self, before: tuple, step: float) -> float:
+        """Set the velocity of guided components after a step; the work [J] of what guides them and of their loads."""
+        displacement, velocity, force = before
+        entries, particles = self.loads.entries, self.loads.entries[0]
+        change = self.engine.displacement[entries] - displacement
+        self.velocity[entries] = change / step
+        share, mass = self.share[particles], self.mass[particles]
+        kinetic = 0.5 * mass * (self.velocity[entries] ** 2 - velocity**2)
+        return float(np.sum(share * (kinetic - 0.5 * (force + self.engine.force[entries]) * change)))
 
     def energies(self) -> tuple[float, float]:
         """Kinetic and stored energy [J] of this rank's particles, the stabiliser's included."""
@@ -267,7 +296,9 @@ class Peridynamics(ParticleMethod):
         return self._gradients
 
     def unsound(self) -> tuple[int, str] | None:
-        """The first particle whose velocity is not finite."""
+        """The first particle whose velocity is not finite, or the one farthest from balance."""
+        if self.quasi_static is not None:
+            return self.quasi_static.unsound()
         bad = ~np.isfinite(self.table.owned_rows("velocity")).all(axis=1)
         return (int(np.argmax(bad)), "a number is no longer finite") if bad.any() else None
 
@@ -276,7 +307,12 @@ class Peridynamics(ParticleMethod):
         hints = []
         if self.settings.stabilisation.kind != "shear-scaled":
             hints.append('method.stabilisation.kind = "shear-scaled"')
-        return ", or ".join([*hints, "a smaller method.solution.safety", "a milder load"])
+        smaller = "a smaller method.solution.safety" if self.quasi_static is None else "a smaller method.solution.step"
+        return ", or ".join([*hints, smaller, "a milder load"])
+
+    def summary(self) -> dict:
+        """Iterations of quasi-static solutions."""
+        return {} if self.quasi_static is None else self.quasi_static.summary()
 
     def numbers(self) -> dict[str, int]:
         """Ghosts and bonds."""

@@ -47,6 +47,7 @@ class QuasiStatic:
         """operator: see `peridynamic_operator.Operator`; settings: `scene.peridynamics.QuasiStatic`."""
         self.comm, self.operator, self.settings = comm, operator, settings
         self.largest_load, self.fault = 0.0, ""
+        self.balance: Balance | None = None
         # times [s] of the states that `earlier` holds, newest first, since loads jumped last
         self.times: list[float] = []
         self.earlier = [np.zeros(operator.free.shape) for _ in range(settings.extrapolation + 1)]
@@ -178,25 +179,30 @@ class QuasiStatic:
             self.earlier[k][:] = self.earlier[k - 1]
         self.earlier[0][:] = balance.displacement
 
-    def advance(self, method, time: float, step: float, ledger, announce) -> bool:
-        """One material step [s] of a method from a time [s]; False, with `fault`, when no balance was found. Collective.
+    def advance(self, loads, time: float, step: float, ledger, announce) -> bool:
+        """One material step [s] from a time [s]; False, with `fault`, when no balance was found. Collective.
 
-        method: external_force(time, before) (n, d) [N] and hold(time, before, displacement) of loads and prescribed displacements,
-        the internal force (n, d) [N] of its state, and displaced(u) that makes u (n, d) [m] its state after `commit`.
+        loads: external(time, before) (n, d) [N] and move(time, step, displacement), see `peridynamic_loads.PeridynamicLoads`.
         """
-        end, before = time + step, step > 0.0
-        start, force = self.operator.displacement.copy(), self.operator.settled_force()
+        operator, end = self.operator, time + step
+        start, force = operator.displacement.copy(), operator.settled_force()
         guess = self.guess(start, time, step)
-        method.hold(end, before, guess)
-        balance = self.solve(guess, method.external_force(end, before), step)
-        self.unbalanced = balance.residual
-        announce(balance.reached, self.settings.step)
-        lost = self.operator.commit(balance.displacement, step)
+        # a step ends before a jump of that time, one of length 0 after it
+        loads.move(time, step, guess)
+        self.balance = self.solve(guess, loads.external(end, step > 0.0), step)
+        announce(self.balance.reached, self.settings.step)
+        lost = operator.commit(self.balance.displacement, step)
         # loads and reactions together are what internal forces balance, at both ends of the step
-        work = -0.5 * np.vdot(force + self.operator.settled_force(), balance.displacement - start)
+        work = -0.5 * np.vdot(force + operator.settled_force(), self.balance.displacement - start)
         ledger.add(1.0, lost, 0.0, work)
-        self.accept(balance, end, step)
-        return balance.reached
+        self.accept(self.balance, end, step)
+        return self.balance.reached
+
+    def unsound(self) -> tuple[int, str] | None:
+        """This rank's particle farthest from balance, where the last step found none; and why."""
+        if self.balance is None or self.balance.reached or not len(self.balance.residual):
+            return None
+        return int(np.argmax(np.abs(self.balance.residual).max(axis=1))), self.fault
 
     def state(self) -> dict:
         """What a restart needs besides the `earlier` displacements."""
