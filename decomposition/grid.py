@@ -10,7 +10,7 @@ from mpi4py import MPI
 from .cell_partition import CellPartition, balanced
 from .migration import migrate
 from .node_sum import CellSum, NodeSum, Sharing
-from .occupied import Mirror, OccupiedCells, reflected, words
+from .occupied import FARTHEST, Mirror, OccupiedCells, reflected, words
 
 _PARTICLES_TAG, _OFFER_TAG, _SUM_TAG = 21, 22, 23
 # cells without particles are forgotten when they are this many times as many as the others
@@ -56,7 +56,7 @@ class RankGrid:
     def deal_out(self, particles, partition: CellPartition | None = None) -> bool:
         """Give every particle to the owner of its cell under a partition, or under a balanced one; then `settle`."""
         bases = np.array(particles.bases()[: particles.owned], np.int64)
-        inside = np.isfinite(bases).all(axis=1)
+        inside = (np.abs(bases) < FARTHEST).all(axis=1)
         if partition is None:
             self.cells.compact()
             cells, counts = np.unique(bases[inside], axis=0, return_counts=True)

@@ -11,7 +11,7 @@ from numba import njit
 
 # indices from -2**20 to 2**20 - 1 along each direction
 _BITS = 21
-_SHIFT = 1 << (_BITS - 1)
+FARTHEST = 1 << (_BITS - 1)
 _LOST = -2
 
 
@@ -27,7 +27,7 @@ def words(indices: np.ndarray) -> np.ndarray:
     """Words (n,) int64 of indices (n, d), in their lexicographic order."""
     result = np.zeros(len(indices), np.int64)
     for column in indices.T:
-        result = (result << _BITS) + (column + _SHIFT)
+        result = (result << _BITS) + (column + FARTHEST)
     return result
 
 
@@ -35,7 +35,7 @@ def indices_of(word: np.ndarray, dimension: int) -> np.ndarray:
     """Indices (n, d) of words."""
     result = np.empty((len(word), dimension), np.int64)
     for axis in range(dimension - 1, -1, -1):
-        result[:, axis] = (word & ((1 << _BITS) - 1)) - _SHIFT
+        result[:, axis] = (word & ((1 << _BITS) - 1)) - FARTHEST
         word = word >> _BITS
     return result
 
@@ -51,8 +51,8 @@ def _locate(bases, owned, cells, cell, start):
     for p in range(owned):
         word, inside = np.int64(0), True
         for k in range(bases.shape[1]):
-            shifted = np.int64(bases[p, k]) + _SHIFT
-            inside = inside and 0 <= shifted < 2 * _SHIFT
+            shifted = np.int64(bases[p, k]) + FARTHEST
+            inside = inside and 0 <= shifted < 2 * FARTHEST
             word = (word << _BITS) + shifted
         if not inside:
             cell[p] = _LOST
@@ -139,6 +139,14 @@ class OccupiedCells:
         if names is not None:
             _order_by_name(self.start, self.order, names)
         return np.flatnonzero(self._cell[:owned] < 0) if missing else np.zeros(0, np.int64)
+
+    def breaks(self, owned: int) -> int:
+        """How often the list of particles does not go on with the next one in storage."""
+        return int(np.count_nonzero(np.diff(self.order[:owned]) != 1))
+
+    def arrays(self) -> list[np.ndarray]:
+        """Arrays that count as memory."""
+        return [self.index, self.stencil, self.start, self.order, self.nodes]
 
     def lost(self, rows: np.ndarray) -> np.ndarray:
         """Which of the rows that `sort` returned are beyond the lattice (or not numbers)."""

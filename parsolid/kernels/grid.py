@@ -149,10 +149,11 @@ def find_velocities(first, last, nodes, least_mass):
 
 
 @njit(cache=True)
-def obey_wall(first, last, nodes, places, wall):
+def obey_wall(first, last, nodes, places, share, wall):
     """Let nodes at or behind a rigid wall move with it; after `update_nodes`. Gives the impulse [N s] on the body.
 
-    places (nodes, 4): positions [m]. The wall's work on the body is impulse . wall.velocity.
+    places (nodes, 4): positions [m]; share (nodes,): what counts of a node, see `kinetic_gain`. The wall's work on the body is
+    impulse . wall.velocity.
     """
     impulse = np.zeros(3)
     for i in range(first, last):
@@ -168,8 +169,32 @@ def obey_wall(first, last, nodes, places, wall):
                 change = wall.velocity[d] - nodes[i, d]
             nodes[i, d] += change
             nodes[i, 4 + d] += change
-            impulse[d] += nodes[i, 3] * change
+            impulse[d] += share[i] * nodes[i, 3] * change
     return impulse[0], impulse[1], impulse[2]
+
+
+@njit(cache=True)
+def kinetic_gain(first, last, nodes, share):
+    """Change of the nodes' kinetic energy [J] in a step; after `update_nodes` and walls.
+
+    share (nodes,): 1, but 0 for nodes behind mirror planes and those that another rank counts, 1/2 on each mirror plane.
+    """
+    gain = 0.0
+    for i in range(first, last):
+        power = 0.0
+        for d in range(3):
+            power += nodes[i, 4 + d] * (nodes[i, d] - 0.5 * nodes[i, 4 + d])
+        gain += share[i] * nodes[i, 3] * power
+    return gain
+
+
+@njit(cache=True)
+def kinetic_energy(owned, motion):
+    """Sum of m v^2/2 [J] of particles."""
+    energy = 0.0
+    for p in range(owned):
+        energy += motion[p, 3] * (motion[p, 4] ** 2 + motion[p, 5] ** 2 + motion[p, 6] ** 2)
+    return 0.5 * energy
 
 
 @njit(cache=True)

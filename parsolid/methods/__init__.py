@@ -6,6 +6,7 @@ from importlib import import_module
 _CLASSES = {
     "tlsph": ("parsolid.methods.tlsph", "TotalLagrangianSPH"),
     "peridynamics": ("parsolid.methods.peridynamics", "Peridynamics"),
+    "mpm": ("parsolid.methods.mpm", "MaterialPoint"),
 }
 
 

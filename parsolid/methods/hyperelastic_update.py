@@ -1,0 +1,73 @@
+"""Particle kernel of the material point method for hyperelastic laws: the step's rate advances F, and the stress follows from it."""
+
+import math
+
+from numba import njit
+from numba.extending import register_jitable
+
+from parsolid.kernels.elementary import choose
+from parsolid.kernels.layout import four_rows
+from parsolid.kernels.polar import symmetric_part
+from parsolid.kernels.simd import WIDTH, all_positive, broadcast, from_floats, lane, load
+from parsolid.kernels.tensor import (
+    add,
+    cofactor,
+    contract_symmetric,
+    determinant,
+    gram,
+    lane_of_general,
+    matmul,
+    matmul_transposed,
+    scale,
+    trace_symmetric,
+)
+from parsolid.materials.law import equilibrium_energy, first_piola_kirchhoff_stress, pressure_wave_tensor
+from parsolid.methods.plastic_update import _largest, _load_general, _load_rate, _speed, _store_general, _store_stress
+
+
+@register_jitable
+def _eigenvalue_bound(q):
+    """No less than the largest eigenvalue of a symmetric tensor; equal to it where the two others are equal."""
+    mean = trace_symmetric(q) * (1.0 / 3.0)
+    deviator = contract_symmetric(q, q) - 3.0 * mean * mean
+    return mean + math.sqrt(max(deviator, 0.0) * (2.0 / 3.0))
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+def advance_elastic_stress(space, first, last, law, step, deformation, motion, rate, stress):
+    """Advance F of particles first..last-1 by a step [s] with the velocity gradients `rate`, and write V sigma.
+
+    Arrays as for `plastic_update.advance_stress`. Returns (sound, largest c + |v| [m/s]): c of the present configuration, from the
+    wave speed of the reference configuration and the largest stretch; sound is False when a Jacobian is not positive.
+    """
+    sound, fastest = True, broadcast(0.0)
+    for i in range(first, last, WIDTH):
+        count = min(WIDTH, last - i)
+        F = _load_general(space, deformation, i)
+        F = add(F, scale(step, matmul(_load_rate(space, rate, i), F)))
+        H, J = cofactor(F), determinant(F)
+        P = first_piola_kirchhoff_stress(law, F, H, J, None)
+        velocity = four_rows(motion, i, 4)
+        _store_general(space, deformation, i, F, count)
+        # V sigma = V0 P F^T
+        _store_stress(space, stress, i, symmetric_part(scale(velocity[3], matmul_transposed(P, F))))
+        waves = _eigenvalue_bound(pressure_wave_tensor(law, F, H, J, None)) * _eigenvalue_bound(gram(F))
+        valid = float(count) - from_floats(0.5, 1.5, 2.5, 3.5)
+        speed = math.sqrt(waves * (1.0 / law.density)) + _speed(velocity)
+        fastest = choose(valid, max(speed, fastest), fastest)
+        if not all_positive(choose(valid, min(J, speed), 1.0)):
+            sound = False
+    return sound, _largest(fastest)
+
+
+@njit(cache=True, error_model="numpy")
+def elastic_energy(space, first, last, law, deformation, motion):
+    """Sum of W V0 [J] of particles first..last-1."""
+    energy = 0.0
+    for i in range(first, last, WIDTH):
+        F4 = _load_general(space, deformation, i)
+        H4, J4 = cofactor(F4), determinant(F4)
+        for k in range(min(WIDTH, last - i)):
+            W = equilibrium_energy(law, lane_of_general(F4, k), lane_of_general(H4, k), lane(J4, k))
+            energy += W * motion[i + k, 7]
+    return energy
