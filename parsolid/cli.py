@@ -1,4 +1,4 @@
-"""The command line: run, check, bench, point, study, plot.
+"""The command line: run, check, bench, point, study, quadrature, plot.
 
 Exit status: 0 done, 2 bad input, 3 the run went wrong, 75 stopped with a checkpoint to continue from,
 130 interrupted from the keyboard, 1 anything else.
@@ -12,6 +12,7 @@ from importlib import import_module
 from mpi4py import MPI
 
 from parsolid import __version__
+from parsolid.arguments import whole_number
 from parsolid.output.errors import OutputError
 from parsolid.scene.faults import SceneError
 from parsolid.together import SolverError
@@ -35,13 +36,6 @@ def _seconds(text: str) -> float:
     return value
 
 
-def _count(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"expected a whole number of at least 1, found {text}")
-    return value
-
-
 def _scene_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", nargs="?", metavar="SCENE", help="TOML file (default: the twisting column)")
     parser.add_argument("-o", "--output", metavar="DIR", help="folder of the results (default: output.directory of the scene)")
@@ -59,15 +53,15 @@ def build_parser(command: str) -> argparse.ArgumentParser:
     run = commands.add_parser("run", help="run a scene (the default command)")
     _scene_arguments(run)
     run.add_argument("--restart", nargs="?", const="", metavar="FILE", help="continue from a checkpoint (default: the newest in DIR)")
-    run.add_argument("--max-steps", type=_count, metavar="N", help="stop after so many steps")
+    run.add_argument("--max-steps", type=whole_number, metavar="N", help="stop after so many steps")
     run.add_argument("--wall-time", type=_seconds, metavar="S", help="write a checkpoint and stop after so many seconds")
     run.add_argument("--dry-run", action="store_true", help="set up, report, and stop")
     check = commands.add_parser("check", help="set a scene up and report its cost, without running it")
     _scene_arguments(check)
     bench = commands.add_parser("bench", help="measure the speed of the kernels on this machine")
     bench.add_argument("--method", default=_BENCHES[0], choices=_BENCHES, help=f"the method (default {_BENCHES[0]})")
-    bench.add_argument("--particles", type=_count, default=28000, metavar="N", help="about how many particles (default 28000)")
-    bench.add_argument("--scaling", type=_count, metavar="N", help="also measure whole steps on all ranks with N particles")
+    bench.add_argument("--particles", type=whole_number, default=28000, metavar="N", help="about how many particles (default 28000)")
+    bench.add_argument("--scaling", type=whole_number, metavar="N", help="also measure whole steps on all ranks with N particles")
     for name, (module, summary) in _MODULES.items():
         sub = commands.add_parser(name, help=summary)
         if name == command:
@@ -82,6 +76,7 @@ _PLOTTING = ("pyvista", "vtkmodules", "matplotlib")
 _MODULES = {
     "point": ("parsolid.point", "drive a material along a path of deformation, without particles"),
     "study": ("parsolid.study", "run scenes over resolutions and options; error against run time"),
+    "quadrature": ("parsolid.quadrature", "how much of the material point method's error is quadrature, by basis"),
     "plot": ("parsolid.plot", "pictures of a run: energies, probes, the deformed body"),
 }
 COMMANDS = ("run", "check", "bench", *_MODULES)

@@ -10,6 +10,7 @@ from importlib import import_module
 from mpi4py import MPI
 
 from parsolid.bench.timing import Steps, best_time
+from parsolid.tables import show_table
 from parsolid.warmup import wait_quietly
 
 
@@ -18,12 +19,12 @@ def bench(comm, method: str, particles: int, scaling: int | None) -> int:
     module = import_module(f"parsolid.bench.{method}")
     if comm.rank == 0:
         for table in module.kernel_tables(particles):
-            _print(*table)
+            show_table(*table)
     wait_quietly(comm)
     if scaling:
         rows = _scaling_rows(comm, module.scaling_scene(scaling))
         if comm.rank == 0:
-            _print("Whole steps", ["ranks", "particles", "steps/s a rank", "speed-up"], rows)
+            show_table("Whole steps", ["ranks", "particles", "steps/s a rank", "speed-up"], rows)
     return 0
 
 
@@ -41,15 +42,3 @@ def _scaling_rows(comm, scene) -> list[list]:
     total = run.simulation.particles
     speeds = [f"{total / alone:.3g}", f"{total / together / comm.size:.3g}"]
     return [[1, total, speeds[0], 1.0], [comm.size, total, speeds[1], f"{alone / together:.2f}"]]
-
-
-def _print(title: str, names: list[str], rows: list[list]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(title=title, title_justify="left")
-    for name in names:
-        table.add_column(name, justify="right")
-    for row in rows:
-        table.add_row(*map(str, row))
-    Console(width=110).print(table)

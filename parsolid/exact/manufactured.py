@@ -49,7 +49,7 @@ class AxisAligned(Solution):
         """The solution for a scene's first material and its reference's amplitude."""
         return cls(scene.reference.parameters["amplitude"], Solid.of_scene(scene))
 
-    def _stretches(self, positions: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
+    def stretches(self, positions: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
         """F_ii and its derivative by X_i [1/m], both (n, 2)."""
         size = self.amplitudes * np.sin(self.frequency * time)
         angle = np.pi * positions
@@ -58,7 +58,7 @@ class AxisAligned(Solution):
     def fields(self, positions: np.ndarray, time: float) -> dict[str, np.ndarray]:
         """displacement [m], velocity [m/s] (n, 2) and Cauchy stress [Pa] (n, 3, 3) at X (n, 2) [m]."""
         shape = np.sin(np.pi * positions) * self.amplitudes
-        stretch, _ = self._stretches(positions, time)
+        stretch, _ = self.stretches(positions, time)
         J = stretch.prod(axis=1)
         volumetric, _ = self.solid.volumetric(J)
         stress = np.zeros((len(positions), 3, 3))
@@ -73,7 +73,7 @@ class AxisAligned(Solution):
     def body_force(self, positions: np.ndarray, time: float) -> np.ndarray:
         """b (n, 2) [m/s^2] of rho0 u'' = Div P + rho0 b at X (n, 2) [m]."""
         acceleration = -(self.frequency**2) * self.fields(positions, time)["displacement"]
-        stretch, bend = self._stretches(positions, time)
+        stretch, bend = self.stretches(positions, time)
         J = stretch.prod(axis=1)
         volumetric, slope = self.solid.volumetric(J)
         # P_ii = mu (F_ii - 1/F_ii) + U'J / F_ii, and J changes along X_i by J F_ii' / F_ii

@@ -99,7 +99,7 @@ def fold_mirror(ghost, image, signs, nodes):
     """Add what the mirror image of the body gives to the nodes before a mirror plane; before `update_nodes`.
 
     ghost, image (n,) int32: slots of the nodes on and behind the plane, and of their mirror images (a node on the plane is its
-    own); signs (8,): of each column of nodes, -1 for the momentum and force that the mirror reverses. Exact for every basis when
+    own); signs (1, 8): of each column of nodes, -1 for the momentum and force that the mirror reverses. Exact for every basis when
     the plane lies on nodes or halfway between. Where planes meet, fold them one after the other.
     """
     first, second = load(signs, 0, 0), load(signs, 0, 4)
