@@ -16,7 +16,7 @@ from parsolid.materials.hyperbolicity import energies, first_piola_kirchhoff, po
 from parsolid.output.errors import OutputError
 from parsolid.point import add_arguments, run_point
 from parsolid.point.driver import drive
-from parsolid.point.laws import point_law
+from parsolid.point.choice import point_law
 from parsolid.point.report import tabulate
 from parsolid.point.schema import load_point
 from parsolid.scene.faults import SceneError

@@ -12,6 +12,7 @@ from parsolid.materials.linear_hardening import LinearHardening
 from parsolid.materials.mechanical_threshold import MechanicalThreshold
 from parsolid.materials.melting import ConstantMelting, SteinbergMelting
 from parsolid.materials.preston_tonks_wallace import PrestonTonksWallace
+from parsolid.materials.rate_form import RateForm
 from parsolid.materials.shear_modulus import ConstantShearModulus, LinearSoftening, NadalLePoac, SteinbergShearModulus, Varshni
 from parsolid.materials.steinberg_cochran_guinan import SteinbergCochranGuinan, ThermalActivation
 from parsolid.materials.zerilli_armstrong import ZerilliArmstrong
@@ -66,6 +67,8 @@ def of_material(material) -> ElasticPlastic:
     """The law of a material of kind "elastic-plastic" as a scene states it."""
     stated = material.parts
     parts = {key: _part(kinds, stated[key], stated["density"]) for key, kinds in _PARTS.items()}
+    if material.integration == "rate-form":
+        parts["flow_stress"] = RateForm(parts["flow_stress"])
     numbers = ("density", "specific_heat", "reference_temperature", "taylor_quinney")
     conductivity = stated["conductivity"]
     numbers = {key: float(stated[key]) for key in numbers}

@@ -46,6 +46,14 @@ def room_to_compress(eos, J):
     raise NotImplementedError
 
 
+def deviator_update(flow, s, strain, plastic_strain, step, temperature, heating, shear_modulus, melting_temperature):
+    """Unrotated deviator [Pa] after a step with the deviatoric strain increment `strain`, and the plastic flow in it.
+
+    heating [K/(J/m^3)] of the plastic work. Returns (s, increment of the equivalent plastic strain, plastic work per volume).
+    """
+    raise NotImplementedError
+
+
 def plastic_increment(flow, trial, expected, plastic_strain, step, temperature, heating, shear_modulus, melting_temperature):
     """Increment x of the equivalent plastic strain with trial - 3 mu x = sigma_y(ep + x, x/step, T + heating sigma_y x).
 

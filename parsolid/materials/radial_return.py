@@ -1,11 +1,15 @@
-"""The radial return of flow stresses that depend on rate and temperature: one scalar equation, solved on four particles at once."""
+"""Radial return: a trial deviator scaled back onto the flow stress, by one scalar equation a particle, four at once."""
+
+import math
 
 from numba.extending import overload, register_jitable
 
 from parsolid.kernels.elementary import choose, some_positive
+from parsolid.kernels.tensor import add, contract_symmetric, scale
 from parsolid.kernels.types import is_instance
 from parsolid.materials.linear_hardening import LinearHardening
-from parsolid.materials.plasticity import SLOWEST_RATE, flow_stress, plastic_increment
+from parsolid.materials.plasticity import SLOWEST_RATE, deviator_update, flow_stress, plastic_increment
+from parsolid.materials.rate_form import RateForm
 
 _MOST_STEPS = 80
 # the residual of the return over the trial stress
@@ -56,3 +60,22 @@ def _guarded(flow, trial, expected, plastic_strain, step, temperature, heating, 
         return x
 
     return increment
+
+
+@overload(deviator_update)
+def _returned(flow, s, strain, plastic_strain, step, temperature, heating, shear_modulus, melting_temperature):
+    if is_instance(flow, RateForm):
+        return None
+
+    def update(flow, s, strain, plastic_strain, step, temperature, heating, shear_modulus, melting_temperature):
+        trial = add(s, scale(2.0 * shear_modulus, strain))
+        mises = math.sqrt(1.5 * contract_symmetric(trial, trial))
+        # in steady flow the whole strain of the step is plastic
+        expected = math.sqrt(2.0 / 3.0 * contract_symmetric(strain, strain))
+        increment = plastic_increment(
+            flow, mises, expected, plastic_strain, step, temperature, heating, shear_modulus, melting_temperature
+        )
+        stress = mises - 3.0 * shear_modulus * increment
+        return scale(choose(increment, stress / mises, 1.0), trial), increment, stress * increment
+
+    return update

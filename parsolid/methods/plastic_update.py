@@ -26,13 +26,13 @@ from parsolid.kernels.tensor import (
     transposed,
 )
 from parsolid.kernels.types import is_instance
-from parsolid.materials import radial_return  # noqa: F401  (its overload)
+from parsolid.materials import radial_return, rate_form  # noqa: F401  (their overloads)
 from parsolid.materials.plasticity import (
     cold_pressure,
+    deviator_update,
     grueneisen_coefficient,
     isentropic_bulk_modulus,
     melting_temperature,
-    plastic_increment,
     room_to_compress,
     shear_modulus,
 )
@@ -234,19 +234,6 @@ def _kinematics(step, l, F):
 
 
 @register_jitable
-def _returned(law, step, s, strain, ep, temperature, J, mu, melting):
-    """Deviator at the end of the step, increment of the plastic strain, and plastic work per reference volume [J/m^3]."""
-    trial = add(s, scale(2.0 * mu, strain))
-    mises = math.sqrt(1.5 * contract_symmetric(trial, trial))
-    heating = law.taylor_quinney * J / (law.density * law.specific_heat)
-    # steady flow: the whole strain of the step is plastic
-    expected = math.sqrt(2.0 / 3.0 * contract_symmetric(strain, strain))
-    increment = plastic_increment(law.flow_stress, mises, expected, ep, step, temperature, heating, mu, melting)
-    stress = mises - 3.0 * mu * increment
-    return scale(choose(increment, stress / mises, 1.0), trial), increment, J * stress * increment
-
-
-@register_jitable
 def _speed(velocity):
     return math.sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1] + velocity[2] * velocity[2])
 
@@ -273,7 +260,9 @@ def advance_stress(space, first, last, law, step, viscosity, state, motion, rate
         melting = melting_temperature(law.melting, J)
         mu = shear_modulus(law.shear_modulus, J, pressure, temperature, melting)
         strain = scale(step, plus_identity(D, volume_rate * (-1.0 / 3.0)))
-        new_s, increment, plastic_work = _returned(law, step, s, strain, ep, temperature, new_J, mu, melting)
+        heating = law.taylor_quinney * new_J / capacity
+        new_s, increment, plastic_work = deviator_update(law.flow_stress, s, strain, ep, step, temperature, heating, mu, melting)
+        plastic_work = new_J * plastic_work
         q = _viscous_pressure(viscosity, law.density / half_J, volume_rate, _sound_speed(law, J, pressure, mu))
         # closed form of E+ = E + W - [(P + P+)/2 + q] (J+ - J) with P+ = A(J+) + gamma E+; T dS and -gamma T tr d likewise
         cold, part = cold_pressure(eos, new_J), 0.5 * gamma * change

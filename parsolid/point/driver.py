@@ -10,15 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.point.laws import PointLaw
+from parsolid.point.laws import PathLost, PointLaw
 from parsolid.point.paths import Path
 
 # Gauss-Lobatto points of a step, from its start to its end
 NODES = 0.5 + 0.5 * np.array([-1.0, -np.sqrt(3.0 / 7.0), 0.0, np.sqrt(3.0 / 7.0), 1.0])
-
-
-class PathLost(ArithmeticError):
-    """The path cannot be followed; the message says where and why."""
 
 
 @dataclass

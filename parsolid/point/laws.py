@@ -1,6 +1,6 @@
 """Laws at one material point: what the driver asks of a law, and the laws that answer.
 
-A new law is one class more with the methods of `PointLaw`, entered in `POINT_LAWS` under the type of its parameters.
+A new law is one class more with the methods of `PointLaw`, entered in `point.choice` under the type of its parameters.
 """
 
 from typing import Any, NamedTuple, Protocol
@@ -13,6 +13,10 @@ from parsolid.materials.evaluation import symmetric_rows, symmetric_tensors
 from parsolid.materials.mooney_rivlin import MooneyRivlin
 from parsolid.materials.relaxation import dissipated_energy, relax_branches
 from parsolid.scene.observation import component_names
+
+
+class PathLost(ArithmeticError):
+    """The path cannot be followed; the message says where and why."""
 
 
 class PointLaw(Protocol):
@@ -106,11 +110,3 @@ class MaxwellPoint:
     def _polyconvex(self, states: list):
         A = symmetric_tensors(np.array([state.A for state in states])) if len(self.moduli) else None
         return hyperbolicity.polyconvex_state(self.law, self.deformations(states), A)
-
-
-POINT_LAWS = {MooneyRivlin: MaxwellPoint}
-
-
-def point_law(parameters) -> PointLaw:
-    """The law of a material point with the given parameters."""
-    return POINT_LAWS[type(parameters)](parameters)

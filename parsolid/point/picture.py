@@ -18,6 +18,8 @@ def draw(path: Path, title: str, columns: dict[str, np.ndarray]) -> None:
     _components(panels[0, 0], columns, "deformation_gradient", "deformation gradient")
     _components(panels[0, 1], columns, "stress", "Cauchy stress [Pa]")
     panels[0, 1].plot(columns["time"], columns["von_mises_stress"], "k--", linewidth=1.0, label="von Mises")
+    if "flow_stress" in columns:
+        panels[0, 1].plot(columns["time"], columns["flow_stress"], "k:", linewidth=1.0, label="flow stress")
     panels[0, 1].legend(fontsize=7)
     _loop(panels[0, 2], columns)
     _series(panels[1, 0], columns, "energy density [J/m$^3$]", ("work", "stored", "dissipation", "equilibrium"))
@@ -73,7 +75,12 @@ def _loop(panel, columns: dict) -> None:
 
 
 def _branches(panel, columns: dict) -> None:
-    """Internal variables of the branches, or the von Mises stress and the pressure where there are none."""
+    """Internal variables of the branches, temperature over plastic strain, or von Mises stress and pressure."""
+    if "temperature" in columns:
+        panel.plot(columns["plastic_strain"], columns["temperature"], linewidth=1.2)
+        panel.set_xlabel("equivalent plastic strain")
+        panel.set_ylabel("temperature [K]")
+        return
     names = [name for name in columns if ".A_" in name and np.ptp(columns[name]) > 1e-9]
     if not names:
         _series(panel, columns, "stress [Pa]", ("von_mises_stress", "pressure"))

@@ -9,8 +9,9 @@ import numpy as np
 from parsolid.laws import law_of
 from parsolid.output.errors import OutputError, words
 from parsolid.output.summary import provenance, write_summary
+from parsolid.point.choice import point_law
 from parsolid.point.driver import PathLost, Record, drive
-from parsolid.point.laws import PointLaw, point_law
+from parsolid.point.laws import PointLaw
 from parsolid.point.schema import MaterialPoint, load_point
 from parsolid.scene.observation import component_names
 
@@ -25,7 +26,7 @@ def drive_and_report(options) -> dict:
     point = load_point(options.path, options.set)
     directory = _prepared(Path(options.output or point.output.directory), point, options.path)
     began = clock.perf_counter()
-    law = point_law(law_of(point.material))
+    law = point_law(law_of(point.material), **point.conditions)
     try:
         record = drive(law, point.path, point.end_time, point.longest_step)
     except PathLost as error:
@@ -69,6 +70,7 @@ def summarise(point: MaterialPoint, columns: dict[str, np.ndarray], seconds: flo
     """The summary of a point; the energy balance is measured against the largest energy met."""
     scale = max(np.abs(columns[name]).max() for name in ("stored", "work", "dissipation"))
     worst = np.abs(columns["balance"]).max()
+    shown = [name for name in ("plastic_strain", "temperature", "heat_given_away") if name in columns]
     return {
         "title": point.title,
         "material": point.material.kind,
@@ -81,6 +83,7 @@ def summarise(point: MaterialPoint, columns: dict[str, np.ndarray], seconds: flo
         "stored_at_end": columns["stored"][-1],
         "dissipation_at_end": columns["dissipation"][-1],
         "work_at_end": columns["work"][-1],
+        **{f"{name}_at_end": columns[name][-1] for name in shown},
         "largest_von_mises_stress": columns["von_mises_stress"].max(),
         "smallest_jacobian": columns["jacobian"].min(),
         "largest_pressure_wave_speed": columns["largest_pressure_wave_speed"].max(),
@@ -103,9 +106,18 @@ def told(summary: dict, directory: Path) -> str:
             f" pressure waves up to {summary['largest_pressure_wave_speed']:.6g} m/s,"
             f" smallest acoustic eigenvalue {summary['smallest_acoustic_eigenvalue']:.6g} Pa"
             f" ({'hyperbolic' if summary['hyperbolic'] else 'NOT hyperbolic'})",
+            *_plastic(summary),
             f"  {directory / TABLE}; picture: {summary['picture']}",
         ]
     )
+
+
+def _plastic(summary: dict) -> list[str]:
+    """One more line for plastic solids."""
+    if "plastic_strain_at_end" not in summary:
+        return []
+    strain, temperature = summary["plastic_strain_at_end"], summary["temperature_at_end"]
+    return [f"  plastic strain {strain:.6g}, temperature {temperature:.6g} K at the end"]
 
 
 def write_table(path: Path, columns: dict[str, np.ndarray]) -> None:

@@ -2,7 +2,7 @@
 
 import os
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, ValidationError, field_validator, model_validator
@@ -42,6 +42,8 @@ class MaterialPoint(Section):
     time_step: Positive | None = Field(None, description="the longest step [s]")
     material: Material = Field(description="a table with the key kind")
     path: AnyPath = Field(description="a table with the key kind")
+    temperature: Positive | None = Field(None, description="of an elastic-plastic material at time 0 [K], its reference unless given")
+    heat: Literal["adiabatic", "isothermal"] | None = Field(None, description="of an elastic-plastic material, adiabatic unless given")
     output: PointOutput = PointOutput()
 
     @model_validator(mode="after")
@@ -51,6 +53,9 @@ class MaterialPoint(Section):
             details.append((("end_time",), f"at most the last time of the path, {self.path.last_time:g}", self.end_time))
         if self.time_step is not None and self.end_time / self.time_step > MOST_STEPS:
             details.append((("time_step",), f"at least end_time/{MOST_STEPS} = {self.end_time / MOST_STEPS:g}", self.time_step))
+        if self.material.kind != "elastic-plastic":
+            stated = [key for key in ("temperature", "heat") if getattr(self, key) is not None]
+            details += [((key,), "no such key but with the material 'elastic-plastic'", getattr(self, key)) for key in stated]
         late = [(i, time) for i, time in enumerate(self.path.breaks) if time > self.end_time]
         details += [(("path", "breaks", i), f"a time up to end_time = {self.end_time:g}", time) for i, time in late]
         reject(*details)
@@ -60,6 +65,13 @@ class MaterialPoint(Section):
     def longest_step(self) -> float:
         """The longest step [s]."""
         return self.end_time / self.steps if self.steps is not None else self.time_step
+
+    @property
+    def conditions(self) -> dict[str, Any]:
+        """What the law needs to know besides its parameters."""
+        if self.material.kind != "elastic-plastic":
+            return {}
+        return {"temperature": self.temperature, "isothermal": self.heat == "isothermal"}
 
     def resolved(self) -> dict[str, Any]:
         """The file with its defaults, as plain tables that validate to the same."""

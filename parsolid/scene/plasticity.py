@@ -220,6 +220,7 @@ class ElasticPlastic(Section):
     shear_modulus: ShearModulus | None = None
     flow_stress: FlowStress | None = None
     melting: Melting | None = None
+    integration: Literal["radial-return", "rate-form"] = Field("radial-return", description="of the flow; the rate form is the paper's")
 
     @model_validator(mode="after")
     def _complete(self, info: ValidationInfo) -> "ElasticPlastic":
