@@ -197,3 +197,13 @@ class PeridynamicLoads:
             else:
                 displacement[place] = one.course.evaluate(one.positions, time + step, step > 0.0)[:, 0]
 
+    def guided_velocities(self, time: float, step: float, change: np.ndarray) -> np.ndarray:
+        """Velocities (k,) [m/s] of everything in `entries` at the end of a step [s] of these changes (k,) [m] of displacement."""
+        result, first = change / step if step > 0.0 else np.zeros_like(change), 0
+        for one in self.guided:
+            last = first + len(one.particles)
+            if one.velocity is not None:
+                result[first:last] = one.velocity.evaluate(one.positions, time + step)
+            first = last
+        return result
+

@@ -10,8 +10,8 @@ import numpy as np
 from parsolid.kernels.bond_weights import INFLUENCES
 from parsolid.kernels.pairs import AlongBonds, ShearScaled
 from parsolid.kernels.simd import aligned_zeros, padded
-from parsolid.laws import law_of
-from parsolid.materials import prony
+from parsolid.laws import laws_of
+from parsolid.materials.bond_based import micromodulus
 from parsolid.methods import bond_motion
 from parsolid.methods.bond_force import BondForce
 from parsolid.methods.bonding import build_bonding
@@ -23,19 +23,9 @@ from parsolid.methods.protocol import ParticleMethod
 from parsolid.methods.quasi_static import QuasiStatic
 from parsolid.methods.relaxing import Relaxation
 from parsolid.particles import Field, FieldTable
-from parsolid.distribution import sort_for_speed
 from parsolid.scene import initial_displacement, initial_velocity
 from parsolid.solvers import largest_eigenvalue, start_vector
 from parsolid.together import raise_together
-
-
-def peridynamic_laws(scene) -> list:
-    """One law for each body."""
-    state = scene.method.state(scene.dimension)
-    return [
-        prony.of_material(body.material, state) if body.material.kind in ("prony", "linear-elastic") else law_of(body.material)
-        for body in scene.bodies
-    ]
 
 
 class Peridynamics(ParticleMethod):
@@ -43,15 +33,10 @@ class Peridynamics(ParticleMethod):
 
     even_steps = True
 
-    @staticmethod
-    def sort(comm, scene, cloud) -> np.ndarray:
-        """By law, then along cells."""
-        return sort_for_speed(comm, cloud, peridynamic_laws(scene))
-
     def __init__(self, comm, scene, cloud):
         """cloud: this rank's particles, sorted by law. Raises SolverError on all ranks when particles cannot be bonded. Collective."""
         self.comm, self.settings, self.scene = comm, scene.method, scene
-        laws = peridynamic_laws(scene)
+        laws = laws_of(scene)
         raise_together(comm, _unlike_series(laws))
         self.groups, density = groups_of(laws, cloud.body)
         self.loads = PeridynamicLoads(comm, scene, cloud, density)
@@ -74,6 +59,8 @@ class Peridynamics(ParticleMethod):
             self.quasi_static = QuasiStatic(comm, self.operator, self.settings.solution)
             # what has not moved yet meets its loads in a jump
             self.jumps = tuple(sorted({0.0, *self.loads.jumps}))
+        else:
+            self.landings = tuple(time for time in self.loads.jumps if time > 0.0)
         self.laws = [(group.first, group.last, group.law) for group in self.groups]
         self.velocity = aligned_zeros((padded(self.owned) + 4, 4))
         self.table = FieldTable(self.owned)
@@ -82,7 +69,7 @@ class Peridynamics(ParticleMethod):
         self._gradients = None
 
     def _stabiliser(self, horizon) -> tuple:
-        """The stabiliser and its scale (owned,): coefficient times G [Pa], or c of eq (39) in the scene's dimension."""
+        """The stabiliser and its scale (owned,): coefficient times G [Pa], or c of eq (39), the micromodulus of the scene's state of strain."""
         settings, kind = self.settings.stabilisation, self.settings.stabilisation.kind
         if kind == "none":
             return None, None
@@ -93,11 +80,11 @@ class Peridynamics(ParticleMethod):
                 scale[rows] = settings.factor * G
             else:
                 modulus = settings.modulus or self._youngs_modulus(group)
-                scale[rows] = settings.factor * bond_constant(self.settings.state(self.dimension), modulus, horizon[rows])
+                scale[rows] = settings.factor * micromodulus(modulus, self.settings.state(self.dimension), "constant", horizon[rows])
         return (ShearScaled() if kind == "shear-scaled" else AlongBonds()), scale
 
     def _youngs_modulus(self, group) -> float:
-        materials = {law: body.material for law, body in zip(peridynamic_laws(self.scene), self.scene.bodies)}
+        materials = {law: body.material for law, body in zip(laws_of(self.scene), self.scene.bodies)}
         return materials[group.law].equilibrium.youngs_modulus
 
     def _fixed_planes(self, cloud) -> np.ndarray:
@@ -141,8 +128,12 @@ class Peridynamics(ParticleMethod):
         displacement = initial_displacement(*place)
         if displacement is not None:
             self.table.owned_rows("displacement")[:] = displacement
-        for array in (self.velocity[: self.owned], self.engine.displacement[: self.owned]):
-            array[:, : self.dimension] *= self.loads.free
+        velocity, moved = self.table.owned_rows("velocity"), self.table.owned_rows("displacement")
+        velocity[self.loads.held], moved[self.loads.held] = 0.0, 0.0
+        if self.quasi_static is None:
+            # quasi-static solutions meet what guides them in the first jump
+            self.loads.move(0.0, 0.0, moved)
+            velocity[self.loads.entries] = self.loads.guided_velocities(0.0, 0.0, np.zeros(len(self.loads.entries[0])))
         self._place()
         history, u = self.relaxation, self.engine.displacement[: self.owned]
         history.old[:] = u
@@ -225,7 +216,7 @@ class Peridynamics(ParticleMethod):
         lost = self.relaxation.settle(step, engine.displacement, engine.force)
         work += bond_motion.kick(d, half, *moved, self._accelerations(time + step, True), self.clamp)
         if guided is not None:
-            work += self._guide(guided, step)
+            work += self._guide(guided, time, step)
         ledger.add(1.0, lost, 0.0, work)
         return sound
 
@@ -244,12 +235,12 @@ class Peridynamics(ParticleMethod):
             return None
         return tuple(array[self.loads.entries] for array in (self.engine.displacement, self.velocity, self.engine.force))
 
-    def _guide(self, before: tuple, step: float) -> float:
+    def _guide(self, before: tuple, time: float, step: float) -> float:
         """Set the velocity of guided components after a step; the work [J] of what guides them and of their loads."""
         displacement, velocity, force = before
         entries, particles = self.loads.entries, self.loads.entries[0]
         change = self.engine.displacement[entries] - displacement
-        self.velocity[entries] = change / step
+        self.velocity[entries] = self.loads.guided_velocities(time, step, change)
         share, mass = self.share[particles], self.mass[particles]
         kinetic = 0.5 * mass * (self.velocity[entries] ** 2 - velocity**2)
         return float(np.sum(share * (kinetic - 0.5 * (force + self.engine.force[entries]) * change)))
@@ -333,17 +324,6 @@ class Peridynamics(ParticleMethod):
     def warm(self) -> None:
         """Lists of ghosts have no images."""
         self.engine.warm()
-
-
-def bond_constant(state: str, modulus: float, horizon):
-    """c of eq (39) from Young's modulus [Pa] and horizon [m], for the scene's dimension and thickness 1 m."""
-    return {
-        "bar": 2.0 * modulus / horizon**2,
-        "plane-stress": 9.0 * modulus / (np.pi * horizon**3),
-        "plane-strain": 48.0 * modulus / (5.0 * np.pi * horizon**3),
-        # 18 k with k = 2 E/3, of nu = 1/4
-        "space": 12.0 * modulus / (np.pi * horizon**4),
-    }[state]
 
 
 def _unlike_series(laws: list) -> str | None:
