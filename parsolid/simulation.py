@@ -65,7 +65,7 @@ class Simulation:
             restart.apply(self, order)
         else:
             self.method.begin(scene, self.cloud)
-        self.minimum = MinimumAhead(comm, 3)
+        self.minimum = MinimumAhead(comm, 4)
         self.failed, self.failed_somewhere, self.checkpoint_wanted, self.broken_balance = False, False, False, None
         self.last_checkpoint: str | None = None
         # the step agreed on for the current state; a restart takes it from the checkpoint, for the same bits
@@ -87,7 +87,7 @@ class Simulation:
         end = self.scene.end_time
         self.first_step = self.clock.step
         stable = self.method.stable_step() if self.stable is None else self.stable
-        self.minimum.begin(np.array([stable, 0.0, 0.0]))
+        self.minimum.begin(np.array([stable, 0.0, 0.0, -float(self.method.news)]))
         while True:
             self.stable, interrupted, checkpoint = self._result()
             self.checkpoint_wanted = checkpoint < 0.0
@@ -121,7 +121,8 @@ class Simulation:
         waiting = clock.perf_counter()
         result = self.minimum.result()
         self.clock.waiting_seconds += clock.perf_counter() - waiting
-        return result
+        self.method.news_anywhere = bool(result[3] < 0.0)
+        return result[:3]
 
     def _limit(self, stable: float) -> float:
         longest = self.scene.method.maximum_step
@@ -134,7 +135,8 @@ class Simulation:
 
         def announce(sound: bool, stable: float) -> None:
             healthy = sound and not self.failed and np.isfinite(stable)
-            self.minimum.begin(np.array([stable if healthy or self.method.owned == 0 else -1.0, -wishes[0], -wishes[1]]))
+            stable = stable if healthy or self.method.owned == 0 else -1.0
+            self.minimum.begin(np.array([stable, -wishes[0], -wishes[1], -float(self.method.news)]))
 
         if not self.method.advance(self.clock.time, step, self.ledger, announce):
             self.failed = True

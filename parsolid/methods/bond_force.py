@@ -42,6 +42,7 @@ class BondForce:
         self.gradient = aligned_zeros((capacity, pairs.GRADIENT_WIDTH[d]))
         self.force = aligned_zeros((capacity, 4))
         self.body = self._body(stiffness_scale, capacity)
+        self.install_shape()
         self.projection = self._projection(fixed_planes)
         matrix = pairs.GRADIENT_WIDTH[d]
         changing = self.record[:, : 2 * matrix] if isinstance(stabiliser, AlongBonds) else self.record[:, :matrix]
@@ -70,17 +71,16 @@ class BondForce:
             stiffness[0, :owned] = scale
             self.record[:owned, 2 * matrix :] = scale[:, None]
         self.bonding.halo.update([self.record])
-        body = BondedBody(inverse, stiffness, volume)
-        self._install(body)
-        return body
+        return BondedBody(inverse, stiffness, volume)
 
-    def _install(self, body: BondedBody) -> None:
-        body.inverse_shape[:, : self.owned] = self.bonding.inverse_shape.reshape(self.owned, -1).T
+    def install_shape(self) -> None:
+        """Take over the shape tensors of the bonding, as they are at the start or after bonds have broken."""
+        self.body.inverse_shape[:, : self.owned] = self.bonding.inverse_shape.reshape(self.owned, -1).T
 
-    def refresh_shape(self) -> None:
-        """Shape tensors on the surviving bonds, after some were broken."""
-        self.bonding.refresh_shape()
-        self._install(self.body)
+    def accompany(self, arrays: list[np.ndarray]) -> None:
+        """Send arrays (rows, ...) to the ghosts together with the field from now on; collective."""
+        self.field_exchange.free()
+        self.field_exchange = self.bonding.halo.exchange([self.field, *arrays])
 
     def _projection(self, fixed_planes):
         """(particles, factors): what is left of M of a particle on a fixed plane, (M + Q M R)/2 with Q = -1."""

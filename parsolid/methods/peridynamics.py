@@ -16,6 +16,7 @@ from parsolid.methods import bond_motion
 from parsolid.methods.bond_force import BondForce
 from parsolid.methods.bonding import build_bonding
 from parsolid.methods.correspondence import stresses
+from parsolid.methods.fracture import Fracture
 from parsolid.methods.groups import groups_of
 from parsolid.methods.peridynamic_loads import PeridynamicLoads
 from parsolid.methods.peridynamic_operator import Operator
@@ -25,7 +26,7 @@ from parsolid.methods.relaxing import Relaxation
 from parsolid.particles import Field, FieldTable
 from parsolid.scene import initial_displacement, initial_velocity
 from parsolid.solvers import largest_eigenvalue, start_vector
-from parsolid.together import raise_together
+from parsolid.together import anywhere, raise_together
 
 
 class Peridynamics(ParticleMethod):
@@ -51,6 +52,9 @@ class Peridynamics(ParticleMethod):
         self.engine = BondForce(self.bonding, stabiliser, scale, self._fixed_planes(cloud))
         self.relaxation = Relaxation(self.groups, self.owned, self.engine.dimension, self.share)
         self.loads.install_tractions(self.engine, horizon)
+        self.fracture = None
+        if self.settings.damage is not None or self.settings.pre_cracks:
+            self.fracture = Fracture(comm, scene, cloud, self.engine)
         self.operator = Operator(self.engine, self.groups, self.relaxation, self.share, self.mass, self.loads.free)
         self.clamp = np.ones((self.owned, 4))
         self.clamp[:, : self.dimension] = self.loads.free
@@ -118,6 +122,8 @@ class Peridynamics(ParticleMethod):
             add(Field(f"relaxing_force_{j + 1}", history.old.shape[1], "N", **kept), history.forces[j])
         for k, earlier in enumerate(self.quasi_static.earlier if self.quasi_static is not None else ()):
             add(Field(f"earlier_displacement_{k + 1}", d, "m", **kept), earlier)
+        if self.fracture is not None:
+            self.fracture.damage.declare(self.table)
 
     # --- state -------------------------------------------------------------------------------------------------
 
@@ -143,13 +149,17 @@ class Peridynamics(ParticleMethod):
         history.elastic[:] = self.engine.evaluate(self.laws)
         history.forces[:] = history.elastic if self.settings.initial_state == "instantaneous" else 0.0
         self._evaluate()
+        self._look()
 
     def resume(self) -> None:
         """The forces of a state that was put back into the table; collective."""
         self._place()
+        if self.fracture is not None:
+            self.fracture.resume()
         if not len(self.relaxation.terms):
             self.relaxation.old[:] = self.engine.displacement[: self.owned]
         self._evaluate()
+        self._look()
         if not len(self.relaxation.terms):
             self.relaxation.elastic[:] = self.engine.force[: self.owned, : self.engine.dimension]
 
@@ -165,6 +175,8 @@ class Peridynamics(ParticleMethod):
 
     def state(self) -> dict:
         """The largest eigenvalue, which decides on the step, and what quasi-static solutions remember."""
+        if self.fracture is not None:
+            self.fracture.damage.pack()
         solver = {} if self.quasi_static is None else {"quasi_static": self.quasi_static.state()}
         return {"largest_eigenvalue": self.largest_eigenvalue} | solver
 
@@ -173,6 +185,39 @@ class Peridynamics(ParticleMethod):
         self.largest_eigenvalue = state["largest_eigenvalue"]
         if self.quasi_static is not None:
             self.quasi_static.set_state(state["quasi_static"])
+
+    # --- fracture ----------------------------------------------------------------------------------------------
+
+    def _look(self) -> None:
+        """Look for bonds that fail in the state just evaluated; they are news to all ranks."""
+        self.news = self.fracture is not None and self.fracture.look()
+
+    def _break_bonds(self, ledger) -> None:
+        """Break what any rank has found, and evaluate the forces of the state anew; collective."""
+        history, engine, stored = self.relaxation, self.engine, self.energies()[1]
+        self.fracture.break_found()
+        for field, force in zip((engine.displacement[: self.owned], *history.terms), (history.elastic, *history.forces)):
+            engine.field[: self.owned] = field
+            force[:] = engine.evaluate(self.laws)
+        self._evaluate()
+        ledger.add_term("dissipation_fracture", stored - self.energies()[1])
+
+    def _settled(self, time: float, ledger) -> bool:
+        """Break bonds in balance at a time [s] until none fails any more; False when balance is lost on the way. Collective."""
+        sound = True
+        self._look()
+        while sound and anywhere(self.comm, self.news):
+            self._break_bonds(ledger)
+            self.quasi_static.stiffness_changed()
+            start, force = self.operator.displacement.copy(), self.operator.settled_force()
+            sound = self.quasi_static.advance(self.loads, time, 0.0, ledger, lambda *announced: None)
+            # loads do more work than the forces that were out of balance take up: cracks run by it
+            mean = 0.5 * (force + self.operator.settled_force())
+            excess = float(np.vdot(self.loads.external(time) + mean, self.operator.displacement - start))
+            ledger.add(1.0, 0.0, 0.0, excess)
+            ledger.add_term("dissipation_fracture", excess)
+            self._look()
+        return sound
 
     # --- explicit motion ---------------------------------------------------------------------------------------
 
@@ -196,9 +241,13 @@ class Peridynamics(ParticleMethod):
         """One leapfrog step, see `bond_motion`, or one material step."""
         if self.quasi_static is not None:
             sound = self.quasi_static.advance(self.loads, time, step, ledger, announce)
+            if self.fracture is not None:
+                sound = sound and self._settled(time + step, ledger)
             self._place()
             self._gradients = None
             return sound
+        if self.news_anywhere:
+            self._break_bonds(ledger)
         d, engine, loads = self.dimension, self.engine, self.loads
         rows, velocity, half = self.table.owned_rows, self.velocity[: self.owned], 0.5 * step
         guided = self._guided_motion()
@@ -209,10 +258,15 @@ class Peridynamics(ParticleMethod):
             loads.move(time, step, rows("displacement"))
             self._place()
         sound = bool(np.isfinite(velocity.sum()))
-        announce(sound, self.stable_step())
+        if self.fracture is None:
+            announce(sound, self.stable_step())
         self.relaxation.propose(step, engine.displacement, engine.field)
         engine.evaluate(self.laws)
         self._gradients = None
+        if self.fracture is not None:
+            # bonds that fail in the new state are part of what is announced
+            self._look()
+            announce(sound, self.stable_step())
         lost = self.relaxation.settle(step, engine.displacement, engine.force)
         work += bond_motion.kick(d, half, *moved, self._accelerations(time + step, True), self.clamp)
         if guided is not None:
@@ -263,7 +317,9 @@ class Peridynamics(ParticleMethod):
         return self.bonding.directed_pairs
 
     def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
-        """Deformation gradient and Cauchy stress (n, 3, 3)."""
+        """Deformation gradient and Cauchy stress (n, 3, 3); damage (n,)."""
+        if name == "damage" and self.fracture is None:
+            return np.zeros(last - first)
         if name not in ("deformation_gradient", "stress"):
             return None
         if name == "stress":
@@ -272,6 +328,14 @@ class Peridynamics(ParticleMethod):
         d = self.engine.dimension
         F[:, :d, :d] += self._displacement_gradients()[first:last]
         return F
+
+    def measure(self, name: str) -> tuple[str, np.ndarray]:
+        """Broken bonds, and the place of the crack's tip; collective."""
+        fracture = self.fracture
+        if name == "broken_bonds":
+            return "sum", np.array(0.0 if fracture is None else fracture.broken_bonds())
+        # the same on all ranks
+        return "maximum", np.full(self.dimension, np.nan) if fracture is None else fracture.tip()
 
     def _stresses(self) -> np.ndarray:
         """sigma (owned, 3, 3) [Pa] of the last evaluation's field."""

@@ -17,6 +17,8 @@ class ParticleMethod:
     jumps: times [s] at which a step of length 0 is due, because loads jump; landings: times [s] at which a step must end;
     even_steps: whether steps between two times to land on have one length (leapfrog near its limit gains energy where they change);
     evaluations: force evaluations a step; directed_pairs: interactions counted once a particle.
+    news: whether this rank has found what all ranks must act on at the next step, as it is when a step is announced;
+    news_anywhere: whether any rank had, told before the next step.
     """
 
     comm: Any
@@ -31,6 +33,8 @@ class ParticleMethod:
     evaluations: int = 1
     directed_pairs: int = 0
     communication_seconds: float = 0.0
+    news: bool = False
+    news_anywhere: bool = False
 
     @staticmethod
     def sort(comm, scene, cloud) -> np.ndarray:

@@ -140,6 +140,8 @@ class Peridynamics(MethodSettings):
     traction       how tractions act: "consistent", as forces that balance a uniform stress near the face, exact on a lattice;
                    "consistent-everywhere", also inside, where irregular particles need forces for that; "single-layer", on
                    the particles at the face; "horizon", spread evenly over the horizon beneath it
+    damage         bonds that break; the particle field damage is the share of a family's volume that bonds were lost to, the
+                   quantities broken_bonds (those of pre-cracks not among them) and crack_tip (see `methods.fracture`) follow cracks
     initial_state  how the bodies' initial displacement came about: "instantaneous", just before the start, with nothing relaxed
                    yet, or "relaxed", held for ever
     """
@@ -147,6 +149,9 @@ class Peridynamics(MethodSettings):
     dimensions: ClassVar = (1, 2, 3)
     materials: ClassVar = ("prony", "linear-elastic", "bond-based", "mooney-rivlin", "neo-hookean")
     boundaries: ClassVar = ("fixed", "roller", "velocity", "displacement", "layer", "traction")
+    ledger_terms: ClassVar = {"dissipation_fracture": 1}
+    extra_fields: ClassVar = {"damage": "scalar"}
+    extra_quantities: ClassVar = {"broken_bonds": "scalar", "crack_tip": "vector"}
 
     kind: Literal["peridynamics"]
     horizon_ratio: float = Field(3.0, ge=1, le=30, description="horizon over particle spacing, from 1 to 30")
@@ -158,6 +163,12 @@ class Peridynamics(MethodSettings):
     solution: by_kind(Explicit, QuasiStatic) = Explicit(kind="explicit")
     damage: Damage | None = None
     pre_cracks: list[PreCrack] = []
+
+    @property
+    def shown_fields(self) -> tuple[str, ...]:
+        """What is written unless the scene chooses: where bonds may break, the damage first."""
+        usual = MethodSettings.shown_fields
+        return ("damage", *usual) if self.damage is not None or self.pre_cracks else usual
 
     def horizon(self, spacing: float) -> float:
         """The horizon [m] for a particle spacing [m]; the margin keeps the last neighbours out of reach of rounding."""
