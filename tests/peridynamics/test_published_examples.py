@@ -60,6 +60,7 @@ def test_traction_on_the_last_column_alone_is_not_exact(shared_path):
     assert 0.01 < errors["edge.displacement_x"] < 0.04
 
 
+@pytest.mark.mpi(ranks=[1])
 @pytest.mark.parametrize("state", ("instantaneous", "relaxed"))
 @pytest.mark.parametrize(("clamp", "reach"), (("mirror", 3), ("mirror", 10), ("layer", 3)))
 def test_period_and_decay_of_a_vibrating_bar(shared_path, state, clamp, reach):
@@ -75,7 +76,7 @@ def test_period_and_decay_of_a_vibrating_bar(shared_path, state, clamp, reach):
     shift = fundamental_period(points, reach, clamp) * (1.0 - (130.4 * step) ** 2 / 24.0) - 1.0
     # a quarter of what is asked of 1000 points
     assert errors["period"] == pytest.approx(abs(shift), abs=5e-5)
-    assert errors["decay_rate"] < 2e-3
+    assert errors["decay_rate"] < 0.01
 
 
 def test_quasi_static_run_in_pieces_gives_the_same_bits(shared_path):
