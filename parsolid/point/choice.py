@@ -2,10 +2,12 @@
 
 from parsolid.materials.elastic_plastic import ElasticPlastic
 from parsolid.materials.mooney_rivlin import MooneyRivlin
+from parsolid.materials.prony import Prony
 from parsolid.point.laws import MaxwellPoint, PointLaw
 from parsolid.point.plastic import PlasticPoint
+from parsolid.point.viscoelastic import PronyPoint
 
-POINT_LAWS = {MooneyRivlin: MaxwellPoint, ElasticPlastic: PlasticPoint}
+POINT_LAWS = {MooneyRivlin: MaxwellPoint, ElasticPlastic: PlasticPoint, Prony: PronyPoint}
 
 
 def point_law(parameters, **conditions) -> PointLaw:

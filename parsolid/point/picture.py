@@ -81,8 +81,8 @@ def _branches(panel, columns: dict) -> None:
         panel.set_xlabel("equivalent plastic strain")
         panel.set_ylabel("temperature [K]")
         return
-    names = [name for name in columns if ".A_" in name and np.ptp(columns[name]) > 1e-9]
+    names = [name for name in columns if (".A_" in name or ".strain_" in name) and np.ptp(columns[name]) > 1e-9]
     if not names:
         _series(panel, columns, "stress [Pa]", ("von_mises_stress", "pressure"))
         return
-    _series(panel, columns, "internal variable A", names[:18], [name.replace(".", ", ") for name in names])
+    _series(panel, columns, "internal variables", names[:18], [name.replace(".", ", ") for name in names])

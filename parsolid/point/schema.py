@@ -53,6 +53,8 @@ class MaterialPoint(Section):
             details.append((("end_time",), f"at most the last time of the path, {self.path.last_time:g}", self.end_time))
         if self.time_step is not None and self.end_time / self.time_step > MOST_STEPS:
             details.append((("time_step",), f"at least end_time/{MOST_STEPS} = {self.end_time / MOST_STEPS:g}", self.time_step))
+        if self.material.kind == "bond-based":
+            details.append((("material", "kind"), "a law of stresses (bonds have none)", self.material.kind))
         if self.material.kind != "elastic-plastic":
             stated = [key for key in ("temperature", "heat") if getattr(self, key) is not None]
             details += [((key,), "no such key but with the material 'elastic-plastic'", getattr(self, key)) for key in stated]
