@@ -13,6 +13,9 @@ from parsolid.scene.shapes import Shape
 Name = Annotated[str, Field(pattern=r"^[^.,\s][^.,]*$", description="a name without '.' and ','")]
 Placement = Literal["nodes", "cells"]
 
+# shapes whose lattice is cut by a surface
+_CUT = ("cylinder", "sphere", "perforated_box")
+
 
 class FilledShape(Section):
     """A shape and the particles that fill it.
@@ -64,7 +67,7 @@ class FilledShape(Section):
             details.append(((key,), "no such key with a mesh (it has its own particles)", getattr(self, key)))
         if self.shape.kind != "mesh" and not counted:
             details.append(((), "exactly one of particles, spacing", Phrase("none")))
-        if self.shape.kind in ("cylinder", "sphere") and self.placement == "nodes":
+        if self.shape.kind in _CUT and self.placement == "nodes":
             details.append((("placement",), f"'cells' for a {self.shape.kind} (its lattice is cut by the surface)", "nodes"))
         reject(*details)
         return self
@@ -72,7 +75,7 @@ class FilledShape(Section):
     @property
     def placed_on(self) -> Placement:
         """The placement, with the default of the shape where the scene gives none."""
-        return self.placement or ("cells" if self.shape.kind in ("cylinder", "sphere") else "nodes")
+        return self.placement or ("cells" if self.shape.kind in _CUT else "nodes")
 
 
 class Body(FilledShape):

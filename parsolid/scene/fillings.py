@@ -4,10 +4,12 @@ from parsolid.scene.bodies import FilledShape
 from parsolid.scene.clipped import ClippedFilling
 from parsolid.scene.lattice import BoxFilling, Filling
 from parsolid.scene.mesh import MeshFilling
+from parsolid.scene.perforated import PerforatedFilling
 from parsolid.scene.shell import ShellFilling
 
 _FILLINGS = {
     "box": BoxFilling,
+    "perforated_box": PerforatedFilling,
     "cylindrical_shell": ShellFilling,
     "cylinder": ClippedFilling,
     "sphere": ClippedFilling,

@@ -40,6 +40,13 @@ class Box(Section):
         return self
 
 
+class PerforatedBox(Box):
+    """A box without a round hole (in 3-D: a ball), which may be cut by the box's faces."""
+
+    centre: Point = Field(description="the centre of the hole [m]")
+    radius: Positive = Field(description="the radius of the hole [m]")
+
+
 class Cylinder(Section):
     """A solid circular cylinder from the centre `base` of one end along `axis`; 3-D only.
 
@@ -114,8 +121,9 @@ class MeshFile(Section):
 class Shape(Section):
     """Exactly one shape; `kind` names it and `model` is its table."""
 
-    exactly_one: ClassVar = (("box", "cylinder", "cylindrical_shell", "sphere", "mesh"),)
+    exactly_one: ClassVar = (("box", "perforated_box", "cylinder", "cylindrical_shell", "sphere", "mesh"),)
     box: Box | None = None
+    perforated_box: PerforatedBox | None = None
     cylinder: Cylinder | None = None
     cylindrical_shell: CylindricalShell | None = None
     sphere: Sphere | None = None
@@ -127,12 +135,14 @@ class Shape(Section):
         return next(key for key in self.exactly_one[0] if getattr(self, key) is not None)
 
     @property
-    def model(self) -> Box | Cylinder | CylindricalShell | Sphere | MeshFile:
+    def model(self) -> Box | PerforatedBox | Cylinder | CylindricalShell | Sphere | MeshFile:
         """The table of the shape that is given."""
         return getattr(self, self.kind)
 
     @model_validator(mode="after")
     def _fits_dimension(self, info: ValidationInfo) -> "Shape":
+        if dimension_of(info) == 1 and self.perforated_box is not None:
+            reject((("perforated_box",), "a shape of 2-D or 3-D", "perforated_box"))
         if dimension_of(info) == 2 and self.cylinder is not None:
             reject((("cylinder",), "a 2-D shape (a disc is a sphere)", "cylinder"))
         return self

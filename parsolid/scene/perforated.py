@@ -1,0 +1,75 @@
+"""Boxes with a round hole (a ball in 3-D): a Cartesian lattice of cells of which those with their centre outside it are kept."""
+
+import numpy as np
+
+from parsolid.scene.bodies import FilledShape
+from parsolid.scene.cloud import Cloud
+from parsolid.scene.lattice import Line, counted, jitter_offsets, numbers_and_spacings
+
+
+class PerforatedFilling:
+    """A box without what is within a radius of a point; the hole's surface is a staircase.
+
+    Ids run along columns of the last axis; each lacks at most one run of cells. Each rank counts the columns, none makes more
+    than its own particles.
+    """
+
+    def __init__(self, body: FilledShape, dimension: int):
+        self.body, self.dimension = body, dimension
+        shape = body.shape.model
+        self.lower, self.upper = np.array(shape.lower, float), np.array(shape.upper, float)
+        numbers, spacings = numbers_and_spacings(body, dimension)
+        self.lines = [Line.of(self.lower[i], self.upper[i], numbers[i], spacings[i], nodes=False) for i in range(dimension)]
+        counted(self.lines)
+        self.step = np.array([line.step for line in self.lines])
+        self.coarsest, self.volume = float(self.step.max()), float(np.prod(self.step))
+        self._count_columns(np.array(shape.centre, float), shape.radius)
+        self.count = int(self.ends[-1])
+
+    def _count_columns(self, centre: np.ndarray, radius: float) -> None:
+        """The run of cells that each column lacks: where it starts, and its length; both 0 beside the hole."""
+        self.cross_shape = tuple(line.count for line in self.lines[:-1])
+        squared = np.zeros(self.cross_shape)
+        for k, line in enumerate(self.lines[:-1]):
+            distance = line.coordinate(np.arange(line.count)) - centre[k]
+            squared += (distance**2).reshape([-1 if m == k else 1 for m in range(self.dimension - 1)])
+        along = self.lines[-1]
+        half = np.sqrt(np.maximum(radius**2 - squared.ravel(), 0.0))
+        # centres lower + (i + 1/2) step that are closer to the hole's centre than `half`
+        first = np.floor((centre[-1] - half - along.lower) / along.step - 0.5).astype(np.int64) + 1
+        last = np.ceil((centre[-1] + half - along.lower) / along.step - 0.5).astype(np.int64)
+        self.start, last = np.clip(first, 0, along.count), np.clip(last, 0, along.count)
+        self.missing = np.where(half > 0.0, np.maximum(last - self.start, 0), 0)
+        self.ends = np.cumsum(along.count - self.missing)
+
+    def _holds(self, index: list[np.ndarray]) -> np.ndarray:
+        """Which lattice places carry a particle."""
+        inside = np.ones(len(index[0]), bool)
+        for i, line in zip(index, self.lines):
+            inside &= (i >= 0) & (i < line.count)
+        clipped = tuple(np.clip(i, 0, count - 1) for i, count in zip(index, self.cross_shape))
+        column, along = np.ravel_multi_index(clipped, self.cross_shape), index[-1]
+        return inside & ((along < self.start[column]) | (along >= self.start[column] + self.missing[column]))
+
+    def piece(self, first: int, last: int) -> Cloud:
+        identifier = np.arange(first, last)
+        column = np.searchsorted(self.ends, identifier, side="right")
+        along = identifier - self.ends[column] + self.lines[-1].count - self.missing[column]
+        along += np.where(along >= self.start[column], self.missing[column], 0)
+        index = [*np.unravel_index(column, self.cross_shape), along]
+        area = np.zeros((len(identifier), self.dimension))
+        for i in range(self.dimension):
+            for side in (-1, 1):
+                beyond = [one + side if k == i else one for k, one in enumerate(index)]
+                area[:, i] += side * self.volume / self.step[i] * ~self._holds(beyond)
+        offset = jitter_offsets(self.body, identifier, np.ones(len(identifier), bool), self.dimension)
+        coordinates = [line.coordinate(one, offset[:, k]) for k, (line, one) in enumerate(zip(self.lines, index))]
+        return Cloud(
+            identifier=identifier,
+            position=np.stack(coordinates, axis=1),
+            volume=np.full(len(identifier), self.volume),
+            spacing=np.tile(self.step, (len(identifier), 1)),
+            axes=None,
+            body=np.zeros(len(identifier), np.int32),
+            area=area,
+        )
