@@ -40,9 +40,11 @@ def random_affine(cloud):
 
 
 def run_scatter(cloud, transfer, stress, external=None, space=None, motion=True, partials=None):
-    cells = len(cloud.grid.base)
+    cells, where = len(cloud.grid.base), cloud.motion
     cloud.nodes[:] = 0.0
-    where = cloud.motion
+    if external is None:
+        # not None: one kernel less to compile
+        external = aligned_zeros((len(where), 4))
     scatter(
         0, cells, space or space_of(cloud.dimension), cloud.basis, cloud.grid, cloud.scratch, where,
         where if motion else None, transfer, stress, external, cloud.nodes, partials,

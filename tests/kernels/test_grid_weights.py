@@ -1,0 +1,111 @@
+"""Weights of every basis: partition of unity, reproduction of linear fields, gradients, continuity at the ends of base cells."""
+
+import numpy as np
+import pytest
+from grid_reference import BASES, slope, weight
+from numba import njit
+
+from parsolid.kernels import grid_weights
+from parsolid.kernels.simd import aligned_zeros, load
+
+SECOND_MOMENTS = {"quadratic-spline": 1.0 / 4.0, "cubic-spline": 1.0 / 3.0}
+
+
+@njit(cache=True)
+def weigh(basis, xi, weights):
+    grid_weights.store_weights(basis, 0, load(xi, 0, 0), weights)
+    grid_weights.store_distances(basis, load(xi, 0, 0), weights)
+
+
+def base_cell(name):
+    """xi at the start of the base cell."""
+    return grid_weights.base_offset(grid_weights.make_basis(name, np.zeros((1, 4))))
+
+
+def evaluate(name, xi, half):
+    """(w, dw, i - xi, u), each (K, 3), at three places xi with half widths of the domain."""
+    halves = aligned_zeros((1, 4)) + 0.5
+    halves[0, :3] = half
+    basis = grid_weights.make_basis(name, halves)
+    place, weights = aligned_zeros((1, 4)) + base_cell(name), aligned_zeros((grid_weights.nodes_across(basis), 16))
+    place[0, :3] = xi
+    weigh(basis, place, weights)
+    return weights.reshape(-1, 4, 4)[:, :, :3].transpose(1, 0, 2)
+
+
+def samples(name):
+    """Places in the base cell and half widths: random ones, the ends of the cell, domains whose ends lie on nodes, stretched ones."""
+    random = np.random.default_rng(1)
+    start, widest = base_cell(name), {"cpgimp": 1.0}.get(name, 0.5)
+    for _ in range(20):
+        yield start + random.uniform(0.0, 1.0, 3), random.uniform(0.05, widest, 3)
+    yield start + np.array([0.0, 0.5, np.nextafter(1.0, 0.0)]), np.array([0.25, 0.5, 0.25])
+    yield start + np.array([0.25, 0.75, 0.5]), np.array([0.25, 0.25, 0.5])
+    yield start + np.array([0.0, 0.5, 0.9]), np.array([1e-3, widest, widest])
+
+
+@pytest.mark.parametrize("name", BASES)
+def test_weights_are_those_of_their_definition(name):
+    for xi, half in samples(name):
+        w, derivative, distance, _ = evaluate(name, xi, half)
+        s = xi - np.arange(len(w))[:, None]
+        np.testing.assert_allclose(w, weight(name, s, half), atol=2e-13)
+        np.testing.assert_array_equal(distance, -s)
+        # on a node the hat function has two derivatives
+        smooth = np.ones(3, bool) if name != "linear" else np.abs(s).min(axis=0) > 0.0
+        np.testing.assert_allclose(derivative[:, smooth], slope(name, s, half)[:, smooth], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", BASES)
+def test_constants_and_linear_fields_are_reproduced(name):
+    for xi, half in samples(name):
+        w, derivative, distance, u = evaluate(name, xi, half)
+        assert (w >= 0.0).all()
+        np.testing.assert_allclose(w.sum(axis=0), 1.0, atol=1e-14)
+        np.testing.assert_allclose(derivative.sum(axis=0), 0.0, atol=1e-13)
+        np.testing.assert_allclose((w * distance).sum(axis=0), 0.0, atol=1e-14)
+        np.testing.assert_allclose((derivative * distance).sum(axis=0), 1.0, atol=1e-13)
+        np.testing.assert_allclose(u.sum(axis=0), 0.0, atol=2e-12)
+        np.testing.assert_allclose((u * distance).sum(axis=0), 1.0, atol=1e-13)
+        if name in SECOND_MOMENTS:
+            np.testing.assert_allclose((w * distance**2).sum(axis=0), SECOND_MOMENTS[name], atol=1e-14)
+
+
+@pytest.mark.parametrize("name", BASES)
+def test_weights_go_on_from_cell_to_cell(name):
+    start, half = base_cell(name), np.array([0.1, 0.25, 0.5])
+    first = evaluate(name, np.full(3, start), half)
+    last = evaluate(name, np.full(3, start + 1.0), half)
+    # the next cell's stencil begins one node further on
+    assert np.abs(last[0][0]).max() < 1e-15 and np.abs(first[0][-1]).max() < 1e-15
+    np.testing.assert_allclose(last[0][1:], first[0][:-1], atol=1e-15)
+    if name != "linear":
+        assert np.abs(last[1][0]).max() < 1e-15 and np.abs(first[1][-1]).max() < 1e-15
+        np.testing.assert_allclose(last[1][1:], first[1][:-1], atol=1e-14)
+
+
+def test_a_domain_wider_than_two_cells_counts_as_two_cells():
+    xi = np.array([1.0, 1.3, 1.9])
+    wide, whole = evaluate("cpgimp", xi, np.full(3, 1.7)), evaluate("cpgimp", xi, np.ones(3))
+    np.testing.assert_array_equal(wide, whole)
+
+
+@pytest.mark.parametrize("name", BASES)
+def test_base_nodes(name):
+    basis = grid_weights.make_basis(name, aligned_zeros((4, 4)))
+    origin, spacing = np.array([-0.5, 2.0, 0.0, 0.0]), 0.25
+    where = np.random.default_rng(2).uniform(-3.0, 3.0, (50, 8))
+    base = np.zeros((50, 3), np.int32)
+    grid_weights.find_bases(0, 50, where, origin, 1.0 / spacing, grid_weights.base_offset(basis), base)
+    xi = (where[:, :3] - origin[:3]) / spacing - base
+    assert (xi >= base_cell(name)).all() and (xi < base_cell(name) + 1.0).all()
+
+
+@pytest.mark.parametrize("dimension, diagonal", [(2, [0, 3]), (3, [0, 4, 8])])
+def test_domains_stretch_with_the_deformation(dimension, diagonal):
+    random = np.random.default_rng(3)
+    deformation = random.uniform(0.5, 1.5, ({2: 5, 3: 9}[dimension], 6))
+    initial, halves = np.full((6, 4), 0.25), np.zeros((6, 4))
+    grid_weights.stretch_domains(0, 6, deformation, initial, halves)
+    np.testing.assert_allclose(halves[:, :dimension], 0.25 * deformation[diagonal].T)
+    assert not halves[:, dimension:].any()
