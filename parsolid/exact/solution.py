@@ -5,6 +5,9 @@ from typing import Any
 
 import numpy as np
 
+# an exact field below this share of its scale vanishes but for rounding
+_NOTHING = 1e-12
+
 
 @dataclass
 class View:
@@ -52,12 +55,13 @@ class Solution:
         return tuple(self.fields(np.zeros((1, dimension)), 0.0))
 
     def errors(self, view: View, time: float) -> dict[str, float]:
-        """Relative L2 errors by name; absolute where the exact field vanishes. Collective."""
+        """Relative L2 errors by name; over its scale, or 1, where the exact field vanishes. Collective."""
         result = {}
         for name, wanted in self.fields(view.positions, time).items():
-            difference = _like(view.field(name), wanted) - wanted
-            error, size = view.sums(difference**2, (wanted - self.offsets.get(name, 0.0)) ** 2)
-            result[name] = float(np.sqrt(error / size)) if size > 0.0 else float(np.sqrt(error))
+            difference, scale = _like(view.field(name), wanted) - wanted, self.scales.get(name, 1.0)
+            sums = view.sums(difference**2, (wanted - self.offsets.get(name, 0.0)) ** 2, np.full(len(wanted), scale**2))
+            vanishes = sums[1] <= _NOTHING**2 * sums[2]
+            result[name] = float(np.sqrt(sums[0] / sums[2 if vanishes else 1]))
         return result
 
     def history_columns(self) -> list[str]:
