@@ -7,14 +7,13 @@ from numba.extending import register_jitable
 
 from parsolid.kernels.elementary import choose
 from parsolid.kernels.layout import four_rows
-from parsolid.kernels.polar import symmetric_part
+from parsolid.kernels.polar import congruence, symmetric_part
 from parsolid.kernels.simd import WIDTH, all_positive, broadcast, from_floats, lane, load
 from parsolid.kernels.tensor import (
     add,
     cofactor,
     contract_symmetric,
     determinant,
-    gram,
     lane_of_general,
     matmul,
     matmul_transposed,
@@ -37,8 +36,7 @@ def _eigenvalue_bound(q):
 def advance_elastic_stress(space, first, last, law, step, deformation, motion, rate, stress):
     """Advance F of particles first..last-1 by a step [s] with the velocity gradients `rate`, and write V sigma.
 
-    Arrays as for `plastic_update.advance_stress`. Returns (sound, largest c + |v| [m/s]): c of the present configuration, from the
-    wave speed of the reference configuration and the largest stretch; sound is False when a Jacobian is not positive.
+    Arrays as for `plastic_update.advance_stress`. Returns (sound, largest c + |v| [m/s]): c of the present configuration; sound is False when a Jacobian is not positive.
     """
     sound, fastest = True, broadcast(0.0)
     for i in range(first, last, WIDTH):
@@ -51,7 +49,8 @@ def advance_elastic_stress(space, first, last, law, step, deformation, motion, r
         _store_general(space, deformation, i, F, count)
         # V sigma = V0 P F^T
         _store_stress(space, stress, i, symmetric_part(scale(velocity[3], matmul_transposed(P, F))))
-        waves = _eigenvalue_bound(pressure_wave_tensor(law, F, H, J, None)) * _eigenvalue_bound(gram(F))
+        # a wave with normal n has rho0 c^2 = N.Q N with N = F^T n of the reference configuration
+        waves = _eigenvalue_bound(congruence(F, pressure_wave_tensor(law, F, H, J, None)))
         valid = float(count) - from_floats(0.5, 1.5, 2.5, 3.5)
         speed = math.sqrt(waves * (1.0 / law.density)) + _speed(velocity)
         fastest = choose(valid, max(speed, fastest), fastest)
