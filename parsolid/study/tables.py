@@ -61,7 +61,8 @@ def _accuracy_sheet(study: Study, name: str, cases: list[Case]) -> Sheet:
     errors, axes = shown_errors(study, cases), [axis.title for axis in cases[0].series.axes]
     compared = any(case.yardstick for case in cases)
     probed = any("momentum_drift" in case.measures for case in cases)
-    measured = ["particles", "steps", "core_seconds", "processor_seconds"]
+    iterated = any(case.measures.get("iterations_per_step") for case in cases)
+    measured = ["particles", "steps", *(["iterations_per_step"] if iterated else []), "core_seconds", "processor_seconds"]
     measured += ["numerical_dissipation", "energy_drift"] + (["momentum_drift"] if probed else [])
     headings = [*axes, "ranks", *(MEASURES[key][0] for key in measured), *map(spaced, errors)]
     sheet = Sheet(name, headings + (["errors / yardstick", "CPU s / yardstick"] if compared else []) + ["as stated"], len(axes))
