@@ -1,0 +1,182 @@
+"""Loads and prescribed motion of peridynamics: a uniform stress is exact under consistent tractions, on any number of ranks."""
+
+import numpy as np
+import pytest
+
+from parsolid.kernels.bond_weights import INFLUENCES
+from parsolid.kernels.pairs import ShearScaled
+from parsolid.laws import laws_of
+from parsolid.methods.bond_force import BondForce
+from parsolid.methods.bonding import build_bonding
+from parsolid.methods.groups import groups_of
+from parsolid.methods.peridynamic_loads import PeridynamicLoads
+from parsolid.methods.peridynamic_operator import Operator
+from parsolid.methods.relaxing import Relaxation
+from parsolid.scene import generate, parse_scene
+from parsolid.solvers import conjugate_gradients
+
+SIZE = (1.0, 0.8, 0.7)
+PARTICLES = (10, 8, 7)
+STRESS = 1e4
+
+
+class Body:
+    """A bar, plate or block pulled along X, on rollers, or pulled at both ends, with everything a static solution needs."""
+
+    def __init__(self, comm, dimension, both=False, boundaries=(), loads=(), end_time=1.0, placement="cells", jitter=0.0, **method):
+        material = {"kind": "prony", "density": 1000.0, "youngs_modulus": 7e6, "poissons_ratio": 0.3, "terms": [{"ratio": 9.0, "tau": 1.0}]}
+        pull = [STRESS, 0.0, 0.0][:dimension]
+        supports = [{"kind": "roller", "plane": f"{axis} = 0"} for axis in "XYZ"[both:dimension]]
+        tractions = [{"kind": "traction", "plane": "X = 1", "traction": pull}]
+        if both:
+            tractions.append({"kind": "traction", "plane": "X = 0", "traction": [-t for t in pull]})
+        shape = {"box": {"lower": [0.0] * dimension, "upper": list(SIZE[:dimension])}}
+        body = {"shape": shape, "particles": list(PARTICLES[:dimension]), "placement": placement, "jitter": jitter, "material": material}
+        self.scene = parse_scene(
+            {
+                "dimension": dimension, "end_time": end_time, "method": {"kind": "peridynamics", **method}, "bodies": [body],
+                "boundaries": list(boundaries) or supports + tractions, "loads": dict(loads),
+            }
+        )  # fmt: skip
+        cloud = self.cloud = generate(self.scene, comm)
+        groups, density = groups_of(laws_of(self.scene), cloud.body)
+        self.comm, self.law = comm, laws_of(self.scene)[0]
+        self.loads = PeridynamicLoads(comm, self.scene, cloud, density)
+        horizon = self.scene.method.horizon(cloud.spacing.max(axis=1))
+        influence = INFLUENCES[self.scene.method.influence]
+        bonding = build_bonding(comm, influence, horizon, cloud, cloud.volume / self.loads.share, self.loads.codes)
+        engine = BondForce(bonding, ShearScaled(), np.full(len(cloud), 0.5 * self.law.shear_modulus))
+        self.loads.install_tractions(engine, horizon)
+        relaxation = Relaxation(groups, len(cloud), bonding.positions.shape[1], self.loads.share)
+        self.operator = Operator(engine, groups, relaxation, self.loads.share, density * cloud.volume / self.loads.share, self.loads.free)
+
+    def stretched(self, pinned=None):
+        """The displacement (n, d) under the loads just after time 0; `pinned` (n, d) bool: more components at rest."""
+        free = self.loads.free if pinned is None else self.loads.free & ~pinned
+        load = self.loads.external(0.0)
+        size = np.sqrt(self.comm.allreduce(float(np.vdot(load, load))))
+        solution = conjugate_gradients(
+            self.comm, lambda u, out: self.operator.linear(u, u, out, 0.0), load.copy(), 1e-12 * size, free
+        )
+        assert solution.converged
+        return solution.value.reshape(free.shape)
+
+    def exact(self):
+        """The displacement (n, d) of the uniform stress."""
+        material = self.scene.bodies[0].material.instantaneous
+        E, nu = material.youngs_modulus, material.poissons_ratio
+        if self.scene.method.state(self.scene.dimension) == "plane-strain":
+            E, nu = E / (1.0 - nu**2), nu / (1.0 - nu)
+        return self.cloud.position * (STRESS / E * np.array([1.0, -nu, -nu])[: self.scene.dimension])
+
+    def total(self):
+        """Resultant of the loads along X [N]."""
+        return self.comm.allreduce(float(self.loads.external(0.0)[:, 0].sum()))
+
+
+def area(dimension):
+    """Of the loaded face [m^2]."""
+    return float(np.prod(SIZE[1:dimension]))
+
+
+def error(body, displacement):
+    """Largest error over the largest displacement, over all ranks."""
+    exact = body.exact()
+    largest = max(body.comm.allgather(float(np.abs(exact).max(initial=0.0))))
+    return max(body.comm.allgather(float(np.abs(displacement - exact).max(initial=0.0)))) / largest
+
+
+CASES = {
+    "bar": dict(dimension=1),
+    "bar of nodes": dict(dimension=1, placement="nodes"),
+    "plane stress": dict(dimension=2, plane="stress"),
+    "plane stress, nodes": dict(dimension=2, plane="stress", placement="nodes"),
+    "plane strain, wide": dict(dimension=2, plane="strain", horizon_ratio=4, influence="linear"),
+    "space": dict(dimension=3, influence="cubic-spline"),
+    "space, nodes": dict(dimension=3, placement="nodes", horizon_ratio=2),
+    "irregular": dict(dimension=2, jitter=0.2, traction="consistent-everywhere"),
+    "irregular nodes": dict(dimension=2, placement="nodes", jitter=0.2, traction="consistent-everywhere"),
+}
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=CASES)
+def test_a_uniform_stress_is_exact(comm, case):
+    body = Body(comm, **case)
+    assert error(body, body.stretched()) <= 1e-10
+    if not case.get("jitter"):
+        assert body.total() == pytest.approx(STRESS * area(case["dimension"]), rel=1e-11)
+
+
+def test_a_uniform_stress_between_two_loaded_faces_is_exact(comm):
+    # the faces are closer to each other than their forces reach
+    body = Body(comm, 2, both=True, plane="stress")
+    pinned = np.zeros_like(body.loads.free)
+    pinned[body.cloud.identifier == 0, 0] = True
+    displacement = body.stretched(pinned)
+    away = sum(comm.allgather((body.exact() - displacement)[body.cloud.identifier == 0, 0].sum()))
+    displacement[:, 0] += away
+    assert error(body, displacement) <= 1e-10
+    assert body.total() == pytest.approx(0.0, abs=1e-9 * STRESS)
+
+
+def test_forces_at_the_face_or_spread_are_not_exact_but_have_the_same_resultant(comm):
+    errors = {}
+    for kind in ("single-layer", "horizon", "consistent"):
+        body = Body(comm, 2, plane="stress", traction=kind)
+        errors[kind] = error(body, body.stretched())
+        assert body.total() == pytest.approx(STRESS * area(2), rel=1e-11)
+    assert errors["consistent"] < 1e-10 < 0.01 < errors["single-layer"] < errors["horizon"]
+
+
+def test_irregular_particles_carry_the_force_of_the_face(comm):
+    body = Body(comm, 2, plane="stress", jitter=0.2)
+    assert body.total() == pytest.approx(STRESS * area(2), rel=1e-11)
+
+
+PULL = {"kind": "traction", "plane": "X = 1", "traction": ["1e4*Y", 0.0], "history": {"rows": [[0.0, 1.0], [2.0, 3.0], [2.0, 0.0]]}}
+
+
+def test_loads_in_time(comm):
+    loads = {"body_force": [0.0, "-7*(t < 5)"], "acceleration": [2.0, 0.0], "jumps": [5.0]}
+    body = Body(comm, 2, boundaries=[{"kind": "roller", "plane": "X = 0"}, PULL], loads=loads, end_time=10.0)
+    assert body.loads.jumps == (0.0, 2.0, 5.0)
+    weight = 1000.0 * 2.0 * 0.8
+    # the traction 1e4 Y over the height 0.8
+    sides = {(0.0, False): (1.0, -7.0), (1.0, False): (2.0, -7.0), (2.0, True): (3.0, -7.0), (2.0, False): (0.0, -7.0)}
+    sides |= {(5.0, True): (0.0, -7.0), (5.0, False): (0.0, 0.0)}
+    for (time, before), (along, across) in sides.items():
+        total = np.array(comm.allgather(body.loads.external(time, before).sum(axis=0))).sum(axis=0)
+        assert total == pytest.approx([weight + along * 3200.0, across * 0.8], rel=1e-9), time
+
+
+def test_prescribed_motion(comm):
+    layer = {"kind": "layer", "plane": "X = 0.3", "side": "below"}
+    end = {"kind": "displacement", "plane": "X = 1", "displacement": ["where(t < 2, 0.1*t, 0.5)", "free"], "jumps": [2.0]}
+    driven = {"kind": "velocity", "box": {"lower": [0.4, 0.0], "upper": [0.6, 0.8]}, "velocity": ["free", "t**3"]}
+    body = Body(comm, 2, boundaries=[layer, end, driven], end_time=10.0)
+    loads, x = body.loads, body.cloud.position[:, 0]
+    assert loads.jumps == (0.0, 2.0)
+    held = np.stack([(x < 0.3) | (x > 0.9), (x < 0.3) | ((x > 0.4) & (x < 0.6))], axis=1)
+    assert np.array_equal(loads.free, ~held) and not loads.held.any()
+    u = np.full(loads.free.shape, 7.0)
+    for time, step, at_end, ahead in ((0.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.1, 0.25), (1.0, 1.0, 0.2, 4.0), (2.0, 0.0, 0.5, 4.0)):
+        loads.move(time, step, u)
+        assert u[x > 0.9, 0] == pytest.approx(np.full((x > 0.9).sum(), at_end)), time
+        inside = (x > 0.4) & (x < 0.6)
+        assert u[inside, 1] == pytest.approx(np.full(inside.sum(), 7.0 + ahead))
+    assert not u[x < 0.3].any() and (u[loads.free] == 7.0).all()
+    velocity = loads.guided_velocities(1.0, 0.5, np.full(len(loads.entries[0]), 0.2))
+    particles, components = loads.entries
+    is_driven = (components == 1) & (x[particles] > 0.3)
+    assert velocity[is_driven] == pytest.approx(np.full(is_driven.sum(), 1.5**3))
+    assert velocity[~is_driven] == pytest.approx(np.full((~is_driven).sum(), 0.4))
+
+
+def test_the_last_boundary_holds(comm):
+    first = {"kind": "displacement", "plane": "X = 1", "displacement": [1.0, 1.0]}
+    last = {"kind": "displacement", "plane": "X = 1", "displacement": [2.0, "free"]}
+    body = Body(comm, 2, boundaries=[first, last])
+    u = np.zeros(body.loads.free.shape)
+    body.loads.move(0.0, 0.0, u)
+    at_end = body.cloud.position[:, 0] > 0.9
+    assert (u[at_end] == [2.0, 1.0]).all() and len(body.loads.entries[0]) == 2 * at_end.sum()

@@ -1,0 +1,97 @@
+"""Prony solids at a material point against relaxation functions, on any number of ranks."""
+
+import json
+from argparse import ArgumentParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from parsolid.exact.prony import PronySeries
+from parsolid.laws import law_of
+from parsolid.point import add_arguments, run_point
+from parsolid.point.choice import point_law
+from parsolid.point.driver import drive
+from parsolid.point.report import tabulate
+from parsolid.point.schema import MaterialPoint, load_point
+from parsolid.scene import SceneError
+
+EXAMPLES = Path(__file__).resolve().parents[1] / "runs" / "point"
+MATERIAL = {"kind": "prony", "density": 1000.0, "youngs_modulus": 7e6, "poissons_ratio": 0.3}
+TERMS = [{"ratio": 2.0, "tau": 0.3}, {"ratio": 0.7, "tau": 5.0}]
+
+
+def driven(path, end_time=2.0, steps=40, **material):
+    """Columns of a point."""
+    material = {key: value for key, value in {**MATERIAL, "terms": TERMS, **material}.items() if value is not None}
+    tables = {"end_time": end_time, "steps": steps, "material": material, "path": path}
+    point = MaterialPoint.model_validate(tables, context={"dimension": 3, "folder": "."})
+    record = drive(point_law(law_of(point.material)), point.path, point.end_time, point.longest_step)
+    return tabulate(point_law(law_of(point.material)), record, np.array(point.output.directions))
+
+
+def test_relaxation_under_uniaxial_stress_is_that_of_youngs_modulus():
+    columns = driven({"kind": "uniaxial", "stretch": 1.01})
+    series = PronySeries(7e6, [14e6, 4.9e6], [0.3, 5.0])
+    exact = 0.01 * series.relaxation(columns["time"][1:])
+    assert columns["first_piola_kirchhoff_stress_xx"][1:] == pytest.approx(exact, rel=1e-7)
+    assert columns["deformation_gradient_yy"][1:] == pytest.approx(1.0 - 0.003, rel=1e-9)
+    # held and in the jump nothing is approximated
+    assert np.abs(columns["balance"]).max() <= 1e-8 * columns["work"].max()
+    assert np.diff(columns["dissipation"]).min() >= 0.0
+
+
+@pytest.mark.parametrize("strain", ["small", "finite"])
+@pytest.mark.parametrize("bulk", [{}, {"bulk": "elastic", "poissons_ratio": None, "bulk_modulus": 30e6}], ids=["relaxing", "elastic"])
+def test_work_stored_and_dissipated_balance(strain, bulk):
+    path = {"kind": "cyclic-shear", "amplitude": 0.4, "period": 1.0}
+    errors = []
+    for steps in (40, 80):
+        columns = driven(path, 1.0, steps, strain=strain, **bulk)
+        errors.append(np.abs(columns["balance"]).max() / columns["work"].max())
+        assert np.diff(columns["dissipation"]).min() >= 0.0
+    assert errors[1] <= 2e-3 and np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.2)
+
+
+def test_finite_strain_does_not_feel_rotations():
+    turn = "cos(3*t)", "sin(3*t)"
+    path = {"kind": "formulas", "deformation_gradient": [
+        [f"(1 + 0.2*t)*{turn[0]}", f"-{turn[1]}", "0"], [f"(1 + 0.2*t)*{turn[1]}", turn[0], "0"], ["0", "0", "1"],
+    ]}  # fmt: skip
+    straight = {"kind": "uniaxial", "stretch": "1 + 0.2*t", "lateral": "fixed"}
+    turned, still = driven(path, strain="finite"), driven(straight, strain="finite")
+    for name in ("stored", "dissipation", "von_mises_stress"):
+        assert turned[name] == pytest.approx(still[name], rel=1e-9)
+
+
+def test_wave_speeds_of_small_strain_are_the_instantaneous_ones():
+    columns = driven({"kind": "uniaxial", "stretch": 1.01})
+    G = 3.7 * 7e6 / 2.6
+    assert columns["largest_shear_wave_speed"] == pytest.approx(np.full(len(columns["time"]), np.sqrt(G / 1000.0)))
+    assert columns["direction_2.pressure_wave_speed"][-1] == pytest.approx(np.sqrt(G * 2.0 * 0.7 / 0.4 / 1000.0))
+
+
+def test_large_compression_is_seen_to_lose_hyperbolicity():
+    # St. Venant-Kirchhoff: the axial stress of a confined stretch s, (lambda + 2G)/2 s (s^2 - 1), peaks at 1/sqrt(3)
+    path = {"kind": "uniaxial", "stretch": "1 - 0.5*t", "lateral": "fixed"}
+    columns = driven(path, end_time=0.98, steps=49, strain="finite", terms=[])
+    lost = columns["deformation_gradient_xx"][columns["smallest_acoustic_eigenvalue"] <= 0.0]
+    moduli = np.gradient(columns["first_piola_kirchhoff_stress_xx"], columns["deformation_gradient_xx"])
+    assert moduli[-1] < 0.0 and lost.max() >= columns["deformation_gradient_xx"][moduli <= 0.0].max() - 0.011
+
+
+@pytest.mark.parametrize("name", ["prony", "prony_finite"])
+def test_examples(comm, shared_path, name):
+    parser = ArgumentParser()
+    add_arguments(parser)
+    options = parser.parse_args([str(EXAMPLES / f"{name}.toml"), "-q", "-o", str(shared_path), "--set", "output.pictures=false"])
+    assert run_point(comm, options) == 0
+    summary = json.loads((shared_path / "point_summary.json").read_text())
+    assert summary["hyperbolic"] is True and summary["balance_error_relative"] <= 1e-4
+
+
+def test_bonds_have_no_point(tmp_path):
+    material = "[material]\nkind = 'bond-based'\ndensity = 1.0\nyoungs_modulus = 1.0\n"
+    (tmp_path / "bonds.toml").write_text(f"end_time = 1\nsteps = 1\n{material}[path]\nkind = 'uniaxial'\nstretch = 1\n")
+    with pytest.raises(SceneError, match="material.kind: expected a law of stresses .*found 'bond-based'"):
+        load_point(tmp_path / "bonds.toml")
