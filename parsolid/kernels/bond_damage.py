@@ -136,24 +136,6 @@ def find_failed(space, pairs, images, kinematics, criterion, found):
     return count
 
 
-@njit(cache=True, error_model="numpy")
-def subtract_gradients(space, found, pairs, images, both, kinematics, column, gradient):
-    """Take the listed bonds out of sums made by `add_gradients` of the field in columns `column`...; before they are cut."""
-    d = 2 if gradient.shape[1] == 4 else 3
-    stride = gradient.shape[1] // d
-    for row in range(len(found)):
-        a, k = found[row]
-        b = pairs.neighbour[k]
-        x = reference_bond(space, images, k, kinematics, a, b)
-        v = field_jump(space, images, k, kinematics, column, a, b)
-        for j in range(d):
-            for i in range(d):
-                term = pairs.weight[k] * x[j] * v[i]
-                gradient[a, stride * j + i] -= term
-                if both is not None:
-                    gradient[b, stride * j + i] -= term
-
-
 @njit(cache=True)
 def cut(found, pairs):
     """Break the listed bonds."""

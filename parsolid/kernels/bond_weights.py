@@ -66,19 +66,23 @@ def bond_weights(kind, start, neighbour, code, reflections, shifts, positions, m
 
 
 @njit(cache=True)
-def add_shapes(both, start, neighbour, code, reflections, shifts, positions, weight, shape):
-    """Add sum_b w V_a V_b xi (x) xi to shape (n, d, d) of a, and of b where `both`: V_a K_a."""
+def add_shapes(chosen, both, start, neighbour, code, reflections, shifts, positions, weight, shape):
+    """Add sum_b w V_a V_b xi (x) xi to shape (n, d, d) of a, and of b where `both`: V_a K_a, of chosen (n,) particles."""
     d = positions.shape[1]
     for a in range(start.shape[0] - 1):
         for k in range(start[a], start[a + 1]):
             b, w = neighbour[k], weight[k]
+            first, second = chosen[a], both and chosen[b]
+            if not (first or second):
+                continue
             R, T = reflections[code[k]], shifts[code[k]]
             for i in range(d):
                 x = R[i] * positions[b, i] + T[i] - positions[a, i]
                 for j in range(i + 1):
                     term = w * x * (R[j] * positions[b, j] + T[j] - positions[a, j])
-                    shape[a, i, j] += term
-                    if both:
+                    if first:
+                        shape[a, i, j] += term
+                    if second:
                         shape[b, i, j] += term
 
 
@@ -108,14 +112,16 @@ def _invert(K, r, inverse):
 
 
 @njit(cache=True)
-def invert_shapes(bar, owned, volume, shape, inverse, determinant):
-    """K_a^{-1} and det K_a of owned particles from the lower triangles of V_a K_a.
+def invert_shapes(chosen, bar, owned, volume, shape, inverse, determinant):
+    """K_a^{-1} and det K_a of chosen owned particles from the lower triangles of V_a K_a.
 
     bar: only K11 counts. Where the bonds do not span space (det K below 1e-9 of the cube of its mean diagonal) the inverse
     is zero: such a particle carries no stress.
     """
     d = shape.shape[1]
     for a in range(owned):
+        if not chosen[a]:
+            continue
         inverse[a] = 0.0
         if bar:
             K = shape[a, 0, 0] / volume[a]

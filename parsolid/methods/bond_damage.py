@@ -17,6 +17,8 @@ from parsolid.particles import Field
 from parsolid.together import maximum
 
 _DEAD = -1.0
+# on a lattice a damage may be the limit itself; sums in another order must not decide then
+_SLACK = 1e-9
 
 
 class BondList(NamedTuple):
@@ -99,13 +101,6 @@ class BondDamage:
         particles = np.unique(np.concatenate(touched))
         return Failed(rows, particles) if len(particles) else None
 
-    def subtract(self, failed: Failed, column: int, gradient: np.ndarray) -> None:
-        """Take bonds out of gradient sums of the field in columns `column`... of the kinematics, before they are cut."""
-        for found, (pairs, images, both) in zip(failed.rows, self.lists):
-            bond_damage.subtract_gradients(
-                self.space, found, pairs, images, both, self.kinematics, column, gradient
-            )
-
     def cut(self, failed: Failed) -> None:
         """Break bonds, let particles die of it, and bring the shape tensors up to date."""
         for found, bonds in zip(failed.rows, self.lists):
@@ -113,13 +108,13 @@ class BondDamage:
         self._refresh(failed.particles)
 
     def _refresh(self, particles: np.ndarray) -> None:
-        """What follows from the bonds of some owned particles, and the shape tensors of all."""
-        self.bonding.refresh_shape()
+        """What follows from the bonds of some owned particles."""
+        self.bonding.refresh_shape(particles)
         self.damage[particles] = 1.0 - self._families(particles) / self.family[particles]
-        dies = self.bonding.determinant[particles] < self.limits.determinant * self.whole[particles]
-        dies |= self.damage[particles] > self.limits.damage
+        dies = self.bonding.determinant[particles] < (1.0 - _SLACK) * self.limits.determinant * self.whole[particles]
+        dies |= self.damage[particles] > self.limits.damage + _SLACK
         self.resistance[particles[dies]] = _DEAD
-        self.bonding.inverse_shape[self.resistance[: self.owned] < 0.0] = 0.0
+        self.bonding.inverse_shape[particles[self.resistance[particles] < 0.0]] = 0.0
 
     def _families(self, particles: np.ndarray) -> np.ndarray:
         """Volume [m^3] of the neighbours that owned particles are bonded to, summed in an order that never changes."""

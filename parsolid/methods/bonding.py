@@ -57,15 +57,16 @@ class Bonding:
         if self.mirror is not None:
             yield self.mirror, self.images, False, self.images.code, self.codes.reflections, self.codes.shifts
 
-    def refresh_shape(self) -> None:
-        """K and K^{-1} of every owned particle on the surviving bonds, in an order of additions that does not depend on the past."""
+    def refresh_shape(self, particles: np.ndarray | None = None) -> None:
+        """K and K^{-1} of owned particles (all unless given) on the surviving bonds; sums in an order that never changes."""
         n, d = self.positions.shape
-        shape = np.zeros((n, d, d))
+        shape, chosen = np.zeros((n, d, d)), np.zeros(n, bool)
+        chosen[slice(None) if particles is None else particles] = True
         for pairs, _, both, code, reflections, shifts in self.lists():
             bond_weights.add_shapes(
-                both, pairs.start, pairs.neighbour, code, reflections, shifts, self.positions, pairs.weight, shape
+                chosen, both, pairs.start, pairs.neighbour, code, reflections, shifts, self.positions, pairs.weight, shape
             )
-        bond_weights.invert_shapes(self.bar, self.owned, self.volume, shape, self.inverse_shape, self.determinant)
+        bond_weights.invert_shapes(chosen, self.bar, self.owned, self.volume, shape, self.inverse_shape, self.determinant)
 
 
 class _Builder:

@@ -50,8 +50,8 @@ class BondedBody:
         """As `Bonding.lists`."""
         return [(pairs, images, bool(both)) for pairs, images, both in self.bonds]
 
-    def refresh_shape(self) -> None:
-        """K (owned, d, d) by loops, its determinant and its inverse."""
+    def refresh_shape(self, particles=None) -> None:
+        """K (owned, d, d) by loops, its determinant and its inverse; of all particles."""
         shape = np.zeros((len(self.positions), self.dimension, self.dimension))
         for pairs, images, both in self.bonds:
             row = np.repeat(np.arange(self.owned), np.diff(pairs.start))

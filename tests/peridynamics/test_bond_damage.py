@@ -1,10 +1,9 @@
-"""Bonds that break: the same ones from both ends and on all numbers of ranks, and what the particles lose with them."""
+"""Bonds that break: the same ones from both ends and on all numbers of ranks, and how that is remembered."""
 
 import numpy as np
 import pytest
 from bonded_body import BondedBody, lattice
 
-from parsolid.kernels import pairs_plane, pairs_space
 from parsolid.kernels.bond_damage import Energy, Stretch
 from parsolid.methods.bond_damage import Limits
 from parsolid.methods.cracks import distance, patch_of
@@ -13,7 +12,6 @@ from parsolid.scene.peridynamics import PreCrack
 from parsolid.scene.section import Plane
 
 bodies = pytest.mark.parametrize("dimension, mirror", [(2, False), (3, False), (2, True), (3, True)])
-PASSES = {2: pairs_plane, 3: pairs_space}
 
 
 def crumple(X):
@@ -82,43 +80,6 @@ def test_damage_is_the_lost_share_of_the_family(comm, dimension, mirror):
         whole[a] += 1.0 + 0.01 * b
         left[a] += (1.0 + 0.01 * b) * (weight != 0.0)
     assert damage == pytest.approx({a: 1.0 - left[a] / whole[a] for a in damage}, abs=1e-12)
-
-
-@bodies
-def test_gradient_sums_lose_what_the_broken_bonds_gave(comm, dimension, mirror):
-    body = BondedBody(comm, dimension, mirror)
-    passes, width = PASSES[dimension], {2: 4, 3: 12}[dimension]
-    body.displace(crumple)
-    column = {2: 2, 3: 4}[dimension]
-    velocity = slice(0, dimension)
-    body.kinematics[:, velocity] = body.kinematics[:, column : column + dimension]
-
-    def sums():
-        result = np.zeros((body.owned + 4, width))
-        for pairs, images, both in body.bonds:
-            wide = pairs._replace(weight=vectors(body, pairs, images))
-            passes.add_gradients(0, body.owned, wide, images, both, body.kinematics, result)
-        return result
-
-    before = sums()
-    body.damage.resistance[:] = 0.2
-    failed = body.damage.inspect(Stretch(body.damage.resistance))
-    if failed is not None:
-        body.damage.subtract(failed, 0, before)
-        body.damage.cut(failed)
-    assert before == pytest.approx(sums(), abs=1e-11)
-
-
-def vectors(body, pairs, images):
-    """Weights as rows (g, 0): the vectors weight xi."""
-    d = body.dimension
-    row = np.repeat(np.arange(body.owned), np.diff(pairs.start))
-    end = body.positions[pairs.neighbour].copy()
-    if images is not None:
-        end[:, 1] *= -1.0
-    result = np.zeros((len(row), 4))
-    result[:, :d] = pairs.weight[:, None] * (end - body.positions[row])
-    return result
 
 
 @bodies
