@@ -118,6 +118,19 @@ def _rotation_near(near, F):
         return space
 
 
+def plus_one(a):
+    """1 + a of a general tensor."""
+    raise NotImplementedError
+
+
+@overload(plus_one)
+def _plus_one(a):
+    if _size(a) == PLANE:
+        return lambda a: (1.0 + a[0], a[1], a[2], 1.0 + a[3], 1.0 + a[4])
+    if _size(a) == SPACE:
+        return lambda a: (1.0 + a[0], a[1], a[2], a[3], 1.0 + a[4], a[5], a[6], a[7], 1.0 + a[8])
+
+
 def symmetric_part(a):
     """(a + a^T)/2 of a general tensor, symmetric."""
     raise NotImplementedError

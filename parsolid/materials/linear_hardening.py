@@ -35,6 +35,7 @@ def _closed_form(flow, trial, expected, plastic_strain, step, temperature, heati
 
     def increment(flow, trial, expected, plastic_strain, step, temperature, heating, shear_modulus, melting_temperature):
         yielding = flow_stress(flow, plastic_strain, step, temperature, shear_modulus, melting_temperature)
-        return max((trial - yielding) / (3.0 * shear_modulus + flow.hardening), 0.0)
+        slope = choose(melting_temperature - temperature, flow.hardening, 0.0)
+        return max((trial - yielding) / (3.0 * shear_modulus + slope), 0.0)
 
     return increment

@@ -70,6 +70,9 @@ def _returned(flow, s, strain, plastic_strain, step, temperature, heating, shear
     def update(flow, s, strain, plastic_strain, step, temperature, heating, shear_modulus, melting_temperature):
         trial = add(s, scale(2.0 * shear_modulus, strain))
         mises = math.sqrt(1.5 * contract_symmetric(trial, trial))
+        if step == 0.0:
+            # no time to flow in: a stress above that of slow flow stays
+            return trial, 0.0 * mises, 0.0 * mises
         # in steady flow the whole strain of the step is plastic
         expected = math.sqrt(2.0 / 3.0 * contract_symmetric(strain, strain))
         increment = plastic_increment(

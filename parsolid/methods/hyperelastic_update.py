@@ -7,6 +7,7 @@ from numba.extending import register_jitable
 
 from parsolid.kernels.elementary import choose
 from parsolid.kernels.layout import four_rows
+from parsolid.kernels.particle_layout import largest_lane, load_general, load_rate, speed_of, store_general, store_stress
 from parsolid.kernels.polar import congruence, symmetric_part
 from parsolid.kernels.simd import WIDTH, all_positive, broadcast, from_floats, lane, load
 from parsolid.kernels.tensor import (
@@ -21,7 +22,6 @@ from parsolid.kernels.tensor import (
     trace_symmetric,
 )
 from parsolid.materials.law import equilibrium_energy, first_piola_kirchhoff_stress, pressure_wave_tensor
-from parsolid.methods.plastic_update import _largest, _load_general, _load_rate, _speed, _store_general, _store_stress
 
 
 @register_jitable
@@ -41,22 +41,22 @@ def advance_elastic_stress(space, first, last, law, step, deformation, motion, r
     sound, fastest = True, broadcast(0.0)
     for i in range(first, last, WIDTH):
         count = min(WIDTH, last - i)
-        F = _load_general(space, deformation, i)
-        F = add(F, scale(step, matmul(_load_rate(space, rate, i), F)))
+        F = load_general(space, deformation, i)
+        F = add(F, scale(step, matmul(load_rate(space, rate, i), F)))
         H, J = cofactor(F), determinant(F)
         P = first_piola_kirchhoff_stress(law, F, H, J, None)
         velocity = four_rows(motion, i, 4)
-        _store_general(space, deformation, i, F, count)
+        store_general(space, deformation, i, F, count)
         # V sigma = V0 P F^T
-        _store_stress(space, stress, i, symmetric_part(scale(velocity[3], matmul_transposed(P, F))))
+        store_stress(space, stress, i, symmetric_part(scale(velocity[3], matmul_transposed(P, F))))
         # a wave with normal n has rho0 c^2 = N.Q N with N = F^T n of the reference configuration
         waves = _eigenvalue_bound(congruence(F, pressure_wave_tensor(law, F, H, J, None)))
         valid = float(count) - from_floats(0.5, 1.5, 2.5, 3.5)
-        speed = math.sqrt(waves * (1.0 / law.density)) + _speed(velocity)
+        speed = math.sqrt(waves * (1.0 / law.density)) + speed_of(velocity)
         fastest = choose(valid, max(speed, fastest), fastest)
         if not all_positive(choose(valid, min(J, speed), 1.0)):
             sound = False
-    return sound, _largest(fastest)
+    return sound, largest_lane(fastest)
 
 
 @njit(cache=True, error_model="numpy")
@@ -64,7 +64,7 @@ def elastic_energy(space, first, last, law, deformation, motion):
     """Sum of W V0 [J] of particles first..last-1."""
     energy = 0.0
     for i in range(first, last, WIDTH):
-        F4 = _load_general(space, deformation, i)
+        F4 = load_general(space, deformation, i)
         H4, J4 = cofactor(F4), determinant(F4)
         for k in range(min(WIDTH, last - i)):
             W = equilibrium_energy(law, lane_of_general(F4, k), lane_of_general(H4, k), lane(J4, k))

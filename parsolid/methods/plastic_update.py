@@ -12,14 +12,26 @@ from numba import njit
 from numba.extending import overload, register_jitable
 
 from parsolid.kernels.elementary import choose
-from parsolid.kernels.layout import Plane, four_rows, load_nine, store_nine, store_rows
-from parsolid.kernels.polar import congruence, rotation, rotation_near, symmetric_part
-from parsolid.kernels.simd import WIDTH, all_positive, broadcast, from_floats, lane, load, store_first, total
+from parsolid.kernels.layout import four_rows
+from parsolid.kernels.particle_layout import (
+    largest_lane,
+    load_general,
+    load_rate,
+    load_symmetric,
+    speed_of,
+    store_general,
+    store_stress,
+    store_symmetric,
+)
+from parsolid.kernels.polar import congruence, plus_one, rotation, rotation_near, symmetric_part
+from parsolid.kernels.simd import WIDTH, aligned_zeros, all_positive, broadcast, from_floats, load, store_first, total
 from parsolid.kernels.tensor import (
     add,
+    cofactor,
     contract_symmetric,
     determinant,
     matmul,
+    matmul_transposed,
     plus_identity,
     scale,
     trace_symmetric,
@@ -67,129 +79,10 @@ DEVIATOR_ROWS = {2: 4, 3: 6}
 
 def new_state(dimension: int, capacity: int) -> MaterialState:
     """The virgin state of `capacity` particles (a multiple of the lane width), at the temperature 0."""
-    from parsolid.kernels.simd import aligned_zeros
-
     deformation = aligned_zeros((DEFORMATION_ROWS[dimension], capacity))
     deformation[{2: (0, 3, 4), 3: (0, 4, 8)}[dimension], :] = 1.0
     deviator = aligned_zeros((DEVIATOR_ROWS[dimension], capacity))
     return MaterialState(deformation, deviator, *(aligned_zeros((1, capacity)) for _ in range(3)))
-
-
-def _load_general(space, array, i):
-    raise NotImplementedError
-
-
-@overload(_load_general)
-def _load_general_tensor(space, array, i):
-    if is_instance(space, Plane):
-        return lambda space, array, i: (
-            load(array, 0, i), load(array, 1, i), load(array, 2, i), load(array, 3, i), load(array, 4, i),
-        )  # fmt: skip
-    return lambda space, array, i: load_nine(array, 0, i)
-
-
-def _store_general(space, array, i, values, count):
-    raise NotImplementedError
-
-
-@overload(_store_general)
-def _store_general_tensor(space, array, i, values, count):
-    if is_instance(space, Plane):
-
-        def plane(space, array, i, values, count):
-            store_first(array, 0, i, values[0], count)
-            store_first(array, 1, i, values[1], count)
-            store_first(array, 2, i, values[2], count)
-            store_first(array, 3, i, values[3], count)
-            store_first(array, 4, i, values[4], count)
-
-        return plane
-    return lambda space, array, i, values, count: store_nine(array, 0, i, values, count)
-
-
-def _load_symmetric(space, array, i):
-    raise NotImplementedError
-
-
-@overload(_load_symmetric)
-def _load_symmetric_tensor(space, array, i):
-    if is_instance(space, Plane):
-        return lambda space, array, i: (load(array, 0, i), load(array, 1, i), load(array, 2, i), load(array, 3, i))
-    return lambda space, array, i: (
-        load(array, 0, i), load(array, 1, i), load(array, 2, i), load(array, 3, i), load(array, 4, i), load(array, 5, i),
-    )  # fmt: skip
-
-
-def _store_symmetric(space, array, i, values, count):
-    raise NotImplementedError
-
-
-@overload(_store_symmetric)
-def _store_symmetric_tensor(space, array, i, values, count):
-    def plane(space, array, i, values, count):
-        store_first(array, 0, i, values[0], count)
-        store_first(array, 1, i, values[1], count)
-        store_first(array, 2, i, values[2], count)
-        store_first(array, 3, i, values[3], count)
-
-    if is_instance(space, Plane):
-        return plane
-
-    def solid(space, array, i, values, count):
-        store_first(array, 0, i, values[0], count)
-        store_first(array, 1, i, values[1], count)
-        store_first(array, 2, i, values[2], count)
-        store_first(array, 3, i, values[3], count)
-        store_first(array, 4, i, values[4], count)
-        store_first(array, 5, i, values[5], count)
-
-    return solid
-
-
-def _load_rate(space, rate, i):
-    """Velocity gradient l [1/s] of particles i..i+3 from its rows, each padded to 4."""
-    raise NotImplementedError
-
-
-@overload(_load_rate)
-def _load_velocity_gradient(space, rate, i):
-    if is_instance(space, Plane):
-
-        def plane(space, rate, i):
-            x, y, z = four_rows(rate, i, 0), four_rows(rate, i, 4), four_rows(rate, i, 8)
-            return x[0], x[1], y[0], y[1], z[2]
-
-        return plane
-
-    def solid(space, rate, i):
-        x, y, z = four_rows(rate, i, 0), four_rows(rate, i, 4), four_rows(rate, i, 8)
-        return x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2]
-
-    return solid
-
-
-def _store_stress(space, stress, i, values):
-    """V sigma of particles i..i+3 as records xx yy zz 0 | yz xz xy 0."""
-    raise NotImplementedError
-
-
-@overload(_store_stress)
-def _store_stress_record(space, stress, i, values):
-    if is_instance(space, Plane):
-
-        def plane(space, stress, i, values):
-            zero = broadcast(0.0)
-            store_rows(stress, i, 0, values[0], values[1], values[2], zero)
-            store_rows(stress, i, 4, zero, zero, values[3], zero)
-
-        return plane
-
-    def solid(space, stress, i, values):
-        zero = broadcast(0.0)
-        store_rows(stress, i, 0, values[0], values[1], values[2], zero)
-        store_rows(stress, i, 4, values[5], values[4], values[3], zero)
-
-    return solid
 
 
 def _viscous_pressure(viscosity, density, rate, sound_speed):
@@ -217,25 +110,15 @@ def _sound_speed(law, J, pressure, mu):
 
 
 @register_jitable
-def _largest(values):
-    """The greatest of four lanes."""
-    return max(max(lane(values, 0), lane(values, 1)), max(lane(values, 2), lane(values, 3)))
-
-
-@register_jitable
 def _kinematics(step, l, F):
     """F+ = (1 + dt l) F, R at its end, and the stretching D at half the step in unrotated axes."""
     new_F = add(F, scale(step, matmul(l, F)))
     R = rotation(new_F)
-    # the rate of this motion at half the step is l (1 + dt l/2)^-1
-    half_rate = symmetric_part(add(l, scale(-0.5 * step, matmul(l, l))))
+    # the rate at half the step, l (1 + dt l/2)^-1: of a rotation it has no symmetric part, however large the step
+    M = plus_one(scale(0.5 * step, l))
+    half_rate = symmetric_part(scale(1.0 / determinant(M), matmul_transposed(l, cofactor(M))))
     half_R = rotation_near(R, add(F, new_F))
     return new_F, R, congruence(transposed(half_R), half_rate)
-
-
-@register_jitable
-def _speed(velocity):
-    return math.sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1] + velocity[2] * velocity[2])
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
@@ -251,9 +134,9 @@ def advance_stress(space, first, last, law, step, viscosity, state, motion, rate
     eos, gamma, capacity = law.equation_of_state, grueneisen_coefficient(law.equation_of_state), law.density * law.specific_heat
     for i in range(first, last, WIDTH):
         count = min(WIDTH, last - i)
-        F, s = _load_general(space, state.deformation, i), _load_symmetric(space, state.deviator, i)
+        F, s = load_general(space, state.deformation, i), load_symmetric(space, state.deviator, i)
         ep, energy, temperature = load(state.plastic_strain, 0, i), load(state.energy, 0, i), load(state.temperature, 0, i)
-        new_F, R, D = _kinematics(step, _load_rate(space, rate, i), F)
+        new_F, R, D = _kinematics(step, load_rate(space, rate, i), F)
         J, new_J, volume_rate = determinant(F), determinant(new_F), trace_symmetric(D)
         change, half_J = new_J - J, 0.5 * (J + new_J)
         pressure = cold_pressure(eos, J) + gamma * energy
@@ -271,20 +154,20 @@ def advance_stress(space, first, last, law, step, viscosity, state, motion, rate
         heat = law.taylor_quinney * plastic_work - q * change
         temperature = (temperature * (1.0 - part) + heat / capacity) / (1.0 + part)
         pressure = cold + gamma * energy
-        _store_general(space, state.deformation, i, new_F, count)
-        _store_symmetric(space, state.deviator, i, new_s, count)
+        store_general(space, state.deformation, i, new_F, count)
+        store_symmetric(space, state.deviator, i, new_s, count)
         store_first(state.plastic_strain, 0, i, ep + increment, count)
         store_first(state.energy, 0, i, energy, count)
         store_first(state.temperature, 0, i, temperature, count)
         velocity = four_rows(motion, i, 4)
         volume = velocity[3]
-        _store_stress(space, stress, i, scale(volume * new_J, plus_identity(congruence(R, new_s), -(pressure + q))))
+        store_stress(space, stress, i, scale(volume * new_J, plus_identity(congruence(R, new_s), -(pressure + q))))
         valid = float(count) - from_floats(0.5, 1.5, 2.5, 3.5)
-        speed = _sound_speed(law, new_J, pressure, mu) + _speed(velocity)
+        speed = _sound_speed(law, new_J, pressure, mu) + speed_of(velocity)
         fastest = choose(valid, max(speed, fastest), fastest)
         plastic = plastic + choose(valid, volume * plastic_work, 0.0)
         viscous = viscous + choose(valid, -volume * q * change, 0.0)
         # the second of both where one is not a number
         if not all_positive(choose(valid, min(room_to_compress(eos, new_J), speed), 1.0)):
             sound = False
-    return sound, _largest(fastest), total(plastic), total(viscous)
+    return sound, largest_lane(fastest), total(plastic), total(viscous)
