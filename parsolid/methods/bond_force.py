@@ -135,6 +135,11 @@ class BondForce:
         for bonds, images in self._lists():
             self.passes.add_forces(0, self.owned, bonds, images, None, *choices)
 
+    @property
+    def linear_force(self) -> np.ndarray:
+        """What of the last force (owned, d) [N] is linear in the field f: all of it."""
+        return self.force[: self.owned, : self.dimension]
+
     def evaluate(self, laws) -> np.ndarray:
         """Force (owned, d) [N] of the field f by small-strain laws that relax alike; laws: (first, last, law) each."""
         self.pass_gradient()
@@ -162,6 +167,9 @@ class BondForce:
             self.passes.add_gradients(0, self.owned, bonds, images, None, self.displacement_column, self.kinematics, sums)
         columns = sums[: self.owned].reshape(self.owned, self.dimension, -1)[:, :, : self.dimension].swapaxes(1, 2)
         return columns @ self.bonding.inverse_shape / self.bonding.volume[: self.owned, None, None]
+
+    def declare(self, table) -> None:
+        """No fields beside the method's own."""
 
     def arrays(self) -> list[np.ndarray]:
         """Work arrays and bond lists."""

@@ -92,6 +92,15 @@ def relaxing_records(space, first, last, law, stabiliser, body, gradient, record
         store_record(space, stabiliser, body, record, i, S, G)
 
 
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+def stabiliser_records(space, first, last, stabiliser, body, gradient, record):
+    """Records of the stabiliser alone."""
+    for i in range(first, last, WIDTH):
+        L = load_correction(space, body.inverse_shape, i)
+        G = scale(1.0 / load(body.volume, 0, i), matmul_transposed(load_gradient(space, gradient, i), L))
+        store_record(space, stabiliser, body, record, i, scale(0.0, G), G)
+
+
 @njit(cache=True, error_model="numpy")
 def stresses(space, first, last, law, body, gradient, result):
     """Stress (n, 3, 3) [Pa] of particles first..last-1 from the sums of the last gradient pass."""

@@ -4,11 +4,16 @@ import numpy as np
 
 from parsolid.materials.prony import Prony, algorithmic_factor
 from parsolid.methods.bond_force import BondForce
-from parsolid.methods.relaxing import Relaxation
+from parsolid.methods.relaxing import Relaxation, series_of
+from parsolid.together import maximum, minimum
+
+_SHIFT = 1e-6
 
 
 def algorithmic_law(law: Prony, step: float) -> Prony:
     """The elastic law of a step [s] over 1 + sum gamma_j A_j, the factor by which `Operator.linear` multiplies the field."""
+    if not isinstance(law, Prony):
+        return _undeformed(law, step)
     factor = algorithmic_factor(law, step)
     lame = law.first_lame
     if law.bulk_modulus is not None:
@@ -18,6 +23,14 @@ def algorithmic_law(law: Prony, step: float) -> Prony:
         condensed = {None: full, 1.0: 2.0 * G * full / (full + 2.0 * G), 2.0: 9.0 * K * G / (3.0 * K + G) - 2.0 * G}
         lame = condensed[law.free_directions] / factor
     return law._replace(first_lame=lame, bulk_modulus=None, ratios=None, relaxation_times=None, finite_strain=None)
+
+
+def _undeformed(law, step: float) -> Prony:
+    """As `algorithmic_law`, of a Maxwell solid near its undeformed state; only its shear relaxes."""
+    zeta = law.zeta or 0.0
+    solid = Prony(law.density, 2.0 * (law.xi + zeta), 0.0, None, None, None, *(series or None for series in series_of(law)))
+    lame = (law.lambda_hat + 4.0 * zeta) / algorithmic_factor(solid, step)
+    return solid._replace(first_lame=lame, ratios=None, relaxation_times=None)
 
 
 class Operator:
@@ -33,29 +46,43 @@ class Operator:
         self.engine, self.groups, self.relaxation, self.share, self.free = force, groups, relaxation, share, free
         self.mass, self.identifier = mass * share, force.bonding.identifier[: force.owned]
         self.dimension = free.shape[1]
-        self.is_linear = True
+        self.comm = force.bonding.halo.comm
+        self.is_linear = all(isinstance(group.law, Prony) and group.law.finite_strain is None for group in groups)
+        self.length = minimum(self.comm, float(np.min(force.bonding.volume[: force.owned], initial=np.inf))) ** (1.0 / self.dimension)
         self.laws = [(group.first, group.last, group.law) for group in self.groups]
         self.step = None
 
-    def _begin(self, step: float) -> None:
-        """Weights of a step, unless they are those of the last call."""
-        if step != self.step:
-            self.step = step
-            self.relaxation.prepare(step)
-            self.tangents = [(first, last, algorithmic_law(law, step)) for first, last, law in self.laws]
-
     def force(self, displacement: np.ndarray, out: np.ndarray, step: float) -> None:
         """Internal force [N] at a displacement [m] at the end of a step, stabiliser included, into out."""
-        self._begin(step)
         d, engine = self.dimension, self.engine
         engine.displacement[: engine.owned, :d] = displacement
-        engine.field[: engine.owned] = self.relaxation.factor[:, None] * engine.displacement[: engine.owned] + self.relaxation.base
+        self.relaxation.propose(step)
         np.multiply(engine.evaluate(self.laws)[:, :d], self.share[:, None], out=out)
 
     def linear(self, displacement: np.ndarray, change: np.ndarray, out: np.ndarray, step: float) -> None:
         """K du [N] at a displacement at the end of a step: symmetric, positive semi-definite with a self-adjoint stabiliser."""
-        self._begin(step)
+        if self.is_linear:
+            self.stiffness(change, out, step)
+            return
+        largest = maximum(self.comm, float(np.abs(change).max(initial=0.0)))
+        if largest == 0.0:
+            out[:] = 0.0
+            return
+        # a difference quotient over a small fraction of the spacing
+        shift = _SHIFT * self.length / largest
+        ahead = np.empty_like(out)
+        self.force(displacement + shift * change, ahead, step)
+        self.force(displacement - shift * change, out, step)
+        out -= ahead
+        out *= 0.5 / shift
+
+    def stiffness(self, change: np.ndarray, out: np.ndarray, step: float) -> None:
+        """K du [N] of the undeformed body over a step of a given length."""
+        if step != self.step:
+            self.step = step
+            self.tangents = [(first, last, algorithmic_law(law, step)) for first, last, law in self.laws]
         d, engine = self.dimension, self.engine
+        self.relaxation.begin(step)
         engine.field[: engine.owned, :d] = self.relaxation.factor[:, None] * change
         np.multiply(engine.evaluate(self.tangents)[:, :d], -self.share[:, None], out=out)
 
@@ -72,7 +99,6 @@ class Operator:
         """End a step at a displacement [m], whose force is evaluated once more: history takes it in; the energy dissipated [J]."""
         engine, d = self.engine, self.dimension
         engine.displacement[: engine.owned, :d] = displacement
-        self.relaxation.propose(step, engine.displacement, engine.field)
+        self.relaxation.propose(step)
         engine.evaluate(self.laws)
-        self.step = None
-        return self.relaxation.settle(step, engine.displacement, engine.force)
+        return self.relaxation.settle(step)

@@ -18,11 +18,13 @@ from parsolid.methods.bonding import build_bonding
 from parsolid.methods.correspondence import stresses
 from parsolid.methods.fracture import Fracture
 from parsolid.methods.groups import groups_of
+from parsolid.methods.history_force import HistoryForce, HistoryRelaxation
 from parsolid.methods.peridynamic_loads import PeridynamicLoads
-from parsolid.methods.peridynamic_operator import Operator
+from parsolid.methods.peridynamic_operator import Operator, algorithmic_law
 from parsolid.methods.protocol import ParticleMethod
 from parsolid.methods.quasi_static import QuasiStatic
-from parsolid.methods.relaxing import Relaxation
+from parsolid.methods.relaxing import Relaxation, series_of
+from parsolid.methods.tensor_history import has_tensor_history
 from parsolid.particles import Field, FieldTable
 from parsolid.scene import initial_displacement, initial_velocity
 from parsolid.solvers import largest_eigenvalue, start_vector
@@ -49,8 +51,7 @@ class Peridynamics(ParticleMethod):
         influence = INFLUENCES[self.settings.influence]
         self.bonding = build_bonding(comm, influence, horizon, cloud, volume, self.loads.codes)
         stabiliser, scale = self._stabiliser(horizon)
-        self.engine = BondForce(self.bonding, stabiliser, scale, self._fixed_planes(cloud))
-        self.relaxation = Relaxation(self.groups, self.owned, self.engine.dimension, self.share)
+        self._set_up_forces(laws, (self.bonding, stabiliser, scale, self._fixed_planes(cloud)))
         self.loads.install_tractions(self.engine, horizon)
         self.fracture = None
         if self.settings.damage is not None or self.settings.pre_cracks:
@@ -72,6 +73,16 @@ class Peridynamics(ParticleMethod):
         self.largest_eigenvalue = None
         self._gradients = None
 
+    def _set_up_forces(self, laws: list, parts: tuple) -> None:
+        """Engine and history, of the kind that the scene's laws need."""
+        terms = len(series_of(laws[0])[0])
+        if any(has_tensor_history(law) for law in laws):
+            self.engine = HistoryForce(*parts, self.groups, terms, self.share)
+            self.relaxation = HistoryRelaxation(self.engine, self.groups, terms, self.share)
+        else:
+            self.engine = BondForce(*parts)
+            self.relaxation = Relaxation(self.engine, self.groups, terms, self.share)
+
     def _stabiliser(self, horizon) -> tuple:
         """The stabiliser and its scale (owned,): coefficient times G [Pa], or c of eq (39), the micromodulus of the scene's state of strain."""
         settings, kind = self.settings.stabilisation, self.settings.stabilisation.kind
@@ -79,7 +90,7 @@ class Peridynamics(ParticleMethod):
             return None, None
         scale = np.zeros(self.owned)
         for group in self.groups:
-            rows, G = slice(group.first, group.last), group.law.shear_modulus
+            rows, G = slice(group.first, group.last), algorithmic_law(group.law, 0.0).shear_modulus
             if kind == "shear-scaled":
                 scale[rows] = settings.factor * G
             else:
@@ -122,6 +133,7 @@ class Peridynamics(ParticleMethod):
             add(Field(f"relaxing_force_{j + 1}", history.old.shape[1], "N", **kept), history.forces[j])
         for k, earlier in enumerate(self.quasi_static.earlier if self.quasi_static is not None else ()):
             add(Field(f"earlier_displacement_{k + 1}", d, "m", **kept), earlier)
+        self.engine.declare(self.table)
         if self.fracture is not None:
             self.fracture.damage.declare(self.table)
 
@@ -141,14 +153,7 @@ class Peridynamics(ParticleMethod):
             self.loads.move(0.0, 0.0, moved)
             velocity[self.loads.entries] = self.loads.guided_velocities(0.0, 0.0, np.zeros(len(self.loads.entries[0])))
         self._place()
-        history, u = self.relaxation, self.engine.displacement[: self.owned]
-        history.old[:] = u
-        # branches take a jump in full
-        history.terms[:] = u if self.settings.initial_state == "instantaneous" else 0.0
-        self.engine.field[: self.owned] = u
-        history.elastic[:] = self.engine.evaluate(self.laws)
-        history.forces[:] = history.elastic if self.settings.initial_state == "instantaneous" else 0.0
-        self._evaluate()
+        self.relaxation.start(self.laws, self.settings.initial_state == "instantaneous")
         self._look()
 
     def resume(self) -> None:
@@ -156,22 +161,12 @@ class Peridynamics(ParticleMethod):
         self._place()
         if self.fracture is not None:
             self.fracture.resume()
-        if not len(self.relaxation.terms):
-            self.relaxation.old[:] = self.engine.displacement[: self.owned]
-        self._evaluate()
+        self.relaxation.resume(self.laws)
         self._look()
-        if not len(self.relaxation.terms):
-            self.relaxation.elastic[:] = self.engine.force[: self.owned, : self.engine.dimension]
 
     def _place(self) -> None:
         rows = self.table.owned_rows
         rows("position")[:] = rows("reference_position") + rows("displacement")
-
-    def _evaluate(self) -> None:
-        """Forces of the settled state."""
-        self.relaxation.compose(self.engine.displacement, self.engine.field)
-        self.engine.evaluate(self.laws)
-        self._gradients = None
 
     def state(self) -> dict:
         """The largest eigenvalue, which decides on the step, and what quasi-static solutions remember."""
@@ -194,12 +189,10 @@ class Peridynamics(ParticleMethod):
 
     def _break_bonds(self, ledger) -> None:
         """Break what any rank has found, and evaluate the forces of the state anew; collective."""
-        history, engine, stored = self.relaxation, self.engine, self.energies()[1]
+        stored = self.energies()[1]
         self.fracture.break_found()
-        for field, force in zip((engine.displacement[: self.owned], *history.terms), (history.elastic, *history.forces)):
-            engine.field[: self.owned] = field
-            force[:] = engine.evaluate(self.laws)
-        self._evaluate()
+        self.relaxation.evaluate_anew(self.laws)
+        self._gradients = None
         ledger.add_term("dissipation_fracture", stored - self.energies()[1])
 
     def _settled(self, time: float, ledger) -> bool:
@@ -229,10 +222,10 @@ class Peridynamics(ParticleMethod):
             operator = self.operator
             start = start_vector(operator.identifier, self.dimension)
             self.largest_eigenvalue = largest_eigenvalue(
-                self.comm, lambda x, y: operator.linear(x, x, y, 0.0), start, operator.mass, operator.free
+                self.comm, lambda x, y: operator.stiffness(x, y, 0.0), start, operator.mass, operator.free
             )
             # the field and the forces of the state, which the iteration has used
-            self._evaluate()
+            self.relaxation.resume(self.laws)
         solution = self.settings.solution
         safety = solution.safety if self.settings.damage is None else min(solution.safety, solution.damage_safety)
         return safety * 2.0 / np.sqrt(self.largest_eigenvalue)
@@ -260,14 +253,14 @@ class Peridynamics(ParticleMethod):
         sound = bool(np.isfinite(velocity.sum()))
         if self.fracture is None:
             announce(sound, self.stable_step())
-        self.relaxation.propose(step, engine.displacement, engine.field)
+        self.relaxation.propose(step)
         engine.evaluate(self.laws)
         self._gradients = None
         if self.fracture is not None:
             # bonds that fail in the new state are part of what is announced
             self._look()
             announce(sound, self.stable_step())
-        lost = self.relaxation.settle(step, engine.displacement, engine.force)
+        lost = self.relaxation.settle(step)
         work += bond_motion.kick(d, half, *moved, self._accelerations(time + step, True), self.clamp)
         if guided is not None:
             work += self._guide(guided, time, step)
@@ -322,12 +315,15 @@ class Peridynamics(ParticleMethod):
             return np.zeros(last - first)
         if name not in ("deformation_gradient", "stress"):
             return None
-        if name == "stress":
+        if name == "stress" and not isinstance(self.engine, HistoryForce):
             return self._stresses()[first:last]
         F = np.tile(np.eye(3), (last - first, 1, 1))
         d = self.engine.dimension
         F[:, :d, :d] += self._displacement_gradients()[first:last]
-        return F
+        if name == "deformation_gradient":
+            return F
+        P = self.engine.settled_stresses(self.laws)[first:last]
+        return P if self.operator.is_linear else P @ F.swapaxes(1, 2) / np.linalg.det(F)[:, None, None]
 
     def measure(self, name: str) -> tuple[str, np.ndarray]:
         """Broken bonds, and the place of the crack's tip; collective."""
@@ -393,7 +389,7 @@ class Peridynamics(ParticleMethod):
 def _unlike_series(laws: list) -> str | None:
     """A fault when bodies relax differently: the relaxing displacement is one field for all."""
     for index, law in enumerate(laws):
-        if (law.ratios, law.relaxation_times) != (laws[0].ratios, laws[0].relaxation_times):
+        if series_of(law) != series_of(laws[0]):
             return (
                 f"bodies.{index}.material.terms: expected the ratios and times of bodies.0 (the relaxing displacement is one field), "
                 "found others"

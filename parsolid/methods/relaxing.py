@@ -8,18 +8,7 @@ energy, stabiliser included, and what the branches dissipate. When bonds break t
 import numpy as np
 from numba import njit
 
-from parsolid.materials.prony import branch_weights, dissipation_weights
-
-
-@njit(cache=True)
-def predict(first, last, ratios, weights, old, terms, base):
-    """Fill base (n, d) = sum gamma_j (a_j q_j - A_j u_old), so that u~ = (1 + sum gamma_j A_j) u + base after the step."""
-    for a in range(first, last):
-        for i in range(base.shape[1]):
-            total = 0.0
-            for j in range(len(ratios)):
-                total += ratios[j] * (weights[j, 0] * terms[j, a, i] - weights[j, 1] * old[a, i])
-            base[a, i] = total
+from parsolid.materials.prony import Prony, branch_weights, dissipation_weights
 
 
 @njit(cache=True)
@@ -71,25 +60,34 @@ def settle(first, last, ratios, weights, shares, share, new, old, terms, force, 
     return dissipated
 
 
+def series_of(law) -> tuple:
+    """gamma_j and tau_j [s] of a law's branches, of Maxwell solids relative to the equilibrium shear modulus."""
+    times = law.relaxation_times or ()
+    if isinstance(law, Prony):
+        return law.ratios or (), times
+    return tuple(modulus / (2.0 * (law.xi + (law.zeta or 0.0))) for modulus in law.branch_moduli or ()), times
+
+
 class Relaxation:
     """History of a rank's particles: old (owned, d) = u [m] and elastic (owned, d) = f(u) [N] of the last settled state,
     terms (terms, owned, d) = q_j [m] and forces = f(q_j) [N]."""
 
-    def __init__(self, groups, owned: int, dimension: int, share: np.ndarray):
-        """groups: their laws give ratios gamma_j and relaxation times tau_j [s]; share (owned,), on this side of mirror planes."""
-        self.share, self.series = share, []
+    def __init__(self, engine, groups, terms: int, share: np.ndarray):
+        """engine: `BondForce`, whose fields are filled; groups: their laws give the series of `terms` branches; share (owned,), on
+        this side of mirror planes."""
+        self.engine, self.share, self.series = engine, share, []
         for group in groups:
-            ratios, times = group.law.ratios or (), group.law.relaxation_times or ()
+            ratios, times = series_of(group.law)
             self.series.append((group.first, group.last, np.array(ratios, float), np.array(times, float)))
-        terms = max((len(ratios) for _, _, ratios, _ in self.series), default=0)
-        self.old, self.elastic = np.zeros((owned, dimension)), np.zeros((owned, dimension))
-        self.terms, self.forces = np.zeros((terms, owned, dimension)), np.zeros((terms, owned, dimension))
-        self.base, self.factor = np.zeros((owned, dimension)), np.ones(owned)
+        owned, d = engine.owned, engine.dimension
+        self.old, self.elastic = np.zeros((owned, d)), np.zeros((owned, d))
+        self.terms, self.forces = np.zeros((terms, owned, d)), np.zeros((terms, owned, d))
+        self.factor = np.ones(owned)
         self.step: float | None = None
-        self._begin(0.0)
+        self.begin(0.0)
 
-    def _begin(self, step: float) -> None:
-        """Weights of a step [s], unless they are those of the last call."""
+    def begin(self, step: float) -> None:
+        """Weights of a step [s], unless they are those of the last call; `factor` (owned,) = 1 + sum gamma_j A_j."""
         if step == self.step:
             return
         self.step, self.weights, self.shares = step, [], []
@@ -98,32 +96,56 @@ class Relaxation:
             self.shares.append(np.array([dissipation_weights(step, time) for time in times]).reshape(-1, 3))
             self.factor[first:last] = 1.0 + ratios @ self.weights[-1][:, 1]
 
-    def prepare(self, step: float) -> None:
-        """`factor` = 1 + sum gamma_j A_j of each particle and `base`, with u~ = factor u + base after a step [s]."""
-        self._begin(step)
+    def propose(self, step: float) -> None:
+        """Fill the engine's field with u~ after a step [s] to its displacement."""
+        self.begin(step)
+        engine = self.engine
         for (first, last, ratios, _), weights in zip(self.series, self.weights):
-            predict(first, last, ratios, weights, self.old, self.terms, self.base)
+            propose(first, last, ratios, weights, engine.displacement, self.old, self.terms, engine.field)
 
-    def propose(self, step: float, displacement: np.ndarray, field: np.ndarray) -> None:
-        """Fill the field u~ after a step [s] to a displacement (rows, d) [m]."""
-        self._begin(step)
-        for (first, last, ratios, _), weights in zip(self.series, self.weights):
-            propose(first, last, ratios, weights, displacement, self.old, self.terms, field)
-
-    def compose(self, displacement: np.ndarray, field: np.ndarray) -> None:
-        """Fill the field u~ of the settled history at a displacement (rows, d) [m]."""
-        for first, last, ratios, _ in self.series:
-            compose(first, last, ratios, displacement[: len(self.old)], self.terms, field)
-
-    def settle(self, step: float, displacement: np.ndarray, force: np.ndarray) -> float:
-        """End a step [s] at a displacement (rows, d) with the force (rows, d) [N] there; the energy dissipated over it [J]."""
-        self._begin(step)
-        dissipated = 0.0
+    def settle(self, step: float) -> float:
+        """End a step [s] at the engine's displacement, where it has evaluated the proposed field; the energy dissipated over it [J]."""
+        self.begin(step)
+        engine, dissipated = self.engine, 0.0
         for (first, last, ratios, _), weights, shares in zip(self.series, self.weights, self.shares):
             dissipated += settle(
-                first, last, ratios, weights, shares, self.share, displacement, self.old, self.terms, force, self.elastic, self.forces
-            )
+                first, last, ratios, weights, shares, self.share, engine.displacement, self.old, self.terms,
+                engine.linear_force, self.elastic, self.forces,
+            )  # fmt: skip
         return dissipated
+
+    def start(self, laws, instantaneous: bool) -> None:
+        """History and forces of the engine's displacement at time 0: reached in a jump, or held for ever."""
+        engine = self.engine
+        u = engine.displacement[: engine.owned]
+        self.old[:], self.terms[:], engine.field[: engine.owned] = u, 0.0, u
+        engine.evaluate(laws)
+        self.elastic[:], self.forces[:] = engine.linear_force, 0.0
+        if instantaneous:
+            # branches take a jump in full
+            self.terms[:], self.forces[:] = u, self.elastic
+        self._compose(laws)
+
+    def resume(self, laws) -> None:
+        """Forces of a settled state that was put back."""
+        self._compose(laws)
+        if not len(self.terms):
+            self.old[:], self.elastic[:] = self.engine.displacement[: self.engine.owned], self.engine.linear_force
+
+    def evaluate_anew(self, laws) -> None:
+        """Forces of the settled state and of each part of its history, after bonds were broken."""
+        engine = self.engine
+        for field, force in zip((self.old, *self.terms), (self.elastic, *self.forces)):
+            engine.field[: engine.owned] = field
+            engine.evaluate(laws)
+            force[:] = engine.linear_force
+        self._compose(laws)
+
+    def _compose(self, laws) -> None:
+        engine = self.engine
+        for first, last, ratios, _ in self.series:
+            compose(first, last, ratios, engine.displacement[: engine.owned], self.terms, engine.field)
+        engine.evaluate(laws)
 
     def stored_energy(self) -> float:
         """-1/2 u.f(u) - 1/2 sum gamma_j q_j.f(q_j) [J] of the settled state."""
