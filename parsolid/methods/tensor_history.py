@@ -320,7 +320,9 @@ def _lane_of_general_of(a, k):
     )  # fmt: skip
 
 
-@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+# without contraction of products and sums, so that stresses before and after a restart have the same bits: histories are stored by
+# one kernel and read by the other
+@njit(cache=True, error_model="numpy")
 def nominal_records(space, first, last, law, weights, body, state, gradient, record):
     """Records P K^{-1} after a step with the weights of `step_weights`, from the gradient sums of u."""
     for i in range(first, last, WIDTH):
@@ -330,7 +332,7 @@ def nominal_records(space, first, last, law, weights, body, state, gradient, rec
         store_record(space, None, body, record, i, S, G)
 
 
-@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def settle_states(space, first, last, law, weights, body, state, gradient, tributary):
     """Take the states through the step whose gradient sums are given.
 

@@ -1,0 +1,193 @@
+"""What the correspondence operator promises, to round-off, on jittered and partly broken bodies with mirror planes."""
+
+import numpy as np
+import pytest
+from bonds_of_bodies import PLANES, body_of, gathered, gradients, random_field, scene, stiffness
+from mpi4py import MPI
+from solids import run_steps, simulation
+
+ROUND_OFF = 1e-12
+every_dimension = pytest.mark.parametrize("dimension", [1, 2, 3])
+whole_or_broken = pytest.mark.parametrize("broken", [False, True], ids=["whole", "broken"])
+every_support = pytest.mark.parametrize("planes", PLANES)
+every_placement = pytest.mark.parametrize("placement", ["cells", "nodes"])
+
+
+def skip_impossible(dimension, planes="free", broken=False):
+    if dimension == 1 and (broken or planes == "corner"):
+        pytest.skip("a bar has no such")
+
+
+@every_dimension
+@every_support
+@every_placement
+@whole_or_broken
+def test_the_operator_is_self_adjoint(dimension, planes, placement, broken):
+    skip_impossible(dimension, planes, broken)
+    method = body_of(dimension, planes, placement, broken)
+    u, v = random_field(method, 1), random_field(method, 2)
+    Ku, Kv = stiffness(method, u), stiffness(method, v)
+    scale = np.linalg.norm(u) * np.linalg.norm(Kv)
+    assert abs(np.vdot(u, Kv) - np.vdot(v, Ku)) < ROUND_OFF * scale
+    assert np.vdot(u, Ku) > 0.0
+
+
+@every_dimension
+def test_the_control_of_the_paper_is_not(dimension):
+    """Eq (39) is not the derivative of an energy; the test of the others would notice."""
+    method = body_of(dimension, method={"stabilisation": {"kind": "paper"}})
+    u, v = random_field(method, 1), random_field(method, 2)
+    Ku, Kv = stiffness(method, u), stiffness(method, v)
+    assert abs(np.vdot(u, Kv) - np.vdot(v, Ku)) > 1e-6 * np.linalg.norm(u) * np.linalg.norm(Kv)
+
+
+@every_dimension
+@whole_or_broken
+@pytest.mark.parametrize("control", ["shear-scaled", "paper", "none"])
+def test_momentum_and_angular_momentum_are_conserved(dimension, broken, control):
+    skip_impossible(dimension, broken=broken)
+    method = body_of(dimension, broken=broken, method={"stabilisation": {"kind": control}})
+    u = random_field(method, 3)
+    force = stiffness(method, u)
+    total = np.abs(force).sum()
+    assert np.abs(force.sum(axis=0)).max() < ROUND_OFF * total
+    X = method.table.owned_rows("reference_position")
+    if dimension > 1:
+        torque = np.einsum("ni,nj->ij", X, force) - np.einsum("ni,nj->ij", force, X)
+        assert np.abs(torque).max() < ROUND_OFF * total
+
+
+@every_dimension
+@every_support
+@every_placement
+@whole_or_broken
+def test_affine_fields_have_exact_gradients_and_no_control(dimension, planes, placement, broken):
+    skip_impossible(dimension, planes, broken)
+    method = body_of(dimension, planes, placement, broken)
+    A = np.random.default_rng(9).normal(size=(dimension, dimension))
+    for axis, (_, kind) in ((["X", "Y", "Z"].index(key), value) for key, value in PLANES[planes].items()):
+        R = np.eye(dimension)
+        R[axis, axis] = -1.0
+        A = 0.5 * (A + (R if kind == "roller" else -np.eye(dimension)) @ A @ R)
+    u = method.table.owned_rows("reference_position") @ A.T
+    np.testing.assert_allclose(gradients(method, u), np.broadcast_to(A, (method.owned, *A.shape)), atol=1e-11)
+    controlled = stiffness(method, u)
+    method.engine.stabiliser, kept = None, method.engine.stabiliser
+    plain = stiffness(method, u)
+    method.engine.stabiliser = kept
+    assert np.abs(controlled - plain).max() < 1e-11 * np.abs(stiffness(method, random_field(method, 1))).max()
+
+
+@every_dimension
+@whole_or_broken
+def test_a_rigid_motion_has_no_force(dimension, broken):
+    skip_impossible(dimension, broken=broken)
+    method = body_of(dimension, broken=broken)
+    X = method.table.owned_rows("reference_position")
+    spin = np.random.default_rng(2).normal(size=(dimension, dimension))
+    u = X @ (spin - spin.T).T + 0.7
+    assert np.abs(stiffness(method, u)).max() < 1e-11 * np.abs(stiffness(method, random_field(method, 1))).max()
+
+
+@every_dimension
+@pytest.mark.parametrize("material", ["linear-elastic", "prony", "elastic-bulk"])
+def test_force_is_what_the_stiffness_says(dimension, material):
+    """F(u) - F(0) = -K u of the same step, with histories that are not empty."""
+    law = {"linear-elastic": {}, "prony": {"kind": "prony", "terms": [{"ratio": 2.0, "tau": 0.3}, {"ratio": 0.5, "tau": 0.02}]}}
+    law["elastic-bulk"] = {**law["prony"], "bulk": "elastic"}
+    plane = {"plane": "stress"} if dimension == 2 else {}
+    method = body_of(dimension, "fixed", material=law[material], method=plane)
+    first, u = random_field(method, 1), random_field(method, 2)
+    method.operator.commit(first, 0.1)
+    at_u, at_zero = np.empty_like(u), np.empty_like(u)
+    method.operator.force(u, at_u, 0.05)
+    method.operator.force(0.0 * u, at_zero, 0.05)
+    K = stiffness(method, u, 0.05)
+    np.testing.assert_allclose((at_u - at_zero) * method.operator.free, -K, atol=ROUND_OFF * 100 * np.abs(K).max())
+
+
+def test_nonlinear_tangent_is_that_of_the_force():
+    material = {"kind": "prony", "strain": "finite", "terms": [{"ratio": 1.0, "tau": 0.1}]}
+    method = body_of(2, "fixed", material=material)
+    u, du = 0.01 * random_field(method, 1), random_field(method, 2)
+    tangent, ahead, behind = (np.empty_like(u) for _ in range(3))
+    method.operator.linear(u, du, tangent, 0.05)
+    # of fourth order, where the operator's is of second
+    parts = []
+    for h in (1e-4, 2e-4):
+        method.operator.force(u + h * du, ahead, 0.05)
+        method.operator.force(u - h * du, behind, 0.05)
+        parts.append((behind - ahead) / (2.0 * h))
+    expected = (4.0 * parts[0] - parts[1]) / 3.0
+    np.testing.assert_allclose(tangent, expected, atol=1e-6 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("planes", ["free", "corner"])
+@whole_or_broken
+def test_ranks_share_what_one_computes(comm, dimension, planes, broken):
+    results = []
+    for where in (comm, comm.Split(comm.rank)):
+        method = body_of(dimension, planes, broken=broken, comm=where)
+        results.append(gathered(method, stiffness(method, random_field(method, 4))))
+    np.testing.assert_allclose(results[0], results[1], atol=ROUND_OFF * np.abs(results[1]).max())
+
+
+LAWS = {
+    "relaxing": {"kind": "prony", "terms": [{"ratio": 2.0, "tau": 0.3}]},
+    "elastic bulk": {"kind": "prony", "bulk": "elastic", "terms": [{"ratio": 2.0, "tau": 0.3}]},
+    "finite strain": {"kind": "prony", "strain": "finite", "terms": [{"ratio": 2.0, "tau": 0.3}]},
+    "hyperelastic": {"kind": "mooney-rivlin", "zeta": 0.1, "branches": [{"beta": 2.0, "tau": 0.3}]},
+}
+
+
+def moving(dimension, law, **more) -> dict:
+    """A smooth motion of a clamped body."""
+    velocity = ["0.3*sin(2*X)", "0.2*X*X*Y", "0.1*Z*X*X"][:dimension]
+    return scene(dimension, "fixed", material=LAWS[law], jitter=0.0, body={"velocity": velocity}, **more)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_the_energy_balance_closes_with_the_square_of_the_step(dimension, law):
+    worst = []
+    for safety, steps in ((0.2, 30), (0.1, 60)):
+        data = moving(dimension, law, method={"solution": {"kind": "explicit", "safety": safety}})
+        _, columns = run_steps(data, steps)
+        worst.append(np.abs(columns["balance"]).max() / columns["kinetic"].max())
+        assert columns["dissipation_internal"][-1] > 0.01 * columns["kinetic"].max()
+    assert worst[0] < 5e-3
+    assert worst[1] < 0.3 * worst[0]
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_explicit_runs_do_not_depend_on_ranks(comm, law):
+    results = []
+    for where in (comm, comm.Split(comm.rank)):
+        sim, _ = run_steps(moving(2, law), 20, where)
+        results.append(gathered(sim.method, np.array(sim.method.table.owned_rows("displacement"))))
+    np.testing.assert_allclose(results[0], results[1], atol=1e-11 * np.abs(results[1]).max())
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_state_put_back_goes_on_with_the_same_bits(law):
+    whole, columns = run_steps(moving(2, law), 12)
+    part, _ = run_steps(moving(2, law), 5)
+    again = simulation(moving(2, law))
+    again.method.table.restore({name: values.copy() for name, values in part.method.table.checkpointed().items()})
+    again.method.set_state(part.method.state())
+    again.method.resume()
+    for _ in range(7):
+        again.take_step(again.method.stable_step())
+    for name, values in whole.method.table.checkpointed().items():
+        np.testing.assert_array_equal(again.method.table.owned_rows(name), values, err_msg=name)
+    assert again.method.energies() == whole.method.energies()
+
+
+def test_bodies_that_relax_differently_are_refused():
+    data = moving(2, "relaxing")
+    other = {**data["bodies"][0], "material": {**data["bodies"][0]["material"], "terms": [{"ratio": 1.0, "tau": 0.3}]}}
+    other["shape"] = {"box": {"lower": [1.0, 0.0], "upper": [2.0, 0.9]}}
+    data["bodies"].append(other)
+    with pytest.raises(ValueError, match=r"bodies\.1\.material\.terms: expected the ratios and times"):
+        simulation(data, MPI.COMM_SELF)
