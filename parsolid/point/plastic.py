@@ -63,7 +63,9 @@ class PlasticPoint:
             raise PathLost(f"the state is lost at J = {J:g}: compressed beyond the equation of state, or not a number")
         energy, temperature, heat = arrays.energy[0, 0], arrays.temperature[0, 0], 0.0
         if self.isothermal:
-            heat = self.share * work + self.law.internal_energy(temperature) - self.law.internal_energy(state.temperature)
+            # of the flow, and of dE = T dS = -gamma rho0 C_v T dJ that keeps the temperature
+            capacity, gamma = self.law.density * self.law.specific_heat, getattr(self.law.equation_of_state, "gamma", 0.0)
+            heat = self.share * work - gamma * capacity * state.temperature * (J - np.linalg.det(state.F))
             energy, temperature = energy - heat, state.temperature
         xx, yy, zz, _, yz, xz, xy, _ = self.record[0] / J
         stress = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

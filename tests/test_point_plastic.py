@@ -1,0 +1,123 @@
+"""The material point of elastic-plastic solids: adiabatic and isothermal, cycles, free sides, faults."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from parsolid.laws import law_of
+from parsolid.point.choice import point_law
+from parsolid.point.driver import drive
+from parsolid.point.laws import PathLost
+from parsolid.point.report import tabulate
+from parsolid.point.schema import load_point
+from parsolid.scene.faults import SceneError
+
+EXAMPLES = Path(__file__).parents[1] / "runs" / "point"
+COPPER = '[material]\nkind = "elastic-plastic"\nlibrary = "OFHC copper, Johnson-Cook"\n'
+STEEL = """[material]
+kind = "elastic-plastic"
+density = 7850
+specific_heat = 470
+youngs_modulus = 200e9
+poissons_ratio = 0.3
+flow_stress = { kind = "linear-hardening", yield_stress = 400e6, hardening = 1e9 }
+"""
+
+
+@pytest.fixture
+def driven(shared_path, comm):
+    """The columns of a point stated as TOML."""
+
+    def make(text):
+        path = shared_path / "path.toml"
+        if comm.rank == 0:
+            path.write_text(text)
+        comm.barrier()
+        return followed(load_point(path))
+
+    return make
+
+
+def followed(point):
+    law = point_law(law_of(point.material), **point.conditions)
+    record = drive(law, point.path, point.end_time, point.longest_step)
+    columns = tabulate(law, record, np.array(point.output.directions))
+    return SimpleNamespace(point=point, law=law, **columns)
+
+
+def test_adiabatic_and_isothermal_shear(driven):
+    path = 'end_time = 1e-3\nsteps = 100\ntemperature = 294.0\n%s[path]\nkind = "simple-shear"\nshear = "1000*t"\n'
+    warm = driven(path % COPPER)
+    assert warm.stress_xy[-1] == pytest.approx(217.1357e6, rel=5e-4) and warm.temperature[-1] == pytest.approx(341.72, abs=0.25)
+    assert (warm.heat_given_away == 0.0).all()
+    cold = driven("heat = 'isothermal'\n" + path % COPPER)
+    assert (cold.temperature == 294.0).all() and cold.stress_xy[-1] > 1.02 * warm.stress_xy[-1]
+    # shear at constant volume: the heat given away is the plastic heat
+    assert cold.heat_given_away[-1] == pytest.approx(0.9 * cold.dissipation[-1], rel=1e-3)
+    for run in (warm, cold):
+        assert np.abs(run.balance).max() <= 3e-3 * run.work[-1]
+
+
+def test_heat_of_isothermal_compression(driven):
+    """Elastic: dQ = -T gamma rho C_v dV at constant temperature, so that nothing but the volume counts."""
+    hard = COPPER + 'flow_stress = { kind = "linear-hardening", yield_stress = 1e13 }\n'
+    run = driven('end_time = 1.0\nsteps = 50\nheat = "isothermal"\n%s[path]\nkind = "volumetric"\njacobian = "1 - 0.05*t"\n' % hard)
+    assert (run.temperature == 300.0).all()
+    assert run.heat_given_away[-1] == pytest.approx(300.0 * 2.02 * 8960.0 * 383.0 * 0.05, rel=1e-4)
+
+
+def test_uniaxial_stress_of_a_hardening_bar(driven):
+    """Free sides: sigma = (sigma_y0 + H ep) with ln(stretch) = ep + sigma/E."""
+    run = driven('end_time = 1e-3\nsteps = 50\n%s[path]\nkind = "uniaxial"\nstretch = "exp(50*t)"\n' % STEEL)
+    stress, strain = run.stress_xx, np.log(run.deformation_gradient_xx)
+    assert np.abs(run.stress_yy).max() < 1e-3 * stress.max()
+    plastic = run.plastic_strain > 0.0
+    assert plastic.sum() > 40 and stress[plastic] == pytest.approx(400e6 + 1e9 * run.plastic_strain[plastic], rel=1e-9)
+    assert strain == pytest.approx(run.plastic_strain + stress / 200e9, rel=2e-3, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["plastic_cycles", "plastic_uniaxial_strain"])
+def test_examples(name):
+    run = followed(load_point(EXAMPLES / f"{name}.toml"))
+    assert np.isfinite(run.von_mises_stress).all()
+    assert (run.von_mises_stress[1:] <= run.flow_stress[1:] * (1.0 + 1e-2) + 1e6).mean() > 0.5
+    assert np.abs(run.balance).max() <= 1e-3 * run.work.max() and (np.diff(run.plastic_strain) >= 0.0).all()
+    if name == "plastic_uniaxial_strain":
+        # loaded beyond yield, unloaded to yield in tension
+        assert run.stress_xx.min() < -10e9 and run.stress_xx[-1] > 0.0
+
+
+def test_a_jump_is_refused(driven):
+    with pytest.raises(PathLost, match="jump"):
+        driven('end_time = 1.0\nsteps = 5\n%s[path]\nkind = "simple-shear"\nshear = 0.1\n' % STEEL)
+
+
+def test_compression_beyond_the_equation_of_state_is_told(driven):
+    with pytest.raises(PathLost, match="equation of state"):
+        driven('end_time = 1.0\nsteps = 50\n%s[path]\nkind = "volumetric"\njacobian = "1 - 0.7*t"\n' % COPPER)
+
+
+@pytest.mark.parametrize(
+    "text, expected",
+    [
+        ('heat = "adiabatic"\n[material]\nkind = "neo-hookean"\ndensity = 1000\nyoungs_modulus = 1e6\npoissons_ratio = 0.3\n', "heat"),
+        (COPPER.replace("Johnson-Cook", "Johnson-Kook"), "'OFHC copper, Johnson-Cook'"),
+        (STEEL.replace("specific_heat = 470\n", ""), "specific_heat"),
+        (STEEL.replace("poissons_ratio = 0.3\n", ""), "both youngs_modulus and poissons_ratio"),
+        (STEEL + 'shear_modulus = { kind = "constant", modulus = 8e10 }\n', "material.shear_modulus"),
+        (STEEL + 'melting = { kind = "lindemann" }\n', "'steinberg-cochran-guinan'"),
+        (STEEL.replace("linear-hardening", "johnson-cook"), "material.flow_stress.exponent"),
+    ],
+)
+def test_faults(driven, text, expected):
+    with pytest.raises(SceneError, match=expected):
+        driven('end_time = 1.0\nsteps = 5\n%s[path]\nkind = "simple-shear"\nshear = "t"\n' % text)
+
+
+def test_a_law_that_needs_melting_says_so(driven):
+    table = 'shear_modulus = { kind = "linear-softening", modulus = 8e10, softening = 0.2 }\n'
+    text = STEEL.replace("youngs_modulus = 200e9\npoissons_ratio = 0.3\n", table + 'equation_of_state = { kind = "linear", bulk_modulus = 1e11 }\n')
+    with pytest.raises(SceneError, match="needed by the shear modulus 'linear-softening'"):
+        driven('end_time = 1.0\nsteps = 5\n%s[path]\nkind = "simple-shear"\nshear = "t"\n' % text)
