@@ -115,7 +115,75 @@ PULLED = {
     "output": OUTPUT | {"fields_interval": 0.005},
 }
 
-SCENES = {"punch": PUNCH, "column": COLUMN, "driven": DRIVEN, "pulled": PULLED}
+METAL = {
+    "kind": "elastic-plastic",
+    "density": 8930.0,
+    "specific_heat": 383.0,
+    "equation_of_state": {"kind": "mie-grueneisen", "sound_speed": 3940.0, "slope": 1.489, "gamma": 2.02},
+    "shear_modulus": {"kind": "constant", "modulus": 47.7e9},
+    "flow_stress": {"kind": "linear-hardening", "yield_stress": 120e6, "hardening": 500e6},
+}
+
+# two laws, a wall that moves, particles that change their rank
+IMPACT = {
+    "title": "Impact of two blocks",
+    "dimension": 2,
+    "end_time": 4e-6,
+    "method": {"kind": "mpm", "cell": 5e-4, "transfer": "apic", "rebalance": 1.05},
+    "bodies": [
+        {
+            "shape": {"box": {"lower": [0.0, 0.0], "upper": [5e-3, 4e-3]}},
+            "spacing": [2.5e-4],
+            "placement": "cells",
+            "velocity": ["-300", "-100"],
+            "material": METAL,
+        },
+        {
+            "shape": {"box": {"lower": [0.0, 4e-3], "upper": [3e-3, 7e-3]}},
+            "spacing": [2.5e-4],
+            "placement": "cells",
+            "velocity": ["0", "-500 + 5e4*X"],
+            "material": {"kind": "neo-hookean", "density": 2700.0, "youngs_modulus": 70e9, "poissons_ratio": 0.33},
+        },
+    ],
+    "boundaries": [
+        {"plane": "Y = 0", "kind": "roller"},
+        {"plane": "X = 0", "kind": "wall", "side": "above", "velocity": [50.0, 0.0]},
+    ],
+    "loads": {"acceleration": ["0", "-1e7*(1 + X)"]},
+    "probes": [
+        {"name": "corner", "at": [0.0, 0.0], "fields": ["displacement", "stress", "plastic_strain", "temperature"]},
+        {"name": "top", "at": [3e-3, 7e-3], "fields": ["displacement", "density"]},
+        {"name": "upper", "quantity": "upper_bounds"},
+        {"name": "work", "quantity": "plastic_work"},
+        {"name": "all", "quantity": "linear_momentum"},
+    ],
+    "output": OUTPUT | {"fields_interval": 1e-6},
+}
+
+# a block that turns, flies farther than it is long, and is dealt out anew
+FLIGHT = {
+    "title": "Flight of a block",
+    "dimension": 3,
+    "end_time": 6e-3,
+    "method": {"kind": "mpm", "cell": 0.1, "basis": "cpgimp", "order": "musl", "flip_fraction": 0.99, "rebalance": 1.05},
+    "bodies": [
+        {
+            "shape": {"box": {"lower": [0.0, 0.0, 0.0], "upper": [0.4, 0.3, 0.2]}},
+            "spacing": [0.05],
+            "placement": "cells",
+            "velocity": ["150 - 60*Y", "60*X", "30"],
+            "material": SOFT,
+        }
+    ],
+    "probes": [
+        {"name": "corner", "at": [0.4, 0.3, 0.2], "fields": ["position", "velocity_gradient", "jacobian"]},
+        {"name": "turn", "quantity": "angular_momentum"},
+    ],
+    "output": OUTPUT | {"fields_interval": 2e-3, "fields": ["velocity", "pressure", "density"]},
+}
+
+SCENES = {"punch": PUNCH, "column": COLUMN, "driven": DRIVEN, "pulled": PULLED, "impact": IMPACT, "flight": FLIGHT}
 
 
 def changed(scene: dict, changes: dict) -> dict:
