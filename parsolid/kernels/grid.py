@@ -150,12 +150,13 @@ def find_velocities(first, last, nodes, least_mass):
 
 @njit(cache=True)
 def obey_wall(first, last, nodes, places, share, wall):
-    """Let nodes at or behind a rigid wall move with it; after `update_nodes`. Gives the impulse [N s] on the body.
+    """Let nodes at or behind a rigid wall move with it; after `update_nodes`. Gives the impulse [N s] on the body and a loss [J].
 
     places (nodes, 4): positions [m]; share (nodes,): what counts of a node, see `kinetic_gain`. The wall's work on the body is
-    impulse . wall.velocity.
+    impulse . wall.velocity. Lost is m/2 of the square of what the whole step changes in the velocity that the wall sets: all of it
+    when a body is caught, nothing while it stays.
     """
-    impulse = np.zeros(3)
+    impulse, lost = np.zeros(3), 0.0
     for i in range(first, last):
         distance, speed = 0.0, 0.0
         for d in range(3):
@@ -170,7 +171,12 @@ def obey_wall(first, last, nodes, places, share, wall):
             nodes[i, d] += change
             nodes[i, 4 + d] += change
             impulse[d] += share[i] * nodes[i, 3] * change
-    return impulse[0], impulse[1], impulse[2]
+        caught, along = 0.0, 0.0
+        for d in range(3):
+            caught += nodes[i, 4 + d] ** 2
+            along += wall.normal[d] * nodes[i, 4 + d]
+        lost += 0.5 * share[i] * nodes[i, 3] * (caught if wall.sticking != 0.0 else along**2)
+    return impulse[0], impulse[1], impulse[2], lost
 
 
 @njit(cache=True)

@@ -139,14 +139,14 @@ class MaterialPoint(ParticleMethod):
         kinetic = kernels.kinetic_energy(self.owned, points.motion)
         external = self._external(time)
         self._to_nodes(basis, transfer, external)
-        supplied, gain = self._move_nodes(time, step)
+        supplied, caught, gain = self._move_nodes(time, step)
         before = points.motion[: self.owned].copy() if external is not None else None
         self._from_nodes(basis, transfer, time, step)
         if external is not None:
             supplied += _work(external[: self.owned], before, points.motion[: self.owned], step)
         # what filters the particles' velocities loses kinetic energy; FLIP alone does not
         lost = kinetic + gain - kernels.kinetic_energy(self.owned, points.motion) if self.filters else 0.0
-        ledger.add(1.0, 0.0, lost, supplied)
+        ledger.add(1.0, 0.0, lost + caught, supplied)
         sound, self.fastest, plastic, viscous = points.advance_stress(step)
         self.plastic_work += plastic
         ledger.add_term("plastic_work", plastic)
@@ -186,25 +186,25 @@ class MaterialPoint(ParticleMethod):
         communicate()
         self.communication_seconds += clock.perf_counter() - began
 
-    def _move_nodes(self, time: float, step: float) -> tuple[float, float]:
-        """New nodal velocities; work [J] of walls and driven regions, and gain of the nodes' kinetic energy [J]."""
+    def _move_nodes(self, time: float, step: float) -> tuple[float, float, float]:
+        """New nodal velocities; in J: work of walls and driven regions, loss at walls, gain of the nodes' kinetic energy."""
         tables, nodes = self.tables, self.tables.nodes
         tables.fold(nodes)
         kernels.update_nodes(0, tables.count, nodes, step, self.gravity, self.least_mass)
-        supplied = self._obey(nodes, time + step)
+        supplied, caught = self._obey(nodes, time + step)
         gain = kernels.kinetic_gain(0, tables.count, nodes, tables.share)
         tables.spread(nodes)
-        return supplied, gain
+        return supplied, caught, gain
 
-    def _obey(self, nodes: np.ndarray, time: float) -> float:
-        """Let nodes follow walls and driven regions at a time [s]; the work [J] that this takes."""
-        tables, supplied = self.tables, 0.0
+    def _obey(self, nodes: np.ndarray, time: float) -> tuple[float, float]:
+        """Let nodes follow walls and driven regions at a time [s]; the work that this takes and what of it is lost [J]."""
+        tables, supplied, caught = self.tables, 0.0, 0.0
         for wall in self.walls:
-            impulse = kernels.obey_wall(0, tables.count, nodes, tables.places, tables.share, wall.at(time))
-            supplied += float(np.dot(impulse, wall.velocity[:3]))
+            *impulse, lost = kernels.obey_wall(0, tables.count, nodes, tables.places, tables.share, wall.at(time))
+            supplied, caught = supplied + float(np.dot(impulse, wall.velocity[:3])), caught + lost
         for region in self.driven:
             supplied += region.drive(nodes, tables, time, self.dimension)
-        return supplied
+        return supplied, caught
 
     def _from_nodes(self, basis, transfer, time: float, step: float) -> None:
         """Velocities, places and velocity gradients of particles from the nodes."""

@@ -230,7 +230,7 @@ def test_a_rigid_wall(sticking):
     normal = np.array([0.6, 0.8, 0.0, 0.0])
     wall = grid.RigidWall(np.array([0.1, 0.2, 0.3, 0.0]), normal, np.array([1.0, -0.5, 0.3, 0.0]), sticking)
     before = nodes.copy()
-    impulse = grid.obey_wall(0, 200, nodes, places, share, wall)
+    *impulse, lost = grid.obey_wall(0, 200, nodes, places, share, wall)
     behind = ((places - wall.point)[:, :3] @ normal[:3] <= 0.0) & (nodes[:, 3] > 0.0)
     relative = before[:, :3] - wall.velocity[:3]
     approach = relative @ normal[:3]
@@ -243,4 +243,6 @@ def test_a_rigid_wall(sticking):
     np.testing.assert_array_equal(nodes[~held], before[~held])
     gained = nodes[:, :3] - before[:, :3]
     np.testing.assert_allclose(nodes[:, 4:7] - before[:, 4:7], gained, atol=1e-14)
+    set_by_wall = nodes[held, 4:7] if sticking else nodes[held, 4:7] @ normal[:3, None]
+    np.testing.assert_allclose(lost, 0.5 * (share * nodes[:, 3])[held] @ (set_by_wall**2).sum(axis=1), rtol=1e-13)
     np.testing.assert_allclose(impulse, (share * nodes[:, 3]) @ gained, atol=1e-13)
