@@ -148,7 +148,7 @@ IMPACT = {
     ],
     "boundaries": [
         {"plane": "Y = 0", "kind": "roller"},
-        {"plane": "X = 0", "kind": "wall", "side": "above", "velocity": [50.0, 0.0]},
+        {"plane": "X = 0", "kind": "wall", "side": "above", "velocity": [10.0, 0.0]},
     ],
     "loads": {"acceleration": ["0", "-1e7*(1 + X)"]},
     "probes": [
