@@ -5,7 +5,7 @@ import pytest
 from bonded_body import BondedBody
 
 from parsolid.kernels.bond_damage import Stretch
-from parsolid.kernels.bond_forces import add_bond_forces, bond_energy, listed_bond_energy
+from parsolid.kernels.bond_forces import add_bond_forces, bond_energy
 
 bodies = pytest.mark.parametrize("dimension, mirror", [(2, False), (3, False), (2, True), (3, True)])
 
@@ -14,14 +14,17 @@ def crumple(X):
     return 0.1 * np.sin(1.7 * X + 0.4 * X[:, ::-1])
 
 
-def forces(body):
+COLUMN = {2: 2, 3: 4}
+
+
+def forces(body, linear=None):
     """Forces (owned, d) [N] and the energy of all ranks [J]."""
     d = body.dimension
-    c = 2.0 + 0.1 * body.identifier
-    force, energy = np.zeros((len(body.positions), 8)), 0.0
+    c, share = 2.0 + 0.1 * body.identifier, np.ones(body.owned)
+    force, energy = np.zeros((len(body.positions), 4)), 0.0
     for pairs, images, both in body.bonds:
-        add_bond_forces(body.space, 0, body.owned, pairs, images, both, c, body.kinematics, force)
-        energy += bond_energy(body.space, pairs, images, both, c, body.kinematics)
+        add_bond_forces(body.space, pairs, images, both, linear, COLUMN[d], c, body.kinematics, force)
+        energy += bond_energy(body.space, pairs, images, both, COLUMN[d], c, share, body.kinematics)
     return force[: body.owned, :d], body.comm.allreduce(energy)
 
 
@@ -62,19 +65,24 @@ def test_a_rotation_has_no_energy(comm, dimension):
 
 
 @bodies
-def test_broken_bonds_take_their_energy_with_them(comm, dimension, mirror):
+def test_the_linear_force_is_the_derivative_at_rest(comm, dimension, mirror):
+    body = BondedBody(comm, dimension, mirror)
+    body.displace(lambda X: 1e-7 * crumple(X))
+    force, linear = forces(body)[0], forces(body, True)[0]
+    assert linear == pytest.approx(force, rel=0.0, abs=1e-5 * comm.allreduce(np.abs(force).max(initial=0.0)))
+
+
+@bodies
+def test_broken_bonds_bear_and_store_nothing(comm, dimension, mirror):
     body = BondedBody(comm, dimension, mirror)
     body.displace(crumple)
-    before, c = forces(body)[1], 2.0 + 0.1 * body.identifier
-    body.damage.resistance[:] = 0.1
-    failed, released = body.damage.inspect(Stretch(body.damage.resistance)), 0.0
+    before = forces(body)[1]
+    body.damage.resistance[:] = -1.0
+    failed = body.damage.inspect(Stretch(body.damage.resistance))
     if failed is not None:
-        for found, (pairs, images, both) in zip(failed.rows, body.bonds):
-            released += listed_bond_energy(body.space, found, pairs, images, both, c, body.kinematics)
         body.damage.cut(failed)
-    released = comm.allreduce(released)
-    assert released > 0.01 * before
-    assert forces(body)[1] == pytest.approx(before - released, rel=1e-12)
+    force, energy = forces(body)
+    assert before > 0.0 and energy == 0.0 and not force.any()
 
 
 def test_uniform_stretch_stores_the_energy_of_the_micromodulus(comm):
