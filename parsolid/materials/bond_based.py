@@ -18,6 +18,14 @@ class BondBased(NamedTuple):
     density: float
     youngs_modulus: float
 
+    @property
+    def branch_moduli(self) -> None:
+        """It has no branches."""
+
+    @property
+    def relaxation_times(self) -> None:
+        """It has no branches."""
+
 
 def of_material(material) -> BondBased:
     """The law of a scene's bond-based solid."""

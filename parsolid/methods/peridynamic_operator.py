@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from parsolid.materials.bond_based import BondBased
 from parsolid.materials.prony import Prony, algorithmic_factor
 from parsolid.methods.bond_force import BondForce
 from parsolid.methods.relaxing import Relaxation, series_of
@@ -12,6 +13,9 @@ _SHIFT = 1e-6
 
 def algorithmic_law(law: Prony, step: float) -> Prony:
     """The elastic law of a step [s] over 1 + sum gamma_j A_j, the factor by which `Operator.linear` multiplies the field."""
+    if isinstance(law, BondBased):
+        # its engine needs no constants to be linear
+        return Prony(law.density, 0.0, 0.0, None, None, None, None, None)
     if not isinstance(law, Prony):
         return _undeformed(law, step)
     factor = algorithmic_factor(law, step)

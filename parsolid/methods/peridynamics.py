@@ -12,7 +12,9 @@ from parsolid.kernels.pairs import AlongBonds, ShearScaled
 from parsolid.kernels.simd import aligned_zeros, padded
 from parsolid.laws import laws_of
 from parsolid.materials.bond_based import micromodulus
+from parsolid.materials.bond_based import BondBased
 from parsolid.methods import bond_motion
+from parsolid.methods.bond_based import BondBasedForce, BondBasedRelaxation
 from parsolid.methods.bond_force import BondForce
 from parsolid.methods.bonding import build_bonding
 from parsolid.methods.correspondence import stresses
@@ -51,7 +53,7 @@ class Peridynamics(ParticleMethod):
         influence = INFLUENCES[self.settings.influence]
         self.bonding = build_bonding(comm, influence, horizon, cloud, volume, self.loads.codes)
         stabiliser, scale = self._stabiliser(horizon)
-        self._set_up_forces(laws, (self.bonding, stabiliser, scale, self._fixed_planes(cloud)))
+        self._set_up_forces(laws, (self.bonding, stabiliser, scale, self._fixed_planes(cloud)), horizon)
         self.loads.install_tractions(self.engine, horizon)
         self.fracture = None
         if self.settings.damage is not None or self.settings.pre_cracks:
@@ -73,10 +75,16 @@ class Peridynamics(ParticleMethod):
         self.largest_eigenvalue = None
         self._gradients = None
 
-    def _set_up_forces(self, laws: list, parts: tuple) -> None:
+    def _set_up_forces(self, laws: list, parts: tuple, horizon: np.ndarray) -> None:
         """Engine and history, of the kind that the scene's laws need."""
         terms = len(series_of(laws[0])[0])
-        if any(has_tensor_history(law) for law in laws):
+        if isinstance(laws[0], BondBased):
+            fixed_planes = parts[-1]
+            self.engine = BondBasedForce(
+                self.bonding, fixed_planes, self.groups, self.share, horizon, self.settings, self.dimension
+            )
+            self.relaxation = BondBasedRelaxation(self.engine, self.groups, terms, self.share)
+        elif any(has_tensor_history(law) for law in laws):
             self.engine = HistoryForce(*parts, self.groups, terms, self.share)
             self.relaxation = HistoryRelaxation(self.engine, self.groups, terms, self.share)
         else:
@@ -86,7 +94,7 @@ class Peridynamics(ParticleMethod):
     def _stabiliser(self, horizon) -> tuple:
         """The stabiliser and its scale (owned,): coefficient times G [Pa], or c of eq (39), the micromodulus of the scene's state of strain."""
         settings, kind = self.settings.stabilisation, self.settings.stabilisation.kind
-        if kind == "none":
+        if kind == "none" or all(isinstance(group.law, BondBased) for group in self.groups):
             return None, None
         scale = np.zeros(self.owned)
         for group in self.groups:
@@ -389,6 +397,8 @@ class Peridynamics(ParticleMethod):
 def _unlike_series(laws: list) -> str | None:
     """A fault when bodies relax differently: the relaxing displacement is one field for all."""
     for index, law in enumerate(laws):
+        if isinstance(law, BondBased) != isinstance(laws[0], BondBased):
+            return f"bodies.{index}.material.kind: expected all bodies or none to be bond-based, found both kinds"
         if series_of(law) != series_of(laws[0]):
             return (
                 f"bodies.{index}.material.terms: expected the ratios and times of bodies.0 (the relaxing displacement is one field), "
