@@ -94,7 +94,7 @@ class Peridynamics(ParticleMethod):
     def _stabiliser(self, horizon) -> tuple:
         """The stabiliser and its scale (owned,): coefficient times G [Pa], or c of eq (39), the micromodulus of the scene's state of strain."""
         settings, kind = self.settings.stabilisation, self.settings.stabilisation.kind
-        if kind == "none" or all(isinstance(group.law, BondBased) for group in self.groups):
+        if kind == "none" or isinstance(laws_of(self.scene)[0], BondBased):
             return None, None
         scale = np.zeros(self.owned)
         for group in self.groups:
@@ -323,7 +323,7 @@ class Peridynamics(ParticleMethod):
             return np.zeros(last - first)
         if name not in ("deformation_gradient", "stress"):
             return None
-        if name == "stress" and not isinstance(self.engine, HistoryForce):
+        if name == "stress" and not isinstance(self.engine, HistoryForce | BondBasedForce):
             return self._stresses()[first:last]
         F = np.tile(np.eye(3), (last - first, 1, 1))
         d = self.engine.dimension
