@@ -18,6 +18,7 @@ from parsolid.scene import SceneError
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "runs" / "point"
 MATERIAL = {"kind": "prony", "density": 1000.0, "youngs_modulus": 7e6, "poissons_ratio": 0.3}
+ELASTIC_BULK = {"bulk": "elastic", "poissons_ratio": None, "bulk_modulus": 30e6}
 TERMS = [{"ratio": 2.0, "tau": 0.3}, {"ratio": 0.7, "tau": 5.0}]
 
 
@@ -42,7 +43,7 @@ def test_relaxation_under_uniaxial_stress_is_that_of_youngs_modulus():
 
 
 @pytest.mark.parametrize("strain", ["small", "finite"])
-@pytest.mark.parametrize("bulk", [{}, {"bulk": "elastic", "poissons_ratio": None, "bulk_modulus": 30e6}], ids=["relaxing", "elastic"])
+@pytest.mark.parametrize("bulk", [{}, ELASTIC_BULK], ids=["relaxing", "elastic"])
 def test_work_stored_and_dissipated_balance(strain, bulk):
     path = {"kind": "cyclic-shear", "amplitude": 0.4, "period": 1.0}
     errors = []

@@ -25,7 +25,7 @@ def critical_stretch(fracture_energy: float, youngs_modulus: float, state: str, 
 
 
 def critical_bond_energy(fracture_energy: float, state: str, horizon):
-    """Energy per two volumes, the same for every bond, at which bonds break: 4 G_c/(pi delta^4), 3 G_c/(2 delta^3), 2 G_c/delta^2."""
+    """Energy of a bond per two volumes: 4 G_c/(pi delta^4) in space, 3 G_c/(2 delta^3) in the plane, 2 G_c/delta^2 in a bar."""
     factor, power = {"bar": (2.0, 2), "space": (4.0 / math.pi, 4)}.get(state, (1.5, 3))
     return factor * fracture_energy / horizon**power
 

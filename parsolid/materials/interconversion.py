@@ -5,7 +5,7 @@ from scipy.optimize import brentq
 
 
 def shear_relaxation(bulk_modulus: float, equilibrium: float, moduli, times) -> tuple[float, np.ndarray, np.ndarray]:
-    """Equilibrium value [Pa], moduli (m,) [Pa] and times (m,) [s] of G(t) from those of Young's modulus E(t), exact for constant K.
+    """Equilibrium value [Pa], moduli (m,) [Pa] and times (m,) [s] of G(t), exact for constant K, from those of E(t).
 
     With s times the Laplace transform, G(s) = 3 K E(s) / (9 K - E(s)): its poles -1/T_k are where E(s) = 9 K, one just beyond
     each pole of E. Terms of the same time become one, those without stiffness none. ValueError unless E(0+) < 9 K.

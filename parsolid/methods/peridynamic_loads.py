@@ -21,7 +21,7 @@ from parsolid.together import maximum, minimum
 
 @dataclass
 class Guided:
-    """One component of the displacement (`course` [m]) or of the velocity (`velocity` [m/s]) of some particles (k,), prescribed."""
+    """One prescribed component of displacement (`course` [m]) or velocity (`velocity` [m/s]) of some particles (k,)."""
 
     particles: np.ndarray
     component: int

@@ -78,7 +78,8 @@ class Timed(Section):
 
     @model_validator(mode="after")
     def _rising(self) -> "Timed":
-        late = [(i, after) for i, (before, after) in enumerate(zip(self.jumps or (), (self.jumps or ())[1:]), 1) if after <= before]
+        jumps = self.jumps or []
+        late = [(i, after) for i, (before, after) in enumerate(zip(jumps, jumps[1:]), 1) if after <= before]
         reject(*((("jumps", i), "a time later than the one before", time) for i, time in late))
         return self
 
@@ -89,7 +90,7 @@ class Timed(Section):
 
 
 class Course:
-    """Formulas of a `Timed` load with its history and jumps, evaluated as a `FormulaVector` is."""
+    """A `Timed` load with its history and jumps, evaluated as a `FormulaVector` is."""
 
     def __init__(self, formulas: FormulaVector, timed: Timed):
         self.formulas, self.history, self.jumps = formulas, timed.history, timed.jumps or ()

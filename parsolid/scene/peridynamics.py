@@ -21,7 +21,7 @@ class Stabilisation(Section):
 
     kind: Literal["shear-scaled", "paper", "none"] = "shear-scaled"
     coefficient: Positive | None = Field(None, description="factor of the control: 0.5 (shear-scaled) or 1 (paper) unless given")
-    modulus: Positive | None = Field(None, description="Young's modulus in the paper's bond constant, at equilibrium unless given [Pa]")
+    modulus: Positive | None = Field(None, description="Young's modulus in eq (39), at equilibrium unless given [Pa]")
 
     @property
     def factor(self) -> float:
@@ -55,7 +55,7 @@ class QuasiStatic(Section):
 
     step           the material step [s]; further steps end at load jumps, each followed by a step of length zero
     tolerance      residual over the largest load (or reaction) met so far
-    extrapolation  order of the polynomial through earlier states at which a solution starts: 0 the last state, 1 the last increment
+    extrapolation  of the polynomial through earlier states at which a solution starts, the order: 0 the last state
     """
 
     kind: Literal["quasi-static"]
@@ -137,7 +137,7 @@ class Peridynamics(MethodSettings):
     horizon_ratio  m: the horizon is (m + 0.015) times the particle spacing
     influence      w(|xi|/horizon), 1 at |xi| = 0
     plane          of a 2-D scene: "stress" or "strain" (strain unless given); lengths per metre of thickness
-    traction       how tractions act: "consistent", as forces that balance a uniform stress near the face, exact on a lattice;
+    traction       how tractions act: "consistent", as forces that balance a uniform stress near it, exact on a lattice;
                    "consistent-everywhere", also inside, where irregular particles need forces for that; "single-layer", on
                    the particles at the face; "horizon", spread evenly over the horizon beneath it
     damage         bonds that break; the particle field damage is the share of a family's volume that bonds were lost to, the

@@ -32,7 +32,7 @@ def test_moments_are_those_of_the_influence_function(name, power):
 PUBLISHED = {
     "space": (18.0 * K3 / (math.pi * DELTA**4), math.sqrt(5.0 * GC / (9.0 * K3 * DELTA)), 4.0 * GC / (math.pi * DELTA**4)),
     "plane-stress": (9.0 * E / (math.pi * DELTA**3), math.sqrt(4.0 * math.pi * GC / (9.0 * E * DELTA)), 1.5 * GC / DELTA**3),
-    "plane-strain": (48.0 * E / (5.0 * math.pi * DELTA**3), math.sqrt(5.0 * math.pi * GC / (12.0 * E * DELTA)), 1.5 * GC / DELTA**3),
+    "plane-strain": (9.6 * E / (math.pi * DELTA**3), math.sqrt(5.0 * math.pi * GC / (12.0 * E * DELTA)), 1.5 * GC / DELTA**3),
     "bar": (2.0 * E / DELTA**2, math.sqrt(3.0 * GC / (E * DELTA)), 2.0 * GC / DELTA**2),
 }
 

@@ -201,7 +201,8 @@ def average(series, low, high):
 
 def test_creep_of_a_bar():
     # Galadima et al., section 8.1: strain 0.1 (1 - 0.9 exp(-t/10)), a jump and then equal steps of constant stress
-    law = prony.of_material(solid(dimension=1, youngs_modulus=6.89e6, poissons_ratio=None, terms=[{"modulus": 62.01e6, "tau": 1.0}]), "bar")
+    terms = [{"modulus": 62.01e6, "tau": 1.0}]
+    law = prony.of_material(solid(dimension=1, youngs_modulus=6.89e6, poissons_ratio=None, terms=terms), "bar")
     point, errors = Point(law, "bar"), {}
     for steps in (100, 200):
         point = Point(law, "bar").advance([0.01, 0.0, 0.0, 0.0], 0.0)
@@ -223,7 +224,8 @@ def test_creep_of_a_bar():
 def test_an_elastic_bulk_gives_back_the_relaxation_of_youngs_modulus(conversion, equilibrium, instantaneous):
     # a bar at constant strain: the stress is E(t) times the strain, though only the shear modulus relaxes
     terms = [{"modulus": 62.01e6, "tau": 1.0}]
-    material = solid("elastic", youngs_modulus=6.89e6, poissons_ratio=None, bulk_modulus=689e6, terms=terms, conversion=conversion)
+    constants = {"youngs_modulus": 6.89e6, "poissons_ratio": None, "bulk_modulus": 689e6}
+    material = solid("elastic", terms=terms, conversion=conversion, **constants)
     law = prony.of_material(material, "bar")
     point, step = Point(law, "bar").advance([0.01, 0.0, 0.0, 0.0], 0.0), 0.02
     if instantaneous:

@@ -8,7 +8,8 @@ import pytest
 
 from parsolid.scene import SceneError, generate, parse_scene, selected
 
-MATERIAL = {"kind": "prony", "density": 1000.0, "youngs_modulus": 7e6, "poissons_ratio": 0.3, "terms": [{"ratio": 9.0, "tau": 1.0}]}
+TERMS = [{"ratio": 9.0, "tau": 1.0}]
+MATERIAL = {"kind": "prony", "density": 1000.0, "youngs_modulus": 7e6, "poissons_ratio": 0.3, "terms": TERMS}
 PLATE = {
     "dimension": 2,
     "end_time": 10.0,
@@ -43,7 +44,7 @@ HELD = {"kind": "displacement", "plane": "X = 1", "displacement": ["0.1*t", "fre
 
 BROKEN = {
     "horizon": (plate({"horizon_ratio": 0.5}), "method.horizon_ratio: expected a number >= 1, found 0.5"),
-    "influence": (plate({"influence": "cubic"}), "method.influence: expected 'constant', 'linear' or 'cubic-spline'.*found 'cubic'"),
+    "influence": (plate({"influence": "cubic"}), "method.influence: expected 'constant', 'linear' or .*found 'cubic'"),
     "plane in space": (plate({"plane": "stress"}, dimension=3), "method.plane: expected no such key but in 2-D, found 'stress'"),
     "unknown plane": (plate({"plane": "stretch"}), "method.plane: expected 'stress' or 'strain' .*found 'stretch'"),
     "four dimensions": (plate(dimension=2) | {"dimension": 4}, "dimension: expected 1, 2 or 3, found 4"),
@@ -76,8 +77,14 @@ BROKEN = {
         plate({"solution": {"kind": "explicit", "step": 0.1}}),
         "method.solution.step: expected one of kind, safety, damage_safety, found the unknown key 'step'",
     ),
-    "safety": (plate({"solution": {"kind": "explicit", "safety": 1.5}}), "method.solution.safety: expected a number <= 1, found 1.5"),
-    "steps": (plate({"maximum_step": 1e-6, "minimum_step": 1e-3}), "method.minimum_step: expected at most maximum_step = 1e-06, found 0.001"),
+    "safety": (
+        plate({"solution": {"kind": "explicit", "safety": 1.5}}),
+        "method.solution.safety: expected a number <= 1, found 1.5",
+    ),
+    "steps": (
+        plate({"maximum_step": 1e-6, "minimum_step": 1e-3}),
+        "method.minimum_step: expected at most maximum_step = 1e-06, found 0.001",
+    ),
     "damage by nothing": (
         plate({"damage": {}}),
         "method.damage: expected exactly one of fracture_energy, critical_stretch, critical_bond_energy; found none",
@@ -90,7 +97,10 @@ BROKEN = {
         plate({"damage": {"critical_stretch": 0.01, "largest_damage": 1.2}}),
         "method.damage.largest_damage: expected a number <= 1, found 1.2",
     ),
-    "crack nowhere": (plate({"pre_cracks": [{}]}), "method.pre_cracks.0: expected exactly one of plane, segment, rectangle; found none"),
+    "crack nowhere": (
+        plate({"pre_cracks": [{}]}),
+        "method.pre_cracks.0: expected exactly one of plane, segment, rectangle; found none",
+    ),
     "crack of one end": (
         plate({"pre_cracks": [{"segment": [[0.0, 0.0]]}]}),
         "method.pre_cracks.0.segment: expected a list of at least 2, found",
@@ -250,7 +260,8 @@ def test_histories_of_loads(by_file, tmp_path):
     traction = scene.boundaries[0]
     assert traction.jump_times == [1.0, 2.0, 3.0]
     at = np.zeros((1, 2))
-    for time, before, after in ((0.0, 0.0, 0.0), (0.5, 1.0, 1.0), (1.0, 2.0, 5.0), (2.0, 5.0, 5.0), (3.0, 5.0, 0.0), (9.0, 0.0, 0.0)):
+    sides = {0.0: (0.0, 0.0), 0.5: (1.0, 1.0), 1.0: (2.0, 5.0), 2.0: (5.0, 5.0), 3.0: (5.0, 0.0), 9.0: (0.0, 0.0)}
+    for time, (before, after) in sides.items():
         values = [traction.course.evaluate(at, time, side)[0, 0] for side in (True, False)]
         assert values == pytest.approx([before * 1e6, after * 1e6]), time
 
