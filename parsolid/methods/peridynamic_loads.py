@@ -127,7 +127,8 @@ class PeridynamicLoads:
         within &= np.abs(unit) > 1e-12 * maximum(self.comm, float(np.abs(unit).max(initial=0.0)))
         particles = np.flatnonzero(within)
         scale = -outward * unit[particles]
-        if depth < self._middle(boundary, distance):
+        farthest = maximum(self.comm, float(distance[np.isfinite(distance)].max(initial=0.0)))
+        if depth < min(farthest, self._middle(boundary, distance)):
             # where particles are irregular the force of the face's area is not quite met
             scale *= ordered_sum(self.comm, self._at_face(boundary).scale) / ordered_sum(self.comm, scale)
         return Load(particles, self._projected(boundary, particles), scale, boundary.course)
