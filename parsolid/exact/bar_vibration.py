@@ -122,16 +122,21 @@ class BarVibration(Solution):
 def fitted_oscillation(time: np.ndarray, values: np.ndarray, guess: Oscillation) -> Oscillation:
     """Frequency and decay of the oscillation that fits values (n,) at times (n,) [s] best, beside creep with the guess's roots.
 
-    Amplitudes follow linearly, so that two numbers are sought. The guess must be right to about a tenth of a period at the end.
+    Amplitudes follow linearly, so that two numbers are sought: first of a few periods, then of twice as many each time, so that
+    the phase is never off by half a turn.
     """
-    creeping = np.exp(-np.outer(time, guess.creep))
 
-    def remainder(parameters):
+    def remainder(parameters, time, values):
         frequency, decay = parameters[0] * guess.frequency, parameters[1] * guess.frequency
         wave = np.exp((1j * frequency - decay) * time)
-        basis = np.column_stack((wave.real, wave.imag, creeping))
+        basis = np.column_stack((wave.real, wave.imag, np.exp(-np.outer(time, guess.creep))))
         return values - basis @ np.linalg.lstsq(basis, values)[0]
 
-    start = np.array([1.0, guess.decay / guess.frequency])
-    best = least_squares(remainder, start, x_scale=[1e-4, 1e-4], xtol=1e-14, ftol=1e-14, gtol=1e-14)
-    return Oscillation(float(best.x[0] * guess.frequency), float(best.x[1] * guess.frequency), guess.creep)
+    found, end = np.array([1.0, guess.decay / guess.frequency]), 4.0 * guess.period
+    while True:
+        early = time <= end
+        window = (time[early], values[early])
+        found = least_squares(remainder, found, x_scale=[1e-4, 1e-4], xtol=1e-14, ftol=1e-14, gtol=1e-14, args=window).x
+        if end >= time[-1]:
+            return Oscillation(float(found[0] * guess.frequency), float(found[1] * guess.frequency), guess.creep)
+        end *= 2.0

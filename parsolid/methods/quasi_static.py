@@ -18,8 +18,6 @@ _INNER = 0.9
 _FORCING = 0.02
 _PASSES, _HALVINGS = 50, 8
 _HEAVIER = 6
-# root of the rounding error
-_DIFFERENCE = 1.5e-8
 
 
 class Balance(NamedTuple):
@@ -91,7 +89,7 @@ class QuasiStatic:
         """Newton's correction by conjugate gradients; the whole of it where the problem is linear."""
         operator, target, apply = self.operator, _INNER * balance.target, self._linear(balance.displacement)
         if not operator.is_linear:
-            target, apply = max(target, _FORCING * balance.norm), self._tangent(balance)
+            target = max(target, _FORCING * balance.norm)
         solution = conjugate_gradients(self.comm, apply, balance.residual, target, operator.free, self.settings.most_iterations)
         self.iterations += solution.iterations
         if not solution.converged:
@@ -109,19 +107,6 @@ class QuasiStatic:
     def _linear(self, displacement: np.ndarray):
         """K du of the step at a displacement."""
         return lambda du, out: self.operator.linear(displacement, du, out, self.step)
-
-    def _tangent(self, balance: Balance):
-        """K du = -dF by a difference of forces; its step is where rounding and curvature err alike."""
-        size = _norm(self.comm, balance.displacement)
-
-        def apply(du, out):
-            length = _norm(self.comm, du)
-            change = _DIFFERENCE * max(size, length) / length
-            self.operator.force(balance.displacement + change * du, out, self.step)
-            np.subtract(balance.internal, out, out=out)
-            out /= change
-
-        return apply
 
     def _relaxed(self, balance: Balance, external: np.ndarray) -> Balance:
         """Dynamic relaxation; with larger masses where the stiffness grows on the way and the motion diverges."""
@@ -144,12 +129,15 @@ class QuasiStatic:
         return balance
 
     def _mass(self, displacement: np.ndarray) -> np.ndarray:
-        """Fictitious masses for the stiffness of a step of this length, from a power iteration the first time."""
-        key = float(f"{self.step:.6e}")
-        if key not in self._fictitious:
-            operator, mass = self.operator, self.operator.mass
+        """Fictitious masses for the stiffness of a step of this length, from a power iteration the first time.
+
+        A stiffness that changes with the displacement is found anew in every step, and may double on the way.
+        """
+        key, operator = float(f"{self.step:.6e}"), self.operator
+        if key not in self._fictitious or not operator.is_linear:
+            mass = operator.mass if operator.is_linear else 2.0 * operator.mass
             start = start_vector(operator.identifier, operator.free.shape[1])
-            largest = largest_eigenvalue(self.comm, self._linear(displacement), start, mass, operator.free)
+            largest = largest_eigenvalue(self.comm, self._linear(displacement), start, operator.mass, operator.free)
             self._fictitious[key] = relaxation_mass(largest, mass)
         return self._fictitious[key]
 
@@ -229,11 +217,6 @@ def lagrange_weights(times, time: float) -> list[float]:
     return [
         float(np.prod([(time - other) / (own - other) for k, other in enumerate(times) if k != i])) for i, own in enumerate(times)
     ]
-
-
-def _norm(comm, values: np.ndarray) -> float:
-    """The 2-norm over all ranks."""
-    return float(np.sqrt(sums(comm, [_square(values)])[0]))
 
 
 def _square(values: np.ndarray) -> float:

@@ -34,7 +34,7 @@ def test_creep_bar(shared_path):
     assert history["time"][1] == 0.0 and history["tip.displacement_x"][1] == pytest.approx(0.01 * place, rel=1e-7)
 
 
-@pytest.mark.parametrize("scene", ("plate.toml",))
+@pytest.mark.parametrize("scene", ("plate.toml", "plate_elastic_bulk.toml"))
 @pytest.mark.parametrize("solver", ("conjugate-gradients", "dynamic-relaxation"))
 def test_plate_extension_and_recovery(shared_path, scene, solver):
     changes = ["bodies.0.particles=[10, 10]", "method.solution.step=0.25", f"method.solution.solver={solver}"]

@@ -45,7 +45,10 @@ class Chain:
         out[:] = (np.vstack((pull, [[0.0]])) - np.vstack(([[0.0]], pull)))[self.mine]
 
     def linear(self, u, du, out, step):
-        pull = (1.0 + RATIO * self._weights(step)[1]) * np.diff(self.whole(du), axis=0)
+        u = self.whole(u)
+        stretch = np.diff(u + RATIO * self.relaxed(u, step), axis=0)
+        factor = (1.0 + RATIO * self._weights(step)[1]) * (1.0 + 3.0 * self.cubic * stretch**2)
+        pull = factor * np.diff(self.whole(du), axis=0)
         out[:] = (np.vstack(([[0.0]], pull)) - np.vstack((pull, [[0.0]])))[self.mine]
 
     def commit(self, u, step):
