@@ -136,7 +136,8 @@ class Watch:
         """Note a balance that is broken beyond what any stable run shows."""
         energies = [abs(row[name]) for name in ("kinetic", "stored", "work_external")]
         self.largest_energy = max(self.largest_energy, *energies)
-        if not abs(row["balance"]) <= 0.2 * self.largest_energy + np.finfo(float).tiny:
+        round_off = 1e-12 * self.simulation.method.energy_scale + np.finfo(float).tiny
+        if not abs(row["balance"]) <= 0.2 * self.largest_energy + round_off:
             self.simulation.broken_balance = row["balance"]
 
     def write_checkpoint(self) -> None:
@@ -187,10 +188,11 @@ class Watch:
         }
 
     def _relative_balance(self) -> float | None:
-        """Energy balance of the last history row over the largest energy seen."""
-        if self.last_row is None or self.largest_energy == 0.0:
-            return None
-        return self.last_row["balance"] / self.largest_energy
+        """Energy balance of the last history row over the largest energy seen; over the method's scale where that is round-off."""
+        scale, least = self.largest_energy, self.simulation.method.energy_scale
+        if scale <= 1e-12 * least:
+            scale = least
+        return self.last_row["balance"] / scale if self.last_row is not None and scale > 0.0 else None
 
 
 def maximum_and_sums(comm, pairs: int, seconds: float, waited: float) -> tuple[int, float, float, int]:

@@ -88,30 +88,6 @@ def conduct(first, last, space, basis, grid, scratch, where, thermal, nodes, par
                 store(partials[c], k, 4, load(cell, k, 4))
 
 
-@njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def add_surface_power(cells, particles, offsets, powers, space, basis, grid, scratch, where, nodes):
-    """Heat that enters through a surface, added to column 4 of nodes after `conduct`.
-
-    particles (n,): those at the surface, as they are numbered now, in cells (n,); offsets (n, 4) [m]: from a particle to its part of the
-    surface, fourth 0; powers (n,) [W]. The weights are those of the surface, or of the point of the particle's base cell that is
-    nearest to it, so that no other cell is needed.
-    """
-    for k in range(particles.size):
-        p, c = particles[k], cells[k]
-        inverse = broadcast(grid.inverse_spacing)
-        offset = load(grid.origin, 0, 0) - load(offsets, k, 0)
-        xi = fused(load(where, p, 0) - offset, inverse, -load(grid.base, c, 0))
-        # a base cell is one spacing wide, in the middle of its stencil
-        low = 0.5 * (scratch.weights.shape[0] - 2)
-        xi = min(max(xi, low), low + 1.0)
-        for i in range(grid.stencil.shape[1]):
-            store(scratch.cell, i, 0, broadcast(0.0))
-        store_weights(basis, p, xi, scratch.weights)
-        add_particle(space, basis, scratch.weights, scratch.cell, from_floats(powers[k], 0.0, 0.0, 0.0), None, None, None)
-        for i in range(grid.stencil.shape[1]):
-            nodes[grid.stencil[c, i], 4] += scratch.cell[i, 0]
-
-
 @njit(cache=True, error_model="numpy")
 def find_increments(first, last, nodes, step):
     """Changes of the nodal temperatures in a step [K] from the heat flows."""
@@ -142,11 +118,11 @@ def fold_capacity(ghost, image, sign, temperature, nodes):
     """Add what the mirror image of the body gives to C T and C at a mirror plane; before `find_temperatures`.
 
     ghost, image: as in `grid.fold_mirror`. sign 1.0: an insulated plane, the image has the same temperatures; -1.0: a plane at
-    the given temperature [K], the image has 2 temperature - T.
+    the given temperatures (n,) [K], the image has 2 temperature - T.
     """
     for k in range(ghost.size):
         here, there = ghost[k], image[k]
-        nodes[there, 0] += sign * nodes[here, 0] + (1.0 - sign) * temperature * nodes[here, 1]
+        nodes[there, 0] += sign * nodes[here, 0] + (1.0 - sign) * temperature[k] * nodes[here, 1]
         nodes[there, 1] += nodes[here, 1]
 
 
@@ -154,7 +130,7 @@ def fold_capacity(ghost, image, sign, temperature, nodes):
 def spread_temperature(ghost, image, sign, temperature, nodes):
     """Temperatures behind a mirror plane; after `find_temperatures`."""
     for k in range(ghost.size):
-        nodes[ghost[k], 0] = sign * nodes[image[k], 0] + (1.0 - sign) * temperature
+        nodes[ghost[k], 0] = sign * nodes[image[k], 0] + (1.0 - sign) * temperature[k]
 
 
 @njit(cache=True)
@@ -165,7 +141,40 @@ def fold_flow(ghost, image, sign, nodes):
 
 
 @njit(cache=True)
-def spread_increment(ghost, image, sign, nodes):
-    """Increments behind a mirror plane of constant temperature or none; after `find_increments`."""
+def spread_increment(ghost, image, sign, change, nodes):
+    """Increments behind and on a mirror plane whose temperature changes by (n,) [K] in the step; after `find_increments`."""
     for k in range(ghost.size):
-        nodes[ghost[k], 4] = sign * nodes[image[k], 4]
+        here, there = ghost[k], image[k]
+        if here != there:
+            nodes[here, 4] = sign * nodes[there, 4] + (1.0 - sign) * change[k]
+        elif sign < 0.0:
+            nodes[here, 4] = change[k]
+
+
+@njit(cache=True, error_model="numpy")
+def fill_thermal(first, last, specific_heat, conductivity, deformation, temperature, motion, thermal):
+    """T, C and V kappa of particles first..last-1 of one law, in the present configuration; q becomes 0.
+
+    specific_heat [J/(kg K)], conductivity [W/(m K)]; deformation: 5 rows of F in two dimensions or 9 in three; temperature
+    (1, capacity). Gives the largest diffusivity V kappa / C [m2/s].
+    """
+    largest = 0.0
+    F = deformation
+    for p in range(first, last):
+        if F.shape[0] == 5:
+            J = (F[0, p] * F[3, p] - F[1, p] * F[2, p]) * F[4, p]
+        else:
+            J = F[0, p] * (F[4, p] * F[8, p] - F[5, p] * F[7, p]) - F[1, p] * (F[3, p] * F[8, p] - F[5, p] * F[6, p])
+            J += F[2, p] * (F[3, p] * F[7, p] - F[4, p] * F[6, p])
+        thermal[p, 0], thermal[p, 1] = temperature[0, p], specific_heat * motion[p, 3]
+        thermal[p, 2], thermal[p, 3] = conductivity * J * motion[p, 7], 0.0
+        largest = max(largest, thermal[p, 2] / thermal[p, 1])
+    return largest
+
+
+@njit(cache=True, error_model="numpy")
+def take_heat(first, last, thermal, motion, temperature, energy):
+    """New temperatures of particles first..last-1, and their heat as internal energy, (1, capacity) [J/m3]."""
+    for p in range(first, last):
+        energy[0, p] += thermal[p, 1] * (thermal[p, 0] - temperature[0, p]) / motion[p, 7]
+        temperature[0, p] = thermal[p, 0]

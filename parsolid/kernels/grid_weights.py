@@ -102,18 +102,6 @@ def find_bases(first, last, where, origin, inverse_spacing, offset, base):
             base[p, d] = np.floor((where[p, d] - origin[d]) * inverse_spacing - offset)
 
 
-@njit(cache=True)
-def stretch_domains(first, last, deformation, initial, halves):
-    """Half widths of particles first..last-1 for ConvectedGimp: the undeformed ones times F_dd (axis-aligned stretch).
-
-    deformation: rows F11 F12 F21 F22 F33 in two dimensions, the 9 rows of F in three; initial, halves (capacity, 4).
-    """
-    dimension, apart = (3, 4) if deformation.shape[0] >= 9 else (2, 3)
-    for d in range(dimension):
-        for p in range(first, last):
-            halves[p, d] = abs(deformation[apart * d, p]) * initial[p, d]
-
-
 def store_weights(basis, p, xi, weights):
     """Weights and their derivatives with respect to xi of particle p into weights (K, 16).
 

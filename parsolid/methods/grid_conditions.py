@@ -53,12 +53,7 @@ def mirror_planes(comm, scene, position: np.ndarray, origin: np.ndarray, spacing
         wanted.append(("method.geometry", 0, 0.0, "roller"))
     planes = []
     for key, axis, offset, kind in wanted:
-        place = 2.0 * (offset - origin[axis]) / spacing
-        if abs(place - round(place)) > 2.0 * _NEAR:
-            raise SolverError(
-                f"{key}: expected a plane on nodes of the grid or half-way between (method.origin, method.cell), "
-                f"found {'XYZ'[axis]} = {offset:g}, {0.5 * place:.6g} cells from the origin"
-            )
+        doubled = mirror_index(key, axis, offset, origin, spacing)
         if lower[axis] < offset < upper[axis]:
             raise SolverError(
                 f"{key}: expected a plane that bounds all bodies, found particles from {'XYZ'[axis]} = {lower[axis]:g} to {upper[axis]:g}"
@@ -66,8 +61,19 @@ def mirror_planes(comm, scene, position: np.ndarray, origin: np.ndarray, spacing
         signs = np.ones((1, 8))
         reversed_ = [axis] if kind == "roller" else [0, 1, 2]
         signs[0, reversed_], signs[0, [4 + i for i in reversed_]] = -1.0, -1.0
-        planes.append(MirrorPlane(Mirror(axis, round(place), 1 if lower[axis] >= offset else -1), signs))
+        planes.append(MirrorPlane(Mirror(axis, doubled, 1 if lower[axis] >= offset else -1), signs))
     return planes
+
+
+def mirror_index(key: str, axis: int, offset: float, origin: np.ndarray, spacing: float) -> int:
+    """Twice the index of a plane; raises SolverError, naming the scene's `key`, when it is neither on nodes nor half-way between."""
+    place = 2.0 * (offset - origin[axis]) / spacing
+    if abs(place - round(place)) > 2.0 * _NEAR:
+        raise SolverError(
+            f"{key}: expected a plane on nodes of the grid or half-way between (method.origin, method.cell), "
+            f"found {'XYZ'[axis]} = {offset:g}, {0.5 * place:.6g} cells from the origin"
+        )
+    return round(place)
 
 
 def walls(scene) -> list[MovingWall]:

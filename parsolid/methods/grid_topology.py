@@ -9,14 +9,17 @@ from parsolid.kernels.simd import aligned_zeros
 class NodeTables:
     """nodes (slots, 8) and, with `twice`, again (slots, 8) for momentum that is mapped back; see `kernels.grid` for the columns.
 
+    With `warm`, heat (slots, 8), see `kernels.grid_heat`, and its sums over ranks of capacities and of flows.
+
     grid: `kernels.Grid`; places (nodes, 4) [m]; share (nodes,): what counts of a node on this rank's side of mirror planes, if no
     lower rank counts it; partial (cells, width**d, 8): parts of single cells, with bitwise sums, else None.
     """
 
-    def __init__(self, ranks, origin: np.ndarray, spacing: float, planes: list, twice: bool):
+    def __init__(self, ranks, origin: np.ndarray, spacing: float, planes: list, twice: bool, warm: bool = False):
         """ranks: `decomposition.RankGrid`; planes: `grid_conditions.MirrorPlane`s."""
         self.ranks, self.origin, self.spacing, self.planes, self.twice = ranks, origin, spacing, planes, twice
-        self.nodes, self.again, self.partial = aligned_zeros((0, 8)), None, None
+        self.warm = warm
+        self.nodes, self.again, self.heat, self.partial = aligned_zeros((0, 8)), None, None, None
         self._seen = None
         self.changes = 0
 
@@ -46,6 +49,7 @@ class NodeTables:
             room = self.count + self.count // 4
             self.nodes = aligned_zeros((room, 8))
             self.again = aligned_zeros((room, 8)) if self.twice else None
+            self.heat = aligned_zeros((room, 8)) if self.warm else None
         self._base = aligned_zeros((self.cells, 4))
         self._base[:, :d] = cells.index
         self.places = np.zeros((self.count, 4))
@@ -66,12 +70,14 @@ class NodeTables:
             flat = self.partial.reshape(-1, 8)
         self.sum = self.ranks.sum(self.nodes, 0, 7, 0, flat)
         self.sum_again = self.ranks.sum(self.again, 0, 4, 1, flat) if self.twice else None
+        self.sum_heat = self.ranks.sum(self.heat, 0, 2, 2, flat) if self.warm else None
+        self.sum_flow = self.ranks.sum(self.heat, 4, 5, 3, flat) if self.warm else None
         self.changes += 1
 
     @property
     def bytes_sent(self) -> int:
         """Bytes this rank sends in the sums of a step."""
-        return self.sum.bytes_sent + (self.sum_again.bytes_sent if self.twice else 0)
+        return sum(each.bytes_sent for each in (self.sum, self.sum_again, self.sum_heat, self.sum_flow) if each is not None)
 
     def clear(self) -> None:
         """Zeros to begin a step with."""
@@ -80,6 +86,10 @@ class NodeTables:
     def clear_again(self) -> None:
         """Zeros for momentum that is mapped back."""
         self._clear(self.again)
+
+    def clear_heat(self) -> None:
+        """Zeros to begin a step of the conduction with."""
+        self._clear(self.heat)
 
     def _clear(self, nodes: np.ndarray) -> None:
         nodes[: self.count] = 0.0
@@ -99,5 +109,5 @@ class NodeTables:
 
     def arrays(self) -> list[np.ndarray]:
         """Arrays that count as memory."""
-        named = (self.nodes, self.again, self.partial)
+        named = (self.nodes, self.again, self.heat, self.partial)
         return [array for array in named if array is not None]

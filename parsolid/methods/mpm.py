@@ -18,6 +18,7 @@ from parsolid.kernels.grid_scatter import scatter
 from parsolid.kernels.layout import LAYOUT, Axisymmetric
 from parsolid.kernels.simd import aligned_zeros
 from parsolid.loads import BodyLoads
+from parsolid.methods.conduction import Conduction, conducts, least_coordinates, thermal_planes
 from parsolid.methods.grid_conditions import driven_regions, mirror_planes, walls
 from parsolid.methods.grid_topology import NodeTables
 from parsolid.methods.material_points import MaterialPoints
@@ -28,18 +29,6 @@ from parsolid.together import SolverError, maximum, minimum
 _LEAST_MASS = 1e-9
 # steps between looks at the order of storage and the balance of ranks, and the share of breaks that calls for a new order
 _PERIOD, _DISORDER = 16, 0.3
-
-
-def make_basis(name: str, points: MaterialPoints):
-    """Weights of a scene's basis; those of domains read the particles' half widths."""
-    halves = points.store.arrays.get("halves")
-    return {
-        "linear": grid_weights.Linear,
-        "ugimp": lambda: grid_weights.UniformGimp(halves),
-        "cpgimp": lambda: grid_weights.ConvectedGimp(halves),
-        "quadratic-spline": grid_weights.QuadraticSpline,
-        "cubic-spline": grid_weights.CubicSpline,
-    }[name]()
 
 
 class MaterialPoint(ParticleMethod):
@@ -55,17 +44,24 @@ class MaterialPoint(ParticleMethod):
             self.origin[:d] = scene.method.origin
         self.points = MaterialPoints(scene, cloud, self.origin)
         _refuse_branches(self.points.laws)
-        basis = make_basis(scene.method.basis, self.points)
+        basis = self._basis()
         self.points.base_offset = grid_weights.base_offset(basis)
         width = grid_weights.nodes_across(basis)
         self.planes = mirror_planes(comm, scene, cloud.position, self.origin, float(scene.method.cell))
         self.walls, self.driven = walls(scene), driven_regions(scene)
-        mirrors = tuple(plane.mirror for plane in self.planes)
-        self.grid = RankGrid(comm, d, width, mirrors, scene.method.bitwise)
-        self.tables = NodeTables(self.grid, self.origin, float(scene.method.cell), self.planes, scene.method.order == "musl")
-        self.scratch = kernels.make_scratch(basis, d)
         densities = [law.density for law in self.points.laws]
         self.loads = BodyLoads(scene, np.array(densities)[self.points.store.law_of_body])
+        self.conduction, thermal = None, []
+        if conducts(scene, self.points.laws):
+            lower = least_coordinates(comm, cloud.position)
+            thermal = thermal_planes(scene, self.planes, lower, self.origin, float(scene.method.cell))
+            self.conduction = Conduction(scene, self.points, thermal, self.loads)
+        mirrors = tuple({plane.mirror: None for plane in (*self.planes, *thermal)})
+        self.grid = RankGrid(comm, d, width, mirrors, scene.method.bitwise)
+        self.tables = NodeTables(
+            self.grid, self.origin, float(scene.method.cell), self.planes, scene.method.order == "musl", self.conduction is not None
+        )
+        self.scratch = kernels.make_scratch(basis, d)
         self.least_mass = _LEAST_MASS * minimum(comm, float(self.points.motion[: len(cloud), 3].min(initial=np.inf)))
         self.filters = scene.method.transfer == "apic" or scene.method.flip_fraction < 1.0
         self.gravity = aligned_zeros((1, 4))
@@ -77,10 +73,18 @@ class MaterialPoint(ParticleMethod):
         self.points.begin(scene, cloud)
         self._deal_out(None)
         _, self.fastest, _, _ = self.points.advance_stress(0.0)
+        self._look_at_heat()
 
     def resume(self) -> None:
         """Continue with the checkpoint's owners of cells; on other ranks with new ones; collective."""
         self._deal_out(self.partition)
+        self._look_at_heat()
+
+    def _look_at_heat(self) -> None:
+        """What conduction allows for the first step, and how much heat there is; collective."""
+        if self.conduction is not None:
+            self.conduction.refresh()
+            self.energy_scale = self.comm.allreduce(self.points.heat())
 
     def _deal_out(self, partition) -> bool:
         if self.settings.basis == "cpgimp":
@@ -128,14 +132,23 @@ class MaterialPoint(ParticleMethod):
         return np.ones(len(self.points.motion))
 
     def stable_step(self) -> float:
-        """cfl h / (c + |v|) [s] of this rank's fastest particle."""
-        return self.settings.cfl * self.settings.cell / self.fastest if self.fastest > 0.0 else np.inf
+        """cfl h / (c + |v|) [s] of this rank's fastest particle, and what conduction allows."""
+        thermal = self.conduction.stable_step() if self.conduction is not None else np.inf
+        if not self.settings.motion or self.fastest <= 0.0:
+            return thermal
+        return min(self.settings.cfl * self.settings.cell / self.fastest, thermal)
 
     def advance(self, time: float, step: float, ledger, announce) -> bool:
         """One step from `time` [s]."""
         points, tables = self.points, self.tables
         tables.update()
-        basis, transfer = make_basis(self.settings.basis, points), self._transfer()
+        basis, transfer = self._basis(), self._transfer()
+        if self.conduction is not None:
+            supplied = self.conduction.advance(tables, self.space, basis, self.scratch, time, step, self._timed)
+            ledger.add_term("heat_supplied", supplied)
+        if not self.settings.motion:
+            announce(True, self.stable_step())
+            return True
         kinetic = kernels.kinetic_energy(self.owned, points.motion)
         external = self._external(time)
         self._to_nodes(basis, transfer, external)
@@ -151,8 +164,13 @@ class MaterialPoint(ParticleMethod):
         self.plastic_work += plastic
         ledger.add_term("plastic_work", plastic)
         ledger.add_term("viscous_work", viscous)
+        if self.conduction is not None:
+            self.conduction.refresh()
         announce(sound, self.stable_step())
         return self._settle() and sound
+
+    def _basis(self):
+        return grid_weights.make_basis(self.settings.basis, self.points.store.arrays.get("halves"))
 
     def _transfer(self):
         if self.settings.transfer == "apic":

@@ -17,6 +17,7 @@ class ParticleMethod:
     jumps: times [s] at which a step of length 0 is due, because loads jump; landings: times [s] at which a step must end;
     even_steps: whether steps between two times to land on have one length (leapfrog near its limit gains energy where they change);
     evaluations: force evaluations a step; directed_pairs: interactions counted once a particle.
+    energy_scale: an energy [J], the same on all ranks, of which the balance has the round-off even where kinetic and stored vanish.
     news: whether this rank has found what all ranks must act on at the next step, as it is when a step is announced;
     news_anywhere: whether any rank had, told before the next step.
     """
@@ -30,6 +31,7 @@ class ParticleMethod:
     jumps: tuple[float, ...] = ()
     landings: tuple[float, ...] = ()
     even_steps: bool = False
+    energy_scale: float = 0.0
     evaluations: int = 1
     directed_pairs: int = 0
     communication_seconds: float = 0.0

@@ -47,7 +47,7 @@ class MaterialPoint(MethodSettings):
         "velocity_gradient": "tensor",
     }
     pictured_fields: ClassVar = ("plastic_strain", "temperature", "pressure")
-    ledger_terms: ClassVar = {"plastic_work": 0, "viscous_work": 0}
+    ledger_terms: ClassVar = {"plastic_work": 0, "viscous_work": 0, "heat_supplied": -1}
     extra_quantities: ClassVar = {
         "maximum_temperature": "scalar",
         "maximum_plastic_strain": "scalar",

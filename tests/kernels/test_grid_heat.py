@@ -1,11 +1,10 @@
-"""Conduction on the grid: the plain sums, total heat, the decay of a cosine, plane and surface boundaries."""
+"""Conduction on the grid: the plain sums, total heat, the decay of a cosine, planes at given temperatures."""
 
 import numpy as np
 import pytest
 from grid_reference import BASES, line, make_cloud, mirror, space_of, weights_of
 
 from parsolid.kernels import grid_heat
-from parsolid.kernels.layout import Plane
 from parsolid.kernels.simd import aligned_zeros
 
 
@@ -25,26 +24,22 @@ class Conduction:
         nodes = self.cloud.nodes
         nodes[:] = 0.0
         self._pass(grid_heat.scatter_heat, self.thermal, nodes, None)
-        for plane in self.planes:
-            grid_heat.fold_capacity(*plane, nodes)
+        for ghost, image, sign, temperature in self.planes:
+            grid_heat.fold_capacity(ghost, image, sign, np.full(len(ghost), temperature), nodes)
         grid_heat.find_temperatures(0, len(nodes), nodes)
-        for plane in reversed(self.planes):
-            grid_heat.spread_temperature(*plane, nodes)
+        for ghost, image, sign, temperature in reversed(self.planes):
+            grid_heat.spread_temperature(ghost, image, sign, np.full(len(ghost), temperature), nodes)
         self._pass(grid_heat.conduct, self.thermal, nodes, None)
         return nodes
 
-    def step(self, step, surface=None):
+    def step(self, step):
         """One step; the heat gained."""
         nodes = self.flow()
-        if surface is not None:
-            cloud = self.cloud
-            arguments = (self.space, cloud.basis, cloud.grid, cloud.scratch, cloud.motion, nodes)
-            grid_heat.add_surface_power(*surface, *arguments)
         for plane in self.planes:
             grid_heat.fold_flow(*plane[:3], nodes)
         grid_heat.find_increments(0, len(nodes), nodes, step)
         for plane in reversed(self.planes):
-            grid_heat.spread_increment(*plane[:3], nodes)
+            grid_heat.spread_increment(*plane[:3], np.zeros(len(plane[0])), nodes)
         return self._pass(grid_heat.gather_heat, nodes, self.thermal)
 
 
@@ -110,24 +105,3 @@ def test_planes_at_two_temperatures_give_the_linear_profile(kind):
     gained = Conduction(cloud, thermal, planes).step(0.1 / cells**2)
     np.testing.assert_allclose(thermal[:n, 0], before, rtol=0.0, atol=1e-10)
     assert abs(gained) < 1e-10
-
-
-@pytest.mark.parametrize("kind", BASES)
-def test_heat_through_a_surface_is_gained_whole(kind):
-    cells = 6
-    cloud, thermal, planes = cosine(kind, cells)
-    n = int(cloud.grid.start[-1])
-    last = np.flatnonzero(cloud.motion[:n, 0] > 1.0 - 0.5 / cells)
-    offsets = np.zeros((len(last), 4))
-    offsets[:, 0] = 1.0 - cloud.motion[last, 0]
-    powers = np.full(len(last), 0.5 / cells)
-    # what enters at one end leaves at the other, which is held at 0
-    planes = [(*planes[0][:2], -1.0, 0.0), *planes[1:]]
-    thermal[:n, 0] = cloud.motion[:n, 0]
-    step = 0.01 / cells**2
-    cells_of = np.empty(n, int)
-    cells_of[cloud.grid.order] = np.repeat(np.arange(len(cloud.grid.base)), np.diff(cloud.grid.start))
-    kept = Conduction(cloud, thermal.copy(), planes).step(step, (cells_of[last], last, offsets, powers))
-    lost = Conduction(cloud, thermal.copy(), planes).step(step)
-    assert lost == pytest.approx(-step / cells, rel=1e-10)
-    assert kept == pytest.approx(0.0, abs=1e-10 * step)

@@ -99,13 +99,3 @@ def test_base_nodes(name):
     grid_weights.find_bases(0, 50, where, origin, 1.0 / spacing, grid_weights.base_offset(basis), base)
     xi = (where[:, :3] - origin[:3]) / spacing - base
     assert (xi >= base_cell(name)).all() and (xi < base_cell(name) + 1.0).all()
-
-
-@pytest.mark.parametrize("dimension, diagonal", [(2, [0, 3]), (3, [0, 4, 8])])
-def test_domains_stretch_with_the_deformation(dimension, diagonal):
-    random = np.random.default_rng(3)
-    deformation = random.uniform(0.5, 1.5, ({2: 5, 3: 9}[dimension], 6))
-    initial, halves = np.full((6, 4), 0.25), np.zeros((6, 4))
-    grid_weights.stretch_domains(0, 6, deformation, initial, halves)
-    np.testing.assert_allclose(halves[:, :dimension], 0.25 * deformation[diagonal].T)
-    assert not halves[:, dimension:].any()

@@ -1,0 +1,114 @@
+"""Conduction in the material point method: a mode, a face at a temperature, a heated face, sources, against exact solutions and sums."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from parsolid.exact.heat import CosineMode, HeatedSlab
+from parsolid.scene import parse_scene
+from parsolid.simulation import Simulation
+
+WORLD = MPI.COMM_WORLD
+LENGTH, CELLS, START = 0.02, 20, 300.0
+CONDUCTIVITY, HEAT_CAPACITY = 386.0, 8960.0 * 383.0
+DIFFUSIVITY = CONDUCTIVITY / HEAT_CAPACITY
+MATERIAL = {
+    "kind": "elastic-plastic",
+    "density": 8960.0,
+    "specific_heat": 383.0,
+    "conductivity": CONDUCTIVITY,
+    "equation_of_state": {"kind": "linear", "bulk_modulus": 140e9},
+    "shear_modulus": {"kind": "constant", "modulus": 47.7e9},
+    "flow_stress": {"kind": "linear-hardening", "yield_stress": 400e6},
+}
+
+
+def slab(end_time, temperature=START, basis="quadratic-spline", boundaries=(), cells=CELLS, **more):
+    """Advance a strip of a slab of copper, insulated at planes of symmetry but for `boundaries`, at rest."""
+    cell = LENGTH / cells
+    planes = [{"kind": "roller", "plane": f"{axis} = {x:g}"} for axis, x in (("X", 0.0), ("X", LENGTH), ("Y", 0.0), ("Y", 2 * cell))]
+    body = {
+        "shape": {"box": {"lower": [0.0, 0.0], "upper": [LENGTH, 2 * cell]}},
+        "particles": [2 * cells, 4],
+        "placement": "cells",
+        "material": MATERIAL,
+        "temperature": temperature,
+    }
+    tables = {
+        "title": "slab",
+        "dimension": 2,
+        "end_time": end_time,
+        "method": {"kind": "mpm", "cell": cell, "basis": basis, "motion": False},
+        "bodies": [body],
+        "boundaries": [*boundaries, *planes],
+    }
+    simulation = Simulation(WORLD, parse_scene(tables | more))
+    step = WORLD.allreduce(simulation.method.stable_step(), MPI.MIN)
+    count = int(np.ceil(end_time / step))
+    for _ in range(count):
+        simulation.take_step(end_time / count)
+    return simulation
+
+
+def state(simulation):
+    """X, temperature and heat capacity (n,) of this rank's particles."""
+    rows = simulation.method.table.owned_rows
+    return rows("reference_position"), rows("temperature"), rows("volume") * HEAT_CAPACITY
+
+
+def total(values):
+    return WORLD.allreduce(float(np.sum(values)))
+
+
+def relative_error(simulation, exact, time):
+    X, temperature, _ = state(simulation)
+    wanted = exact.fields(X, time)["temperature"]
+    return np.sqrt(total((temperature - wanted) ** 2) / total((wanted - START) ** 2))
+
+
+@pytest.mark.parametrize("basis, limit", [("linear", 0.005), ("quadratic-spline", 0.015)])
+def test_a_cosine_mode_decays_and_no_heat_is_lost(basis, limit):
+    time = 0.36
+    simulation = slab(time, f"300 + 40*cos(pi*X/{LENGTH})", basis)
+    assert relative_error(simulation, CosineMode(START, DIFFUSIVITY, 40.0, LENGTH), time) < limit
+    _, temperature, capacity = state(simulation)
+    assert total(capacity * temperature) == pytest.approx(total(capacity) * START, rel=1e-12)
+    assert abs(simulation.ledger.row(WORLD, 0.0, 0.0)["heat_supplied"]) < 1e-12 * total(capacity) * START
+
+
+def test_a_face_at_a_temperature_converges():
+    time = 0.2
+    held = {"kind": "temperature", "plane": "X = 0", "temperature": 350.0}
+    exact = HeatedSlab(START, DIFFUSIVITY, LENGTH, face_rise=50.0)
+    errors = [relative_error(slab(time, boundaries=[held], cells=cells), exact, time) for cells in (10, 20)]
+    assert errors[1] < 0.01 and errors[0] / errors[1] > 2.5
+
+
+def test_a_face_whose_temperature_rises_takes_the_body_along():
+    """T = T0 + b t at the face: the quasi-steady profile T0 + b [t - x (2 L - x) / (2 alpha)] after the start has died away."""
+    time, rate = 6.0, 10.0
+    held = {"kind": "temperature", "plane": "X = 0", "temperature": f"300 + {rate}*t"}
+    simulation = slab(time, boundaries=[held], cells=10)
+    X, temperature, _ = state(simulation)
+    x = X[:, 0]
+    wanted = START + rate * (time - x * (2.0 * LENGTH - x) / (2.0 * DIFFUSIVITY))
+    np.testing.assert_allclose(temperature, wanted, atol=0.01 * rate * LENGTH**2 / DIFFUSIVITY)
+
+
+def test_heat_flux_and_sources_are_supplied_whole():
+    time, flux, source = 0.5, 1e6, 2e7
+    heated = {"kind": "heat_flux", "plane": "X = 0", "heat_flux": flux}
+    simulation = slab(time, boundaries=[heated], loads={"heat_source": source})
+    _, temperature, capacity = state(simulation)
+    height = 2 * LENGTH / CELLS
+    supplied = time * (flux * height + source * LENGTH * height)
+    assert total(capacity * (temperature - START)) == pytest.approx(supplied, rel=1e-10)
+    energy = simulation.method.energies()[1]
+    row = simulation.ledger.row(WORLD, 0.0, energy)
+    assert row["heat_supplied"] == pytest.approx(supplied, rel=1e-10)
+    assert row["stored"] == pytest.approx(supplied, rel=1e-10)
+    # the source alone would raise all temperatures alike
+    uniform = HeatedSlab(START, DIFFUSIVITY, LENGTH, gradient=flux / CONDUCTIVITY)
+    X = state(simulation)[0]
+    wanted = uniform.fields(X, time)["temperature"] + source * time / HEAT_CAPACITY
+    assert np.sqrt(total((temperature - wanted) ** 2) / total((wanted - START) ** 2)) < 0.05
