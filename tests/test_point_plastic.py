@@ -24,6 +24,13 @@ youngs_modulus = 200e9
 poissons_ratio = 0.3
 flow_stress = { kind = "linear-hardening", yield_stress = 400e6, hardening = 1e9 }
 """
+RUBBER = """heat = "adiabatic"
+[material]
+kind = "neo-hookean"
+density = 1000
+youngs_modulus = 1e6
+poissons_ratio = 0.3
+"""
 
 
 @pytest.fixture
@@ -63,7 +70,8 @@ def test_adiabatic_and_isothermal_shear(driven):
 def test_heat_of_isothermal_compression(driven):
     """Elastic: dQ = -T gamma rho C_v dV at constant temperature, so that nothing but the volume counts."""
     hard = COPPER + 'flow_stress = { kind = "linear-hardening", yield_stress = 1e13 }\n'
-    run = driven('end_time = 1.0\nsteps = 50\nheat = "isothermal"\n%s[path]\nkind = "volumetric"\njacobian = "1 - 0.05*t"\n' % hard)
+    head, path = 'end_time = 1.0\nsteps = 50\nheat = "isothermal"\n', '[path]\nkind = "volumetric"\njacobian = "1 - 0.05*t"\n'
+    run = driven(head + hard + path)
     assert (run.temperature == 300.0).all()
     assert run.heat_given_away[-1] == pytest.approx(300.0 * 2.02 * 8960.0 * 383.0 * 0.05, rel=1e-4)
 
@@ -102,7 +110,7 @@ def test_compression_beyond_the_equation_of_state_is_told(driven):
 @pytest.mark.parametrize(
     "text, expected",
     [
-        ('heat = "adiabatic"\n[material]\nkind = "neo-hookean"\ndensity = 1000\nyoungs_modulus = 1e6\npoissons_ratio = 0.3\n', "heat"),
+        (RUBBER, "heat"),
         (COPPER.replace("Johnson-Cook", "Johnson-Kook"), "'OFHC copper, Johnson-Cook'"),
         (STEEL.replace("specific_heat = 470\n", ""), "specific_heat"),
         (STEEL.replace("poissons_ratio = 0.3\n", ""), "both youngs_modulus and poissons_ratio"),
@@ -118,6 +126,7 @@ def test_faults(driven, text, expected):
 
 def test_a_law_that_needs_melting_says_so(driven):
     table = 'shear_modulus = { kind = "linear-softening", modulus = 8e10, softening = 0.2 }\n'
-    text = STEEL.replace("youngs_modulus = 200e9\npoissons_ratio = 0.3\n", table + 'equation_of_state = { kind = "linear", bulk_modulus = 1e11 }\n')
+    table += 'equation_of_state = { kind = "linear", bulk_modulus = 1e11 }\n'
+    text = STEEL.replace("youngs_modulus = 200e9\npoissons_ratio = 0.3\n", table)
     with pytest.raises(SceneError, match="needed by the shear modulus 'linear-softening'"):
         driven('end_time = 1.0\nsteps = 5\n%s[path]\nkind = "simple-shear"\nshear = "t"\n' % text)

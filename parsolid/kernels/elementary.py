@@ -1,6 +1,6 @@
 """Choices and elementary functions, lane by lane: material laws that are written once run on floats and lanes.
 
-exp and log are polynomials in LLVM vector instructions, within 2 units in the last place of their range; erf is taken lane by lane.
+exp and log are polynomials in LLVM vector instructions, within 2 units in the last place; erf is taken lane by lane.
 """
 
 import math

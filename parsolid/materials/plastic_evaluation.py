@@ -8,7 +8,8 @@ from parsolid.materials import plasticity
 
 def flow_stress(law, plastic_strain, rate, temperature, J=1.0, pressure=0.0) -> np.ndarray:
     """`plasticity.flow_stress` [Pa] with the shear modulus and the melting temperature of the law."""
-    return _over(_flow_stresses, getattr(law.flow_stress, "flow_stress", law.flow_stress), law, plastic_strain, rate, temperature, J, pressure)
+    model = getattr(law.flow_stress, "flow_stress", law.flow_stress)
+    return _over(_flow_stresses, model, law, plastic_strain, rate, temperature, J, pressure)
 
 
 def shear_modulus(law, J, pressure, temperature) -> np.ndarray:

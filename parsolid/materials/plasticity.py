@@ -57,6 +57,7 @@ def deviator_update(flow, s, strain, plastic_strain, step, temperature, heating,
 def plastic_increment(flow, trial, expected, plastic_strain, step, temperature, heating, shear_modulus, melting_temperature):
     """Increment x of the equivalent plastic strain with trial - 3 mu x = sigma_y(ep + x, x/step, T + heating sigma_y x).
 
-    trial: von Mises stress [Pa] of the elastic trial state; expected: a guess of x, such as the step's equivalent strain; heating [K/(J/m^3)] of the plastic work. 0 where the trial is elastic.
+    trial: von Mises stress [Pa] of the elastic trial state; expected: a guess of x, such as the step's equivalent strain;
+    heating [K/(J/m^3)] of the plastic work. 0 where the trial is elastic.
     """
     raise NotImplementedError

@@ -1,6 +1,7 @@
-"""The paper's rate form of plastic flow with its signs mended (Banerjee, section 1.3, after docs/plasticity.md), to show what it costs.
+"""The paper's rate form of plastic flow (Banerjee, section 1.3) with its signs mended, see docs/plasticity.md.
 
-Explicit in time: consistency is differentiated, so that what a step overshoots the flow stress by is never taken back. Flow is isochoric.
+Explicit in time: consistency is differentiated, so that what a step overshoots the flow stress by is never taken back.
+Flow is isochoric.
 """
 
 import math

@@ -58,8 +58,8 @@ def _thermal(activation, rate, temperature):
         low, high, barrier = 0.0 * temperature, 1.0 + 0.0 * temperature, 2.0 * activation.kink_energy / (_BOLTZMANN * temperature)
         for _ in range(44):
             y = 0.5 * (low + high)
-            wait = math.exp(barrier * (1.0 - y) * (1.0 - y)) / activation.frequency + activation.drag / (y * activation.peierls_stress)
-            slow = rate * wait - 1.0
+            waiting = math.exp(barrier * (1.0 - y) * (1.0 - y)) / activation.frequency
+            slow = rate * (waiting + activation.drag / (y * activation.peierls_stress)) - 1.0
             low, high = choose(slow, y, low), choose(slow, high, y)
         return activation.peierls_stress * low
 

@@ -54,7 +54,8 @@ class PlasticPoint:
             raise PathLost("the path jumps, and plastic flow takes time; give it a short ramp")
         arrays = self.arrays
         arrays.deformation[:, 0], arrays.deviator[:, 0] = general_rows(state.F)[0], state.deviator
-        arrays.plastic_strain[0, 0], arrays.energy[0, 0], arrays.temperature[0, 0] = state.plastic_strain, state.energy, state.temperature
+        for scalar in ("plastic_strain", "energy", "temperature"):
+            getattr(arrays, scalar)[0, 0] = getattr(state, scalar)
         self.rate.reshape(-1, 3, 4)[0, :, :3] = (F - state.F) @ np.linalg.inv(state.F) / step
         outcome = advance_stress(LAYOUT[3], 0, 1, self.law, step, None, arrays, self.motion, self.rate, self.record)
         sound, work = outcome[0], outcome[2]

@@ -42,8 +42,8 @@ class MaterialPoint(Section):
     time_step: Positive | None = Field(None, description="the longest step [s]")
     material: Material = Field(description="a table with the key kind")
     path: AnyPath = Field(description="a table with the key kind")
-    temperature: Positive | None = Field(None, description="of an elastic-plastic material at time 0 [K], its reference unless given")
-    heat: Literal["adiabatic", "isothermal"] | None = Field(None, description="of an elastic-plastic material, adiabatic unless given")
+    temperature: Positive | None = Field(None, description="of an elastic-plastic solid at time 0 [K]")
+    heat: Literal["adiabatic", "isothermal"] | None = Field(None, description="adiabatic unless given")
     output: PointOutput = PointOutput()
 
     @model_validator(mode="after")

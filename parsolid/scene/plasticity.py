@@ -211,7 +211,7 @@ class ElasticPlastic(Section):
     library: str | None = Field(None, description="a name of parsolid/materials/library.toml")
     density: Positive | None = Field(None, description="the density [kg/m^3]")
     specific_heat: Positive | None = Field(None, description="C_v [J/(kg K)]")
-    reference_temperature: Positive | None = Field(None, description="of the state without stress and energy [K], 300 unless given")
+    reference_temperature: Positive | None = Field(None, description="of no stress and energy [K], 300 unless given")
     taylor_quinney: float | None = Field(None, ge=0, le=1, description="share of the plastic work that heats, 0.9 unless given")
     conductivity: Positive | None = Field(None, description="of heat [W/(m K)]")
     youngs_modulus: Positive | None = Field(None, description="Young's modulus [Pa]")
@@ -220,7 +220,7 @@ class ElasticPlastic(Section):
     shear_modulus: ShearModulus | None = None
     flow_stress: FlowStress | None = None
     melting: Melting | None = None
-    integration: Literal["radial-return", "rate-form"] = Field("radial-return", description="of the flow; the rate form is the paper's")
+    integration: Literal["radial-return", "rate-form"] = Field("radial-return", description="the rate form is the paper's")
 
     @model_validator(mode="after")
     def _complete(self, info: ValidationInfo) -> "ElasticPlastic":

@@ -46,7 +46,8 @@ def on_lanes(law, plastic_strain, rate, temperature, result):
         T = load(temperature, 0, i)
         melting = plasticity.melting_temperature(law.melting, 1.0)
         mu = plasticity.shear_modulus(law.shear_modulus, 1.0, 0.0, T, melting)
-        store(result, 0, i, 1.0 * plasticity.flow_stress(law.flow_stress, load(plastic_strain, 0, i), load(rate, 0, i), T, mu, melting))
+        ep, speed = load(plastic_strain, 0, i), load(rate, 0, i)
+        store(result, 0, i, 1.0 * plasticity.flow_stress(law.flow_stress, ep, speed, T, mu, melting))
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -147,9 +148,10 @@ def test_isentropic_bulk_modulus(eos, J):
     assert evaluation.isentropic_bulk_modulus(law, J, P) == pytest.approx(-J * (moved[0] - moved[1]) / (2.0 * dJ), rel=1e-7)
 
 
-@pytest.mark.parametrize(
-    "model, temperature", [("JC", 391.34), ("ZA", 396.06), ("MTS", 390.45), ("PTW", 407.61), ("SCG_P0", 404.56), ("JC4340", 588.50)]
-)
+HEATED = {"JC": 391.34, "ZA": 396.06, "MTS": 390.45, "PTW": 407.61, "SCG_P0": 404.56, "JC4340": 588.50}
+
+
+@pytest.mark.parametrize("model, temperature", HEATED.items())
 def test_adiabatic_heating(model, temperature):
     """Rigid-plastic flow at 1e4/s from 294 K to a plastic strain of 1, nine tenths of the work turned into heat."""
     law = material(MODELS[model][0])
