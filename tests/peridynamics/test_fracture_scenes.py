@@ -1,0 +1,58 @@
+"""Cracks of runs/peridynamics against closed forms and published observations, on any number of ranks."""
+
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from parsolid.cli import main
+from parsolid.output.history import read_history
+
+_SCENES = Path(__file__).parents[2] / "runs" / "peridynamics"
+slow = pytest.mark.skipif(not os.environ.get("PARSOLID_SLOW_TESTS"), reason="a minute a run: only with PARSOLID_SLOW_TESTS=1")
+
+
+def run(folder, scene, *overrides, status=0):
+    """History of a scene of runs/peridynamics with overrides; collective."""
+    sets = [part for override in ("output.pictures=false", *overrides) for part in ("--set", override)]
+    assert main([str(_SCENES / scene), "-q", "-o", str(folder), *sets]) == status
+    return {name: np.array(values) for name, values in read_history(folder / "history.csv").items()}
+
+
+@pytest.mark.parametrize("step, stretch", [(0.1, 0.05), (0.25, 0.03)])
+def test_creep_fails_within_one_step_of_the_closed_form(shared_path, step, stretch):
+    changes = [f"method.solution.step={step}", f"method.damage.critical_stretch={stretch}", "bodies.0.particles=[20]"]
+    history = run(shared_path, "delayed_failure.toml", *changes, status=3)
+    exact = -10.0 * math.log((1.0 - stretch / 0.1) / 0.9)
+    broken = history["bonds.broken_bonds"] > 0.0
+    failure = history["time"][np.argmax(broken)]
+    assert broken[-1] and exact <= failure < exact + step
+    # the strain is uniform: nothing holds any more, and all that was stored is released
+    stored = history["stored"][np.argmax(broken) - 1]
+    assert abs(history["stored"][-1]) < 1e-12 * stored
+    assert history["dissipation_fracture"][-1] == pytest.approx(stored, rel=0.1)
+    # the trapezoidal rule of the loads' work leaves something open before, the breaking adds no more than a step does
+    assert abs(history["balance"][-1] - history["balance"][np.argmax(broken) - 1]) < 1e-4 * stored
+
+
+@slow
+def test_kalthoff_winkler_crack_runs_off_at_seventy_degrees(shared_path):
+    history = run(shared_path, "kalthoff_winkler.toml", "bodies.0.particles=[100, 100]", "end_time=80e-6")
+    x, y = (history[f"crack.crack_tip_{axis}"] for axis in "xy")
+    upward = y > 0.025
+    tip = np.nanargmax(np.where(upward, y, np.nan))
+    assert 60.0 < math.degrees(math.atan2(y[tip] - 0.025, x[tip] - 0.05)) < 75.0
+    assert np.abs(history["balance"]).max() < 2e-3 * history["work_external"].max()
+
+
+@slow
+def test_a_crack_branches_with_the_bond_based_law_and_not_with_correspondence(shared_path):
+    branches = {}
+    nosb = ["bodies.0.material.kind='linear-elastic'", "bodies.0.material.poissons_ratio=0.3333"]
+    for name, more in (("bond-based", []), ("correspondence", nosb)):
+        history = run(shared_path / name, "branching.toml", "bodies.0.particles=[200, 80]", *more)
+        y = history["crack.crack_tip_y"]
+        branches[name] = np.nanmax(np.abs(y - 0.02))
+    assert branches["bond-based"] > 5e-3 and branches["correspondence"] < 1e-3
