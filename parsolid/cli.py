@@ -70,7 +70,7 @@ def build_parser(command: str) -> argparse.ArgumentParser:
 
 
 # modules of parsolid.bench
-_BENCHES = ("tlsph", "peridynamics")
+_BENCHES = ("tlsph", "peridynamics", "mpm")
 _PLOTTING = ("pyvista", "vtkmodules", "matplotlib")
 # commands of their own modules, imported only when they are asked for
 _MODULES = {
