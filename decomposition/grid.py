@@ -84,50 +84,54 @@ class RankGrid:
         Talks to neighbours only. False when a particle of this rank is beyond the lattice, is not a number, or went farther
         than to a neighbour; such a particle stays.
         """
-        strays, sound = self._sort(particles), True
+        bases = particles.bases()
+        strays, sound = self._sort(particles, bases), True
         if len(strays):
             lost = self.cells.lost(strays)
             sound, strays = not lost.any(), strays[~lost]
         if self.neighbours:
-            sound = self._migrate(particles, strays) and sound
+            bases, kept = self._migrate(particles, bases, strays)
+            sound = sound and kept
         elif len(strays):
-            self.cells.add(particles.bases()[strays].astype(np.int64))
-            self._sort(particles)
+            self.cells.add(bases[strays].astype(np.int64))
+            self._sort(particles, bases)
         if len(self.cells.index) > _ALWAYS_KEPT + (1.0 + _TOO_MANY_EMPTY) * self.cells.occupied.sum():
             self.cells.compact()
             self._known_nodes, self._pairs = 0, self._pairs[:0]
-            self._sort(particles)
+            self._sort(particles, bases)
         if self.neighbours:
             self._agree()
         return sound
 
-    def _sort(self, particles) -> np.ndarray:
-        names = particles.names() if self.bitwise else None
-        return self.cells.sort(particles.bases(), particles.owned, names)
+    def _sort(self, particles, bases: np.ndarray) -> np.ndarray:
+        return self.cells.sort(bases, particles.owned, particles.names() if self.bitwise else None)
 
-    def _migrate(self, particles, strays: np.ndarray) -> bool:
-        """Send particles in cells of others to their owners; list new cells of this rank's own."""
-        bases = particles.bases()[strays].astype(np.int64)
-        owner = self.partition.owners(bases)
+    def _migrate(self, particles, bases: np.ndarray, strays: np.ndarray) -> tuple[np.ndarray, bool]:
+        """Send particles in cells of others to their owners and list new cells of this rank's own.
+
+        Returns the cells of all particles, and whether none was left between ranks that are no neighbours.
+        """
+        at = bases[strays].astype(np.int64)
+        owner = self.partition.owners(at)
         sound = bool(np.isin(owner, [self.comm.rank, *self.neighbours]).all())
         leaving = [strays[owner == rank] for rank in self.neighbours]
         staying = ~np.isin(owner, self.neighbours)
-        arrived = self._swap([particles.packed(rows) for rows in leaving], _PARTICLES_TAG)
-        arrived = np.concatenate(arrived) if any(map(len, arrived)) else None
+        arrived = np.concatenate(self._swap([particles.packed(rows) for rows in leaving], _PARTICLES_TAG))
         gone = np.concatenate(leaving)
-        self.cells.add(bases[staying])
+        self.cells.add(at[staying])
         if len(gone):
             particles.remove(gone)
             self.migrated += len(gone)
-        if arrived is not None:
+        if len(arrived):
             particles.insert(arrived)
-        if len(gone) or arrived is not None or staying.any():
-            strays = self._sort(particles)
+        if len(gone) or len(arrived):
+            bases = particles.bases()
+        if len(strays) or len(arrived):
+            strays = self._sort(particles, bases)
             if len(strays):
-                strays = strays[~self.cells.lost(strays)]
-                self.cells.add(particles.bases()[strays].astype(np.int64))
-                self._sort(particles)
-        return sound
+                self.cells.add(bases[strays[~self.cells.lost(strays)]].astype(np.int64))
+                self._sort(particles, bases)
+        return bases, sound
 
     def _swap(self, outgoing: list[np.ndarray], tag: int) -> list[np.ndarray]:
         """Send each neighbour rows of 8-byte numbers and return theirs, however many."""

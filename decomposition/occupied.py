@@ -44,7 +44,8 @@ def indices_of(word: np.ndarray, dimension: int) -> np.ndarray:
 def _locate(bases, owned, cells, cell, start):
     """Cell number of each particle and how many each cell has, in start[1:]; returns how many particles have no cell.
 
-    cell: -1 where its cell is not listed, -2 where its index is beyond the lattice.
+    cell: a guess of each particle's cell on entry, as of the step before; -1 where its cell is not listed, -2 where its index is
+    beyond the lattice.
     """
     start[:] = 0
     missing, c, count = 0, 0, len(cells)
@@ -58,16 +59,17 @@ def _locate(bases, owned, cells, cell, start):
             cell[p] = _LOST
             missing += 1
             continue
-        # particles in storage are nearly in order: the same cell, or the next
+        guess = cell[p]
+        if 0 <= guess < count and cells[guess] == word:
+            start[guess + 1] += 1
+            continue
+        # as its neighbour in storage, most likely
         if c >= count or cells[c] != word:
-            if c + 1 < count and cells[c + 1] == word:
-                c += 1
-            else:
-                c = np.searchsorted(cells, word)
-                if c >= count or cells[c] != word:
-                    cell[p] = -1
-                    missing += 1
-                    continue
+            c = np.searchsorted(cells, word)
+            if c >= count or cells[c] != word:
+                cell[p] = -1
+                missing += 1
+                continue
         cell[p] = c
         start[c + 1] += 1
     return missing
@@ -98,6 +100,16 @@ def _order_by_name(start, order, names):
             order[m] = p
 
 
+def _unlisted(word: np.ndarray, listed: np.ndarray) -> np.ndarray:
+    """Those words that are not in a sorted list, sorted, each once."""
+    word = np.unique(word)
+    place = np.searchsorted(listed, word)
+    known = np.zeros(len(word), bool)
+    inside = place < len(listed)
+    known[inside] = listed[place[inside]] == word[inside]
+    return word[~known]
+
+
 class OccupiedCells:
     """Cells in lexicographic order with their particles, and their nodes.
 
@@ -115,6 +127,7 @@ class OccupiedCells:
         self._clear()
 
     def _clear(self) -> None:
+        self._cell[:] = -1
         self._words = np.zeros(0, np.int64)
         self.index = np.zeros((0, self.dimension), np.int64)
         self.stencil = np.zeros((0, self.width**self.dimension), np.int32)
@@ -154,9 +167,11 @@ class OccupiedCells:
 
     def add(self, cells: np.ndarray) -> None:
         """List further cells (n, d), in any order, known ones and repeated ones too; `sort` must follow."""
-        new = np.setdiff1d(words(cells), self._words)
+        new = _unlisted(words(cells), self._words)
         if len(new) == 0:
             return
+        listed = self._cell >= 0
+        self._cell[listed] += np.searchsorted(new, self._words)[self._cell[listed]] if len(self._words) else 0
         index = indices_of(new, self.dimension)
         slots = self._slots_of_nodes(self.stencil_nodes(index)).reshape(len(new), -1)
         place = np.searchsorted(self._words, new)
@@ -173,10 +188,10 @@ class OccupiedCells:
     def _slots_of_nodes(self, nodes: np.ndarray) -> np.ndarray:
         """Slots of nodes (n, d), which are listed if they are not yet, together with their mirror images."""
         wanted, back = np.unique(words(nodes), return_inverse=True)
-        unknown = indices_of(np.setdiff1d(wanted, self._node_words), self.dimension)
+        unknown = indices_of(_unlisted(wanted, self._node_words), self.dimension)
         for mirror in self.mirrors:
             unknown = np.concatenate((unknown, reflected(unknown, mirror, self.width)[1]))
-        new = np.setdiff1d(words(unknown), self._node_words)
+        new = _unlisted(words(unknown), self._node_words)
         place = np.searchsorted(self._node_words, new)
         slots = np.arange(len(self.nodes), len(self.nodes) + len(new), dtype=np.int32)
         self._node_words = np.insert(self._node_words, place, new)
