@@ -49,6 +49,18 @@ def _reference(images, k, kinematics, b):
     return fused(load(images.table, images.code[k], 4), X, load(images.table, images.code[k], 8))
 
 
+def _first_column(weight, column):
+    """The column of the field: of lists with vectors as weights always 0, which then costs nothing."""
+    raise NotImplementedError
+
+
+@overload(_first_column)
+def _first_column_of(weight, column):
+    if weight.ndim == 2:
+        return lambda weight, column: 0
+    return lambda weight, column: column
+
+
 def _bond(weight, images, k, kinematics, b, Xa):
     """g_ab with the pair's scalar weight repeated: as stored, or weight (X_b - X_a) where the list is radial."""
     raise NotImplementedError
@@ -222,9 +234,10 @@ def _bond_modulus_of(stabiliser, record, a):
 def add_gradients(first, last, pairs, images, both, column, kinematics, gradient):
     """Add sum (v_b - v_a) (x) g_ab of the pairs of particles first..last-1 to particle a, and with `both` to b as well.
 
-    v is the vector in the given column of kinematics. `both` is None for one-sided lists, whose neighbours are ghosts
-    (images None) or mirror images.
+    v is the vector in the given column of kinematics (0 unless the list is radial). `both` is None for one-sided lists, whose
+    neighbours are ghosts (images None) or mirror images.
     """
+    column = _first_column(pairs.weight, column)
     for a in range(first, last):
         if pairs.start[a] == pairs.start[a + 1]:
             continue
