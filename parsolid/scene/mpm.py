@@ -80,8 +80,9 @@ class MaterialPoint(MethodSettings):
             details.append((("geometry",), "no such key in 3-D", self.geometry))
         if self.transfer == "apic" and self.flip_fraction != 1.0:
             details.append((("flip_fraction",), "no such key with the transfer 'apic'", self.flip_fraction))
-        if self.formulation == "total-lagrangian" and self.basis == "cpgimp":
-            details.append((("basis",), "a basis with fixed particle domains, 'ugimp'", self.basis))
+        if self.formulation == "total-lagrangian":
+            # the passes are there (kernels.grid_lagrangian), the method that uses them is not
+            details.append((("formulation",), "'updated'", self.formulation))
         reject(*details)
         return self
 
