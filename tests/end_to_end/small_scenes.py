@@ -135,20 +135,20 @@ IMPACT = {
             "shape": {"box": {"lower": [0.0, 0.0], "upper": [5e-3, 4e-3]}},
             "spacing": [2.5e-4],
             "placement": "cells",
-            "velocity": ["0", "100"],
+            "velocity": ["300", "100"],
             "material": METAL,
         },
         {
             "shape": {"box": {"lower": [0.0, 4e-3], "upper": [3e-3, 7e-3]}},
             "spacing": [2.5e-4],
             "placement": "cells",
-            "velocity": ["100", "-100 + 4e4*X"],
+            "velocity": ["300", "-100 + 4e4*X"],
             "material": {"kind": "neo-hookean", "density": 2700.0, "youngs_modulus": 70e9, "poissons_ratio": 0.33},
         },
     ],
     "boundaries": [
         {"plane": "Y = 0", "kind": "roller"},
-        {"plane": "X = 0", "kind": "wall", "side": "above", "velocity": [10.0, 0.0]},
+        {"plane": "X = 0", "kind": "wall", "side": "above", "velocity": [310.0, 0.0]},
     ],
     "loads": {"acceleration": ["0", "-1e7*(1 + X)"]},
     "probes": [
