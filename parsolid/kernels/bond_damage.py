@@ -202,9 +202,9 @@ def _crosses(space, images, k, kinematics, a, b, patch):
     area = math.sqrt(_dot(normal, normal))
     from_corner = (A[0] - patch.corner[0], A[1] - patch.corner[1], A[2] - patch.corner[2])
     bond = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
-    before = _dot(from_corner, normal) / area + slack
+    before = _dot(from_corner, normal) / area
     after = before + _dot(bond, normal) / area
-    if (before < 0.0) == (after < 0.0):
+    if (before < -slack) == (after < -slack):
         return False
     part = before / (before - after)
     x = (from_corner[0] + part * bond[0], from_corner[1] + part * bond[1], from_corner[2] + part * bond[2])

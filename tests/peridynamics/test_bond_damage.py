@@ -137,16 +137,25 @@ def test_distance_from_a_patch():
 
 
 @pytest.mark.parametrize("tip", [3.0, 4.0, 5.0])
-def test_a_crack_that_ends_on_a_crossing_bond_cuts_it_from_both_ends(comm, tip):
-    """On a lattice the edge of a crack at a cell's corner lies on the middle of the oblique bonds."""
+@pytest.mark.parametrize("along", [0, 1])
+def test_a_crack_cuts_the_bonds_that_pass_through_its_end_from_both_ends(comm, tip, along):
+    """On a lattice the oblique bonds cross the plane of a crack at the corners and edges of cells."""
     body = BondedBody(comm, 2, jitter=0.0)
-    body.damage.introduce([patch_of(PreCrack(segment=[[-1.0, 4.0], [tip, 4.0]]), np.zeros(2), np.ones(2))])
-    bonds = body.directed()
-    assert all((bonds[b, a, image] == 0.0) == (weight == 0.0) for (a, b, image), weight in bonds.items())
+    ends = np.full((2, 2), 4.0)
+    ends[:, along] = -1.0, tip
+    body.damage.introduce([patch_of(PreCrack(segment=ends.tolist()), np.zeros(2), np.ones(2))])
     positions, identifiers = lattice(2, 0.0)
-    number = {tuple(X): int(i) for X, i in zip(positions, identifiers)}
-    assert bonds[number[tip - 0.5, 3.5], number[tip + 0.5, 4.5], False] == 0.0
-    assert bonds[number[tip + 0.5, 3.5], number[tip + 0.5, 4.5], False] != 0.0
+    # in tenths of a spacing, which are exact
+    X = {int(i): np.rint(10.0 * x).astype(int) for i, x in zip(identifiers, positions)}
+    at_end = 0
+    for (a, b, _), weight in body.directed().items():
+        (p, f), (q, g) = X[a][[along, 1 - along]], X[b][[along, 1 - along]]
+        crosses = (f - 40) * (g - 40) < 0
+        # p + (40 - f)/(g - f) (q - p) <= 10 tip, without the division
+        beyond = crosses * np.sign(g - f) * ((p - 10 * int(tip)) * (g - f) + (40 - f) * (q - p))
+        assert (weight == 0.0) == (crosses and beyond <= 0)
+        at_end += bool(crosses and beyond == 0)
+    assert at_end >= 4
 
 
 @bodies
