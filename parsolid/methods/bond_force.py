@@ -19,7 +19,10 @@ class BondForce:
 
     kinematics (rows, 8 or 12): f u X of `kernels.pairs`, ghosts behind; field, displacement: views (rows, d) of it.
     force (capacity, 4) [N]: of the last evaluation, of the whole particle where it lies on a mirror plane.
+    sound: whether every settled Jacobian is positive; at small strain there is none to look at.
     """
+
+    sound = True
 
     def __init__(self, bonding: Bonding, stabiliser, stiffness_scale: np.ndarray | None, fixed_planes: np.ndarray | None = None):
         """stiffness_scale (owned,): coefficient times shear modulus [Pa] of `ShearScaled`, c of `AlongBonds`, else None.

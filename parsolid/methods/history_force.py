@@ -40,7 +40,7 @@ class HistoryForce(BondForce):
         self.tributary[: self.owned] = bonding.volume[: self.owned] * share
         self.control = np.zeros((self.owned, self.dimension))
         self.displacement_gradient = aligned_zeros(self.gradient.shape)
-        self.stored, self.sound = 0.0, True
+        self.stored = 0.0
         self.step: float | None = None
         self.groups = groups
         self.prepare(0.0)

@@ -246,7 +246,7 @@ class Peridynamics(ParticleMethod):
                 sound = sound and self._settled(time + step, ledger)
             self._place()
             self._gradients = None
-            return sound
+            return sound and self.engine.sound
         if self.news_anywhere:
             self._break_bonds(ledger)
         d, engine, loads = self.dimension, self.engine, self.loads
@@ -273,7 +273,7 @@ class Peridynamics(ParticleMethod):
         if guided is not None:
             work += self._guide(guided, time, step)
         ledger.add(1.0, lost, 0.0, work)
-        return sound
+        return sound and self.engine.sound
 
     def _accelerations(self, time: float, before: bool) -> np.ndarray | None:
         """Loads over mass (owned, 4) [m/s^2] where components are free; None without loads."""
@@ -355,7 +355,11 @@ class Peridynamics(ParticleMethod):
         return self._gradients
 
     def unsound(self) -> tuple[int, str] | None:
-        """The first particle whose velocity is not finite, or the one farthest from balance."""
+        """The first particle that is inside out or whose velocity is not finite, or the one farthest from balance."""
+        if not self.engine.sound:
+            jacobian = np.linalg.det(self.shown("deformation_gradient", 0, self.owned))
+            index = int(np.argmin(np.where(np.isfinite(jacobian), jacobian, -np.inf)))
+            return index, f"the Jacobian is {jacobian[index]:.4g}, not positive: matter is turned inside out"
         if self.quasi_static is not None:
             return self.quasi_static.unsound()
         bad = ~np.isfinite(self.table.owned_rows("velocity")).all(axis=1)
