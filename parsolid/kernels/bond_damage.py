@@ -1,4 +1,4 @@
-"""Breaking of bonds: which have failed or are crossed by a crack, what the particles lose with them (see `bonds` for conventions).
+"""Breaking of bonds: which have failed or are crossed by a crack, what particles lose with them (see `bonds`).
 
 Critical stretch: Silling and Askari, "A meshfree method based on the peridynamic model of solid mechanics", 2005, eqs (23)
 to (27). Critical bond energy: Foster, Silling and Chen, "An energy based failure criterion for use with peridynamic

@@ -19,7 +19,7 @@ def _length(vector):
 
 
 def pull(linear, x, u):
-    """Force of a bond xi = x whose vector changes by u, over weight c: s y/|y|, or where `linear` is not None to first order in u."""
+    """Force of a bond xi = x that changes by u, over weight c: s y/|y|, or with `linear` not None to first order in u."""
     raise NotImplementedError
 
 

@@ -75,7 +75,7 @@ class Fracture:
         return sum((1.0 if bonds.both else 0.5) * np.count_nonzero(bonds.pairs.weight == 0.0) for bonds in lists)
 
     def tip(self) -> np.ndarray:
-        """Reference position (d,) [m] of the crack's tip: of the particles on a crack that has grown the farthest from all pre-cracks.
+        """Reference position (d,) [m] of the crack's tip, of the particles on grown cracks the farthest from all pre-cracks.
 
         Of several equally far the last by its coordinates; NaN without any. Collective, the same on any number of ranks.
         """

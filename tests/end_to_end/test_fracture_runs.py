@@ -89,13 +89,15 @@ def runs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("fracture")
     paths = {name: write(scene, folder / f"{name}.toml") for name, scene in SCENES.items()}
     for ranks in (1, 2, 3):
-        all_done(many([[path, "-q", "-o", folder / str(ranks) / name] for name, path in paths.items()], ranks, folder / f"job-{ranks}"))
+        whole = [[path, "-q", "-o", folder / str(ranks) / name] for name, path in paths.items()]
+        all_done(many(whole, ranks, folder / f"job-{ranks}"))
     halves = {name: history(folder / "2" / name)["step"][-1] * 3 // 4 for name in paths}
     begun = [[path, "-q", "-o", folder / "again" / name, "--max-steps", int(halves[name])] for name, path in paths.items()]
     all_done(many(begun, 2, folder / "job-begun"))
     shutil.copytree(folder / "again", folder / "elsewhere")
     for place, ranks in (("again", 2), ("elsewhere", 3)):
-        all_done(many([[path, "-q", "-o", folder / place / name, "--restart"] for name, path in paths.items()], ranks, folder / f"job-{place}"))
+        restarts = [[path, "-q", "-o", folder / place / name, "--restart"] for name, path in paths.items()]
+        all_done(many(restarts, ranks, folder / f"job-{place}"))
     return folder
 
 
