@@ -71,7 +71,7 @@ class Apic(NamedTuple):
 
 
 class CauchyStress(NamedTuple):
-    """rows (capacity, 8): V sigma [N m] of the current volume, xx yy zz 0 | yz xz xy 0."""
+    """rows (capacity, 8): V sigma [N m] of the current volume, xx yy zz 0 | yz xz xy and a number that is not read."""
 
     rows: np.ndarray
 

@@ -11,12 +11,16 @@ step, whatever the spacing.
                            T, C, 0, 0 | change of T, 0, 0, 0                after `find_temperatures` and `find_increments`
 """
 
-from numba import njit
+from numba import njit, types
+from numba.extending import overload
 
 from parsolid.kernels.grid_gather import sum_nodes
 from parsolid.kernels.grid_scatter import add_particle
 from parsolid.kernels.grid_weights import store_weights
+from parsolid.kernels.layout import Space
 from parsolid.kernels.simd import broadcast, from_floats, fused, lane, load, store
+from parsolid.kernels.tensor import cofactor, determinant
+from parsolid.kernels.types import is_instance
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
@@ -52,10 +56,11 @@ def find_temperatures(first, last, nodes):
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def conduct(first, last, space, basis, grid, scratch, where, thermal, nodes, partials):
+def conduct(first, last, space, basis, grid, scratch, where, deformation, thermal, nodes, partials):
     """Add the heat flows and powers of the particles of cells first..last-1 to column 4 of nodes, from their temperatures.
 
-    Arguments as in `grid_scatter.scatter`; with partials, columns 4..7 of a cell's are its sums and 0..3 are 0.
+    Arguments as in `grid_scatter.scatter`; deformation: rows of F (5 or 9, capacity) where the weights are those of reference
+    positions, else None. With partials, columns 4..7 of a cell's are its sums and 0..3 are 0.
     """
     for c in range(first, last):
         if grid.start[c] == grid.start[c + 1]:
@@ -72,10 +77,11 @@ def conduct(first, last, space, basis, grid, scratch, where, thermal, nodes, par
             gradient = sum_nodes(space, basis, scratch, None, thermal, None)[2]
             # the weights' derivatives are by x/h, here and in the gradient
             scale = -thermal[p, 2] * grid.inverse_spacing * grid.inverse_spacing
+            flow = _referred(space, deformation, p, (lane(gradient[0], 0), lane(gradient[1], 0), lane(gradient[2], 0)))
             columns = (
-                from_floats(scale * lane(gradient[0], 0), 0.0, 0.0, 0.0),
-                from_floats(scale * lane(gradient[1], 0), 0.0, 0.0, 0.0),
-                from_floats(scale * lane(gradient[2], 0), 0.0, 0.0, 0.0),
+                from_floats(scale * flow[0], 0.0, 0.0, 0.0),
+                from_floats(scale * flow[1], 0.0, 0.0, 0.0),
+                from_floats(scale * flow[2], 0.0, 0.0, 0.0),
             )
             power = from_floats(thermal[p, 3], 0.0, 0.0, 0.0)
             add_particle(space, basis, scratch.weights, cell, None, None, columns, power)
@@ -86,6 +92,41 @@ def conduct(first, last, space, basis, grid, scratch, where, thermal, nodes, par
             else:
                 store(partials[c], k, 0, broadcast(0.0))
                 store(partials[c], k, 4, load(cell, k, 4))
+
+
+def _referred(space, deformation, p, g):
+    """F^-1 F^-T g of a gradient by reference place; g where deformation is None."""
+    raise NotImplementedError
+
+
+@overload(_referred)
+def _choose_referred(space, deformation, p, g):
+    if isinstance(deformation, types.NoneType):
+        return lambda space, deformation, p, g: g
+
+    def pulled_back(space, deformation, p, g):
+        F = _one_gradient(space, deformation, p)
+        C, scale = cofactor(F), 1.0 / determinant(F)
+        a = scale * (C[0] * g[0] + C[1] * g[1] + C[2] * g[2])
+        b = scale * (C[3] * g[0] + C[4] * g[1] + C[5] * g[2])
+        c = scale * (C[6] * g[0] + C[7] * g[1] + C[8] * g[2])
+        return (
+            scale * (C[0] * a + C[3] * b + C[6] * c), scale * (C[1] * a + C[4] * b + C[7] * c),
+            scale * (C[2] * a + C[5] * b + C[8] * c),
+        )  # fmt: skip
+
+    return pulled_back
+
+
+def _one_gradient(space, F, p):
+    raise NotImplementedError
+
+
+@overload(_one_gradient)
+def _choose_one_gradient(space, F, p):
+    if is_instance(space, Space):
+        return lambda space, F, p: (F[0, p], F[1, p], F[2, p], F[3, p], F[4, p], F[5, p], F[6, p], F[7, p], F[8, p])
+    return lambda space, F, p: (F[0, p], F[1, p], 0.0, F[2, p], F[3, p], 0.0, 0.0, 0.0, F[4, p])
 
 
 @njit(cache=True, error_model="numpy")
@@ -152,20 +193,15 @@ def spread_increment(ghost, image, sign, change, nodes):
 
 
 @njit(cache=True, error_model="numpy")
-def fill_thermal(first, last, specific_heat, conductivity, deformation, temperature, motion, thermal):
+def fill_thermal(first, last, space, specific_heat, conductivity, deformation, temperature, motion, thermal):
     """T, C and V kappa of particles first..last-1 of one law, in the present configuration; q becomes 0.
 
     specific_heat [J/(kg K)], conductivity [W/(m K)]; deformation: 5 rows of F in two dimensions or 9 in three; temperature
     (1, capacity). Gives the largest diffusivity V kappa / C [m2/s].
     """
     largest = 0.0
-    F = deformation
     for p in range(first, last):
-        if F.shape[0] == 5:
-            J = (F[0, p] * F[3, p] - F[1, p] * F[2, p]) * F[4, p]
-        else:
-            J = F[0, p] * (F[4, p] * F[8, p] - F[5, p] * F[7, p]) - F[1, p] * (F[3, p] * F[8, p] - F[5, p] * F[6, p])
-            J += F[2, p] * (F[3, p] * F[7, p] - F[4, p] * F[6, p])
+        J = determinant(_one_gradient(space, deformation, p))
         thermal[p, 0], thermal[p, 1] = temperature[0, p], specific_heat * motion[p, 3]
         thermal[p, 2], thermal[p, 3] = conductivity * J * motion[p, 7], 0.0
         largest = max(largest, thermal[p, 2] / thermal[p, 1])

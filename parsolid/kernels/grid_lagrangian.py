@@ -11,12 +11,26 @@ force by the mean that belongs to it, with the constant weights V0, so that the 
     theta_p <- sum_q V0_q theta_q / sum_q V0_q        (V p)_p <- V0_p sum_q (V p)_q / sum_q V0_q
 """
 
+import math
+
+import numpy as np
 from numba import njit
 from numba.extending import overload
 
 from parsolid.kernels.layout import Plane, Space, four_rows, load_nine, store_rows
 from parsolid.kernels.simd import WIDTH, broadcast, load
-from parsolid.kernels.tensor import cofactor, determinant, expand, matmul, matmul_transposed, scale
+from parsolid.kernels.tensor import (
+    cofactor,
+    determinant,
+    expand,
+    gram,
+    lane_of_symmetric,
+    largest_eigenvalue,
+    matmul,
+    matmul_transposed,
+    scale,
+    transposed,
+)
 from parsolid.kernels.types import is_instance
 
 
@@ -80,6 +94,22 @@ def _choose_transposed_inverse(space, deformation, i):
         return d * inverse, -c * inverse, zero, -b * inverse, a * inverse, zero, zero, zero, 1.0 / load(deformation, 4, i)
 
     return plane
+
+
+@njit(cache=True, error_model="numpy")
+def smallest_stretches(first, last, space, deformation, stress):
+    """Smallest principal stretch of particles first..last-1, and smallest stretch over speed [s/m], the last column of stress.
+
+    For particles of a sound state, with finite F and J > 0.
+    """
+    least, slowest = 1.0, np.inf
+    for i in range(first, last, WIDTH):
+        # the eigenvalues of F^-T F^-1 are the inverse squares of the stretches
+        squares = gram(transposed(_transposed_inverse(space, deformation, i)))
+        for k in range(min(WIDTH, last - i)):
+            stretch = 1.0 / math.sqrt(largest_eigenvalue(lane_of_symmetric(squares, k)))
+            least, slowest = min(least, stretch), min(slowest, stretch / stress[i + k, 7])
+    return least, slowest
 
 
 def _directions(space):

@@ -106,26 +106,26 @@ def _load_velocity_gradient(space, rate, i):
     return solid
 
 
-def store_stress(space, stress, i, values):
-    """V sigma of particles i..i+3 as records xx yy zz 0 | yz xz xy 0."""
+def store_stress(space, stress, i, values, speed):
+    """V sigma of particles i..i+3 as records xx yy zz 0 | yz xz xy c + |v|."""
     raise NotImplementedError
 
 
 @overload(store_stress)
-def _store_stress_record(space, stress, i, values):
+def _store_stress_record(space, stress, i, values, speed):
     if is_instance(space, Plane):
 
-        def plane(space, stress, i, values):
+        def plane(space, stress, i, values, speed):
             zero = broadcast(0.0)
             store_rows(stress, i, 0, values[0], values[1], values[2], zero)
-            store_rows(stress, i, 4, zero, zero, values[3], zero)
+            store_rows(stress, i, 4, zero, zero, values[3], speed)
 
         return plane
 
-    def solid(space, stress, i, values):
+    def solid(space, stress, i, values, speed):
         zero = broadcast(0.0)
         store_rows(stress, i, 0, values[0], values[1], values[2], zero)
-        store_rows(stress, i, 4, values[5], values[4], values[3], zero)
+        store_rows(stress, i, 4, values[5], values[4], values[3], speed)
 
     return solid
 

@@ -120,7 +120,7 @@ class Conduction:
         for group in points.plastic_groups():
             law = group.law
             largest = grid_heat.fill_thermal(
-                group.first, group.last, law.specific_heat, (law.conductivity or 0.0) * self.conducting,
+                group.first, group.last, points.space, law.specific_heat, (law.conductivity or 0.0) * self.conducting,
                 store["deformation"], store["temperature"], points.motion, self.thermal,
             )  # fmt: skip
             self.diffusivity = max(self.diffusivity, largest)
@@ -150,7 +150,7 @@ class Conduction:
         self.refresh()
         self._update_folds(tables)
         self._supply(time + 0.5 * step)
-        lists = (0, tables.cells, space, basis, tables.grid, scratch, points.motion)
+        lists = (0, tables.cells, space, basis, tables.grid, scratch, points.where)
         now = [plane.temperatures(places, time) for plane, _, _, places in self._folds]
         # a plane that is not at the particles' temperature at the start takes them along, as nodes of finite elements on it would
         jumps = self._jumps(tables, lists, now, timed) if time == 0.0 else [0.0] * len(now)
@@ -160,7 +160,8 @@ class Conduction:
         grid_heat.find_temperatures(0, tables.count, nodes)
         for (plane, ghosts, images, _), held in reversed(list(zip(self._folds, now))):
             grid_heat.spread_temperature(ghosts, images, plane.sign, held, nodes)
-        grid_heat.conduct(*lists, thermal, nodes, tables.partial)
+        reference = None if points.where is points.motion else points.store["deformation"]
+        grid_heat.conduct(*lists, reference, thermal, nodes, tables.partial)
         timed(tables.sum_flow.start)
         timed(tables.sum_flow.finish)
         for plane, ghosts, images, _ in self._folds:
@@ -203,7 +204,7 @@ class Conduction:
                 continue
             n, depth = self.points.owned, aligned_zeros(self.thermal.shape)
             depth[:n] = self.thermal[:n]
-            beyond = (self.points.motion[:n, plane.axis] - plane.offset) / self.points.settings.cell
+            beyond = (self.points.where[:n, plane.axis] - plane.offset) / self.points.settings.cell
             self._sum_capacities(tables, lists, self.thermal, timed)
             total, capacity = tables.heat[images, :2].T
             depth[:n, 1] *= beyond

@@ -47,12 +47,12 @@ def advance_elastic_stress(space, first, last, law, step, deformation, motion, r
         P = first_piola_kirchhoff_stress(law, F, H, J, None)
         velocity = four_rows(motion, i, 4)
         store_general(space, deformation, i, F, count)
-        # V sigma = V0 P F^T
-        store_stress(space, stress, i, symmetric_part(scale(velocity[3], matmul_transposed(P, F))))
         # a wave with normal n has rho0 c^2 = N.Q N with N = F^T n of the reference configuration
         waves = _eigenvalue_bound(congruence(F, pressure_wave_tensor(law, F, H, J, None)))
         valid = float(count) - from_floats(0.5, 1.5, 2.5, 3.5)
         speed = math.sqrt(waves * (1.0 / law.density)) + speed_of(velocity)
+        # V sigma = V0 P F^T
+        store_stress(space, stress, i, symmetric_part(scale(velocity[3], matmul_transposed(P, F))), speed)
         fastest = choose(valid, max(speed, fastest), fastest)
         if not all_positive(choose(valid, min(J, speed), 1.0)):
             sound = False

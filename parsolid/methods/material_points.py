@@ -11,6 +11,7 @@ from parsolid.methods.groups import Group, group_numbers
 from parsolid.methods.hyperelastic_update import advance_elastic_stress, elastic_energy
 from parsolid.methods.particle_store import ParticleStore
 from parsolid.methods.plastic_update import DEFORMATION_ROWS, DEVIATOR_ROWS, BulkViscosity, MaterialState, advance_stress
+from parsolid.methods.reference_grid import reference_rows
 from parsolid.methods.stresses import as_matrices
 from parsolid.particles import Field, FieldTable
 from parsolid.scene import initial_deformation_gradient, initial_displacement, initial_temperature, initial_velocity
@@ -59,6 +60,9 @@ class MaterialPoints:
         add("motion", motion)
         add("rate", np.zeros((n, 12)))
         add("stress", np.zeros((n, 8)))
+        if self.settings.formulation == "total-lagrangian":
+            add("reference", reference_rows(cloud.position))
+            add("nominal", np.zeros((n, 12)))
         if self.settings.transfer == "apic":
             add("affine", np.zeros((n, 12)))
         if self.settings.basis in ("ugimp", "cpgimp"):
@@ -106,6 +110,8 @@ class MaterialPoints:
                 self.table.add(field, array if columns is None else array[:, columns])
             arrays = self.store.arrays
             self.motion, self.rate, self.stress = arrays["motion"], arrays["rate"], arrays["stress"]
+            # places that the weights belong to
+            self.where = arrays.get("reference", self.motion)
             self.bases_array = np.empty((self.store.capacity, self.dimension), np.int64)
             self.state = None
             if self.plastic:
@@ -128,7 +134,7 @@ class MaterialPoints:
         """Base node (capacity, d) of each particle at its present place."""
         self.refresh()
         grid_weights.find_bases(
-            0, self.owned, self.motion, self.origin, 1.0 / self.settings.cell, self.base_offset, self.bases_array
+            0, self.owned, self.where, self.origin, 1.0 / self.settings.cell, self.base_offset, self.bases_array
         )
         return self.bases_array
 

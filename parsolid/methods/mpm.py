@@ -1,4 +1,4 @@
-"""Material point method in its updated form: particles carry the state, a background grid the momentum of each step.
+"""Material point method: particles carry the state, a background grid the momentum of each step.
 
 A step: particles give mass, momentum and force to the nodes (summed over ranks); nodes move; particles take velocity, place and
 velocity gradient; stress; particles are listed by cell anew and handed to other ranks. With `order = "musl"` particles' new
@@ -23,6 +23,7 @@ from parsolid.methods.grid_conditions import driven_regions, mirror_planes, wall
 from parsolid.methods.grid_topology import NodeTables
 from parsolid.methods.material_points import MaterialPoints
 from parsolid.methods.protocol import ParticleMethod
+from parsolid.methods.reference_grid import ReferenceGrid
 from parsolid.together import SolverError, maximum, minimum
 
 # nodes lighter than this share of the lightest particle do not move
@@ -44,6 +45,7 @@ class MaterialPoint(ParticleMethod):
             self.origin[:d] = scene.method.origin
         self.points = MaterialPoints(scene, cloud, self.origin)
         _refuse_branches(self.points.laws)
+        self.reference = ReferenceGrid(self.points, self.space) if scene.method.formulation == "total-lagrangian" else None
         basis = self._basis()
         self.points.base_offset = grid_weights.base_offset(basis)
         width = grid_weights.nodes_across(basis)
@@ -72,12 +74,15 @@ class MaterialPoint(ParticleMethod):
         """Set the state at time 0, deal particles out to the owners of their cells, and find the first stress; collective."""
         self.points.begin(scene, cloud)
         self._deal_out(None)
-        _, self.fastest, _, _ = self.points.advance_stress(0.0)
+        self.tables.update()
+        _, self.fastest, _, _ = self._advance_stress(0.0)
         self._look_at_heat()
 
     def resume(self) -> None:
         """Continue with the checkpoint's owners of cells; on other ranks with new ones; collective."""
         self._deal_out(self.partition)
+        if self.reference is not None:
+            self.reference.resume()
         self._look_at_heat()
 
     def _look_at_heat(self) -> None:
@@ -134,9 +139,10 @@ class MaterialPoint(ParticleMethod):
     def stable_step(self) -> float:
         """cfl h / (c + |v|) [s] of this rank's fastest particle, and what conduction allows."""
         thermal = self.conduction.stable_step() if self.conduction is not None else np.inf
-        if not self.settings.motion or self.fastest <= 0.0:
-            return thermal
-        return min(self.settings.cfl * self.settings.cell / self.fastest, thermal)
+        slowness = 1.0 / self.fastest if self.fastest > 0.0 else np.inf
+        if self.reference is not None:
+            thermal, slowness = thermal * self.reference.stretch**2, self.reference.slowness
+        return min(self.settings.cfl * self.settings.cell * slowness, thermal) if self.settings.motion else thermal
 
     def advance(self, time: float, step: float, ledger, announce) -> bool:
         """One step from `time` [s]."""
@@ -160,7 +166,7 @@ class MaterialPoint(ParticleMethod):
         # what filters the particles' velocities loses kinetic energy; FLIP alone does not
         lost = kinetic + gain - kernels.kinetic_energy(self.owned, points.motion) if self.filters else 0.0
         ledger.add(1.0, 0.0, lost + caught, supplied)
-        sound, self.fastest, plastic, viscous = points.advance_stress(step)
+        sound, self.fastest, plastic, viscous = self._advance_stress(step)
         self.plastic_work += plastic
         ledger.add_term("plastic_work", plastic)
         ledger.add_term("viscous_work", viscous)
@@ -187,13 +193,19 @@ class MaterialPoint(ParticleMethod):
         result[: self.owned, : self.dimension] = self.points.motion[: self.owned, 3:4] * acceleration
         return result
 
+    def _advance_stress(self, step: float) -> tuple[bool, float, float, float]:
+        """See `MaterialPoints.advance_stress`."""
+        if self.reference is not None:
+            return self.reference.advance_stress(self.tables.grid, step)
+        return self.points.advance_stress(step)
+
     def _to_nodes(self, basis, transfer, external) -> None:
         """Mass, momentum and force of all ranks' particles on the nodes."""
-        tables, motion = self.tables, self.points.motion
-        stress = kernels.CauchyStress(self.points.stress)
+        tables, motion, where = self.tables, self.points.motion, self.points.where
+        stress = self.reference.stress if self.reference is not None else kernels.CauchyStress(self.points.stress)
         tables.clear()
         scatter(
-            0, tables.cells, self.space, basis, tables.grid, self.scratch, motion, motion, transfer, stress, external,
+            0, tables.cells, self.space, basis, tables.grid, self.scratch, where, motion, transfer, stress, external,
             tables.nodes, tables.partial,
         )  # fmt: skip
         self._timed(tables.sum.start)
@@ -226,15 +238,15 @@ class MaterialPoint(ParticleMethod):
 
     def _from_nodes(self, basis, transfer, time: float, step: float) -> None:
         """Velocities, places and velocity gradients of particles from the nodes."""
-        tables, motion, rate = self.tables, self.points.motion, self.points.rate
-        lists = (0, tables.cells, self.space, basis, tables.grid, self.scratch, motion, tables.nodes, motion, step)
+        tables, motion, rate, where = self.tables, self.points.motion, self.points.rate, self.points.where
+        lists = (0, tables.cells, self.space, basis, tables.grid, self.scratch, where, tables.nodes, motion, step)
         if self.settings.order == "usl":
             gather(*lists, transfer, rate, None)
             return
         gather(*lists, transfer, None, None)
         tables.clear_again()
         scatter(
-            0, tables.cells, self.space, basis, tables.grid, self.scratch, motion, motion, transfer, None, None,
+            0, tables.cells, self.space, basis, tables.grid, self.scratch, where, motion, transfer, None, None,
             tables.again, tables.partial,
         )  # fmt: skip
         self._timed(tables.sum_again.start)

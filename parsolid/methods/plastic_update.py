@@ -126,7 +126,7 @@ def advance_stress(space, first, last, law, step, viscosity, state, motion, rate
     """Advance F, s, ep, E and T of particles first..last-1 by one step [s] with the velocity gradients `rate`.
 
     motion (capacity, 8): x y z m | vx vy vz V0; rate (capacity, 12): rows of l, each padded to 4; stress (capacity, 8): V sigma
-    is written, artificial viscosity included, xx yy zz 0 | yz xz xy 0 (up to three records beyond `last` are overwritten).
+    is written, artificial viscosity included, xx yy zz 0 | yz xz xy c + |v| (up to three records beyond `last` are overwritten).
     viscosity is a BulkViscosity or None. Returns (sound, largest c + |v| [m/s], plastic work [J], viscous work [J]);
     sound is False when a particle has J <= 0, is compressed beyond its equation of state, or is not a number.
     """
@@ -161,9 +161,9 @@ def advance_stress(space, first, last, law, step, viscosity, state, motion, rate
         store_first(state.temperature, 0, i, temperature, count)
         velocity = four_rows(motion, i, 4)
         volume = velocity[3]
-        store_stress(space, stress, i, scale(volume * new_J, plus_identity(congruence(R, new_s), -(pressure + q))))
         valid = float(count) - from_floats(0.5, 1.5, 2.5, 3.5)
         speed = _sound_speed(law, new_J, pressure, mu) + speed_of(velocity)
+        store_stress(space, stress, i, scale(volume * new_J, plus_identity(congruence(R, new_s), -(pressure + q))), speed)
         fastest = choose(valid, max(speed, fastest), fastest)
         plastic = plastic + choose(valid, volume * plastic_work, 0.0)
         viscous = viscous + choose(valid, -volume * q * change, 0.0)

@@ -80,9 +80,8 @@ class MaterialPoint(MethodSettings):
             details.append((("geometry",), "no such key in 3-D", self.geometry))
         if self.transfer == "apic" and self.flip_fraction != 1.0:
             details.append((("flip_fraction",), "no such key with the transfer 'apic'", self.flip_fraction))
-        if self.formulation == "total-lagrangian":
-            # the passes are there (kernels.grid_lagrangian), the method that uses them is not
-            details.append((("formulation",), "'updated'", self.formulation))
+        if self.formulation == "total-lagrangian" and self.basis == "cpgimp":
+            details.append((("basis",), "a basis with fixed particle domains, 'ugimp'", self.basis))
         reject(*details)
         return self
 
@@ -97,6 +96,9 @@ class MaterialPoint(MethodSettings):
                 details.append((("bodies", i, "shape", "box", "lower", 0), "a radius of at least 0", lower[0]))
         conducting = any(getattr(body.material, "parts", {}).get("conductivity") for body in scene.bodies)
         for i, boundary in enumerate(scene.boundaries):
+            if boundary.kind == "wall" and self.formulation == "total-lagrangian":
+                # the grid lies on the undeformed body and knows nothing of where the body is
+                details.append((("boundaries", i, "kind"), "no wall with the formulation 'total-lagrangian'", "wall"))
             if boundary.kind in ("temperature", "heat_flux") and not conducting:
                 details.append((("boundaries", i, "kind"), "a body with a conductivity", boundary.kind))
         return details + self._fields_of_no_body(scene)

@@ -29,7 +29,7 @@ class Conduction:
         grid_heat.find_temperatures(0, len(nodes), nodes)
         for ghost, image, sign, temperature in reversed(self.planes):
             grid_heat.spread_temperature(ghost, image, sign, np.full(len(ghost), temperature), nodes)
-        self._pass(grid_heat.conduct, self.thermal, nodes, None)
+        self._pass(grid_heat.conduct, None, self.thermal, nodes, None)
         return nodes
 
     def step(self, step):

@@ -49,6 +49,15 @@ def test_gradients_and_stresses_change_place(space):
 
 
 @pytest.mark.parametrize("space", SPACES)
+def test_smallest_stretches(space):
+    deformation, _, stress, F, _, _ = random_particles(space)
+    stress[:, 7] = np.random.default_rng(3).uniform(1.0, 5.0, len(stress))
+    singular = np.linalg.svd(F, compute_uv=False).min(axis=1)
+    found = grid_lagrangian.smallest_stretches(0, COUNT, space, deformation, stress)
+    assert found == pytest.approx((singular.min(), (singular / stress[:COUNT, 7]).min()), rel=1e-7)
+
+
+@pytest.mark.parametrize("space", SPACES)
 def test_mean_dilatation_and_mean_pressure_are_adjoint(space):
     _, rate, stress, _, G, sigma = random_particles(space)
     order = np.array([4, 0, 7, 1, 2, 3, 9, 8, 5, 6])

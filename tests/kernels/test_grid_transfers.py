@@ -26,7 +26,7 @@ def random_stress(cloud, seed=5):
     random = np.random.default_rng(seed)
     rows = aligned_zeros((len(cloud.motion), 8))
     rows[:] = random.normal(size=rows.shape)
-    rows[:, [3, 7]] = 0.0
+    rows[:, 3] = 0.0
     if cloud.dimension == 2:
         rows[:, 4:6] = 0.0
     return rows
