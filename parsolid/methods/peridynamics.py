@@ -7,30 +7,23 @@ forces run; kick.
 
 import numpy as np
 
-from parsolid.kernels.bond_weights import INFLUENCES
-from parsolid.kernels.pairs import AlongBonds, ShearScaled
 from parsolid.kernels.simd import aligned_zeros, padded
 from parsolid.laws import laws_of
-from parsolid.materials.bond_based import micromodulus
-from parsolid.materials.bond_based import BondBased
 from parsolid.methods import bond_motion
-from parsolid.methods.bond_based import BondBasedForce, BondBasedRelaxation
-from parsolid.methods.bond_force import BondForce
-from parsolid.methods.bonding import build_bonding
+from parsolid.methods.bond_based import BondBasedForce
 from parsolid.methods.correspondence import stresses
 from parsolid.methods.fracture import Fracture
 from parsolid.methods.groups import groups_of
-from parsolid.methods.history_force import HistoryForce, HistoryRelaxation
+from parsolid.methods.history_force import HistoryForce
+from parsolid.methods.peridynamic_forces import build_forces
 from parsolid.methods.peridynamic_loads import PeridynamicLoads
-from parsolid.methods.peridynamic_operator import Operator, algorithmic_law
+from parsolid.methods.peridynamic_operator import Operator
 from parsolid.methods.protocol import ParticleMethod
 from parsolid.methods.quasi_static import QuasiStatic
-from parsolid.methods.relaxing import Relaxation, series_of
-from parsolid.methods.tensor_history import has_tensor_history
 from parsolid.particles import Field, FieldTable
 from parsolid.scene import initial_displacement, initial_velocity
 from parsolid.solvers import largest_eigenvalue, start_vector
-from parsolid.together import anywhere, raise_together
+from parsolid.together import anywhere
 
 
 class Peridynamics(ParticleMethod):
@@ -42,19 +35,14 @@ class Peridynamics(ParticleMethod):
         """cloud: this rank's particles, sorted by law. Raises SolverError on all ranks when particles cannot be bonded. Collective."""
         self.comm, self.settings, self.scene = comm, scene.method, scene
         laws = laws_of(scene)
-        raise_together(comm, _unlike_series(laws))
         self.groups, density = groups_of(laws, cloud.body)
         self.loads = PeridynamicLoads(comm, scene, cloud, density)
         self.owned, self.dimension = cloud.position.shape
         self.share = self.loads.share
-        volume = cloud.volume / self.share
-        self.mass = density * volume
-        horizon = np.array([self.settings.horizon(spacing) for spacing in cloud.spacing.max(axis=1)])
-        influence = INFLUENCES[self.settings.influence]
-        self.bonding = build_bonding(comm, influence, horizon, cloud, volume, self.loads.codes)
-        stabiliser, scale = self._stabiliser(horizon)
-        self._set_up_forces(laws, (self.bonding, stabiliser, scale, self._fixed_planes(cloud)), horizon)
-        self.loads.install_tractions(self.engine, horizon)
+        self.mass = density * cloud.volume / self.share
+        forces = build_forces(comm, scene, cloud, laws, self.groups, self.loads)
+        self.bonding, self.engine, self.relaxation = forces.bonding, forces.engine, forces.relaxation
+        self.loads.install_tractions(self.engine, forces.horizon)
         self.fracture = None
         if self.settings.damage is not None or self.settings.pre_cracks:
             self.fracture = Fracture(comm, scene, cloud, self.engine)
@@ -74,49 +62,6 @@ class Peridynamics(ParticleMethod):
         self._declare(cloud)
         self.largest_eigenvalue = None
         self._gradients = None
-
-    def _set_up_forces(self, laws: list, parts: tuple, horizon: np.ndarray) -> None:
-        """Engine and history, of the kind that the scene's laws need."""
-        terms = len(series_of(laws[0])[0])
-        if isinstance(laws[0], BondBased):
-            fixed_planes = parts[-1]
-            self.engine = BondBasedForce(
-                self.bonding, fixed_planes, self.groups, self.share, horizon, self.settings, self.dimension
-            )
-            self.relaxation = BondBasedRelaxation(self.engine, self.groups, terms, self.share)
-        elif any(has_tensor_history(law) for law in laws):
-            self.engine = HistoryForce(*parts, self.groups, terms, self.share)
-            self.relaxation = HistoryRelaxation(self.engine, self.groups, terms, self.share)
-        else:
-            self.engine = BondForce(*parts)
-            self.relaxation = Relaxation(self.engine, self.groups, terms, self.share)
-
-    def _stabiliser(self, horizon) -> tuple:
-        """The stabiliser and its scale (owned,): coefficient times G [Pa], or c of eq (39), the micromodulus of the scene's state of strain."""
-        settings, kind = self.settings.stabilisation, self.settings.stabilisation.kind
-        if kind == "none" or isinstance(laws_of(self.scene)[0], BondBased):
-            return None, None
-        scale = np.zeros(self.owned)
-        for group in self.groups:
-            rows, G = slice(group.first, group.last), algorithmic_law(group.law, 0.0).shear_modulus
-            if kind == "shear-scaled":
-                scale[rows] = settings.factor * G
-            else:
-                modulus = settings.modulus or self._youngs_modulus(group)
-                scale[rows] = settings.factor * micromodulus(modulus, self.settings.state(self.dimension), "constant", horizon[rows])
-        return (ShearScaled() if kind == "shear-scaled" else AlongBonds()), scale
-
-    def _youngs_modulus(self, group) -> float:
-        materials = {law: body.material for law, body in zip(laws_of(self.scene), self.scene.bodies)}
-        return materials[group.law].equilibrium.youngs_modulus
-
-    def _fixed_planes(self, cloud) -> np.ndarray:
-        """Normals (owned, d) of the fixed mirror planes each particle lies on."""
-        result = np.zeros((self.owned, self.bonding.positions.shape[1]), bool)
-        for plane in self.loads.planes:
-            if plane.kind == "fixed":
-                result[:, plane.axis] |= plane.contains(cloud)
-        return result
 
     def _declare(self, cloud) -> None:
         d, add, owned = self.dimension, self.table.add, self.owned
@@ -223,7 +168,7 @@ class Peridynamics(ParticleMethod):
     # --- explicit motion ---------------------------------------------------------------------------------------
 
     def stable_step(self) -> float:
-        """The material step, or safety times 2/sqrt(lambda_max) [s], by power iteration on the body's instantaneous stiffness; the first call is collective."""
+        """The material step, or safety times 2/sqrt(lambda_max) [s] of the body's instantaneous stiffness; the first call is collective."""
         if self.quasi_static is not None:
             return self.settings.solution.step
         if self.largest_eigenvalue is None:
@@ -370,7 +315,7 @@ class Peridynamics(ParticleMethod):
         hints = []
         if self.settings.stabilisation.kind != "shear-scaled":
             hints.append('method.stabilisation.kind = "shear-scaled"')
-        smaller = "a smaller method.solution.safety" if self.quasi_static is None else "a smaller method.solution.step"
+        smaller = f"a smaller method.solution.{'safety' if self.quasi_static is None else 'step'}"
         return ", or ".join([*hints, smaller, "a milder load"])
 
     def summary(self) -> dict:
@@ -396,16 +341,3 @@ class Peridynamics(ParticleMethod):
     def warm(self) -> None:
         """Lists of ghosts have no images."""
         self.engine.warm()
-
-
-def _unlike_series(laws: list) -> str | None:
-    """A fault when bodies relax differently: the relaxing displacement is one field for all."""
-    for index, law in enumerate(laws):
-        if isinstance(law, BondBased) != isinstance(laws[0], BondBased):
-            return f"bodies.{index}.material.kind: expected all bodies or none to be bond-based, found both kinds"
-        if series_of(law) != series_of(laws[0]):
-            return (
-                f"bodies.{index}.material.terms: expected the ratios and times of bodies.0 (the relaxing displacement is one field), "
-                "found others"
-            )
-    return None

@@ -3,15 +3,11 @@
 import numpy as np
 import pytest
 
-from parsolid.kernels.bond_weights import INFLUENCES
-from parsolid.kernels.pairs import ShearScaled
 from parsolid.laws import laws_of
-from parsolid.methods.bond_force import BondForce
-from parsolid.methods.bonding import build_bonding
 from parsolid.methods.groups import groups_of
+from parsolid.methods.peridynamic_forces import build_forces
 from parsolid.methods.peridynamic_loads import PeridynamicLoads
 from parsolid.methods.peridynamic_operator import Operator
-from parsolid.methods.relaxing import Relaxation
 from parsolid.scene import generate, parse_scene
 from parsolid.solvers import conjugate_gradients
 
@@ -41,17 +37,14 @@ class Body:
             }
         )  # fmt: skip
         cloud = self.cloud = generate(self.scene, comm)
-        groups, density = groups_of(laws_of(self.scene), cloud.body)
-        self.comm, self.law = comm, laws_of(self.scene)[0]
+        laws = laws_of(self.scene)
+        groups, density = groups_of(laws, cloud.body)
+        self.comm, self.law = comm, laws[0]
         self.loads = PeridynamicLoads(comm, self.scene, cloud, density)
-        horizon = self.scene.method.horizon(cloud.spacing.max(axis=1))
-        influence = INFLUENCES[self.scene.method.influence]
-        bonding = build_bonding(comm, influence, horizon, cloud, cloud.volume / self.loads.share, self.loads.codes)
-        engine = BondForce(bonding, ShearScaled(), np.full(len(cloud), 0.5 * self.law.shear_modulus))
-        self.loads.install_tractions(engine, horizon)
-        relaxation = Relaxation(groups, len(cloud), bonding.positions.shape[1], self.loads.share)
+        forces = build_forces(comm, self.scene, cloud, laws, groups, self.loads)
+        self.loads.install_tractions(forces.engine, forces.horizon)
         mass = density * cloud.volume / self.loads.share
-        self.operator = Operator(engine, groups, relaxation, self.loads.share, mass, self.loads.free)
+        self.operator = Operator(forces.engine, groups, forces.relaxation, self.loads.share, mass, self.loads.free)
 
     def stretched(self, pinned=None):
         """The displacement (n, d) under the loads just after time 0; `pinned` (n, d) bool: more components at rest."""
