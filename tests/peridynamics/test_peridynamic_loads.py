@@ -122,7 +122,7 @@ def test_forces_at_the_face_or_spread_are_not_exact_but_have_the_same_resultant(
         body = Body(comm, 2, plane="stress", traction=kind)
         errors[kind] = error(body, body.stretched())
         assert body.total() == pytest.approx(STRESS * area(2), rel=1e-11)
-    assert errors["consistent"] < 1e-10 < 0.01 < errors["single-layer"] < errors["horizon"]
+    assert errors["consistent"] < 1e-10 and min(errors["single-layer"], errors["horizon"]) > 0.1
 
 
 def test_irregular_particles_carry_the_force_of_the_face(comm):
