@@ -90,10 +90,13 @@ def test_quasi_static_run_in_pieces_gives_the_same_bits(shared_path):
         assert np.array_equal(pieces[name], whole[name]), name
 
 
+BEATING = pytest.param("layer", 20, marks=pytest.mark.xfail(strict=True, reason="three lattice modes beat, docs/peridynamics.md"))
+HORIZONS = [(clamp, reach) for clamp in ("mirror", "layer") for reach in (3, 10, 15, 20)]
+
+
 @slow
 @pytest.mark.parametrize("state", ("instantaneous", "relaxed"))
-@pytest.mark.parametrize("reach", (3, 10, 15, 20))
-@pytest.mark.parametrize("clamp", ("mirror", "layer"))
+@pytest.mark.parametrize(("clamp", "reach"), [*HORIZONS[:-1], BEATING])
 def test_period_at_every_horizon_of_the_paper(shared_path, state, reach, clamp):
     changes = [f"method.initial_state={state}", f"method.horizon_ratio={reach}"]
     if clamp == "layer":
