@@ -7,6 +7,7 @@ from parsolid.kernels import grid_weights
 from parsolid.kernels.layout import LAYOUT
 from parsolid.laws import laws_of
 from parsolid.materials.elastic_plastic import ElasticPlastic
+from parsolid.materials.plastic_evaluation import melting_temperature
 from parsolid.methods.groups import Group, group_numbers
 from parsolid.methods.hyperelastic_update import advance_elastic_stress, elastic_energy
 from parsolid.methods.particle_store import ParticleStore
@@ -268,6 +269,20 @@ class MaterialPoints:
             here = slice(group.first, group.last)
             total += group.law.specific_heat * float(self.motion[here, 3] @ self.store["temperature"][0, here])
         return total
+
+    @property
+    def can_melt(self) -> bool:
+        """Whether a law has a melting temperature; the same on all ranks."""
+        return any(getattr(law, "melting", None) is not None for law in self.laws)
+
+    def homologous_temperatures(self) -> np.ndarray:
+        """T / T_m of this rank's particles that can melt."""
+        parts = [np.zeros(0)]
+        for group in self.plastic_groups():
+            if group.law.melting is not None:
+                temperature = self.store["temperature"][0, group.first : group.last]
+                parts.append(temperature / melting_temperature(group.law, self.jacobian(group.first, group.last)))
+        return np.concatenate(parts)
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper bounds (d,) [m] of the deformed domains of this rank's particles."""

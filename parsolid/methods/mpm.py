@@ -348,8 +348,13 @@ class MaterialPoint(ParticleMethod):
         return self.tables.bytes_sent
 
     def summary(self) -> dict:
-        """How many particles changed their rank, and how often cells were dealt out anew."""
-        return {"migrated_particles": self.comm.allreduce(self.grid.migrated), "rebalanced": self.rebalanced}
+        """How many particles changed their rank, how often cells were dealt out anew, and where matter can melt how many particles have."""
+        result = {"migrated_particles": self.comm.allreduce(self.grid.migrated), "rebalanced": self.rebalanced}
+        if self.points.can_melt:
+            ratios = self.points.homologous_temperatures()
+            result["melted_particles"] = self.comm.allreduce(int((ratios >= 1.0).sum()))
+            result["largest_temperature_over_melting"] = maximum(self.comm, float(ratios.max(initial=0.0)))
+        return result
 
     @staticmethod
     def small_scene(tables: dict) -> dict:

@@ -23,7 +23,7 @@ MATERIAL = {
 }
 
 
-def slab(end_time, temperature=START, basis="quadratic-spline", boundaries=(), cells=CELLS, **more):
+def slab(end_time, temperature=START, basis="quadratic-spline", boundaries=(), cells=CELLS, material=MATERIAL, **more):
     """Advance a strip of a slab of copper, insulated at planes of symmetry but for `boundaries`, at rest."""
     cell = LENGTH / cells
     planes = [{"kind": "roller", "plane": f"{axis} = {x:g}"} for axis, x in (("X", 0.0), ("X", LENGTH), ("Y", 0.0), ("Y", 2 * cell))]
@@ -31,7 +31,7 @@ def slab(end_time, temperature=START, basis="quadratic-spline", boundaries=(), c
         "shape": {"box": {"lower": [0.0, 0.0], "upper": [LENGTH, 2 * cell]}},
         "particles": [2 * cells, 4],
         "placement": "cells",
-        "material": MATERIAL,
+        "material": material,
         "temperature": temperature,
     }
     tables = {
@@ -112,3 +112,14 @@ def test_heat_flux_and_sources_are_supplied_whole():
     X = state(simulation)[0]
     wanted = uniform.fields(X, time)["temperature"] + source * time / HEAT_CAPACITY
     assert np.sqrt(total((temperature - wanted) ** 2) / total((wanted - START) ** 2)) < 0.05
+
+
+def test_the_summary_says_how_many_particles_have_melted():
+    time, melting = 1e-5, {"melting": {"kind": "constant", "temperature": 1400.0}}
+    rise = {"heat_source": 50.0 * HEAT_CAPACITY / time}
+    simulation = slab(time, f"1300 + 200*X/{LENGTH}", material=MATERIAL | melting, loads=rise)
+    summary = simulation.method.summary()
+    # 1350 + 200 X/L reaches 1400 at a quarter of the length; 40 columns of four particles
+    assert summary["melted_particles"] == 30 * 4
+    assert summary["largest_temperature_over_melting"] == pytest.approx((1550.0 - 200.0 / 80) / 1400.0, rel=1e-4)
+    assert "melted_particles" not in slab(time, loads=rise).method.summary()
