@@ -50,6 +50,16 @@ def test_cosine_mode(errors_of):
     assert max(abs(value / heat[0] - 1.0) for value in heat) < 1e-12
 
 
+def test_plastic_layer(errors_of):
+    """Faces that keep their temperature take up the plastic heat of the particles beside them."""
+    errors, history = errors_of("plastic_layer", "method.cell=5e-5", "bodies.0.particles=[16, 40]")
+    assert errors["temperature@1e-05"] < 0.03
+    energy = max(history["stored"])
+    assert max(abs(value) for value in history["balance"]) < 1e-3 * energy
+    # the layer gives away less heat than plastic work makes, and more than nothing
+    assert 0.0 > history["heat_supplied"][-1] > -history["plastic_work"][-1]
+
+
 def test_plane_shock(errors_of):
     """500 m/s with 100 cells; with 400 the study asks for half of these."""
     strip = ("bodies.0.shape.box.upper=[0.2, 4e-3]", "boundaries.2.plane=Y = 0.004", "bodies.0.particles=[200, 4]")

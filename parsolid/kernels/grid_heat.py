@@ -11,6 +11,8 @@ step, whatever the spacing.
                            T, C, 0, 0 | change of T, 0, 0, 0                after `find_temperatures` and `find_increments`
 """
 
+import math
+
 from numba import njit, types
 from numba.extending import overload
 
@@ -206,6 +208,37 @@ def fill_thermal(first, last, space, specific_heat, conductivity, deformation, t
         thermal[p, 2], thermal[p, 3] = conductivity * J * motion[p, 7], 0.0
         largest = max(largest, thermal[p, 2] / thermal[p, 1])
     return largest
+
+
+@njit(cache=True, error_model="numpy")
+def note_plastic_rise(first, last, space, heating, deformation, deviator, plastic_strain, before, rise):
+    """Add to rise (1, capacity) [K] what plastic flow since the plastic strains `before` (capacity,) has warmed particles first..last-1.
+
+    heating [m3 K/J]: share of the plastic work that heats over rho0 C_v; deviator: 4 rows in two dimensions (11, 22, 33, 12), 6 in
+    three (.., 13, 23).
+    """
+    for p in range(first, last):
+        norm = deviator[0, p] ** 2 + deviator[1, p] ** 2 + deviator[2, p] ** 2
+        for k in range(3, deviator.shape[0]):
+            norm += 2.0 * deviator[k, p] ** 2
+        J = determinant(_one_gradient(space, deformation, p))
+        rise[0, p] += heating * J * math.sqrt(1.5 * norm) * (plastic_strain[0, p] - before[p])
+
+
+@njit(cache=True, error_model="numpy")
+def hand_over_rise(first, last, thermal, rise, step, spacing):
+    """Make a share of the rises (1, capacity) [K] of particles first..last-1 powers of a step [s] instead; its heat [J].
+
+    Differences within a cell die away by exp(-pi^2 alpha t / h^2), as the shortest waves do that the grid of `spacing` h [m] carries.
+    """
+    heat, decay = 0.0, (math.pi / spacing) ** 2 * step
+    for p in range(first, last):
+        passed = rise[0, p] * -math.expm1(-decay * thermal[p, 2] / thermal[p, 1])
+        thermal[p, 0] -= passed
+        thermal[p, 3] += thermal[p, 1] * passed / step
+        heat += thermal[p, 1] * passed
+        rise[0, p] -= passed
+    return heat
 
 
 @njit(cache=True, error_model="numpy")

@@ -146,10 +146,12 @@ class Conduction:
 
         timed: calls what communicates, and takes the time.
         """
-        points, thermal, nodes = self.points, self.thermal, tables.heat
         self.refresh()
+        # after it, as it makes a larger array when particles have come
+        points, thermal, nodes = self.points, self.thermal, tables.heat
         self._update_folds(tables)
         self._supply(time + 0.5 * step)
+        passed = self._pass_plastic_heat(step)
         lists = (0, tables.cells, space, basis, tables.grid, scratch, points.where)
         now = [plane.temperatures(places, time) for plane, _, _, places in self._folds]
         # a plane that is not at the particles' temperature at the start takes them along, as nodes of finite elements on it would
@@ -174,7 +176,20 @@ class Conduction:
         for group in points.plastic_groups():
             energy, temperature = points.store["internal_energy"], points.store["temperature"]
             grid_heat.take_heat(group.first, group.last, thermal, points.motion, temperature, energy)
-        return gained
+        return gained - passed
+
+    def _pass_plastic_heat(self, step: float) -> float:
+        """Let the grid spread what plastic flow has warmed since the last step, where planes hold temperatures; that heat [J].
+
+        Particles beside a held plane would keep it otherwise: nodes on the plane have no increments that could take it up.
+        """
+        rise = self.points.store.arrays.get("plastic_rise")
+        if rise is None or step == 0.0:
+            return 0.0
+        cell, heat = float(self.points.settings.cell), 0.0
+        for group in self.points.plastic_groups():
+            heat += grid_heat.hand_over_rise(group.first, group.last, self.thermal, rise, step, cell)
+        return heat
 
     def _supply(self, time: float) -> None:
         """Powers of sources and surfaces at a time [s]; only particles with a temperature take any."""

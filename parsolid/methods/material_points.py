@@ -4,6 +4,7 @@ import numpy as np
 
 from parsolid.extents import domain_bounds
 from parsolid.kernels import grid_weights
+from parsolid.kernels.grid_heat import note_plastic_rise
 from parsolid.kernels.layout import LAYOUT
 from parsolid.laws import laws_of
 from parsolid.materials.elastic_plastic import ElasticPlastic
@@ -36,6 +37,8 @@ class MaterialPoints:
         self.plastic = any(isinstance(law, ElasticPlastic) for law in self.laws)
         # material kernels see the plane's layout in axisymmetry, too: l33 and F33 are there
         self.space = LAYOUT[self.dimension]
+        # planes at a temperature take up the plastic heat of the particles beside them, see `Conduction`
+        self._held = any(boundary.kind == "temperature" for boundary in scene.boundaries)
         viscosity = scene.method.viscosity
         self.viscosity = BulkViscosity(float(viscosity.linear), float(viscosity.quadratic), float(scene.method.cell))
         self.store = ParticleStore(law_of_body, cloud.body)
@@ -77,6 +80,8 @@ class MaterialPoints:
             self.store.add_columns("deviator", DEVIATOR_ROWS[d])
             for name in ("plastic_strain", "internal_energy", "temperature"):
                 self.store.add_columns(name, 1)
+            if self.settings.conduction and self._held:
+                self.store.add_columns("plastic_rise", 1)
 
     def _declared(self) -> list[tuple[Field, str, slice | int | None]]:
         """Fields with the array each is in and the columns of it."""
@@ -99,6 +104,8 @@ class MaterialPoints:
             result.append((Field("unrotated_deviator", DEVIATOR_ROWS[d], "Pa", **moving), "deviator", None))
             for name, unit in (("plastic_strain", "1"), ("internal_energy", "J/m^3"), ("temperature", "K")):
                 result.append((Field(name, 1, unit, shown=True, **moving), name, 0))
+        if "plastic_rise" in self.store.arrays:
+            result.append((Field("plastic_rise", 1, "K", **moving), "plastic_rise", 0))
         return result
 
     def refresh(self) -> None:
@@ -207,9 +214,7 @@ class MaterialPoints:
         for group in self.groups:
             first, last, law = group.first, group.last, group.law
             if isinstance(law, ElasticPlastic):
-                good, speed, work, friction = advance_stress(
-                    self.space, first, last, law, step, self.viscosity, self.state, self.motion, self.rate, self.stress
-                )
+                good, speed, work, friction = self._advance_plastic(group, step)
                 plastic, viscous = plastic + work, viscous + friction
             else:
                 good, speed = advance_elastic_stress(
@@ -217,6 +222,19 @@ class MaterialPoints:
                 )
             sound, fastest = sound and good, max(fastest, speed)
         return sound, fastest, plastic, viscous
+
+    def _advance_plastic(self, group: Group, step: float) -> tuple[bool, float, float, float]:
+        first, last, law, state, rise = group.first, group.last, group.law, self.state, self.store.arrays.get("plastic_rise")
+        before = None if rise is None else state.plastic_strain[0].copy()
+        result = advance_stress(
+            self.space, first, last, law, step, self.viscosity, state, self.motion, self.rate, self.stress
+        )
+        if rise is not None:
+            heating = law.taylor_quinney / (law.density * law.specific_heat)
+            note_plastic_rise(
+                first, last, self.space, heating, state.deformation, state.deviator, state.plastic_strain, before, rise
+            )
+        return result
 
     def stretch_domains(self) -> None:
         """Half widths of convected particles along the grid, from the diagonal of F."""

@@ -105,3 +105,14 @@ def test_planes_at_two_temperatures_give_the_linear_profile(kind):
     gained = Conduction(cloud, thermal, planes).step(0.1 / cells**2)
     np.testing.assert_allclose(thermal[:n, 0], before, rtol=0.0, atol=1e-10)
     assert abs(gained) < 1e-10
+
+
+def test_the_share_of_a_rise_that_is_passed_on():
+    """Temperature and power after the pass add up to what was there; what stays has decayed as the shortest wave."""
+    spacing, step, conductivity_volume, capacity = 0.1, 0.02, 0.3, 2.0
+    thermal, rise = np.array([[310.0, capacity, conductivity_volume, 5.0]]), np.array([[4.0]])
+    heat = grid_heat.hand_over_rise(0, 1, thermal, rise, step, spacing)
+    kept = 4.0 * np.exp(-((np.pi / spacing) ** 2) * conductivity_volume / capacity * step)
+    assert rise[0, 0] == pytest.approx(kept, rel=1e-12)
+    assert heat == pytest.approx(capacity * (4.0 - kept), rel=1e-12)
+    np.testing.assert_allclose(thermal[0], [310.0 - (4.0 - kept), capacity, conductivity_volume, 5.0 + heat / step], rtol=1e-12)

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
+from points import scene
+from solids import gathered, run_steps
 
 from parsolid.exact.heat import CosineMode, HeatedSlab
 from parsolid.scene import parse_scene
@@ -123,3 +125,18 @@ def test_the_summary_says_how_many_particles_have_melted():
     assert summary["melted_particles"] == 30 * 4
     assert summary["largest_temperature_over_melting"] == pytest.approx((1550.0 - 200.0 / 80) / 1400.0, rel=1e-4)
     assert "melted_particles" not in slab(time, loads=rise).method.summary()
+
+
+def test_faces_take_up_plastic_heat_alike_on_all_ranks(comm):
+    flow = {"velocity": ["1e6*Y", 0.0], "box": {"lower": [-1e-3, -1e-3], "upper": [2e-3, 2e-3]}}
+    held = [{"kind": "temperature", "plane": f"Y = {y}", "temperature": 300.0} for y in (0.0, 2e-4)]
+    data = scene(
+        [0.0, 0.0], [4e-4, 2e-4], 2.5e-5, 5e-5, material=MATERIAL, method={"transfer": "apic"}, end_time=1.0,
+        boundaries=[{"kind": "velocity", **flow}, *held], body={"velocity": flow["velocity"], "temperature": 300.0},
+    )  # fmt: skip
+    (spread, _), (single, _) = run_steps(data, 200, comm), run_steps(data, 200, comm.Split(comm.rank))
+    found, wanted = gathered(spread, "temperature")[0], gathered(single, "temperature")[0]
+    np.testing.assert_allclose(found, wanted, rtol=1e-10)
+    rise = gathered(single, "plastic_rise")[0]
+    # what the grid has not spread yet is less than what there is
+    assert 0.0 < rise.min() and rise.max() < (wanted - START).max()
