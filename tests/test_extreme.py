@@ -1,4 +1,4 @@
-"""The fast ones of the stiff and extreme cases, from the study that makes the table in docs/stiff-and-extreme.md."""
+"""The fast ones of the stiff and extreme cases, from the studies whose tables are in docs/stiff-and-extreme.md and docs/mpm.md."""
 
 from functools import cache
 from pathlib import Path
@@ -11,7 +11,8 @@ from parsolid.study.launching import arguments_of
 from parsolid.study.measures import measures_of, not_finite
 from parsolid.study.schema import load_study
 
-STUDY = Path(__file__).parent.parent / "runs/tlsph/studies/stiff_and_extreme.toml"
+RUNS = Path(__file__).parent.parent / "runs"
+METHODS = ("tlsph", "mpm")
 STATUS = {"stable": 0, "failure": 3, "refused": 2}
 FAST = (
     "punch, relaxation time over time step, 0.001",
@@ -25,18 +26,26 @@ FAST = (
     "a single layer of particles",
     "tensile, beta 0, past 1.6 ms, 15 x 15",
     "a body of one particle, 1 x 1",
+    "shear, rate, 1e7 /s",
+    "shear at 1e5 /s, heated through melting",
+    "plate impact, particle speed, 10000 m/s",
+    "Taylor bar, cell, 4 mm",
+    "plastic layer, conductivity over copper's, 1e4, to 1e-6 s",
+    "Taylor bar, time step too long, cfl, 3",
+    "a plane of symmetry between nodes",
 )
 
 
 @cache
-def cases() -> dict:
-    return {case.title: case for case in cases_of(load_study(STUDY))}
+def cases(*methods: str) -> dict:
+    studies = [load_study(RUNS / method / "studies/stiff_and_extreme.toml") for method in methods]
+    return {case.title: case for study in studies for case in cases_of(study)}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("title", FAST)
 def test_a_case_ends_as_the_study_says(title, comm, shared_path, capfd):
-    case = cases()[title]
+    case = cases(*METHODS)[title]
     folder = shared_path / "run"
     status = main([*arguments_of(case, folder), "--quiet", "--set", "output.pictures=false"])
     said = capfd.readouterr().err
@@ -54,6 +63,7 @@ def test_a_case_ends_as_the_study_says(title, comm, shared_path, capfd):
 
 
 def test_every_case_states_a_bound_or_an_ending():
-    for case in cases().values():
+    for case in cases(*METHODS).values():
         assert case.bounds or case.expect in ("failure", "refused"), case.title
+    for case in cases("tlsph").values():
         assert case.ranks == 2, case.title

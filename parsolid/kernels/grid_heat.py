@@ -212,7 +212,7 @@ def fill_thermal(first, last, space, specific_heat, conductivity, deformation, t
 
 @njit(cache=True, error_model="numpy")
 def note_plastic_rise(first, last, space, heating, deformation, deviator, plastic_strain, before, rise):
-    """Add to rise (1, capacity) [K] what plastic flow since the plastic strains `before` (capacity,) has warmed particles first..last-1.
+    """Add to rise (1, capacity) [K] how far plastic flow beyond the strains `before` (capacity,) warms particles first..last-1.
 
     heating [m3 K/J]: share of the plastic work that heats over rho0 C_v; deviator: 4 rows in two dimensions (11, 22, 33, 12), 6 in
     three (.., 13, 23).
@@ -229,7 +229,7 @@ def note_plastic_rise(first, last, space, heating, deformation, deviator, plasti
 def hand_over_rise(first, last, thermal, rise, step, spacing):
     """Make a share of the rises (1, capacity) [K] of particles first..last-1 powers of a step [s] instead; its heat [J].
 
-    Differences within a cell die away by exp(-pi^2 alpha t / h^2), as the shortest waves do that the grid of `spacing` h [m] carries.
+    Differences within a cell die away by exp(-pi^2 alpha t / h^2), as the shortest waves of the grid do; spacing h [m].
     """
     heat, decay = 0.0, (math.pi / spacing) ** 2 * step
     for p in range(first, last):

@@ -348,7 +348,7 @@ class MaterialPoint(ParticleMethod):
         return self.tables.bytes_sent
 
     def summary(self) -> dict:
-        """How many particles changed their rank, how often cells were dealt out anew, and where matter can melt how many particles have."""
+        """Particles that changed their rank, how often cells were dealt out anew, and particles that have melted if any can."""
         result = {"migrated_particles": self.comm.allreduce(self.grid.migrated), "rebalanced": self.rebalanced}
         if self.points.can_melt:
             ratios = self.points.homologous_temperatures()
