@@ -78,6 +78,7 @@ def test_nearly_all_of_the_error_is_quadrature(kind):
     assert quadrature.errors(kind, 32, 2)[1] / exact == pytest.approx(4.0, rel=0.02)
 
 
+@pytest.mark.mpi(ranks=[1])
 def test_the_command_writes_its_table(tmp_path, capsys):
     table = tmp_path / "table.csv"
     assert main(["quadrature", "--cells", "8", "--per-cell", "1", "2", "-o", str(table)]) == 0
