@@ -1,4 +1,4 @@
-"""Non-ordinary state-based (correspondence) peridynamics (Galadima et al.; checked in docs/formulation.md), on one rank.
+"""Non-ordinary state-based (correspondence) peridynamics (Galadima et al.; checked in docs/peridynamics.md), on one rank.
 
 State: displacement, velocity, and of viscoelastic bodies one vector a Prony term (`relaxing`). An explicit step is: kick and
 drift; ghosts' fields while the inner gradient runs; stress and stabiliser of each particle; ghosts' records while the inner
