@@ -41,6 +41,8 @@ def write_energies(results: Results, path: Path, size: tuple[int, int] | None = 
     for name, words in (("dissipation_internal", "internal"), ("dissipation_numerical", "numerical")):
         dissipations.plot(time, terms[name] / unit, color=_COLOURS[name], label=words)
     for name, colour in zip(_method_terms(history), _PALETTE[4:]):
+        if not np.any(terms[name]):
+            continue
         dissipations.plot(time, terms[name] / unit, color=colour, label=words_of(name))
     for axes, names in ((energies, ("kinetic", "stored")), (dissipations, HISTORY_COLUMNS[2:4])):
         _add_references(axes, results, names, factor, unit)
