@@ -149,6 +149,7 @@ class Peridynamics(MethodSettings):
     dimensions: ClassVar = (1, 2, 3)
     materials: ClassVar = ("prony", "linear-elastic", "bond-based", "mooney-rivlin", "neo-hookean")
     boundaries: ClassVar = ("fixed", "roller", "velocity", "displacement", "layer", "traction")
+    pictured_fields: ClassVar = ("damage", "pressure")
     ledger_terms: ClassVar = {"dissipation_fracture": 1}
     extra_fields: ClassVar = {"damage": "scalar"}
     extra_quantities: ClassVar = {"broken_bonds": "scalar", "crack_tip": "vector"}
