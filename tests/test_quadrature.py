@@ -15,6 +15,8 @@ from parsolid.cli import main
 PUBLISHED = {"linear": 7.78, "ugimp": 1.05, "quadratic-spline": 0.823, "cubic-spline": 0.093, "cpgimp": 0.0110}
 PUBLISHED_FINE = {"quadratic-spline": 0.463, "cubic-spline": 0.038}
 
+pytestmark = pytest.mark.mpi(ranks=[1])
+
 
 def error_of_particles(kind, cells, per_cell):
     solution, time = quadrature.manufactured()
@@ -78,7 +80,6 @@ def test_nearly_all_of_the_error_is_quadrature(kind):
     assert quadrature.errors(kind, 32, 2)[1] / exact == pytest.approx(4.0, rel=0.02)
 
 
-@pytest.mark.mpi(ranks=[1])
 def test_the_command_writes_its_table(tmp_path, capsys):
     table = tmp_path / "table.csv"
     assert main(["quadrature", "--cells", "8", "--per-cell", "1", "2", "-o", str(table)]) == 0

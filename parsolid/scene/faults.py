@@ -48,7 +48,8 @@ def told(value: object) -> str:
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     text = repr(value)
-    return text if len(text) <= 80 else text[:77] + "..."
+    # the end of a path says more than its middle
+    return text if len(text) <= 80 else f"{text[:37]}...{text[-40:]}"
 
 
 def suggestion(word: object, known: Iterable[str]) -> str:
