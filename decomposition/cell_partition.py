@@ -6,13 +6,14 @@ step in it, so that parts can be as equal as whole cells allow. Source of the bi
 
 import numpy as np
 from mpi4py import MPI
-from numba import njit
+
+from decomposition.compiled import compiled
 
 # bounds of parts that reach to infinity
 _FAR = np.int64(1) << 40
 
 
-@njit(cache=True)
+@compiled
 def _before(cell, axes, cut):
     """Whether a cell's index comes before the cut's, axis by axis."""
     for k in range(len(cut)):
@@ -21,7 +22,7 @@ def _before(cell, axes, cut):
     return False
 
 
-@njit(cache=True)
+@compiled
 def owners_of(axes, cuts, children, cells):
     """Owner of each cell; children < 0 stand for rank -1 - child."""
     result = np.zeros(len(cells), np.int32)
@@ -35,7 +36,7 @@ def owners_of(axes, cuts, children, cells):
     return result
 
 
-@njit(cache=True)
+@compiled
 def _touching(axes, cuts, children, nodes, width, here):
     """Pairs (row of a node, other rank) for ranks that may own one of the cells node - width + 1 .. node."""
     found = np.empty((64, 2), np.int64)

@@ -7,7 +7,8 @@ Missing dimensions are one cell thick.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from decomposition.compiled import compiled
 
 _DIGIT = 11
 _BUCKETS = 1 << _DIGIT
@@ -49,7 +50,7 @@ def checked_length(length: float, name: str) -> float:
     return float(length)
 
 
-@njit(cache=True)
+@compiled
 def bounds(points):
     """Lower and upper corner (d,), inf and -inf without points; NaN where a coordinate is not finite."""
     dimension = points.shape[1]
@@ -75,7 +76,7 @@ def checked_bounds(points: np.ndarray, name: str = "points") -> tuple[np.ndarray
     return lower, upper
 
 
-@njit(cache=True)
+@compiled
 def stable_order(key):
     """Order (int32) that sorts non-negative int64 keys, equal ones as they came; a radix sort. Overwrites the keys."""
     n = len(key)
@@ -105,20 +106,20 @@ def stable_order(key):
     return order
 
 
-@njit(cache=True)
+@compiled
 def cell_coordinate(x, lower, inverse, shape):
     """Cell number along one axis; -2 or shape + 1 when it is farther out than that."""
     return np.int64(min(max(np.floor((x - lower) * inverse), -2.0), shape + 1.0))
 
 
-@njit(cache=True)
+@compiled
 def _slot(key, mask):
     """First place to look for a cell's key in the hash table."""
     mixed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
     return np.int64(mixed >> np.uint64(32)) & mask
 
 
-@njit(cache=True)
+@compiled
 def _find(cells, key):
     """Which stored cell has this key, or -1."""
     mask = len(cells.table) - 1
@@ -130,7 +131,7 @@ def _find(cells, key):
         slot = (slot + 1) & mask
 
 
-@njit(cache=True)
+@compiled
 def _keys(points, lower, inverse, shape):
     key = np.empty(len(points), np.int64)
     for i in range(len(points)):
@@ -141,7 +142,7 @@ def _keys(points, lower, inverse, shape):
     return key
 
 
-@njit(cache=True)
+@compiled
 def _coordinate(points, order, axis):
     result = np.zeros(len(order))
     if axis < points.shape[1]:
@@ -150,7 +151,7 @@ def _coordinate(points, order, axis):
     return result
 
 
-@njit(cache=True)
+@compiled
 def _occupied(key, order):
     """Keys of cells that hold points, where each begins in the order, and the hash table over them."""
     n = len(order)
@@ -178,7 +179,7 @@ def _occupied(key, order):
     return cell_key, begin, table
 
 
-@njit(cache=True)
+@compiled
 def _build(points, lower, inverse, shape):
     key = _keys(points, lower, inverse, shape)
     order = stable_order(key.copy())
@@ -207,7 +208,7 @@ def build_cells(points: np.ndarray, reach: float) -> Cells:
     return _build(points, *grid(lower, upper, reach * _MARGIN, _MOST_CELLS))
 
 
-@njit(cache=True)
+@compiled
 def locate(cells, point, place):
     """Put a point's cell coordinates into `place` (3,); True if they changed."""
     changed = False
@@ -218,7 +219,7 @@ def locate(cells, point, place):
     return changed
 
 
-@njit(cache=True)
+@compiled
 def surround(cells, place, near):
     """Fill near (27, 2) with [begin, end) in the order of the occupied cells that touch `place`; return how many."""
     found = 0
@@ -234,7 +235,7 @@ def surround(cells, place, near):
     return found
 
 
-@njit(cache=True)
+@compiled
 def _within(cells, points, reach):
     result = np.zeros(len(points), np.bool_)
     place = np.full(3, -9)

@@ -9,8 +9,10 @@ import weakref
 import numpy as np
 from llvmlite import ir
 from mpi4py import MPI
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic
+
+from decomposition.compiled import compiled
 
 # MPI promises tags up to 32767
 _TAGS = 1 << 14
@@ -54,7 +56,7 @@ def _add(typingctx, address, source):
     return types.void(types.int64, types.int64), generate
 
 
-@njit(cache=True)
+@compiled
 def _pack(table):
     """Copy rows into the messages, column by column within a message."""
     columns, messages, row, message = table[0], table[1], table[2], table[3]
@@ -68,7 +70,7 @@ def _pack(table):
         row += 8 * rows
 
 
-@njit(cache=True)
+@compiled
 def _unpack(table):
     """Copy messages into rows."""
     columns, messages, row, message = table[0], table[1], table[2], table[3]
@@ -82,7 +84,7 @@ def _unpack(table):
         row += 8 * rows
 
 
-@njit(cache=True)
+@compiled
 def _unpack_add(table):
     """Add messages to rows, one neighbour after the other."""
     columns, messages, row, message = table[0], table[1], table[2], table[3]

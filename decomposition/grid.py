@@ -193,9 +193,13 @@ class RankGrid:
         shared = [self.cells.slots(np.intersect1d(mine[0], other[0])) for mine, other in zip(offered, theirs)]
         version = self.sharing.version + 1
         cells = [(mine[1], other[1]) for mine, other in zip(offered, theirs)]
-        self.sharing = Sharing(self.neighbours, shared, [pair[0] for pair in cells], [pair[1] for pair in cells], version)
+        self.sharing = Sharing(
+            self.neighbours, shared, [pair[0] for pair in cells], [pair[1] for pair in cells], version
+        )
 
-    def sum(self, nodes: np.ndarray, first: int, last: int, tag: int, partial: np.ndarray | None = None) -> "NodeSum | CellSum":
+    def sum(
+        self, nodes: np.ndarray, first: int, last: int, tag: int, partial: np.ndarray | None = None
+    ) -> "NodeSum | CellSum":
         """Adds up columns first..last-1 of nodes (slots, c) over the ranks; for the present `version` only.
 
         tag: a small number that tells sums under way at one time apart. With `bitwise`, partial (cells * width**d, c) holds

@@ -2,7 +2,8 @@
 
 import numpy as np
 from mpi4py import MPI
-from numba import njit
+
+from decomposition.compiled import compiled
 
 from .cells import bounds, checked_points, within_reach
 from .exchange import _TAGS, Exchange
@@ -32,7 +33,7 @@ def _boxes(comm, points: np.ndarray, reach: float) -> np.ndarray:
     return boxes[:, :6].reshape(comm.size, 2, 3)[:, :, :d]
 
 
-@njit(cache=True)
+@compiled
 def _near_box(points, lower, upper, reach):
     """Rows of points closer than reach to a box; rounding is monotonic:, none that close to a point in it is missed."""
     found = 0

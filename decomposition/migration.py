@@ -4,10 +4,11 @@ from zlib import crc32
 
 import numpy as np
 from mpi4py import MPI
-from numba import njit
+
+from decomposition.compiled import compiled
 
 
-@njit(cache=True)
+@compiled
 def _order_by_owner(owner, counts):
     """Rows in the order of their owner, then as they came."""
     cursor = np.zeros(len(counts), np.int64)

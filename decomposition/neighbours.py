@@ -1,13 +1,23 @@
 """Neighbour search by cell lists, and the order along cells that keeps neighbours close in memory."""
 
 import numpy as np
-from numba import njit
 
-from .cells import build_cells, cell_coordinate, checked_bounds, checked_length, checked_points
-from .cells import grid, locate, stable_order, surround
+from decomposition.compiled import compiled
+
+from .cells import (
+    build_cells,
+    cell_coordinate,
+    checked_bounds,
+    checked_length,
+    checked_points,
+    grid,
+    locate,
+    stable_order,
+    surround,
+)
 
 
-@njit(cache=True)
+@compiled
 def _spread(value, dimension):
     """The bits of a cell number, `dimension` places apart."""
     result = np.int64(0)
@@ -18,7 +28,7 @@ def _spread(value, dimension):
     return result
 
 
-@njit(cache=True)
+@compiled
 def _morton_keys(points, lower, inverse, shape):
     n, dimension = points.shape
     key = np.zeros(n, np.int64)
@@ -46,7 +56,7 @@ def order_along_cells(points: np.ndarray, cell: float) -> np.ndarray:
     return stable_order(_morton_keys(points, *grid(lower, upper, size, most))).astype(np.int64)
 
 
-@njit(cache=True)
+@compiled
 def _count(cells, points, reach):
     """How many later points are within reach of each point of the cells, in the order of the cells."""
     count = np.zeros(len(cells.order), np.int32)
@@ -72,7 +82,7 @@ def _count(cells, points, reach):
     return count
 
 
-@njit(cache=True)
+@compiled
 def _fill(cells, points, reach, cursor, neighbour):
     """Append b, in rising order, to the row of every earlier point within reach; cursor is where each row goes on."""
     square = reach * reach
@@ -103,7 +113,7 @@ def _fill(cells, points, reach, cursor, neighbour):
                 cursor[a] += 1
 
 
-@njit(cache=True)
+@compiled
 def _row_starts(order, count):
     start = np.zeros(len(order) + 1, np.int64)
     for i in range(len(order)):

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from mpi4py import MPI
-from numba import njit
+
+from decomposition.compiled import compiled
 
 from .exchange import _release
 from .occupied import OccupiedCells, indices_of, words
@@ -31,7 +32,7 @@ class Sharing:
         return len(np.unique(np.concatenate([np.zeros(0, np.int32), *self.shared])))
 
 
-@njit(cache=True)
+@compiled
 def _pack(nodes, first, last, slots, buffer):
     width = last - first
     for n in range(len(slots)):
@@ -39,7 +40,7 @@ def _pack(nodes, first, last, slots, buffer):
             buffer[n * width + c] = nodes[slots[n], first + c]
 
 
-@njit(cache=True)
+@compiled
 def _add_in_rank_order(nodes, first, last, own_slots, own, slots, lower, buffer):
     """Rows of lower ranks, this rank's, rows of higher ranks; `lower` counts the rows that come before this rank's."""
     width = last - first
@@ -113,11 +114,17 @@ class NodeSum:
             _pack(self._nodes, *self._columns, self._own_slots, self._own)
             self._messages.wait()
             _add_in_rank_order(
-                self._nodes, *self._columns, self._own_slots, self._own, self._slots, self._lower, self._messages.incoming
+                self._nodes,
+                *self._columns,
+                self._own_slots,
+                self._own,
+                self._slots,
+                self._lower,
+                self._messages.incoming,
             )
 
 
-@njit(cache=True)
+@compiled
 def _pack_cells(partial, first, last, rows, size, buffer):
     width = last - first
     for n in range(len(rows)):
@@ -126,7 +133,7 @@ def _pack_cells(partial, first, last, rows, size, buffer):
                 buffer[(n * size + k) * width + c] = partial[rows[n] * size + k, first + c]
 
 
-@njit(cache=True)
+@compiled
 def _add_cells(nodes, first, last, partial, stencil, received_stencil, buffer, sequence):
     """Add cells to nodes one after the other; sequence: a row of the own cells, or -1 - a row of the received."""
     width, size = last - first, stencil.shape[1]
@@ -147,7 +154,9 @@ def _add_cells(nodes, first, last, partial, stencil, received_stencil, buffer, s
 class CellSum:
     """As `NodeSum`, from what each cell alone gives to its nodes: the same bits on any number of ranks."""
 
-    def __init__(self, comm, sharing: Sharing, cells: OccupiedCells, partial, nodes, columns: tuple[int, int], tag: int):
+    def __init__(
+        self, comm, sharing: Sharing, cells: OccupiedCells, partial, nodes, columns: tuple[int, int], tag: int
+    ):
         self._partial, self._nodes, self._columns, self._stencil = partial, nodes, columns, cells.stencil
         self._size = cells.stencil.shape[1]
         own = words(cells.index)
@@ -172,6 +181,11 @@ class CellSum:
         """Wait for the others' and write the sums to the nodes."""
         self._messages.wait()
         _add_cells(
-            self._nodes, *self._columns, self._partial, self._stencil, self._received_stencil,
-            self._messages.incoming, self._sequence,
-        )  # fmt: skip
+            self._nodes,
+            *self._columns,
+            self._partial,
+            self._stencil,
+            self._received_stencil,
+            self._messages.incoming,
+            self._sequence,
+        )

@@ -7,7 +7,8 @@ nodes have whole-number indices; a word of 63 bits made of an index orders them 
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from decomposition.compiled import compiled
 
 # indices from -2**20 to 2**20 - 1 along each direction
 _BITS = 21
@@ -40,7 +41,7 @@ def indices_of(word: np.ndarray, dimension: int) -> np.ndarray:
     return result
 
 
-@njit(cache=True)
+@compiled
 def _locate(bases, owned, cells, cell, start):
     """Cell number of each particle and how many each cell has, in start[1:]; returns how many particles have no cell.
 
@@ -75,7 +76,7 @@ def _locate(bases, owned, cells, cell, start):
     return missing
 
 
-@njit(cache=True)
+@compiled
 def _fill(cell, owned, start, cursor, order):
     """Turn counts into starts and list the particles of each cell, in the order of storage."""
     for c in range(len(start) - 1):
@@ -87,7 +88,7 @@ def _fill(cell, owned, start, cursor, order):
             cursor[cell[p]] += 1
 
 
-@njit(cache=True)
+@compiled
 def _order_by_name(start, order, names):
     """Order the particles within each cell by their names."""
     for c in range(len(start) - 1):

@@ -8,7 +8,8 @@ by rank and row, so that lattices, too, are cut to the particle.
 
 import numpy as np
 from mpi4py import MPI
-from numba import njit
+
+from decomposition.compiled import compiled
 
 from .cells import bounds, checked_points
 
@@ -19,7 +20,7 @@ _UNITS = 2.0**61
 _TIED, _LEFT, _RIGHT = np.int8(0), np.int8(1), np.int8(2)
 
 
-@njit(cache=True)
+@compiled
 def _sortable(bits):
     """Unsigned integer in the order of the double that has these bits; the zeros of both signs are one."""
     sign = np.uint64(1) << np.uint64(63)
@@ -28,7 +29,7 @@ def _sortable(bits):
     return ~bits if bits & sign else bits | sign
 
 
-@njit(cache=True)
+@compiled
 def _part_bounds(points, part, parts):
     """Lower and negated upper corner of each part's points: (parts, 2, d)."""
     result = np.full((parts, 2, points.shape[1]), np.inf)
@@ -41,7 +42,7 @@ def _part_bounds(points, part, parts):
     return result
 
 
-@njit(cache=True)
+@compiled
 def _histogram(bits, weights, part, side, axis, low, shift, bins):
     """Weight of the tied points of each part in each bin of width 2**shift from `low`.
 
@@ -60,7 +61,7 @@ def _histogram(bits, weights, part, side, axis, low, shift, bins):
     return result
 
 
-@njit(cache=True)
+@compiled
 def _split_tied(bits, part, side, axis, cut):
     """Send tied points beside the cut to their side; those on it stay tied."""
     for i in range(len(bits)):
@@ -71,7 +72,7 @@ def _split_tied(bits, part, side, axis, cut):
                 side[i] = _LEFT if key < cut[p] else _RIGHT
 
 
-@njit(cache=True)
+@compiled
 def _tied_weight(weights, part, side, parts):
     result = np.zeros(parts, np.int64)
     for i in range(len(part)):
@@ -80,7 +81,7 @@ def _tied_weight(weights, part, side, parts):
     return result
 
 
-@njit(cache=True)
+@compiled
 def _split_by_row(weights, part, side, before, target):
     """Send points at one place left until the target is met, to the nearest particle."""
     before = before.copy()
@@ -92,7 +93,7 @@ def _split_by_row(weights, part, side, before, target):
             before[p] += weights[i]
 
 
-@njit(cache=True)
+@compiled
 def _descend(part, side, child):
     for i in range(len(part)):
         if part[i] >= 0:

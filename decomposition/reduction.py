@@ -2,7 +2,8 @@
 
 import numpy as np
 from mpi4py import MPI
-from numba import njit
+
+from decomposition.compiled import compiled
 
 # a double is an integer of 53 bits times 2**(exponent - 1074): 2098 bits in limbs of 32, and room for carries
 _LIMB_BITS = 32
@@ -21,7 +22,7 @@ def sums(comm, values) -> np.ndarray:
     return result
 
 
-@njit(cache=True)
+@compiled
 def _carry(limbs):
     """Bring all limbs but the last into 0 .. 2**32 - 1."""
     for k in range(_LIMBS - 1):
@@ -29,7 +30,7 @@ def _carry(limbs):
         limbs[k] &= 0xFFFFFFFF
 
 
-@njit(cache=True)
+@compiled
 def _accumulate(values, limbs):
     """Add doubles exactly; values that are not finite are counted behind the limbs."""
     bits = values.view(np.int64)

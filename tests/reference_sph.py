@@ -32,7 +32,9 @@ class Solid:
     @classmethod
     def of(cls, law) -> "Solid":
         """From the solver's law."""
-        return cls(law.density, law.xi, law.zeta or 0.0, law.lambda_hat, law.branch_moduli or (), law.relaxation_times or ())
+        return cls(
+            law.density, law.xi, law.zeta or 0.0, law.lambda_hat, law.branch_moduli or (), law.relaxation_times or ()
+        )
 
     def stress(self, F, H, J, A):
         """P (27), with the logarithms of the branches in Sigma_J."""
@@ -64,7 +66,9 @@ class Solid:
         turned = np.trace(C) - N @ C @ N
         curvature = self.lambda_hat + 2.0 * (self.xi + 2.0 * self.zeta) / J**2
         total = 2.0 * self.xi + 2.0 * self.zeta * turned + curvature * stretched
-        return np.sqrt((total + sum(mu * (N @ a @ N + stretched / J**2) for mu, a in zip(self.moduli, A))) / self.density)
+        return np.sqrt(
+            (total + sum(mu * (N @ a @ N + stretched / J**2) for mu, a in zip(self.moduli, A))) / self.density
+        )
 
     def shear_speed(self, F, A, N):
         """c_s, the root mean square of both of (59)."""
@@ -128,9 +132,16 @@ def _images(points: Points, planes) -> Points:
     X = points.X[apart] @ R + shift
     n = len(X)
     return Points(
-        X, X + (points.x - points.X)[apart] @ Q, points.v[apart] @ Q, points.volume[apart], R @ points.metric[apart] @ R,
-        points.origin[apart], np.tile(Q, (n, 1, 1)), np.tile(R, (n, 1, 1)), np.full(n, sign),
-    )  # fmt: skip
+        X,
+        X + (points.x - points.X)[apart] @ Q,
+        points.v[apart] @ Q,
+        points.volume[apart],
+        R @ points.metric[apart] @ R,
+        points.origin[apart],
+        np.tile(Q, (n, 1, 1)),
+        np.tile(R, (n, 1, 1)),
+        np.full(n, sign),
+    )
 
 
 @dataclass
@@ -243,23 +254,30 @@ def _padded(vectors: np.ndarray) -> np.ndarray:
 
 def reference_of(sim, strain: dict, planes, options: Options) -> Reference:
     """The reference for a simulation's particles on this rank alone: reads positions, volumes, v, x; planes as in with_images."""
-    cloud, table, d = sim.cloud, sim.method.table, sim.method.dimension
-    on = np.zeros(len(cloud.position), int)
+    particle_set, table, d = sim.particle_set, sim.method.table, sim.method.dimension
+    on = np.zeros(len(particle_set.position), int)
     for axis, coordinate, _ in planes:
-        on += np.abs(cloud.position[:, axis] - coordinate) < 1e-9
+        on += np.abs(particle_set.position[:, axis] - coordinate) < 1e-9
     frame = np.tile(np.eye(3), (len(on), 1, 1))
-    if cloud.axes is not None:
-        frame[:, :d, :d] = cloud.axes
-    h = sim.scene.method.smoothing * cloud.spacing
+    if particle_set.axes is not None:
+        frame[:, :d, :d] = particle_set.axes
+    h = sim.scene.method.smoothing * particle_set.spacing
     inverse_square = np.ones((len(on), 3))
     inverse_square[:, :d] = h**-2.0
     metric = np.einsum("nki,nk,nkj->nij", frame, inverse_square, frame)
     n, unit = len(on), np.tile(np.eye(3), (len(on), 1, 1))
     points = Points(
-        _padded(cloud.position), _padded(np.array(table.owned_rows("position"))), _padded(np.array(table.owned_rows("velocity"))),
-        cloud.volume * 2.0**on, metric, np.arange(n), unit, unit.copy(), np.ones(n),
-    )  # fmt: skip
+        _padded(particle_set.position),
+        _padded(np.array(table.owned_rows("position"))),
+        _padded(np.array(table.owned_rows("velocity"))),
+        particle_set.volume * 2.0**on,
+        metric,
+        np.arange(n),
+        unit,
+        unit.copy(),
+        np.ones(n),
+    )
     laws = [None] * n
-    for group in sim.method.groups:
-        laws[group.first : group.last] = [Solid.of(group.law)] * (group.last - group.first)
+    for block in sim.method.blocks:
+        laws[block.first : block.last] = [Solid.of(block.law)] * (block.last - block.first)
     return Reference(d, with_images(points, planes), n, strain, laws, options)

@@ -5,10 +5,10 @@ import copy
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.methods import motion
-from parsolid.methods.deformation import Stage, advance_deformation
+from parsolid.methods.tlsph import momentum as motion
+from parsolid.methods.tlsph.deformation import Stage, advance_deformation
 from parsolid.scene import parse_scene
-from parsolid.simulation import Limits, Simulation, StopRequest
+from parsolid.simulation.loop import Limits, Simulation, StopRequest
 
 # numbers of order one, so that tolerances are absolute
 SOFT = {"kind": "mooney-rivlin", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": 0.3}
@@ -136,7 +136,9 @@ def set_random_state(sim, strain: float = 0.15, consistent: bool = True, seed: i
     names = table.owned_rows("identifier")
     free = np.ones((owned, d)) if sim.method.boundaries.clamp is None else sim.method.boundaries.clamp[:, :d]
     table.owned_rows("velocity")[:] = free * random_of(names, d, seed=seed)
-    table.owned_rows("position")[:] = table.owned_rows("reference_position") + 0.03 * free * random_of(names, d, seed=seed + 1)
+    table.owned_rows("position")[:] = table.owned_rows("reference_position") + 0.03 * free * random_of(
+        names, d, seed=seed + 1
+    )
     F = np.tile(np.eye(3), (owned, 1, 1))
     F[:, :d, :d] += symmetrised(sim, strain * random_of(names, d, d, seed=seed + 2))
     table.owned_rows("deformation_gradient")[:] = F[:, :d, :d].reshape(owned, d * d)
@@ -160,7 +162,7 @@ def symmetrised(sim, tensors: np.ndarray) -> np.ndarray:
     for plane in sim.method.boundaries.planes:
         if plane.kind == "fixed":
             continue
-        on = plane.contains(sim.cloud)
+        on = plane.contains(sim.particle_set)
         R = np.eye(d)
         R[plane.axis, plane.axis] = -1.0
         sign = -1.0 if plane.kind == "antisymmetric" else 1.0
@@ -200,13 +202,21 @@ def evaluate(sim) -> dict[str, np.ndarray | float]:
     kept = method.body.deformation.copy()
     method._pass_gradient()
     internal = 0.0
-    for group in method.groups:
+    for block in method.blocks:
         # an Euler step of 1 s changes F by grad v
-        euler = Stage(True, False, 1.0, 0.0, 1.0, group.relaxation(0.0), group.relaxation(0.0))
+        euler = Stage(True, False, 1.0, 0.0, 1.0, block.relaxation(0.0), block.relaxation(0.0))
         _, rate, _ = advance_deformation(
-            method.space, group.first, group.last, group.law, euler, method.body_of(group), method.gradient,
-            method.riemann, method.shear, method.record,
-        )  # fmt: skip
+            method.space,
+            block.first,
+            block.last,
+            block.law,
+            euler,
+            method.body_of(block),
+            method.gradient,
+            method.riemann,
+            method.shear,
+            method.record,
+        )
         internal += rate
     gradient = (method.body.deformation - kept)[: d * d, : method.owned].T.reshape(-1, d, d)
     method.body.deformation[:] = kept
@@ -215,10 +225,24 @@ def evaluate(sim) -> dict[str, np.ndarray | float]:
     record = method.record[: method.owned, : 4 if d == 2 else 12].reshape(-1, d, 2 if d == 2 else 4)
     stage = Stage(True, False, 0.0, 0.0, 1.0, np.zeros((0, 3)), np.zeros((0, 3)))
     numerical, power = motion.advance_motion(
-        method.space, method.owned, stage, method.kinematics, method.start_motion, method.force, method.gradient,
-        method.mass, method.share, method.boundaries.loads_at(0.0), method.boundaries.clamp,
-    )  # fmt: skip
+        method.space,
+        method.owned,
+        stage,
+        method.kinematics,
+        method.start_motion,
+        method.force,
+        method.gradient,
+        method.mass,
+        method.share,
+        method.boundaries.loads_at(0.0),
+        method.boundaries.clamp,
+    )
     return {
-        "gradient": gradient, "PL": record[:, :, :d].swapaxes(1, 2).copy(), "T": T, "D": D,
-        "internal": internal, "numerical": numerical, "power": power,
-    }  # fmt: skip
+        "gradient": gradient,
+        "PL": record[:, :, :d].swapaxes(1, 2).copy(),
+        "T": T,
+        "D": D,
+        "internal": internal,
+        "numerical": numerical,
+        "power": power,
+    }

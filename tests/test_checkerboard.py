@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from parsolid.checkerboard import checkerboard_content
+from parsolid.commands.checkerboard import checkerboard_content
 
 
 def lattice(*counts):

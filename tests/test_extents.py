@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from parsolid.extents import domain_bounds
+from parsolid.particles.extents import domain_bounds
 
 
 def test_a_sheared_and_stretched_box():

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from parsolid.cli import main
-from parsolid.study.cases import cases_of
-from parsolid.study.launching import arguments_of
-from parsolid.study.measures import measures_of, not_finite
-from parsolid.study.schema import load_study
+from parsolid.commands.cli import main
+from parsolid.commands.study.cases import cases_of
+from parsolid.commands.study.launching import arguments_of
+from parsolid.commands.study.measures import measures_of, not_finite
+from parsolid.commands.study.schema import load_study
 
 RUNS = Path(__file__).parent.parent / "runs"
 METHODS = ("tlsph", "mpm")

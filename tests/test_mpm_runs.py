@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from parsolid.cli import main
+from parsolid.commands.cli import main
 from parsolid.output.history import read_history
 
 RUNS = Path(__file__).parents[1] / "runs" / "mpm"
@@ -17,7 +17,9 @@ def errors_of(comm, shared_path):
     """Runs a scene with overrides and gives its errors and its history."""
 
     def run(name: str, *overrides: str) -> tuple[dict, dict]:
-        words = [word for one in (*overrides, "output.pictures=false", "output.fields_times=[0]") for word in ("--set", one)]
+        words = [
+            word for one in (*overrides, "output.pictures=false", "output.fields_times=[0]") for word in ("--set", one)
+        ]
         assert main(["run", str(RUNS / f"{name}.toml"), "-o", str(shared_path / "run"), "--quiet", *words]) == 0
         summary = json.loads((shared_path / "run" / "summary.json").read_text())
         return summary["errors"], read_history(shared_path / "run" / "history.csv")

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from parsolid.cli import main
-from parsolid.plot import add_arguments, plot_run, run_plot
-from parsolid.plot.scales import scale_of
-from parsolid.plot.skins import Skin, lattice_faces
+from parsolid.commands.cli import main
+from parsolid.commands.plot import add_arguments, plot_run, run_plot
+from parsolid.commands.plot.scales import scale_of
+from parsolid.commands.plot.skins import Skin, lattice_faces
 from parsolid.scene import SceneError
 
 pytest.importorskip("matplotlib")
@@ -58,7 +58,9 @@ def folders(tmp_path_factory):
     for kind, (dimension, shape, particles, velocity, at) in SHAPES.items():
         scene = root / f"{kind}.toml"
         if MPI.COMM_WORLD.rank == 0:
-            text = SCENE.format(kind=kind, dimension=dimension, shape=shape, particles=particles, velocity=velocity, at=at)
+            text = SCENE.format(
+                kind=kind, dimension=dimension, shape=shape, particles=particles, velocity=velocity, at=at
+            )
             scene.write_text(text)
         MPI.COMM_WORLD.Barrier()
         assert main([str(scene), "-o", str(root / kind), "-q"]) == 0
@@ -92,7 +94,11 @@ def test_standard_set(comm, folders, kind):
     folder = folders / kind
     if comm.rank == 0:
         plot_run(folder)
-        assert sorted(path.name for path in (folder / "pictures").iterdir()) == ["energies.png", "pressure.png", "probes.png"]
+        assert sorted(path.name for path in (folder / "pictures").iterdir()) == [
+            "energies.png",
+            "pressure.png",
+            "probes.png",
+        ]
         for name in ("energies.png", "probes.png"):
             assert np.mean(pixels(folder / "pictures" / name) < 128) > 0.005
         assert is_coloured(pixels(folder / "pictures" / "pressure.png"))
@@ -167,7 +173,9 @@ def test_bad_input_is_told_in_one_line(comm, folders, monkeypatch, tmp_path, arg
     assert not list(tmp_path.glob("*.png"))
 
 
-@pytest.mark.parametrize("option", ["--view=0,0,0", "--range=2,1", "--size=12", "--times=soon", "--mirror=XX", "--columns=0"])
+@pytest.mark.parametrize(
+    "option", ["--view=0,0,0", "--range=2,1", "--size=12", "--times=soon", "--mirror=XX", "--columns=0"]
+)
 def test_options_that_are_no_values_are_refused(option):
     with pytest.raises(argparse.ArgumentError, match="expected"):
         options_of("folder", option)
@@ -194,7 +202,11 @@ def test_cells_are_continued_to_the_surface_linearly_or_not_at_all():
 
 @pytest.mark.parametrize(
     "name, largest, label",
-    [("pressure", 2e6, "pressure [MPa]"), ("velocity_x", 300.0, "velocity x [m/s]"), ("displacement", 1e-5, "displacement [µm]")],
+    [
+        ("pressure", 2e6, "pressure [MPa]"),
+        ("velocity_x", 300.0, "velocity x [m/s]"),
+        ("displacement", 1e-5, "displacement [µm]"),
+    ],
 )
 def test_scales_have_units_and_signs(name, largest, label):
     values = np.linspace(-largest, 0.8 * largest, 1001)
@@ -218,7 +230,7 @@ def test_failing_pictures_leave_a_finished_run_alone(tmp_path, capfd):
 
 def test_without_a_display_nothing_is_said(folders, comm):
     if comm.rank == 0:
-        command = [sys.executable, "-m", "parsolid.plot", str(folders / "block")]
+        command = [sys.executable, "-m", "parsolid.commands.plot", str(folders / "block")]
         environment = {name: value for name, value in os.environ.items() if name != "DISPLAY"}
         environment["MPI4PY_RC_INITIALIZE"] = "false"
         ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
@@ -243,5 +255,7 @@ def test_pyvista_reads_all_time_steps(comm, folders):
         assert set(names) <= set(mesh.point_data)
         reference = mesh.points - mesh["displacement"]
         places.append(mesh.points)
-        assert np.allclose(reference.min(axis=0), 0.0, atol=1e-6) and np.allclose(reference.max(axis=0), [1, 2, 1], atol=1e-6)
+        assert np.allclose(reference.min(axis=0), 0.0, atol=1e-6) and np.allclose(
+            reference.max(axis=0), [1, 2, 1], atol=1e-6
+        )
     assert not np.allclose(places[0], places[2])

@@ -11,16 +11,16 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from parsolid.laws import law_of
-from parsolid.materials.hyperbolicity import energies, first_piola_kirchhoff, polyconvex_state
+from parsolid.commands.point import add_arguments, run_point
+from parsolid.commands.point.choice import point_law
+from parsolid.commands.point.driver import drive
+from parsolid.commands.point.report import tabulate
+from parsolid.commands.point.schema import load_point
+from parsolid.materials.hyperelastic.hyperbolicity import energies, first_piola_kirchhoff, polyconvex_state
+from parsolid.materials.registry import law_of
 from parsolid.output.errors import OutputError
-from parsolid.point import add_arguments, run_point
-from parsolid.point.driver import drive
-from parsolid.point.choice import point_law
-from parsolid.point.report import tabulate
-from parsolid.point.schema import load_point
-from parsolid.scene.faults import SceneError
-from parsolid.simulation import RunFailed
+from parsolid.scene.validation_errors import SceneError
+from parsolid.simulation.loop import RunFailed
 
 EXAMPLES = Path(__file__).parents[1] / "runs" / "point"
 TENSOR = ("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz")
@@ -131,7 +131,9 @@ def test_first_row_is_the_virgin_state_and_a_jump_has_two_rows(driven):
     assert columns["deformation_gradient_xy"][:2].tolist() == [0.0, 0.8]
 
 
-@pytest.mark.parametrize("path", ['kind = "simple-shear"\nshear = "8*t"', 'kind = "cyclic-shear"\namplitude = 0.5\nperiod = 0.1'])
+@pytest.mark.parametrize(
+    "path", ['kind = "simple-shear"\nshear = "8*t"', 'kind = "cyclic-shear"\namplitude = 0.5\nperiod = 0.1']
+)
 def test_elastic_work_is_what_is_stored(driven, path):
     columns = driven(path, ELASTIC, "end_time = 0.1\nsteps = 60\n").columns
     assert np.all(columns["dissipation"] == 0.0)
@@ -174,7 +176,9 @@ def test_dissipation_of_a_small_cycle_is_that_of_linear_viscoelasticity(driven):
     # loss modulus mu_1 omega tau / (1 + (omega tau)^2), energy pi G'' gamma^2 a cycle
     material = MATERIAL.replace(", { beta = 1.0, tau = 1e-4 }", "")
     period, amplitude = 0.1, 1e-3
-    run = driven(f'kind = "cyclic-shear"\namplitude = {amplitude}\nperiod = {period}', material, "end_time = 0.4\nsteps = 2000\n")
+    run = driven(
+        f'kind = "cyclic-shear"\namplitude = {amplitude}\nperiod = {period}', material, "end_time = 0.4\nsteps = 2000\n"
+    )
     x = 2.0 * np.pi / period * 0.02
     expected = np.pi * run.law.branch_moduli[0] * x / (1.0 + x * x) * amplitude**2
     lost = run.columns["dissipation"]
@@ -196,13 +200,17 @@ def test_ten_branches_over_eight_decades(driven):
 
 
 def test_wave_speeds_along_chosen_directions(write):
-    path = write(f"end_time = 1\nsteps = 1\n{MATERIAL}[path]\n{HOLDS['shear']}\n[output]\ndirections = [[2, 0, 0], [1, 1, 1]]\n")
+    path = write(
+        f"end_time = 1\nsteps = 1\n{MATERIAL}[path]\n{HOLDS['shear']}\n[output]\ndirections = [[2, 0, 0], [1, 1, 1]]\n"
+    )
     point = load_point(path)
     law = point_law(law_of(point.material))
     columns = tabulate(law, drive(law, point.path, 1.0, 1.0), np.array(point.output.directions))
     assert "direction_3.pressure_wave_speed" not in columns
     for k in (1, 2):
-        slow, fast, pressure = (columns[f"direction_{k}.{kind}_wave_speed"] for kind in ("slow_shear", "fast_shear", "pressure"))
+        slow, fast, pressure = (
+            columns[f"direction_{k}.{kind}_wave_speed"] for kind in ("slow_shear", "fast_shear", "pressure")
+        )
         assert (slow <= fast).all() and (fast < pressure).all()
         assert (pressure <= columns["largest_pressure_wave_speed"] * (1.0 + 1e-12)).all()
         assert (fast <= columns["largest_shear_wave_speed"] * (1.0 + 1e-12)).all()
@@ -232,11 +240,15 @@ def test_a_cubic_table_is_smooth(driven):
 
 
 def test_the_table_of_one_point_drives_another(write, comm, shared_path, driven):
-    source = write(f"end_time = 0.1\nsteps = 50\n{MATERIAL}[path]\nkind = 'uniaxial'\nstretch = '1 + 3*t'\n", "first.toml")
+    source = write(
+        f"end_time = 0.1\nsteps = 50\n{MATERIAL}[path]\nkind = 'uniaxial'\nstretch = '1 + 3*t'\n", "first.toml"
+    )
     run_point(comm, options(source, shared_path / "first"))
     (first,) = read(shared_path / "first" / "point.csv")
     second = driven('kind = "table"\nfile = "first/point.csv"', head="end_time = 0.1\nsteps = 50\n").columns
-    assert second["first_piola_kirchhoff_stress_xx"][-1] == pytest.approx(first["first_piola_kirchhoff_stress_xx"][-1], rel=1e-5)
+    assert second["first_piola_kirchhoff_stress_xx"][-1] == pytest.approx(
+        first["first_piola_kirchhoff_stress_xx"][-1], rel=1e-5
+    )
     assert second["deformation_gradient_yy"] == pytest.approx(first["deformation_gradient_yy"], abs=1e-12)
 
 
@@ -298,19 +310,35 @@ FAULTS = {
     'kind = "uniaxal"\nstretch = 1': ["path.kind: expected one of", "did you mean 'uniaxial'?"],
     'kind = "uniaxial"': ["path.stretch: expected a formula in t, found nothing"],
     'kind = "uniaxial"\nstretch = "1 + X"': ["path.stretch: expected a formula in t, found the unknown name 'X'"],
-    'kind = "uniaxial"\nstretch = "1 - 20*t"\nlateral = "fixed"': ["path: expected a deformation gradient with J > 0", "at t = 0.05"],
+    'kind = "uniaxial"\nstretch = "1 - 20*t"\nlateral = "fixed"': [
+        "path: expected a deformation gradient with J > 0",
+        "at t = 0.05",
+    ],
     'kind = "uniaxial"\nstretch = 1\nlatral = "free"': ["path.latral", "did you mean 'lateral'?"],
-    'kind = "simple-shear"\nshear = 1\nbreaks = [3]': ["path.breaks.0: expected a time up to end_time = 0.1, found 3.0"],
-    'kind = "formulas"\ndeformation_gradient = [[1, "free", 0], [0, 1, 0], [0, 0, 1]]': ["path.deformation_gradient.0.1", "diagonal"],
+    'kind = "simple-shear"\nshear = 1\nbreaks = [3]': [
+        "path.breaks.0: expected a time up to end_time = 0.1, found 3.0"
+    ],
+    'kind = "formulas"\ndeformation_gradient = [[1, "free", 0], [0, 1, 0], [0, 0, 1]]': [
+        "path.deformation_gradient.0.1",
+        "diagonal",
+    ],
     'kind = "formulas"\ndeformation_gradient = [[1, 0], [0, 1]]': ["path.deformation_gradient", "at least 3"],
     'kind = "table"\nfile = "nowhere.csv"': ["path.file: expected an existing file", "nowhere.csv"],
     'kind = "table"': ["path: expected exactly one of file, rows; found none"],
     'kind = "table"\nrows = [[0, 1]]': ["path: expected rows with columns"],
-    'kind = "table"\ncolumns = ["time", "Fxx"]\nrows = [[0, 1]]': ["path.rows: expected a column such as 'deformation_gradient_xx'"],
+    'kind = "table"\ncolumns = ["time", "Fxx"]\nrows = [[0, 1]]': [
+        "path.rows: expected a column such as 'deformation_gradient_xx'"
+    ],
     TABLE + "rows = [[0, 0, 1], [0.2, 0.1]]": ["path.rows: expected 3 numbers in every row, found 2 in row 2"],
-    TABLE + "rows = [[0, 0, 1], [0.2, 0.1, 1], [0.1, 0, 1]]": ["path.rows: expected times that do not fall, found 0.1 after 0.2"],
-    TABLE + "rows = [[0.01, 0, 1], [0.2, 0.1, 1]]": ["path.rows: expected a table that starts at time 0, found time 0.01"],
-    TABLE + "rows = [[0, 0, 1], [0.05, 0.1, 1]]": ["end_time: expected at most the last time of the path, 0.05, found 0.1"],
+    TABLE + "rows = [[0, 0, 1], [0.2, 0.1, 1], [0.1, 0, 1]]": [
+        "path.rows: expected times that do not fall, found 0.1 after 0.2"
+    ],
+    TABLE + "rows = [[0.01, 0, 1], [0.2, 0.1, 1]]": [
+        "path.rows: expected a table that starts at time 0, found time 0.01"
+    ],
+    TABLE + "rows = [[0, 0, 1], [0.05, 0.1, 1]]": [
+        "end_time: expected at most the last time of the path, 0.05, found 0.1"
+    ],
 }
 
 
@@ -327,7 +355,16 @@ def test_all_faults_at_once(write):
     with pytest.raises(SceneError) as caught:
         load_point(write(text), ["nonsense"])
     told = str(caught.value)
-    for words in ("end_time", "steps", "exactly one of steps, time_step", "'step'", "material", "path.jacobian", "directions.0", "nonsense"):
+    for words in (
+        "end_time",
+        "steps",
+        "exactly one of steps, time_step",
+        "'step'",
+        "material",
+        "path.jacobian",
+        "directions.0",
+        "nonsense",
+    ):
         assert words in told
 
 
@@ -384,7 +421,7 @@ def test_picture(comm, shared_path):
 
 
 def test_without_matplotlib_the_table_is_still_written(comm, shared_path, monkeypatch):
-    monkeypatch.delitem(sys.modules, "parsolid.point.picture", raising=False)
+    monkeypatch.delitem(sys.modules, "parsolid.commands.point.picture", raising=False)
     for name in [name for name in sys.modules if name.partition(".")[0] == "matplotlib"] + ["matplotlib"]:
         monkeypatch.setitem(sys.modules, name, None)
     assert run_point(comm, options(EXAMPLES / "relaxation.toml", shared_path)) == 0

@@ -6,13 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from parsolid.laws import law_of
-from parsolid.point.choice import point_law
-from parsolid.point.driver import drive
-from parsolid.point.laws import PathLost
-from parsolid.point.report import tabulate
-from parsolid.point.schema import load_point
-from parsolid.scene.faults import SceneError
+from parsolid.commands.point.choice import point_law
+from parsolid.commands.point.driver import drive
+from parsolid.commands.point.laws import PathLost
+from parsolid.commands.point.report import tabulate
+from parsolid.commands.point.schema import load_point
+from parsolid.materials.registry import law_of
+from parsolid.scene.validation_errors import SceneError
 
 EXAMPLES = Path(__file__).parents[1] / "runs" / "point"
 COPPER = '[material]\nkind = "elastic-plastic"\nlibrary = "OFHC copper, Johnson-Cook"\n'
@@ -57,7 +57,9 @@ def followed(point):
 def test_adiabatic_and_isothermal_shear(driven):
     path = 'end_time = 1e-3\nsteps = 100\ntemperature = 294.0\n%s[path]\nkind = "simple-shear"\nshear = "1000*t"\n'
     warm = driven(path % COPPER)
-    assert warm.stress_xy[-1] == pytest.approx(217.1357e6, rel=5e-4) and warm.temperature[-1] == pytest.approx(341.72, abs=0.25)
+    assert warm.stress_xy[-1] == pytest.approx(217.1357e6, rel=5e-4) and warm.temperature[-1] == pytest.approx(
+        341.72, abs=0.25
+    )
     assert (warm.heat_given_away == 0.0).all()
     cold = driven("heat = 'isothermal'\n" + path % COPPER)
     assert (cold.temperature == 294.0).all() and cold.stress_xy[-1] > 1.02 * warm.stress_xy[-1]
@@ -70,7 +72,10 @@ def test_adiabatic_and_isothermal_shear(driven):
 def test_heat_of_isothermal_compression(driven):
     """Elastic: dQ = -T gamma rho C_v dV at constant temperature, so that nothing but the volume counts."""
     hard = COPPER + 'flow_stress = { kind = "linear-hardening", yield_stress = 1e13 }\n'
-    head, path = 'end_time = 1.0\nsteps = 50\nheat = "isothermal"\n', '[path]\nkind = "volumetric"\njacobian = "1 - 0.05*t"\n'
+    head, path = (
+        'end_time = 1.0\nsteps = 50\nheat = "isothermal"\n',
+        '[path]\nkind = "volumetric"\njacobian = "1 - 0.05*t"\n',
+    )
     run = driven(head + hard + path)
     assert (run.temperature == 300.0).all()
     assert run.heat_given_away[-1] == pytest.approx(300.0 * 2.02 * 8960.0 * 383.0 * 0.05, rel=1e-4)

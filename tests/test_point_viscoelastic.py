@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from parsolid.commands.point import add_arguments, run_point
+from parsolid.commands.point.choice import point_law
+from parsolid.commands.point.driver import drive
+from parsolid.commands.point.report import tabulate
+from parsolid.commands.point.schema import MaterialPoint, load_point
 from parsolid.exact.prony import PronySeries
-from parsolid.laws import law_of
-from parsolid.point import add_arguments, run_point
-from parsolid.point.choice import point_law
-from parsolid.point.driver import drive
-from parsolid.point.report import tabulate
-from parsolid.point.schema import MaterialPoint, load_point
+from parsolid.materials.registry import law_of
 from parsolid.scene import SceneError
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "runs" / "point"
@@ -56,9 +56,14 @@ def test_work_stored_and_dissipated_balance(strain, bulk):
 
 def test_finite_strain_does_not_feel_rotations():
     turn = "cos(3*t)", "sin(3*t)"
-    path = {"kind": "formulas", "deformation_gradient": [
-        [f"(1 + 0.2*t)*{turn[0]}", f"-{turn[1]}", "0"], [f"(1 + 0.2*t)*{turn[1]}", turn[0], "0"], ["0", "0", "1"],
-    ]}  # fmt: skip
+    path = {
+        "kind": "formulas",
+        "deformation_gradient": [
+            [f"(1 + 0.2*t)*{turn[0]}", f"-{turn[1]}", "0"],
+            [f"(1 + 0.2*t)*{turn[1]}", turn[0], "0"],
+            ["0", "0", "1"],
+        ],
+    }
     straight = {"kind": "uniaxial", "stretch": "1 + 0.2*t", "lateral": "fixed"}
     turned, still = driven(path, strain="finite"), driven(straight, strain="finite")
     for name in ("stored", "dissipation", "von_mises_stress"):
@@ -85,7 +90,9 @@ def test_large_compression_is_seen_to_lose_hyperbolicity():
 def test_examples(comm, shared_path, name):
     parser = ArgumentParser()
     add_arguments(parser)
-    options = parser.parse_args([str(EXAMPLES / f"{name}.toml"), "-q", "-o", str(shared_path), "--set", "output.pictures=false"])
+    options = parser.parse_args(
+        [str(EXAMPLES / f"{name}.toml"), "-q", "-o", str(shared_path), "--set", "output.pictures=false"]
+    )
     assert run_point(comm, options) == 0
     summary = json.loads((shared_path / "point_summary.json").read_text())
     assert summary["hyperbolic"] is True and summary["balance_error_relative"] <= 1e-4

@@ -8,8 +8,8 @@ from scipy.integrate import quad
 from scipy.interpolate import BSpline
 from scipy.optimize import brentq
 
-from parsolid import quadrature
-from parsolid.cli import main
+from parsolid.commands import quadrature
+from parsolid.commands.cli import main
 
 # of 2 x 2 particles a cell and 64 cells a side, and of 4 x 4
 PUBLISHED = {"linear": 7.78, "ugimp": 1.05, "quadratic-spline": 0.823, "cubic-spline": 0.093, "cpgimp": 0.0110}
@@ -54,7 +54,10 @@ def along_a_side(degree, cells):
     for node in range(cells + 1):
         knots = (node + np.arange(degree + 2) - 0.5 * (degree + 1)) / cells
         moments = [
-            sum(quad(lambda x: spline(x * cells - node) * f(x) / stretch(x), *ends, epsabs=1e-12)[0] for ends in zip(knots, knots[1:]))
+            sum(
+                quad(lambda x: spline(x * cells - node) * f(x) / stretch(x), *ends, epsabs=1e-12)[0]
+                for ends in zip(knots, knots[1:])
+            )
             for f in (acceleration, lambda x: 1.0)
         ]
         errors.append(moments[0] / moments[1] - exact[node])

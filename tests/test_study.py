@@ -8,14 +8,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from parsolid.commands.study import add_arguments, run_study
+from parsolid.commands.study.cases import cases_of
+from parsolid.commands.study.judging import judge
+from parsolid.commands.study.launching import launcher, read_record, refuse_ranks, run_case
+from parsolid.commands.study.measures import energies_of, momentum_of, not_finite
+from parsolid.commands.study.schema import load_study, toml_value
 from parsolid.scene import SceneError
 from parsolid.scene.loading import override_value
-from parsolid.study import add_arguments, run_study
-from parsolid.study.cases import cases_of
-from parsolid.study.judging import judge
-from parsolid.study.launching import launcher, read_record, refuse_ranks, run_case
-from parsolid.study.measures import energies_of, momentum_of, not_finite
-from parsolid.study.schema import load_study, toml_value
 
 pytestmark = pytest.mark.mpi([1])
 
@@ -62,7 +62,9 @@ settings = [
 @pytest.fixture
 def folder(tmp_path):
     (tmp_path / "block.toml").write_text(SCENE)
-    (tmp_path / "series.json").write_text(json.dumps({"t": [0, 1e-3, 2e-3, 3e-3], "E0": 2e4, "series": {"K": [2e4] * 4}}))
+    (tmp_path / "series.json").write_text(
+        json.dumps({"t": [0, 1e-3, 2e-3, 3e-3], "E0": 2e4, "series": {"K": [2e4] * 4}})
+    )
     return tmp_path
 
 
@@ -101,7 +103,10 @@ def test_a_study_tells_all_its_faults_at_once(folder):
     [
         ("[[series.axes]]\nkey = 'method.cfl'", "series.0.axes.1: expected key with values, found one of them"),
         ("[[series.axes]]\nname = 'x'", "series.0.axes.1: expected exactly one of settings, key, ranks; found none"),
-        ("[[series.axes]]\nranks = [2, 2]", "series.0.axes.1.ranks.1: expected something that is not there yet, found '2'"),
+        (
+            "[[series.axes]]\nranks = [2, 2]",
+            "series.0.axes.1.ranks.1: expected something that is not there yet, found '2'",
+        ),
         ("[[series]]\nname = 'block'\nscene = 'block.toml'", "series.1.name: expected a name that no other series has"),
         ("[[series]]\nname = 'b'\nscene = 'no.toml'", "series.1.scene: expected an existing file"),
     ],
@@ -132,7 +137,7 @@ def test_two_runs_that_are_the_same_are_refused(folder):
     assert text == "again: expected a run that differs from the others, found the scene and ranks of block, 5"
 
 
-@pytest.mark.parametrize("value", [1, 0.5, 1e-12, True, "a \"b\" \\c", [1, [2.5, "x"]], [{"beta": 1.0, "tau": 0.02}], []])
+@pytest.mark.parametrize("value", [1, 0.5, 1e-12, True, 'a "b" \\c', [1, [2.5, "x"]], [{"beta": 1.0, "tau": 0.02}], []])
 def test_values_stand_behind_set_as_they_are(value):
     assert override_value(toml_value(value)) == value
 
@@ -162,7 +167,7 @@ def test_a_folder_is_named_after_all_that_the_numbers_depend_on(folder, monkeypa
     assert before == [case.digest for case in cases_of(load_study(path))]
     (folder / "series.json").write_text((folder / "series.json").read_text().replace("E0", "E0") + " ")
     after = [case.digest for case in cases_of(load_study(path))]
-    monkeypatch.setattr("parsolid.study.cases.source_digest", lambda: "other sources")
+    monkeypatch.setattr("parsolid.commands.study.cases.source_digest", lambda: "other sources")
     assert len({*before, *after, *(case.digest for case in cases_of(load_study(path)))}) == 6
 
 
@@ -195,7 +200,13 @@ def test_a_run_is_held_to_what_is_stated(folder):
 
 def test_energies_of_a_history():
     columns = {"step": [0, 1, 2], "time": [0, 1, 2], "dt": [0, 0.5, 0.25]}
-    columns |= {"kinetic": [4.0, 2.0, 1.0], "stored": [0.0, 1.0, 1.5], "work_external": [0.0] * 3, "balance": [0.0, -0.2, 0.1], "dissipation_internal": [0.0, 1.0, 0.6]}
+    columns |= {
+        "kinetic": [4.0, 2.0, 1.0],
+        "stored": [0.0, 1.0, 1.5],
+        "work_external": [0.0] * 3,
+        "balance": [0.0, -0.2, 0.1],
+        "dissipation_internal": [0.0, 1.0, 0.6],
+    }
     columns |= {"dissipation_numerical": [0.0, 0.2, 0.4]}
     columns |= {"p.linear_momentum_x": [2.0, 2.0, 2.001], "p.linear_momentum_y": [0.0] * 3}
     history = {name: np.array(values, float) for name, values in columns.items()}

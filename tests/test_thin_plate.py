@@ -5,13 +5,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from parsolid.checkerboard import checkerboard_of_run
-from parsolid.checkerboard import main as print_contents
-from parsolid.cli import main
+from parsolid.commands.checkerboard import checkerboard_of_run
+from parsolid.commands.checkerboard import main as print_contents
+from parsolid.commands.cli import main
 from parsolid.output.history import read_history
 
 SCENE = Path(__file__).parents[1] / "runs" / "tlsph" / "thin_plate.toml"
-THIN = ("bodies.0.shape.box.lower=[0,0,-0.025]", "bodies.0.shape.box.upper=[10,10,0.025]", "bodies.0.material.branches=[]")
+THIN = (
+    "bodies.0.shape.box.lower=[0,0,-0.025]",
+    "bodies.0.shape.box.upper=[10,10,0.025]",
+    "bodies.0.material.branches=[]",
+)
 
 
 def run(directory, *settings):
@@ -22,7 +26,9 @@ def run(directory, *settings):
 
 @pytest.mark.parametrize("dissipation", [0, 1])
 def test_linear_momentum_does_not_change(shared_path, dissipation):
-    folder = run(shared_path / "plate", "bodies.0.particles=[11,11,3]", "end_time=1.5", f"method.dissipation={dissipation}")
+    folder = run(
+        shared_path / "plate", "bodies.0.particles=[11,11,3]", "end_time=1.5", f"method.dissipation={dissipation}"
+    )
     history = read_history(folder / "history.csv")
     momentum = np.array([history[f"total.linear_momentum_{axis}"] for axis in "xyz"])
     assert momentum[2, 0] > 1e4

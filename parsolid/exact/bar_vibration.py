@@ -33,7 +33,9 @@ class Oscillation(NamedTuple):
 class BarVibration(Solution):
     """The modal solution: points of a run lag behind kinks, so that runs are judged by the projection on mode 1."""
 
-    def __init__(self, modulus: PronySeries, density: float, length: float, stretch: float, relaxed: bool, modes: int = 2000):
+    def __init__(
+        self, modulus: PronySeries, density: float, length: float, stretch: float, relaxed: bool, modes: int = 2000
+    ):
         """length [m], density [kg/m^3], stretch of the start; relaxed: whether it had been held for ever."""
         self.length, self.stretch, self.relaxed = length, stretch, relaxed
         self.modulus, self.density, self.modes = modulus, density, modes
@@ -54,7 +56,9 @@ class BarVibration(Solution):
         """The solution for a scene's first body, a bar from X = 0, and its reference's stretch."""
         body = scene.bodies[0]
         modulus, relaxed = PronySeries.youngs_of(body.material), scene.method.initial_state == "relaxed"
-        return cls(modulus, body.material.density, body.shape.model.upper[0], scene.reference.parameters["stretch"], relaxed)
+        return cls(
+            modulus, body.material.density, body.shape.model.upper[0], scene.reference.parameters["stretch"], relaxed
+        )
 
     def _matrices(self, wave_number: np.ndarray) -> np.ndarray:
         """The rate (modes, 2 + n, 2 + n) of (T, T', V_1, ...)."""

@@ -75,7 +75,9 @@ class HeatedSlab(_Conduction):
         n = np.arange(_TERMS)[:, None]
         if self.gradient is None:
             root = (n + 0.5) * np.pi
-            return self.face_rise * (1.0 - np.sum(2.0 / root * np.sin(root * share) * np.exp(-(root**2) * fourier), axis=0))
+            return self.face_rise * (
+                1.0 - np.sum(2.0 / root * np.sin(root * share) * np.exp(-(root**2) * fourier), axis=0)
+            )
         root, depth = (n + 1) * np.pi, 1.0 - share
         series = np.sum(2.0 / root**2 * (-1.0) ** (n + 1) * np.cos(root * depth) * np.exp(-(root**2) * fourier), axis=0)
         return self.gradient * self.length * (fourier + 0.5 * depth**2 - 1.0 / 6.0 - series)

@@ -38,7 +38,9 @@ def _gradient(points: int, reach: int, clamp: str, weight) -> csr_matrix:
     return coo_matrix((values, (rows, columns)), (points + layer, points)).tocsr()
 
 
-def fundamental_period(points: int, reach: int, clamp: str = "mirror", weight=lambda ratio: np.ones_like(ratio)) -> float:
+def fundamental_period(
+    points: int, reach: int, clamp: str = "mirror", weight=lambda ratio: np.ones_like(ratio)
+) -> float:
     """Period of mode 1 of a clamped and free elastic bar over that of the continuum, 4 L/c.
 
     points: lattice points along the bar; clamp: "mirror" (odd images at the end X = 0) or "layer" (`reach` resting points

@@ -116,7 +116,11 @@ class GeneralisedVortex(Solution):
         stress[:, :2, :2] = shear[:, None, None] * (mixed + mixed.swapaxes(1, 2))
         stress[:, :2, :2] += tension[:, None, None] * hoop[:, :, None] * hoop[:, None, :]
         rate = self.amplitude * np.pi * np.cos(np.pi * time) * h
-        return {"displacement": R[:, None] * radial - positions, "velocity": (R * rate)[:, None] * hoop, "stress": stress}
+        return {
+            "displacement": R[:, None] * radial - positions,
+            "velocity": (R * rate)[:, None] * hoop,
+            "stress": stress,
+        }
 
     def _stresses(self, R: np.ndarray, slope: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
         """Shear stress of circles and tension along them [Pa]; the shear strain is R d(angle)/dR."""

@@ -1,9 +1,9 @@
-"""Relaxation functions E(t) = E_0 + sum_j E_j exp(-t/tau_j) and their exact inverses, the creep compliances."""
+"""ViscoelasticHistory functions E(t) = E_0 + sum_j E_j exp(-t/tau_j) and their exact inverses, the creep compliances."""
 
 import numpy as np
 from scipy.optimize import brentq
 
-from parsolid.materials.interconversion import shear_relaxation
+from parsolid.materials.viscoelastic.interconversion import shear_relaxation
 
 
 class PronySeries:
@@ -29,7 +29,9 @@ class PronySeries:
         """G(t) of a `scene.viscoelastic.PronySolid` whose bulk modulus does not relax."""
         known = material.equilibrium
         if material.youngs_modulus is not None and material.conversion != "paper":
-            series = shear_relaxation(known.bulk_modulus, known.youngs_modulus, material.term_moduli, material.relaxation_times)
+            series = shear_relaxation(
+                known.bulk_modulus, known.youngs_modulus, material.term_moduli, material.relaxation_times
+            )
             return cls(*series)
         factor = known.shear_modulus / (material.youngs_modulus or material.shear_modulus)
         return cls(known.shear_modulus, factor * np.array(material.term_moduli), material.relaxation_times)

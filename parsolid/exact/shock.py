@@ -51,9 +51,14 @@ class SteadyShock(Solution):
         parts = body.material.parts
         equation = parts["equation_of_state"]
         state = Hugoniot(
-            parts["density"], equation.sound_speed, equation.slope, equation.gamma, parts["specific_heat"], given["start"],
+            parts["density"],
+            equation.sound_speed,
+            equation.slope,
+            equation.gamma,
+            parts["specific_heat"],
+            given["start"],
             given["particle_speed"],
-        )  # fmt: skip
+        )
         return cls(state, body.shape.model.upper[0])
 
     def error_names(self, dimension: int) -> tuple[str, ...]:
@@ -68,8 +73,12 @@ class SteadyShock(Solution):
         stress = view.field("stress")[:, 0, 0]
         found = {"stress": stress, "density": view.field("density"), "internal_energy": view.field("internal_energy")}
         wanted = {"stress": -state.pressure, "density": state.density / state.jacobian, "internal_energy": state.energy}
-        count, *sums = view.sums(behind, behind * view.field("temperature"), behind * (stress + state.pressure) ** 2,
-                                 *(behind * values for values in found.values()))  # fmt: skip
+        count, *sums = view.sums(
+            behind,
+            behind * view.field("temperature"),
+            behind * (stress + state.pressure) ** 2,
+            *(behind * values for values in found.values()),
+        )
         means = dict(zip(found, np.array(sums[2:]) / count))
         result = {name: float(abs(means[name] / exact - 1.0)) for name, exact in wanted.items()}
         result["temperature_kelvin"] = float(abs(sums[0] / count - state.temperature))

@@ -87,7 +87,9 @@ class UniaxialCreep(Solution):
 
     def history_columns(self) -> list[str]:
         """Positions and displacements of the probes."""
-        return [column for field in ("position", "displacement") for columns in self._columns(field) for column in columns]
+        return [
+            column for field in ("position", "displacement") for columns in self._columns(field) for column in columns
+        ]
 
     def history_names(self) -> list[str]:
         """The displacements of the probes."""
@@ -96,7 +98,9 @@ class UniaxialCreep(Solution):
     def history_errors(self, history: dict[str, np.ndarray]) -> dict[str, float]:
         """Largest |error| of each displacement over its largest exact value, over all rows of the history."""
         # a row at a jump shows what was before, unless it was written after the jump's step of length 0
-        jumps = {end for (begin, _), (end, _) in zip(self.history, self.history[1:]) if begin == end} | {self.history[0][0]}
+        jumps = {end for (begin, _), (end, _) in zip(self.history, self.history[1:]) if begin == end} | {
+            self.history[0][0]
+        }
         times = [
             np.nextafter(time, -np.inf) if time in jumps and (step > 0.0 or row == 0) else time
             for row, (time, step) in enumerate(zip(history["time"], history["dt"]))

@@ -32,9 +32,12 @@ class ViscoelasticPlate(Solution):
         """The solution for a scene's first material and its reference's amplitude."""
         material = scene.bodies[0].material
         return cls(
-            scene.reference.parameters["amplitude"], material.density, material.moduli.shear_modulus,
-            material.branch_moduli, material.relaxation_times,
-        )  # fmt: skip
+            scene.reference.parameters["amplitude"],
+            material.density,
+            material.moduli.shear_modulus,
+            material.branch_moduli,
+            material.relaxation_times,
+        )
 
     def state(self, time: float) -> np.ndarray:
         """(T, T', V_1, ...) in m and m/s at a time [s]."""

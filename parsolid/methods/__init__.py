@@ -4,9 +4,9 @@ from importlib import import_module
 
 # loaded only when a scene uses it
 _CLASSES = {
-    "tlsph": ("parsolid.methods.tlsph", "TotalLagrangianSPH"),
-    "peridynamics": ("parsolid.methods.peridynamics", "Peridynamics"),
-    "mpm": ("parsolid.methods.mpm", "MaterialPoint"),
+    "tlsph": ("parsolid.methods.tlsph.system", "TotalLagrangianSPH"),
+    "peridynamics": ("parsolid.methods.peridynamics.system", "Peridynamics"),
+    "mpm": ("parsolid.methods.mpm.system", "MaterialPoint"),
 }
 
 

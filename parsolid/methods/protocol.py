@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.distribution import sort_for_speed
-from parsolid.laws import laws_of
-from parsolid.particles import FieldTable
+from parsolid.materials.registry import laws_of
+from parsolid.particles.distribution import sort_for_speed
+from parsolid.particles.fields import FieldTable
 
 
 class ParticleMethod:
@@ -39,18 +39,18 @@ class ParticleMethod:
     news_anywhere: bool = False
 
     @staticmethod
-    def sort(comm, scene, cloud) -> np.ndarray:
+    def sort(comm, scene, particle_set) -> np.ndarray:
         """Order (n,) in which the constructor wants this rank's particles; collective."""
-        return sort_for_speed(comm, cloud, laws_of(scene))
+        return sort_for_speed(comm, particle_set, laws_of(scene))
 
-    def __init__(self, comm, scene, cloud):
-        """Everything but the state; cloud: this rank's particles, sorted. Collective.
+    def __init__(self, comm, scene, particle_set):
+        """Everything but the state; particle_set: this rank's particles, sorted. Collective.
 
         Raises SolverError on all ranks when the scene cannot be set up.
         """
         raise NotImplementedError
 
-    def begin(self, scene, cloud) -> None:
+    def begin(self, scene, particle_set) -> None:
         """Set the state at time 0; collective."""
         raise NotImplementedError
 
@@ -87,7 +87,7 @@ class ParticleMethod:
         raise NotImplementedError
 
     def measure(self, name: str) -> tuple[str, np.ndarray]:
-        """"sum", "minimum" or "maximum", and this rank's part, of one of the settings' extra quantities."""
+        """ "sum", "minimum" or "maximum", and this rank's part, of one of the settings' extra quantities."""
         raise KeyError(name)
 
     def unsound(self) -> tuple[int, str] | None:

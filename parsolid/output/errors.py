@@ -4,7 +4,7 @@ from contextlib import contextmanager
 
 from mpi4py import MPI
 
-from parsolid.together import raise_together
+from parsolid.collective import raise_together
 
 
 class OutputError(Exception):

@@ -75,7 +75,9 @@ class FieldSeries:
         if self._layout is None:
             self._begin(len(identifier), varying, constant)
         if set(varying) != set(self._layout.varying):
-            raise OutputError(f"{self.path}: expected the fields {sorted(self._layout.varying)}, found {sorted(varying)}")
+            raise OutputError(
+                f"{self.path}: expected the fields {sorted(self._layout.varying)}, found {sorted(varying)}"
+            )
         if len(self._times) and time <= self._times[-1]:
             if time == self._times[-1]:
                 return
@@ -100,7 +102,9 @@ class FieldSeries:
         wrong = [name for name in (*varying, *constant) if "/" in name or name in (".", "")]
         twice = set(varying) & set(constant)
         if wrong or twice:
-            raise ValueError(f"fields: expected distinct names without '/', found {', '.join(sorted({*wrong, *twice}))}")
+            raise ValueError(
+                f"fields: expected distinct names without '/', found {', '.join(sorted({*wrong, *twice}))}"
+            )
         particles = self._comm.allreduce(owned)
         self._layout = vtkhdf.Layout(particles, self._capacity, *kinds)
         if not self._resume():

@@ -107,7 +107,9 @@ class Progress:
     def _show(self, time: float, words: list[str]) -> None:
         bar = ProgressBar(total=self._end_time, completed=time)
         try:
-            self._bar.update(Group(bar, Columns([Text(word, no_wrap=True) for word in words], padding=(0, 2))), refresh=True)
+            self._bar.update(
+                Group(bar, Columns([Text(word, no_wrap=True) for word in words], padding=(0, 2))), refresh=True
+            )
         except (OSError, ValueError):
             self._level, self._bar = QUIET, None
 

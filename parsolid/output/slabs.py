@@ -45,7 +45,7 @@ class DataSet(NamedTuple):
 
 
 def default_method() -> str:
-    """"mpio" where h5py was built on parallel HDF5, else "offsets"."""
+    """ "mpio" where h5py was built on parallel HDF5, else "offsets"."""
     return "mpio" if h5py.get_config().mpi else "offsets"
 
 

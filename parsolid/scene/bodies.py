@@ -4,11 +4,11 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from parsolid.scene.faults import Phrase
+from parsolid.scene.base_model import Positive, SceneModel, dimension_of, method_of, mismatch, reject
 from parsolid.scene.formulas import InitialMatrix, InitialScalar, InitialVector
 from parsolid.scene.materials import Material
-from parsolid.scene.section import Positive, Section, dimension_of, method_of, mismatch, reject
 from parsolid.scene.shapes import Shape
+from parsolid.scene.validation_errors import Phrase
 
 Name = Annotated[str, Field(pattern=r"^[^.,\s][^.,]*$", description="a name without '.' and ','")]
 Placement = Literal["nodes", "cells"]
@@ -17,7 +17,7 @@ Placement = Literal["nodes", "cells"]
 _CUT = ("cylinder", "sphere", "perforated_box")
 
 
-class FilledShape(Section):
+class FilledShape(SceneModel):
     """A shape and the particles that fill it.
 
     particles   number of particles along each of the shape's own directions: X, Y, Z of a box and of the bounding box of a
@@ -68,7 +68,9 @@ class FilledShape(Section):
         if self.shape.kind != "mesh" and not counted:
             details.append(((), "exactly one of particles, spacing", Phrase("none")))
         if self.shape.kind in _CUT and self.placement == "nodes":
-            details.append((("placement",), f"'cells' for a {self.shape.kind} (its lattice is cut by the surface)", "nodes"))
+            details.append(
+                (("placement",), f"'cells' for a {self.shape.kind} (its lattice is cut by the surface)", "nodes")
+            )
         reject(*details)
         return self
 
@@ -87,7 +89,9 @@ class Body(FilledShape):
     velocity: InitialVector | None = None
     displacement: InitialVector | None = None
     deformation_gradient: InitialMatrix | None = None
-    temperature: InitialScalar | None = Field(None, description="the initial temperature [K], that of the material unless given")
+    temperature: InitialScalar | None = Field(
+        None, description="the initial temperature [K], that of the material unless given"
+    )
     material: Material = Field(description="a table with the key kind")
 
     @field_validator("temperature")

@@ -4,15 +4,15 @@ from typing import ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, model_validator
 
+from parsolid.scene.base_model import Plane, Point, SceneModel, by_kind, method_of, reject
 from parsolid.scene.bodies import Name
 from parsolid.scene.formulas import Formula, FormulaVector, Scalar, Vector, VectorOrFree
-from parsolid.scene.histories import Course, Timed
-from parsolid.scene.section import Plane, Point, Section, by_kind, method_of, reject
+from parsolid.scene.load_histories import LoadHistory, Timed
 from parsolid.scene.shapes import Box, Sphere
 from parsolid.scene.walls import HeatFlux, PrescribedTemperature, Wall
 
 
-class ParticleCondition(Section):
+class ParticleCondition(SceneModel):
     """A condition on the particles of a region."""
 
     on_particles: ClassVar[bool] = True
@@ -60,9 +60,9 @@ class PrescribedDisplacement(RegionCondition, Timed):
     displacement: VectorOrFree = Field(description="a formula in X, Y, Z, t or 'free' for each component [m]")
 
     @property
-    def course(self) -> Course:
+    def course(self) -> LoadHistory:
         """The displacement in time."""
-        return Course(self.displacement, self)
+        return LoadHistory(self.displacement, self)
 
 
 class FictitiousLayer(ParticleCondition, Timed):
@@ -75,12 +75,14 @@ class FictitiousLayer(ParticleCondition, Timed):
     plane: Plane = Field(description="a plane such as 'Y = 0' through the body")
     side: Literal["above", "below"] = Field(description="'above' or 'below': where along the plane's axis the layer is")
     body: Name | None = None
-    displacement: VectorOrFree | None = Field(None, description="a formula or 'free' for each component [m], zero unless given")
+    displacement: VectorOrFree | None = Field(
+        None, description="a formula or 'free' for each component [m], zero unless given"
+    )
 
     @property
-    def course(self) -> Course:
+    def course(self) -> LoadHistory:
         """The displacement in time."""
-        return Course(self.displacement or FormulaVector([Formula(0.0)] * 3), self)
+        return LoadHistory(self.displacement or FormulaVector([Formula(0.0)] * 3), self)
 
 
 class Traction(ParticleCondition, Timed):
@@ -92,12 +94,21 @@ class Traction(ParticleCondition, Timed):
     traction: Vector = Field(description="a formula in X, Y, Z, t for each component [Pa]")
 
     @property
-    def course(self) -> Course:
+    def course(self) -> LoadHistory:
         """The traction in time."""
-        return Course(self.traction, self)
+        return LoadHistory(self.traction, self)
 
 
-_KINDS = (Support, PrescribedVelocity, PrescribedDisplacement, FictitiousLayer, Traction, Wall, PrescribedTemperature, HeatFlux)
+_KINDS = (
+    Support,
+    PrescribedVelocity,
+    PrescribedDisplacement,
+    FictitiousLayer,
+    Traction,
+    Wall,
+    PrescribedTemperature,
+    HeatFlux,
+)
 Boundary = by_kind(*_KINDS, known="boundaries")
 
 

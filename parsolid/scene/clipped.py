@@ -4,10 +4,9 @@ import math
 
 import numpy as np
 
+from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.bodies import FilledShape
-from parsolid.scene.cloud import Cloud
 from parsolid.scene.lattice import Line, counted, jitter_offsets, numbers_and_spacings
-
 
 _HALVINGS = {"whole": 0, "half": 1, "quarter": 2}
 
@@ -42,7 +41,9 @@ class ClippedFilling:
             self.lower[self.halved] = np.array(shape.base)[self.halved]
             exact = math.pi * radius**2 * shape.length / 2 ** len(self.halved)
         numbers, spacings = numbers_and_spacings(body, dimension)
-        self.lines = [Line.of(self.lower[i], self.upper[i], numbers[i], spacings[i], nodes=False) for i in range(dimension)]
+        self.lines = [
+            Line.of(self.lower[i], self.upper[i], numbers[i], spacings[i], nodes=False) for i in range(dimension)
+        ]
         counted(self.lines)
         self.step = np.array([line.step for line in self.lines])
         self.coarsest = float(self.step.max())
@@ -76,7 +77,9 @@ class ClippedFilling:
     def _set_faces(self, curved: int) -> None:
         """Area of a cell's face by its normal, after the dilation in the curved directions that makes the volume exact."""
         dilation = (self.volume / np.prod(self.step)) ** (1.0 / curved)
-        sides = self.step * np.where((np.arange(self.dimension) == self.column_axis) & (curved < self.dimension), 1.0, dilation)
+        sides = self.step * np.where(
+            (np.arange(self.dimension) == self.column_axis) & (curved < self.dimension), 1.0, dilation
+        )
         self.face = np.prod(sides) / sides
 
     def _holds(self, index: list[np.ndarray]) -> np.ndarray:
@@ -91,7 +94,7 @@ class ClippedFilling:
         along = index[self.column_axis]
         return inside & (along >= start) & (along < start + length)
 
-    def piece(self, first: int, last: int) -> Cloud:
+    def piece(self, first: int, last: int) -> ParticleSet:
         identifier = np.arange(first, last)
         column = np.searchsorted(self.ends, identifier, side="right")
         length = self.length[column]
@@ -106,7 +109,7 @@ class ClippedFilling:
                 beyond = [one + side if k == i else one for k, one in enumerate(index)]
                 area[:, i] += side * self.face[i] * ~self._holds(beyond)
         coordinates = [line.coordinate(one, offset[:, k]) for k, (line, one) in enumerate(zip(self.lines, index))]
-        return Cloud(
+        return ParticleSet(
             identifier=identifier,
             position=np.stack(coordinates, axis=1),
             volume=np.full(len(identifier), self.volume),

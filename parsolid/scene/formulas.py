@@ -12,8 +12,8 @@ import numexpr
 import numpy as np
 from pydantic import AfterValidator, PlainSerializer, PlainValidator, ValidationInfo
 
-from parsolid.scene.faults import Phrase, suggestion
-from parsolid.scene.section import AXES, OnePerDimension, dimension_of, mismatch
+from parsolid.scene.base_model import AXES, OnePerDimension, dimension_of, mismatch
+from parsolid.scene.validation_errors import Phrase, suggestion
 
 # the ranks share the cores already
 numexpr.set_num_threads(1)
@@ -22,7 +22,19 @@ _NOT_FOR_POINTS = {"sum", "prod", "min", "max", "contains", "copy", "complex", "
 FUNCTIONS = frozenset(numexpr.expressions.functions) - _NOT_FOR_POINTS
 CONSTANTS = {"pi": math.pi}
 _NODES = (ast.BinOp, ast.UnaryOp, ast.Compare, ast.Call, ast.Name, ast.Constant, ast.expr_context)
-_OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Mod, ast.Pow, ast.BitAnd, ast.BitOr, ast.USub, ast.UAdd, ast.Invert)
+_OPERATORS = (
+    ast.Add,
+    ast.Sub,
+    ast.Mult,
+    ast.Div,
+    ast.Mod,
+    ast.Pow,
+    ast.BitAnd,
+    ast.BitOr,
+    ast.USub,
+    ast.UAdd,
+    ast.Invert,
+)
 _COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
 
 

@@ -6,9 +6,9 @@ from typing import Protocol
 
 import numpy as np
 
+from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.bodies import FilledShape
-from parsolid.scene.cloud import Cloud
-from parsolid.scene.faults import SceneError
+from parsolid.scene.validation_errors import SceneError
 
 MOST_PARTICLES = 10**12
 
@@ -24,7 +24,7 @@ class Filling(Protocol):
     upper: np.ndarray
     coarsest: float
 
-    def piece(self, first: int, last: int) -> Cloud:
+    def piece(self, first: int, last: int) -> ParticleSet:
         """The particles with ids first .. last-1, their body index left at 0."""
 
 
@@ -39,7 +39,9 @@ class Line:
     closed: bool = False
 
     @classmethod
-    def of(cls, lower: float, upper: float, number: int | None, spacing: float | None, nodes: bool, closed: bool = False):
+    def of(
+        cls, lower: float, upper: float, number: int | None, spacing: float | None, nodes: bool, closed: bool = False
+    ):
         """The line with a number of particles, or with about the given spacing."""
         if number is None:
             # the upper limit keeps an absurd spacing countable, so that it can be refused
@@ -137,12 +139,14 @@ class BoxFilling(Lattice):
         box = body.shape.model
         numbers, spacings = numbers_and_spacings(body, dimension)
         nodes = body.placed_on == "nodes"
-        super().__init__([Line.of(box.lower[i], box.upper[i], numbers[i], spacings[i], nodes) for i in range(dimension)])
+        super().__init__(
+            [Line.of(box.lower[i], box.upper[i], numbers[i], spacings[i], nodes) for i in range(dimension)]
+        )
         self.body = body
         self.lower, self.upper = np.array(box.lower, float), np.array(box.upper, float)
         self.coarsest = max(line.step for line in self.lines)
 
-    def piece(self, first: int, last: int) -> Cloud:
+    def piece(self, first: int, last: int) -> ParticleSet:
         identifier = np.arange(first, last)
         index = self.indices(first, last)
         offset = jitter_offsets(self.body, identifier, self.movable(index), len(self.lines))
@@ -150,7 +154,7 @@ class BoxFilling(Lattice):
         volume = np.prod(weight, axis=1)
         side = np.stack([line.side(i) for line, i in zip(self.lines, index)], axis=1)
         coordinates = [line.coordinate(i, offset[:, k]) for k, (line, i) in enumerate(zip(self.lines, index))]
-        return Cloud(
+        return ParticleSet(
             identifier=identifier,
             position=np.stack(coordinates, axis=1),
             volume=volume,

@@ -10,10 +10,10 @@ import tomli_w
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
-from parsolid.scene.faults import SceneError, key_path, suggestion, told
+from parsolid.scene.base_model import ByKind, SceneModel
 from parsolid.scene.methods import settings_class
 from parsolid.scene.schema import Parts, Scene, cross_faults
-from parsolid.scene.section import ByKind, Section
+from parsolid.scene.validation_errors import SceneError, key_path, suggestion, told
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -129,12 +129,12 @@ def override_value(text: str) -> Any:
     return tables["value"] if len(tables) == 1 else text
 
 
-def told_faults(error: ValidationError, data: dict, model: type[Section]) -> list[str]:
+def told_faults(error: ValidationError, data: dict, model: type[SceneModel]) -> list[str]:
     """What pydantic found wrong with the raw tables of a model, in the words of the project."""
     return [_told_fault(item, data, model) for item in error.errors(include_url=False)]
 
 
-def _told_fault(error: dict[str, Any], data: dict, model: type[Section]) -> str:
+def _told_fault(error: dict[str, Any], data: dict, model: type[SceneModel]) -> str:
     place, kind, found = error["loc"], error["type"], error["input"]
     if kind == "mismatch":
         return f"{key_path(place)}: {error['ctx']['text']}"
@@ -154,7 +154,7 @@ def _told_fault(error: dict[str, Any], data: dict, model: type[Section]) -> str:
     return f"{key_path(place)}: expected {expected}, found {told(found)}"
 
 
-def _section_at(place: tuple, data: Any, model: type[Section]) -> type[Section] | None:
+def _section_at(place: tuple, data: Any, model: type[SceneModel]) -> type[SceneModel] | None:
     """The model of the table at a place of a model's raw tables."""
     section, annotation = model, model
     for key in place:
@@ -167,13 +167,13 @@ def _section_at(place: tuple, data: Any, model: type[Section]) -> type[Section] 
     return section
 
 
-def _model_of(annotation: Any, value: Any) -> type[Section] | None:
+def _model_of(annotation: Any, value: Any) -> type[SceneModel] | None:
     """The model within an annotation (of a field, a list, an optional), chosen by the value's kind where that decides."""
     if isinstance(annotation, FieldInfo):
         candidates = [*annotation.metadata, annotation.annotation]
     elif isinstance(annotation, ByKind):
         return annotation.choose(value)
-    elif isinstance(annotation, type) and issubclass(annotation, Section):
+    elif isinstance(annotation, type) and issubclass(annotation, SceneModel):
         return annotation
     else:
         candidates = [*getattr(annotation, "__metadata__", ()), *get_args(annotation)]

@@ -4,9 +4,9 @@ from typing import ClassVar, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
-from parsolid.scene.faults import Phrase
+from parsolid.scene.base_model import NotNegative, Positive, SceneModel, by_kind, reject
 from parsolid.scene.plasticity import ElasticPlastic
-from parsolid.scene.section import NotNegative, Positive, Section, by_kind, reject
+from parsolid.scene.validation_errors import Phrase
 from parsolid.scene.viscoelastic import BondBased, ElasticConstants, LinearElastic, PronySolid, elastic_constants
 
 
@@ -21,7 +21,7 @@ class Moduli(NamedTuple):
     bulk_modulus: float
 
 
-class Branch(Section):
+class Branch(SceneModel):
     """One Maxwell branch: its stiffness, as a multiple `beta` of the shear modulus or as `modulus`, and `tau`."""
 
     exactly_one: ClassVar = (("beta", "modulus"),)
@@ -30,7 +30,7 @@ class Branch(Section):
     tau: Positive = Field(description="the relaxation time [s]")
 
 
-class MooneyRivlin(Section):
+class MooneyRivlin(SceneModel):
     """Polyconvex Mooney-Rivlin solid with Maxwell branches (Lee et al., eqs (19), (20)).
 
     The equilibrium law is given either by `youngs_modulus` and `poissons_ratio` (with `zeta`, 0 unless given) or by `xi`,
@@ -68,7 +68,9 @@ class MooneyRivlin(Section):
     def instantaneous(self) -> ElasticConstants:
         """Linear elastic constants before anything has relaxed; a branch has the first Lame constant 0."""
         added = sum(self.branch_moduli)
-        return elastic_constants(None, self.moduli.shear_modulus + added, None, self.moduli.bulk_modulus + 2.0 / 3.0 * added)
+        return elastic_constants(
+            None, self.moduli.shear_modulus + added, None, self.moduli.bulk_modulus + 2.0 / 3.0 * added
+        )
 
     @property
     def branch_moduli(self) -> tuple[float, ...]:
@@ -95,7 +97,9 @@ class MooneyRivlin(Section):
         if moduli.shear_modulus <= 0.0:
             details.append((("xi",), "xi + zeta > 0", moduli.xi + moduli.zeta))
         if moduli.xi < 0.0:
-            details.append((("zeta",), f"zeta <= mu/2 = {0.5 * moduli.shear_modulus:g} (xi = mu/2 - zeta >= 0)", self.zeta))
+            details.append(
+                (("zeta",), f"zeta <= mu/2 = {0.5 * moduli.shear_modulus:g} (xi = mu/2 - zeta >= 0)", self.zeta)
+            )
         elif moduli.lambda_hat < 0.0:
             # with lambda_hat < 0 the law is not polyconvex and loses real wave speeds in extension
             bound = "lambda_hat = lambda - 4 zeta >= 0 (polyconvexity)"

@@ -6,11 +6,11 @@ import io
 import meshio
 import numpy as np
 
+from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.bodies import FilledShape
-from parsolid.scene.cloud import Cloud
 from parsolid.scene.elements import ELEMENTS, facet_areas, lumped_volumes
-from parsolid.scene.faults import SceneError
 from parsolid.scene.lattice import jitter_offsets
+from parsolid.scene.validation_errors import SceneError
 
 _LESS_THAN_SOLID = {2: ("vertex", "line"), 3: ("vertex", "line", "triangle", "quad")}
 
@@ -25,18 +25,26 @@ def read_mesh(path: str, scale: float, dimension: int) -> tuple[np.ndarray, list
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             mesh = meshio.read(path)
     except (Exception, SystemExit) as error:
-        raise SceneError([f"expected a mesh that meshio reads, found {path} ({type(error).__name__}: {error})"]) from None
+        raise SceneError(
+            [f"expected a mesh that meshio reads, found {path} ({type(error).__name__}: {error})"]
+        ) from None
     known = [kind for kind, element in ELEMENTS.items() if element.dimension == dimension]
     kinds = [block.type for block in mesh.cells if len(block.data)]
     others = sorted(set(kinds) - set(known) - set(_LESS_THAN_SOLID[dimension]))
     if others:
         raise SceneError([f"expected only elements of the kinds {', '.join(known)}, found {', '.join(others)}"])
-    blocks = [(block.type, np.asarray(block.data, np.int64)) for block in mesh.cells if block.type in known and len(block.data)]
+    blocks = [
+        (block.type, np.asarray(block.data, np.int64))
+        for block in mesh.cells
+        if block.type in known and len(block.data)
+    ]
     if not blocks:
         raise SceneError([f"expected elements of the kinds {', '.join(known)}, found {', '.join(kinds) or 'none'}"])
     points = np.asarray(mesh.points, float) * scale
     if points.shape[1] < dimension or not np.isfinite(points).all():
-        raise SceneError([f"expected {dimension} finite coordinates a node, found {points.shape[1]} or some not finite"])
+        raise SceneError(
+            [f"expected {dimension} finite coordinates a node, found {points.shape[1]} or some not finite"]
+        )
     if points.shape[1] > dimension and np.ptp(points[:, dimension:]) > 0.0:
         raise SceneError(["expected a plane mesh (one Z for all nodes) in 2-D, found nodes with different Z"])
     return np.ascontiguousarray(points[:, :dimension]), blocks
@@ -100,13 +108,13 @@ class MeshFilling:
         self.movable = np.ones(len(self.volume), bool)
         self.spacing = self.volume ** (1.0 / points.shape[1])
 
-    def piece(self, first: int, last: int) -> Cloud:
+    def piece(self, first: int, last: int) -> ParticleSet:
         identifier = np.arange(first, last)
         rows = slice(first, last)
         dimension = self.position.shape[1]
         spacing = np.repeat(self.spacing[rows, None], dimension, axis=1)
         offset = jitter_offsets(self.body, identifier, self.movable[rows], dimension)
-        return Cloud(
+        return ParticleSet(
             identifier=identifier,
             position=self.position[rows] + offset * spacing,
             volume=self.volume[rows].copy(),

@@ -4,10 +4,10 @@ from typing import ClassVar
 
 from pydantic import Field, model_validator
 
-from parsolid.scene.section import Positive, Section, reject
+from parsolid.scene.base_model import Positive, SceneModel, reject
 
 
-class MethodSettings(Section):
+class MethodSettings(SceneModel):
     """What every method has, and what it says of itself to the other tables of a scene.
 
     dimensions; materials, boundaries: the kinds that the method knows; extra_fields, extra_quantities: what can be probed or

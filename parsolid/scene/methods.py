@@ -4,10 +4,10 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
+from parsolid.scene.base_model import ByKind, NotNegative, Positive, by_kind
 from parsolid.scene.method_settings import MethodSettings
 from parsolid.scene.mpm import MaterialPoint
 from parsolid.scene.peridynamics import Peridynamics
-from parsolid.scene.section import ByKind, NotNegative, Positive, by_kind
 
 
 class TotalLagrangianSPH(MethodSettings):
@@ -22,7 +22,8 @@ class TotalLagrangianSPH(MethodSettings):
     dissipation: NotNegative = Field(1.0, description="factor on the Riemann dissipation, 0 = none")
     reconstruction: bool = Field(True, description="linear reconstruction of the velocity jump")
     pair_correction: Literal["none", "closure"] = Field(
-        "none", description='"closure" for irregular particles: weights under which a constant stress has no force inside'
+        "none",
+        description='"closure" for irregular particles: weights under which a constant stress has no force inside',
     )
 
 

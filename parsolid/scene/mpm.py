@@ -4,16 +4,23 @@ from typing import ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, model_validator
 
+from parsolid.scene.base_model import NotNegative, Point, Positive, SceneModel, dimension_of, reject
 from parsolid.scene.method_settings import MethodSettings
-from parsolid.scene.section import NotNegative, Point, Positive, Section, dimension_of, reject
 
 Basis = Literal["linear", "ugimp", "cpgimp", "quadratic-spline", "cubic-spline"]
 
 # what only elastic-plastic particles carry
-_OF_PLASTICITY = ("temperature", "plastic_strain", "internal_energy", "maximum_temperature", "maximum_plastic_strain", "heat")
+_OF_PLASTICITY = (
+    "temperature",
+    "plastic_strain",
+    "internal_energy",
+    "maximum_temperature",
+    "maximum_plastic_strain",
+    "heat",
+)
 
 
-class ArtificialViscosity(Section):
+class ArtificialViscosity(SceneModel):
     """Bulk viscosity in compression, q = rho h |tr d| (quadratic h |tr d| + linear c); its work becomes internal energy."""
 
     linear: NotNegative = Field(0.2, description="factor of the sound speed")
@@ -110,4 +117,6 @@ class MaterialPoint(MethodSettings):
         for i, probe in enumerate(scene.probes):
             named += [(("probes", i, "fields", k), name) for k, name in enumerate(probe.fields or ())]
             named.append((("probes", i, "quantity"), probe.quantity))
-        return [(place, "something that a body of this scene has", name) for place, name in named if name in _OF_PLASTICITY]
+        return [
+            (place, "something that a body of this scene has", name) for place, name in named if name in _OF_PLASTICITY
+        ]

@@ -6,25 +6,35 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
+from parsolid.scene.base_model import NotNegative, Point, Positive, SceneModel, method_of, mismatch, reject
 from parsolid.scene.bodies import Name
-from parsolid.scene.faults import NOTHING, Phrase, suggestion
 from parsolid.scene.formulas import InitialScalar
-from parsolid.scene.section import NotNegative, Point, Positive, Section, method_of, mismatch, reject
 from parsolid.scene.shapes import AxisName, ExistingFile
+from parsolid.scene.validation_errors import NOTHING, Phrase, suggestion
 
 HISTORY_COLUMNS = ("kinetic", "stored", "dissipation_internal", "dissipation_numerical", "work_external", "balance")
 
 # what every method shows, and how many components it has; methods name further ones
 FIELDS = {
-    "displacement": "vector", "velocity": "vector", "position": "vector", "deformation_gradient": "tensor", "stress": "tensor",
-    "first_piola_kirchhoff_stress": "tensor", "pressure": "scalar", "von_mises_stress": "scalar", "jacobian": "scalar",
-}  # fmt: skip
+    "displacement": "vector",
+    "velocity": "vector",
+    "position": "vector",
+    "deformation_gradient": "tensor",
+    "stress": "tensor",
+    "first_piola_kirchhoff_stress": "tensor",
+    "pressure": "scalar",
+    "von_mises_stress": "scalar",
+    "jacobian": "scalar",
+}
 _PROBE_FIELDS = FIELDS | {"twist": "scalar"}
 _SHOWN_FIELDS = FIELDS | {"rank": "scalar"}
 _QUANTITIES = {
-    "linear_momentum": "vector", "angular_momentum": "vector", "centre_of_mass": "vector", "minimum_jacobian": "scalar",
+    "linear_momentum": "vector",
+    "angular_momentum": "vector",
+    "centre_of_mass": "vector",
+    "minimum_jacobian": "scalar",
     "maximum_speed": "scalar",
-}  # fmt: skip
+}
 
 
 def _known_name(common: dict[str, str], more: str):
@@ -60,7 +70,7 @@ def component_names(field: str, dimension: int, method=None) -> list[str]:
     return [f"{field}_{axis}" for axis in axes]
 
 
-class Probe(Section):
+class Probe(SceneModel):
     """Values written to the history: fields of the particle nearest to `at`, or one quantity of all particles.
 
     With a `weight` w(X, Y, Z) in place of `at` fields are projected on it, sum V w f / sum V w^2 over all particles: the
@@ -99,7 +109,7 @@ class Probe(Section):
         return [f"{self.name}.{column}" for field in fields for column in component_names(field, dimension, method)]
 
 
-class Output(Section):
+class Output(SceneModel):
     """Where and how often results are written; times and intervals in s of the simulated time unless said otherwise."""
 
     at_most_one: ClassVar = (
@@ -145,7 +155,7 @@ SOLUTIONS_KNOWN = {
 MANUFACTURED = ("axis-aligned", "generalised-vortex")
 
 
-class Reference(Section):
+class Reference(SceneModel):
     """What the results are compared with.
 
     Either a JSON file `series` with "t", "E0" and a table "series" of equally long lists, and `columns` from a column of the

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.bodies import FilledShape
-from parsolid.scene.cloud import Cloud
 from parsolid.scene.lattice import Line, counted, jitter_offsets, numbers_and_spacings
 
 
@@ -19,7 +19,9 @@ class PerforatedFilling:
         shape = body.shape.model
         self.lower, self.upper = np.array(shape.lower, float), np.array(shape.upper, float)
         numbers, spacings = numbers_and_spacings(body, dimension)
-        self.lines = [Line.of(self.lower[i], self.upper[i], numbers[i], spacings[i], nodes=False) for i in range(dimension)]
+        self.lines = [
+            Line.of(self.lower[i], self.upper[i], numbers[i], spacings[i], nodes=False) for i in range(dimension)
+        ]
         counted(self.lines)
         self.step = np.array([line.step for line in self.lines])
         self.coarsest, self.volume = float(self.step.max()), float(np.prod(self.step))
@@ -51,7 +53,7 @@ class PerforatedFilling:
         column, along = np.ravel_multi_index(clipped, self.cross_shape), index[-1]
         return inside & ((along < self.start[column]) | (along >= self.start[column] + self.missing[column]))
 
-    def piece(self, first: int, last: int) -> Cloud:
+    def piece(self, first: int, last: int) -> ParticleSet:
         identifier = np.arange(first, last)
         column = np.searchsorted(self.ends, identifier, side="right")
         along = identifier - self.ends[column] + self.lines[-1].count - self.missing[column]
@@ -64,7 +66,7 @@ class PerforatedFilling:
                 area[:, i] += side * self.volume / self.step[i] * ~self._holds(beyond)
         offset = jitter_offsets(self.body, identifier, np.ones(len(identifier), bool), self.dimension)
         coordinates = [line.coordinate(one, offset[:, k]) for k, (line, one) in enumerate(zip(self.lines, index))]
-        return Cloud(
+        return ParticleSet(
             identifier=identifier,
             position=np.stack(coordinates, axis=1),
             volume=np.full(len(identifier), self.volume),

@@ -4,14 +4,14 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, model_validator
 
+from parsolid.scene.base_model import Plane, Point, Positive, SceneModel, by_kind, dimension_of, reject
 from parsolid.scene.method_settings import MethodSettings
-from parsolid.scene.section import Plane, Point, Positive, Section, by_kind, dimension_of, reject
 from parsolid.scene.shapes import Box
 
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
-class Stabilisation(Section):
+class Stabilisation(SceneModel):
     """Control of the zero-energy modes of the correspondence force.
 
     shear-scaled  self-adjoint, in multiples of the equilibrium shear modulus, on the relaxing displacement
@@ -20,7 +20,9 @@ class Stabilisation(Section):
     """
 
     kind: Literal["shear-scaled", "paper", "none"] = "shear-scaled"
-    coefficient: Positive | None = Field(None, description="factor of the control: 0.2 (shear-scaled) or 1 (paper) unless given")
+    coefficient: Positive | None = Field(
+        None, description="factor of the control: 0.2 (shear-scaled) or 1 (paper) unless given"
+    )
     modulus: Positive | None = Field(None, description="Young's modulus in eq (39), at equilibrium unless given [Pa]")
 
     @property
@@ -39,7 +41,7 @@ class Stabilisation(Section):
         return self
 
 
-class Explicit(Section):
+class Explicit(SceneModel):
     """Symplectic Euler with a step of `safety` times 2/sqrt(largest eigenvalue), found by power iteration on the actual body.
 
     While bonds may break the step is also at most `damage_safety` times that of the undamaged body.
@@ -50,7 +52,7 @@ class Explicit(Section):
     damage_safety: float = Field(0.25, gt=0, le=1, description="the same where bonds may break")
 
 
-class QuasiStatic(Section):
+class QuasiStatic(SceneModel):
     """Equilibrium at the end of every material step, without inertia.
 
     step           the material step [s]; further steps end at load jumps, each followed by a step of length zero
@@ -62,11 +64,15 @@ class QuasiStatic(Section):
     step: Positive = Field(description="the material step [s]")
     solver: Literal["conjugate-gradients", "dynamic-relaxation"] = "conjugate-gradients"
     tolerance: float = Field(1e-8, gt=0, lt=1, description="residual over the largest load met so far")
-    extrapolation: Annotated[int, Field(ge=0, le=3)] = Field(2, description="order of extrapolation from earlier states, 0 to 3")
-    most_iterations: Annotated[int, Field(ge=1)] = Field(100_000, description="iterations after which a solution has failed")
+    extrapolation: Annotated[int, Field(ge=0, le=3)] = Field(
+        2, description="order of extrapolation from earlier states, 0 to 3"
+    )
+    most_iterations: Annotated[int, Field(ge=1)] = Field(
+        100_000, description="iterations after which a solution has failed"
+    )
 
 
-class Damage(Section):
+class Damage(SceneModel):
     """Bonds that break at a critical stretch, or at a critical bond energy, given as such or by the fracture energy.
 
     modulus     Young's modulus in the critical stretch: "instantaneous", "equilibrium" or a number [Pa]
@@ -78,7 +84,9 @@ class Damage(Section):
     criterion: Literal["stretch", "energy"] = "stretch"
     fracture_energy: Positive | None = Field(None, description="the energy release rate G_c [J/m^2]")
     critical_stretch: Positive | None = Field(None, description="the stretch at which a bond breaks")
-    critical_bond_energy: Positive | None = Field(None, description="energy per two volumes at which a bond breaks [J/m^6]")
+    critical_bond_energy: Positive | None = Field(
+        None, description="energy per two volumes at which a bond breaks [J/m^6]"
+    )
     modulus: Literal["instantaneous", "equilibrium"] | Positive = "instantaneous"
     least_shape_ratio: Share = 0.02
     largest_damage: Share = 0.8
@@ -91,7 +99,7 @@ class Damage(Section):
         return self
 
 
-class PreCrack(Section):
+class PreCrack(SceneModel):
     """A cut at time 0: the bonds through it are broken.
 
     plane, box  an axis-aligned plane, or what of it is within a box
@@ -141,7 +149,7 @@ class Peridynamics(MethodSettings):
                    "consistent-everywhere", also inside, where irregular particles need forces for that; "single-layer", on
                    the particles at the face; "horizon", spread evenly over the horizon beneath it
     damage         bonds that break; the particle field damage is the share of a family's volume that bonds were lost to, the
-                   quantities broken_bonds (those of pre-cracks not among them) and crack_tip (see `methods.fracture`) follow cracks
+                   quantities broken_bonds (those of pre-cracks not among them) and crack_tip (see `methods.peridynamics.fracture`) follow cracks
     initial_state  how the bodies' initial displacement came about: "instantaneous", just before the start, with nothing relaxed
                    yet, or "relaxed", held for ever
     """

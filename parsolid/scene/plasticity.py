@@ -3,22 +3,22 @@
 import sys
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 from pydantic import Field, ValidationInfo, model_validator
 
-from parsolid.scene.faults import NOTHING, Phrase, suggestion
-from parsolid.scene.section import NotNegative, Positive, Section, by_kind, reject
+from parsolid.scene.base_model import NotNegative, Positive, SceneModel, by_kind, reject
+from parsolid.scene.validation_errors import NOTHING, Phrase, suggestion
 
 if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib
 
-_LIBRARY = Path(__file__).parents[1] / "materials" / "library.toml"
+_LIBRARY = Path(__file__).parents[1] / "materials" / "plastic" / "library.toml"
 
 
-class MieGrueneisen(Section):
+class MieGrueneisen(SceneModel):
     """P = P_H (1 - gamma (1 - J)/2) + gamma E about the Hugoniot U_s = C0 + S u_p, with the full Grueneisen coefficient."""
 
     kind: Literal["mie-grueneisen"]
@@ -27,21 +27,21 @@ class MieGrueneisen(Section):
     gamma: NotNegative = Field(description="the full Grueneisen coefficient, 2.02 for copper")
 
 
-class LinearVolume(Section):
+class LinearVolume(SceneModel):
     """P = -K ln J."""
 
     kind: Literal["linear"]
     bulk_modulus: Positive = Field(description="K [Pa]")
 
 
-class ConstantShearModulus(Section):
+class ConstantShearModulus(SceneModel):
     """A shear modulus that does not change."""
 
     kind: Literal["constant"]
     modulus: Positive = Field(description="mu [Pa]")
 
 
-class SteinbergShearModulus(Section):
+class SteinbergShearModulus(SceneModel):
     """mu = mu0 [1 + A P J^(1/3) - B (T - 300)] (Steinberg, Cochran & Guinan 1980)."""
 
     kind: Literal["steinberg-cochran-guinan"]
@@ -50,7 +50,7 @@ class SteinbergShearModulus(Section):
     temperature_coefficient: NotNegative = Field(description="B [1/K]")
 
 
-class NadalLePoac(Section):
+class NadalLePoac(SceneModel):
     """Shear modulus of Nadal & Le Poac 2003, which falls to zero at melting."""
 
     kind: Literal["nadal-le-poac"]
@@ -61,7 +61,7 @@ class NadalLePoac(Section):
     atomic_mass: Positive = Field(description="in atomic mass units")
 
 
-class Varshni(Section):
+class Varshni(SceneModel):
     """mu = mu0 - D/(exp(T0/T) - 1) (Varshni 1970)."""
 
     kind: Literal["varshni"]
@@ -70,7 +70,7 @@ class Varshni(Section):
     temperature: Positive = Field(description="T0 [K]")
 
 
-class LinearSoftening(Section):
+class LinearSoftening(SceneModel):
     """mu = G0 (1 - alpha T/T_m) (Preston, Tonks & Wallace 2003)."""
 
     kind: Literal["linear-softening"]
@@ -78,7 +78,7 @@ class LinearSoftening(Section):
     softening: float = Field(ge=0, lt=1, description="alpha")
 
 
-class LinearHardening(Section):
+class LinearHardening(SceneModel):
     """sigma_y = yield_stress + hardening ep; perfect plasticity without hardening."""
 
     kind: Literal["linear-hardening"]
@@ -86,7 +86,7 @@ class LinearHardening(Section):
     hardening: NotNegative = Field(0.0, description="the slope over the equivalent plastic strain [Pa]")
 
 
-class JohnsonCook(Section):
+class JohnsonCook(SceneModel):
     """sigma_y = (A + B ep^n) (1 + C ln(rate/reference_rate)) (1 - T*^m), the logarithm not below 0, T* in [0, 1]."""
 
     kind: Literal["johnson-cook"]
@@ -99,7 +99,7 @@ class JohnsonCook(Section):
     reference_temperature: Positive = Field(description="where T* = 0 [K]")
 
 
-class ZerilliArmstrong(Section):
+class ZerilliArmstrong(SceneModel):
     """sigma_y = sigma_a + B0 sqrt(ep) exp(-a0 T + a1 T ln rate), for face-centred cubic metals."""
 
     kind: Literal["zerilli-armstrong"]
@@ -109,7 +109,7 @@ class ZerilliArmstrong(Section):
     rate_sensitivity: NotNegative = Field(description="a1 [1/K]")
 
 
-class ThermalActivation(Section):
+class ThermalActivation(SceneModel):
     """Rate term of Steinberg & Lund 1989."""
 
     frequency: Positive = Field(description="C1 [1/s]")
@@ -118,7 +118,7 @@ class ThermalActivation(Section):
     drag: NotNegative = Field(description="C2 [Pa s]")
 
 
-class SteinbergCochranGuinan(Section):
+class SteinbergCochranGuinan(SceneModel):
     """sigma_y = (Y_T + min(sigma_0 [1 + beta (ep + ep_i)]^n, Y_max)) mu/mu0; Y_T is that of `activation`, 0 without."""
 
     kind: Literal["steinberg-cochran-guinan-lund"]
@@ -133,11 +133,17 @@ class SteinbergCochranGuinan(Section):
     @model_validator(mode="after")
     def _ordered(self) -> "SteinbergCochranGuinan":
         if self.greatest_yield_stress < self.yield_stress:
-            reject((("greatest_yield_stress",), f"at least yield_stress = {self.yield_stress:g}", self.greatest_yield_stress))
+            reject(
+                (
+                    ("greatest_yield_stress",),
+                    f"at least yield_stress = {self.yield_stress:g}",
+                    self.greatest_yield_stress,
+                )
+            )
         return self
 
 
-class PrestonTonksWallace(Section):
+class PrestonTonksWallace(SceneModel):
     """sigma_y = 2 tau(ep, rate, T/T_m) mu of Preston, Tonks & Wallace 2003."""
 
     kind: Literal["preston-tonks-wallace"]
@@ -155,7 +161,7 @@ class PrestonTonksWallace(Section):
     atomic_mass: Positive = Field(description="in atomic mass units")
 
 
-class MechanicalThreshold(Section):
+class MechanicalThreshold(SceneModel):
     """sigma_y = sigma_a + S(rate, T) sigma_e(ep) mu/mu0 of Follansbee & Kocks 1988."""
 
     kind: Literal["mechanical-threshold"]
@@ -176,14 +182,14 @@ class MechanicalThreshold(Section):
     saturation_rate: Positive = Field(description="edot_s [1/s]")
 
 
-class ConstantMelting(Section):
+class ConstantMelting(SceneModel):
     """A melting temperature that does not change."""
 
     kind: Literal["constant"]
     temperature: Positive = Field(description="[K]")
 
 
-class SteinbergMelting(Section):
+class SteinbergMelting(SceneModel):
     """T_m = T_m0 exp(2 a (1 - J)) J^(-2 (gamma - a - 1/3)) (Steinberg, Cochran & Guinan 1980)."""
 
     kind: Literal["steinberg-cochran-guinan"]
@@ -200,7 +206,7 @@ FlowStress = by_kind(
 Melting = by_kind(ConstantMelting, SteinbergMelting)
 
 
-class ElasticPlastic(Section):
+class ElasticPlastic(SceneModel):
     """Elastic-plastic solid with an equation of state and heat (Banerjee).
 
     With `library`, what is not given is that of the material library; without, everything but conductivity and melting is
@@ -208,11 +214,13 @@ class ElasticPlastic(Section):
     """
 
     kind: Literal["elastic-plastic"]
-    library: str | None = Field(None, description="a name of parsolid/materials/library.toml")
+    library: str | None = Field(None, description="a name of parsolid/materials/plastic/library.toml")
     density: Positive | None = Field(None, description="the density [kg/m^3]")
     specific_heat: Positive | None = Field(None, description="C_v [J/(kg K)]")
     reference_temperature: Positive | None = Field(None, description="of no stress and energy [K], 300 unless given")
-    taylor_quinney: float | None = Field(None, ge=0, le=1, description="share of the plastic work that heats, 0.9 unless given")
+    taylor_quinney: float | None = Field(
+        None, ge=0, le=1, description="share of the plastic work that heats, 0.9 unless given"
+    )
     conductivity: Positive | None = Field(None, description="of heat [W/(m K)]")
     youngs_modulus: Positive | None = Field(None, description="Young's modulus [Pa]")
     poissons_ratio: float | None = Field(None, gt=-1, lt=0.5, description="Poisson's ratio")
@@ -220,7 +228,9 @@ class ElasticPlastic(Section):
     shear_modulus: ShearModulus | None = None
     flow_stress: FlowStress | None = None
     melting: Melting | None = None
-    integration: Literal["radial-return", "rate-form"] = Field("radial-return", description="the rate form is the paper's")
+    integration: Literal["radial-return", "rate-form"] = Field(
+        "radial-return", description="the rate form is the paper's"
+    )
 
     @model_validator(mode="after")
     def _complete(self, info: ValidationInfo) -> "ElasticPlastic":
@@ -276,6 +286,8 @@ def library() -> dict[str, ElasticPlastic]:
     with open(_LIBRARY, "rb") as file:
         tables = tomllib.load(file)
     return {
-        name: ElasticPlastic.model_validate({"kind": "elastic-plastic"} | {k: v for k, v in table.items() if k != "source"})
+        name: ElasticPlastic.model_validate(
+            {"kind": "elastic-plastic"} | {k: v for k, v in table.items() if k != "source"}
+        )
         for name, table in tables.items()
     }

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from parsolid.particles.particle_set import ParticleSet
+from parsolid.scene.base_model import Plane
 from parsolid.scene.boundaries import FictitiousLayer, RegionCondition
-from parsolid.scene.cloud import Cloud
 from parsolid.scene.schema import Scene
-from parsolid.scene.section import Plane
 
 NOBODY = np.iinfo(np.int64).max
 
@@ -32,51 +32,55 @@ def nearest_particles(
     return winner, np.sqrt(least)
 
 
-def selected(scene: Scene, boundary: Any, cloud: Cloud, comm: MPI.Comm) -> np.ndarray:
+def selected(scene: Scene, boundary: Any, particle_set: ParticleSet, comm: MPI.Comm) -> np.ndarray:
     """Which particles (n,) bool a boundary condition is about (collective for a single point).
 
     A plane means the particles on it; where particles sit in cells, those whose cell it touches; where these cells are
     jittered or a mesh's, only those with a face on the surface of the body.
     """
-    mask = np.ones(len(cloud), bool)
+    mask = np.ones(len(particle_set), bool)
     if boundary.body is not None:
-        mask = cloud.body == [body.name for body in scene.bodies].index(boundary.body)
+        mask = particle_set.body == [body.name for body in scene.bodies].index(boundary.body)
     if isinstance(boundary, FictitiousLayer):
-        return mask & _beside(boundary, cloud)
+        return mask & _beside(boundary, particle_set)
     if not isinstance(boundary, RegionCondition) or boundary.plane is not None:
-        return mask & _on_plane(scene, boundary.plane, cloud)
-    tolerance = 1e-6 * cloud.spacing.min(axis=1)
+        return mask & _on_plane(scene, boundary.plane, particle_set)
+    tolerance = 1e-6 * particle_set.spacing.min(axis=1)
     if boundary.box is not None:
         lower, upper = np.array(boundary.box.lower), np.array(boundary.box.upper)
-        inside = (cloud.position >= lower - tolerance[:, None]) & (cloud.position <= upper + tolerance[:, None])
+        inside = (particle_set.position >= lower - tolerance[:, None]) & (
+            particle_set.position <= upper + tolerance[:, None]
+        )
         return mask & inside.all(axis=1)
     if boundary.ball is not None:
-        distance = np.linalg.norm(cloud.position - np.array(boundary.ball.centre), axis=1)
+        distance = np.linalg.norm(particle_set.position - np.array(boundary.ball.centre), axis=1)
         return mask & (distance <= boundary.ball.radius + tolerance)
-    winner, _ = nearest_particles(comm, cloud.identifier[mask], cloud.position[mask], np.array([boundary.point]))
-    return mask & (cloud.identifier == winner[0])
+    winner, _ = nearest_particles(
+        comm, particle_set.identifier[mask], particle_set.position[mask], np.array([boundary.point])
+    )
+    return mask & (particle_set.identifier == winner[0])
 
 
-def _beside(layer: FictitiousLayer, cloud: Cloud) -> np.ndarray:
+def _beside(layer: FictitiousLayer, particle_set: ParticleSet) -> np.ndarray:
     """Particles on one side of a plane, those on it too."""
-    above = cloud.position[:, layer.plane.axis] - layer.plane.offset
-    return (above if layer.side == "above" else -above) >= -1e-6 * cloud.spacing.min(axis=1)
+    above = particle_set.position[:, layer.plane.axis] - layer.plane.offset
+    return (above if layer.side == "above" else -above) >= -1e-6 * particle_set.spacing.min(axis=1)
 
 
-def _on_plane(scene: Scene, plane: Plane, cloud: Cloud) -> np.ndarray:
+def _on_plane(scene: Scene, plane: Plane, particle_set: ParticleSet) -> np.ndarray:
     """Particles on a plane: nodes within a rounding error, cells within their own half width."""
-    result = np.zeros(len(cloud), bool)
-    distance = np.abs(cloud.position[:, plane.axis] - plane.offset)
-    extent = cloud.spacing[:, plane.axis]
-    if cloud.axes is not None:
+    result = np.zeros(len(particle_set), bool)
+    distance = np.abs(particle_set.position[:, plane.axis] - plane.offset)
+    extent = particle_set.spacing[:, plane.axis]
+    if particle_set.axes is not None:
         # the particle's own widths, seen along the normal
-        extent = (np.abs(cloud.axes[:, :, plane.axis]) * cloud.spacing).sum(axis=1)
+        extent = (np.abs(particle_set.axes[:, :, plane.axis]) * particle_set.spacing).sum(axis=1)
     for i, body in enumerate(scene.bodies):
         uneven = body.shape.kind == "mesh"
         reach = 1e-6 if body.placed_on == "nodes" else 1.0 if uneven else 0.5 + body.jitter + 1e-6
-        here = (cloud.body == i) & (distance <= reach * extent)
+        here = (particle_set.body == i) & (distance <= reach * extent)
         if body.placed_on == "cells" and (body.jitter or uneven):
             # their faces tell which of the cells bound the body here
-            here &= cloud.area[:, plane.axis] != 0.0
+            here &= particle_set.area[:, plane.axis] != 0.0
         result |= here
     return result

@@ -6,17 +6,17 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError, ValidationInfo, field_validator, model_validator
 
+from parsolid.scene.base_model import Plane, Positive, SceneModel, method_of, mismatch, reject
 from parsolid.scene.bodies import Body, FilledShape
 from parsolid.scene.boundaries import Boundary, FictitiousLayer, Loads, RegionCondition
-from parsolid.scene.faults import NOTHING, SceneError, fault, key_path, suggestion
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.lattice import Filling
 from parsolid.scene.methods import Method
 from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, SOLUTIONS_KNOWN, Output, Probe, Reference
-from parsolid.scene.section import Plane, Positive, Section, method_of, mismatch, reject
+from parsolid.scene.validation_errors import NOTHING, SceneError, fault, key_path, suggestion
 
 
-class Scene(Section):
+class Scene(SceneModel):
     """Everything that a run needs to know, in SI units; made by `load_scene` or `parse_scene`."""
 
     title: str = ""
@@ -44,7 +44,9 @@ class Scene(Section):
         exact = None if self.reference is None else self.reference.exact
         if self.loads.manufactured and exact not in MANUFACTURED:
             known = " or ".join(map(repr, MANUFACTURED))
-            details.append((("loads", "manufactured"), f"reference.exact = {known}", NOTHING if exact is None else exact))
+            details.append(
+                (("loads", "manufactured"), f"reference.exact = {known}", NOTHING if exact is None else exact)
+            )
         kinds, kind = SOLUTIONS_KNOWN[exact][1] if exact else (), self.bodies[0].material.kind
         if exact and kind not in kinds:
             details.append((("reference", "exact"), f"a solution for the material {kind!r}", exact))
@@ -168,7 +170,9 @@ def needs_bounding_plane(boundary: Any) -> bool:
     return boundary.on_particles and not isinstance(boundary, RegionCondition | FictitiousLayer)
 
 
-def unbounded_plane(place: int, boundary: Any, bodies: dict[int, FilledShape], fillings: dict[int, Filling]) -> list[str]:
+def unbounded_plane(
+    place: int, boundary: Any, bodies: dict[int, FilledShape], fillings: dict[int, Filling]
+) -> list[str]:
     """The fault of a support or traction whose plane bounds none of the bodies it is meant for."""
     meant = [i for i, body in bodies.items() if boundary.body in (None, body.name)]
     if any(plane_side(boundary.plane, fillings[i]) for i in meant):
@@ -185,7 +189,10 @@ def _distant_probes(parts: Parts, fillings: dict[int, Filling]) -> list[str]:
         if probe.at is None:
             continue
         at = np.array(probe.at)
-        beyond = [np.linalg.norm(np.maximum(0.0, np.maximum(f.lower - at, at - f.upper))) - f.coarsest for f in fillings.values()]
+        beyond = [
+            np.linalg.norm(np.maximum(0.0, np.maximum(f.lower - at, at - f.upper))) - f.coarsest
+            for f in fillings.values()
+        ]
         if min(beyond) > 0.0:
             faults.append(fault(("probes", i, "at"), "a point within one spacing of a body", probe.at))
     return faults

@@ -5,8 +5,8 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
-from parsolid.scene.faults import NOTHING
-from parsolid.scene.section import Point, Positive, Section, dimension_of, mismatch, reject
+from parsolid.scene.base_model import Point, Positive, SceneModel, dimension_of, mismatch, reject
+from parsolid.scene.validation_errors import NOTHING
 
 AxisName = Literal["X", "Y", "Z"]
 
@@ -22,7 +22,7 @@ def _existing_file(path: str, info: ValidationInfo) -> str:
 ExistingFile = Annotated[str, AfterValidator(_existing_file)]
 
 
-class Box(Section):
+class Box(SceneModel):
     """An axis-aligned box (rectangle in 2-D) from `lower` to `upper`."""
 
     lower: Point = Field(description="the lower corner [m]")
@@ -47,7 +47,7 @@ class PerforatedBox(Box):
     radius: Positive = Field(description="the radius of the hole [m]")
 
 
-class Cylinder(Section):
+class Cylinder(SceneModel):
     """A solid circular cylinder from the centre `base` of one end along `axis`; 3-D only.
 
     part: "half" or "quarter" keep what is above the base's coordinate along the first or both of the other axes.
@@ -60,7 +60,7 @@ class Cylinder(Section):
     part: Literal["whole", "half", "quarter"] = "whole"
 
 
-class CylindricalShell(Section):
+class CylindricalShell(SceneModel):
     """A cylindrical shell or a sector of one (a ring sector in 2-D) of mid-surface `radius`.
 
     3-D: `base` is the centre of the lower end, `axis` the direction of `length`. 2-D: `centre` alone.
@@ -104,21 +104,21 @@ class CylindricalShell(Section):
         return self
 
 
-class Sphere(Section):
+class Sphere(SceneModel):
     """A solid sphere (a disc in 2-D)."""
 
     centre: Point = Field(description="the centre [m]")
     radius: Positive = Field(description="the radius [m]")
 
 
-class MeshFile(Section):
+class MeshFile(SceneModel):
     """A mesh in any format that meshio reads, its coordinates multiplied by `scale`."""
 
     file: ExistingFile = Field(description="the mesh file, relative to the scene")
     scale: Positive = 1.0
 
 
-class Shape(Section):
+class Shape(SceneModel):
     """Exactly one shape; `kind` names it and `model` is its table."""
 
     exactly_one: ClassVar = (("box", "perforated_box", "cylinder", "cylindrical_shell", "sphere", "mesh"),)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.bodies import FilledShape
-from parsolid.scene.cloud import Cloud
 from parsolid.scene.lattice import Lattice, Line, jitter_offsets, numbers_and_spacings
 
 
@@ -42,7 +42,9 @@ class ShellFilling(Lattice):
         self.lower, self.upper = self._bounds(inner, outer, shape.angles, shape.length)
         self.coarsest = max(outer * lines[0].step, *(line.step for line in lines[1:]))
 
-    def _bounds(self, inner: float, outer: float, angles: list[float], length: float | None) -> tuple[np.ndarray, np.ndarray]:
+    def _bounds(
+        self, inner: float, outer: float, angles: list[float], length: float | None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Smallest and largest coordinates: those at the ends of the sector and where it crosses an axis."""
         crossings = 90.0 * np.arange(np.ceil(angles[0] / 90.0), np.floor(angles[1] / 90.0) + 1)
         cosine, sine = _circle(np.radians(np.concatenate([angles, crossings])))
@@ -69,7 +71,7 @@ class ShellFilling(Lattice):
             axes[:, 1, self.axis] = 1.0
         return axes
 
-    def piece(self, first: int, last: int) -> Cloud:
+    def piece(self, first: int, last: int) -> ParticleSet:
         identifier = np.arange(first, last)
         index = self.indices(first, last)
         offset = jitter_offsets(self.body, identifier, self.movable(index), len(self.lines))
@@ -86,7 +88,7 @@ class ShellFilling(Lattice):
         steps = [radius * self.lines[0].step] + [np.full(len(identifier), line.step) for line in self.lines[1:]]
         cosine, sine = _circle(coordinates[0])
         axes = self._axes(cosine, sine)
-        return Cloud(
+        return ParticleSet(
             identifier=identifier,
             position=self._place(coordinates[-1], cosine, sine, coordinates[1]),
             volume=arc * weight[-1] * axial_weight,

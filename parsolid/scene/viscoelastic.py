@@ -4,8 +4,8 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, ValidationInfo, model_validator
 
-from parsolid.scene.faults import NOTHING
-from parsolid.scene.section import NotNegative, Positive, Section, dimension_of, reject
+from parsolid.scene.base_model import NotNegative, Positive, SceneModel, dimension_of, reject
+from parsolid.scene.validation_errors import NOTHING
 
 
 class ElasticConstants(NamedTuple):
@@ -17,7 +17,7 @@ class ElasticConstants(NamedTuple):
     poissons_ratio: float
 
 
-class PronyTerm(Section):
+class PronyTerm(SceneModel):
     """One term of the relaxation function: its stiffness as `modulus` or as a `ratio` of the equilibrium modulus, and `tau`."""
 
     exactly_one: ClassVar = (("modulus", "ratio"),)
@@ -26,7 +26,7 @@ class PronyTerm(Section):
     tau: Positive = Field(description="the relaxation time [s]")
 
 
-class PronySolid(Section):
+class PronySolid(SceneModel):
     """Linear viscoelastic solid whose modulus relaxes as E_0 + sum E_j exp(-t/tau_j) (Galadima et al., section 5).
 
     The equilibrium constants are youngs_modulus or shear_modulus, with poissons_ratio or bulk_modulus (a bar needs neither);
@@ -93,7 +93,9 @@ class PronySolid(Section):
         # elsewhere it would silently do nothing
         converts = self.bulk == "elastic" and self.youngs_modulus is not None
         if self.conversion is not None and not converts:
-            details.append((("conversion",), "no such key but with youngs_modulus and bulk = 'elastic'", self.conversion))
+            details.append(
+                (("conversion",), "no such key but with youngs_modulus and bulk = 'elastic'", self.conversion)
+            )
         if pair and self.youngs_modulus is not None:
             K, E = self.equilibrium.bulk_modulus, self.youngs_modulus
             if converts and self.conversion != "paper":
@@ -113,7 +115,7 @@ class LinearElastic(PronySolid):
     terms: Annotated[list[PronyTerm], Field(max_length=0)] = []
 
 
-class BondBased(Section):
+class BondBased(SceneModel):
     """Elastic bond-based solid (Silling); Poisson's ratio is 1/3 in plane stress and 1/4 in plane strain and in space."""
 
     kind: Literal["bond-based"]

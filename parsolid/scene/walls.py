@@ -4,12 +4,12 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
+from parsolid.scene.base_model import Plane, Point, SceneModel
 from parsolid.scene.bodies import Name
 from parsolid.scene.formulas import Scalar
-from parsolid.scene.section import Plane, Point, Section
 
 
-class GridCondition(Section):
+class GridCondition(SceneModel):
     """A condition on nodes of a grid, wherever particles are."""
 
     on_particles: ClassVar[bool] = False
@@ -25,7 +25,9 @@ class Wall(GridCondition):
     body: ClassVar[None] = None
     kind: Literal["wall"]
     plane: Plane = Field(description="a plane such as 'Y = 0': where the wall is at time 0")
-    side: Literal["above", "below"] = Field(description="'above' or 'below': where along the plane's axis the bodies are")
+    side: Literal["above", "below"] = Field(
+        description="'above' or 'below': where along the plane's axis the bodies are"
+    )
     velocity: Point | None = Field(None, description="the velocity of the wall [m/s], at rest unless given")
     contact: Literal["frictionless", "sticking"] = "frictionless"
     separation: bool = True

@@ -9,4 +9,11 @@ from parsolid.solvers.dynamic_relaxation import dynamic_relaxation, relaxation_m
 from parsolid.solvers.power_iteration import largest_eigenvalue, start_vector
 from parsolid.solvers.solution import Solution
 
-__all__ = ["Solution", "conjugate_gradients", "dynamic_relaxation", "largest_eigenvalue", "relaxation_mass", "start_vector"]
+__all__ = [
+    "Solution",
+    "conjugate_gradients",
+    "dynamic_relaxation",
+    "largest_eigenvalue",
+    "relaxation_mass",
+    "start_vector",
+]

@@ -1,13 +1,13 @@
 """Conjugate gradients: the default of quasi-static steps, because the correspondence operator is symmetric."""
 
 import numpy as np
-from numba import njit
 
+from decomposition.compiled import compiled
 from decomposition.reduction import sums
 from parsolid.solvers.solution import Solution
 
 
-@njit(cache=True)
+@compiled
 def _advance(factor, direction, product, solution, residual):
     """u += a p, r -= a K p; gives r . r of this rank."""
     square = 0.0
@@ -18,14 +18,14 @@ def _advance(factor, direction, product, solution, residual):
     return square
 
 
-@njit(cache=True)
+@compiled
 def _turn(factor, residual, direction):
     """p = r + b p."""
     for i in range(residual.size):
         direction[i] = residual[i] + factor * direction[i]
 
 
-@njit(cache=True)
+@compiled
 def _masked_product(product, direction, free):
     """Zero K p where a component is prescribed; gives p . K p of this rank."""
     total = 0.0
@@ -61,7 +61,9 @@ def conjugate_gradients(
         stiffness = float(sums(comm, [_masked_product(flat, direction, mask)])[0])
         iterations += 1
         if not stiffness > 0.0:
-            reason = "a direction without positive stiffness" if np.isfinite(stiffness) else "a product that is not finite"
+            reason = (
+                "a direction without positive stiffness" if np.isfinite(stiffness) else "a product that is not finite"
+            )
             break
         before = square
         square = float(sums(comm, [_advance(square / stiffness, direction, flat, solution, residual)])[0])

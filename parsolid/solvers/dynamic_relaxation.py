@@ -5,8 +5,8 @@ Theoretical and Applied Fracture Mechanics 53 (2010) 194; the fictitious time st
 """
 
 import numpy as np
-from numba import njit
 
+from decomposition.compiled import compiled
 from decomposition.reduction import sums
 from parsolid.solvers.solution import Solution
 
@@ -26,7 +26,7 @@ def relaxation_mass(largest_eigenvalue: float, mass: np.ndarray) -> np.ndarray:
     return 0.25 * _MARGIN * largest_eigenvalue * mass
 
 
-@njit(cache=True)
+@compiled
 def _measure(force, before, velocity, displacement, mass):
     """This rank's (F . F, sum k u^2, sum u^2) with k = -(F/L - F_before/L)/v, nothing where v = 0."""
     square, stiffness, weight = 0.0, 0.0, 0.0
@@ -40,7 +40,7 @@ def _measure(force, before, velocity, displacement, mass):
     return square, stiffness, weight
 
 
-@njit(cache=True)
+@compiled
 def _move(first, damping, force, before, velocity, displacement, mass):
     """Advance v and u by one fictitious step and remember F."""
     for a in range(force.shape[0]):
@@ -55,7 +55,13 @@ def _move(first, damping, force, before, velocity, displacement, mass):
 
 
 def dynamic_relaxation(
-    comm, force, start: np.ndarray, mass: np.ndarray, target: float, free: np.ndarray | None = None, limit: int = 100_000
+    comm,
+    force,
+    start: np.ndarray,
+    mass: np.ndarray,
+    target: float,
+    free: np.ndarray | None = None,
+    limit: int = 100_000,
 ) -> Solution:
     """The displacement at which the force vanishes on free components; collective.
 

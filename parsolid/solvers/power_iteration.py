@@ -23,9 +23,14 @@ def start_vector(identifier: np.ndarray, dimension: int) -> np.ndarray:
 
 
 def largest_eigenvalue(
-    comm, apply, start: np.ndarray, mass: np.ndarray | None = None, free: np.ndarray | None = None,
-    iterations: int = 200, tolerance: float = 2e-3,
-) -> float:  # fmt: skip
+    comm,
+    apply,
+    start: np.ndarray,
+    mass: np.ndarray | None = None,
+    free: np.ndarray | None = None,
+    iterations: int = 200,
+    tolerance: float = 2e-3,
+) -> float:
     """The largest |eigenvalue| of K x = lambda M x on free components, from below; collective.
 
     start (n, d): any vector with a part of the wanted one, see `start_vector`; mass (n,) [kg] or None for 1. Stops when ten

@@ -36,8 +36,8 @@ class Particles:
         self.position, self.name, self.owned = position, name, len(name)
 
 
-def cloud(comm, dimension, count=400, seed=3):
-    """The same cloud on any number of ranks, dealt out in turn."""
+def particle_set(comm, dimension, count=400, seed=3):
+    """The same particle_set on any number of ranks, dealt out in turn."""
     random = np.random.default_rng(seed)
     position = random.random((count, dimension)) * np.array([17.0, 9.0, 5.0])[:dimension] - 3.0
     mine = np.arange(comm.rank, count, comm.size)
@@ -127,7 +127,9 @@ def test_parts_are_equal_and_every_cell_has_one_owner(dimension, parts):
     assert load.max() - load.min() <= 4 * weights.max()
     again = CellPartition.from_state(partition.state(), dimension)
     far = np.array([[-(10**6)] * dimension, [10**6] * dimension])
-    np.testing.assert_array_equal(again.owners(np.concatenate((index, far))), partition.owners(np.concatenate((index, far))))
+    np.testing.assert_array_equal(
+        again.owners(np.concatenate((index, far))), partition.owners(np.concatenate((index, far)))
+    )
     boxes = partition.boxes()
     assert ((boxes[owner, 0] <= index) & (index <= boxes[owner, 1])).all()
     # every rank that owns a cell of a node's neighbourhood is named, and is a neighbour of the owner
@@ -147,7 +149,7 @@ def test_parts_are_equal_and_every_cell_has_one_owner(dimension, parts):
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("bitwise", [False, True])
 def test_sums_over_ranks_while_particles_move(comm, dimension, bitwise):
-    particles = cloud(comm, dimension)
+    particles = particle_set(comm, dimension)
     grid = RankGrid(comm, dimension, WIDTH, bitwise=bitwise)
     assert grid.deal_out(particles)
     check_sums(comm, grid, particles)
@@ -168,7 +170,7 @@ def test_sums_over_ranks_while_particles_move(comm, dimension, bitwise):
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_bitwise_sums_do_not_depend_on_the_ranks(comm, dimension):
     alone = comm.Split(comm.rank)
-    many, one = cloud(comm, dimension), cloud(alone, dimension)
+    many, one = particle_set(comm, dimension), particle_set(alone, dimension)
     grids = [RankGrid(c, dimension, WIDTH, bitwise=True) for c in (comm, alone)]
     for grid, particles in zip(grids, (many, one)):
         grid.deal_out(particles)
@@ -183,7 +185,7 @@ def test_bitwise_sums_do_not_depend_on_the_ranks(comm, dimension):
 
 def test_nodes_behind_mirrors_come_with_their_images(comm):
     mirrors = (Mirror(0, 2 * -3, 1), Mirror(1, 2 * 6 + 1, -1))
-    particles = cloud(comm, 2)
+    particles = particle_set(comm, 2)
     grid = RankGrid(comm, 2, WIDTH, mirrors)
     assert grid.deal_out(particles)
     for mirror in mirrors:
@@ -213,7 +215,7 @@ def test_the_order_within_cells_is_that_of_storage_or_of_names():
 
 
 def test_a_particle_that_is_lost_is_told(comm):
-    particles = cloud(comm, 2, 40)
+    particles = particle_set(comm, 2, 40)
     grid = RankGrid(comm, 2, WIDTH)
     grid.deal_out(particles)
     if particles.owned and comm.rank == 0:

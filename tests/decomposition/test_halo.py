@@ -4,10 +4,9 @@ import gc
 
 import numpy as np
 import pytest
+from point_sets import KINDS, close, lattice, point_set, share
 
 from decomposition import Halo, bisect, half_pairs, migrate
-
-from point_sets import KINDS, close, lattice, point_set, share
 
 REACH = 0.25
 

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
+from point_sets import KINDS, close, lattice, point_set
 
 from decomposition import half_pairs, order_along_cells
 from decomposition.cells import stable_order, within_reach
-
-from point_sets import KINDS, close, lattice, point_set
 
 # on the lattice, whose spacing is 1 / 8, both reaches equal distances between points: the test must be strict
 REACHES = [0.125, 0.25, 0.3]

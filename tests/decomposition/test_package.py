@@ -5,11 +5,10 @@ import sys
 
 import numpy as np
 import pytest
+from point_sets import point_set, share
 
 import decomposition
 from decomposition import Halo, bisect, half_pairs, migrate, order_along_cells
-
-from point_sets import point_set, share
 
 
 def test_public_names_exist():

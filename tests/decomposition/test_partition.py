@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
+from point_sets import KINDS, lattice, point_set, share
 
 from decomposition import bisect
 from decomposition.partition import _halves
-
-from point_sets import KINDS, lattice, point_set, share
 
 
 class _Rank0:

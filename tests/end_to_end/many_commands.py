@@ -8,7 +8,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from parsolid.cli import main
+from parsolid.commands.cli import main
 
 
 def captured(command: list[str], stem: Path) -> dict:

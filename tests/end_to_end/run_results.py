@@ -84,7 +84,9 @@ def assert_same_bits(found: Path, expected: Path) -> None:
 
 def assert_same_series(found: Path, expected: Path) -> None:
     """The field series hold the same steps, to the last bit."""
-    (layout, times), (wanted_layout, wanted_times) = (vtkhdf.published(folder / "fields.vtkhdf") for folder in (found, expected))
+    (layout, times), (wanted_layout, wanted_times) = (
+        vtkhdf.published(folder / "fields.vtkhdf") for folder in (found, expected)
+    )
     assert np.array_equal(times, wanted_times) and len(times) > 1
     assert layout.varying == wanted_layout.varying
     rows = len(times) * layout.particles

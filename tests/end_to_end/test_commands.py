@@ -13,10 +13,24 @@ from parsolid.scene import load_scene
 
 RANKS = 2
 SUMMARY = (
-    "scene", "method", "dimension", "particles", "pairs", "ranks", "steps", "end_time", "wall_seconds", "setup_seconds",
-    "particle_steps_per_second_per_rank", "nanoseconds_per_pair", "communication_share", "energy_balance",
-    "peak_memory_bytes_per_rank", "status", "errors",
-)  # fmt: skip
+    "scene",
+    "method",
+    "dimension",
+    "particles",
+    "pairs",
+    "ranks",
+    "steps",
+    "end_time",
+    "wall_seconds",
+    "setup_seconds",
+    "particle_steps_per_second_per_rank",
+    "nanoseconds_per_pair",
+    "communication_share",
+    "energy_balance",
+    "peak_memory_bytes_per_rank",
+    "status",
+    "errors",
+)
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +48,17 @@ def jobs(tmp_path_factory):
         "quiet": [column, "-q", "-o", folder / "quiet", "--end-time", "0.02"],
         "told": [elastic, "-o", folder / "told", *end],
         "verbose": ["run", elastic, "-v", "-o", folder / "verbose", *end],
-        "set": [elastic, "-q", "-o", folder / "set", "--set", "method.cfl=0.5", "--set", "bodies.0.particles=[7, 8]", *end],
+        "set": [
+            elastic,
+            "-q",
+            "-o",
+            folder / "set",
+            "--set",
+            "method.cfl=0.5",
+            "--set",
+            "bodies.0.particles=[7, 8]",
+            *end,
+        ],
         "empty branches": [elastic, "-q", "-o", folder / "empty", "--set", "bodies.0.material.branches=[]", *end],
         "viscous": [viscous, "-q", "-o", folder / "viscous", *end],
     }
@@ -133,6 +157,10 @@ def test_without_arguments_the_column_twists_from_any_folder(tmp_path):
     assert result.out.startswith("Twisting column: 3969 particles, to t = 0.001 s")
     folder = tmp_path / "results" / "twisting_column"
     found = summary(folder)
-    assert found["status"] == "finished" and found["particles"] == 9 * 49 * 9 and set(found["errors"]) >= {"kinetic", "stored"}
+    assert (
+        found["status"] == "finished"
+        and found["particles"] == 9 * 49 * 9
+        and set(found["errors"]) >= {"kinetic", "stored"}
+    )
     with h5py.File(folder / "checkpoint.h5") as file:
         assert file["particles/identifier"].shape == (3969,)

@@ -62,7 +62,10 @@ BLOCK = {
             "particles": [10, 8, 6],
             "placement": "cells",
             "material": {
-                "kind": "prony", "density": 1000.0, "youngs_modulus": 2e6, "poissons_ratio": 0.3,
+                "kind": "prony",
+                "density": 1000.0,
+                "youngs_modulus": 2e6,
+                "poissons_ratio": 0.3,
                 "terms": [{"ratio": 1.0, "tau": 1e-3}, {"ratio": 0.5, "tau": 1e-2}],
             },
         }
@@ -70,13 +73,14 @@ BLOCK = {
     "boundaries": [
         {"kind": "roller", "plane": "X = 0"},
         {
-            "kind": "velocity", "box": {"lower": [0.85, -1.0, -1.0], "upper": [1.1, 2.0, 2.0]},
+            "kind": "velocity",
+            "box": {"lower": [0.85, -1.0, -1.0], "upper": [1.1, 2.0, 2.0]},
             "velocity": ["2*tanh(t/2e-3)", "free", "free"],
         },
     ],
     "probes": [{"name": "bonds", "quantity": "broken_bonds"}],
     "output": {"history_steps": 1, "fields_interval": 0.015, "pictures": False},
-}  # fmt: skip
+}
 
 SCENES = {"notched": NOTCHED, "block": BLOCK}
 # of the largest energy: what leapfrog leaves open when forces jump, of second order in the step
@@ -92,7 +96,9 @@ def runs(tmp_path_factory):
         whole = [[path, "-q", "-o", folder / str(ranks) / name] for name, path in paths.items()]
         all_done(many(whole, ranks, folder / f"job-{ranks}"))
     halves = {name: history(folder / "2" / name)["step"][-1] * 3 // 4 for name in paths}
-    begun = [[path, "-q", "-o", folder / "again" / name, "--max-steps", int(halves[name])] for name, path in paths.items()]
+    begun = [
+        [path, "-q", "-o", folder / "again" / name, "--max-steps", int(halves[name])] for name, path in paths.items()
+    ]
     all_done(many(begun, 2, folder / "job-begun"))
     shutil.copytree(folder / "again", folder / "elsewhere")
     for place, ranks in (("again", 2), ("elsewhere", 3)):

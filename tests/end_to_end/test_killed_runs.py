@@ -17,7 +17,12 @@ MANY = 30
 def whole(tmp_path_factory):
     """(scene, folder of an uninterrupted run, seconds that it took from its first step to its end)."""
     folder = tmp_path_factory.mktemp("killed")
-    small = {"bodies.0.particles": [4, 7, 4], "end_time": 0.05, "output.checkpoint_steps": 2, "output.fields_interval": 0.005}
+    small = {
+        "bodies.0.particles": [4, 7, 4],
+        "end_time": 0.05,
+        "output.checkpoint_steps": 2,
+        "output.fields_interval": 0.005,
+    }
     scene = write(changed(COLUMN, small), folder / "scene.toml")
     output = folder / "whole"
     job = start([scene, "-q", "-o", output], RANKS)

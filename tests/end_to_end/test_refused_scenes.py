@@ -20,13 +20,19 @@ BROKEN = {
         {f"{MATERIAL}.poissons_ratio": 0.5},
         (f"{MATERIAL}.poissons_ratio", "expected a number < 0.5", "found 0.5"),
     ),
-    "no such material": ({f"{MATERIAL}.kind": "mooney"}, (f"{MATERIAL}.kind", "did you mean 'mooney-rivlin'", "found 'mooney'")),
+    "no such material": (
+        {f"{MATERIAL}.kind": "mooney"},
+        (f"{MATERIAL}.kind", "did you mean 'mooney-rivlin'", "found 'mooney'"),
+    ),
     "negative relaxation time": (
         {f"{MATERIAL}.branches": [{"beta": 1.0, "tau": -1.0}]},
         (f"{MATERIAL}.branches.0.tau", "expected a number > 0", "found -1.0"),
     ),
     "no body": ({"bodies": []}, ("bodies", "expected a list of at least 1", "found")),
-    "empty body": ({"bodies.0.particles": [1, 1]}, ("bodies.0", "expected a body of at least two particles", "found 1")),
+    "empty body": (
+        {"bodies.0.particles": [1, 1]},
+        ("bodies.0", "expected a body of at least two particles", "found 1"),
+    ),
     "body turned over": (
         {"bodies.0.shape.box.upper": [1.0, -1.0]},
         ("bodies.0.shape.box.upper.1", "expected more than lower = 0", "found -1.0"),
@@ -39,7 +45,10 @@ BROKEN = {
         {"bodies.0.shape": {"mesh": {"file": "nowhere.msh"}}, "bodies.0.particles": None},
         ("bodies.0.shape.mesh.file", "expected an existing file", "nowhere.msh"),
     ),
-    "unreadable formula": ({"bodies.0.velocity": ["0", "Y*("]}, ("bodies.0.velocity.1", "expected a formula in X, Y", "found")),
+    "unreadable formula": (
+        {"bodies.0.velocity": ["0", "Y*("]},
+        ("bodies.0.velocity.1", "expected a formula in X, Y", "found"),
+    ),
     "unknown name in a formula": ({"bodies.0.velocity": ["0", "Z"]}, ("bodies.0.velocity.1", "unknown name 'Z'")),
     "formula that is no number": (
         {"bodies.0.velocity": ["0", "log(X - 0.5)"]},
@@ -54,10 +63,19 @@ BROKEN = {
         ("boundaries.0.plane", "expected a plane that bounds a body", "found 'X = 0.3'"),
     ),
     "region without particles": (
-        {"boundaries.0": {"kind": "velocity", "box": {"lower": [5.0, 5.0], "upper": [6.0, 6.0]}, "velocity": ["0", "0"]}},
+        {
+            "boundaries.0": {
+                "kind": "velocity",
+                "box": {"lower": [5.0, 5.0], "upper": [6.0, 6.0]},
+                "velocity": ["0", "0"],
+            }
+        },
         ("boundaries.0", "expected a region that holds particles", "found 0"),
     ),
-    "probe outside": ({"probes.0.at": [9.0, 9.0]}, ("probes.0.at", "expected a point within one spacing", "found [9.0, 9.0]")),
+    "probe outside": (
+        {"probes.0.at": [9.0, 9.0]},
+        ("probes.0.at", "expected a point within one spacing", "found [9.0, 9.0]"),
+    ),
     "twice the same probe": ({"probes": [PROBE, PROBE]}, ("probes.1.name", "expected a name other than", "found 'p'")),
     "unknown field": (
         {"output.fields": ["velocity", "presure"]},
@@ -80,7 +98,10 @@ BROKEN = {
 # bad command lines: words after the scene, and words of the message
 COMMANDS = {
     "unknown option": (["--restrat"], ("unrecognized arguments: --restrat",)),
-    "override of nothing": (["--set", "bodies.7.particles=[2,2]"], ("--set bodies.7.particles", "expected an index from 0 to 0")),
+    "override of nothing": (
+        ["--set", "bodies.7.particles=[2,2]"],
+        ("--set bodies.7.particles", "expected an index from 0 to 0"),
+    ),
     "override that is none": (["--set", "end_time"], ("--set end_time", "expected key.path=value")),
     "negative end time": (["--end-time", "-1"], ("--end-time", "expected a positive number", "found -1")),
     "no steps": (["--max-steps", "0"], ("--max-steps", "expected a whole number of at least 1", "found 0")),
@@ -113,7 +134,9 @@ def test_bad_input_is_refused_in_one_message(results, name):
     assert message.startswith("parsolid: ") and message.count("parsolid: ") == 1
     assert len(message.partition("usage:")[0].splitlines()) == 1, message
     assert not any(rank.out for rank in ranks) and not any(rank.err for rank in ranks[1:])
-    assert [path.name for path in output.iterdir()] == ["history.csv"] and (output / "history.csv").read_text() == "kept"
+    assert [path.name for path in output.iterdir()] == ["history.csv"] and (
+        output / "history.csv"
+    ).read_text() == "kept"
 
 
 def test_a_broken_scene_ends_the_job_with_status_2(tmp_path):
@@ -130,7 +153,7 @@ def test_a_broken_scene_ends_the_job_with_status_2(tmp_path):
 def test_a_checkpoint_of_another_scene_is_refused(tmp_path):
     scene = write(PUNCH, tmp_path / "scene.toml")
     run = [scene, "-q", "-o", tmp_path / "results"]
-    branches = f'{MATERIAL}.branches=[{{ beta = 1.0, tau = 1.0 }}]'
+    branches = f"{MATERIAL}.branches=[{{ beta = 1.0, tau = 1.0 }}]"
     changes = ["bodies.0.particles=[7, 7]", branches]
     commands = [[*run, "--max-steps", "2"], *([*run, "--restart", "--set", change] for change in changes)]
     done, refused, changed_state = many(commands, RANKS, tmp_path / "job")

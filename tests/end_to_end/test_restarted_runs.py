@@ -31,7 +31,14 @@ def runs(tmp_path_factory):
         shutil.copytree(folder / "pieces", folder / f"on-{ranks}")
         all_done(many(restarts(paths, folder / f"on-{ranks}"), ranks, folder / f"job-on-{ranks}"))
     elsewhere = [
-        [path, "-q", "-o", folder / "elsewhere" / name, "--restart", folder / "pieces" / name / "checkpoint.previous.h5"]
+        [
+            path,
+            "-q",
+            "-o",
+            folder / "elsewhere" / name,
+            "--restart",
+            folder / "pieces" / name / "checkpoint.previous.h5",
+        ]
         for name, path in paths.items()
     ]
     all_done(many(elsewhere + restarts(paths, folder / "pieces"), RANKS, folder / "job-last"))

@@ -30,7 +30,9 @@ def test_axis_aligned_values():
         found, force = solution.fields(X, row["t"]), solution.body_force(X, row["t"])
         np.testing.assert_allclose(found["displacement"][0], [row["ux"], row["uy"]], rtol=1e-12, atol=1e-15)
         np.testing.assert_allclose(found["velocity"][0], [row["vx"], row["vy"]], rtol=1e-12, atol=1e-12)
-        np.testing.assert_allclose(np.diag(found["stress"][0]), [row["sx"], row["sy"], row["sz"]], rtol=1e-10, atol=1e-6)
+        np.testing.assert_allclose(
+            np.diag(found["stress"][0]), [row["sx"], row["sy"], row["sz"]], rtol=1e-10, atol=1e-6
+        )
         np.testing.assert_allclose(force[0], [row["bx"], row["by"]], rtol=1e-10, atol=1e-8)
 
 
@@ -62,7 +64,9 @@ def test_body_force_balances_momentum(kind, logarithmic):
     def deformation(X):
         F = np.tile(np.eye(2), (len(X), 1, 1))
         for i, e in enumerate(np.eye(2) * step):
-            F[:, :, i] += (solution.fields(X + e, t)["displacement"] - solution.fields(X - e, t)["displacement"]) / (2 * step)
+            F[:, :, i] += (solution.fields(X + e, t)["displacement"] - solution.fields(X - e, t)["displacement"]) / (
+                2 * step
+            )
         return F
 
     def piola(X):
@@ -71,7 +75,9 @@ def test_body_force_balances_momentum(kind, logarithmic):
         volumetric, _ = solid.volumetric(np.linalg.det(F))
         return solid.mu * (F - inverse) + volumetric[:, None, None] * inverse
 
-    divergence = sum((piola(X + e)[:, :, i] - piola(X - e)[:, :, i]) / (2 * step) for i, e in enumerate(np.eye(2) * step))
+    divergence = sum(
+        (piola(X + e)[:, :, i] - piola(X - e)[:, :, i]) / (2 * step) for i, e in enumerate(np.eye(2) * step)
+    )
     velocity = [solution.fields(X, t + sign * step)["velocity"] for sign in (1, -1)]
     acceleration = (velocity[0] - velocity[1]) / (2 * step)
     wanted = acceleration - divergence / solid.density

@@ -37,7 +37,10 @@ def test_plate_that_is_loaded_and_freed():
         u = complete.fields(corner, time)["displacement"][0]
         assert 1e3 * u[0] == pytest.approx(wanted, abs=6e-5)
         assert u[1] == pytest.approx(-0.3 * u[0] / 2)
-    assert complete.fields(corner, 49.0)["stress"][0, 0, 0] == 1e6 and complete.stress(50.0) == complete.stress(99.0) == 0.0
+    assert (
+        complete.fields(corner, 49.0)["stress"][0, 0, 0] == 1e6
+        and complete.stress(50.0) == complete.stress(99.0) == 0.0
+    )
 
 
 def test_deviatoric_plate_with_the_exact_conversion():
@@ -45,7 +48,9 @@ def test_deviatoric_plate_with_the_exact_conversion():
     shear = [3 * BULK * E / (9 * BULK - E) for E in (6.89e6, 68.9e6)]
     time = 1.0 * (9 * BULK - 68.9e6) / (9 * BULK - 6.89e6)
     assert shear[1] - shear[0] == pytest.approx(20.9255e6, rel=1e-5) and time == pytest.approx(0.989989, rel=1e-6)
-    plate = UniaxialCreep.deviatoric(PronySeries(shear[0], [shear[1] - shear[0]], [time]), BULK, LOADED_AND_FREED, (0.0, 0.5))
+    plate = UniaxialCreep.deviatoric(
+        PronySeries(shear[0], [shear[1] - shear[0]], [time]), BULK, LOADED_AND_FREED, (0.0, 0.5)
+    )
     complete = UniaxialCreep.complete(YOUNG, 0.3, LOADED_AND_FREED, (0.0, 0.5))
     for instant in (0.0, 3.0, 49.9, 50.0, 77.0):
         assert plate.strains(instant)[0] == pytest.approx(complete.strains(instant)[0], rel=1e-6)
@@ -138,7 +143,14 @@ def test_history_of_a_creeping_plate_is_judged_on_both_sides_of_its_jumps():
     plate = UniaxialCreep.complete(YOUNG, 0.3, LOADED_AND_FREED, (0.0, 0.5))
     plate.probes = ["corner"]
     place, found = np.array([0.95, 0.9]), []
-    rows = [(0.0, 0.0, -1.0), (0.0, 0.0, 0.0), (20.0, 0.1, 20.0), (50.0, 0.1, 49.9999999999), (50.0, 0.0, 50.0), (80.0, 0.1, 80.0)]
+    rows = [
+        (0.0, 0.0, -1.0),
+        (0.0, 0.0, 0.0),
+        (20.0, 0.1, 20.0),
+        (50.0, 0.1, 49.9999999999),
+        (50.0, 0.0, 50.0),
+        (80.0, 0.1, 80.0),
+    ]
     for _, _, instant in rows:
         found.append(plate.fields(place[None, :], instant)["displacement"][0])
     found = np.array(found)

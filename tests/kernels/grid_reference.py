@@ -5,9 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy import interpolate
 
-from parsolid.kernels import grid, grid_weights
-from parsolid.kernels.layout import LAYOUT
-from parsolid.kernels.simd import aligned_zeros
+from parsolid.methods.mpm import grid
+from parsolid.methods.mpm import weights as grid_weights
+from parsolid.numerics.lanes import aligned_zeros
+from parsolid.numerics.layout import LAYOUT
 
 SPACING = 0.3
 ORIGIN = np.array([-0.7, 0.2, 1.1, 0.0])
@@ -46,7 +47,7 @@ def slope(name, s, half):
     return np.nan_to_num(spline(2 if name == "quadratic-spline" else 3).derivative()(s))
 
 
-class Cloud(NamedTuple):
+class ParticleSet(NamedTuple):
     """Random particles listed by base cell, with everything that the kernels take."""
 
     dimension: int
@@ -94,20 +95,22 @@ def make_cloud(name, dimension, count=60, seed=3, lower=0.5):
     basis = grid_weights.make_basis(name, halves)
     cells, places = topology(basis, motion, count, dimension)
     nodes = aligned_zeros((len(places), 8))
-    return Cloud(dimension, basis, halves, motion, cells, nodes, places, grid.make_scratch(basis, dimension))
+    return ParticleSet(dimension, basis, halves, motion, cells, nodes, places, grid.make_scratch(basis, dimension))
 
 
-def weights_of(cloud, name):
+def weights_of(particle_set, name):
     """All weights (particles, nodes) and their gradients (particles, nodes, 3), and positions of nodes less particles."""
-    count = cloud.grid.start[-1]
-    x = cloud.motion[:count, :3]
-    apart = cloud.places[None, :, :3] - x[:, None]
-    s = -apart / cloud.grid.spacing
-    half = cloud.halves[:count, None, :3]
-    w, g = weight(name, s, half), slope(name, s, half) / cloud.grid.spacing
-    if cloud.dimension == 2:
+    count = particle_set.grid.start[-1]
+    x = particle_set.motion[:count, :3]
+    apart = particle_set.places[None, :, :3] - x[:, None]
+    s = -apart / particle_set.grid.spacing
+    half = particle_set.halves[:count, None, :3]
+    w, g = weight(name, s, half), slope(name, s, half) / particle_set.grid.spacing
+    if particle_set.dimension == 2:
         w[..., 2], g[..., 2] = 1.0, 0.0
-    gradient = np.stack([g[..., 0] * w[..., 1] * w[..., 2], w[..., 0] * g[..., 1] * w[..., 2], w[..., 0] * w[..., 1] * g[..., 2]], -1)
+    gradient = np.stack(
+        [g[..., 0] * w[..., 1] * w[..., 2], w[..., 0] * g[..., 1] * w[..., 2], w[..., 0] * w[..., 1] * g[..., 2]], -1
+    )
     return w.prod(-1), gradient, apart
 
 
@@ -115,12 +118,14 @@ def space_of(dimension):
     return LAYOUT[dimension]
 
 
-def mirror(cloud, direction, index, side):
+def mirror(particle_set, direction, index, side):
     """Slots (ghost, image) of the nodes on and behind the plane at node `index` of a direction, which the body lies beyond.
 
     side 1: the body lies above the plane, -1: below. index may be a half.
     """
-    numbers = np.rint((cloud.places - cloud.grid.origin)[:, : cloud.dimension] / cloud.grid.spacing).astype(int)
+    numbers = np.rint(
+        (particle_set.places - particle_set.grid.origin)[:, : particle_set.dimension] / particle_set.grid.spacing
+    ).astype(int)
     slots = {tuple(number): slot for slot, number in enumerate(numbers)}
     ghost = np.flatnonzero(side * (numbers[:, direction] - index) <= 0)
     images = numbers[ghost].copy()
@@ -140,4 +145,6 @@ def line(kind, cells, per_cell, height=1):
     basis = grid_weights.make_basis(kind, halves)
     origin = np.zeros(4)
     cells, places = topology(basis, motion, n, 2, spacing, origin)
-    return Cloud(2, basis, halves, motion, cells, aligned_zeros((len(places), 8)), places, grid.make_scratch(basis, 2))
+    return ParticleSet(
+        2, basis, halves, motion, cells, aligned_zeros((len(places), 8)), places, grid.make_scratch(basis, 2)
+    )

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numba import njit
 
-from parsolid.kernels.elementary import choose, power, some_positive
-from parsolid.kernels.simd import load, store
+from parsolid.numerics.elementary import choose, power, some_positive
+from parsolid.numerics.lanes import load, store
 
 
 @njit(cache=True)

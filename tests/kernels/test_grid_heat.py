@@ -4,24 +4,33 @@ import numpy as np
 import pytest
 from grid_reference import BASES, line, make_cloud, mirror, space_of, weights_of
 
-from parsolid.kernels import grid_heat
-from parsolid.kernels.simd import aligned_zeros
+from parsolid.methods.mpm import heat as grid_heat
+from parsolid.numerics.lanes import aligned_zeros
 
 
 class Conduction:
-    """Steps of a cloud's temperatures; planes are (ghost, image, sign, temperature)."""
+    """Steps of a particle_set's temperatures; planes are (ghost, image, sign, temperature)."""
 
-    def __init__(self, cloud, thermal, planes=()):
-        self.cloud, self.thermal, self.planes = cloud, thermal, planes
-        self.cells, self.space = len(cloud.grid.base), space_of(cloud.dimension)
+    def __init__(self, particle_set, thermal, planes=()):
+        self.particle_set, self.thermal, self.planes = particle_set, thermal, planes
+        self.cells, self.space = len(particle_set.grid.base), space_of(particle_set.dimension)
 
     def _pass(self, kernel, *more):
-        cloud = self.cloud
-        return kernel(0, self.cells, self.space, cloud.basis, cloud.grid, cloud.scratch, cloud.motion, *more)
+        particle_set = self.particle_set
+        return kernel(
+            0,
+            self.cells,
+            self.space,
+            particle_set.basis,
+            particle_set.grid,
+            particle_set.scratch,
+            particle_set.motion,
+            *more,
+        )
 
     def flow(self):
         """Heat flows of the nodes."""
-        nodes = self.cloud.nodes
+        nodes = self.particle_set.nodes
         nodes[:] = 0.0
         self._pass(grid_heat.scatter_heat, self.thermal, nodes, None)
         for ghost, image, sign, temperature in self.planes:
@@ -43,24 +52,24 @@ class Conduction:
         return self._pass(grid_heat.gather_heat, nodes, self.thermal)
 
 
-def random_thermal(cloud):
-    thermal = aligned_zeros((len(cloud.motion), 4))
+def random_thermal(particle_set):
+    thermal = aligned_zeros((len(particle_set.motion), 4))
     thermal[:] = np.random.default_rng(3).uniform(1.0, 2.0, thermal.shape) * [300.0, 1.0, 1.0, 1.0]
     return thermal
 
 
 @pytest.mark.parametrize("name, dimension", [(name, dimension) for name in BASES for dimension in (2, 3)])
 def test_a_step_is_the_plain_sum(name, dimension):
-    cloud = make_cloud(name, dimension)
-    n, thermal = int(cloud.grid.start[-1]), random_thermal(cloud)
-    w, gradient, _ = weights_of(cloud, name)
+    particle_set = make_cloud(name, dimension)
+    n, thermal = int(particle_set.grid.start[-1]), random_thermal(particle_set)
+    w, gradient, _ = weights_of(particle_set, name)
     T, C, conductivity, power = thermal[:n].copy().T
     capacity = w.T @ C
     with np.errstate(divide="ignore", invalid="ignore"):
         nodal = np.where(capacity > 0.0, w.T @ (C * T) / capacity, 0.0)
         flow = w.T @ power - np.einsum("p,pa,pia->i", conductivity, np.einsum("i,pia->pa", nodal, gradient), gradient)
         increment = np.where(capacity > 0.0, 0.01 * flow / capacity, 0.0)
-    gained = Conduction(cloud, thermal).step(0.01)
+    gained = Conduction(particle_set, thermal).step(0.01)
     np.testing.assert_allclose(thermal[:n, 0], T + w @ increment, rtol=1e-10)
     assert abs(gained - 0.01 * power.sum()) < 1e-12 * (C * T).sum()
     assert abs((C * (thermal[:n, 0] - T)).sum() - 0.01 * power.sum()) < 1e-12 * (C * T).sum()
@@ -68,25 +77,27 @@ def test_a_step_is_the_plain_sum(name, dimension):
 
 def cosine(kind, cells):
     """A strip with T = cos(pi x), unit diffusivity, insulated."""
-    cloud = line(kind, cells, 2)
-    n = int(cloud.grid.start[-1])
-    thermal = aligned_zeros((len(cloud.motion), 4))
-    thermal[:n, 0] = np.cos(np.pi * cloud.motion[:n, 0])
-    thermal[:n, 1] = thermal[:n, 2] = cloud.motion[:n, 7]
-    planes = [(*mirror(cloud, d, i, s), 1.0, 0.0) for d, i, s in ((0, 0, 1), (0, cells, -1), (1, 0, 1), (1, 1, -1))]
-    return cloud, thermal, planes
+    particle_set = line(kind, cells, 2)
+    n = int(particle_set.grid.start[-1])
+    thermal = aligned_zeros((len(particle_set.motion), 4))
+    thermal[:n, 0] = np.cos(np.pi * particle_set.motion[:n, 0])
+    thermal[:n, 1] = thermal[:n, 2] = particle_set.motion[:n, 7]
+    planes = [
+        (*mirror(particle_set, d, i, s), 1.0, 0.0) for d, i, s in ((0, 0, 1), (0, cells, -1), (1, 0, 1), (1, 1, -1))
+    ]
+    return particle_set, thermal, planes
 
 
 @pytest.mark.parametrize("kind, published", [("linear", 0.0047), ("quadratic-spline", 0.012)])
 def test_a_cosine_decays_at_its_rate(kind, published):
     cells, time = 20, 0.1
-    cloud, thermal, planes = cosine(kind, cells)
-    n, steps = int(cloud.grid.start[-1]), int(np.ceil(time * 8.0 * cells**2))
-    conduction = Conduction(cloud, thermal, planes)
+    particle_set, thermal, planes = cosine(kind, cells)
+    n, steps = int(particle_set.grid.start[-1]), int(np.ceil(time * 8.0 * cells**2))
+    conduction = Conduction(particle_set, thermal, planes)
     total = thermal[:n, 0] @ thermal[:n, 1]
     for _ in range(steps):
         conduction.step(time / steps)
-    exact = np.cos(np.pi * cloud.motion[:n, 0])
+    exact = np.cos(np.pi * particle_set.motion[:n, 0])
     amplitude = (thermal[:n, 0] @ exact) / (exact @ exact)
     error = amplitude / np.exp(-(np.pi**2) * time) - 1.0
     assert abs(error) < 0.015
@@ -97,12 +108,12 @@ def test_a_cosine_decays_at_its_rate(kind, published):
 @pytest.mark.parametrize("kind", BASES)
 def test_planes_at_two_temperatures_give_the_linear_profile(kind):
     cells = 6
-    cloud, thermal, planes = cosine(kind, cells)
-    n = int(cloud.grid.start[-1])
+    particle_set, thermal, planes = cosine(kind, cells)
+    n = int(particle_set.grid.start[-1])
     planes = [(*planes[0][:2], -1.0, 300.0), (*planes[1][:2], -1.0, 400.0), *planes[2:]]
-    thermal[:n, 0] = 300.0 + 100.0 * cloud.motion[:n, 0]
+    thermal[:n, 0] = 300.0 + 100.0 * particle_set.motion[:n, 0]
     before = thermal[:n, 0].copy()
-    gained = Conduction(cloud, thermal, planes).step(0.1 / cells**2)
+    gained = Conduction(particle_set, thermal, planes).step(0.1 / cells**2)
     np.testing.assert_allclose(thermal[:n, 0], before, rtol=0.0, atol=1e-10)
     assert abs(gained) < 1e-10
 
@@ -115,4 +126,6 @@ def test_the_share_of_a_rise_that_is_passed_on():
     kept = 4.0 * np.exp(-((np.pi / spacing) ** 2) * conductivity_volume / capacity * step)
     assert rise[0, 0] == pytest.approx(kept, rel=1e-12)
     assert heat == pytest.approx(capacity * (4.0 - kept), rel=1e-12)
-    np.testing.assert_allclose(thermal[0], [310.0 - (4.0 - kept), capacity, conductivity_volume, 5.0 + heat / step], rtol=1e-12)
+    np.testing.assert_allclose(
+        thermal[0], [310.0 - (4.0 - kept), capacity, conductivity_volume, 5.0 + heat / step], rtol=1e-12
+    )

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from parsolid.kernels import grid, grid_lagrangian
-from parsolid.kernels.layout import Axisymmetric, Plane, Space
-from parsolid.kernels.simd import aligned_zeros
+from parsolid.methods.mpm import grid
+from parsolid.methods.mpm import lagrangian as grid_lagrangian
+from parsolid.numerics.lanes import aligned_zeros
+from parsolid.numerics.layout import Axisymmetric, Plane, Space
 
 COUNT = 10
 SPACES = (Plane(), Axisymmetric(), Space())
@@ -22,7 +23,9 @@ def random_particles(space):
             tensor[:, :2, 2] = tensor[:, 2, :2] = 0.0
     if isinstance(space, Plane):
         F[:, 2, 2], G[:, 2, 2] = 1.0, 0.0
-    rows = {2: [(0, 0), (0, 1), (1, 0), (1, 1), (2, 2)], 3: [(i, j) for i in range(3) for j in range(3)]}[space.dimension]
+    rows = {2: [(0, 0), (0, 1), (1, 0), (1, 1), (2, 2)], 3: [(i, j) for i in range(3) for j in range(3)]}[
+        space.dimension
+    ]
     deformation = aligned_zeros((len(rows), COUNT + 4))
     for row, (i, j) in enumerate(rows):
         deformation[row, :COUNT] = F[:, i, j]

@@ -5,11 +5,11 @@ import pytest
 from grid_reference import BASES, ORIGIN, SPACING, make_cloud, mirror, space_of, topology, weights_of
 from test_grid_transfers import particles, random_affine, random_stress, run_scatter, symmetric
 
-from parsolid.kernels import grid
-from parsolid.kernels.grid_gather import gather
-from parsolid.kernels.grid_weights import make_basis
-from parsolid.kernels.layout import Axisymmetric
-from parsolid.kernels.simd import aligned_zeros
+from parsolid.methods.mpm import grid
+from parsolid.methods.mpm.gather import gather
+from parsolid.methods.mpm.weights import make_basis
+from parsolid.numerics.lanes import aligned_zeros
+from parsolid.numerics.layout import Axisymmetric
 
 CASES = [(name, dimension) for name in BASES for dimension in (2, 3)]
 # where the basis plays no part of its own; every combination is a kernel to compile
@@ -17,16 +17,27 @@ FEW = [("ugimp", 2), ("quadratic-spline", 3)]
 NO_GRAVITY, LEAST = np.zeros(4), 1e-12
 
 
-def run_gather(cloud, transfer, step, rate, remapped=None, space=None):
-    space = space or space_of(cloud.dimension)
+def run_gather(particle_set, transfer, step, rate, remapped=None, space=None):
+    space = space or space_of(particle_set.dimension)
     gather(
-        0, len(cloud.grid.base), space, cloud.basis, cloud.grid, cloud.scratch, cloud.motion, cloud.nodes, cloud.motion,
-        step, transfer, rate, remapped,
-    )  # fmt: skip
+        0,
+        len(particle_set.grid.base),
+        space,
+        particle_set.basis,
+        particle_set.grid,
+        particle_set.scratch,
+        particle_set.motion,
+        particle_set.nodes,
+        particle_set.motion,
+        step,
+        transfer,
+        rate,
+        remapped,
+    )
 
 
-def new_rate(cloud):
-    return aligned_zeros((len(cloud.motion), 12))
+def new_rate(particle_set):
+    return aligned_zeros((len(particle_set.motion), 12))
 
 
 def tensors(rows, count):
@@ -36,109 +47,109 @@ def tensors(rows, count):
 @pytest.mark.parametrize("name, dimension", CASES)
 @pytest.mark.parametrize("transfer", ["flip", "apic"])
 def test_momentum_is_kept(name, dimension, transfer):
-    cloud = make_cloud(name, dimension)
-    n, affine = particles(cloud), random_affine(cloud)
+    particle_set = make_cloud(name, dimension)
+    n, affine = particles(particle_set), random_affine(particle_set)
     chosen = grid.Flip(0.9) if transfer == "flip" else grid.Apic(affine)
-    momentum = cloud.motion[:n, 3] @ cloud.motion[:n, 4:7]
-    nodes = run_scatter(cloud, chosen, grid.CauchyStress(random_stress(cloud)))
+    momentum = particle_set.motion[:n, 3] @ particle_set.motion[:n, 4:7]
+    nodes = run_scatter(particle_set, chosen, grid.CauchyStress(random_stress(particle_set)))
     np.testing.assert_allclose(nodes[:, :3].sum(axis=0), momentum, atol=1e-12)
     np.testing.assert_allclose(nodes[:, 4:7].sum(axis=0), 0.0, atol=1e-11)
     grid.update_nodes(0, len(nodes), nodes, 0.01, NO_GRAVITY, 0.0)
-    run_gather(cloud, chosen, 0.01, None)
-    np.testing.assert_allclose(cloud.motion[:n, 3] @ cloud.motion[:n, 4:7], momentum, atol=1e-11)
+    run_gather(particle_set, chosen, 0.01, None)
+    np.testing.assert_allclose(particle_set.motion[:n, 3] @ particle_set.motion[:n, 4:7], momentum, atol=1e-11)
 
 
 @pytest.mark.parametrize("name, dimension", CASES)
 def test_the_affine_transfer_keeps_angular_momentum(name, dimension):
-    cloud = make_cloud(name, dimension)
-    transfer = grid.Apic(random_affine(cloud))
+    particle_set = make_cloud(name, dimension)
+    transfer = grid.Apic(random_affine(particle_set))
     found = []
     for _ in range(2):
-        nodes = run_scatter(cloud, transfer, None)
-        found.append(np.cross(cloud.places[:, :3], nodes[:, :3]).sum(axis=0))
+        nodes = run_scatter(particle_set, transfer, None)
+        found.append(np.cross(particle_set.places[:, :3], nodes[:, :3]).sum(axis=0))
         grid.find_velocities(0, len(nodes), nodes, 0.0)
-        run_gather(cloud, transfer, 0.0, None)
+        run_gather(particle_set, transfer, 0.0, None)
     np.testing.assert_allclose(found[1], found[0], atol=1e-11)
 
 
 @pytest.mark.parametrize("name, dimension", CASES)
 def test_forces_and_velocity_gradients_have_the_same_power(name, dimension):
-    cloud = make_cloud(name, dimension)
-    n, stress = particles(cloud), random_stress(cloud)
+    particle_set = make_cloud(name, dimension)
+    n, stress = particles(particle_set), random_stress(particle_set)
     axisymmetric = name in ("linear", "quadratic-spline") and dimension == 2
     for space in (space_of(dimension), Axisymmetric())[: 1 + axisymmetric]:
-        force = run_scatter(cloud, grid.Flip(1.0), grid.CauchyStress(stress), space=space)[:, 4:7].copy()
-        cloud.nodes[:, :dimension] = np.random.default_rng(9).normal(size=(len(force), dimension))
-        rate = new_rate(cloud)
-        run_gather(cloud, None, 0.0, rate, space=space)
+        force = run_scatter(particle_set, grid.Flip(1.0), grid.CauchyStress(stress), space=space)[:, 4:7].copy()
+        particle_set.nodes[:, :dimension] = np.random.default_rng(9).normal(size=(len(force), dimension))
+        rate = new_rate(particle_set)
+        run_gather(particle_set, None, 0.0, rate, space=space)
         power = (symmetric(stress[:n]) * tensors(rate, n)).sum()
-        assert (force * cloud.nodes[:, :3]).sum() == pytest.approx(-power, rel=1e-11)
+        assert (force * particle_set.nodes[:, :3]).sum() == pytest.approx(-power, rel=1e-11)
 
 
 @pytest.mark.parametrize("name", ["linear", "quadratic-spline"])
 def test_hoop_stress_and_hoop_rate(name):
-    cloud = make_cloud(name, 2)
-    n, stress = particles(cloud), random_stress(cloud)
+    particle_set = make_cloud(name, 2)
+    n, stress = particles(particle_set), random_stress(particle_set)
     stress[:, [0, 1, 6]] = 0.0
-    w, _, _ = weights_of(cloud, name)
-    radius = cloud.motion[:n, 0].copy()
-    nodes = run_scatter(cloud, grid.Flip(1.0), grid.CauchyStress(stress), space=Axisymmetric())
+    w, _, _ = weights_of(particle_set, name)
+    radius = particle_set.motion[:n, 0].copy()
+    nodes = run_scatter(particle_set, grid.Flip(1.0), grid.CauchyStress(stress), space=Axisymmetric())
     np.testing.assert_allclose(nodes[:, 4], -w.T @ (stress[:n, 2] / radius), atol=1e-12)
     assert not nodes[:, 5:7].any()
     grid.update_nodes(0, len(nodes), nodes, 0.01, NO_GRAVITY, 0.0)
-    rate = new_rate(cloud)
-    run_gather(cloud, None, 0.0, rate, space=Axisymmetric())
+    rate = new_rate(particle_set)
+    run_gather(particle_set, None, 0.0, rate, space=Axisymmetric())
     np.testing.assert_allclose(tensors(rate, n)[:, 2, 2], (w @ nodes[:, 0]) / radius, atol=1e-12)
 
 
 @pytest.mark.parametrize("name, dimension", FEW)
 def test_first_piola_kirchhoff_stress(name, dimension):
-    cloud = make_cloud(name, dimension)
-    rows = random_affine(cloud)
-    _, gradient, _ = weights_of(cloud, name)
-    force = -np.einsum("pab,pib->ia", tensors(rows, particles(cloud)), gradient)
-    whole = run_scatter(cloud, grid.Flip(1.0), grid.FirstPiolaKirchhoffStress(rows))
+    particle_set = make_cloud(name, dimension)
+    rows = random_affine(particle_set)
+    _, gradient, _ = weights_of(particle_set, name)
+    force = -np.einsum("pab,pib->ia", tensors(rows, particles(particle_set)), gradient)
+    whole = run_scatter(particle_set, grid.Flip(1.0), grid.FirstPiolaKirchhoffStress(rows))
     np.testing.assert_allclose(whole[:, 4:7], force, atol=2e-12)
-    alone = run_scatter(cloud, grid.Flip(1.0), grid.FirstPiolaKirchhoffStress(rows), motion=False)
+    alone = run_scatter(particle_set, grid.Flip(1.0), grid.FirstPiolaKirchhoffStress(rows), motion=False)
     np.testing.assert_allclose(alone[:, 4:7], force, atol=2e-12)
     assert not alone[:, :4].any()
 
 
 @pytest.mark.parametrize("name, dimension", FEW)
 def test_partial_sums_of_cells_add_up_to_the_same_bits(name, dimension):
-    cloud = make_cloud(name, dimension)
-    stress = grid.CauchyStress(random_stress(cloud))
-    whole = run_scatter(cloud, grid.Flip(1.0), stress).copy()
-    partials = aligned_zeros((*cloud.grid.stencil.shape, 8))
-    nodes = run_scatter(cloud, grid.Flip(1.0), stress, partials=partials)
+    particle_set = make_cloud(name, dimension)
+    stress = grid.CauchyStress(random_stress(particle_set))
+    whole = run_scatter(particle_set, grid.Flip(1.0), stress).copy()
+    partials = aligned_zeros((*particle_set.grid.stencil.shape, 8))
+    nodes = run_scatter(particle_set, grid.Flip(1.0), stress, partials=partials)
     assert not nodes.any()
-    grid.add_partials(0, len(partials), cloud.grid.stencil, partials, nodes)
+    grid.add_partials(0, len(partials), particle_set.grid.stencil, partials, nodes)
     np.testing.assert_array_equal(nodes, whole)
 
 
 @pytest.mark.parametrize("name, dimension", FEW)
 def test_velocities_mapped_back_move_nothing_else(name, dimension):
     """MUSL: positions go with the new nodal velocities, gradients are those of the particles' velocities on the grid."""
-    cloud = make_cloud(name, dimension)
-    n, step = particles(cloud), 0.01
-    w, gradient, _ = weights_of(cloud, name)
-    before = cloud.motion[:n].copy()
-    nodes = run_scatter(cloud, grid.Flip(1.0), grid.CauchyStress(random_stress(cloud))).copy()
-    cloud.nodes[:] = nodes
-    grid.update_nodes(0, len(nodes), cloud.nodes, step, NO_GRAVITY, 0.0)
-    moved = cloud.nodes.copy()
-    run_gather(cloud, grid.Flip(1.0), step, None)
-    np.testing.assert_array_equal(cloud.motion[:n, :4], before[:, :4])
-    remapped = run_scatter(cloud, grid.Flip(1.0), None).copy()
+    particle_set = make_cloud(name, dimension)
+    n, step = particles(particle_set), 0.01
+    w, gradient, _ = weights_of(particle_set, name)
+    before = particle_set.motion[:n].copy()
+    nodes = run_scatter(particle_set, grid.Flip(1.0), grid.CauchyStress(random_stress(particle_set))).copy()
+    particle_set.nodes[:] = nodes
+    grid.update_nodes(0, len(nodes), particle_set.nodes, step, NO_GRAVITY, 0.0)
+    moved = particle_set.nodes.copy()
+    run_gather(particle_set, grid.Flip(1.0), step, None)
+    np.testing.assert_array_equal(particle_set.motion[:n, :4], before[:, :4])
+    remapped = run_scatter(particle_set, grid.Flip(1.0), None).copy()
     grid.find_velocities(0, len(nodes), remapped, LEAST)
-    momentum, mass = w.T @ (before[:, 3:4] * cloud.motion[:n, 4:7]), (w.T @ before[:, 3])[:, None]
+    momentum, mass = w.T @ (before[:, 3:4] * particle_set.motion[:n, 4:7]), (w.T @ before[:, 3])[:, None]
     wanted = np.divide(momentum, mass, where=mass > LEAST, out=np.zeros_like(momentum))
     np.testing.assert_allclose(remapped[:, :3], wanted, atol=1e-11)
-    cloud.nodes[:] = moved
-    rate, velocity = new_rate(cloud), cloud.motion[:n, 4:].copy()
-    run_gather(cloud, None, step, rate, remapped)
-    np.testing.assert_array_equal(cloud.motion[:n, 4:], velocity)
-    np.testing.assert_allclose(cloud.motion[:n, :3], before[:, :3] + step * (w @ moved[:, :3]), atol=1e-13)
+    particle_set.nodes[:] = moved
+    rate, velocity = new_rate(particle_set), particle_set.motion[:n, 4:].copy()
+    run_gather(particle_set, None, step, rate, remapped)
+    np.testing.assert_array_equal(particle_set.motion[:n, 4:], velocity)
+    np.testing.assert_allclose(particle_set.motion[:n, :3], before[:, :3] + step * (w @ moved[:, :3]), atol=1e-13)
     np.testing.assert_allclose(tensors(rate, n), np.einsum("ia,pib->pab", wanted, gradient), atol=1e-10)
 
 
@@ -146,10 +157,18 @@ def half_body(name, planes):
     """Particles in two directions above planes of indices (x, y) or None, and the same with their mirror images: two clouds."""
     random = np.random.default_rng(4)
     count = 40
-    motion, stress, halves = aligned_zeros((count + 4, 8)), aligned_zeros((count + 4, 8)), aligned_zeros((count + 4, 4)) + 0.5
+    motion, stress, halves = (
+        aligned_zeros((count + 4, 8)),
+        aligned_zeros((count + 4, 8)),
+        aligned_zeros((count + 4, 4)) + 0.5,
+    )
     corner = ORIGIN[:2] + SPACING * np.array([1.0 if index is None else index for index in planes])
     motion[:count, :2] = corner + SPACING * random.uniform(0.0, 2.5, (count, 2))
-    motion[:count, 3], motion[:count, 4:6], motion[:count, 7] = 1.0 + random.uniform(size=count), random.normal(size=(count, 2)), 0.1
+    motion[:count, 3], motion[:count, 4:6], motion[:count, 7] = (
+        1.0 + random.uniform(size=count),
+        random.normal(size=(count, 2)),
+        0.1,
+    )
     stress[:count, [0, 1, 2, 6]] = random.normal(size=(count, 4))
     halves[:count, :2] = random.uniform(0.1, 0.5, (count, 2))
     arrays = [motion[:count], stress[:count], halves[:count]]
@@ -192,22 +211,22 @@ def test_a_mirror_plane_is_the_other_half_of_the_body(name, planes):
             folds.append((*mirror(half, d, index, 1), signs))
     for fold in folds:
         grid.fold_mirror(*fold, half.nodes)
-    for cloud in (half, whole):
-        grid.update_nodes(0, len(cloud.nodes), cloud.nodes, step, NO_GRAVITY, LEAST)
+    for particle_set in (half, whole):
+        grid.update_nodes(0, len(particle_set.nodes), particle_set.nodes, step, NO_GRAVITY, LEAST)
     for fold in reversed(folds):
         grid.spread_mirror(*fold, half.nodes)
     rates = []
-    for cloud in (half, whole):
-        rates.append(new_rate(cloud))
-        run_gather(cloud, grid.Flip(0.9), step, rates[-1])
+    for particle_set in (half, whole):
+        rates.append(new_rate(particle_set))
+        run_gather(particle_set, grid.Flip(0.9), step, rates[-1])
     np.testing.assert_allclose(half.motion[:count], whole.motion[:count], atol=1e-11)
     np.testing.assert_allclose(rates[0][:count], rates[1][:count], atol=1e-9)
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_light_nodes_stand_still_and_gravity_adds_to_all_others(dimension):
-    cloud = make_cloud("quadratic-spline", dimension)
-    nodes = run_scatter(cloud, grid.Flip(1.0), None)
+    particle_set = make_cloud("quadratic-spline", dimension)
+    nodes = run_scatter(particle_set, grid.Flip(1.0), None)
     least = float(np.median(nodes[:, 3]))
     mass, velocity = nodes[:, 3].copy(), nodes[:, :3] / np.maximum(nodes[:, 3:4], 1e-300)
     gravity = np.array([1.0, -2.0, 0.5, 0.0])

@@ -5,8 +5,8 @@ import pytest
 from grid_reference import BASES, slope, weight
 from numba import njit
 
-from parsolid.kernels import grid_weights
-from parsolid.kernels.simd import aligned_zeros, load
+from parsolid.methods.mpm import weights as grid_weights
+from parsolid.numerics.lanes import aligned_zeros, load
 
 SECOND_MOMENTS = {"quadratic-spline": 1.0 / 4.0, "cubic-spline": 1.0 / 3.0}
 

@@ -5,8 +5,8 @@ import pytest
 from numba import njit
 from scipy.linalg import expm, polar
 
-from parsolid.kernels.layout import load_nine, store_nine
-from parsolid.kernels.polar import congruence, rotation, rotation_near, symmetric_part
+from parsolid.numerics.layout import load_nine, store_nine
+from parsolid.numerics.polar import congruence, rotation, rotation_near, symmetric_part
 
 
 @njit(cache=True)

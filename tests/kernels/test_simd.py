@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from parsolid.kernels import simd
+from parsolid.numerics import lanes as simd
 
 _reverse = simd.swizzle(3, 2, 1, 0)
 _mixed = simd.shuffle(4, 1, 7, 2)

@@ -5,7 +5,7 @@ import pytest
 from numba import njit
 from scipy.integrate import quad
 
-from parsolid.kernels.smoothing import KERNELS, gradient_factor
+from parsolid.pairs.smoothing import KERNELS, gradient_factor
 
 
 def _wendland(q):

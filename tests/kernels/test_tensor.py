@@ -5,10 +5,9 @@ import pytest
 from numba import njit
 from numba.extending import register_jitable
 
-from parsolid.kernels import tensor
-from parsolid.kernels.layout import load_branch, load_nine
-from parsolid.kernels.layout import Space
-from parsolid.kernels.simd import load
+from parsolid.numerics import tensors as tensor
+from parsolid.numerics.lanes import load
+from parsolid.numerics.layout import Space, load_branch, load_nine
 
 LEVI_CIVITA = np.zeros((3, 3, 3))
 for _even in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
@@ -19,24 +18,36 @@ for _even in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
 @register_jitable
 def general_operations(a, b, s):
     return (
-        tensor.cross(a, b), tensor.cofactor(a), tensor.matmul(a, b), tensor.matmul_transposed(a, b), tensor.expand(s),
-        tensor.add(a, b), tensor.scale(0.3, a),
-    )  # fmt: skip
+        tensor.cross(a, b),
+        tensor.cofactor(a),
+        tensor.matmul(a, b),
+        tensor.matmul_transposed(a, b),
+        tensor.expand(s),
+        tensor.add(a, b),
+        tensor.scale(0.3, a),
+    )
 
 
 @register_jitable
 def symmetric_operations(a, s, r):
     return (
-        tensor.gram(a), tensor.inverse_symmetric(s), tensor.add(s, r), tensor.scale(0.3, s), tensor.plus_identity(s, 0.7),
+        tensor.gram(a),
+        tensor.inverse_symmetric(s),
+        tensor.add(s, r),
+        tensor.scale(0.3, s),
+        tensor.plus_identity(s, 0.7),
         tensor.add(s, tensor.zero_like_gram(a)),
-    )  # fmt: skip
+    )
 
 
 @register_jitable
 def scalar_operations(a, b, s, r):
     return (
-        tensor.contract(a, b), tensor.contract_symmetric(s, r), tensor.determinant_symmetric(s), tensor.trace_symmetric(s),
-    )  # fmt: skip
+        tensor.contract(a, b),
+        tensor.contract_symmetric(s, r),
+        tensor.determinant_symmetric(s),
+        tensor.trace_symmetric(s),
+    )
 
 
 @njit(cache=True)
@@ -48,16 +59,29 @@ def on_floats(a, b, s, r):
 def _lane_of_each(generals, symmetrics, scalars, k):
     one, two, three, four, five, six, seven = generals
     general = (
-        tensor.lane_of_general(one, k), tensor.lane_of_general(two, k), tensor.lane_of_general(three, k),
-        tensor.lane_of_general(four, k), tensor.lane_of_general(five, k), tensor.lane_of_general(six, k),
+        tensor.lane_of_general(one, k),
+        tensor.lane_of_general(two, k),
+        tensor.lane_of_general(three, k),
+        tensor.lane_of_general(four, k),
+        tensor.lane_of_general(five, k),
+        tensor.lane_of_general(six, k),
         tensor.lane_of_general(seven, k),
-    )  # fmt: skip
+    )
     g, i, t, c, p, z = symmetrics
     symmetric = (
-        tensor.lane_of_stored_symmetric(g, k), tensor.lane_of_stored_symmetric(i, k), tensor.lane_of_stored_symmetric(t, k),
-        tensor.lane_of_stored_symmetric(c, k), tensor.lane_of_stored_symmetric(p, k), tensor.lane_of_stored_symmetric(z, k),
-    )  # fmt: skip
-    scalar = (tensor.lane(scalars[0], k), tensor.lane(scalars[1], k), tensor.lane(scalars[2], k), tensor.lane(scalars[3], k))
+        tensor.lane_of_stored_symmetric(g, k),
+        tensor.lane_of_stored_symmetric(i, k),
+        tensor.lane_of_stored_symmetric(t, k),
+        tensor.lane_of_stored_symmetric(c, k),
+        tensor.lane_of_stored_symmetric(p, k),
+        tensor.lane_of_stored_symmetric(z, k),
+    )
+    scalar = (
+        tensor.lane(scalars[0], k),
+        tensor.lane(scalars[1], k),
+        tensor.lane(scalars[2], k),
+        tensor.lane(scalars[3], k),
+    )
     return general, symmetric, scalar
 
 
@@ -71,7 +95,13 @@ def on_lanes_in_space(rows, k):
 
 @register_jitable
 def _five(rows, first):
-    return load(rows, first, 0), load(rows, first + 1, 0), load(rows, first + 2, 0), load(rows, first + 3, 0), load(rows, first + 4, 0)
+    return (
+        load(rows, first, 0),
+        load(rows, first + 1, 0),
+        load(rows, first + 2, 0),
+        load(rows, first + 3, 0),
+        load(rows, first + 4, 0),
+    )
 
 
 @register_jitable
@@ -164,7 +194,9 @@ def test_the_largest_eigenvalue_is_that_of_numpy(scale):
         assert tensor.largest_eigenvalue(values) == pytest.approx(wanted, abs=1e-14 * scale * 10)
 
 
-@pytest.mark.parametrize("eigenvalues", [(2, 2, 2), (2, 2, 1), (3, 1, 1), (0, 0, 0), (5, 0, 0), (1, 1 + 1e-9, 1 - 1e-9), (-1, -1, -3)])
+@pytest.mark.parametrize(
+    "eigenvalues", [(2, 2, 2), (2, 2, 1), (3, 1, 1), (0, 0, 0), (5, 0, 0), (1, 1 + 1e-9, 1 - 1e-9), (-1, -1, -3)]
+)
 def test_the_largest_eigenvalue_of_degenerate_tensors(eigenvalues):
     random = np.random.default_rng(6)
     for turned in (False, True):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from parsolid.materials.hyperbolicity import polyconvex_state
-from parsolid.materials.mooney_rivlin import MooneyRivlin
+from parsolid.materials.hyperelastic.hyperbolicity import polyconvex_state
+from parsolid.materials.hyperelastic.mooney_rivlin import MooneyRivlin
 
 LAWS = {
     "neo-hookean": MooneyRivlin(1100.0, 3.0, None, 7.0, None, None),
@@ -20,7 +20,10 @@ def law(request):
     return request.param
 
 
-@pytest.fixture(params=[LAWS["neo-hookean with branches"], LAWS["mooney-rivlin with branches"]], ids=["neo-hookean", "mooney-rivlin"])
+@pytest.fixture(
+    params=[LAWS["neo-hookean with branches"], LAWS["mooney-rivlin with branches"]],
+    ids=["neo-hookean", "mooney-rivlin"],
+)
 def viscous(request):
     """The laws with branches."""
     return request.param

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from parsolid.materials import evaluation
-from parsolid.materials.hyperbolicity import (
+from parsolid.materials.hyperelastic import evaluation
+from parsolid.materials.hyperelastic.hyperbolicity import (
     SYMMETRIC_BASIS,
     assembled_stress,
     cauchy_stress,
@@ -70,7 +70,9 @@ def test_first_piola_kirchhoff_stress_is_the_derivative_along_the_deformation(la
     numerical = derivative(lambda e: energy(law, polyconvex_state(law, state.F + e * direction, A)), 3e-4)
     product = np.einsum("nij,nij->n", P, direction)
     assert numerical == pytest.approx(product, rel=CLOSE, abs=CLOSE * np.abs(P).max())
-    assert P == pytest.approx(assembled_stress(conjugate_stresses(law, state), state), rel=1e-13, abs=1e-13 * np.abs(P).max())
+    assert P == pytest.approx(
+        assembled_stress(conjugate_stresses(law, state), state), rel=1e-13, abs=1e-13 * np.abs(P).max()
+    )
 
 
 def test_tensor_cross_product_and_cofactor(random):
@@ -80,7 +82,9 @@ def test_tensor_cross_product_and_cofactor(random):
     A, B = random.standard_normal((2, 10, 3, 3))
     expected = np.einsum("ijk,IJK,njJ,nkK->niI", epsilon, epsilon, A, B)
     assert evaluation.tensor_cross(A, B) == pytest.approx(expected, abs=1e-14)
-    assert evaluation.cofactor(A) == pytest.approx(np.einsum("n,nji->nij", np.linalg.det(A), np.linalg.inv(A)), abs=1e-12)
+    assert evaluation.cofactor(A) == pytest.approx(
+        np.einsum("n,nji->nij", np.linalg.det(A), np.linalg.inv(A)), abs=1e-12
+    )
     assert evaluation.cofactor(A) == pytest.approx(0.5 * evaluation.tensor_cross(A, A), abs=1e-13)
 
 

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from numba import njit
 
-from parsolid.kernels.simd import load, store
-from parsolid.laws import law_of
-from parsolid.materials import plastic_evaluation as evaluation
-from parsolid.materials import plasticity
-from parsolid.materials.elastic_plastic import ElasticPlastic
-from parsolid.materials.equation_of_state import LinearElastic, MieGrueneisen
-from parsolid.materials.linear_hardening import LinearHardening
-from parsolid.materials.shear_modulus import ConstantShearModulus, NadalLePoac
-from parsolid.materials.steinberg_cochran_guinan import SteinbergCochranGuinan, ThermalActivation
+from parsolid.materials.plastic import plastic_evaluation as evaluation
+from parsolid.materials.plastic import plasticity
+from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
+from parsolid.materials.plastic.equation_of_state import LinearElastic, MieGrueneisen
+from parsolid.materials.plastic.linear_hardening import LinearHardening
+from parsolid.materials.plastic.shear_modulus import ConstantShearModulus, NadalLePoac
+from parsolid.materials.plastic.steinberg_cochran_guinan import SteinbergCochranGuinan, ThermalActivation
+from parsolid.materials.registry import law_of
+from parsolid.numerics.lanes import load, store
 from parsolid.scene.plasticity import library
 
 TABLE = json.loads(Path(__file__).with_name("flow_table.json").read_text())
@@ -120,10 +120,14 @@ def test_melting_temperature():
 
 
 def solid(eos):
-    return ElasticPlastic(8930.0, 383.0, 300.0, 0.9, None, eos, ConstantShearModulus(47.7e9), LinearHardening(1e8, 0.0), None)
+    return ElasticPlastic(
+        8930.0, 383.0, 300.0, 0.9, None, eos, ConstantShearModulus(47.7e9), LinearHardening(1e8, 0.0), None
+    )
 
 
-@pytest.mark.parametrize("speed, shock, J, P", [(500.0, 4684.5, 0.893265, 20.9163e9), (1000.0, 5429.0, 0.815804, 48.481e9)])
+@pytest.mark.parametrize(
+    "speed, shock, J, P", [(500.0, 4684.5, 0.893265, 20.9163e9), (1000.0, 5429.0, 0.815804, 48.481e9)]
+)
 def test_hugoniot(speed, shock, J, P):
     """P is that of the Hugoniot where E is, E = P (1 - J)/2; jump conditions with U_s = C0 + S u_p."""
     assert shock == pytest.approx(3940.0 + 1.489 * speed, rel=1e-12)
@@ -145,7 +149,9 @@ def test_isentropic_bulk_modulus(eos, J):
     law, E, dJ = solid(eos), 3e8, 1e-5
     P = evaluation.pressure(law, J, E)
     moved = [evaluation.pressure(law, J + s * dJ, E - s * P * dJ) for s in (1.0, -1.0)]
-    assert evaluation.isentropic_bulk_modulus(law, J, P) == pytest.approx(-J * (moved[0] - moved[1]) / (2.0 * dJ), rel=1e-7)
+    assert evaluation.isentropic_bulk_modulus(law, J, P) == pytest.approx(
+        -J * (moved[0] - moved[1]) / (2.0 * dJ), rel=1e-7
+    )
 
 
 HEATED = {"JC": 391.34, "ZA": 396.06, "MTS": 390.45, "PTW": 407.61, "SCG_P0": 404.56, "JC4340": 588.50}
@@ -161,4 +167,3 @@ def test_adiabatic_heating(model, temperature):
         half = T + 0.45 / count / capacity * evaluation.flow_stress(law, ep, 1e4, T)
         T += 0.9 / count / capacity * evaluation.flow_stress(law, ep, 1e4, half)
     assert T == pytest.approx(temperature, abs=0.02)
-

@@ -7,9 +7,9 @@ import pytest
 from numba import njit
 from scipy.integrate import quad
 
-from parsolid.kernels.bond_weights import INFLUENCES, influence
-from parsolid.materials.bond_based import influence_moment, micromodulus
-from parsolid.materials.fracture import breaking_limit, critical_bond_energy, critical_stretch
+from parsolid.materials.damage.bond_based import influence_moment, micromodulus
+from parsolid.materials.damage.fracture import breaking_limit, critical_bond_energy, critical_stretch
+from parsolid.methods.peridynamics.bond_weights import INFLUENCES, influence
 from parsolid.scene.peridynamics import Damage
 from parsolid.scene.viscoelastic import PronySolid
 
@@ -30,9 +30,21 @@ def test_moments_are_those_of_the_influence_function(name, power):
 
 
 PUBLISHED = {
-    "space": (18.0 * K3 / (math.pi * DELTA**4), math.sqrt(5.0 * GC / (9.0 * K3 * DELTA)), 4.0 * GC / (math.pi * DELTA**4)),
-    "plane-stress": (9.0 * E / (math.pi * DELTA**3), math.sqrt(4.0 * math.pi * GC / (9.0 * E * DELTA)), 1.5 * GC / DELTA**3),
-    "plane-strain": (9.6 * E / (math.pi * DELTA**3), math.sqrt(5.0 * math.pi * GC / (12.0 * E * DELTA)), 1.5 * GC / DELTA**3),
+    "space": (
+        18.0 * K3 / (math.pi * DELTA**4),
+        math.sqrt(5.0 * GC / (9.0 * K3 * DELTA)),
+        4.0 * GC / (math.pi * DELTA**4),
+    ),
+    "plane-stress": (
+        9.0 * E / (math.pi * DELTA**3),
+        math.sqrt(4.0 * math.pi * GC / (9.0 * E * DELTA)),
+        1.5 * GC / DELTA**3,
+    ),
+    "plane-strain": (
+        9.6 * E / (math.pi * DELTA**3),
+        math.sqrt(5.0 * math.pi * GC / (12.0 * E * DELTA)),
+        1.5 * GC / DELTA**3,
+    ),
     "bar": (2.0 * E / DELTA**2, math.sqrt(3.0 * GC / (E * DELTA)), 2.0 * GC / DELTA**2),
 }
 
@@ -56,14 +68,18 @@ def test_bonds_across_a_plane_hold_the_fracture_energy(state, dimension, name):
     length = np.linalg.norm(bonds, axis=1)
     within = (length > 0.0) & (length < DELTA)
     bonds, length, volume = bonds[within], length[within], dx**dimension
-    weight = np.array([at(INFLUENCES[name], q) for q in np.unique(length) / DELTA])[np.unique(length, return_inverse=True)[1]]
+    weight = np.array([at(INFLUENCES[name], q) for q in np.unique(length) / DELTA])[
+        np.unique(length, return_inverse=True)[1]
+    ]
     c = micromodulus(E, state, name, DELTA)
     # energy of a uniform stretch, half of each bond to either end
     nu = {"bar": 0.0, "plane-stress": 1.0 / 3.0}.get(state, 0.25)
     lame, G = E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), E / (2.0 * (1.0 + nu))
     lame = 2.0 * lame * G / (lame + 2.0 * G) if state == "plane-stress" else lame
     exact = 0.5 * lame * dimension**2 + G * dimension
-    assert 0.25 * np.sum(c * weight * length) * volume == pytest.approx(exact, rel={1: 1e-3, 2: 5e-3, 3: 2e-2}[dimension])
+    assert 0.25 * np.sum(c * weight * length) * volume == pytest.approx(
+        exact, rel={1: 1e-3, 2: 5e-3, 3: 2e-2}[dimension]
+    )
     reach = np.maximum(bonds[:, 0], 0.0)
     broken = 0.5 * c * critical_stretch(GC, E, state, name, DELTA) ** 2 * weight * length
     assert np.sum(broken * reach) * volume == pytest.approx(GC, rel={1: 1e-3, 2: 5e-3, 3: 3e-2}[dimension])

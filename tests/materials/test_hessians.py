@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from parsolid.materials.hyperbolicity import (
+from parsolid.materials.hyperelastic.hyperbolicity import (
     SYMMETRIC_BASIS,
     branch_hessian,
     conjugate_stresses,
@@ -90,5 +90,7 @@ def test_equilibrium_blocks(law, random_state):
     state = random_state(law, 5)
     blocks = equilibrium_hessian(law, state)
     direction = np.arange(9.0).reshape(3, 3)
-    assert np.einsum("nijkl,kl->nij", blocks.FF, direction) == pytest.approx(np.broadcast_to(2.0 * law.xi * direction, (5, 3, 3)))
+    assert np.einsum("nijkl,kl->nij", blocks.FF, direction) == pytest.approx(
+        np.broadcast_to(2.0 * law.xi * direction, (5, 3, 3))
+    )
     assert (blocks.JJ > law.lambda_hat).all()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from parsolid.exact.prony import PronySeries
-from parsolid.materials.interconversion import shear_relaxation
+from parsolid.materials.viscoelastic.interconversion import shear_relaxation
 
 
 def test_the_plate_of_the_paper():

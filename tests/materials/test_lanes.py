@@ -4,15 +4,25 @@ import numpy as np
 import pytest
 from numba import njit
 
-from parsolid.kernels.layout import LAYOUT, load_branch, load_deformation
-from parsolid.kernels.simd import lane
-from parsolid.kernels.tensor import add, gram, lane_of_general, lane_of_stored_symmetric, scale
-from parsolid.materials import evaluation
-from parsolid.materials.hyperbolicity import branch_sum, dissipation_rates, polyconvex_state
-from parsolid.materials.law import first_piola_kirchhoff_stress, isotropic_shear_modulus, pressure_wave_tensor, shear_wave_tensor
-from parsolid.materials.maxwell import branch_dissipation, inverse_right_cauchy_green, relaxation_weights, relaxed
-from parsolid.materials.mooney_rivlin import MooneyRivlin
-from parsolid.methods.deformation import current_branches
+from parsolid.materials.hyperelastic import evaluation
+from parsolid.materials.hyperelastic.hyperbolicity import branch_sum, dissipation_rates, polyconvex_state
+from parsolid.materials.hyperelastic.law import (
+    first_piola_kirchhoff_stress,
+    isotropic_shear_modulus,
+    pressure_wave_tensor,
+    shear_wave_tensor,
+)
+from parsolid.materials.hyperelastic.mooney_rivlin import MooneyRivlin
+from parsolid.materials.viscoelastic.maxwell import (
+    branch_dissipation,
+    inverse_right_cauchy_green,
+    relaxation_weights,
+    relaxed,
+)
+from parsolid.methods.tlsph.deformation import current_branches
+from parsolid.numerics.lanes import lane
+from parsolid.numerics.layout import LAYOUT, load_branch, load_deformation
+from parsolid.numerics.tensors import add, gram, lane_of_general, lane_of_stored_symmetric, scale
 
 LAWS = {
     "neo-hookean": MooneyRivlin(1100.0, 3.0, None, 7.0, (2.0, 5.0), (0.1, 3.0)),

@@ -6,8 +6,8 @@ from numba import njit
 from scipy.integrate import quad
 
 from parsolid.exact.prony import PronySeries
-from parsolid.kernels.simd import broadcast, from_floats, lane
-from parsolid.materials import prony
+from parsolid.materials.viscoelastic import prony
+from parsolid.numerics.lanes import broadcast, from_floats, lane
 from parsolid.scene.viscoelastic import PronySolid
 
 STATES = ["space", "plane-strain", "plane-stress", "bar"]
@@ -147,7 +147,9 @@ def test_nothing_pulls_along_free_directions(law, state):
         if law.lateral_history:
             # before what is set to zero for rounding: K tr(e) + 2 G dev(e~) along the free direction
             relaxing = point.strain + np.array(law.ratios) @ point.branches
-            pull = law.bulk_modulus * point.strain[:3].sum() + 2.0 * law.shear_modulus * (relaxing[2] - relaxing[:3].sum() / 3.0)
+            pull = law.bulk_modulus * point.strain[:3].sum() + 2.0 * law.shear_modulus * (
+                relaxing[2] - relaxing[:3].sum() / 3.0
+            )
             assert abs(pull) <= 1e-13 * law.bulk_modulus * np.abs(point.strain).max()
 
 
@@ -187,7 +189,8 @@ def test_a_bar_follows_the_relaxation_function_exactly():
         knots.append((time, strain))
         # superposition of jumps and ramps of the strain, each with E(t) or its integral
         exact = sum(
-            (after - before) * (series.relaxation(time - begin) if end == begin else average(series, time - end, time - begin))
+            (after - before)
+            * (series.relaxation(time - begin) if end == begin else average(series, time - end, time - begin))
             for (begin, before), (end, after) in zip(knots, knots[1:])
         )
         assert point.stress[0] == pytest.approx(exact, rel=1e-12)
@@ -276,7 +279,11 @@ def four(law, rows, late, result):
 def test_four_particles_at_once(bulk, state, random):
     law = prony.of_material(solid(bulk), state)
     given = np.where(np.isin(np.arange(4), list(GIVEN[state])), 1.0, 0.0)[:, None]
-    rows, late, result = random.standard_normal((4, 4)) * given, random.standard_normal((4, 4)) * given, np.empty((3, 4))
+    rows, late, result = (
+        random.standard_normal((4, 4)) * given,
+        random.standard_normal((4, 4)) * given,
+        np.empty((3, 4)),
+    )
     four(law, rows, late, result)
     for k in range(4):
         new, relaxing, sigma = completed(law, 0.3, 0.01, tuple(rows[:, k]), tuple(late[:, k]))

@@ -1,14 +1,14 @@
-"""Relaxation of the internal variables over a step, and the energy that it dissipates."""
+"""ViscoelasticHistory of the internal variables over a step, and the energy that it dissipates."""
 
 import numpy as np
 import pytest
 from numba import njit
 
-from parsolid.materials.evaluation import symmetric_rows, symmetric_tensors
-from parsolid.materials.hyperbolicity import dissipation_rates, energies, polyconvex_state
-from parsolid.materials.maxwell import branch_dissipation, branch_energy, relaxation_weights
-from parsolid.materials.mooney_rivlin import MooneyRivlin
-from parsolid.materials.relaxation import dissipated_energy, relax_branches
+from parsolid.materials.hyperelastic.evaluation import symmetric_rows, symmetric_tensors
+from parsolid.materials.hyperelastic.hyperbolicity import dissipation_rates, energies, polyconvex_state
+from parsolid.materials.hyperelastic.mooney_rivlin import MooneyRivlin
+from parsolid.materials.viscoelastic.maxwell import branch_dissipation, branch_energy, relaxation_weights
+from parsolid.materials.viscoelastic.relaxation import dissipated_energy, relax_branches
 
 TIMES = np.array([0.5])
 
@@ -44,7 +44,10 @@ def test_weights_sum_to_one_and_are_exact(x):
     assert min(weights) >= 0.0
     # exp(-x), x/2 - x^2/3..., x/2 - x^2/6...: the series where they cancel
     if x < 0.1:
-        series = [sum((-x) ** k * (k / factorial(k + 1)) for k in range(1, 30)), sum((-x) ** k / factorial(k + 1) for k in range(1, 30))]
+        series = [
+            sum((-x) ** k * (k / factorial(k + 1)) for k in range(1, 30)),
+            sum((-x) ** k / factorial(k + 1) for k in range(1, 30)),
+        ]
         assert weights[1] == pytest.approx(-series[0], rel=1e-9, abs=1e-300)
         assert weights[2] == pytest.approx(-series[1], rel=1e-9, abs=1e-300)
     else:
@@ -129,4 +132,6 @@ def test_solver_branch_functions_say_the_same(random_deformation, random_branche
     for n in range(20):
         C_n, inverse_n, A_n = (tuple(row[n]) for row in rows)
         assert _energy(2.0, C_n, state.J[n], A_n) == pytest.approx(energies(law, state)[1][n, 0], rel=1e-11)
-        assert _dissipation(2.0, 0.3, C_n, inverse_n, A_n) == pytest.approx(dissipation_rates(law, state)[n, 0], rel=1e-11)
+        assert _dissipation(2.0, 0.3, C_n, inverse_n, A_n) == pytest.approx(
+            dissipation_rates(law, state)[n, 0], rel=1e-11
+        )

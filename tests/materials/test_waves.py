@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from parsolid.kernels.tensor import largest_eigenvalue
-from parsolid.materials import evaluation
-from parsolid.materials.hyperbolicity import (
+from parsolid.materials.hyperelastic import evaluation
+from parsolid.materials.hyperelastic.hyperbolicity import (
     acoustic_tensor,
     branch_hessian,
     branch_sum,
@@ -20,6 +19,7 @@ from parsolid.materials.hyperbolicity import (
     smallest_acoustic_eigenvalue,
     surface_stretches,
 )
+from parsolid.numerics.tensors import largest_eigenvalue
 
 COUNT = 300
 
@@ -44,9 +44,13 @@ def test_acoustic_tensor_is_the_hessian_along_the_direction(law, random_state, d
     fibres = np.einsum("vi,nI->nviI", np.eye(3), N)
     areas = evaluation.tensor_cross(state.F[:, None], fibres)
     volumes = np.einsum("niI,nviI->nv", state.H, fibres)
-    expected = np.einsum("nviI,niIkK,nwkK->nvw", fibres, FF, fibres) + np.einsum("nviI,niIkK,nwkK->nvw", areas, equilibrium.HH, areas)
+    expected = np.einsum("nviI,niIkK,nwkK->nvw", fibres, FF, fibres) + np.einsum(
+        "nviI,niIkK,nwkK->nvw", areas, equilibrium.HH, areas
+    )
     expected += np.einsum("nv,n,nw->nvw", volumes, equilibrium.JJ + branches.JJ.sum(axis=1), volumes)
-    assert acoustic_tensor(law, state, directions) == pytest.approx(expected, rel=1e-12, abs=1e-12 * np.abs(expected).max())
+    assert acoustic_tensor(law, state, directions) == pytest.approx(
+        expected, rel=1e-12, abs=1e-12 * np.abs(expected).max()
+    )
 
 
 def test_acoustic_tensor_is_the_derivative_of_the_stress(law, random_state, random):
@@ -97,21 +101,29 @@ def test_greatest_speed_is_reached_and_never_exceeded(law, random_state, random)
 
 
 def test_greatest_speed_in_closed_form_without_area_term(random_state):
-    from parsolid.materials.mooney_rivlin import MooneyRivlin
+    from parsolid.materials.hyperelastic.mooney_rivlin import MooneyRivlin
 
     law = MooneyRivlin(1100.0, 3.0, None, 7.0, (2.0, 5.0), (0.1, 3.0))
     state = random_state(law, 50)
     mu, added = 2.0 * law.xi, sum(law.branch_moduli)
-    M = branch_sum(law, state) + ((law.lambda_hat + (mu + added) / state.J**2)[:, None, None]) * right_cauchy_green(state.H)
-    assert law.density * largest_wave_speed(law, state) ** 2 == pytest.approx(mu + np.linalg.eigvalsh(M)[:, -1], rel=1e-12)
+    M = branch_sum(law, state) + ((law.lambda_hat + (mu + added) / state.J**2)[:, None, None]) * right_cauchy_green(
+        state.H
+    )
+    assert law.density * largest_wave_speed(law, state) ** 2 == pytest.approx(
+        mu + np.linalg.eigvalsh(M)[:, -1], rel=1e-12
+    )
 
 
 def test_speeds_at_rest(law):
     state = polyconvex_state(law, np.eye(3))
     mu, lame = 2.0 * (law.xi + (law.zeta or 0.0)), law.lambda_hat + 4.0 * (law.zeta or 0.0)
     added = sum(law.branch_moduli or ())
-    assert largest_wave_speed(law, state) == pytest.approx(np.sqrt((lame + 2.0 * mu + 2.0 * added) / law.density), rel=1e-13)
-    assert shear_wave_speeds(law, state, [1.0, 1.0, 0.0]) == pytest.approx(np.sqrt((mu + added) / law.density), rel=1e-13)
+    assert largest_wave_speed(law, state) == pytest.approx(
+        np.sqrt((lame + 2.0 * mu + 2.0 * added) / law.density), rel=1e-13
+    )
+    assert shear_wave_speeds(law, state, [1.0, 1.0, 0.0]) == pytest.approx(
+        np.sqrt((mu + added) / law.density), rel=1e-13
+    )
     assert smallest_acoustic_eigenvalue(law, state) == pytest.approx(mu + added, rel=1e-13)
     assert largest_shear_wave_speed(law, state) == pytest.approx(np.sqrt((mu + added) / law.density), rel=1e-13)
 

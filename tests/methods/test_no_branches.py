@@ -21,14 +21,16 @@ def test_no_array_and_no_byte_on_the_wire_or_in_the_checkpoint(dimension, comm):
     without, one = built(dimension, comm), built(dimension, comm, branches=ONE_BRANCH)
     assert without.method.body.branches is None and without.method.shear is None
     assert not any("viscous" in name for name in without.method.table.fields)
-    assert [name for name in one.method.table.fields if name not in without.method.table.fields] == ["viscous_strain_inverse_1"]
+    assert [name for name in one.method.table.fields if name not in without.method.table.fields] == [
+        "viscous_strain_inverse_1"
+    ]
     tensor = {2: 3, 3: 6}[dimension]
     assert checkpoint_bytes(one) - checkpoint_bytes(without) == 8 * tensor * one.method.owned
     # the shear wave tensor goes with the branches; the motion is the same
     padded = {2: 4, 3: 8}[dimension]
     assert one.method.record.shape[1] - without.method.record.shape[1] == padded
     assert one.method.motion_exchange.bytes_sent == without.method.motion_exchange.bytes_sent
-    sent = sum(len(rows) for rows in one.method.pairing.halo.send_lists)
+    sent = sum(len(rows) for rows in one.method.neighbour_lists.halo.send_lists)
     assert one.method.record_exchange.bytes_sent - without.method.record_exchange.bytes_sent == 8 * padded * sent
     assert sent > 0 or comm.size == 1
 
@@ -36,7 +38,7 @@ def test_no_array_and_no_byte_on_the_wire_or_in_the_checkpoint(dimension, comm):
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_the_step_sends_motion_and_record_only(dimension, comm):
     sim = built(dimension, comm)
-    sent = sum(len(rows) for rows in sim.method.pairing.halo.send_lists)
+    sent = sum(len(rows) for rows in sim.method.neighbour_lists.halo.send_lists)
     assert sim.method.motion_exchange.bytes_sent == 8 * 2 * dimension * sent
     assert sim.method.record_exchange.bytes_sent == 8 * sim.method.record.shape[1] * sent
     exchanged = [name for name, field in sim.method.table.fields.items() if field.exchanged]
@@ -59,16 +61,22 @@ def test_branches_without_stiffness_are_none_to_the_bit(scene):
 
 
 def test_a_body_beside_one_with_branches_does_not_relax(dimension=2):
-    data = tables(PARTICLES[dimension], material=SOFT, body={"velocity": ["0.3*X*Y"] + ["0.1*X"] * (dimension - 1), "name": "elastic"})
+    data = tables(
+        PARTICLES[dimension],
+        material=SOFT,
+        body={"velocity": ["0.3*X*Y"] + ["0.1*X"] * (dimension - 1), "name": "elastic"},
+    )
     far = {"box": {"lower": [5.0] * dimension, "upper": [6.0] * dimension}}
-    data["bodies"].append({**data["bodies"][0], "name": "viscous", "shape": far, "material": {**SOFT, "branches": ONE_BRANCH}})
+    data["bodies"].append(
+        {**data["bodies"][0], "name": "viscous", "shape": far, "material": {**SOFT, "branches": ONE_BRANCH}}
+    )
     sim = simulation(data)
     alone = built(dimension, sim.comm)
-    assert {group.branches for group in sim.method.groups} == {0, 1} and alone.method.branches == 0
+    assert {block.branches for block in sim.method.blocks} == {0, 1} and alone.method.branches == 0
     for _ in range(5):
         sim.take_step(0.01)
     A = sim.method.table.owned_rows("viscous_strain_inverse_1")
     identity = np.array([1.0] * dimension + [0.0] * (A.shape[1] - dimension))
-    elastic = sim.cloud.body == 0
+    elastic = sim.particle_set.body == 0
     np.testing.assert_array_equal(A[elastic], np.tile(identity, (elastic.sum(), 1)))
     assert np.abs(A[~elastic] - identity).max() > 1e-3

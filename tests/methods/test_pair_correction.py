@@ -5,9 +5,9 @@ import pytest
 from mpi4py import MPI
 from solids import column, gathered, punch, run_steps, run_to_end, simulation, supports, tables
 
-from parsolid.kernels.smoothing import WendlandC2
-from parsolid.methods.pairing import build_pairing, metrics
-from parsolid.together import SolverError
+from parsolid.collective import SolverError
+from parsolid.pairs.neighbour_lists import build_neighbour_lists, metrics
+from parsolid.pairs.smoothing import WendlandC2
 
 CLOSED = {"pair_correction": "closure"}
 JITTERED = {2: {"jitter": 0.15}, 3: {"jitter": 0.15}}
@@ -41,8 +41,8 @@ def left_over(sim) -> np.ndarray:
     """Force of a unit pressure inside, over the face of a particle."""
     method, d = sim.method, sim.method.dimension
     share = method.share
-    inside = (sim.cloud.area == 0.0).all(axis=1) & (share == 1.0)
-    return forces_of(sim, np.eye(d))[inside] / (sim.cloud.volume / share)[inside, None] ** (1 - 1 / d)
+    inside = (sim.particle_set.area == 0.0).all(axis=1) & (share == 1.0)
+    return forces_of(sim, np.eye(d))[inside] / (sim.particle_set.volume / share)[inside, None] ** (1 - 1 / d)
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -61,7 +61,7 @@ def test_a_constant_stress_has_almost_no_force_inside(dimension, boundaries):
 def test_on_the_surface_it_has_the_force_of_its_traction(dimension):
     sim = simulation(body(dimension))
     stress = np.arange(1.0, 1.0 + dimension**2).reshape(dimension, dimension)
-    found, wanted = forces_of(sim, stress), -sim.cloud.area @ stress.T
+    found, wanted = forces_of(sim, stress), -sim.particle_set.area @ stress.T
     assert np.abs(found - wanted).max() < 0.1 * np.abs(wanted).max()
     # pairwise: nothing is lost, whatever is left over
     assert np.abs(found.sum(axis=0)).max() < 1e-12 * np.abs(found).sum()
@@ -72,7 +72,11 @@ def test_on_the_surface_it_has_the_force_of_its_traction(dimension):
 def test_gradients_of_linear_fields_stay_exact(dimension, boundaries, comm):
     sim = simulation(body(dimension, "closure", boundaries), comm)
     # what the mirror planes X = 0 and Y = 0 allow
-    slope = np.diag([0.3, -0.2, 0.7][:dimension]) if boundaries else np.arange(1.0, 1.0 + dimension**2).reshape(dimension, dimension)
+    slope = (
+        np.diag([0.3, -0.2, 0.7][:dimension])
+        if boundaries
+        else np.arange(1.0, 1.0 + dimension**2).reshape(dimension, dimension)
+    )
     table = sim.method.table
     table.owned_rows("position")[:] += table.owned_rows("reference_position") @ slope.T
     sim.method.motion_exchange.start()
@@ -83,12 +87,12 @@ def test_gradients_of_linear_fields_stay_exact(dimension, boundaries, comm):
 
 def test_the_weights_of_a_pair_are_opposite_on_both_of_its_ranks(comm):
     sim = simulation(body(2), comm)
-    pairing = sim.method.pairing
-    names = pairing.halo.with_ghosts(np.array(sim.method.table.owned_rows("identifier")).astype(np.int64))
+    neighbour_lists = sim.method.neighbour_lists
+    names = neighbour_lists.halo.with_ghosts(np.array(sim.method.table.owned_rows("identifier")).astype(np.int64))
     directed = {}
-    if pairing.rim is not None:
-        row = np.repeat(np.arange(pairing.halo.owned), np.diff(pairing.rim.start))
-        for a, b, g in zip(names[row], names[pairing.rim.neighbour], pairing.rim.weight[:, :2]):
+    if neighbour_lists.rim is not None:
+        row = np.repeat(np.arange(neighbour_lists.halo.owned), np.diff(neighbour_lists.rim.start))
+        for a, b, g in zip(names[row], names[neighbour_lists.rim.neighbour], neighbour_lists.rim.weight[:, :2]):
             directed[int(a), int(b)] = g.tolist()
     everyone = {pair: g for part in comm.allgather(directed) for pair, g in part.items()}
     assert (len(everyone) > 0) == (comm.size > 1)
@@ -112,7 +116,9 @@ def test_an_irregular_punch_is_as_good_as_a_regular_one(jitter):
         return run_to_end(data)[1]
 
     def difference(found):
-        energies = [np.interp(regular["time"], found["time"], found[name]) - regular[name] for name in ("kinetic", "stored")]
+        energies = [
+            np.interp(regular["time"], found["time"], found[name]) - regular[name] for name in ("kinetic", "stored")
+        ]
         return np.abs(energies).max() / (regular["kinetic"][0] + regular["stored"][0])
 
     regular = history(0.0, "none")
@@ -139,7 +145,7 @@ def test_momentum_and_energy_are_kept():
 
 def test_cells_are_refused(comm):
     data = body(2, placement="cells")
-    with pytest.raises(SolverError, match='method.pair_correction: expected particles on the surface .* found cells'):
+    with pytest.raises(SolverError, match="method.pair_correction: expected particles on the surface .* found cells"):
         simulation(data, comm)
 
 
@@ -151,7 +157,14 @@ def test_volumes_that_do_not_fit_are_refused():
     metric = metrics(np.ones_like(place), None, 0.85)
     area = np.zeros_like(place)
     with pytest.raises(SolverError, match="method.pair_correction: expected particles whose volumes fit"):
-        build_pairing(
-            MPI.COMM_SELF, WendlandC2(), place, np.zeros(144, np.int32), metric, np.ones(144), None, 1.0,
+        build_neighbour_lists(
+            MPI.COMM_SELF,
+            WendlandC2(),
+            place,
+            np.zeros(144, np.int32),
+            metric,
+            np.ones(144),
+            None,
+            1.0,
             (area, np.ones(144)),
-        )  # fmt: skip
+        )

@@ -3,12 +3,25 @@
 import numpy as np
 import pytest
 from reference_sph import Solid
-from solids import ONE_BRANCH, SOFT, evaluate, gathered, random_of, set_random_state, simulation, strains, supports, tables
+from solids import (
+    ONE_BRANCH,
+    SOFT,
+    evaluate,
+    gathered,
+    random_of,
+    set_random_state,
+    simulation,
+    strains,
+    supports,
+    tables,
+)
 
-from parsolid.kernels import pairs_plane, pairs_space, weights
-from parsolid.kernels.pairs import PairList
-from parsolid.kernels.simd import aligned_zeros
-from parsolid.kernels.smoothing import KERNELS
+from parsolid.numerics.lanes import aligned_zeros
+from parsolid.pairs import passes_plane as pairs_plane
+from parsolid.pairs import passes_space as pairs_space
+from parsolid.pairs import weights
+from parsolid.pairs.layout import PairList
+from parsolid.pairs.smoothing import KERNELS
 
 ROUND_OFF = 1e-12
 BRANCH = {"branches": ONE_BRANCH}
@@ -24,9 +37,14 @@ def box(dimension, planes=FREE, smoothing=1.2, method=None, **more):
     """A box of unequal spacings with its inside jittered, in a random state."""
     particles = {2: (7, 6), 3: (5, 6, 5)}[dimension]
     data = tables(
-        particles, [1.0, 1.3, 0.9][:dimension], material={**SOFT, **BRANCH}, method={"smoothing": smoothing, **(method or {})},
-        body={"jitter": 0.3, "seed": 4}, boundaries=supports(**planes), **more,
-    )  # fmt: skip
+        particles,
+        [1.0, 1.3, 0.9][:dimension],
+        material={**SOFT, **BRANCH},
+        method={"smoothing": smoothing, **(method or {})},
+        body={"jitter": 0.3, "seed": 4},
+        boundaries=supports(**planes),
+        **more,
+    )
     sim = simulation(data)
     set_random_state(sim)
     return sim
@@ -37,7 +55,9 @@ def shell(dimension, planes=FREE, method=None):
     shape = {"radius": 1.0, "thickness": 0.6, "angles": [0.0, 90.0]}
     shape |= {"centre": [0.0, 0.0]} if dimension == 2 else {"base": [0.0, 0.0, 0.0], "axis": "Y", "length": 0.5}
     boundaries = supports(**planes)
-    data = tables([6, 3, 4][: 3 if dimension == 3 else 2], [1.0] * dimension, material={**SOFT, **BRANCH}, boundaries=boundaries)
+    data = tables(
+        [6, 3, 4][: 3 if dimension == 3 else 2], [1.0] * dimension, material={**SOFT, **BRANCH}, boundaries=boundaries
+    )
     data["bodies"][0]["shape"] = {"cylindrical_shell": shape}
     data["method"] |= {"smoothing": 1.2, **(method or {})}
     sim = simulation(data)
@@ -92,16 +112,25 @@ def set_linear_velocity(sim) -> np.ndarray:
 @every_body
 def test_weights_are_antisymmetric_to_the_bit(body, dimension):
     sim = BODIES[body](dimension)
-    pairing, metric = sim.method.pairing, sim.method.pairing.metric
-    inner = pairing.inner
+    neighbour_lists, metric = sim.method.neighbour_lists, sim.method.neighbour_lists.metric
+    inner = neighbour_lists.inner
     first = np.repeat(np.arange(sim.method.owned), np.diff(inner.start))
     order = np.argsort(inner.neighbour, kind="stable")
     start = np.searchsorted(inner.neighbour[order], np.arange(sim.method.owned + 1))
     backward = aligned_zeros((len(order), 4))
     weights.pair_weights(
-        KERNELS["wendland-c2"], dimension, start, first[order].astype(np.int32), np.zeros(len(order), np.int8),
-        np.ones((1, 3)), np.zeros((1, 3)), pairing.positions, metric, pairing.volume, backward,
-    )  # fmt: skip
+        KERNELS["wendland-c2"],
+        dimension,
+        start,
+        first[order].astype(np.int32),
+        np.zeros(len(order), np.int8),
+        np.ones((1, 3)),
+        np.zeros((1, 3)),
+        neighbour_lists.positions,
+        metric,
+        neighbour_lists.volume,
+        backward,
+    )
     assert len(order) > 20 and np.abs(inner.weight[:, :dimension]).max() > 0.0
     np.testing.assert_array_equal(backward[:, :dimension], -inner.weight[order, :dimension])
 
@@ -110,14 +139,20 @@ def test_weights_are_antisymmetric_to_the_bit(body, dimension):
 @pytest.mark.parametrize("body", [name for name in BODIES if name not in ("box", "shell")])
 def test_weights_of_images_reflect_each_other(body, dimension):
     sim = BODIES[body](dimension)
-    mirror, images, R = sim.method.pairing.mirror, sim.method.pairing.images, sim.method.boundaries.codes.reflections
+    mirror, images, R = (
+        sim.method.neighbour_lists.mirror,
+        sim.method.neighbour_lists.images,
+        sim.method.boundaries.codes.reflections,
+    )
     first = np.repeat(np.arange(sim.method.owned), np.diff(mirror.start))
     row = {key: k for k, key in enumerate(zip(first, mirror.neighbour, images.code))}
     both = [(k, row[b, a, c]) for (a, b, c), k in row.items() if (b, a, c) in row]
     assert len(both) > 10
     for k, other in both:
         signs = R[images.code[k], :dimension]
-        np.testing.assert_allclose(mirror.weight[other, :dimension], -signs * mirror.weight[k, :dimension], rtol=1e-13, atol=1e-18)
+        np.testing.assert_allclose(
+            mirror.weight[other, :dimension], -signs * mirror.weight[k, :dimension], rtol=1e-13, atol=1e-18
+        )
         assert mirror.weight[other, dimension] == pytest.approx(mirror.weight[k, dimension], rel=1e-12)
 
 
@@ -127,7 +162,7 @@ def test_the_inner_list_as_two_one_sided_lists_gives_the_same(body, dimension):
     sim = BODIES[body](dimension)
     method, passes = sim.method, {2: pairs_plane, 3: pairs_space}[dimension]
     inner = evaluate(sim)
-    half = method.pairing.inner
+    half = method.neighbour_lists.inner
     first = np.repeat(np.arange(method.owned), np.diff(half.start)).astype(np.int32)
     receiver, neighbour = np.concatenate((first, half.neighbour)), np.concatenate((half.neighbour, first))
     flip = np.concatenate((np.ones(len(first)), -np.ones(len(first))))[:, None]
@@ -135,7 +170,9 @@ def test_the_inner_list_as_two_one_sided_lists_gives_the_same(body, dimension):
     both[:, :dimension] *= flip
     order = np.argsort(receiver, kind="stable")
     directed = PairList(
-        np.searchsorted(receiver[order], np.arange(method.owned + 1)), neighbour[order], np.ascontiguousarray(both[order])
+        np.searchsorted(receiver[order], np.arange(method.owned + 1)),
+        neighbour[order],
+        np.ascontiguousarray(both[order]),
     )
     gradient, force = aligned_zeros(method.gradient.shape), aligned_zeros(method.force.shape)
     passes.add_gradients(0, method.owned, directed, None, None, 0, method.kinematics, gradient)
@@ -168,7 +205,9 @@ def test_the_gradient_of_a_linear_field_is_exact(body, dimension):
     sim = BODIES[body](dimension)
     A = set_linear_velocity(sim)
     assert np.abs(A).max() > 0.1
-    np.testing.assert_allclose(evaluate(sim)["gradient"], np.broadcast_to(A, (sim.method.owned, *A.shape)), atol=ROUND_OFF)
+    np.testing.assert_allclose(
+        evaluate(sim)["gradient"], np.broadcast_to(A, (sim.method.owned, *A.shape)), atol=ROUND_OFF
+    )
 
 
 @every_dimension
@@ -176,7 +215,9 @@ def test_the_gradient_of_a_linear_field_is_exact_at_a_fixed_wall(dimension):
     sim = box(dimension, {"Y0": (0.0, "fixed"), "X0": (0.0, "roller")})
     A = set_linear_velocity(sim)
     assert np.abs(A[:, 1]).max() > 0.1
-    np.testing.assert_allclose(evaluate(sim)["gradient"], np.broadcast_to(A, (sim.method.owned, *A.shape)), atol=ROUND_OFF)
+    np.testing.assert_allclose(
+        evaluate(sim)["gradient"], np.broadcast_to(A, (sim.method.owned, *A.shape)), atol=ROUND_OFF
+    )
 
 
 @every_dimension
@@ -227,7 +268,7 @@ def skew_defect(sim) -> float:
 def test_the_energy_identity(body, dimension):
     """dK/dt + dW/dt + D_int + D_num = power of the loads (Appendix B), with dW/dt from the energy's own derivatives."""
     sim = BODIES[body](dimension)
-    method, solid = sim.method, Solid.of(sim.method.groups[0].law)
+    method, solid = sim.method, Solid.of(sim.method.blocks[0].law)
     velocity, weight = method.table.owned_rows("velocity"), method.body.tributary[0, : method.owned]
     found, strain = evaluate(sim), strains(sim)
     rate = np.zeros_like(strain["F"])
@@ -243,9 +284,11 @@ def test_the_energy_identity(body, dimension):
 @every_dimension
 def test_the_stored_energy_and_its_rate_belong_together(dimension):
     sim = box(dimension)
-    solid, strain, rate = Solid.of(sim.method.groups[0].law), strains(sim), evaluate(sim)["gradient"]
+    solid, strain, rate = Solid.of(sim.method.blocks[0].law), strains(sim), evaluate(sim)["gradient"]
     weight = sim.method.body.tributary[0, : sim.method.owned]
-    assert sim.method.energies()[1] == pytest.approx(np.sum(weight * solid.energy(*(strain[name] for name in "FHJA"))), rel=1e-13)
+    assert sim.method.energies()[1] == pytest.approx(
+        np.sum(weight * solid.energy(*(strain[name] for name in "FHJA"))), rel=1e-13
+    )
 
     def stored(step):
         F = strain["F"].copy()
@@ -265,7 +308,10 @@ def test_upwinding_only_dissipates_without_reconstruction(body, dimension):
     # with reconstruction the proof (B.5)-(B.7) fails; see the errata of the formulation
     maker = {"box": box, "shell": shell}["shell" if "shell" in body else "box"]
     planes = {"box": FREE, "mirrored corner": CORNERS[dimension], "two sides": SIDES[dimension], "shell": FREE}
-    planes |= {"antisymmetric": {"X0": (0.0, "antisymmetric"), "Y0": (0.0, "antisymmetric")}, "mirrored shell": SHELL_PLANES[dimension]}
+    planes |= {
+        "antisymmetric": {"X0": (0.0, "antisymmetric"), "Y0": (0.0, "antisymmetric")},
+        "mirrored shell": SHELL_PLANES[dimension],
+    }
     sim = maker(dimension, planes[body], method={"reconstruction": False})
     for seed in range(8):
         set_random_state(sim, seed=10 * seed)
@@ -283,16 +329,20 @@ def test_ranks_share_what_one_computes(comm, dimension, mirrored):
         particles = {2: (9, 8), 3: (6, 7, 5)}[dimension]
         planes = supports(**CORNERS[dimension]) if mirrored else []
         data = tables(
-            particles, [1.0, 1.3, 0.9][:dimension], material={**SOFT, **BRANCH}, body={"jitter": 0.2},
-            method={"smoothing": 1.05}, boundaries=planes,
-        )  # fmt: skip
+            particles,
+            [1.0, 1.3, 0.9][:dimension],
+            material={**SOFT, **BRANCH},
+            body={"jitter": 0.2},
+            method={"smoothing": 1.05},
+            boundaries=planes,
+        )
         sim = simulation(data, where)
         set_random_state(sim)
-        sim.method.table.owned_rows("velocity")[:] += random_of(sim.method.table.owned_rows("identifier"), dimension, seed=99) * (
-            sim.method.boundaries.clamp[:, :dimension] if mirrored else 1.0
-        )
+        sim.method.table.owned_rows("velocity")[:] += random_of(
+            sim.method.table.owned_rows("identifier"), dimension, seed=99
+        ) * (sim.method.boundaries.clamp[:, :dimension] if mirrored else 1.0)
         found = evaluate(sim)
-        order = np.argsort(np.concatenate(where.allgather(sim.cloud.identifier)))
+        order = np.argsort(np.concatenate(where.allgather(sim.particle_set.identifier)))
         values = [np.concatenate(where.allgather(found[name]))[order] for name in ("gradient", "PL", "T", "D")]
         sums = [where.allreduce(found[name]) for name in ("internal", "numerical")]
         results.append((values, sums, gathered(sim, "volume")[0]))

@@ -7,22 +7,30 @@ import pytest
 from numba import njit
 from scipy.linalg import expm, polar
 
-from parsolid.kernels.layout import LAYOUT
-from parsolid.laws import law_of
-from parsolid.materials import plastic_evaluation as evaluation
-from parsolid.materials.elastic_plastic import ElasticPlastic
-from parsolid.materials.equation_of_state import LinearElastic, MieGrueneisen
-from parsolid.materials.linear_hardening import LinearHardening
-from parsolid.materials.melting import ConstantMelting
-from parsolid.materials.rate_form import RateForm
-from parsolid.materials.shear_modulus import ConstantShearModulus
-from parsolid.methods.plastic_update import BulkViscosity, advance_stress, new_state
+from parsolid.materials.plastic import plastic_evaluation as evaluation
+from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
+from parsolid.materials.plastic.equation_of_state import LinearElastic, MieGrueneisen
+from parsolid.materials.plastic.linear_hardening import LinearHardening
+from parsolid.materials.plastic.melting import ConstantMelting
+from parsolid.materials.plastic.rate_form import RateForm
+from parsolid.materials.plastic.shear_modulus import ConstantShearModulus
+from parsolid.materials.registry import law_of
+from parsolid.methods.mpm.plastic_update import BulkViscosity, advance_stress, new_state
+from parsolid.numerics.layout import LAYOUT
 from parsolid.scene.plasticity import library
 
 COPPER = MieGrueneisen(8930.0, 3940.0, 1.489, 2.02)
 JOHNSON_COOK = law_of(library()["OFHC copper, Johnson-Cook"])
 J2 = ElasticPlastic(
-    8930.0, 383.0, 300.0, 0.9, None, COPPER, ConstantShearModulus(47.7e9), LinearHardening(120e6, 1e8), ConstantMelting(1356.0)
+    8930.0,
+    383.0,
+    300.0,
+    0.9,
+    None,
+    COPPER,
+    ConstantShearModulus(47.7e9),
+    LinearHardening(120e6, 1e8),
+    ConstantMelting(1356.0),
 )
 LINEAR = J2._replace(equation_of_state=LinearElastic(130e9), shear_modulus=ConstantShearModulus(45e9), melting=None)
 ELASTIC = LINEAR._replace(flow_stress=LinearHardening(1e20, 0.0))
@@ -75,7 +83,9 @@ def sheared(law, rate, steps, shear=1.0, temperature=300.0, dimension=3):
 def test_elastic_shear_follows_green_and_naghdi(dimension):
     """At a shear of 1 with G = 45 GPa s12 39.140, s11 18.716 GPa (37.866, 20.686 with Jaumann's rate); of second order."""
     exact = _green_naghdi()
-    errors = [np.abs(sheared(ELASTIC, 1e3, steps, dimension=dimension).stress()[0, :2, 0] - exact) for steps in (20, 40)]
+    errors = [
+        np.abs(sheared(ELASTIC, 1e3, steps, dimension=dimension).stress()[0, :2, 0] - exact) for steps in (20, 40)
+    ]
     stress = sheared(ELASTIC, 1e3, 1000, dimension=dimension).stress()[0]
     assert np.log2(errors[0] / errors[1]) == pytest.approx([2.0, 2.0], abs=0.1)
     assert stress[0, 1] == pytest.approx(39.140e9, rel=2e-5) and stress[0, 0] == pytest.approx(18.716e9, rel=5e-5)
@@ -123,7 +133,9 @@ def test_johnson_cook_shear_beside_the_rate_form():
     assert particles.state.plastic_strain[0, 0] == pytest.approx(0.574718, abs=1e-6)
     # the rate form keeps what it overshoots by, and needs a hundred times the steps for the error of the return's hundred
     law = JOHNSON_COOK._replace(flow_stress=RateForm(JOHNSON_COOK.flow_stress))
-    errors = [sheared(law, 1e3, steps, temperature=294.0).stress()[0, 0, 1] / 217.1357e6 - 1.0 for steps in (100, 1000, 10000)]
+    errors = [
+        sheared(law, 1e3, steps, temperature=294.0).stress()[0, 0, 1] / 217.1357e6 - 1.0 for steps in (100, 1000, 10000)
+    ]
     assert errors[0] > 2.0 and 0.1 < errors[1] < 0.3 and 0.005 < errors[2] < 0.03
 
 
@@ -149,7 +161,9 @@ def test_the_return_ends_on_the_flow_stress(name):
     mu, melting = evaluation.shear_modulus(law, *start), evaluation.melting_temperature(law, J)
     heated = before["temperature"] + 0.9 * mises * (ep - before["plastic_strain"]) / (law.density * law.specific_heat)
     frozen = law._replace(shear_modulus=ConstantShearModulus(float(mu)), melting=ConstantMelting(float(melting)))
-    assert mises == pytest.approx(evaluation.flow_stress(frozen, ep, (ep - before["plastic_strain"]) / step, heated), rel=1e-8)
+    assert mises == pytest.approx(
+        evaluation.flow_stress(frozen, ep, (ep - before["plastic_strain"]) / step, heated), rel=1e-8
+    )
 
 
 @pytest.mark.parametrize("law", [J2, LINEAR, JOHNSON_COOK], ids=["mie-grueneisen", "linear", "johnson-cook"])
@@ -173,7 +187,9 @@ def test_internal_energy_is_the_work_of_the_stress(law):
 
 def test_shock_temperature_and_energy():
     """A steady shock of 500 m/s, the viscosity making the Rayleigh line: E = P (1 - J)/2, T = 410.10 K."""
-    law = J2._replace(flow_stress=LinearHardening(1.0, 0.0), shear_modulus=ConstantShearModulus(1.0), taylor_quinney=0.0)
+    law = J2._replace(
+        flow_stress=LinearHardening(1.0, 0.0), shear_modulus=ConstantShearModulus(1.0), taylor_quinney=0.0
+    )
     particles, shock, end = Particles(law), 4684.5, 1.0 - 500.0 / 4684.5
     steps, J, viscous = 2000, 1.0, 0.0
     for k in range(steps):
@@ -291,7 +307,11 @@ def test_tension_beyond_the_spinodal_stays_finite():
     assert particles.stress()[0, 0, 0] > 0.0 and particles.state.temperature[0, 0] < 300.0
 
 
-UNSOUND = {"inverted": -2.0 * np.eye(3), "beyond the hugoniot": np.diag([-0.7, 0.0, 0.0]), "nan": np.full((3, 3), np.nan)}
+UNSOUND = {
+    "inverted": -2.0 * np.eye(3),
+    "beyond the hugoniot": np.diag([-0.7, 0.0, 0.0]),
+    "nan": np.full((3, 3), np.nan),
+}
 
 
 @pytest.mark.parametrize("gradient", UNSOUND.values(), ids=UNSOUND)

@@ -5,7 +5,10 @@ import pytest
 from reference_sph import Options, reference_of
 from solids import ONE_BRANCH, SOFT, THREE_BRANCHES, evaluate, set_random_state, simulation, strains, supports, tables
 
-ROLLERS = {2: {"X0": (0.0, "roller"), "Y0": (0.0, "roller")}, 3: {"X0": (0.0, "roller"), "Y0": (0.0, "roller"), "Z1": (1.0, "roller")}}
+ROLLERS = {
+    2: {"X0": (0.0, "roller"), "Y0": (0.0, "roller")},
+    3: {"X0": (0.0, "roller"), "Y0": (0.0, "roller"), "Z1": (1.0, "roller")},
+}
 PARTICLES = {2: (6, 5), 3: (4, 5, 4)}
 
 
@@ -17,11 +20,17 @@ def planes_of(named: dict) -> list:
 def built(dimension, material, method=None, planes=None, body=None, smoothing=1.05):
     """A body of unequal spacings, its inside unevenly filled, in a random state."""
     upper = [1.0, 1.3, 0.9][:dimension]
-    planes = {key: (upper["XYZ".index(key[0])] if place else 0.0, kind) for key, (place, kind) in (planes or {}).items()}
+    planes = {
+        key: (upper["XYZ".index(key[0])] if place else 0.0, kind) for key, (place, kind) in (planes or {}).items()
+    }
     data = tables(
-        PARTICLES[dimension], upper, material={**SOFT, **material}, method={"smoothing": smoothing, **(method or {})},
-        body={"jitter": 0.25, **(body or {})}, boundaries=supports(**planes),
-    )  # fmt: skip
+        PARTICLES[dimension],
+        upper,
+        material={**SOFT, **material},
+        method={"smoothing": smoothing, **(method or {})},
+        body={"jitter": 0.25, **(body or {})},
+        boundaries=supports(**planes),
+    )
     sim = simulation(data)
     set_random_state(sim, consistent=False)
     return sim, planes_of(planes)
@@ -47,7 +56,9 @@ def agrees(sim, planes, **options) -> None:
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
-@pytest.mark.parametrize("material", [{}, {"branches": ONE_BRANCH}, {"zeta": 0.2, "branches": THREE_BRANCHES}], ids=["0", "1", "zeta-3"])
+@pytest.mark.parametrize(
+    "material", [{}, {"branches": ONE_BRANCH}, {"zeta": 0.2, "branches": THREE_BRANCHES}], ids=["0", "1", "zeta-3"]
+)
 @pytest.mark.parametrize("mirrored", [False, True], ids=["free", "mirror"])
 def test_a_force_evaluation_is_that_of_the_paper(dimension, material, mirrored):
     agrees(*built(dimension, material, planes=ROLLERS[dimension] if mirrored else None))
@@ -81,7 +92,9 @@ def shell(dimension: int, planes: dict, body=None):
     shape = {"radius": 1.0, "thickness": 0.5, "angles": [0.0, 90.0]}
     shape |= {"centre": [0.0, 0.0]} if dimension == 2 else {"base": [0.0, 0.0, 0.0], "axis": "Y", "length": 0.6}
     particles = [5, 3] if dimension == 2 else [5, 3, 3]
-    data = tables(particles, material={**SOFT, "branches": ONE_BRANCH}, method={"smoothing": 1.05}, boundaries=supports(**planes))
+    data = tables(
+        particles, material={**SOFT, "branches": ONE_BRANCH}, method={"smoothing": 1.05}, boundaries=supports(**planes)
+    )
     data["bodies"][0] |= {"shape": {"cylindrical_shell": shape}, **(body or {})}
     sim = simulation(data)
     set_random_state(sim, consistent=False)
@@ -97,14 +110,18 @@ def test_particles_with_their_own_axes(dimension, mirrored):
 
 def test_two_materials_in_contact():
     data = tables(
-        (3, 5), [1.0, 1.0], material={**SOFT, "branches": ONE_BRANCH}, method={"smoothing": 1.05}, body={"placement": "cells"}
+        (3, 5),
+        [1.0, 1.0],
+        material={**SOFT, "branches": ONE_BRANCH},
+        method={"smoothing": 1.05},
+        body={"placement": "cells"},
     )
     other = {**data["bodies"][0], "shape": {"box": {"lower": [1.0, 0.0], "upper": [2.0, 1.0]}}}
     data["bodies"].append({**other, "material": {**SOFT, "density": 4.0, "youngs_modulus": 20.0}})
     sim = simulation(data)
     set_random_state(sim, consistent=False)
-    # neither group fills its last four lanes
-    assert [(group.first, group.last) for group in sim.method.groups] == [(0, 15), (15, 30)]
+    # neither block fills its last four lanes
+    assert [(block.first, block.last) for block in sim.method.blocks] == [(0, 15), (15, 30)]
     agrees(sim, [])
 
 

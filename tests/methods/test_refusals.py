@@ -3,7 +3,7 @@
 import pytest
 from solids import SOFT, simulation, tables
 
-from parsolid.together import SolverError
+from parsolid.collective import SolverError
 
 
 def two_rollers(particles, smoothing):
@@ -13,7 +13,7 @@ def two_rollers(particles, smoothing):
 
 
 def test_one_interval_between_rollers_runs_at_the_default_smoothing():
-    assert simulation(two_rollers((2, 4), 0.85)).method.pairing.mirror is not None
+    assert simulation(two_rollers((2, 4), 0.85)).method.neighbour_lists.mirror is not None
 
 
 def test_planes_within_half_the_reach_are_refused():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from solids import ONE_BRANCH, SOFT, Record, random_of, set_random_state, simulation, strains, tables
 
-from parsolid.simulation import Limits, StopRequest
+from parsolid.simulation.loop import Limits, StopRequest
 
 PARTICLES = {2: (5, 6), 3: (4, 5, 3)}
 UPPER = {2: [1.0, 1.0], 3: [1.0, 1.0, 1.0]}
@@ -12,9 +12,13 @@ UPPER = {2: [1.0, 1.0], 3: [1.0, 1.0, 1.0]}
 
 def greatest_speed(sim) -> float:
     """Largest c_p over particles and directions of space, rho c_p^2(N) = mu + N . M N for zeta = 0 (formulation, section 1)."""
-    law, strain, rho = sim.method.groups[0].law, strains(sim), sim.method.groups[0].law.density
+    law, strain, rho = sim.method.blocks[0].law, strains(sim), sim.method.blocks[0].law.density
     moduli, mu = law.branch_moduli or (), 2.0 * law.xi
-    M = (law.lambda_hat + (mu + sum(moduli)) / strain["J"] ** 2)[:, None, None] * strain["H"].swapaxes(1, 2) @ strain["H"]
+    M = (
+        (law.lambda_hat + (mu + sum(moduli)) / strain["J"] ** 2)[:, None, None]
+        * strain["H"].swapaxes(1, 2)
+        @ strain["H"]
+    )
     M = M + sum((modulus * A for modulus, A in zip(moduli, strain["A"])), np.zeros_like(M))
     return np.sqrt((mu + np.linalg.eigvalsh(M)[:, -1].max()) / rho)
 
@@ -26,7 +30,9 @@ def test_at_rest_it_is_that_of_linear_elasticity(dimension, branches):
     E, nu, beta = SOFT["youngs_modulus"], SOFT["poissons_ratio"], sum(branch["beta"] for branch in branches)
     mu, lame = E / (2.0 * (1.0 + nu)), E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))
     speed = np.sqrt((lame + 2.0 * mu * (1.0 + beta)) / SOFT["density"])
-    assert sim.method.stable_step() == pytest.approx(0.6 * min(1.0 / (n - 1) for n in PARTICLES[dimension]) / speed, rel=1e-13)
+    assert sim.method.stable_step() == pytest.approx(
+        0.6 * min(1.0 / (n - 1) for n in PARTICLES[dimension]) / speed, rel=1e-13
+    )
 
 
 @pytest.mark.parametrize("branches", [[], ONE_BRANCH], ids=["0", "1"])
@@ -50,7 +56,9 @@ def test_one_crushed_particle_rules_the_step():
 
 
 def test_the_step_found_while_advancing_is_that_of_the_new_state():
-    sim = simulation(tables((5, 6), material={**SOFT, "branches": ONE_BRANCH}, body={"velocity": ["0.5*sin(3*Y)", "-0.4*Y"]}))
+    sim = simulation(
+        tables((5, 6), material={**SOFT, "branches": ONE_BRANCH}, body={"velocity": ["0.5*sin(3*Y)", "-0.4*Y"]})
+    )
     record = Record(lambda s: {"stable": s.method.stable_step(), "agreed": s.stable})
     sim.run(record, Limits(steps=6), StopRequest())
     columns = record.columns()

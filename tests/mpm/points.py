@@ -38,9 +38,15 @@ def taylor_bar(cell=8e-4, *, dimension=2, speed=227.0, length=32.4e-3, end_time=
     upper = [3.2e-3] * (dimension - 1) + [length]
     geometry = {"geometry": "axisymmetric"} if dimension == 2 else {}
     return scene(
-        [0.0] * dimension, upper, 0.5 * cell, cell, method={**geometry, "order": "musl", **method}, end_time=end_time,
-        body={"velocity": [0.0] * (dimension - 1) + [-speed]}, boundaries=planes,
-    )  # fmt: skip
+        [0.0] * dimension,
+        upper,
+        0.5 * cell,
+        cell,
+        method={**geometry, "order": "musl", **method},
+        end_time=end_time,
+        body={"velocity": [0.0] * (dimension - 1) + [-speed]},
+        boundaries=planes,
+    )
 
 
 def crossing(cell=0.1, cells=(4, 3), speed=200.0, **method) -> dict:
@@ -53,6 +59,6 @@ def crossing(cell=0.1, cells=(4, 3), speed=200.0, **method) -> dict:
 
 def final_shape(simulation) -> np.ndarray:
     """Largest coordinates (d,) of all particles; collective."""
-    from parsolid.together import maximum
+    from parsolid.collective import maximum
 
     return maximum(simulation.comm, simulation.method.table.owned_rows("position").max(axis=0, initial=-np.inf))

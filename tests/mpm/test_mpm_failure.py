@@ -5,8 +5,8 @@ import pytest
 from points import SOFT, crossing, scene, taylor_bar
 from solids import Record, run_to_end, simulation
 
-from parsolid.simulation import Limits, RunFailed, StopRequest
-from parsolid.together import SolverError
+from parsolid.collective import SolverError
+from parsolid.simulation.loop import Limits, RunFailed, StopRequest
 
 
 def message_of(data, comm, spoil=None) -> str:
@@ -65,9 +65,16 @@ def test_the_balance_is_zero_but_for_the_time_integration(comm, order, transfer)
     swings = []
     for cfl in (0.2, 0.1):
         data = scene(
-            [0.0, 0.0], [0.8, 0.8], 0.05, 0.1, material=SOFT, boundaries=planes, end_time=0.03,
-            method={"order": order, "transfer": transfer, "cfl": cfl}, body={"velocity": ["-4*X", "3*Y"]},
-        )  # fmt: skip
+            [0.0, 0.0],
+            [0.8, 0.8],
+            0.05,
+            0.1,
+            material=SOFT,
+            boundaries=planes,
+            end_time=0.03,
+            method={"order": order, "transfer": transfer, "cfl": cfl},
+            body={"velocity": ["-4*X", "3*Y"]},
+        )
         _, columns = run_to_end(data, comm)
         total = columns["kinetic"][0]
         assert columns["stored"].max() > 0.5 * total and columns["kinetic"].min() < 0.5 * total

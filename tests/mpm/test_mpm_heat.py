@@ -8,7 +8,7 @@ from solids import gathered, run_steps
 
 from parsolid.exact.heat import CosineMode, HeatedSlab
 from parsolid.scene import parse_scene
-from parsolid.simulation import Simulation
+from parsolid.simulation.loop import Simulation
 
 WORLD = MPI.COMM_WORLD
 LENGTH, CELLS, START = 0.02, 20, 300.0
@@ -28,7 +28,10 @@ MATERIAL = {
 def slab(end_time, temperature=START, basis="quadratic-spline", boundaries=(), cells=CELLS, material=MATERIAL, **more):
     """Advance a strip of a slab of copper, insulated at planes of symmetry but for `boundaries`, at rest."""
     cell = LENGTH / cells
-    planes = [{"kind": "roller", "plane": f"{axis} = {x:g}"} for axis, x in (("X", 0.0), ("X", LENGTH), ("Y", 0.0), ("Y", 2 * cell))]
+    planes = [
+        {"kind": "roller", "plane": f"{axis} = {x:g}"}
+        for axis, x in (("X", 0.0), ("X", LENGTH), ("Y", 0.0), ("Y", 2 * cell))
+    ]
     body = {
         "shape": {"box": {"lower": [0.0, 0.0], "upper": [LENGTH, 2 * cell]}},
         "particles": [2 * cells, 4],
@@ -131,9 +134,16 @@ def test_faces_take_up_plastic_heat_alike_on_all_ranks(comm):
     flow = {"velocity": ["1e6*Y", 0.0], "box": {"lower": [-1e-3, -1e-3], "upper": [2e-3, 2e-3]}}
     held = [{"kind": "temperature", "plane": f"Y = {y}", "temperature": 300.0} for y in (0.0, 2e-4)]
     data = scene(
-        [0.0, 0.0], [4e-4, 2e-4], 2.5e-5, 5e-5, material=MATERIAL, method={"transfer": "apic"}, end_time=1.0,
-        boundaries=[{"kind": "velocity", **flow}, *held], body={"velocity": flow["velocity"], "temperature": 300.0},
-    )  # fmt: skip
+        [0.0, 0.0],
+        [4e-4, 2e-4],
+        2.5e-5,
+        5e-5,
+        material=MATERIAL,
+        method={"transfer": "apic"},
+        end_time=1.0,
+        boundaries=[{"kind": "velocity", **flow}, *held],
+        body={"velocity": flow["velocity"], "temperature": 300.0},
+    )
     (spread, _), (single, _) = run_steps(data, 200, comm), run_steps(data, 200, comm.Split(comm.rank))
     found, wanted = gathered(spread, "temperature")[0], gathered(single, "temperature")[0]
     np.testing.assert_allclose(found, wanted, rtol=1e-10)

@@ -8,7 +8,9 @@ from solids import gathered, run_steps, run_to_end, simulation
 FIELDS = ("position", "velocity", "deformation_gradient", "stress_and_volume")
 
 
-@pytest.mark.parametrize("order, transfer, end", [("musl", "flip", 80e-6), ("usl", "flip", 10e-6), ("usl", "apic", 10e-6)])
+@pytest.mark.parametrize(
+    "order, transfer, end", [("musl", "flip", 80e-6), ("usl", "flip", 10e-6), ("usl", "apic", 10e-6)]
+)
 def test_the_taylor_bar_does_not_depend_on_the_ranks(comm, order, transfer, end):
     data = taylor_bar(1.6e-3, order=order, transfer=transfer, end_time=end)
     (spread, many), (single, one) = run_to_end(data, comm), run_to_end(data, comm.Split(comm.rank))

@@ -6,9 +6,9 @@ from mpi4py import MPI
 from points import COPPER, INVISCID, SOFT, scene, taylor_bar
 from solids import gathered, run_steps, run_to_end, simulation
 
+from parsolid.collective import maximum
 from parsolid.exact.manufactured import AxisAligned
 from parsolid.scene import SceneError
-from parsolid.together import maximum
 
 TOTAL = {"formulation": "total-lagrangian", "basis": "linear"}
 
@@ -32,7 +32,11 @@ def axis_aligned_error(cells: int, basis: str, comm) -> float:
         step = comm.allreduce(sim.method.stable_step(), MPI.MIN)
         sim.take_step(min(step, 0.02 - sim.clock.time))
         rows = sim.method.table.owned_rows
-        error = rows("position") - rows("reference_position") - exact.fields(rows("reference_position"), sim.clock.time)["displacement"]
+        error = (
+            rows("position")
+            - rows("reference_position")
+            - exact.fields(rows("reference_position"), sim.clock.time)["displacement"]
+        )
         total = comm.allreduce(np.array([(error**2).sum(), len(error)]))
         worst = max(worst, float(np.sqrt(total[0] / total[1])) / 0.05)
     return worst
@@ -60,7 +64,9 @@ def test_a_taylor_bar_neither_locks_nor_loses_energy(comm):
 def test_the_form_does_not_depend_on_the_ranks(comm, dimension):
     data = taylor_bar(1.6e-3, dimension=dimension, length=9.6e-3, order="usl", **TOTAL)
     spread, single = run_steps(data, 40, comm)[0], run_steps(data, 40, comm.Split(comm.rank))[0]
-    for found, wanted in zip(*(gathered(sim, "position", "velocity", "deformation_gradient") for sim in (spread, single))):
+    for found, wanted in zip(
+        *(gathered(sim, "position", "velocity", "deformation_gradient") for sim in (spread, single))
+    ):
         np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-9 * np.abs(wanted).max())
 
 
@@ -79,6 +85,13 @@ def test_heat_flows_in_a_turned_body_as_in_one_that_is_not(comm):
 
 
 def test_walls_are_refused(comm):
-    data = scene([0.0, 0.0], [0.4, 0.4], 0.05, 0.1, method=TOTAL, boundaries=[{"kind": "wall", "plane": "Y = 0", "side": "above"}])
+    data = scene(
+        [0.0, 0.0],
+        [0.4, 0.4],
+        0.05,
+        0.1,
+        method=TOTAL,
+        boundaries=[{"kind": "wall", "plane": "Y = 0", "side": "above"}],
+    )
     with pytest.raises(SceneError, match="boundaries.0.kind: expected no wall with the formulation 'total-lagrangian'"):
         simulation(data, comm)

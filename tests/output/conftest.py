@@ -4,7 +4,10 @@ import h5py
 import numpy as np
 import pytest
 
-METHODS = ["offsets", pytest.param("mpio", marks=pytest.mark.skipif(not h5py.get_config().mpi, reason="h5py without MPI"))]
+METHODS = [
+    "offsets",
+    pytest.param("mpio", marks=pytest.mark.skipif(not h5py.get_config().mpi, reason="h5py without MPI")),
+]
 
 
 @pytest.fixture(params=METHODS)

@@ -8,7 +8,17 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-_INHERITED = ("PMI_", "PMIX_", "OMPI_COMM", "OMPI_UNIVERSE", "OMPI_MCA_orte", "OMPI_MCA_ess", "HYDRA", "HYDI", "MPI_LOCAL")
+_INHERITED = (
+    "PMI_",
+    "PMIX_",
+    "OMPI_COMM",
+    "OMPI_UNIVERSE",
+    "OMPI_MCA_orte",
+    "OMPI_MCA_ess",
+    "HYDRA",
+    "HYDI",
+    "MPI_LOCAL",
+)
 
 
 def clean_environment() -> dict[str, str]:
@@ -24,6 +34,6 @@ def launcher(ranks: int) -> list[str]:
 
 
 def start(arguments: list, ranks: int = 1, **options) -> subprocess.Popen:
-    """Run this Python with arguments on some ranks, as a process group of its own."""
+    """Run this Python with arguments on some ranks, as a process block of its own."""
     command = [*launcher(ranks), sys.executable, *map(str, arguments)]
     return subprocess.Popen(command, env=clean_environment(), start_new_session=True, **options)

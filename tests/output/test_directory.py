@@ -28,7 +28,14 @@ def test_it_is_made_with_its_parents(comm, shared_path):
 
 def test_a_new_run_moves_older_results_aside_each_time(comm, shared_path):
     directory = shared_path / "out"
-    results = ["history.csv", "fields.vtkhdf", "fields.1.vtkhdf", "checkpoint.h5", "checkpoint.h5.partial", "summary.json"]
+    results = [
+        "history.csv",
+        "fields.vtkhdf",
+        "fields.1.vtkhdf",
+        "checkpoint.h5",
+        "checkpoint.h5.partial",
+        "summary.json",
+    ]
     fill(comm, directory, [*results, "notes.txt"])
     prepare(comm, directory)
     assert listing(comm, directory) == {**{f"previous-1/{name}": "old" for name in results}, "notes.txt": "old"}

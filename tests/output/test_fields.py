@@ -162,7 +162,9 @@ def test_a_file_that_does_not_fit_is_set_aside(comm, shared_path, other):
         fields = particles.varying(0.0)
         if other == "of other fields":
             del fields["pressure"]
-        FieldSeries(comm, path, 4).write(0.0, particles.identifier, particles.position(0.0), fields, particles.constant())
+        FieldSeries(comm, path, 4).write(
+            0.0, particles.identifier, particles.position(0.0), fields, particles.constant()
+        )
     before = path.read_bytes()
     comm.Barrier()
     series = FieldSeries(comm, path, 4, resume_at=0.0)

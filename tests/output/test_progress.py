@@ -13,7 +13,14 @@ from parsolid.output.progress import NORMAL, QUIET, VERBOSE, Progress, terminal_
 pytestmark = pytest.mark.mpi(ranks=[1])
 
 ROW = {"kinetic": 1.5, "stored": 2.0, "dissipation_internal": 0.25, "dissipation_numerical": 0.5, "balance": 1e-6}
-SUMMARY = {"status": "finished", "steps": 99, "end_time": 0.5, "wall_seconds": 12.0, "energy_balance": 1e-5, "errors": {"u": 0.1}}
+SUMMARY = {
+    "status": "finished",
+    "steps": 99,
+    "end_time": 0.5,
+    "wall_seconds": 12.0,
+    "energy_balance": 1e-5,
+    "errors": {"u": 0.1},
+}
 
 
 @pytest.fixture

@@ -15,7 +15,13 @@ pytestmark = pytest.mark.mpi(ranks=[1])
 
 
 def test_keys_keep_their_order_and_numbers_become_json(tmp_path):
-    summary = {"scene": "Säule", "z": np.int64(3), "a": np.float32(0.5), "nan": float("nan"), "errors": {"u": np.inf, "v": [1.0]}}
+    summary = {
+        "scene": "Säule",
+        "z": np.int64(3),
+        "a": np.float32(0.5),
+        "nan": float("nan"),
+        "errors": {"u": np.inf, "v": [1.0]},
+    }
     write_summary(tmp_path / "summary.json", summary)
     found = json.loads((tmp_path / "summary.json").read_text())
     assert list(found) == list(summary)

@@ -4,10 +4,10 @@ import numpy as np
 
 from decomposition.halo import Halo
 from decomposition.neighbours import half_pairs
-from parsolid.boundary import MirrorCodes, MirrorPlane
-from parsolid.kernels.layout import LAYOUT
-from parsolid.kernels.pairs import Images, PairList
-from parsolid.methods.bond_damage import BondDamage, BondList, Limits
+from parsolid.boundary.mirror_planes import MirrorCodes, MirrorPlane
+from parsolid.methods.peridynamics.bond_damage import BondDamage, BondList, Limits
+from parsolid.numerics.layout import LAYOUT
+from parsolid.pairs.layout import Images, PairList
 
 REACH = 2.3
 SHAPE = {2: (9, 8), 3: (6, 5, 6)}
@@ -24,10 +24,14 @@ def lattice(dimension: int, jitter: float = 0.2):
 class BondedBody:
     """Bond lists of the rank's share (by x), with mirror images in the plane y = 0 where asked for."""
 
-    def __init__(self, comm, dimension: int, mirror: bool = False, kind: str = "roller", limits=Limits(0.0, 1.0), jitter=0.2):
+    def __init__(
+        self, comm, dimension: int, mirror: bool = False, kind: str = "roller", limits=Limits(0.0, 1.0), jitter=0.2
+    ):
         self.comm, self.dimension = comm, dimension
         positions, identifiers = lattice(dimension, jitter)
-        mine = np.floor(positions[:, 0] / SHAPE[dimension][0] * comm.size).astype(int).clip(0, comm.size - 1) == comm.rank
+        mine = (
+            np.floor(positions[:, 0] / SHAPE[dimension][0] * comm.size).astype(int).clip(0, comm.size - 1) == comm.rank
+        )
         self.owned = int(mine.sum())
         halo = Halo.plan(comm, positions[mine], REACH)
         self.halo, self.positions = halo, halo.with_ghosts(positions[mine])
@@ -47,7 +51,7 @@ class BondedBody:
         self.damage = BondDamage(comm, self.space, self, self.kinematics, body, np.ones(self.owned), limits)
 
     def lists(self):
-        """As `Bonding.lists`."""
+        """As `BondSystem.lists`."""
         return [(pairs, images, bool(both)) for pairs, images, both in self.bonds]
 
     def refresh_shape(self, particles=None) -> None:

@@ -14,17 +14,26 @@ PLANES = {
 }
 
 
-def scene(dimension, planes="free", placement="cells", broken=False, jitter=0.2, material=None, method=None, **more) -> dict:
+def scene(
+    dimension, planes="free", placement="cells", broken=False, jitter=0.2, material=None, method=None, **more
+) -> dict:
     """Raw tables; broken: with a crack through a part of the body."""
     particles, upper = SIZES[dimension]
     settings = {"kind": "peridynamics", "horizon_ratio": 2.6, "influence": "linear", **(method or {})}
     if broken:
-        settings["pre_cracks"] = [{"plane": "X = 0.5", "box": {"lower": [0.0] * dimension, "upper": [1.0, 0.42, 1.0][:dimension]}}]
+        settings["pre_cracks"] = [
+            {"plane": "X = 0.5", "box": {"lower": [0.0] * dimension, "upper": [1.0, 0.42, 1.0][:dimension]}}
+        ]
     body = {"placement": placement, "jitter": jitter, "seed": 5, **more.pop("body", {})}
     return tables(
-        particles, upper, material={**SOFT, **(material or {})}, method=settings, body=body,
-        boundaries=supports(**PLANES[planes]), **more,
-    )  # fmt: skip
+        particles,
+        upper,
+        material={**SOFT, **(material or {})},
+        method=settings,
+        body=body,
+        boundaries=supports(**PLANES[planes]),
+        **more,
+    )
 
 
 def body_of(dimension, planes="free", placement="cells", broken=False, comm=MPI.COMM_SELF, **more):

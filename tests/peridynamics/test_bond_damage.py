@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from bonded_body import BondedBody, lattice
 
-from parsolid.kernels.bond_damage import Energy, Stretch
-from parsolid.methods.bond_damage import Limits
-from parsolid.methods.cracks import distance, patch_of
-from parsolid.particles import FieldTable
+from parsolid.methods.peridynamics.bond_damage import Limits
+from parsolid.methods.peridynamics.bond_damage_kernels import Energy, Stretch
+from parsolid.methods.peridynamics.cracks import distance, patch_of
+from parsolid.particles.fields import FieldTable
+from parsolid.scene.base_model import Plane
 from parsolid.scene.peridynamics import PreCrack
-from parsolid.scene.section import Plane
 
 bodies = pytest.mark.parametrize("dimension, mirror", [(2, False), (3, False), (2, True), (3, True)])
 

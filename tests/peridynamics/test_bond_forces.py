@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from bonded_body import BondedBody
 
-from parsolid.kernels.bond_damage import Stretch
-from parsolid.kernels.bond_forces import add_bond_forces, bond_energy
+from parsolid.methods.peridynamics.bond_based_kernels import add_bond_forces, bond_energy
+from parsolid.methods.peridynamics.bond_damage_kernels import Stretch
 
 bodies = pytest.mark.parametrize("dimension, mirror", [(2, False), (3, False), (2, True), (3, True)])
 

@@ -93,7 +93,10 @@ def test_a_rigid_motion_has_no_force(dimension, broken):
 @pytest.mark.parametrize("material", ["linear-elastic", "prony", "elastic-bulk"])
 def test_force_is_what_the_stiffness_says(dimension, material):
     """F(u) - F(0) = -K u of the same step, with histories that are not empty."""
-    law = {"linear-elastic": {}, "prony": {"kind": "prony", "terms": [{"ratio": 2.0, "tau": 0.3}, {"ratio": 0.5, "tau": 0.02}]}}
+    law = {
+        "linear-elastic": {},
+        "prony": {"kind": "prony", "terms": [{"ratio": 2.0, "tau": 0.3}, {"ratio": 0.5, "tau": 0.02}]},
+    }
     law["elastic-bulk"] = {**law["prony"], "bulk": "elastic"}
     plane = {"plane": "stress"} if dimension == 2 else {}
     method = body_of(dimension, "fixed", material=law[material], method=plane)

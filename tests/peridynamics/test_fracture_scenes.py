@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from parsolid.cli import main
+from parsolid.commands.cli import main
 from parsolid.output.history import read_history
 
 _SCENES = Path(__file__).parents[2] / "runs" / "peridynamics"
-slow = pytest.mark.skipif(not os.environ.get("PARSOLID_SLOW_TESTS"), reason="a minute a run: only with PARSOLID_SLOW_TESTS=1")
+slow = pytest.mark.skipif(
+    not os.environ.get("PARSOLID_SLOW_TESTS"), reason="a minute a run: only with PARSOLID_SLOW_TESTS=1"
+)
 
 
 def run(folder, scene, *overrides, status=0):

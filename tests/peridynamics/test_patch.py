@@ -15,9 +15,10 @@ E, NU, PULL = 3.0, 0.3, 0.03
 def test_patch(comm, dimension, plane, placement, influence, bulk):
     letters = "XYZ"[:dimension]
     method = {
-        "horizon_ratio": 3.0, "influence": influence,
+        "horizon_ratio": 3.0,
+        "influence": influence,
         "solution": {"kind": "quasi-static", "step": 1.0, "tolerance": 1e-10},
-    }  # fmt: skip
+    }
     if plane is not None:
         method["plane"] = plane
     data = scene(dimension, placement=placement, jitter=0.0, material={"bulk": bulk}, method=method)

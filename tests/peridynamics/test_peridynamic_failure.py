@@ -3,13 +3,19 @@
 import pytest
 from solids import Until, simulation
 
-from parsolid.simulation import Limits, RunFailed, StopRequest
+from parsolid.simulation.loop import Limits, RunFailed, StopRequest
 
 
 def test_matter_turned_inside_out_ends_the_run(comm):
     box = {"lower": [0.0, 0.0], "upper": [1.0, 1.0]}
     material = {"kind": "neo-hookean", "density": 1.0, "youngs_modulus": 3.0, "poissons_ratio": 0.3}
-    body = {"shape": {"box": box}, "particles": [6, 6], "placement": "cells", "velocity": ["-3*X", "-6*Y"], "material": material}
+    body = {
+        "shape": {"box": box},
+        "particles": [6, 6],
+        "placement": "cells",
+        "velocity": ["-3*X", "-6*Y"],
+        "material": material,
+    }
     crushed = simulation(
         {
             "dimension": 2,

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from parsolid.laws import laws_of
-from parsolid.methods.groups import groups_of
-from parsolid.methods.peridynamic_forces import build_forces
-from parsolid.methods.peridynamic_loads import PeridynamicLoads
-from parsolid.methods.peridynamic_operator import Operator
+from parsolid.materials.blocks import material_blocks
+from parsolid.materials.registry import laws_of
+from parsolid.methods.peridynamics.forces import build_forces
+from parsolid.methods.peridynamics.loads import PeridynamicLoads
+from parsolid.methods.peridynamics.operator import Operator
 from parsolid.scene import generate, parse_scene
 from parsolid.solvers import conjugate_gradients
 
@@ -32,19 +32,23 @@ class Body:
         body = {"shape": shape, "material": MATERIAL, **filling}
         self.scene = parse_scene(
             {
-                "dimension": dimension, "end_time": end_time, "method": {"kind": "peridynamics", **method}, "bodies": [body],
-                "boundaries": list(boundaries) or supports + tractions, "loads": dict(loads),
+                "dimension": dimension,
+                "end_time": end_time,
+                "method": {"kind": "peridynamics", **method},
+                "bodies": [body],
+                "boundaries": list(boundaries) or supports + tractions,
+                "loads": dict(loads),
             }
-        )  # fmt: skip
-        cloud = self.cloud = generate(self.scene, comm)
+        )
+        particle_set = self.particle_set = generate(self.scene, comm)
         laws = laws_of(self.scene)
-        groups, density = groups_of(laws, cloud.body)
+        blocks, density = material_blocks(laws, particle_set.body)
         self.comm, self.law = comm, laws[0]
-        self.loads = PeridynamicLoads(comm, self.scene, cloud, density)
-        forces = build_forces(comm, self.scene, cloud, laws, groups, self.loads)
+        self.loads = PeridynamicLoads(comm, self.scene, particle_set, density)
+        forces = build_forces(comm, self.scene, particle_set, laws, blocks, self.loads)
         self.loads.install_tractions(forces.engine, forces.horizon)
-        mass = density * cloud.volume / self.loads.share
-        self.operator = Operator(forces.engine, groups, forces.relaxation, self.loads.share, mass, self.loads.free)
+        mass = density * particle_set.volume / self.loads.share
+        self.operator = Operator(forces.engine, blocks, forces.relaxation, self.loads.share, mass, self.loads.free)
 
     def stretched(self, pinned=None):
         """The displacement (n, d) under the loads just after time 0; `pinned` (n, d) bool: more components at rest."""
@@ -63,7 +67,7 @@ class Body:
         E, nu = material.youngs_modulus, material.poissons_ratio
         if self.scene.method.state(self.scene.dimension) == "plane-strain":
             E, nu = E / (1.0 - nu**2), nu / (1.0 - nu)
-        return self.cloud.position * (STRESS / E * np.array([1.0, -nu, -nu])[: self.scene.dimension])
+        return self.particle_set.position * (STRESS / E * np.array([1.0, -nu, -nu])[: self.scene.dimension])
 
     def total(self):
         """Resultant of the loads along X [N]."""
@@ -108,9 +112,9 @@ def test_a_uniform_stress_between_two_loaded_faces_is_exact(comm):
     # the faces are closer to each other than their forces reach
     body = Body(comm, 2, both=True, plane="stress")
     pinned = np.zeros_like(body.loads.free)
-    pinned[body.cloud.identifier == 0, 0] = True
+    pinned[body.particle_set.identifier == 0, 0] = True
     displacement = body.stretched(pinned)
-    away = sum(comm.allgather((body.exact() - displacement)[body.cloud.identifier == 0, 0].sum()))
+    away = sum(comm.allgather((body.exact() - displacement)[body.particle_set.identifier == 0, 0].sum()))
     displacement[:, 0] += away
     assert error(body, displacement) <= 1e-10
     assert body.total() == pytest.approx(0.0, abs=1e-9 * STRESS)
@@ -149,15 +153,25 @@ def test_loads_in_time(comm):
 
 def test_prescribed_motion(comm):
     layer = {"kind": "layer", "plane": "X = 0.3", "side": "below"}
-    end = {"kind": "displacement", "plane": "X = 1", "displacement": ["where(t < 2, 0.1*t, 0.5)", "free"], "jumps": [2.0]}
+    end = {
+        "kind": "displacement",
+        "plane": "X = 1",
+        "displacement": ["where(t < 2, 0.1*t, 0.5)", "free"],
+        "jumps": [2.0],
+    }
     driven = {"kind": "velocity", "box": {"lower": [0.4, 0.0], "upper": [0.6, 0.8]}, "velocity": ["free", "t**3"]}
     body = Body(comm, 2, boundaries=[layer, end, driven], end_time=10.0)
-    loads, x = body.loads, body.cloud.position[:, 0]
+    loads, x = body.loads, body.particle_set.position[:, 0]
     assert loads.jumps == (0.0, 2.0)
     held = np.stack([(x < 0.3) | (x > 0.9), (x < 0.3) | ((x > 0.4) & (x < 0.6))], axis=1)
     assert np.array_equal(loads.free, ~held) and not loads.held.any()
     u = np.full(loads.free.shape, 7.0)
-    for time, step, at_end, ahead in ((0.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.1, 0.25), (1.0, 1.0, 0.2, 4.0), (2.0, 0.0, 0.5, 4.0)):
+    for time, step, at_end, ahead in (
+        (0.0, 0.0, 0.0, 0.0),
+        (0.0, 1.0, 0.1, 0.25),
+        (1.0, 1.0, 0.2, 4.0),
+        (2.0, 0.0, 0.5, 4.0),
+    ):
         loads.move(time, step, u)
         assert u[x > 0.9, 0] == pytest.approx(np.full((x > 0.9).sum(), at_end)), time
         inside = (x > 0.4) & (x < 0.6)
@@ -176,5 +190,5 @@ def test_the_last_boundary_holds(comm):
     body = Body(comm, 2, boundaries=[first, last])
     u = np.zeros(body.loads.free.shape)
     body.loads.move(0.0, 0.0, u)
-    at_end = body.cloud.position[:, 0] > 0.9
+    at_end = body.particle_set.position[:, 0] > 0.9
     assert (u[at_end] == [2.0, 1.0]).all() and len(body.loads.entries[0]) == 2 * at_end.sum()

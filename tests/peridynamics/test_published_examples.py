@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from parsolid.cli import main
+from parsolid.commands.cli import main
 from parsolid.exact.bar_vibration import BarVibration
 from parsolid.exact.lattice_bar import fundamental_period
 from parsolid.exact.prony import PronySeries
@@ -54,9 +54,14 @@ def test_plate_extension_and_recovery(shared_path, scene, solver):
 def test_traction_on_the_last_column_alone_is_not_exact(shared_path):
     """What the consistent traction is for: the error of the single column is of first order, 2.8 % on ten columns."""
     errors, _, _ = run(
-        shared_path, "plate.toml", "bodies.0.particles=[10, 10]", "method.traction=single-layer", "end_time=5.0",
-        "method.solution.step=1.0", "output.fields_times=[]",
-    )  # fmt: skip
+        shared_path,
+        "plate.toml",
+        "bodies.0.particles=[10, 10]",
+        "method.traction=single-layer",
+        "end_time=5.0",
+        "method.solution.step=1.0",
+        "output.fields_times=[]",
+    )
     assert 0.01 < errors["edge.displacement_x"] < 0.04
 
 
@@ -83,14 +88,29 @@ def test_quasi_static_run_in_pieces_gives_the_same_bits(shared_path):
     changes = ("bodies.0.particles=[8, 8]", "end_time=53.0", "method.solution.step=1.0", "output.fields_times=[]")
     _, whole, _ = run(shared_path / "whole", "plate.toml", *changes)
     run(shared_path / "pieces", "plate.toml", *changes, more=("--max-steps", "7"))
-    assert main([str(_SCENES / "plate.toml"), "-q", "-o", str(shared_path / "pieces"), "--restart", "--max-steps", "45",
-                 *[part for change in ("output.pictures=false", *changes) for part in ("--set", change)]]) == 0  # fmt: skip
+    assert (
+        main(
+            [
+                str(_SCENES / "plate.toml"),
+                "-q",
+                "-o",
+                str(shared_path / "pieces"),
+                "--restart",
+                "--max-steps",
+                "45",
+                *[part for change in ("output.pictures=false", *changes) for part in ("--set", change)],
+            ]
+        )
+        == 0
+    )
     _, pieces, _ = run(shared_path / "pieces", "plate.toml", *changes, more=("--restart",))
     for name in whole:
         assert np.array_equal(pieces[name], whole[name]), name
 
 
-BEATING = pytest.param("layer", 20, marks=pytest.mark.xfail(strict=True, reason="three lattice modes beat, docs/peridynamics.md"))
+BEATING = pytest.param(
+    "layer", 20, marks=pytest.mark.xfail(strict=True, reason="three lattice modes beat, docs/peridynamics.md")
+)
 HORIZONS = [(clamp, reach) for clamp in ("mirror", "layer") for reach in (3, 10, 15, 20)]
 
 
@@ -103,7 +123,10 @@ def test_period_at_every_horizon_of_the_paper(shared_path, state, reach, clamp):
         changes += [f"bodies.0.shape.box.lower=[{-1e-3 * reach}]", f"bodies.0.particles=[{1000 + reach}]"]
     scene = "vibrating_bar.toml" if clamp == "mirror" else "vibrating_bar_layer.toml"
     errors, _, _ = run(shared_path, scene, *changes)
-    table = {"mirror": {3: 4e-7, 10: 2.8e-5, 15: 6.3e-5, 20: 9.4e-5}, "layer": {3: 1.0e-3, 10: 3.88e-3, 15: 5.98e-3, 20: 8.43e-3}}
+    table = {
+        "mirror": {3: 4e-7, 10: 2.8e-5, 15: 6.3e-5, 20: 9.4e-5},
+        "layer": {3: 1.0e-3, 10: 3.88e-3, 15: 5.98e-3, 20: 8.43e-3},
+    }
     assert abs(errors["period"] - table[clamp][reach]) < 2e-4
     assert errors["decay_rate"] < 0.01
 
@@ -111,7 +134,9 @@ def test_period_at_every_horizon_of_the_paper(shared_path, state, reach, clamp):
 @slow
 def test_undamped_bar_does_not_grow(shared_path):
     elastic = ("bodies.0.material.terms=[]", "bodies.0.material.youngs_modulus=68.9e6", "end_time=5.21")
-    errors, history, summary = run(shared_path, "vibrating_bar.toml", *elastic, 'method.stabilisation={kind="shear-scaled"}')
+    errors, history, summary = run(
+        shared_path, "vibrating_bar.toml", *elastic, 'method.stabilisation={kind="shear-scaled"}'
+    )
     assert summary["steps"] > 150_000
     period = BarVibration(PronySeries(68.9e6), 1e4, 1.0, 1e-3, False, modes=1).oscillation().period
     early, late = history["time"] < period, history["time"] > 5.21 - period

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from parsolid.exact.prony import PronySeries
-from parsolid.methods.quasi_static import QuasiStatic, lagrange_weights
+from parsolid.methods.peridynamics.quasi_static import QuasiStatic, lagrange_weights
 
 _POINTS = 12
 RATIO, TIME = 9.0, 1.0
@@ -83,7 +83,9 @@ def test_creep_and_recovery_with_jumps_are_exact_but_for_the_steps_in_between(co
     compliance = PronySeries(1.0, [RATIO], [TIME]).compliance()
     _, found = run(Chain(comm), settings(solver=solver), steps, lambda number, time: 2.0 * (number <= 20))
     times = np.cumsum(steps)
-    wanted = np.array([2.0 * (compliance(t) - (compliance(t - times[21]) if i > 20 else 0.0)) for i, t in enumerate(times)])
+    wanted = np.array(
+        [2.0 * (compliance(t) - (compliance(t - times[21]) if i > 20 else 0.0)) for i, t in enumerate(times)]
+    )
     profile = found / (np.arange(_POINTS) + (np.arange(_POINTS) == 0))
     assert np.abs(profile[:, 1:] - wanted[:, None]).max() < 5e-5 * wanted.max()
     # jumps themselves are exact: elastic with the instantaneous modulus
@@ -113,7 +115,10 @@ def test_extrapolation_saves_iterations_and_a_restart_continues_it(comm):
     for mine, theirs in zip(other.earlier, solver.earlier):
         mine[:] = theirs
     now = solver.earlier[0]
-    assert np.array_equal(other.guess(now, 1.0, 0.05), solver.guess(now, 1.0, 0.05)) and other.summary() == solver.summary()
+    assert (
+        np.array_equal(other.guess(now, 1.0, 0.05), solver.guess(now, 1.0, 0.05))
+        and other.summary() == solver.summary()
+    )
 
 
 @pytest.mark.parametrize("solver", ("conjugate-gradients", "dynamic-relaxation"))

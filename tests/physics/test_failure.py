@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from solids import Record, column, punch, run_steps, simulation
 
-from parsolid.simulation import Limits, RunFailed, StopRequest
+from parsolid.simulation.loop import Limits, RunFailed, StopRequest
 
 
 def minimum_jacobian(sim) -> dict:

@@ -10,8 +10,13 @@ def bar(dimension, boundaries=(), loads=None, particles=None, material=SOFT, **b
     """A bar along X of length 2."""
     particles = particles or {2: (9, 5), 3: (7, 4, 4)}[dimension]
     return tables(
-        particles, [2.0, 1.0, 0.8][:dimension], material=material, body=body, boundaries=list(boundaries), loads=loads or {},
-    )  # fmt: skip
+        particles,
+        [2.0, 1.0, 0.8][:dimension],
+        material=material,
+        body=body,
+        boundaries=list(boundaries),
+        loads=loads or {},
+    )
 
 
 def advanced(data: dict, step: float, steps: int):
@@ -41,13 +46,19 @@ def test_free_fall(dimension, load):
 def test_a_force_cubic_in_time_gives_the_exact_velocity():
     # the stages are at 0, 1 and 1/2 of the step with Simpson's weights
     sim = advanced(bar(2, loads={"acceleration": ["4*t**3", "1 - t"]}), 0.05, 20)
-    np.testing.assert_allclose(sim.method.table.owned_rows("velocity"), np.tile([1.0, 0.5], (sim.method.owned, 1)), rtol=1e-12)
+    np.testing.assert_allclose(
+        sim.method.table.owned_rows("velocity"), np.tile([1.0, 0.5], (sim.method.owned, 1)), rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_the_momentum_of_a_free_bar_is_traction_times_area_times_time(dimension):
     traction = [0.3, -0.2, 0.1][:dimension]
-    data = bar(dimension, [{"plane": "X = 2", "kind": "traction", "traction": traction}], material={**SOFT, "branches": ONE_BRANCH})
+    data = bar(
+        dimension,
+        [{"plane": "X = 2", "kind": "traction", "traction": traction}],
+        material={**SOFT, "branches": ONE_BRANCH},
+    )
     sim = advanced(data, 0.01, 30)
     area = 1.0 if dimension == 2 else 0.8
     momentum = (sim.method.mass * sim.method.share) @ sim.method.table.owned_rows("velocity")
@@ -56,7 +67,7 @@ def test_the_momentum_of_a_free_bar_is_traction_times_area_times_time(dimension)
 
 def stretched(dimension, stretch: float, sim) -> tuple[float, np.ndarray]:
     """(P_11, F) of uniaxial stress in a neo-Hookean bar."""
-    law = sim.method.groups[0].law
+    law = sim.method.blocks[0].law
 
     def stress(side, across):
         F = np.diag([stretch, side, side if dimension == 3 else 1.0])

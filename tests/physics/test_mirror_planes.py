@@ -16,7 +16,10 @@ def fields(sim) -> dict[str, np.ndarray]:
 def same_motion(part: dict, whole: dict, steps: int = 12, tolerance: float = 1e-12) -> None:
     """Both scenes for the same steps; particles of the part agree with those at the same place of the whole."""
     part, whole = simulation(part), simulation(whole)
-    X, everywhere = part.method.table.owned_rows("reference_position"), whole.method.table.owned_rows("reference_position")
+    X, everywhere = (
+        part.method.table.owned_rows("reference_position"),
+        whole.method.table.owned_rows("reference_position"),
+    )
     distance = np.abs(X[:, None] - everywhere[None]).max(axis=2)
     there = distance.argmin(axis=1)
     assert distance.min(axis=1).max() < 1e-12 and len(everywhere) > len(X)
@@ -34,9 +37,14 @@ def box(lower, upper, spacing, velocity, smoothing=0.85, material=MATERIAL, **pl
     """A box filled at a spacing for each axis."""
     particles = [round((b - a) / dx) + 1 for a, b, dx in zip(lower, upper, spacing)]
     return tables(
-        particles, upper, lower, material=material, method={"smoothing": smoothing}, body={"velocity": velocity},
+        particles,
+        upper,
+        lower,
+        material=material,
+        method={"smoothing": smoothing},
+        body={"velocity": velocity},
         boundaries=supports(**planes),
-    )  # fmt: skip
+    )
 
 
 # each component odd along its own axis and even along the others
@@ -103,7 +111,10 @@ def test_small_motion_at_an_antisymmetric_plane(amplitude):
     part = box([0.0, 0.0], [1.0, 0.6], [0.1, 0.1], velocity, X=(0.0, "antisymmetric"))
     whole = box([-1.0, 0.0], [1.0, 0.6], [0.1, 0.1], velocity)
     part, whole = simulation(part), simulation(whole)
-    X, everywhere = part.method.table.owned_rows("reference_position"), whole.method.table.owned_rows("reference_position")
+    X, everywhere = (
+        part.method.table.owned_rows("reference_position"),
+        whole.method.table.owned_rows("reference_position"),
+    )
     there = np.abs(X[:, None] - everywhere[None]).max(axis=2).argmin(axis=1)
     step = 0.5 * part.method.stable_step()
     for _ in range(12):

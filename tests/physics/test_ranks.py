@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from solids import ONE_BRANCH, RUBBER, column, gathered, punch, run_steps, supports, tables
 
-from parsolid.ledger import COLUMNS
-from parsolid.observables import Observables
-from parsolid.probes import Probes
+from parsolid.simulation.ledger import COLUMNS
+from parsolid.simulation.observables import Observables
+from parsolid.simulation.probes import Probes
 
 AGREEMENT = 1e-9
 STEPS = 60
@@ -21,9 +21,10 @@ def ring() -> dict:
     """A quarter ring with two mirror planes: particles with their own axes and unequal spacings."""
     shape = {"cylindrical_shell": {"centre": [0.0, 0.0], "radius": 1.0, "thickness": 0.4, "angles": [0.0, 90.0]}}
     data = tables(
-        [17, 5], material={**RUBBER, "branches": [{"beta": 3.0, "tau": 0.02}]},
+        [17, 5],
+        material={**RUBBER, "branches": [{"beta": 3.0, "tau": 0.02}]},
         boundaries=supports(X=(0.0, "roller"), Y=(0.0, "roller")),
-    )  # fmt: skip
+    )
     data["bodies"][0] |= {"shape": shape, "velocity": ["20*X*Y", "-15*Y"]}
     return data
 
@@ -31,13 +32,16 @@ def ring() -> dict:
 def pulled() -> dict:
     """A bar with gravity, a traction, and an end that moves as prescribed."""
     return tables(
-        (13, 7), [2.0, 1.0], material={**RUBBER, "branches": ONE_BRANCH}, loads={"acceleration": ["0", "-200"]},
+        (13, 7),
+        [2.0, 1.0],
+        material={**RUBBER, "branches": ONE_BRANCH},
+        loads={"acceleration": ["0", "-200"]},
         boundaries=[
             {"plane": "X = 0", "kind": "fixed"},
             {"plane": "X = 2", "kind": "velocity", "velocity": ["10*sin(500*t)", "free"]},
             {"plane": "Y = 1", "kind": "traction", "traction": ["0", "-1e5*X"]},
         ],
-    )  # fmt: skip
+    )
 
 
 def with_probes(data: dict) -> dict:

@@ -9,10 +9,12 @@ NUMBERS = (12, 24, 48, 96)
 
 def smooth(branches, **method) -> dict:
     return tables(
-        (7, 7), material={**SOFT, "branches": branches}, method=method,
+        (7, 7),
+        material={**SOFT, "branches": branches},
+        method=method,
         body={"velocity": ["0.3*sin(pi*X)*cos(Y)", "-0.4*Y*(1 + X)"]},
         boundaries=supports(X=(0.0, "roller"), Y=(0.0, "roller")),
-    )  # fmt: skip
+    )
 
 
 def after(branches, end: float, number: int) -> np.ndarray:
@@ -48,7 +50,9 @@ def test_internal_variables_are_second_order_in_time():
     assert all(order > 1.9 for order in found.values()), found
 
 
-@pytest.mark.parametrize("scene", [punch, lambda **keys: smooth(ONE_BRANCH, **keys["method"]) | {"end_time": 0.4}], ids=["punch", "smooth"])
+@pytest.mark.parametrize(
+    "scene", [punch, lambda **keys: smooth(ONE_BRANCH, **keys["method"]) | {"end_time": 0.4}], ids=["punch", "smooth"]
+)
 def test_the_energy_balance_closes_with_the_time_step(scene):
     closure = []
     for cfl in (0.7, 0.35, 0.175):

@@ -26,7 +26,10 @@ def changed(data, changes):
 
 
 def shell(**keys):
-    return {"cylindrical_shell": {"base": [0.0, 0.0, 0.0], "axis": "Z", "radius": 1.0, "thickness": 0.1, "length": 1.0} | keys}
+    return {
+        "cylindrical_shell": {"base": [0.0, 0.0, 0.0], "axis": "Z", "radius": 1.0, "thickness": 0.1, "length": 1.0}
+        | keys
+    }
 
 
 SUPPORT = {"plane": "Y = 0", "kind": "fixed"}
@@ -45,24 +48,42 @@ BROKEN = {
         "branches.0.taus: .*did you mean 'tau'",
     ),
     "wrong type": ({"end_time": "long"}, "end_time: expected a number, found 'long'"),
-    "text for a truth": ({"method.reconstruction": "yes"}, "method.reconstruction: expected true or false, found 'yes'"),
-    "real for a count": ({"bodies.0.particles": [3, 4.5, 5]}, "bodies.0.particles.1: expected a whole number, found 4.5"),
+    "text for a truth": (
+        {"method.reconstruction": "yes"},
+        "method.reconstruction: expected true or false, found 'yes'",
+    ),
+    "real for a count": (
+        {"bodies.0.particles": [3, 4.5, 5]},
+        "bodies.0.particles.1: expected a whole number, found 4.5",
+    ),
     "number for a table": ({"method": 3}, "method: expected a table, found 3"),
     "table for a list": ({"bodies": {}}, "bodies: expected a list, found an empty table"),
     "missing key": ({"end_time": DELETED}, r"end_time: expected the simulated time \[s\], found nothing"),
     "missing kind": ({"method": {}}, "method.kind: expected one of 'tlsph', .*, found nothing"),
-    "unknown method": ({"method.kind": "tlsp"}, "method.kind: expected one of 'tlsph', .* .*did you mean 'tlsph'.*, found 'tlsp'"),
-    "unknown material": ({"bodies.0.material.kind": "neo-hookian"}, "bodies.0.material.kind: .*did you mean 'neo-hookean'"),
+    "unknown method": (
+        {"method.kind": "tlsp"},
+        "method.kind: expected one of 'tlsph', .* .*did you mean 'tlsph'.*, found 'tlsp'",
+    ),
+    "unknown material": (
+        {"bodies.0.material.kind": "neo-hookian"},
+        "bodies.0.material.kind: .*did you mean 'neo-hookean'",
+    ),
     "unknown kernel": (
         {"method.kernel": "cubic"},
         "method.kernel: expected 'wendland-c2', 'cubic-spline' or 'quintic-spline'.*found 'cubic'",
     ),
     "dimension": ({"dimension": 1}, "dimension: expected 2 or 3 with this method, found 1"),
     "no bodies": ({"bodies": []}, "bodies: expected a list of at least 1, found"),
-    "negative density": ({"bodies.0.material.density": -5.0}, "bodies.0.material.density: expected a number > 0, found -5.0"),
+    "negative density": (
+        {"bodies.0.material.density": -5.0},
+        "bodies.0.material.density: expected a number > 0, found -5.0",
+    ),
     "zero modulus": ({"bodies.0.material.youngs_modulus": 0.0}, "youngs_modulus: expected a number > 0, found 0.0"),
     "incompressible": ({"bodies.0.material.poissons_ratio": 0.5}, "poissons_ratio: expected a number < 0.5, found 0.5"),
-    "auxetic": ({"bodies.0.material.poissons_ratio": -0.2}, "poissons_ratio: expected a value with lambda_hat .*found -0.2"),
+    "auxetic": (
+        {"bodies.0.material.poissons_ratio": -0.2},
+        "poissons_ratio: expected a value with lambda_hat .*found -0.2",
+    ),
     "zeta too large": ({"bodies.0.material.zeta": 1e9}, "bodies.0.material.zeta: expected zeta <= mu/2"),
     "half of each": (
         {"bodies.0.material.poissons_ratio": DELETED},
@@ -82,8 +103,14 @@ BROKEN = {
         "branches.0: expected exactly one of beta, modulus",
     ),
     "not a number": ({"end_time": math.nan}, "end_time: expected a finite number, found nan"),
-    "infinite": ({"bodies.0.shape.box.upper.1": math.inf}, "bodies.0.shape.box.upper.1: expected a finite number, found inf"),
-    "negative extent": ({"bodies.0.shape.box.upper": [1.0, -2.0, 3.0]}, "box.upper.1: expected more than lower = 0, found -2.0"),
+    "infinite": (
+        {"bodies.0.shape.box.upper.1": math.inf},
+        "bodies.0.shape.box.upper.1: expected a finite number, found inf",
+    ),
+    "negative extent": (
+        {"bodies.0.shape.box.upper": [1.0, -2.0, 3.0]},
+        "box.upper.1: expected more than lower = 0, found -2.0",
+    ),
     "two shapes": (
         {"bodies.0.shape.sphere": {"centre": [0.0, 0.0, 0.0], "radius": 1.0}},
         "bodies.0.shape: expected exactly one of .*found box and sphere",
@@ -124,7 +151,11 @@ BROKEN = {
         "thickness: expected less than the diameter 2, found 2.5",
     ),
     "shell without axis": (
-        {"bodies.0.shape": {"cylindrical_shell": {"base": [0.0, 0.0, 0.0], "radius": 1.0, "thickness": 0.1, "length": 1.0}}},
+        {
+            "bodies.0.shape": {
+                "cylindrical_shell": {"base": [0.0, 0.0, 0.0], "radius": 1.0, "thickness": 0.1, "length": 1.0}
+            }
+        },
         "cylindrical_shell.axis: expected a value in 3-D",
     ),
     "shell turned back": ({"bodies.0.shape": shell(angles=[90.0, 0.0])}, "angles: expected .*0 < to - from <= 360"),
@@ -133,10 +164,16 @@ BROKEN = {
         "bodies.0.velocity.0: expected a formula in X, Y, Z, found no formula in 'X \\+'",
     ),
     "formula name": ({"bodies.0.velocity": ["0", "x", "0"]}, "bodies.0.velocity.1: .*the unknown name 'x'"),
-    "formula of time at the start": ({"bodies.0.velocity": ["0", "t", "0"]}, "bodies.0.velocity.1: .*the unknown name 't'"),
+    "formula of time at the start": (
+        {"bodies.0.velocity": ["0", "t", "0"]},
+        "bodies.0.velocity.1: .*the unknown name 't'",
+    ),
     "formula with code": ({"loads.acceleration": ["().__class__", "0", "0"]}, "loads.acceleration.0: .*__class__"),
     "formula components": ({"bodies.0.velocity": ["0", "0"]}, "bodies.0.velocity: expected 3 components"),
-    "free where it cannot be": ({"bodies.0.velocity": ["0", "free", "0"]}, "bodies.0.velocity.1: .*the unknown name 'free'"),
+    "free where it cannot be": (
+        {"bodies.0.velocity": ["0", "free", "0"]},
+        "bodies.0.velocity.1: .*the unknown name 'free'",
+    ),
     "plane of no axis": (
         {"boundaries": [{**SUPPORT, "plane": "Q = 0"}]},
         "boundaries.0.plane: expected a plane such as 'Y = 0'.*found 'Q = 0'",
@@ -163,7 +200,10 @@ BROKEN = {
         "probes.0: expected exactly one of fields, quantity; found none",
     ),
     "probe field": ({"probes": [{**PROBE, "fields": ["velocty"]}]}, "probes.0.fields.0: .*did you mean 'velocity'"),
-    "probe name": ({"probes": [{**PROBE, "name": "a.b"}]}, "probes.0.name: expected a name without '.' and ',', found 'a.b'"),
+    "probe name": (
+        {"probes": [{**PROBE, "name": "a.b"}]},
+        "probes.0.name: expected a name without '.' and ',', found 'a.b'",
+    ),
     "two probes of one name": (
         {"probes": [PROBE, PROBE]},
         "probes.1.name: expected a name other than that of probes.0, found 'p'",
@@ -193,7 +233,10 @@ BROKEN = {
         {"reference": {"series": __file__, "columns": {"kinetic": "K"}}},
         "reference.series: expected JSON with t, E0 and a table series, found '.*test_faults.py'",
     ),
-    "too many particles": ({"bodies.0.particles": [10**6] * 3}, r"bodies.0: expected at most 1e\+12 particles, found 1e\+18"),
+    "too many particles": (
+        {"bodies.0.particles": [10**6] * 3},
+        r"bodies.0: expected at most 1e\+12 particles, found 1e\+18",
+    ),
     "absurd spacing": (
         {"bodies.0.particles": DELETED, "bodies.0.spacing": 1e-320},
         r"bodies.0: expected at most 1e\+12 particles, found",
@@ -226,9 +269,16 @@ def test_all_faults_at_once(cube):
         parse_scene(changed(cube, broken))
     keys = [line.split(":")[0] for line in str(caught.value).splitlines()]
     assert keys == [
-        "title", "method.cfl", "bodies.0.velocity.0", "bodies.0.velocity.2", "bodies.0.material.density",
-        "boundaries.1.kind", "outputs", "boundaries.0.plane", "probes.0.at",
-    ]  # fmt: skip
+        "title",
+        "method.cfl",
+        "bodies.0.velocity.0",
+        "bodies.0.velocity.2",
+        "bodies.0.material.density",
+        "boundaries.1.kind",
+        "outputs",
+        "boundaries.0.plane",
+        "probes.0.at",
+    ]
 
 
 def test_2d_scene_with_3d_words(square):
@@ -258,7 +308,10 @@ def test_cylinder_and_shell_in_2d(square):
     ("override", "message"),
     [
         ("methd.cfl=1", "methd: .*did you mean 'method'"),
-        ("bodies.7.particles=[1,2,3]", "--set bodies.7.particles: expected an index from 0 to 0 after bodies, found '7'"),
+        (
+            "bodies.7.particles=[1,2,3]",
+            "--set bodies.7.particles: expected an index from 0 to 0 after bodies, found '7'",
+        ),
         ("title.x=1", "--set title.x: expected a table at title, found 'Twisting column'"),
         ("method.cfl", "--set method.cfl: expected key.path=value, found 'method.cfl'"),
         ("=3", "--set =3: expected key.path=value"),

@@ -46,7 +46,12 @@ FILLED = {
     "half rod": (3, {"cylinder": {**ROD, "part": "half"}}, {"spacing": 0.2}, 2.5 * math.pi),
     "quarter rod": (3, {"cylinder": {**ROD, "part": "quarter"}}, {"spacing": 0.1}, 1.25 * math.pi),
     "ball": (3, {"sphere": {"centre": [1.0, 2.0, 3.0], "radius": 2.0}}, {"spacing": 0.3}, 32.0 / 3.0 * math.pi),
-    "ball odd": (3, {"sphere": {"centre": [1.0, 2.0, 3.0], "radius": 2.0}}, {"particles": [9, 11, 13]}, 32.0 / 3.0 * math.pi),
+    "ball odd": (
+        3,
+        {"sphere": {"centre": [1.0, 2.0, 3.0], "radius": 2.0}},
+        {"particles": [9, 11, 13]},
+        32.0 / 3.0 * math.pi,
+    ),
     "disc": (2, {"sphere": {"centre": [1.0, 2.0], "radius": 2.0}}, {"spacing": 0.11}, 4.0 * math.pi),
 }
 every_filling = pytest.mark.parametrize(("dimension", "shape", "filling", "volume"), FILLED.values(), ids=FILLED)
@@ -54,17 +59,17 @@ every_filling = pytest.mark.parametrize(("dimension", "shape", "filling", "volum
 
 def whole(scene, comm):
     """All particles on every rank, in the order of their ids; only for the small clouds of tests."""
-    cloud = generate(scene, comm)
+    particle_set = generate(scene, comm)
     names = ("identifier", "position", "volume", "spacing", "body", "area")
-    return {name: np.concatenate(comm.allgather(getattr(cloud, name))) for name in names}
+    return {name: np.concatenate(comm.allgather(getattr(particle_set, name))) for name in names}
 
 
 @every_filling
 def test_volume_and_ids(scene_of, comm, dimension, shape, filling, volume):
-    cloud = whole(scene_of(dimension, shape, **filling), comm)
-    assert cloud["volume"].sum() == pytest.approx(volume, rel=1e-13)
-    np.testing.assert_array_equal(cloud["identifier"], np.arange(len(cloud["identifier"])))
-    assert len(np.unique(cloud["position"], axis=0)) == len(cloud["position"])
+    particle_set = whole(scene_of(dimension, shape, **filling), comm)
+    assert particle_set["volume"].sum() == pytest.approx(volume, rel=1e-13)
+    np.testing.assert_array_equal(particle_set["identifier"], np.arange(len(particle_set["identifier"])))
+    assert len(np.unique(particle_set["position"], axis=0)) == len(particle_set["position"])
 
 
 @every_filling
@@ -97,31 +102,35 @@ def test_particles_lie_within_the_bounds(scene_of, dimension, shape, filling, vo
 
 
 def test_ranks_have_equal_contiguous_shares(cube, comm):
-    second = {**cube["bodies"][0], "name": "other", "shape": {"box": {"lower": [5.0, 0.0, 0.0], "upper": [6.0, 1.0, 1.0]}}}
+    second = {
+        **cube["bodies"][0],
+        "name": "other",
+        "shape": {"box": {"lower": [5.0, 0.0, 0.0], "upper": [6.0, 1.0, 1.0]}},
+    }
     cube["bodies"].append({**second, "particles": [4, 4, 4]})
-    cloud = generate(parse_scene(cube), comm)
+    particle_set = generate(parse_scene(cube), comm)
     total = 3 * 5 * 7 + 64
     np.testing.assert_array_equal(
-        cloud.identifier, np.arange(total * comm.rank // comm.size, total * (comm.rank + 1) // comm.size)
+        particle_set.identifier, np.arange(total * comm.rank // comm.size, total * (comm.rank + 1) // comm.size)
     )
-    np.testing.assert_array_equal(cloud.body, cloud.identifier >= 105)
-    assert (cloud.position[cloud.body == 1, 0] >= 5.0).all()
+    np.testing.assert_array_equal(particle_set.body, particle_set.identifier >= 105)
+    assert (particle_set.position[particle_set.body == 1, 0] >= 5.0).all()
 
 
 def test_box_areas_sum_to_its_faces(scene_of, comm):
     for placement in ("nodes", "cells"):
-        cloud = whole(scene_of(3, BOX, particles=[5, 4, 3], placement=placement), comm)
-        np.testing.assert_allclose(np.maximum(cloud["area"], 0.0).sum(axis=0), [3.0, 2.0, 6.0], rtol=1e-14)
-        np.testing.assert_allclose(np.minimum(cloud["area"], 0.0).sum(axis=0), [-3.0, -2.0, -6.0], rtol=1e-14)
+        particle_set = whole(scene_of(3, BOX, particles=[5, 4, 3], placement=placement), comm)
+        np.testing.assert_allclose(np.maximum(particle_set["area"], 0.0).sum(axis=0), [3.0, 2.0, 6.0], rtol=1e-14)
+        np.testing.assert_allclose(np.minimum(particle_set["area"], 0.0).sum(axis=0), [-3.0, -2.0, -6.0], rtol=1e-14)
 
 
 def test_corner_of_a_box(scene_of, comm):
-    cloud = whole(scene_of(3, BOX, particles=[5, 4, 3]), comm)
+    particle_set = whole(scene_of(3, BOX, particles=[5, 4, 3]), comm)
     corner = 0
-    np.testing.assert_array_equal(cloud["position"][corner], [-1.0, 0.0, 2.0])
-    np.testing.assert_allclose(cloud["spacing"][corner], [0.5, 1.0, 0.5])
-    assert cloud["volume"][corner] == pytest.approx(0.5 * 1.0 * 0.5 / 8)
-    np.testing.assert_allclose(cloud["area"][corner], [-1.0 * 0.5 / 4, -0.5 * 0.5 / 4, -0.5 * 1.0 / 4])
+    np.testing.assert_array_equal(particle_set["position"][corner], [-1.0, 0.0, 2.0])
+    np.testing.assert_allclose(particle_set["spacing"][corner], [0.5, 1.0, 0.5])
+    assert particle_set["volume"][corner] == pytest.approx(0.5 * 1.0 * 0.5 / 8)
+    np.testing.assert_allclose(particle_set["area"][corner], [-1.0 * 0.5 / 4, -0.5 * 0.5 / 4, -0.5 * 1.0 / 4])
 
 
 def test_spacing_that_does_not_fit_is_rounded(scene_of):
@@ -132,27 +141,31 @@ def test_spacing_that_does_not_fit_is_rounded(scene_of):
 
 def test_shell_follows_its_axes(scene_of):
     one = filling_of(scene_of(3, {"cylindrical_shell": SECTOR}, particles=[9, 5, 3]).bodies[0], 3)
-    cloud = one.piece(0, one.count)
-    np.testing.assert_allclose(cloud.axes @ cloud.axes.transpose(0, 2, 1), np.tile(np.eye(3), (one.count, 1, 1)), atol=1e-15)
-    radial = (cloud.position - [1.0, 2.0, 3.0]) * [1.0, 0.0, 1.0]
+    particle_set = one.piece(0, one.count)
+    np.testing.assert_allclose(
+        particle_set.axes @ particle_set.axes.transpose(0, 2, 1), np.tile(np.eye(3), (one.count, 1, 1)), atol=1e-15
+    )
+    radial = (particle_set.position - [1.0, 2.0, 3.0]) * [1.0, 0.0, 1.0]
     radius = np.linalg.norm(radial, axis=1)
-    np.testing.assert_allclose(cloud.axes[:, 2], radial / radius[:, None], atol=1e-15)
-    np.testing.assert_array_equal(cloud.axes[:, 1], np.tile([0.0, 1.0, 0.0], (one.count, 1)))
-    np.testing.assert_allclose(cloud.spacing[:, 0], radius * (math.pi / 2) / 8, rtol=1e-14)
+    np.testing.assert_allclose(particle_set.axes[:, 2], radial / radius[:, None], atol=1e-15)
+    np.testing.assert_array_equal(particle_set.axes[:, 1], np.tile([0.0, 1.0, 0.0], (one.count, 1)))
+    np.testing.assert_allclose(particle_set.spacing[:, 0], radius * (math.pi / 2) / 8, rtol=1e-14)
     # about Y the angle runs from Z to X; the ends lie on the planes of symmetry exactly
-    np.testing.assert_array_equal(cloud.position[:15, 0], 1.0)
-    np.testing.assert_array_equal(cloud.position[-15:, 2], 3.0)
+    np.testing.assert_array_equal(particle_set.position[:15, 0], 1.0)
+    np.testing.assert_array_equal(particle_set.position[-15:, 2], 3.0)
     np.testing.assert_allclose(one.lower, [1.0, 2.0, 3.0], atol=1e-15)
     np.testing.assert_allclose(one.upper, [3.25, 6.0, 5.25])
 
 
 def test_shell_areas(scene_of):
     one = filling_of(scene_of(3, {"cylindrical_shell": TUBE}, particles=[24, 5, 3], placement="cells").bodies[0], 3)
-    cloud = one.piece(0, one.count)
-    outward = (cloud.area * cloud.axes[:, 2]).sum(axis=1)
+    particle_set = one.piece(0, one.count)
+    outward = (particle_set.area * particle_set.axes[:, 2]).sum(axis=1)
     assert outward[outward > 0].sum() == pytest.approx(2.0 * math.pi * 2.25 * 4.0)
     assert outward[outward < 0].sum() == pytest.approx(-2.0 * math.pi * 1.75 * 4.0)
-    assert cloud.area[:, 1].max() > 0 and np.maximum(cloud.area[:, 1], 0).sum() == pytest.approx(2.0 * math.pi * 2.0 * 0.5)
+    assert particle_set.area[:, 1].max() > 0 and np.maximum(particle_set.area[:, 1], 0).sum() == pytest.approx(
+        2.0 * math.pi * 2.0 * 0.5
+    )
 
 
 def test_clipped_shapes_are_where_they_should_be(scene_of):
@@ -188,7 +201,10 @@ def test_jitter_moves_inner_particles_only(scene_of):
 def test_jitter_is_uniform(scene_of):
     body = scene_of(2, RECTANGLE, particles=[300, 300], placement="cells", jitter=0.4).bodies[0]
     smooth = scene_of(2, RECTANGLE, particles=[300, 300], placement="cells").bodies[0]
-    steps = (filling_of(body, 2).piece(0, 90000).position - filling_of(smooth, 2).piece(0, 90000).position) / [2 / 300, 3 / 300]
+    steps = (filling_of(body, 2).piece(0, 90000).position - filling_of(smooth, 2).piece(0, 90000).position) / [
+        2 / 300,
+        3 / 300,
+    ]
     assert np.abs(steps.mean(axis=0)).max() < 3e-3
     np.testing.assert_allclose(steps.std(axis=0), 0.4 / math.sqrt(3.0), rtol=0.01)
     assert abs(np.corrcoef(steps.T)[0, 1]) < 0.01 and abs(np.corrcoef(steps[1:, 0], steps[:-1, 0])[0, 1]) < 0.01
@@ -200,24 +216,27 @@ def test_initial_fields(cube, comm):
     second["deformation_gradient"] = [["2", "X", "0"], ["0", "1", "0"], ["0", "0", "1"]]
     cube["bodies"].append(second)
     scene = parse_scene(cube)
-    cloud = generate(scene, comm)
-    velocity = initial_velocity(scene, cloud.body, cloud.position)
-    first = cloud.body == 0
-    np.testing.assert_array_equal(velocity[first, 0], cloud.position[first, 1])
+    particle_set = generate(scene, comm)
+    velocity = initial_velocity(scene, particle_set.body, particle_set.position)
+    first = particle_set.body == 0
+    np.testing.assert_array_equal(velocity[first, 0], particle_set.position[first, 1])
     assert (velocity[~first] == 0.0).all()
-    np.testing.assert_allclose(initial_displacement(scene, cloud.body, cloud.position)[first, 0], 0.1 * cloud.position[first, 0])
-    gradient, given = initial_deformation_gradient(scene, cloud.body, cloud.position)
+    np.testing.assert_allclose(
+        initial_displacement(scene, particle_set.body, particle_set.position)[first, 0],
+        0.1 * particle_set.position[first, 0],
+    )
+    gradient, given = initial_deformation_gradient(scene, particle_set.body, particle_set.position)
     np.testing.assert_array_equal(given, ~first)
-    np.testing.assert_array_equal(gradient[~first, 0, 1], cloud.position[~first, 0])
+    np.testing.assert_array_equal(gradient[~first, 0, 1], particle_set.position[~first, 0])
     assert (gradient[first] == np.eye(3)).all()
 
 
 def test_no_initial_fields(cube, comm):
     scene = parse_scene(cube)
-    cloud = generate(scene, comm)
-    assert (initial_velocity(scene, cloud.body, cloud.position) == 0.0).all()
-    assert initial_displacement(scene, cloud.body, cloud.position) is None
-    assert initial_deformation_gradient(scene, cloud.body, cloud.position) is None
+    particle_set = generate(scene, comm)
+    assert (initial_velocity(scene, particle_set.body, particle_set.position) == 0.0).all()
+    assert initial_displacement(scene, particle_set.body, particle_set.position) is None
+    assert initial_deformation_gradient(scene, particle_set.body, particle_set.position) is None
 
 
 FIXED = ["0", "0", "0"]
@@ -249,15 +268,15 @@ def test_plane_of_cells(cube, comm, jitter):
     cube["bodies"][0] |= {"placement": "cells", "jitter": jitter}
     cube["boundaries"] = [{"kind": "roller", "plane": "Y = 2"}]
     scene = parse_scene(cube)
-    cloud = generate(scene, comm)
-    mask = selected(scene, scene.boundaries[0], cloud, comm)
-    np.testing.assert_array_equal(mask, cloud.area[:, 1] > 0.0)
+    particle_set = generate(scene, comm)
+    mask = selected(scene, scene.boundaries[0], particle_set, comm)
+    np.testing.assert_array_equal(mask, particle_set.area[:, 1] > 0.0)
 
 
 def test_nearest_particles(cube, comm):
-    cloud = generate(parse_scene(cube), comm)
+    particle_set = generate(parse_scene(cube), comm)
     names, distance = nearest_particles(
-        comm, cloud.identifier, cloud.position, [[0.0, 0.0, 0.0], [9.0, 2.0, 3.0], [0.25, 0.0, 0.0]]
+        comm, particle_set.identifier, particle_set.position, [[0.0, 0.0, 0.0], [9.0, 2.0, 3.0], [0.25, 0.0, 0.0]]
     )
     np.testing.assert_array_equal(names, [0, 104, 0])
     np.testing.assert_allclose(distance, [0.0, 8.0, 0.25])
@@ -265,8 +284,8 @@ def test_nearest_particles(cube, comm):
 
 def test_more_ranks_than_particles(scene_of):
     scene = scene_of(2, RECTANGLE, particles=[2, 1])
-    cloud = generate(scene, MPI.COMM_WORLD)
-    assert MPI.COMM_WORLD.allreduce(len(cloud)) == 2 and cloud.position.shape == (len(cloud), 2)
+    particle_set = generate(scene, MPI.COMM_WORLD)
+    assert MPI.COMM_WORLD.allreduce(len(particle_set)) == 2 and particle_set.position.shape == (len(particle_set), 2)
 
 
 def test_large_lattice_is_made_in_pieces_only(scene_of):
@@ -278,7 +297,10 @@ def test_large_lattice_is_made_in_pieces_only(scene_of):
 
 def test_four_quarters_are_a_whole_rod(scene_of, comm):
     """A quarter has the whole rod's particles above both planes, with the same volumes."""
-    rods = {part: whole(scene_of(3, {"cylinder": {**ROD, "part": part}}, spacing=0.2), comm) for part in ("whole", "quarter")}
+    rods = {
+        part: whole(scene_of(3, {"cylinder": {**ROD, "part": part}}, spacing=0.2), comm)
+        for part in ("whole", "quarter")
+    }
     kept = (rods["whole"]["position"][:, 1] > 1.0) & (rods["whole"]["position"][:, 2] > 2.0)
     np.testing.assert_allclose(rods["quarter"]["position"], rods["whole"]["position"][kept], atol=1e-12)
     np.testing.assert_allclose(rods["quarter"]["volume"], rods["whole"]["volume"][kept], rtol=1e-12)

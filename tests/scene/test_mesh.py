@@ -31,7 +31,16 @@ def split(cells):
     """Triangles of quads, tetrahedra of hexahedra (six around a diagonal)."""
     if cells.shape[1] == 4:
         return np.concatenate([cells[:, [0, 1, 2]], cells[:, [0, 2, 3]]])
-    corner = {(0, 0, 0): 0, (1, 0, 0): 1, (1, 1, 0): 2, (0, 1, 0): 3, (0, 0, 1): 4, (1, 0, 1): 5, (1, 1, 1): 6, (0, 1, 1): 7}
+    corner = {
+        (0, 0, 0): 0,
+        (1, 0, 0): 1,
+        (1, 1, 0): 2,
+        (0, 1, 0): 3,
+        (0, 0, 1): 4,
+        (1, 0, 1): 5,
+        (1, 1, 1): 6,
+        (0, 1, 1): 7,
+    }
     pieces = []
     for order in itertools.permutations(range(3)):
         place, path = [0, 0, 0], [0]
@@ -71,16 +80,16 @@ def test_volume_and_surface(shared_path, comm, dimension, kind, placement):
     if kind in ("triangle", "tetra"):
         cells = split(cells)
     scene = mesh_scene(shared_path, dimension, points, [(kind, cells)], f"{comm.rank}.vtk", placement=placement)
-    cloud = generate(scene, comm)
+    particle_set = generate(scene, comm)
     lengths = np.array(LENGTHS[:dimension])
-    assert comm.allreduce(cloud.volume.sum()) == pytest.approx(lengths.prod(), rel=1e-13)
-    assert cloud.volume.min() > 0.0
+    assert comm.allreduce(particle_set.volume.sum()) == pytest.approx(lengths.prod(), rel=1e-13)
+    assert particle_set.volume.min() > 0.0
     faces = lengths.prod() / lengths
-    np.testing.assert_allclose(comm.allreduce(np.maximum(cloud.area, 0.0).sum(axis=0)), faces, rtol=1e-12)
-    np.testing.assert_allclose(comm.allreduce(np.minimum(cloud.area, 0.0).sum(axis=0)), -faces, rtol=1e-12)
+    np.testing.assert_allclose(comm.allreduce(np.maximum(particle_set.area, 0.0).sum(axis=0)), faces, rtol=1e-12)
+    np.testing.assert_allclose(comm.allreduce(np.minimum(particle_set.area, 0.0).sum(axis=0)), -faces, rtol=1e-12)
     number = len(points) if placement == "nodes" else len(cells)
-    assert comm.allreduce(len(cloud)) == number
-    assert len(cloud) == number * (comm.rank + 1) // comm.size - number * comm.rank // comm.size
+    assert comm.allreduce(len(particle_set)) == number
+    assert len(particle_set) == number * (comm.rank + 1) // comm.size - number * comm.rank // comm.size
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -113,9 +122,9 @@ def test_elements_turned_inside_out_as_a_whole(tmp_path, dimension, kind):
         cells = split(cells)
     mirror = points * np.array([-1.0] + [1.0] * (dimension - 1))
     one = filling_of(mesh_scene(tmp_path, dimension, mirror, [(kind, cells)]).bodies[0], dimension)
-    cloud = one.piece(0, one.count)
-    assert cloud.volume.sum() == pytest.approx(np.prod(LENGTHS[:dimension]))
-    assert (cloud.area * (cloud.position - cloud.position.mean(axis=0))).sum() > 0.0
+    particle_set = one.piece(0, one.count)
+    assert particle_set.volume.sum() == pytest.approx(np.prod(LENGTHS[:dimension]))
+    assert (particle_set.area * (particle_set.position - particle_set.position.mean(axis=0))).sum() > 0.0
 
 
 def test_unused_nodes_are_dropped_and_lower_elements_ignored(tmp_path):
@@ -142,10 +151,10 @@ def test_supports_and_regions(shared_path, comm):
         scene = mesh_scene(shared_path, 3, points, [("tetra", split(cells))], f"{comm.rank}.vtk", placement=placement)
         data = scene.resolved() | {"boundaries": [{"kind": "fixed", "plane": "X = 0"}]}
         scene = parse_scene(data)
-        cloud = generate(scene, comm)
-        mask = selected(scene, scene.boundaries[0], cloud, comm)
+        particle_set = generate(scene, comm)
+        mask = selected(scene, scene.boundaries[0], particle_set, comm)
         assert number is None or comm.allreduce(int(mask.sum())) == number
-        assert comm.allreduce(cloud.area[mask, 0].sum()) == pytest.approx(-3.0, rel=1e-12)
+        assert comm.allreduce(particle_set.area[mask, 0].sum()) == pytest.approx(-3.0, rel=1e-12)
 
 
 def refused(folder, comm, dimension, points, cells, message):
@@ -166,7 +175,12 @@ def test_refused_elements(shared_path, comm):
     twisted = quads.copy()
     twisted[7] = twisted[7, [0, 2, 1, 3]]
     refused(
-        shared_path, comm, 2, plane, [("quad", twisted)], "found 1 quad elements inside out or flat, the first at \\(0.75, 1.5\\)"
+        shared_path,
+        comm,
+        2,
+        plane,
+        [("quad", twisted)],
+        "found 1 quad elements inside out or flat, the first at \\(0.75, 1.5\\)",
     )
     flat = points * [1.0, 1.0, 0.0]
     refused(shared_path, comm, 3, flat, [("tetra", split(cells))], "found 360 tetra elements inside out or flat")

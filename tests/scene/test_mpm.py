@@ -62,12 +62,20 @@ def test_sound_scene_and_back(tables, tmp_path):
         (("bodies", 0, "placement"), "nodes", "bodies.0.placement: expected 'cells'"),
         (("reference", "exact"), "viscoelastic-plate", "loads.manufactured: expected reference.exact = 'axis-aligned'"),
         (("reference", "parameters"), {"size": 1.0}, "reference.parameters: expected the parameters amplitude"),
-        (("boundaries", 0), {"kind": "temperature", "plane": "X = 0", "temperature": 300}, "boundaries.0.kind: expected a body"),
+        (
+            ("boundaries", 0),
+            {"kind": "temperature", "plane": "X = 0", "temperature": 300},
+            "boundaries.0.kind: expected a body",
+        ),
         (("output",), {"fields": ["temperature"]}, "output.fields.0: expected something that a body of this scene has"),
         (("boundaries", 1, "side"), "left", "boundaries.1.side: expected 'above' or 'below'"),
-        (("bodies", 0, "shape", "box", "lower"), [-1.0, 0.0], "bodies.0.shape.box.lower.0: expected a radius of at least 0"),
+        (
+            ("bodies", 0, "shape", "box", "lower"),
+            [-1.0, 0.0],
+            "bodies.0.shape.box.lower.0: expected a radius of at least 0",
+        ),
     ],
-)  # fmt: skip
+)
 def test_faults(tables, place, value, told):
     *way, last = place
     target = tables
@@ -105,10 +113,16 @@ def test_initial_velocities_of_the_manufactured_runs():
     for name, X in (("axis_aligned", [[0.2, 0.7]]), ("vortex", [[0.7, -0.6]])):
         scene, X = load_scene(RUNS / f"{name}.toml"), np.array(X)
         solution = SOLUTIONS[scene.reference.exact].of_scene(scene)
-        np.testing.assert_allclose(scene.bodies[0].velocity.evaluate(X), solution.fields(X, 0.0)["velocity"], rtol=1e-12)
+        np.testing.assert_allclose(
+            scene.bodies[0].velocity.evaluate(X), solution.fields(X, 0.0)["velocity"], rtol=1e-12
+        )
 
 
 def test_a_solution_for_another_material(tables):
-    tables["reference"] = {"exact": "steady-shock", "parameters": {"start": 300.0, "particle_speed": 1.0}, "times": [0.01]}
+    tables["reference"] = {
+        "exact": "steady-shock",
+        "parameters": {"start": 300.0, "particle_speed": 1.0},
+        "times": [0.01],
+    }
     del tables["loads"]["manufactured"]
     assert any("reference.exact: expected a solution for the material" in text for text in faults_of(tables))

@@ -8,7 +8,11 @@ from parsolid.scene.fillings import filling_of
 
 
 def body(dimension, placement=None, **shape):
-    table = {"shape": shape, "particles": [12, 9, 7][:dimension], "material": {"kind": "neo-hookean", "density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3}}
+    table = {
+        "shape": shape,
+        "particles": [12, 9, 7][:dimension],
+        "material": {"kind": "neo-hookean", "density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3},
+    }
     if placement:
         table["placement"] = placement
     data = {"dimension": dimension, "end_time": 1.0, "method": {"kind": "tlsph"}, "bodies": [table]}
@@ -22,7 +26,9 @@ def test_cells_outside_the_hole_and_no_others(dimension, centre):
     box = {"lower": lower[:dimension], "upper": upper[:dimension]}
     full = filling_of(body(dimension, "cells", box=box), dimension)
     everything = full.piece(0, full.count)
-    perforated = filling_of(body(dimension, perforated_box={**box, "centre": list(centre), "radius": radius}), dimension)
+    perforated = filling_of(
+        body(dimension, perforated_box={**box, "centre": list(centre), "radius": radius}), dimension
+    )
     kept = np.linalg.norm(everything.position - centre, axis=1) >= radius
     # in any two pieces
     found = [perforated.piece(0, 41), perforated.piece(41, perforated.count)]

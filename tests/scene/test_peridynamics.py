@@ -45,7 +45,10 @@ HELD = {"kind": "displacement", "plane": "X = 1", "displacement": ["0.1*t", "fre
 BROKEN = {
     "horizon": (plate({"horizon_ratio": 0.5}), "method.horizon_ratio: expected a number >= 1, found 0.5"),
     "influence": (plate({"influence": "cubic"}), "method.influence: expected 'constant', 'linear' or .*found 'cubic'"),
-    "plane in space": (plate({"plane": "stress"}, dimension=3), "method.plane: expected no such key but in 2-D, found 'stress'"),
+    "plane in space": (
+        plate({"plane": "stress"}, dimension=3),
+        "method.plane: expected no such key but in 2-D, found 'stress'",
+    ),
     "unknown plane": (plate({"plane": "stretch"}), "method.plane: expected 'stress' or 'strain' .*found 'stretch'"),
     "four dimensions": (plate(dimension=2) | {"dimension": 4}, "dimension: expected 1, 2 or 3, found 4"),
     "stabilisation": (
@@ -118,7 +121,9 @@ BROKEN = {
         "method.pre_cracks.0.rectangle: expected no such key but in 3-D",
     ),
     "crack in a box without plane": (
-        plate({"pre_cracks": [{"segment": [[0.5, 0.2], [0.5, 0.3]], "box": {"lower": [0.0, 0.0], "upper": [1.0, 1.0]}}]}),
+        plate(
+            {"pre_cracks": [{"segment": [[0.5, 0.2], [0.5, 0.3]], "box": {"lower": [0.0, 0.0], "upper": [1.0, 1.0]}}]}
+        ),
         "method.pre_cracks.0.box: expected no such key without plane",
     ),
     "traction": (plate({"traction": "face"}), "method.traction: expected 'consistent', .* found 'face'"),
@@ -228,15 +233,26 @@ def test_defaults_and_states_of_strain():
 
 
 def test_scenes_round_trip():
-    layer = {"kind": "layer", "plane": "X = 0.3", "side": "below", "displacement": ["0.1*t", "free"], "jumps": [0.0, 5.0]}
+    layer = {
+        "kind": "layer",
+        "plane": "X = 0.3",
+        "side": "below",
+        "displacement": ["0.1*t", "free"],
+        "jumps": [0.0, 5.0],
+    }
     pull = PULL | {"history": {"rows": [[0.0, 1.0], [5.0, 1.0], [5.0, 0.0]]}}
-    method = {"pre_cracks": [{"segment": [[0.5, 0.0], [0.5, 0.2]]}], "damage": {"fracture_energy": 10.0, "modulus": 1e6}}
+    method = {
+        "pre_cracks": [{"segment": [[0.5, 0.0], [0.5, 0.2]]}],
+        "damage": {"fracture_energy": 10.0, "modulus": 1e6},
+    }
     scene = parse_scene(plate(method, boundaries=[layer, pull], loads={"acceleration": [0.0, -9.81], "jumps": [1.0]}))
     assert parse_scene(scene.resolved()) == scene
 
 
 def test_elastic_constants_of_a_material():
-    material = parse_scene(plate(material={"bulk": "elastic", "poissons_ratio": None, "bulk_modulus": 7e8})).bodies[0].material
+    material = (
+        parse_scene(plate(material={"bulk": "elastic", "poissons_ratio": None, "bulk_modulus": 7e8})).bodies[0].material
+    )
     before, after = material.instantaneous, material.equilibrium
     assert (before.youngs_modulus, after.youngs_modulus) == pytest.approx((7e7, 7e6))
     assert before.bulk_modulus == pytest.approx(after.bulk_modulus)
@@ -270,7 +286,9 @@ def test_formulas_that_jump():
     held = HELD | {"displacement": ["where(t < 2, 0.1, where(t <= 4, 0.2, 0.3))", "free"], "jumps": [2.0, 4.0]}
     course = parse_scene(plate(boundaries=[held])).boundaries[0].course
     at = np.zeros((1, 2))
-    sides = {time: [course.evaluate(at, time, before)[0, 0] for before in (True, False)] for time in (1.0, 2.0, 3.0, 4.0)}
+    sides = {
+        time: [course.evaluate(at, time, before)[0, 0] for before in (True, False)] for time in (1.0, 2.0, 3.0, 4.0)
+    }
     assert sides == {1.0: [0.1, 0.1], 2.0: [0.1, 0.2], 3.0: [0.2, 0.2], 4.0: [0.2, 0.3]}
     assert list(course.free) == [False, True] and not course.component(0).free[0]
 
@@ -284,7 +302,7 @@ def test_a_history_that_starts_with_a_load_jumps_there():
 def test_particles_of_a_layer(comm):
     boundary = {"kind": "layer", "plane": "X = 0.3", "side": "below"}
     scene = parse_scene(plate(boundaries=[boundary]))
-    cloud = generate(scene, comm)
-    chosen = selected(scene, scene.boundaries[0], cloud, comm)
-    assert np.array_equal(chosen, cloud.position[:, 0] < 0.3)
+    particle_set = generate(scene, comm)
+    chosen = selected(scene, scene.boundaries[0], particle_set, comm)
+    assert np.array_equal(chosen, particle_set.position[:, 0] < 0.3)
     assert comm.allreduce(int(chosen.sum())) == 15

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from parsolid.scene import dump_scene, load_scene, packaged_scene, parse_scene
+from parsolid.scene.base_model import Plane
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.loading import override_value
 from parsolid.scene.schema import plane_side
-from parsolid.scene.section import Plane
 
 RUNS = Path(__file__).parents[2] / "runs" / "tlsph"
 SCENES = sorted(RUNS.glob("*.toml")) + [packaged_scene()]
@@ -41,7 +41,10 @@ def test_defaults(square):
 
 
 def test_lame_constants_from_engineering_constants(square):
-    square["bodies"][0]["material"] |= {"zeta": 1e6, "branches": [{"beta": 0.5, "tau": 0.1}, {"modulus": 3e5, "tau": 2.0}]}
+    square["bodies"][0]["material"] |= {
+        "zeta": 1e6,
+        "branches": [{"beta": 0.5, "tau": 0.1}, {"modulus": 3e5, "tau": 2.0}],
+    }
     material = parse_scene(square).bodies[0].material
     moduli = material.moduli
     mu = 17e6 / 2.9
@@ -55,9 +58,21 @@ def test_lame_constants_from_engineering_constants(square):
 
 
 def test_constants_of_the_law_given_directly(square):
-    square["bodies"][0]["material"] = {"kind": "mooney-rivlin", "density": 1.0, "xi": 2.0, "zeta": 1.0, "lambda_hat": 7.0}
+    square["bodies"][0]["material"] = {
+        "kind": "mooney-rivlin",
+        "density": 1.0,
+        "xi": 2.0,
+        "zeta": 1.0,
+        "lambda_hat": 7.0,
+    }
     moduli = parse_scene(square).bodies[0].material.moduli
-    assert (moduli.xi, moduli.zeta, moduli.lambda_hat, moduli.shear_modulus, moduli.first_lame) == (2.0, 1.0, 7.0, 6.0, 11.0)
+    assert (moduli.xi, moduli.zeta, moduli.lambda_hat, moduli.shear_modulus, moduli.first_lame) == (
+        2.0,
+        1.0,
+        7.0,
+        6.0,
+        11.0,
+    )
 
 
 def test_neo_hookean_and_branches_without_stiffness(square):

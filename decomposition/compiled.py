@@ -1,0 +1,216 @@
+"""`@compiled`: numba functions whose machine code is kept in files, found by what it was compiled from.
+
+numba's own cache looks at the file of the function alone: it does not see a change in what that calls, and two processes that save at once
+can mix up its index. Here a file is named by a digest of the function, its argument types, the processor, and the text of every module
+of the function's own project that it can reach: those it imports, and those of the argument types (a law given as an argument), with all
+that they import. So an edited law recompiles what calls that law and nothing else; ranks, processes and checkouts share one folder.
+"""
+
+import functools
+import hashlib
+import os
+import pickle
+import re
+import sys
+import tempfile
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from numba import __version__ as numba_version
+from numba import njit
+from numba.core import config, types
+from numba.core.caching import _Cache
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
+
+_IMPORT = re.compile(
+    r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)|import[ \t]+([\w., \t]+))", re.MULTILINE
+)
+# files that nothing has asked for in so many seconds are removed; a use is noted once a day
+_KEPT, _NOTED = 90 * 86400.0, 86400.0
+
+
+def compiled(function=None, **options):
+    """`numba.njit` with the cache of this module; used as `@compiled` or with options of `njit`, `@compiled(error_model="numpy")`."""
+    if function is None:
+        return functools.partial(compiled, **options)
+    dispatcher = njit(**options)(function)
+    if not config.DISABLE_JIT:
+        dispatcher._cache = KernelCache(function)
+        dispatcher._can_cache = True
+    return dispatcher
+
+
+@functools.cache
+def folder() -> Path:
+    """Where compiled kernels are kept: $NUMBA_CACHE_DIR, else parsolid/kernels in the user's cache folder, else a temporary one."""
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    usual = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "parsolid" / "kernels"
+    # one for all ranks and runs of a user on this machine
+    for path in (Path(chosen) if chosen else usual, Path(tempfile.gettempdir()) / f"parsolid-kernels-{os.getuid()}"):
+        with suppress(OSError):
+            path.mkdir(parents=True, exist_ok=True)
+            if os.access(path, os.W_OK):
+                return path
+    return Path(tempfile.mkdtemp(prefix="parsolid-kernels-"))
+
+
+@functools.cache
+def _text(module: str) -> tuple[bytes, tuple[str, ...]]:
+    """A module's source and the modules of its project that it imports; nothing of other projects."""
+    path = _source(module)
+    if path is None:
+        return b"", ()
+    text = path.read_bytes()
+    return text, tuple(sorted(_imported(module, text.decode())))
+
+
+def _source(module: str) -> Path | None:
+    loaded = sys.modules.get(module)
+    if loaded is not None and getattr(loaded, "__file__", None):
+        path = Path(loaded.__file__)
+        return path if path.suffix == ".py" and path.exists() else None
+    # not loaded: beside the modules of the same package
+    top, *rest = module.split(".")
+    package = sys.modules.get(top)
+    for root in getattr(package, "__path__", ()):
+        path = Path(root, *rest)
+        for candidate in (path.with_suffix(".py"), path / "__init__.py"):
+            if rest and candidate.is_file():
+                return candidate
+    return None
+
+
+def _imported(module: str, text: str) -> set[str]:
+    """Names of modules that a text imports, of projects that use kernels: this one, and the module's own."""
+    ours = {"parsolid", "decomposition", module.partition(".")[0]}
+    found = set()
+    for start, names, plain in _IMPORT.findall(text):
+        if start:
+            parts = [name.split()[0] for name in re.sub(r"#[^\n]*|[()\\]", " ", names).split(",") if name.strip()]
+            inner = {f"{start}.{name}" for name in parts}
+            modules = {name for name in inner if _is_module(name)}
+            found |= modules if len(modules) == len(inner) else modules | {start}
+        else:
+            found |= {name.split()[0] for name in plain.split(",") if name.strip()}
+    return {name for name in found if name.partition(".")[0] in ours and name != module}
+
+
+def _is_module(name: str) -> bool:
+    return name.partition(".")[0] in ("parsolid", "decomposition") and _source(name) is not None
+
+
+@functools.cache
+def reached(module: str) -> frozenset[str]:
+    """A module and all that it imports of its project, directly or not."""
+    found, waiting = set(), [module]
+    while waiting:
+        name = waiting.pop()
+        if name not in found:
+            found.add(name)
+            waiting += _text(name)[1]
+    return frozenset(found)
+
+
+@functools.cache
+def _digest(module: str) -> bytes:
+    digest = hashlib.sha256()
+    for name in sorted(reached(module)):
+        digest.update(name.encode() + b"\0" + _text(name)[0] + b"\0")
+    return digest.digest()
+
+
+def _modules_of(kind) -> set[str]:
+    """Modules of the classes in an argument type, whose functions a kernel may have compiled in."""
+    if isinstance(kind, types.BaseNamedTuple):
+        inner = set().union(*map(_modules_of, kind.types)) if kind.types else set()
+        return {kind.instance_class.__module__} | inner
+    if isinstance(kind, types.BaseTuple):
+        return set().union(*map(_modules_of, kind)) if len(kind) else set()
+    if isinstance(kind, types.Optional):
+        return _modules_of(kind.type)
+    return set()
+
+
+class KernelCache(_Cache):
+    """The files of one function's machine code, one for each signature."""
+
+    def __init__(self, function):
+        self.function, self.enabled = function, True
+
+    @property
+    def cache_path(self) -> str:
+        """The folder that all kernels share."""
+        return str(folder())
+
+    def enable(self) -> None:
+        """Use the files."""
+        self.enabled = True
+
+    def disable(self) -> None:
+        """Compile anew."""
+        self.enabled = False
+
+    def flush(self) -> None:
+        """Nothing: a file never becomes wrong."""
+
+    def load_overload(self, sig, target_context):
+        """The compiled function of a signature, or None."""
+        if not self.enabled:
+            return None
+        target_context.refresh()
+        path = self.path(sig, target_context.codegen())
+        # a file that cannot be read is as good as none
+        with suppress(OSError, EOFError, pickle.UnpicklingError, ValueError):
+            content = path.read_bytes()
+            if time.time() - path.stat().st_mtime > _NOTED:
+                os.utime(path)
+            checksum, payload = content[:32], content[32:]
+            if hashlib.sha256(payload).digest() == checksum:
+                return CompileResult._rebuild(target_context, *pickle.loads(payload))
+        return None
+
+    def save_overload(self, sig, data) -> None:
+        """Keep what was compiled; a folder that is full or not writable only costs time."""
+        if not self.enabled or data.lifted or data.library.has_dynamic_globals:
+            return
+        path, payload = self.path(sig, data.codegen), dumps(data._reduce())
+        with suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".new-", delete=False) as file:
+                file.write(hashlib.sha256(payload).digest() + payload)
+            os.replace(file.name, path)
+            _forget_unused(path.parent)
+
+    def path(self, sig, codegen) -> Path:
+        """The file of a signature."""
+        function = self.function
+        code, digest = function.__code__, hashlib.sha256()
+        modules = {function.__module__}.union(*map(_modules_of, sig))
+        cells = tuple(cell.cell_contents for cell in function.__closure__ or ())
+        what = (
+            function.__qualname__,
+            code.co_firstlineno,
+            code.co_code,
+            str(sig),
+            codegen.magic_tuple(),
+            numba_version,
+        )
+        digest.update(repr((*what, sys.version_info[:2], config.SLP_VECTORIZE, config.OPT)).encode())
+        digest.update(dumps(cells) if cells else b"")
+        for module in sorted(modules):
+            digest.update(_digest(module))
+        return (
+            folder() / f"{function.__module__.rpartition('.')[2]}.{function.__name__}-{digest.hexdigest()[:32]}.kernel"
+        )
+
+
+@functools.cache
+def _forget_unused(where: Path) -> None:
+    """Remove old files, once in a process."""
+    now = time.time()
+    for path in where.glob("*.kernel"):
+        with suppress(OSError):
+            if now - path.stat().st_mtime > _KEPT:
+                path.unlink()

@@ -1,0 +1,1 @@
+"""Boundary conditions and loads of a scene, on a rank's particles."""

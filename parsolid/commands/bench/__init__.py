@@ -1,0 +1,44 @@
+"""`parsolid bench`: how fast a method is on this machine, as particle-steps/s a rank and nanoseconds a pair.
+
+Every figure is the best of several repetitions, because other work on the machine only ever makes a repetition slower.
+A method's module offers `kernel_tables(particles)`, tables of one core as (title, names, rows), and `scaling_scene(particles)`,
+a balanced scene whose whole steps are timed on one rank and on all.
+"""
+
+from importlib import import_module
+
+from mpi4py import MPI
+
+from parsolid.commands.bench.timing import Steps, best_time
+from parsolid.commands.console_table import show_table
+from parsolid.simulation.warmup import wait_quietly
+
+
+def bench(comm, method: str, particles: int, scaling: int | None) -> int:
+    """Print a method's tables on rank 0; exit status 0. Collective."""
+    module = import_module(f"parsolid.commands.bench.{method}")
+    if comm.rank == 0:
+        for table in module.kernel_tables(particles):
+            show_table(*table)
+    wait_quietly(comm)
+    if scaling:
+        rows = _scaling_rows(comm, module.scaling_scene(scaling))
+        if comm.rank == 0:
+            show_table("Whole steps", ["ranks", "particles", "steps/s a rank", "speed-up"], rows)
+    return 0
+
+
+def _scaling_rows(comm, scene) -> list[list]:
+    """Whole steps on one rank while the others wait, then on all ranks."""
+    alone = None
+    if comm.rank == 0:
+        run = Steps(MPI.COMM_SELF, scene, 3)
+        alone = best_time(run.advance) / run.steps
+        del run
+    wait_quietly(comm)
+    alone = comm.bcast(alone)
+    run = Steps(comm, scene, 3)
+    together = comm.allreduce(best_time(run.advance) / run.steps, MPI.MAX)
+    total = run.simulation.particles
+    speeds = [f"{total / alone:.3g}", f"{total / together / comm.size:.3g}"]
+    return [[1, total, speeds[0], 1.0], [comm.size, total, speeds[1], f"{alone / together:.2f}"]]

@@ -1,0 +1,36 @@
+"""Timing of a simulation's steps."""
+
+import time
+
+import numpy as np
+from mpi4py import MPI
+
+from parsolid.simulation.loop import Simulation
+
+REPETITIONS = 7
+
+
+def best_time(action, repetitions: int = REPETITIONS) -> float:
+    """Least wall time [s] of an action that has already run once."""
+    action()
+    best = np.inf
+    for _ in range(repetitions):
+        began = time.perf_counter()
+        action()
+        best = min(best, time.perf_counter() - began)
+    return best
+
+
+class Steps:
+    """Advances a simulation by a few small steps at each call."""
+
+    def __init__(self, comm, scene, steps: int):
+        self.simulation = Simulation(comm, scene)
+        self.steps = steps
+        stable = self.simulation.method.stable_step()
+        self.step = 0.1 * comm.allreduce(stable, MPI.MIN)
+
+    def advance(self) -> None:
+        """So many steps."""
+        for _ in range(self.steps):
+            self.simulation.take_step(self.step)

@@ -1,0 +1,167 @@
+"""The command line: run, check, bench, point, study, quadrature, plot.
+
+Exit status: 0 done, 2 bad input, 3 the run went wrong, 75 stopped with a checkpoint to continue from,
+130 interrupted from the keyboard, 1 anything else.
+"""
+
+import argparse
+import sys
+import traceback
+from importlib import import_module
+
+from mpi4py import MPI
+
+from parsolid import __version__
+from parsolid.collective import SolverError
+from parsolid.commands.arguments import whole_number
+from parsolid.output.errors import OutputError
+from parsolid.scene.validation_errors import SceneError
+
+DONE, BAD_INPUT, WENT_WRONG, INTERRUPTED = 0, 2, 3, 130
+
+
+class _BadArguments(Exception):
+    """The command line itself is wrong."""
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message):
+        raise _BadArguments(f"{message}\n{self.format_usage().rstrip()}")
+
+
+def _seconds(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"expected a positive number of seconds, found {text}")
+    return value
+
+
+def _scene_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("scene", nargs="?", metavar="SCENE", help="TOML file (default: the twisting column)")
+    parser.add_argument(
+        "-o", "--output", metavar="DIR", help="folder of the results (default: output.directory of the scene)"
+    )
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY.PATH=VALUE", help="override a key of the scene"
+    )
+    parser.add_argument("--end-time", type=_seconds, metavar="T", help="simulated time to stop at [s]")
+    parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
+    parser.add_argument("-v", "--verbose", action="store_true", help="say more")
+
+
+def build_parser(command: str) -> argparse.ArgumentParser:
+    """The parser of all commands, with the arguments of one of them."""
+    parser = _Parser(prog="parsolid", description="Solids simulated with particles on many processors.")
+    parser.add_argument("--version", action="version", version=f"parsolid {__version__}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
+    run = commands.add_parser("run", help="run a scene (the default command)")
+    _scene_arguments(run)
+    run.add_argument(
+        "--restart", nargs="?", const="", metavar="FILE", help="continue from a checkpoint (default: the newest in DIR)"
+    )
+    run.add_argument("--max-steps", type=whole_number, metavar="N", help="stop after so many steps")
+    run.add_argument(
+        "--wall-time", type=_seconds, metavar="S", help="write a checkpoint and stop after so many seconds"
+    )
+    run.add_argument("--dry-run", action="store_true", help="set up, report, and stop")
+    check = commands.add_parser("check", help="set a scene up and report its cost, without running it")
+    _scene_arguments(check)
+    bench = commands.add_parser("bench", help="measure the speed of the kernels on this machine")
+    bench.add_argument("--method", default=_BENCHES[0], choices=_BENCHES, help=f"the method (default {_BENCHES[0]})")
+    bench.add_argument(
+        "--particles", type=whole_number, default=28000, metavar="N", help="about how many particles (default 28000)"
+    )
+    bench.add_argument(
+        "--scaling", type=whole_number, metavar="N", help="also measure whole steps on all ranks with N particles"
+    )
+    for name, (module, summary) in _MODULES.items():
+        sub = commands.add_parser(name, help=summary)
+        if name == command:
+            import_module(module).add_arguments(sub)
+    return parser
+
+
+# modules of parsolid.commands.bench
+_BENCHES = ("tlsph", "peridynamics", "mpm")
+_PLOTTING = ("pyvista", "vtkmodules", "matplotlib")
+# commands of their own modules, imported only when they are asked for
+_MODULES = {
+    "point": ("parsolid.commands.point", "drive a material along a path of deformation, without particles"),
+    "study": ("parsolid.commands.study", "run scenes over resolutions and options; error against run time"),
+    "quadrature": (
+        "parsolid.commands.quadrature",
+        "how much of the material point method's error is quadrature, by basis",
+    ),
+    "plot": ("parsolid.commands.plot", "pictures of a run: energies, probes, the deformed body"),
+}
+COMMANDS = ("run", "check", "bench", *_MODULES)
+
+
+def parse(arguments: list[str]) -> argparse.Namespace:
+    """Parsed arguments; `run` is the command where none is named."""
+    if not arguments or (arguments[0] not in COMMANDS and arguments[0] not in ("-h", "--help", "--version")):
+        arguments = ["run", *arguments]
+    return build_parser(arguments[0]).parse_args(arguments)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run a command on all ranks; the exit status. Prints one message, on rank 0, for bad input and failed runs."""
+    comm = MPI.COMM_WORLD
+    try:
+        return _dispatch(comm, sys.argv[1:] if arguments is None else arguments)
+    except (_BadArguments, SceneError, SolverError) as error:
+        _say(comm, f"parsolid: {_headline(error)}")
+        return BAD_INPUT
+    except OutputError as error:
+        _say(comm, f"parsolid: {error}")
+        return 1
+    except KeyboardInterrupt:
+        _say(comm, "parsolid: interrupted")
+        if comm.size > 1:
+            comm.Abort(INTERRUPTED)
+        return INTERRUPTED
+    except SystemExit as exit_request:
+        return int(exit_request.code or 0)
+    except Exception as error:  # a fault of the program: end all ranks rather than leave them waiting
+        from parsolid.simulation.loop import RunFailed
+
+        if isinstance(error, RunFailed):
+            _say(comm, f"parsolid: {error}")
+            return WENT_WRONG
+        if isinstance(error, ModuleNotFoundError) and error.name in _PLOTTING:
+            _say(comm, f"parsolid: {error.name} is not installed: pip install 'parsolid[plot]'")
+            return 1
+        traceback.print_exc()
+        sys.stderr.flush()
+        if comm.size > 1:
+            comm.Abort(1)
+        return 1
+
+
+def _headline(error: Exception) -> str:
+    faults = getattr(error, "faults", None)
+    if faults and len(faults) > 1:
+        return f"the scene has {len(faults)} faults:\n  " + "\n  ".join(faults)
+    return str(error)
+
+
+def _say(comm, text: str) -> None:
+    if comm.rank == 0:
+        print(text, file=sys.stderr, flush=True)
+
+
+def _dispatch(comm, arguments: list[str]) -> int:
+    if comm.rank > 0 and any(argument in ("-h", "--help", "--version") for argument in arguments):
+        return DONE
+    options = parse(arguments)
+    if options.command in _MODULES:
+        return getattr(import_module(_MODULES[options.command][0]), f"run_{options.command}")(comm, options)
+    if options.command == "bench":
+        from parsolid.commands.bench import bench
+
+        return bench(comm, options.method, options.particles, options.scaling)
+    from parsolid.commands.run import check, run
+
+    if options.command == "check" or options.dry_run:
+        return check(comm, options)
+    return run(comm, options)

@@ -1,0 +1,164 @@
+"""Pictures of a run: its history as curves, its bodies coloured by a field.
+
+Light to import: what draws is loaded when it is needed.
+"""
+
+import argparse
+import importlib.util
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+FOLDER = "pictures"
+_NEEDED = ("matplotlib", "pyvista")
+# pictures at a run's end: no more times than these, no bodies of more particles, no longer than this [s]
+STANDARD_TIMES, STANDARD_PARTICLES, STANDARD_SECONDS = 8, 1_000_000, 120.0
+
+
+def plot_run(directory: Path | str) -> None:
+    """Draw the standard set of pictures of a finished run into its folder; for one rank alone.
+
+    Nothing is drawn where matplotlib or pyvista is not installed. It never raises: drawing happens in a process of its own,
+    which a fault of a graphics driver may end, and what went wrong is told in one line on the error stream.
+    """
+    if missing():
+        return
+    # the child is no rank: it must not ask the launcher to be one
+    environment = os.environ | {"MPI4PY_RC_INITIALIZE": "false"}
+    command = [sys.executable, "-m", "parsolid.commands.plot", str(Path(directory).resolve())]
+    try:
+        ended = subprocess.run(
+            command, env=environment, capture_output=True, text=True, timeout=STANDARD_SECONDS, check=False
+        )
+        fault = (
+            ended.stderr.strip().splitlines()[-1:] or [f"exit status {ended.returncode}"] if ended.returncode else []
+        )
+    except subprocess.TimeoutExpired:
+        fault = [f"not done after {STANDARD_SECONDS:g} s"]
+    except OSError as error:
+        fault = [str(error)]
+    for text in fault:
+        print(f"no pictures: {text}", file=sys.stderr, flush=True)
+
+
+def missing() -> list[str]:
+    """Packages that pictures need and that are not installed."""
+    return [name for name in _NEEDED if importlib.util.find_spec(name) is None]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `parsolid plot`."""
+    parser.add_argument("directory", metavar="DIR", help="folder of a run")
+    one = "one picture (.png, .pdf, .svg, .gif, .mp4) or a folder (default: DIR/pictures)"
+    parser.add_argument("-o", "--output", metavar="OUT", help=one)
+    parser.add_argument(
+        "--field", metavar="NAME", help="what colours the bodies, such as velocity_x (default: pressure)"
+    )
+    parser.add_argument(
+        "--times", type=_times, metavar="T1,T2,...", help="written times nearest to these [s] (default: a few)"
+    )
+    parser.add_argument("--every", action="store_true", help="all times at which fields were written")
+    parser.add_argument("--single", action="store_true", help="one picture for each time instead of one sheet")
+    parser.add_argument("--animation", action="store_true", help="an animation of all times: .gif, or .mp4 with ffmpeg")
+    parser.add_argument(
+        "--frames-per-second", type=_positive, default=8.0, metavar="N", help="of an animation (default 8)"
+    )
+    view = "iso, front, side, top or the direction towards the viewer, such as --view=1,-2,0.5"
+    parser.add_argument("--view", type=_view, default="iso", help=view)
+    parser.add_argument(
+        "--range", type=_range, metavar="LO,HI", help="of the colours, in SI units, such as --range=-2e6,2e6"
+    )
+    parser.add_argument("--colours", metavar="MAP", help="colour map of matplotlib (default: by the field)")
+    mirror = "also show the images in the planes X = 0, Y = 0, Z = 0 of these axes, such as XZ"
+    parser.add_argument("--mirror", type=_axes, default=(), metavar="AXES", help=mirror)
+    parser.add_argument("--along", type=_axes, default=(), metavar="AXIS", help="curves over one coordinate, no bodies")
+    parser.add_argument(
+        "--follow", action="store_true", help="keep the middle of the bodies in the middle of the picture"
+    )
+    parser.add_argument("--exaggerate", type=_positive, default=1.0, metavar="N", help="factor on the displacements")
+    parser.add_argument("--small", action="store_true", help="256 colours only, for a third of the bytes")
+    parser.add_argument("--columns", type=_count, metavar="N", help="pictures side by side on a sheet")
+    parser.add_argument("--size", type=_size, metavar="WxH", help="of a picture, in pixels")
+    parser.add_argument("--title", metavar="TEXT", help="above the sheet")
+
+
+def run_plot(comm, options: argparse.Namespace) -> int:
+    """Draw what a command line asks for, on rank 0; exit status 0. Collective.
+
+    Raises SceneError on all ranks for options or a folder that will not do, OutputError for files that cannot be written.
+    """
+    from parsolid.output.errors import OutputError, words
+    from parsolid.scene import SceneError
+
+    fault = None
+    if comm.rank == 0:
+        try:
+            from parsolid.commands.plot.command import draw
+
+            for path in draw(options):
+                print(path, flush=True)
+        except SceneError as error:
+            fault = (SceneError, error.faults)
+        except OSError as error:
+            fault = (OutputError, f"cannot write the pictures: {words(error)}")
+    fault = comm.bcast(fault)
+    if fault is not None:
+        raise fault[0](fault[1])
+    return 0
+
+
+def _numbers(text: str, count: int | None, expected: str) -> tuple[float, ...]:
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        numbers = ()
+    if not numbers or count not in (None, len(numbers)) or not all(abs(number) < float("inf") for number in numbers):
+        raise argparse.ArgumentTypeError(f"expected {expected}, found {text!r}")
+    return numbers
+
+
+def _times(text: str) -> tuple[float, ...]:
+    return _numbers(text, None, "times [s] separated by commas")
+
+
+def _range(text: str) -> tuple[float, ...]:
+    limits = _numbers(text, 2, "two numbers LO,HI with LO < HI")
+    if not limits[0] < limits[1]:
+        raise argparse.ArgumentTypeError(f"expected two numbers LO,HI with LO < HI, found {text!r}")
+    return limits
+
+
+def _view(text: str) -> str | tuple[float, ...]:
+    if text in ("iso", "front", "side", "top"):
+        return text
+    direction = _numbers(text, 3, "iso, front, side, top or three numbers x,y,z")
+    if not any(direction):
+        raise argparse.ArgumentTypeError(f"expected a direction that is not zero, found {text!r}")
+    return direction
+
+
+def _axes(text: str) -> tuple[int, ...]:
+    if not text or len(set(text.upper())) != len(text) or not set(text.upper()) <= set("XYZ"):
+        raise argparse.ArgumentTypeError(f"expected axes such as X or XZ, found {text!r}")
+    return tuple("XYZ".index(letter) for letter in text.upper())
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, _, height = text.partition("x")
+    if not (width.isdigit() and height.isdigit() and 50 <= int(width) <= 16000 and 50 <= int(height) <= 16000):
+        raise argparse.ArgumentTypeError(f"expected WIDTHxHEIGHT from 50x50 to 16000x16000 pixels, found {text!r}")
+    return int(width), int(height)
+
+
+def _count(text: str) -> int:
+    if not text.isdigit() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"expected a whole number of at least 1, found {text!r}")
+    return int(text)
+
+
+def _positive(text: str) -> float:
+    (number,) = _numbers(text, 1, "a positive number")
+    if number <= 0.0:
+        raise argparse.ArgumentTypeError(f"expected a positive number, found {text!r}")
+    return number

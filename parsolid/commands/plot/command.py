@@ -1,0 +1,149 @@
+"""What `parsolid plot` draws: which pictures, of which times, into which files."""
+
+import argparse
+import ctypes.util
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from parsolid.commands.plot import FOLDER, STANDARD_PARTICLES, STANDARD_TIMES, add_arguments, missing
+from parsolid.commands.plot.results import Results
+from parsolid.scene import SceneError
+from parsolid.scene.validation_errors import suggestion, told
+
+_STILL, _MOVING = (".png", ".pdf", ".svg"), (".gif", ".mp4")
+
+
+def draw(options: argparse.Namespace) -> list[Path]:
+    """Draw the pictures that the options ask for; their paths. Raises SceneError before anything is drawn, and OSError."""
+    if missing():
+        packages = "the packages of the extra 'plot' (pip install \"parsolid[plot]\")"
+        raise SceneError([f"plot: expected {packages}, found no {' and no '.join(missing())}"])
+    results = Results(options.directory)
+    output = Path(options.output) if options.output else results.directory / FOLDER
+    one_file = output.suffix.lower() in _STILL + _MOVING
+    faults = _faults(results, options, output, one_file)
+    if faults:
+        raise SceneError(faults)
+    field = options.field or _first_field(results)
+    results.check_field(field)
+    moving = options.animation or output.suffix.lower() in _MOVING
+    steps = _steps(results, options, moving)
+    if not one_file:
+        results.check_history()
+    (output.parent if one_file else output).mkdir(parents=True, exist_ok=True)
+    if one_file:
+        return _draw_bodies(results, field, steps, options, output, moving)
+    return _curves(results, output) + _draw_bodies(results, field, steps, options, output, moving)
+
+
+def standard(directory: Path | str) -> list[Path]:
+    """The pictures at a run's end: energies, probes and one sheet of a few times; their paths."""
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    options = parser.parse_args([str(directory)])
+    results = Results(directory)
+    if results.particles <= STANDARD_PARTICLES:
+        return draw(options)
+    folder = results.directory / FOLDER
+    folder.mkdir(exist_ok=True)
+    return _curves(results, folder)
+
+
+def _faults(results: Results, options: argparse.Namespace, output: Path, one_file: bool) -> list[str]:
+    faults = []
+    if options.times and options.every:
+        faults.append("--times, --every: expected one of them, found both")
+    if options.single and (one_file or options.animation):
+        faults.append(f"--single: expected a folder as output and no animation, found {told(str(output))}")
+    if options.animation and output.suffix.lower() in _STILL:
+        faults.append(f"--animation: expected a name that ends in .gif or .mp4, found {told(output.name)}")
+    if any(axis >= results.dimension for axis in options.along[:1]) or len(options.along) > 1:
+        faults.append(f"--along: expected one axis of {results.dimension} dimensions, found {told(options.along)}")
+    if (results.dimension == 1 or options.along) and (
+        options.animation or output.suffix.lower() in _MOVING or options.single
+    ):
+        faults.append(
+            "--animation, --single: expected a scene in two or three dimensions and no --along, found otherwise"
+        )
+    if not one_file and output.suffix and not output.is_dir():
+        endings = ", ".join(_STILL + _MOVING)
+        faults.append(f"--output: expected a folder or a name that ends in {endings}, found {told(output.name)}")
+    if options.colours is not None:
+        from matplotlib import colormaps
+
+        if options.colours not in colormaps:
+            near = suggestion(options.colours, colormaps)
+            faults.append(f"--colours: expected a colour map of matplotlib, found {told(options.colours)}{near}")
+    return faults
+
+
+def _first_field(results: Results) -> str:
+    names = results.field_names
+    preferred = results.method.pictured_fields if results.method else ()
+    return next((name for name in preferred if name in names), names[0])
+
+
+def _steps(results: Results, options: argparse.Namespace, moving: bool) -> list[int]:
+    if options.times:
+        return results.steps_at(list(options.times))
+    count = len(results.times)
+    if options.every or moving or options.single or count <= STANDARD_TIMES:
+        return list(range(count))
+    return [int(step) for step in np.linspace(0, count - 1, STANDARD_TIMES).round()]
+
+
+def _curves(results: Results, folder: Path) -> list[Path]:
+    from parsolid.commands.plot.curves import write_energies, write_probes
+
+    write_energies(results, folder / "energies.png")
+    return [folder / "energies.png"] + ([folder / "probes.png"] if write_probes(results, folder / "probes.png") else [])
+
+
+def _draw_bodies(results: Results, field: str, steps: list[int], options, output: Path, moving: bool) -> list[Path]:
+    from parsolid.commands.plot.sheets import Look, Sheet, write_animation, write_sheet, write_singles
+
+    if results.dimension == 1 or options.along:
+        from parsolid.commands.plot.line import write_lines
+
+        path = output if output.suffix.lower() in _STILL else output / f"{field}.png"
+        write_lines(results, field, steps, path, options.size, options.along[0] if options.along else 0)
+        return [path]
+    if results.dimension == 3:
+        _check_renderer()
+    look = Look(
+        view=options.view,
+        limits=options.range,
+        columns=options.columns,
+        size=options.size,
+        follow=options.follow,
+        mirror=options.mirror,
+        colours=options.colours,
+        exaggeration=options.exaggerate,
+        title=options.title,
+    )
+    sheet = Sheet(results, field, steps, look)
+    try:
+        if options.single:
+            return write_singles(sheet, output, options.small)
+        path = (
+            output if output.suffix.lower() in _STILL + _MOVING else output / f"{field}{'.gif' if moving else '.png'}"
+        )
+        if moving:
+            write_animation(sheet, path, options.frames_per_second)
+        else:
+            write_sheet(sheet, path, options.small)
+        return [path]
+    finally:
+        sheet.close()
+
+
+def _check_renderer() -> None:
+    """Raise SceneError where VTK, which would crash, finds no library to draw with and there is no display."""
+    if not sys.platform.startswith("linux") or os.environ.get("DISPLAY"):
+        return
+    if not any(ctypes.util.find_library(name) for name in ("EGL", "OSMesa")):
+        expected = "a display, libEGL or libOSMesa to draw with (Debian: apt install libegl1 libosmesa6)"
+        raise SceneError([f"plot: expected {expected}, found none of them"])

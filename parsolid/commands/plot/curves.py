@@ -1,0 +1,142 @@
+"""Curves of a run's history: energies, dissipations, balance, probes, with the reference where the scene has one."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from parsolid.commands.plot.results import Results
+from parsolid.commands.plot.scales import prefixed, unit_of, words_of
+from parsolid.scene.observation import HISTORY_COLUMNS
+
+DOTS_PER_INCH = 100
+_COLOURS = {
+    "kinetic": "#1f77b4",
+    "stored": "#d95f02",
+    "total": "#222222",
+    "dissipation_internal": "#7570b3",
+    "dissipation_numerical": "#1b9e77",
+    "work_external": "#a6761d",
+}
+_PALETTE = ("#1f77b4", "#d95f02", "#1b9e77", "#7570b3", "#e7298a", "#a6761d", "#66a61e", "#666666", "#17becf")
+_REFERENCE = {"linestyle": (0, (4, 3)), "linewidth": 1.2, "color": "black", "alpha": 0.75}
+_PANEL = (460, 330)
+
+
+def write_energies(results: Results, path: Path, size: tuple[int, int] | None = None) -> None:
+    """Energies, dissipations and the balance over time, side by side."""
+    history = results.history
+    time, factor = _time_axis(history["time"])
+    terms = {name: history[name] for name in HISTORY_COLUMNS[:-1]} | _method_terms(history)
+    largest = max((np.nanmax(np.abs(values)) for values in terms.values() if len(values)), default=0.0)
+    unit, label = prefixed("J", largest)
+    figure = _figure(size or (3 * _PANEL[0], _PANEL[1] + 30), results.title)
+    energies, dissipations, balance = figure.subplots(1, 3)
+    for name in ("kinetic", "stored", "work_external"):
+        if name != "work_external" or np.any(terms[name]):
+            energies.plot(time, terms[name] / unit, color=_COLOURS[name], label=words_of(name))
+    total = terms["kinetic"] + terms["stored"]
+    energies.plot(time, total / unit, color=_COLOURS["total"], label="kinetic + stored", linewidth=1.0)
+    for name, words in (("dissipation_internal", "internal"), ("dissipation_numerical", "numerical")):
+        dissipations.plot(time, terms[name] / unit, color=_COLOURS[name], label=words)
+    for name, colour in zip(_method_terms(history), _PALETTE[4:]):
+        if not np.any(terms[name]):
+            continue
+        dissipations.plot(time, terms[name] / unit, color=colour, label=words_of(name))
+    for axes, names in ((energies, ("kinetic", "stored")), (dissipations, HISTORY_COLUMNS[2:4])):
+        _add_references(axes, results, names, factor, unit)
+    balance.plot(time, history["balance"] / (largest or 1.0), color="#222222")
+    energies.set_ylabel(f"energy [{label}]")
+    dissipations.set_ylabel(f"dissipated [{label}]")
+    balance.set_ylabel("balance / largest energy")
+    _finish(figure, (energies, dissipations, balance), prefixed("s", _last(history["time"]))[1])
+    balance.ticklabel_format(axis="y", style="sci", scilimits=(-2, 2))
+    figure.savefig(path, dpi=DOTS_PER_INCH)
+
+
+def _method_terms(history: dict) -> dict:
+    """Energy terms of the method itself: they stand between the external work and the balance."""
+    columns = list(history)
+    first, last = columns.index("work_external") + 1, columns.index("balance")
+    return {name: history[name] for name in columns[first:last]}
+
+
+def write_probes(results: Results, path: Path, size: tuple[int, int] | None = None) -> bool:
+    """One panel for each field of each probe; False, and no file, when the scene has none."""
+    history = results.history
+    panels = _probe_panels(list(history))
+    if not panels:
+        return False
+    time, factor = _time_axis(history["time"])
+    columns = min(len(panels), 3)
+    rows = -(-len(panels) // columns)
+    figure = _figure(size or (columns * _PANEL[0], rows * (_PANEL[1] - 30) + 60), results.title)
+    grid = np.atleast_1d(figure.subplots(rows, columns)).ravel()
+    for axes, (panel, names) in zip(grid, panels.items()):
+        probe, _, field = panel.partition(".")
+        largest = max((np.nanmax(np.abs(history[name])) for name in names if len(history[name])), default=0.0)
+        unit, label = prefixed(unit_of(field), largest)
+        for name, colour in zip(names, _PALETTE):
+            part = name[len(panel) :].lstrip("_")
+            axes.plot(time, history[name] / unit, color=colour, label=part or None)
+        _add_references(axes, results, names, factor, unit)
+        axes.set_title(probe, fontsize=10)
+        axes.set_ylabel(words_of(field) + (f" [{label}]" if label else ""))
+    for axes in grid[len(panels) :]:
+        axes.set_visible(False)
+    _finish(figure, grid[: len(panels)], prefixed("s", _last(history["time"]))[1])
+    figure.savefig(path, dpi=DOTS_PER_INCH)
+    return True
+
+
+def _probe_panels(columns: list[str]) -> dict[str, list[str]]:
+    """probe.field -> its columns in the history."""
+    panels: dict[str, list[str]] = {}
+    for name in columns:
+        if "." not in name:
+            continue
+        stem, _, part = name.rpartition("_")
+        component = "." in stem and part and len(part) <= 2 and set(part) <= set("xyz")
+        panels.setdefault(stem if component else name, []).append(name)
+    return panels
+
+
+def _add_references(axes, results: Results, names, factor: float, unit: float) -> None:
+    """The reference series of these columns, the first one named in the legend."""
+    if results.reference is None:
+        return
+    times, series = results.reference
+    shown = times <= _last(results.history["time"]) * (1.0 + 1e-9)
+    label = "reference"
+    for name in names:
+        if name in series:
+            axes.plot(times[shown] / factor, series[name][shown] / unit, label=label, **_REFERENCE)
+            label = None
+
+
+def _time_axis(time: np.ndarray) -> tuple[np.ndarray, float]:
+    factor, _ = prefixed("s", _last(time))
+    return time / factor, factor
+
+
+def _last(time: np.ndarray) -> float:
+    return float(time[-1]) if len(time) else 0.0
+
+
+def _figure(size: tuple[int, int], title: str) -> Figure:
+    figure = Figure(figsize=(size[0] / DOTS_PER_INCH, size[1] / DOTS_PER_INCH), dpi=DOTS_PER_INCH, layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(title, fontsize=12)
+    return figure
+
+
+def _finish(figure: Figure, panels, unit: str) -> None:
+    for axes in panels:
+        axes.set_xlabel(f"time [{unit}]")
+        axes.margins(x=0.0)
+        axes.grid(alpha=0.25, linewidth=0.6)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.tick_params(labelsize=9)
+        if axes.get_legend_handles_labels()[0]:
+            axes.legend(fontsize=9, frameon=False)

@@ -1,0 +1,37 @@
+"""Fields as curves over one coordinate, one a time."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from parsolid.commands.plot.results import Results
+from parsolid.commands.plot.scales import prefixed, time_labels, unit_of, words_of
+
+_SIZE, _DOTS_PER_INCH = (640, 420), 100
+
+
+def write_lines(
+    results: Results, field: str, steps: list[int], path: Path, size: tuple[int, int] | None = None, axis: int = 0
+) -> None:
+    """Draw a field at some steps into one figure, over the present coordinate `axis` of all particles."""
+    frames = list(results.frames(steps, field))
+    labels = time_labels([frame.time for frame in frames])
+    largest = max((np.nanmax(np.abs(frame.values)) for frame in frames), default=0.0)
+    unit, label = prefixed(unit_of(field), largest)
+    width, height = size or _SIZE
+    figure = Figure(figsize=(width / _DOTS_PER_INCH, height / _DOTS_PER_INCH), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    for number, (frame, text) in enumerate(zip(frames, labels)):
+        place = frame.position[:, axis]
+        order = np.argsort(place)
+        colour = colormaps["viridis"](0.9 * number / max(1, len(frames) - 1))
+        axes.plot(place[order], frame.values[order] / unit, color=colour, linewidth=1.1, label=text)
+    axes.set_xlabel(f"{'xyz'[axis]} [m]")
+    axes.set_ylabel(f"{words_of(field)} [{label}]" if label else words_of(field))
+    axes.set_title(results.title, fontsize=10)
+    axes.legend(fontsize=7)
+    figure.savefig(path, dpi=_DOTS_PER_INCH)

@@ -1,0 +1,100 @@
+"""Pictures of plane bodies, drawn into matplotlib axes."""
+
+import numpy as np
+from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.colors import Normalize
+from matplotlib.tri import Triangulation
+
+from parsolid.commands.plot.results import Frame
+from parsolid.commands.plot.scales import Scale
+from parsolid.commands.plot.skins import Skin
+
+_EDGES = {"colors": "#202020", "linewidths": 0.4, "alpha": 0.3}
+_OUTLINE = {"colors": "#202020", "linewidths": 0.9}
+
+
+class PlaneView:
+    """The same part of the plane for all frames: lower and upper corner [m], width over height in aspect."""
+
+    def __init__(self, frames: list[Frame], follow: bool, margin: float):
+        """follow: keep each frame's own middle in the middle; margin [m]: how far the body reaches beyond the particles."""
+        lower = np.array([frame.position[:, :2].min(axis=0) for frame in frames])
+        upper = np.array([frame.position[:, :2].max(axis=0) for frame in frames])
+        if not follow:
+            lower[:], upper[:] = lower.min(axis=0), upper.max(axis=0)
+        size = (upper - lower).max(axis=0)
+        # room for the lines around the body
+        half = 0.5 * size + margin + 0.01 * size.max()
+        half = np.maximum(half, max(0.05 * half.max(), 1e-300))
+        middle = 0.5 * (lower + upper)
+        self.lower, self.upper = middle - half, middle + half
+
+    @property
+    def aspect(self) -> float:
+        """Width over height."""
+        width, height = self.upper[0] - self.lower[0]
+        return float(width / height)
+
+
+def draw_plane(
+    axes, skins: list[Skin], volume: np.ndarray, frame: Frame, number: int, view: PlaneView, scale: Scale
+) -> None:
+    """Draw the number-th frame of a view into axes."""
+    axes.set(xlim=(view.lower[number, 0], view.upper[number, 0]), ylim=(view.lower[number, 1], view.upper[number, 1]))
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+    limits = Normalize(scale.lower, scale.upper)
+    for skin in skins:
+        rows = slice(skin.first, skin.last)
+        position, values = frame.position[rows, :2], frame.values[rows]
+        if skin.patches is None:
+            _discs(axes, position, values, volume[rows], limits, scale)
+        else:
+            points, shown = skin.points(position, linear=True), skin.points(values, linear=False)
+            for faces in skin.patches:
+                _fill(axes, points, shown, faces, limits, scale)
+            _edges(axes, points, skin.patches)
+
+
+def _fill(axes, points, values, faces, limits, scale) -> None:
+    if faces.shape[1] == 4:
+        # four triangles about the middle: no diagonal is preferred
+        middle = len(points) + np.arange(len(faces))
+        points = np.concatenate([points, points[faces].mean(axis=1)])
+        values = np.concatenate([values, values[faces].mean(axis=1)])
+        sides = [np.stack([faces[:, i], faces[:, (i + 1) % 4], middle], axis=1) for i in range(4)]
+        faces = np.concatenate(sides)
+    triangles = Triangulation(points[:, 0], points[:, 1], faces)
+    axes.tripcolor(triangles, values, shading="gouraud", cmap=scale.colours, norm=limits, rasterized=True)
+
+
+def _edges(axes, points: np.ndarray, patches: list[np.ndarray]) -> None:
+    """The lines between faces where there is room for them, and the outline."""
+    pairs = [
+        np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1) for faces in patches
+    ]
+    pairs, count = np.unique(np.concatenate(pairs), axis=0, return_counts=True)
+    box = axes.get_window_extent()
+    pixels = box.height / np.ptp(axes.get_ylim())
+    inner = points[pairs[count > 1]]
+    if len(inner) and np.median(np.linalg.norm(inner[:, 1] - inner[:, 0], axis=1)) * pixels > 5.0:
+        axes.add_collection(LineCollection(inner, **_EDGES))
+    axes.add_collection(LineCollection(points[pairs[count == 1]], **_OUTLINE))
+
+
+def _discs(axes, position, values, volume, limits, scale) -> None:
+    """A disc for each particle, a little larger than its area so that neighbours touch."""
+    diameter = 1.2 * np.sqrt(volume)
+    discs = EllipseCollection(
+        diameter,
+        diameter,
+        np.zeros(len(diameter)),
+        units="xy",
+        offsets=position,
+        offset_transform=axes.transData,
+        array=values,
+        cmap=scale.colours,
+        norm=limits,
+        linewidths=0,
+    )
+    axes.add_collection(discs)

@@ -1,0 +1,177 @@
+"""What a run left in its folder, as far as pictures need it."""
+
+import json
+import sys
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from parsolid.output.errors import OutputError, words
+from parsolid.output.fields import DEFAULT_NAME
+from parsolid.output.history import read_history
+from parsolid.output.vtkhdf import published
+from parsolid.scene import SceneError
+from parsolid.scene.methods import settings_class
+from parsolid.scene.schema import Parts
+from parsolid.scene.validation_errors import suggestion, told
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+_COMPONENTS = {"x": 0, "y": 1, "z": 2}
+_TENSOR = [f"{row}{column}" for row in "xyz" for column in "xyz"]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The particles at one time [s]: position (n, 3) [m] and the values (n,) of the field that is shown."""
+
+    time: float
+    position: np.ndarray
+    values: np.ndarray
+
+
+class Results:
+    """A run's folder: its scene, history and fields. Raises SceneError when the folder holds no run."""
+
+    def __init__(self, directory: Path | str):
+        self.directory = Path(directory)
+        self.fields_path = self.directory / DEFAULT_NAME
+        scene = self.directory / "scene.toml"
+        try:
+            self._tables = tomllib.loads(scene.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise SceneError(
+                [f"{self.directory}: expected the folder of a run, found no scene.toml ({words(error)})"]
+            ) from None
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise SceneError([f"{scene}: expected TOML, found a fault: {error}"]) from None
+        self.dimension = self._tables.get("dimension")
+        if self.dimension not in (1, 2, 3):
+            raise SceneError([f"{scene}: expected dimension = 1, 2 or 3, found {told(self.dimension)}"])
+        self.title = str(self._tables.get("title") or self.directory.name)
+
+    @cached_property
+    def parts(self) -> Parts:
+        """The sound parts of the scene: a reference or mesh that has gone since the run is left out."""
+        context = {"dimension": self.dimension, "method": self.method, "folder": str(self.directory.resolve())}
+        return Parts.of(self._tables, context)
+
+    @property
+    def method(self) -> type | None:
+        """The class of the settings of the scene's method."""
+        return settings_class(self._tables.get("method"))
+
+    @cached_property
+    def history(self) -> dict[str, np.ndarray]:
+        """Column -> values. Raises SceneError when there is none."""
+        try:
+            return {name: np.array(values) for name, values in read_history(self.directory / "history.csv").items()}
+        except OutputError as error:
+            raise SceneError([f"{self.directory}: expected a run's history, found: {error}"]) from None
+
+    @cached_property
+    def reference(self) -> tuple[np.ndarray, dict[str, np.ndarray]] | None:
+        """Times [s] and history column -> values of the scene's reference series, None without one."""
+        stated = self.parts.reference
+        if stated is None or stated.series is None:
+            return None
+        data = json.loads(Path(stated.series).read_text(encoding="utf-8"))
+        series = {column: np.asarray(data["series"][name], float) for column, name in stated.columns.items()}
+        return np.asarray(data["t"], float), series
+
+    @cached_property
+    def _published(self):
+        try:
+            layout, times = published(self.fields_path)
+        except OutputError as error:
+            raise SceneError([f"{self.directory}: expected a run's fields, found: {error}"]) from None
+        if len(times) == 0:
+            raise SceneError([f"{self.fields_path}: expected fields at one time at least, found none"])
+        return layout, times
+
+    @property
+    def times(self) -> np.ndarray:
+        """Times at which fields were written [s]."""
+        return self._published[1]
+
+    @property
+    def particles(self) -> int:
+        """Number of particles."""
+        return self._published[0].particles
+
+    @cached_property
+    def field_names(self) -> list[str]:
+        """What may be shown: every field, and the components of vectors and tensors."""
+        names = []
+        layout = self._published[0]
+        for name, (shape, _) in {**layout.varying, **layout.constant}.items():
+            parts = {(): [], (3,): list(_COMPONENTS), (9,): _TENSOR, (3, 3): _TENSOR}.get(tuple(shape))
+            if parts is not None:
+                names += ([] if len(parts) == 9 else [name]) + [f"{name}_{part}" for part in parts]
+        return names
+
+    def check_field(self, name: str) -> None:
+        """Raise SceneError unless there is such a field or component."""
+        if name not in self.field_names:
+            known = ", ".join(self.field_names)
+            raise SceneError(
+                [f"--field: expected one of {known}; found {told(name)}{suggestion(name, self.field_names)}"]
+            )
+
+    def check_history(self) -> None:
+        """Raise SceneError unless there is a history of one row at least."""
+        if len(self.history["time"]) == 0:
+            raise SceneError([f"{self.directory / 'history.csv'}: expected one row at least, found none"])
+
+    def steps_at(self, times: list[float]) -> list[int]:
+        """The stored steps nearest to times [s]. Raises SceneError for times outside of those stored."""
+        stored = self.times
+        for time in times:
+            margin = 0.5 * np.diff(stored).max() if len(stored) > 1 else 1e-9 * max(stored[0], 1e-300)
+            if not stored[0] - margin <= time <= stored[-1] + margin:
+                raise SceneError([f"--times: expected times from {stored[0]:g} to {stored[-1]:g} s, found {time:g}"])
+        # a time asked for twice is drawn once
+        return list(dict.fromkeys(int(np.argmin(np.abs(stored - time))) for time in times))
+
+    def frames(self, steps: list[int], field: str, exaggeration: float = 1.0):
+        """The frames of steps, one after the other; vectors are shown by their magnitude.
+
+        exaggeration: factor on the displacements of the positions. Raises SceneError when that needs a field that is not there.
+        """
+        layout = self._published[0]
+        if exaggeration != 1.0 and "displacement" not in layout.varying:
+            raise SceneError([f"--exaggerate: expected the field displacement in {self.fields_path}, found none"])
+        n = layout.particles
+        name, component = self._split(field)
+        with h5py.File(self.fields_path, "r", locking=False) as file:
+            vtk = file["VTKHDF"]
+            for step in steps:
+                first = 0 if name in layout.constant else step * n
+                values = vtk[f"PointData/{name}"][first : first + n].reshape(n, -1).astype(float)
+                if component is None and values.shape[1] > 1:
+                    values = np.linalg.norm(values, axis=1)
+                else:
+                    values = values[:, component or 0]
+                rows = slice(step * n, (step + 1) * n)
+                position = vtk["Points"][rows]
+                if exaggeration != 1.0:
+                    position = position + (exaggeration - 1.0) * vtk["PointData/displacement"][rows]
+                yield Frame(float(self.times[step]), position, values)
+
+    def constant(self, name: str) -> np.ndarray:
+        """A field that does not change: body or volume."""
+        with h5py.File(self.fields_path, "r", locking=False) as file:
+            return file[f"VTKHDF/PointData/{name}"][: self.particles]
+
+    def _split(self, field: str) -> tuple[str, int | None]:
+        layout = self._published[0]
+        if field in layout.varying or field in layout.constant:
+            return field, None
+        name, _, part = field.rpartition("_")
+        return name, _COMPONENTS[part] if part in _COMPONENTS else _TENSOR.index(part)

@@ -1,0 +1,106 @@
+"""Units, prefixes, colour maps and ranges of pictures."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+UNITS = {
+    "displacement": "m",
+    "position": "m",
+    "velocity": "m/s",
+    "pressure": "Pa",
+    "von_mises_stress": "Pa",
+    "stress": "Pa",
+    "first_piola_kirchhoff_stress": "Pa",
+    "volume": "m³",
+    "temperature": "K",
+    "maximum_temperature": "K",
+    "density": "kg/m³",
+    "internal_energy": "J/m³",
+    "plastic_work": "J",
+    "heat": "J",
+    "lower_bounds": "m",
+    "upper_bounds": "m",
+    "twist": "rad",
+    "linear_momentum": "kg m/s",
+    "angular_momentum": "kg m²/s",
+    "centre_of_mass": "m",
+    "maximum_speed": "m/s",
+}
+_PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+_PREFIXED = ("Pa", "m", "m/s", "J", "s", "W")
+_SIGNED, _UNSIGNED = "RdBu_r", "viridis"
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How values become colours and labels: limits in SI units, label with unit, factor from SI to the labelled unit."""
+
+    lower: float
+    upper: float
+    label: str
+    factor: float
+    colours: str
+    extend: str
+
+
+def unit_of(name: str) -> str:
+    """Unit of a field, of one of its components, or of a quantity; empty when it has none or it is not known."""
+    if name in UNITS:
+        return UNITS[name]
+    field, _, part = name.rpartition("_")
+    return UNITS.get(field, "") if part and set(part) <= set("xyz") else ""
+
+
+def prefixed(unit: str, largest: float) -> tuple[float, str]:
+    """(value of one prefixed unit in SI, prefixed unit) in which the largest value is 1 or more."""
+    if unit not in _PREFIXED or not np.isfinite(largest) or largest <= 0.0:
+        return 1.0, unit
+    # 0.5 m stays in metres: centimetres and millimetres only for what is small
+    floor = 0.02 if unit in ("m", "m/s") else 0.9995
+    factor, letter = next((pair for pair in _PREFIXES if largest >= floor * pair[0]), _PREFIXES[-1])
+    if unit in ("m", "m/s") and factor > 1.0:
+        factor, letter = 1.0, ""
+    return factor, letter + unit
+
+
+def words_of(name: str) -> str:
+    """A field's name as a label."""
+    field, _, part = name.rpartition("_")
+    if field and part and set(part) <= set("xyz"):
+        return f"{field.replace('_', ' ')} {part}"
+    return name.replace("_", " ")
+
+
+def scale_of(
+    name: str, pieces: list[np.ndarray], limits: tuple[float, float] | None, colours: str | None = None
+) -> Scale:
+    """The scale of a field from its values at all times of a picture, or from given limits [SI].
+
+    Without limits 1 % of the values at either end may lie beyond the scale: a few particles in a corner must not take the
+    colours from all others. A field of both signs gets a symmetric range and diverging colours.
+    """
+    values = np.concatenate([piece[np.isfinite(piece)] for piece in pieces] or [np.zeros(1)])
+    values = values if len(values) else np.zeros(1)
+    least, most = float(values.min()), float(values.max())
+    lower, upper = limits or map(float, np.percentile(values, (1.0, 99.0)))
+    signed = lower < 0.0 < upper and min(-lower, upper) > 0.1 * max(-lower, upper)
+    if limits is None:
+        if signed:
+            upper = max(-lower, upper)
+            lower = -upper
+        if upper - lower <= 1e-9 * max(abs(lower), abs(upper)):
+            width = 0.5 * max(abs(lower) * 1e-3, 1e-12)
+            lower, upper = lower - width, upper + width
+    tolerance = 1e-3 * (upper - lower)
+    beyond = (least < lower - tolerance, most > upper + tolerance)
+    extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[beyond]
+    factor, unit = prefixed(unit_of(name), max(abs(lower), abs(upper)))
+    label = words_of(name) + (f" [{unit}]" if unit else "")
+    return Scale(lower, upper, label, factor, colours or (_SIGNED if signed else _UNSIGNED), extend)
+
+
+def time_labels(times: list[float]) -> list[str]:
+    """Labels "t = 85 ms" in one unit for all times."""
+    factor, unit = prefixed("s", max(times, default=0.0))
+    return [f"t = {time / factor:.4g} {unit}" for time in times]

@@ -1,0 +1,239 @@
+"""Figures of bodies: one time or many on a sheet with a common colour range, or an animation."""
+
+import shutil
+import subprocess
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from PIL import Image
+
+from parsolid.commands.plot.plane import PlaneView, draw_plane
+from parsolid.commands.plot.results import Frame, Results
+from parsolid.commands.plot.scales import scale_of, time_labels
+from parsolid.commands.plot.skins import skins_of
+from parsolid.scene import SceneError
+
+DOTS_PER_INCH = 100
+# pixels: outer margin, a time label, the colour bar with its numbers, a panel of a sheet left to itself
+_MARGIN, _LABEL, _BAR, _TITLE = 14, 24, 104, 30
+_PANEL_AREA, _SINGLE_AREA = 300 * 300, 640 * 640
+_LARGEST = 8000
+
+
+@dataclass(frozen=True)
+class Look:
+    """How bodies are shown; None: chosen to fit.
+
+    view: "iso", "front", "side", "top" or the direction towards the viewer; limits: of the colours, in SI units; size: of the
+    whole picture in pixels; follow: keep the body's middle in the middle; mirror: also show the images in the planes X = 0,
+    Y = 0, Z = 0 of these axes (0, 1, 2); exaggeration: factor on the displacements.
+    """
+
+    view: str | tuple[float, float, float] = "iso"
+    limits: tuple[float, float] | None = None
+    columns: int | None = None
+    size: tuple[int, int] | None = None
+    follow: bool = False
+    mirror: tuple[int, ...] = ()
+    colours: str | None = None
+    exaggeration: float = 1.0
+    title: str | None = None
+
+
+class Sheet:
+    """Pictures of one field at some steps of a run, all in one scale and seen from one place."""
+
+    def __init__(self, results: Results, field: str, steps: list[int], look: Look):
+        """Raises SceneError when there is no such field, or when particles are nowhere."""
+        results.check_field(field)
+        self.results, self.field, self.look = results, field, look
+        self.frames = [_mirrored(frame, look.mirror) for frame in results.frames(steps, field, look.exaggeration)]
+        if not all(np.isfinite(frame.position).all() for frame in self.frames):
+            raise SceneError([f"{results.fields_path}: expected finite positions, found some that are not"])
+        self.volume = np.tile(results.constant("volume"), 2 ** len(look.mirror))
+        self.scale = scale_of(field, [frame.values for frame in self.frames], look.limits, look.colours)
+        self.labels = time_labels([frame.time for frame in self.frames])
+        if look.exaggeration != 1.0:
+            self.labels = [f"{label}, displacement × {look.exaggeration:g}" for label in self.labels]
+        self._renderers: dict[tuple[int, int], object] = {}
+
+    @cached_property
+    def skins(self):
+        """The skins of the bodies and of their images."""
+        skins = skins_of(self.results.parts.bodies, self.results.dimension, self.results.constant("body"))
+        particles = self.results.particles
+        return [skin.moved(image * particles) for image in range(2 ** len(self.look.mirror)) for skin in skins]
+
+    @cached_property
+    def view(self):
+        """The camera or the part of the plane."""
+        largest = max((self.volume[skin.first : skin.last].max() for skin in self.skins if skin.reaches), default=0.0)
+        margin = 0.6 * largest ** (1.0 / self.results.dimension)
+        if self.results.dimension == 2:
+            return PlaneView(self.frames, self.look.follow, margin)
+        from parsolid.commands.plot.space import Camera
+
+        return Camera(self.frames, self.look.view, self.look.follow, margin)
+
+    def figure(self, numbers: list[int]) -> Figure:
+        """A figure of the frames with these numbers."""
+        size, panels = self._layout(len(numbers))
+        figure = Figure(figsize=(size[0] / DOTS_PER_INCH, size[1] / DOTS_PER_INCH), dpi=DOTS_PER_INCH)
+        FigureCanvasAgg(figure)
+        for number, (left, top, width, height) in zip(numbers, panels):
+            axes = figure.add_axes((left / size[0], 1.0 - (top + height) / size[1], width / size[0], height / size[1]))
+            self._draw(axes, number, (width, height))
+            x, y = (left + 0.5 * width) / size[0], 1.0 - (top + height + 4) / size[1]
+            figure.text(x, y, self.labels[number], ha="center", va="top", fontsize=11)
+        if self.look.title:
+            figure.text(0.5, 1.0 - _MARGIN / size[1], self.look.title, ha="center", va="top", fontsize=13)
+        self._add_bar(figure, size)
+        return figure
+
+    def close(self) -> None:
+        """Free what draws."""
+        for renderer in self._renderers.values():
+            renderer.close()
+        self._renderers.clear()
+
+    def _layout(self, count: int):
+        """Size of the picture, and left, top, width, height of every panel, in pixels."""
+        columns = min(self.look.columns or self._fitting_columns(count), count)
+        rows = -(-count // columns)
+        top = _MARGIN + (_TITLE if self.look.title else 0)
+        if self.look.size is None:
+            area = _SINGLE_AREA if count == 1 else _PANEL_AREA
+            height = np.sqrt(area / self.view.aspect)
+            width = height * self.view.aspect
+            shrink = min(1.0, _LARGEST / (columns * width), _LARGEST / (rows * height))
+            width, height = max(int(width * shrink), 80), max(int(height * shrink), 40)
+            size = (columns * (width + _MARGIN) + _MARGIN + _BAR, top + rows * (height + _LABEL + _MARGIN))
+        else:
+            size = self.look.size
+            width = (size[0] - _MARGIN - _BAR) // columns - _MARGIN
+            height = (size[1] - top) // rows - _LABEL - _MARGIN
+            if width < 20 or height < 20:
+                raise SceneError(
+                    [f"--size: expected room for {columns} x {rows} pictures, found {size[0]}x{size[1]} pixels"]
+                )
+        places = [divmod(i, columns) for i in range(count)]
+        panels = [
+            (_MARGIN + j * (width + _MARGIN), top + i * (height + _LABEL + _MARGIN), width, height) for i, j in places
+        ]
+        return size, panels
+
+    def _fitting_columns(self, count: int) -> int:
+        """The number of columns that brings the sheet nearest to 16 : 9, or to its size, with few places left empty."""
+        width, height = self.look.size or (16, 9)
+        columns = np.arange(1, count + 1)
+        rows = -(-count // columns)
+        off = np.abs(np.log(columns * self.view.aspect / rows * height / width))
+        return int(columns[np.argmin(off + 2.0 * (1.0 - count / (rows * columns)))])
+
+    def _draw(self, axes, number: int, pixels: tuple[int, int]) -> None:
+        if self.results.dimension == 2:
+            draw_plane(axes, self.skins, self.volume, self.frames[number], number, self.view, self.scale)
+            return
+        axes.set_axis_off()
+        axes.imshow(self._renderer(pixels).draw(self.frames[number], number), interpolation="none", aspect="auto")
+
+    def _renderer(self, pixels: tuple[int, int]):
+        if pixels not in self._renderers:
+            from parsolid.commands.plot.space import Renderer
+
+            self._renderers[pixels] = Renderer(self.skins, self.volume, self.view, self.scale, pixels)
+        return self._renderers[pixels]
+
+    def _add_bar(self, figure: Figure, size: tuple[int, int]) -> None:
+        scale = self.scale
+        height = min(size[1] - 2 * _MARGIN - _LABEL, max(240, int(0.6 * size[1])))
+        bottom = 0.5 * (size[1] - height)
+        axes = figure.add_axes(((size[0] - _BAR + 10) / size[0], bottom / size[1], 16 / size[0], height / size[1]))
+        limits = Normalize(scale.lower / scale.factor, scale.upper / scale.factor)
+        colours = ScalarMappable(limits, matplotlib.colormaps[scale.colours])
+        bar = figure.colorbar(colours, cax=axes, extend=scale.extend)
+        bar.set_label(scale.label, fontsize=11)
+        bar.ax.tick_params(labelsize=10)
+        bar.locator = matplotlib.ticker.MaxNLocator(7)
+        bar.update_ticks()
+
+
+def _mirrored(frame: Frame, axes: tuple[int, ...]) -> Frame:
+    position, values = frame.position, frame.values
+    for axis in axes:
+        image = position.copy()
+        image[:, axis] *= -1.0
+        position, values = np.concatenate([position, image]), np.concatenate([values, values])
+    return Frame(frame.time, position, values)
+
+
+def write_sheet(sheet: Sheet, path: Path, small: bool = False) -> None:
+    """All frames in one picture; small: with 256 colours, for a third of the bytes."""
+    _save(sheet.figure(list(range(len(sheet.frames)))), path, small)
+
+
+def write_singles(sheet: Sheet, directory: Path, small: bool = False) -> list[Path]:
+    """One picture a time, named after field and time; the paths."""
+    paths = []
+    for number, frame in enumerate(sheet.frames):
+        paths.append(directory / f"{sheet.field}-{frame.time:.6g}s.png")
+        _save(sheet.figure([number]), paths[-1], small)
+    return paths
+
+
+def _palette(image: Image.Image) -> Image.Image:
+    """256 colours that reach everywhere: those of the colour bar too, however few pixels have them."""
+    return image.quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+
+
+def _save(figure: Figure, path: Path, small: bool) -> None:
+    if small and path.suffix.lower() == ".png":
+        image = Image.fromarray(_pixels(figure))
+        image.quantize(palette=_palette(image), dither=Image.Dither.FLOYDSTEINBERG).save(path, optimize=True)
+    else:
+        figure.savefig(path, dpi=DOTS_PER_INCH)
+
+
+def write_animation(sheet: Sheet, path: Path, frames_per_second: float) -> None:
+    """The frames one after the other, as .gif or, where ffmpeg is found, .mp4. Raises SceneError without ffmpeg."""
+    images = (_pixels(sheet.figure([number])) for number in range(len(sheet.frames)))
+    if path.suffix == ".mp4":
+        _write_mp4(images, path, frames_per_second)
+        return
+    # one palette for all frames, so that colours do not flicker
+    frames = [Image.fromarray(image) for image in images]
+    palette = _palette(frames[len(frames) // 2])
+    frames = [frame.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG) for frame in frames]
+    frames[0].save(path, save_all=True, append_images=frames[1:], duration=1000.0 / frames_per_second, loop=0)
+
+
+def _write_mp4(images, path: Path, frames_per_second: float) -> None:
+    program = shutil.which("ffmpeg")
+    if program is None:
+        raise SceneError(["--animation: expected the program ffmpeg for .mp4, found none (.gif needs none)"])
+    first = next(images)
+    # the usual encoding wants even numbers of pixels
+    height, width = (length - length % 2 for length in first.shape[:2])
+    command = [program, "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}"]
+    command += ["-r", f"{frames_per_second:g}", "-i", "-", "-pix_fmt", "yuv420p", "-crf", "18", str(path)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        try:
+            for image in (first, *images):
+                process.stdin.write(np.ascontiguousarray(image[:height, :width]).tobytes())
+        except BrokenPipeError:
+            pass  # ffmpeg says below what it disliked
+        _, errors = process.communicate()
+    if process.returncode:
+        raise SceneError([f"{path}: expected ffmpeg to write it, found: {errors.decode(errors='replace').strip()}"])
+
+
+def _pixels(figure: Figure) -> np.ndarray:
+    figure.canvas.draw()
+    return np.asarray(figure.canvas.buffer_rgba())[..., :3].copy()

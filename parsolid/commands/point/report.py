@@ -1,0 +1,159 @@
+"""What the command `point` writes: point.csv, point.png, point_summary.json and a few lines of text."""
+
+import os
+import time as clock
+from pathlib import Path
+
+import numpy as np
+
+from parsolid.commands.point.choice import point_law
+from parsolid.commands.point.driver import PathLost, Record, drive
+from parsolid.commands.point.laws import PointLaw
+from parsolid.commands.point.schema import MaterialPoint, load_point
+from parsolid.materials.registry import law_of
+from parsolid.output.errors import OutputError, words
+from parsolid.output.summary import provenance, write_summary
+from parsolid.scene.observation import component_names
+
+TABLE, PICTURE, SUMMARY = "point.csv", "point.png", "point_summary.json"
+
+
+def drive_and_report(options) -> dict:
+    """Read the file of a command line, drive its point, write the results; the summary, for one rank alone.
+
+    Raises SceneError, OutputError, or RunFailed when the path cannot be followed.
+    """
+    point = load_point(options.path, options.set)
+    directory = _prepared(Path(options.output or point.output.directory), point, options.path)
+    began = clock.perf_counter()
+    law = point_law(law_of(point.material), **point.conditions)
+    try:
+        record = drive(law, point.path, point.end_time, point.longest_step)
+    except PathLost as error:
+        from parsolid.simulation.loop import RunFailed
+
+        raise RunFailed(str(error)) from None
+    columns = tabulate(law, record, np.array(point.output.directions))
+    summary = summarise(point, columns, clock.perf_counter() - began)
+    write_table(directory / TABLE, columns)
+    summary["picture"] = _picture(point, columns, directory)
+    write_summary(directory / SUMMARY, summary | provenance())
+    if not options.quiet:
+        print(told(summary, directory), flush=True)
+    return summary
+
+
+def tabulate(law: PointLaw, record: Record, directions: np.ndarray) -> dict[str, np.ndarray]:
+    """The columns of point.csv, (n,) each, in SI units; directions (k, 3) are those of the wave speeds."""
+    F = law.deformations(record.states)
+    P = np.array([law.stress(state) for state in record.states])
+    J = np.linalg.det(F)
+    stress = P @ np.swapaxes(F, 1, 2) / J[:, None, None]
+    pressure = -np.trace(stress, axis1=1, axis2=2) / 3.0
+    deviator = stress + pressure[:, None, None] * np.eye(3)
+    columns = {"time": np.array(record.times)}
+    for name, tensors in (("deformation_gradient", F), ("first_piola_kirchhoff_stress", P), ("stress", stress)):
+        columns |= dict(zip(component_names(name, 3), tensors.reshape(-1, 9).T))
+    columns |= {
+        "jacobian": J,
+        "pressure": pressure,
+        "von_mises_stress": np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator)),
+        "stored": law.energies(record.states),
+        "work": np.array(record.work),
+        "dissipation": np.array(record.dissipation),
+    }
+    columns["balance"] = columns["work"] - columns["dissipation"] - (columns["stored"] - columns["stored"][0])
+    return columns | law.columns(record.states, directions)
+
+
+def summarise(point: MaterialPoint, columns: dict[str, np.ndarray], seconds: float) -> dict:
+    """The summary of a point; the energy balance is measured against the largest energy met."""
+    scale = max(np.abs(columns[name]).max() for name in ("stored", "work", "dissipation"))
+    worst = np.abs(columns["balance"]).max()
+    shown = [name for name in ("plastic_strain", "temperature", "heat_given_away") if name in columns]
+    return {
+        "title": point.title,
+        "material": point.material.kind,
+        "path": point.path.kind,
+        "end_time": point.end_time,
+        "rows": len(columns["time"]),
+        "wall_time": seconds,
+        "balance_error": worst,
+        "balance_error_relative": worst / scale if scale > 0.0 else 0.0,
+        "stored_at_end": columns["stored"][-1],
+        "dissipation_at_end": columns["dissipation"][-1],
+        "work_at_end": columns["work"][-1],
+        **{f"{name}_at_end": columns[name][-1] for name in shown},
+        "largest_von_mises_stress": columns["von_mises_stress"].max(),
+        "smallest_jacobian": columns["jacobian"].min(),
+        "largest_pressure_wave_speed": columns["largest_pressure_wave_speed"].max(),
+        "smallest_acoustic_eigenvalue": columns["smallest_acoustic_eigenvalue"].min(),
+        "hyperbolic": bool((columns["smallest_acoustic_eigenvalue"] > 0.0).all()),
+        "input": point.resolved(),
+    }
+
+
+def told(summary: dict, directory: Path) -> str:
+    """The summary in a few lines."""
+    return "\n".join(
+        [
+            f"{summary['title'] or 'material point'}: {summary['material']}, {summary['path']}, {summary['rows']} rows"
+            f" to t = {summary['end_time']:g} s in {summary['wall_time']:.2g} s",
+            f"  work {summary['work_at_end']:.6g} = stored {summary['stored_at_end']:.6g}"
+            f" + dissipated {summary['dissipation_at_end']:.6g} J/m^3, off by at most"
+            f" {summary['balance_error_relative']:.1e} of the largest",
+            f"  von Mises stress up to {summary['largest_von_mises_stress']:.6g} Pa,"
+            f" pressure waves up to {summary['largest_pressure_wave_speed']:.6g} m/s,"
+            f" smallest acoustic eigenvalue {summary['smallest_acoustic_eigenvalue']:.6g} Pa"
+            f" ({'hyperbolic' if summary['hyperbolic'] else 'NOT hyperbolic'})",
+            *_plastic(summary),
+            f"  {directory / TABLE}; picture: {summary['picture']}",
+        ]
+    )
+
+
+def _plastic(summary: dict) -> list[str]:
+    """One more line for plastic solids."""
+    if "plastic_strain_at_end" not in summary:
+        return []
+    strain, temperature = summary["plastic_strain_at_end"], summary["temperature_at_end"]
+    return [f"  plastic strain {strain:.6g}, temperature {temperature:.6g} K at the end"]
+
+
+def write_table(path: Path, columns: dict[str, np.ndarray]) -> None:
+    """Write columns as CSV, with 17 digits, so that reading them gives the same bits. Raises OutputError."""
+    partial = path.with_name(path.name + ".partial")
+    try:
+        with open(partial, "w", encoding="utf-8") as file:
+            file.write(",".join(columns) + "\n")
+            np.savetxt(file, np.column_stack(list(columns.values())), fmt="%.17g", delimiter=",")
+        os.replace(partial, path)
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {words(error)}") from error
+
+
+def _prepared(directory: Path, point: MaterialPoint, source: str) -> Path:
+    """The folder of the results, made if need be. Raises OutputError."""
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"cannot make the folder {directory}: {words(error)}") from error
+    inputs = {Path(name).resolve() for name in (source, getattr(point.path, "file", None)) if name}
+    for name in (TABLE, PICTURE, SUMMARY):
+        if (directory / name).resolve() in inputs:
+            raise OutputError(
+                f"{directory / name}: is read by this command; choose another folder for the results (-o DIR)"
+            )
+    return directory
+
+
+def _picture(point: MaterialPoint, columns: dict[str, np.ndarray], directory: Path) -> str:
+    """Draw the picture; where it is, or why there is none."""
+    if not point.output.pictures:
+        return "not wanted"
+    try:
+        from parsolid.commands.point.picture import draw
+    except ImportError as error:
+        return f"none, because {error.name or 'matplotlib'} is not installed (pip install 'parsolid[plot]')"
+    draw(directory / PICTURE, point.title, columns)
+    return str(directory / PICTURE)

@@ -1,0 +1,137 @@
+"""The commands `run` and `check`."""
+
+import time as clock
+from pathlib import Path
+
+from parsolid.collective import SolverError
+from parsolid.output.checkpoint import find_checkpoint
+from parsolid.output.errors import OutputError, together
+from parsolid.output.progress import Progress
+from parsolid.output.summary import provenance, write_summary
+from parsolid.scene import SceneError, dump_scene, load_scene, packaged_scene
+from parsolid.simulation.loop import FINISHED, INTERRUPTED, Limits, RunFailed, Simulation
+from parsolid.simulation.output_files import OutputFiles
+from parsolid.simulation.recorder import Recorder
+from parsolid.simulation.restart import Restart
+from parsolid.simulation.signals import REQUEST
+from parsolid.simulation.warmup import warm_up
+
+TO_BE_CONTINUED = 75
+
+
+def load(comm, options):
+    """The scene of a command line, read by rank 0 alone; the same on all ranks. Raises SceneError on all ranks."""
+    scene = error = None
+    if comm.rank == 0:
+        overrides = list(options.set)
+        if options.end_time is not None:
+            overrides.append(f"end_time={options.end_time!r}")
+        try:
+            scene = load_scene(options.scene or packaged_scene(), overrides)
+        except SceneError as found:
+            error = found.faults
+    scene, error = comm.bcast((scene, error))
+    if error is not None:
+        raise SceneError(error)
+    return scene
+
+
+def run(comm, options) -> int:
+    """Run a scene to its end; the exit status. Collective."""
+    began = clock.perf_counter()
+    REQUEST.install()
+    scene = load(comm, options)
+    try:
+        simulation, files, restart = _set_up(comm, scene, options)
+    except OutputError as error:
+        # a folder that cannot be written or a checkpoint that cannot be read is bad input
+        raise SolverError(str(error)) from error
+    progress = None
+    if comm.rank == 0:
+        level = 0 if options.quiet else 2 if options.verbose else 1
+        for note in _advice(scene) if level else ():
+            print(f"note: {note}", flush=True)
+        progress = Progress(scene.title, scene.end_time, simulation.particles, level)
+    watch = Recorder(simulation, files, progress)
+    files.open_history(watch.columns)
+    if restart:
+        watch.resume(restart.header)
+        simulation.last_checkpoint = str(restart.path)
+    limits = Limits(options.max_steps, None if options.wall_time is None else began + options.wall_time)
+    return _follow(comm, simulation, watch, limits, options)
+
+
+def _set_up(comm, scene, options):
+    """Simulation, files and restart (or None); nothing is written before the scene is known to be sound. Collective."""
+    directory = Path(options.output or scene.output.directory)
+    restart = None
+    if options.restart is not None:
+        restart = Restart(comm, Path(options.restart) if options.restart else find_checkpoint(directory, comm))
+    warm_up(comm, scene)
+    simulation = Simulation(comm, scene, restart)
+    files = OutputFiles(comm, scene, directory, restart, _inputs(options, scene, restart))
+    with together(comm, f"cannot write {directory / 'scene.toml'}"):
+        if comm.rank == 0:
+            dump_scene(scene, files.directory / "scene.toml")
+    return simulation, files, restart
+
+
+def _advice(scene) -> list[str]:
+    """What a scene asks for that costs accuracy where it need not."""
+    irregular = [i for i, body in enumerate(scene.bodies) if body.jitter > 0.0 or body.shape.kind == "mesh"]
+    if not irregular or getattr(scene.method, "pair_correction", "") != "none":
+        return []
+    names = ", ".join(f"bodies.{i}" for i in irregular)
+    return [f'{names}: uneven particles; method.pair_correction = "closure" makes them many times more accurate']
+
+
+def _inputs(options, scene, restart) -> tuple:
+    """Files that the run reads and must not write over."""
+    meshes = tuple(body.shape.model.file for body in scene.bodies if body.shape.kind == "mesh")
+    series = (scene.reference.series,) if scene.reference and scene.reference.series else ()
+    named = (options.scene,) if options.scene else ()
+    return named + meshes + series + ((restart.path,) if restart else ())
+
+
+def _follow(comm, simulation, watch, limits, options) -> int:
+    """The loop with its ending: checkpoint, summary, pictures."""
+    failure = None
+    try:
+        status = simulation.run(watch, limits, REQUEST)
+        watch.finish()
+    except RunFailed as error:
+        status, failure = "failed", error
+    summary = watch.summary(status)
+    path = watch.files.directory / "summary.json"
+    with together(comm, f"cannot write {path}"):
+        if comm.rank == 0:
+            write_summary(path, summary | provenance())
+    if watch.progress is not None:
+        watch.progress.close(summary)
+    if failure is not None:
+        raise failure
+    if status == FINISHED and simulation.scene.output.pictures:
+        _pictures(comm, watch.files.directory)
+    return TO_BE_CONTINUED if status == INTERRUPTED else 0
+
+
+def _pictures(comm, directory: Path) -> None:
+    """The standard set of pictures, on rank 0, where the plotting packages are installed."""
+    if comm.rank > 0:
+        return
+    try:
+        from parsolid.commands.plot import plot_run
+    except ImportError:
+        return
+    plot_run(directory)
+
+
+def check(comm, options) -> int:
+    """Set a scene up and print what it costs; exit status 0. Collective."""
+    from parsolid.commands.report import print_report
+
+    scene = load(comm, options)
+    warm_up(comm, scene)
+    simulation = Simulation(comm, scene)
+    print_report(comm, simulation)
+    return 0

@@ -1,0 +1,173 @@
+"""From a study to its single runs: overrides, ranks, and a folder named after all that the numbers depend on."""
+
+import hashlib
+import itertools
+import json
+import os
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from parsolid.commands.study.measures import MEASURES
+from parsolid.commands.study.schema import Series, Setting, Study
+from parsolid.exact import SOLUTIONS
+from parsolid.scene import Scene, SceneError, load_scene
+from parsolid.scene.fillings import filling_of
+from parsolid.scene.validation_errors import suggestion
+from parsolid.sources import source_digest
+
+
+@dataclass
+class Case:
+    """One run of a study. `labels`: axis title -> label; `scene` is None where the scene is refused, as expected."""
+
+    series: Series
+    labels: dict[str, str]
+    overrides: list[str]
+    ranks: int
+    timeout: float
+    spacing: float | None
+    resolution_axis: str | None
+    expect: str | None
+    shows: str | None
+    bounds: dict[str, float]
+    yardstick: dict[str, float]
+    scene: Scene | None = None
+    digest: str = ""
+    particles: int = 0
+    work: float = 0.0
+    record: dict = field(default_factory=dict)
+    measures: dict = field(default_factory=dict)
+    faults: list[str] = field(default_factory=list)
+    orders: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def title(self) -> str:
+        """What the run is called: series and labels."""
+        return ", ".join([self.series.name, *self.labels.values()])
+
+    @property
+    def line(self) -> tuple[str, ...]:
+        """What the runs of one line of a picture share: the series and all labels but the resolution's."""
+        others = (label for axis, label in self.labels.items() if axis != self.resolution_axis)
+        return (self.series.name, *others)
+
+    @property
+    def folder_name(self) -> str:
+        """The folder of the run: words for the eye, the digest for the rest."""
+        words = re.sub(r"[^a-z0-9.]+", "-", self.title.lower()).strip("-")
+        return f"{words[:60].strip('-')}-{self.digest}"
+
+
+def cases_of(study: Study) -> list[Case]:
+    """All runs of a study in its order, their scenes read. Raises SceneError with the faults of all scenes."""
+    cases, faults = [], []
+    for series in study.series:
+        axes = [axis.places for axis in series.axes]
+        for places in zip(*axes) if series.combine == "zip" and axes else itertools.product(*axes):
+            case = _case(study, series, places)
+            faults += _complete(case)
+            cases.append(case)
+    faults += _unknown_names(study, cases)
+    first = {case.digest: case.title for case in reversed(cases) if case.digest}
+    faults += [
+        f"{case.title}: expected a run that differs from the others, found the scene and ranks of {first[case.digest]}"
+        for case in cases
+        if case.digest and first[case.digest] != case.title
+    ]
+    if faults:
+        raise SceneError(dict.fromkeys(faults))
+    return cases
+
+
+def _case(study: Study, series: Series, places: tuple[Setting, ...]) -> Case:
+    def chosen(name: str):
+        return next((value for place in (*places, series) if (value := getattr(place, name)) is not None), None)
+
+    resolution = next((i for i, place in enumerate(places) if place.spacing is not None), None)
+    ranks = next((place.ranks for place in places if place.ranks is not None), None)
+    return Case(
+        series=series,
+        labels={axis.title: place.label for axis, place in zip(series.axes, places)},
+        overrides=[*series.set, *(override for place in places for override in place.set)],
+        ranks=ranks or series.ranks or study.ranks,
+        timeout=series.timeout or study.timeout,
+        spacing=None if resolution is None else places[resolution].spacing,
+        resolution_axis=None if resolution is None else series.axes[resolution].title,
+        expect=chosen("expect"),
+        shows=chosen("shows"),
+        bounds=series.bounds | {name: bound for place in places for name, bound in place.bounds.items()},
+        yardstick=series.yardstick | {name: value for place in places for name, value in place.yardstick.items()},
+    )
+
+
+def _complete(case: Case) -> list[str]:
+    """Read a case's scene; the faults of one that is not expected to have any."""
+    try:
+        case.scene = load_scene(case.series.scene, case.overrides)
+    except SceneError as error:
+        if case.expect != "refused":
+            return [f"{case.title}: {fault}" for fault in error.faults]
+    case.digest = digest_of(case)
+    if case.scene is not None:
+        dimension = case.scene.dimension
+        case.particles = sum(filling_of(body, dimension).count for body in case.scene.bodies)
+        case.work = float(case.particles) ** (1.0 + 1.0 / dimension)
+    return []
+
+
+def _unknown_names(study: Study, cases: list[Case]) -> list[str]:
+    """Names in bounds, yardsticks, orders and errors that no run will have."""
+    faults, every = [], set()
+    for case in cases:
+        errors = error_names(case.scene)
+        every |= errors
+        for key, names in (("bounds", case.bounds), ("yardstick", case.yardstick), ("orders", case.series.orders)):
+            known = errors | (set(MEASURES) if key != "orders" else set())
+            faults += [
+                f"{case.series.name}: {key}: expected one of {', '.join(sorted(known))}{suggestion(name, known)}, found {name!r}"
+                for name in names
+                if name not in known and case.scene is not None
+            ]
+    return faults + [
+        f"errors: expected one of {', '.join(sorted(every))}{suggestion(name, every)}, found {name!r}"
+        for name in study.errors or ()
+        if name not in every
+    ]
+
+
+def error_names(scene: Scene | None) -> set[str]:
+    """Names of the errors that summary.json will hold."""
+    reference = scene.reference if scene is not None else None
+    if reference is None:
+        return set()
+    if reference.exact is None:
+        return set(reference.columns or reference.final)
+    solution = SOLUTIONS[reference.exact].of_scene(scene)
+    if reference.history:
+        return set(solution.history_names())
+    if reference.each_step:
+        return {f"largest_{name}" for name in solution.scales}
+    names = solution.error_names(scene.dimension)
+    return {f"{name}@{time:.6g}" for name in names for time in reference.times if time <= scene.end_time}
+
+
+def digest_of(case: Case) -> str:
+    """Twelve hexadecimal digits of everything the numbers depend on: scene, files it reads, ranks, sources."""
+    scene = case.scene
+    stated = (
+        [Path(case.series.scene).read_text(encoding="utf-8"), case.overrides] if scene is None else scene.resolved()
+    )
+    text = json.dumps([stated, case.ranks, source_digest()], sort_keys=True)
+    # the folder a scene lies in does not matter, what its files say does
+    text = text.replace(json.dumps(os.path.dirname(case.series.scene))[1:-1], "")
+    digest = hashlib.sha256(text.encode())
+    for path in files_of(scene) if scene is not None else ():
+        digest.update(Path(path).read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def files_of(scene: Scene) -> list[str]:
+    """Files that a scene reads."""
+    series = [scene.reference.series] if scene.reference is not None and scene.reference.series is not None else []
+    return series + [body.shape.mesh.file for body in scene.bodies if body.shape.mesh is not None]

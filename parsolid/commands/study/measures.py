@@ -1,0 +1,116 @@
+"""What a run's files say of it: cost, steps, energies, momentum, and whether every number is finite."""
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from parsolid.output.history import read_history
+
+# name -> (heading in a table, format, what it is)
+MEASURES = {
+    "particles": ("particles", ",d", "particles"),
+    "steps": ("steps", ",d", "time steps of three stages"),
+    "particle_steps": ("particle-steps", ".3g", "particles times steps"),
+    "iterations_per_step": ("iterations a step", ".1f", "force evaluations of a quasi-static step, on average"),
+    "core_seconds": ("core-s", ".3g", "seconds of the time loop times ranks, kernels being loaded, at the least"),
+    "processor_seconds": ("CPU s", ".3g", "seconds of all ranks' processors in the time loop, at the least"),
+    "wall_seconds": ("wall s", ".3g", "wall time of the run with set-up and output [s]"),
+    "particle_steps_per_core_second": ("particle-steps / core-s", ".3g", "speed"),
+    "mean_step": ("mean dt [s]", ".3g", "simulated time over steps [s]"),
+    "smallest_step": ("least dt [s]", ".3g", "smallest step at a row of the history [s]"),
+    "peak_memory_bytes_per_rank": ("MiB a rank", ".0f", "most memory a rank had [B]"),
+    "energy_drift": ("energy drift", ".1e", "largest |energy balance| over the largest energy"),
+    "numerical_dissipation": ("D_num/E0", ".3g", "numerical dissipation at the end over the energy at the start"),
+    "internal_dissipation": ("D_int/E0", ".3g", "viscous dissipation at the end over the energy at the start"),
+    "largest_fall": (
+        "largest fall of D/E0",
+        ".1e",
+        "most that a dissipation fell between rows of the history, over E0",
+    ),
+    "momentum_drift": ("momentum drift", ".1e", "largest change of a probed linear momentum over its largest size"),
+    "smallest_jacobian": ("least J", ".3g", "smallest Jacobian that a probe saw"),
+}
+
+
+def measures_of(folder: Path, loop_seconds: list[float], processor_seconds: list[float]) -> dict:
+    """Measures and errors (under "errors") of a run from the files in its folder, and the seconds of its repetitions.
+
+    Empty where there is no summary. A failed run has those that its files give.
+    """
+    path = folder / "summary.json"
+    if not path.exists() or not loop_seconds:
+        return {}
+    summary = json.loads(path.read_text(encoding="utf-8"))
+    steps, ranks, particles = summary["steps"], summary["ranks"], summary["particles"]
+    core_seconds = min(loop_seconds) * ranks
+    measures = {
+        "particles": particles,
+        "steps": steps,
+        "particle_steps": particles * steps,
+        "iterations_per_step": summary.get("iterations_per_step"),
+        "core_seconds": core_seconds,
+        "processor_seconds": min(processor_seconds),
+        "wall_seconds": summary["wall_seconds"],
+        "particle_steps_per_core_second": particles * steps / core_seconds if core_seconds else None,
+        "mean_step": summary["end_time"] / steps if steps else None,
+        "peak_memory_bytes_per_rank": summary["peak_memory_bytes_per_rank"],
+        "errors": summary["errors"],
+    }
+    history = {name: np.array(values) for name, values in read_history(folder / "history.csv").items()}
+    return measures | energies_of(history) | momentum_of(history)
+
+
+def energies_of(history: dict[str, np.ndarray]) -> dict:
+    """What the ledger's columns (rows,) [J] say: drift, dissipations over the energy at the start, and their falls."""
+    if not len(history["time"]):
+        return {}
+    energy = np.abs([history[name] for name in ("kinetic", "stored", "work_external")])
+    largest, start = energy.max(), energy[:, 0].sum()
+    # a body at rest at the start has the largest energy for a scale
+    scale = start or largest
+    falls = [np.max(-np.diff(history[name]), initial=0.0) for name in ("dissipation_internal", "dissipation_numerical")]
+    steps = history["dt"][history["step"] > 0]
+    result = {
+        "smallest_step": float(steps.min()) if len(steps) else None,
+        "energy_drift": _over(np.abs(history["balance"]).max(), largest),
+        "numerical_dissipation": _over(history["dissipation_numerical"][-1], scale),
+        "internal_dissipation": _over(history["dissipation_internal"][-1], scale),
+        "largest_fall": _over(max(falls), scale),
+    }
+    jacobians = [values.min() for name, values in history.items() if name.endswith(".minimum_jacobian")]
+    return result | ({"smallest_jacobian": float(min(jacobians))} if jacobians else {})
+
+
+def momentum_of(history: dict[str, np.ndarray]) -> dict:
+    """Drift of the probed linear momentum; empty without such a probe or without any momentum."""
+    names = [name for name in history if ".linear_momentum_" in name]
+    if not names or not len(history["time"]):
+        return {}
+    momentum = np.stack([history[name] for name in names], axis=1)
+    drift = np.abs(momentum - momentum[0]).max()
+    return {"momentum_drift": _over(drift, np.abs(momentum).max())}
+
+
+def _over(value: float, scale: float) -> float | None:
+    return float(value / scale) if scale > 0.0 else None
+
+
+def not_finite(folder: Path) -> list[str]:
+    """Names of the files of a run, and where in them, that hold a number that is not finite."""
+    faults = []
+    path = folder / "history.csv"
+    if path.exists():
+        faults += [
+            f"history.csv: {name}" for name, values in read_history(path).items() if not np.isfinite(values).all()
+        ]
+    for path in sorted(folder.glob("*.vtkhdf")) + sorted(folder.glob("checkpoint*.h5")):
+        with h5py.File(path) as file:
+
+            def look(name, item, path=path):
+                if isinstance(item, h5py.Dataset) and item.dtype.kind == "f" and not np.isfinite(item[()]).all():
+                    faults.append(f"{path.name}: {name}")
+
+            file.visititems(look)
+    return faults

@@ -1,1 +1,0 @@
-"""numba kernels: no MPI, no files."""

@@ -1,0 +1,51 @@
+"""Bodies grouped by material: each block of a rank's particles is a contiguous range that shares one law."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from parsolid.materials.viscoelastic.maxwell import relaxation_weights
+
+
+@dataclass
+class MaterialBlock:
+    """Particles first..last-1 with one law; times are the law's relaxation times (none without branches)."""
+
+    first: int
+    last: int
+    law: Any
+
+    @property
+    def branches(self) -> int:
+        """Number of Maxwell branches."""
+        return len(self.law.branch_moduli or ())
+
+    def relaxation(self, step: float) -> np.ndarray:
+        """Weights (branches, 3) of A_0, C_0^{-1}, C_1^{-1} over a time [s]."""
+        if not self.branches:
+            return np.zeros((0, 3))
+        return np.array([relaxation_weights(step, time) for time in self.law.relaxation_times])
+
+
+def material_blocks(laws: list, body: np.ndarray) -> tuple[list[MaterialBlock], np.ndarray]:
+    """Groups of particles (n,) sorted by law, and their densities (n,) [kg/m^3], from one law a body."""
+    distinct, number = block_numbers(laws, body)
+    return ranges(distinct, number), np.array([law.density for law in laws])[body]
+
+
+def block_numbers(laws: list, body: np.ndarray) -> tuple[list, np.ndarray]:
+    """Distinct laws in order of appearance, and each particle's index (n,) into them, from one law a body."""
+    distinct = list(dict.fromkeys(laws))
+    number = np.array([distinct.index(law) for law in laws], np.int64)
+    return distinct, number[body]
+
+
+def ranges(distinct: list, number: np.ndarray) -> list[MaterialBlock]:
+    """Groups of particles sorted by block number; those without a particle on this rank are left out."""
+    blocks = []
+    for index, law in enumerate(distinct):
+        first, last = np.searchsorted(number, (index, index + 1))
+        if last > first:
+            blocks.append(MaterialBlock(int(first), int(last), law))
+    return blocks

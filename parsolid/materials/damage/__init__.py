@@ -1,0 +1,1 @@
+"""Laws of bonds that break."""

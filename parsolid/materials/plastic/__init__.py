@@ -1,0 +1,1 @@
+"""Elastic-plastic laws and their parts."""

@@ -1,0 +1,41 @@
+"""Flow stress of Johnson & Cook (7th Int. Symp. Ballistics, 1983; Eng. Fract. Mech. 21 (1985) 31)."""
+
+import math
+from typing import NamedTuple
+
+from numba.extending import overload
+
+from parsolid.materials.plastic.plasticity import flow_stress
+from parsolid.numerics.dispatch import is_instance
+from parsolid.numerics.elementary import choose, power
+
+
+class JohnsonCook(NamedTuple):
+    """sigma_y = (A + B ep^n) (1 + C ln edot*) (1 - T*^m), edot* = rate/reference_rate >= 1, T* in [0, 1] up to melting.
+
+    yield_stress A, hardening B [Pa], exponent n, rate_sensitivity C, thermal_exponent m, reference_rate [1/s],
+    reference_temperature [K] where T* = 0. The shear modulus does not scale it.
+    """
+
+    yield_stress: float
+    hardening: float
+    exponent: float
+    rate_sensitivity: float
+    thermal_exponent: float
+    reference_rate: float
+    reference_temperature: float
+
+
+@overload(flow_stress)
+def _flow(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
+    if not is_instance(model, JohnsonCook):
+        return None
+
+    def stress(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
+        hardened = model.yield_stress + model.hardening * power(plastic_strain, model.exponent)
+        fast = 1.0 + model.rate_sensitivity * math.log(max(rate / model.reference_rate, 1.0))
+        warm = (temperature - model.reference_temperature) / (melting_temperature - model.reference_temperature)
+        softened = 1.0 - power(max(warm, 0.0), model.thermal_exponent)
+        return choose(melting_temperature - temperature, hardened * fast * softened, 0.0)
+
+    return stress

@@ -1,0 +1,91 @@
+"""Mechanical threshold stress (Follansbee & Kocks, Acta Metall. 36 (1988) 81; Chen & Gray, Metall. Trans. A 27 (1996) 2994)."""
+
+import math
+from typing import NamedTuple
+
+from numba.extending import overload, register_jitable
+
+from parsolid.materials.plastic.plasticity import flow_stress
+from parsolid.numerics.dispatch import is_instance
+from parsolid.numerics.elementary import choose, power, some_positive
+
+
+class MechanicalThreshold(NamedTuple):
+    """sigma_y = sigma_a + S(rate, T) sigma_e(ep) mu/mu0; the threshold stress sigma_e hardens at a fixed rate and temperature.
+
+    S = [1 - (k T/(g0 mu b^3) ln(edot0/rate))^(1/q)]^(1/p);
+    d sigma_e/d ep = theta (1 - tanh(alpha x)/tanh alpha), x = sigma_e/sigma_es;
+    theta = a0 + a1 ln rate + a2 sqrt(rate) - a3 T;
+    ln(sigma_es/sigma_es0) = k T/(g0s mu b^3) ln(rate/edot_s).
+    Stresses and a0..a2 [Pa], a3 [Pa/K], boltzmann_over_burgers k/b^3 [Pa/K], rates [1/s]. mu scales the thermal part alone.
+    """
+
+    athermal_stress: float
+    shear_modulus: float
+    boltzmann_over_burgers: float
+    activation: float
+    activation_rate: float
+    p: float
+    q: float
+    hardening: float
+    hardening_log_rate: float
+    hardening_root_rate: float
+    hardening_temperature: float
+    alpha: float
+    saturation_stress: float
+    saturation_activation: float
+    saturation_rate: float
+
+
+@register_jitable
+def _hardened(alpha, strain):
+    """x with int_0^x dx'/(1 - tanh(alpha x')/tanh alpha) = strain, by Halley's method.
+
+    The integral in closed form with w = alpha (1 - x): ln sinh w - w tanh alpha = c. The unknown is ln w, in which the left side
+    is nearly straight while w is small; the start is right at both ends.
+    """
+    slope = math.tanh(alpha)
+    c = math.log(math.sinh(alpha)) - alpha * slope - alpha / (math.sinh(alpha) * math.cosh(alpha)) * strain
+    full, first = math.sinh(alpha) * math.exp(-alpha * slope), math.exp(c)
+    near = first / full
+    w = first / (1.0 - slope * first - (1.0 - full / alpha - slope * full) * (near * near * near))
+    logarithm, moving = math.log(w), 1.0 + 0.0 * c
+    for _ in range(20):
+        w = math.exp(logarithm)
+        decay = math.exp(-2.0 * w)
+        # where the difference has no digits left, sinh w = w
+        short = w - 1e-5
+        twice = choose(short, 1.0 - decay, 2.0 * w)
+        value = choose(short, w + math.log(0.5 * twice), logarithm) - slope * w - c
+        rise = w * ((1.0 + decay) / twice - slope)
+        bend = rise - 4.0 * w * w * decay / (twice * twice)
+        change = choose(moving, value * rise / (rise * rise - 0.5 * value * bend), 0.0)
+        logarithm = logarithm - change
+        # the error falls with its cube
+        moving = choose(moving, max(change, -change) - 1e-5, moving)
+        if not some_positive(moving):
+            break
+    return 1.0 - math.exp(logarithm) / alpha
+
+
+@overload(flow_stress)
+def _flow(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
+    if not is_instance(model, MechanicalThreshold):
+        return None
+
+    def stress(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
+        thermal = model.boltzmann_over_burgers * temperature / shear_modulus
+        speed = math.log(rate)
+        barrier = thermal / model.activation * max(math.log(model.activation_rate) - speed, 0.0)
+        share = power(1.0 - min(power(barrier, 1.0 / model.q), 1.0), 1.0 / model.p)
+        theta = model.hardening + model.hardening_log_rate * speed + model.hardening_root_rate * math.sqrt(rate)
+        # far below its range of rates the fit of theta is negative
+        theta = max(theta - model.hardening_temperature * temperature, 0.0)
+        saturation = model.saturation_stress * math.exp(
+            thermal / model.saturation_activation * (speed - math.log(model.saturation_rate))
+        )
+        threshold = saturation * _hardened(model.alpha, theta * plastic_strain / saturation)
+        solid = model.athermal_stress + share * threshold * shear_modulus / model.shear_modulus
+        return choose(melting_temperature - temperature, solid, 0.0)
+
+    return stress

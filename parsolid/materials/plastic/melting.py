@@ -1,0 +1,43 @@
+"""Melting temperatures."""
+
+import math
+from typing import NamedTuple
+
+from numba import types
+from numba.extending import overload
+
+from parsolid.materials.plastic.plasticity import melting_temperature
+from parsolid.numerics.dispatch import is_instance
+
+
+class ConstantMelting(NamedTuple):
+    """temperature [K] at every pressure."""
+
+    temperature: float
+
+
+class SteinbergMelting(NamedTuple):
+    """T_m = T_m0 exp(2 a (1 - 1/eta)) eta^(2 (gamma0 - a - 1/3)), eta = 1/J (Steinberg, Cochran & Guinan 1980).
+
+    temperature T_m0 [K], gamma0 and its volume coefficient a.
+    """
+
+    temperature: float
+    gamma: float
+    volume_coefficient: float
+
+
+@overload(melting_temperature)
+def _melting(model, J):
+    if isinstance(model, types.NoneType):
+        return lambda model, J: math.inf
+    if is_instance(model, ConstantMelting):
+        return lambda model, J: model.temperature
+    if is_instance(model, SteinbergMelting):
+
+        def steinberg(model, J):
+            exponent = 2.0 * (model.gamma - model.volume_coefficient - 1.0 / 3.0)
+            # eta^b = exp(-b ln J)
+            return model.temperature * math.exp(2.0 * model.volume_coefficient * (1.0 - J) - exponent * math.log(J))
+
+        return steinberg

@@ -1,0 +1,84 @@
+"""Flow stress of Steinberg, Cochran & Guinan (J. Appl. Phys. 51 (1980) 1498), with the rate term of Steinberg & Lund."""
+
+import math
+from typing import NamedTuple
+
+from numba import types
+from numba.extending import overload
+
+from parsolid.materials.plastic.plasticity import flow_stress
+from parsolid.numerics.dispatch import is_instance
+from parsolid.numerics.elementary import choose, power
+
+_BOLTZMANN = 1.380649e-23
+
+
+class ThermalActivation(NamedTuple):
+    """Rate term Y_T of Steinberg & Lund (J. Appl. Phys. 65 (1989) 1528), at most the Peierls stress:
+
+    rate = 1/(exp(2 U_k (1 - Y_T/Y_P)^2/(k T))/C1 + C2/Y_T).
+
+    frequency C1 [1/s], kink_energy U_k [J], peierls_stress Y_P [Pa], drag C2 [Pa s].
+    """
+
+    frequency: float
+    kink_energy: float
+    peierls_stress: float
+    drag: float
+
+
+class SteinbergCochranGuinan(NamedTuple):
+    """sigma_y = (Y_T(rate, T) + min(sigma_0 [1 + beta (ep + ep_i)]^n, Y_max)) mu/mu0.
+
+    yield_stress sigma_0, greatest_yield_stress Y_max, shear_modulus mu0 [Pa], hardening beta, exponent n, initial_strain ep_i;
+    activation: a ThermalActivation, or None for the rate-independent model of 1980 (rates above 1e5/s).
+    """
+
+    yield_stress: float
+    greatest_yield_stress: float
+    shear_modulus: float
+    hardening: float
+    exponent: float
+    initial_strain: float
+    activation: ThermalActivation | None
+
+
+def _thermal_stress(activation, rate, temperature):
+    """Y_T [Pa]."""
+    raise NotImplementedError
+
+
+@overload(_thermal_stress)
+def _thermal(activation, rate, temperature):
+    if isinstance(activation, types.NoneType):
+        return lambda activation, rate, temperature: 0.0
+
+    def bisected(activation, rate, temperature):
+        # the rate rises with Y_T: bisection of y = Y_T/Y_P in [0, 1], to 1e-13 of Y_P
+        low, high, barrier = (
+            0.0 * temperature,
+            1.0 + 0.0 * temperature,
+            2.0 * activation.kink_energy / (_BOLTZMANN * temperature),
+        )
+        for _ in range(44):
+            y = 0.5 * (low + high)
+            waiting = math.exp(barrier * (1.0 - y) * (1.0 - y)) / activation.frequency
+            slow = rate * (waiting + activation.drag / (y * activation.peierls_stress)) - 1.0
+            low, high = choose(slow, y, low), choose(slow, high, y)
+        return activation.peierls_stress * low
+
+    return bisected
+
+
+@overload(flow_stress)
+def _flow(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
+    if not is_instance(model, SteinbergCochranGuinan):
+        return None
+
+    def stress(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
+        hardened = power(1.0 + model.hardening * (plastic_strain + model.initial_strain), model.exponent)
+        athermal = min(model.yield_stress * hardened, model.greatest_yield_stress)
+        solid = (athermal + _thermal_stress(model.activation, rate, temperature)) * shear_modulus / model.shear_modulus
+        return choose(melting_temperature - temperature, solid, 0.0)
+
+    return stress

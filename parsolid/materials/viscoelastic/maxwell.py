@@ -1,0 +1,56 @@
+"""Maxwell branches with the internal variable A_alpha = C_v,alpha^{-1} (Lee et al., eqs (20), (26), (28)).
+
+A relaxes towards C^{-1} with the time tau_alpha. Over a step with x = dt/tau, C^{-1} is taken as linear in time:
+    A_1 = e^{-x} A_0 + (phi - e^{-x}) C_0^{-1} + (1 - phi) C_1^{-1},   phi = (1 - e^{-x})/x,
+which is second order, unlike (78) that freezes C^{-1} over the step.
+"""
+
+import math
+
+from numba.extending import register_jitable
+
+from decomposition.compiled import compiled
+from parsolid.numerics.tensors import add, contract_symmetric, determinant_symmetric, gram, inverse_symmetric, scale
+
+
+@compiled
+def relaxation_weights(step, relaxation_time):
+    """Weights (of A_0, C_0^{-1}, C_1^{-1}) over a step [s]; they sum to one and are those of A_0 alone for step 0."""
+    x = step / relaxation_time
+    if x == 0.0:
+        return 1.0, 0.0, 0.0
+    decay = math.exp(-x)
+    phi = -math.expm1(-x) / x
+    if x < 1e-5:
+        # series, because 1 - phi cancels
+        return decay, x * (0.5 - x / 3.0), x * (0.5 - x / 6.0)
+    return decay, phi - decay, 1.0 - phi
+
+
+@register_jitable
+def relaxed(weights, A, old_inverse, new_inverse):
+    """A after a step with the given weights; symmetric tensors."""
+    return add(scale(weights[0], A), add(scale(weights[1], old_inverse), scale(weights[2], new_inverse)))
+
+
+@register_jitable
+def inverse_right_cauchy_green(H, J):
+    """C^{-1} = H^T H / J^2."""
+    return scale(1.0 / (J * J), gram(H))
+
+
+@register_jitable
+def branch_dissipation(modulus, relaxation_time, C, C_inverse, A):
+    """Rate of internal dissipation of one branch [W/m^3]: (28) as mu/(2 tau) (C - A^{-1}) : (A - C^{-1}).
+
+    This is -dW/dt at fixed F for any pair C, C_inverse. With F, H and J evolved apart these are inverses only to the time
+    integration's error, which (28) as printed would divide by tau.
+    """
+    driving = add(C, scale(-1.0, inverse_symmetric(A)))
+    return (0.5 * modulus / relaxation_time) * contract_symmetric(driving, add(A, scale(-1.0, C_inverse)))
+
+
+@register_jitable
+def branch_energy(modulus, C, J, A):
+    """Stored energy of one branch [J/m^3] (eq (20) with y = det A)."""
+    return 0.5 * modulus * (contract_symmetric(C, A) - 3.0 - math.log(J * J * determinant_symmetric(A)))

@@ -1,0 +1,192 @@
+"""Grid to particle: nodal velocities, their changes and gradients gathered to the particles of a cell from a copy of its nodes.
+
+FLIP  v_p <- fraction (v_p + sum_i w_ip a_i) + (1 - fraction) sum_i w_ip v_i        a_i: change of nodal velocity in the step
+APIC  v_p <- sum_i w_ip v_i,   C_p <- sum_i v_i (x) u_ip                            u_ip: see grid_weights.store_distances
+both  x_p <- x_p + dt sum_i w_ip v_i,   l_p = sum_i v_i (x) grad w_ip
+"""
+
+from numba import types
+from numba.extending import overload, register_jitable
+
+from decomposition.compiled import compiled
+from parsolid.methods.mpm.grid import Apic, Flip
+from parsolid.methods.mpm.weights import nodes_across, store_distances, store_weights
+from parsolid.numerics.dispatch import is_instance
+from parsolid.numerics.lanes import broadcast, from_floats, fused, lane, load, shuffle, store, transpose, without_fourth
+from parsolid.numerics.layout import Axisymmetric, Space
+
+_fourth_from = shuffle(0, 1, 2, 7)
+
+
+@compiled(fastmath={"contract"}, error_model="numpy")
+def gather(first, last, space, basis, grid, scratch, where, nodes, motion, step, transfer, rate, remapped):
+    """Velocities, positions and velocity gradients of the particles of cells first..last-1, after `grid.update_nodes`.
+
+    where: see `grid_scatter.scatter`. transfer: Flip or Apic, by which motion's velocities change, or None to leave them. rate
+    (capacity, 12): velocity gradients [1/s], rows padded to 4 (in axisymmetry l33 = v_r/r), or None, and then positions do not
+    change either. remapped (nodes, 8): the nodes that gradients are taken of where momentum was mapped back (MUSL), or None.
+    """
+    for c in range(first, last):
+        begin, end = grid.start[c], grid.start[c + 1]
+        if begin == end:
+            continue
+        base = load(grid.base, c, 0)
+        _copy_nodes(grid, c, nodes, remapped, scratch.cell)
+        for n in range(begin, end):
+            p = grid.order[n]
+            place = load(where, p, 0)
+            xi = fused(place - load(grid.origin, 0, 0), broadcast(grid.inverse_spacing), -base)
+            store_weights(basis, p, xi, scratch.weights)
+            if transfer is not None:
+                _prepare(transfer, basis, xi, scratch.weights)
+            sums = sum_nodes(space, basis, scratch, transfer, rate, remapped)
+            if transfer is not None:
+                _move_velocity(transfer, motion, p, sums, grid.inverse_spacing)
+            if rate is not None:
+                moved = fused(without_fourth(sums[0]), broadcast(step), load(motion, p, 0))
+                store(motion, p, 0, moved)
+                hoop = _hoop_rate(space, remapped, sums, place)
+                _store_rows(rate, p, sums[2], grid.inverse_spacing, hoop)
+
+
+@register_jitable
+def _copy_nodes(grid, c, nodes, remapped, cell):
+    """Nodes of a cell side by side; columns 4..7: changes of velocity, or velocities of remapped momentum."""
+    for k in range(cell.shape[0]):
+        node = grid.stencil[c, k]
+        store(cell, k, 0, load(nodes, node, 0))
+        if remapped is None:
+            store(cell, k, 4, load(nodes, node, 4))
+        else:
+            store(cell, k, 4, load(remapped, node, 0))
+
+
+def _prepare(transfer, basis, xi, weights):
+    raise NotImplementedError
+
+
+@overload(_prepare)
+def _choose_prepare(transfer, basis, xi, weights):
+    if is_instance(transfer, Apic):
+        return lambda transfer, basis, xi, weights: store_distances(basis, xi, weights)
+    return lambda transfer, basis, xi, weights: None
+
+
+def _move_velocity(transfer, motion, p, sums, inverse_spacing):
+    raise NotImplementedError
+
+
+@overload(_move_velocity)
+def _choose_move_velocity(transfer, motion, p, sums, inverse_spacing):
+    if is_instance(transfer, Apic):
+
+        def affine(transfer, motion, p, sums, inverse_spacing):
+            store(motion, p, 4, _fourth_from(sums[0], load(motion, p, 4)))
+            _store_rows(transfer.affine, p, sums[3], inverse_spacing, 0.0)
+
+        return affine
+
+    def flip(transfer, motion, p, sums, inverse_spacing):
+        moved = load(motion, p, 4) + sums[1]
+        nodal = _fourth_from(sums[0], moved)
+        store(motion, p, 4, fused(moved - nodal, broadcast(transfer.fraction), nodal))
+
+    return flip
+
+
+@register_jitable
+def _store_rows(array, p, columns, scale, corner):
+    """Columns of a tensor, scaled, as rows; `corner` is added to the last diagonal entry, in two dimensions."""
+    rows = transpose(scale * columns[0], scale * columns[1], scale * columns[2], broadcast(0.0))
+    store(array, p, 0, rows[0])
+    store(array, p, 4, rows[1])
+    store(array, p, 8, rows[2] + from_floats(0.0, 0.0, corner, 0.0))
+
+
+def _hoop_rate(space, remapped, sums, place):
+    """v_r/r in axisymmetry."""
+    raise NotImplementedError
+
+
+@overload(_hoop_rate)
+def _choose_hoop_rate(space, remapped, sums, place):
+    if not is_instance(space, Axisymmetric):
+        return lambda space, remapped, sums, place: 0.0
+    if isinstance(remapped, types.NoneType):
+        return lambda space, remapped, sums, place: lane(sums[0], 0) / lane(place, 0)
+    return lambda space, remapped, sums, place: lane(sums[1], 0) / lane(place, 0)
+
+
+@register_jitable
+def _row(basis, weights, offset, cell, row, column):
+    """Sum over a row of nodes, along the direction that column `offset` of the weights belongs to."""
+    result = weights[0, offset] * load(cell, row, column)
+    for k in range(1, nodes_across(basis)):
+        result = fused(load(cell, row + k, column), weights[k, offset], result)
+    return result
+
+
+def sum_nodes(space, basis, scratch, transfer, rate, remapped):
+    """Sums over scratch.cell, v its columns 0..3: (sum w v, sum w of columns 4..7, sums of v dw/dxi_d, sums of v u_d).
+
+    The second only for Flip or where remapped is not None, and then the third is of columns 4..7; the third only where rate is
+    not None, the fourth only for Apic. What is not asked for is 0.
+    """
+    raise NotImplementedError
+
+
+@overload(sum_nodes)
+def _choose_sums(space, basis, scratch, transfer, rate, remapped):
+    # constants of the compiled code, which drops what the transfer, the rate or remapped momentum does not need
+    source = 0 if isinstance(remapped, types.NoneType) else 4
+    with_second = source == 4 or is_instance(transfer, Flip)
+    with_rate = not isinstance(rate, types.NoneType)
+    with_slope = is_instance(transfer, Apic)
+
+    def in_space(space, basis, scratch, transfer, rate, remapped):
+        zero = broadcast(0.0)
+        across, weights, cell = nodes_across(basis), scratch.weights, scratch.cell
+        v, second, Gx, Gy, Gz, Cx, Cy, Cz = zero, zero, zero, zero, zero, zero, zero, zero
+        for i in range(across):
+            wx, gx, ux = weights[i, 0], weights[i, 4], weights[i, 12]
+            for j in range(across):
+                wy, gy, uy = weights[j, 1], weights[j, 5], weights[j, 13]
+                row, w = (i * across + j) * across, wx * wy
+                first = _row(basis, weights, 2, cell, row, 0)
+                v = fused(first, w, v)
+                base = first
+                if with_second:
+                    base = _row(basis, weights, 2, cell, row, 4)
+                    second = fused(base, w, second)
+                if with_rate:
+                    along = _row(basis, weights, 6, cell, row, source)
+                    base = base if source == 4 else first
+                    Gx, Gy, Gz = fused(base, gx * wy, Gx), fused(base, wx * gy, Gy), fused(along, w, Gz)
+                if with_slope:
+                    along = _row(basis, weights, 14, cell, row, 0)
+                    Cx, Cy, Cz = fused(first, ux * wy, Cx), fused(first, wx * uy, Cy), fused(along, w, Cz)
+        return v, second, (Gx, Gy, Gz), (Cx, Cy, Cz)
+
+    def in_plane(space, basis, scratch, transfer, rate, remapped):
+        zero = broadcast(0.0)
+        across, weights, cell = nodes_across(basis), scratch.weights, scratch.cell
+        v, second, Gx, Gy, Cx, Cy = zero, zero, zero, zero, zero, zero
+        for i in range(across):
+            wx, gx, ux = weights[i, 0], weights[i, 4], weights[i, 12]
+            row = i * across
+            first = _row(basis, weights, 1, cell, row, 0)
+            v = fused(first, wx, v)
+            base = first
+            if with_second:
+                base = _row(basis, weights, 1, cell, row, 4)
+                second = fused(base, wx, second)
+            if with_rate:
+                along = _row(basis, weights, 5, cell, row, source)
+                base = base if source == 4 else first
+                Gx, Gy = fused(base, gx, Gx), fused(along, wx, Gy)
+            if with_slope:
+                along = _row(basis, weights, 13, cell, row, 0)
+                Cx, Cy = fused(first, ux, Cx), fused(along, wx, Cy)
+        return v, second, (Gx, Gy, zero), (Cx, Cy, zero)
+
+    return in_space if is_instance(space, Space) else in_plane

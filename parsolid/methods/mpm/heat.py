@@ -1,0 +1,251 @@
+"""Heat conduction on the background grid: lumped capacities, particle temperatures changed by the increments of the nodes.
+
+    C_i = sum_p w_ip C_p    T_i = sum_p w_ip C_p T_p / C_i    Q_i = sum_p [w_ip q_p - V_p kappa (grad T)_p . grad w_ip]
+    T_p <- T_p + dt sum_i w_ip Q_i / C_i
+
+so that sum_p C_p T_p changes by the powers q_p alone. A transfer of temperatures instead of increments would smooth them at every
+step, whatever the spacing.
+
+    thermal (capacity, 4)  T [K], C = m c [J/K], V kappa [W m/K], q [W]     of a particle
+    nodes   (nodes, 8)     C T, C, 0, 0 | Q, 0, 0, 0                        after `scatter_heat` and `conduct`
+                           T, C, 0, 0 | change of T, 0, 0, 0                after `find_temperatures` and `find_increments`
+"""
+
+import math
+
+from numba import types
+from numba.extending import overload
+
+from decomposition.compiled import compiled
+from parsolid.methods.mpm.gather import sum_nodes
+from parsolid.methods.mpm.scatter import add_particle
+from parsolid.methods.mpm.weights import store_weights
+from parsolid.numerics.dispatch import is_instance
+from parsolid.numerics.lanes import broadcast, from_floats, fused, lane, load, store
+from parsolid.numerics.layout import Space
+from parsolid.numerics.tensors import cofactor, determinant
+
+
+@compiled(fastmath={"contract"}, error_model="numpy")
+def scatter_heat(first, last, space, basis, grid, scratch, where, thermal, nodes, partials):
+    """Add C T and C of the particles of cells first..last-1 to nodes; arguments as in `grid_scatter.scatter`."""
+    for c in range(first, last):
+        if grid.start[c] == grid.start[c + 1]:
+            continue
+        cell = scratch.cell if partials is None else partials[c]
+        for k in range(cell.shape[0]):
+            store(cell, k, 0, broadcast(0.0))
+            store(cell, k, 4, broadcast(0.0))
+        base = load(grid.base, c, 0)
+        for n in range(grid.start[c], grid.start[c + 1]):
+            p = grid.order[n]
+            xi = fused(load(where, p, 0) - load(grid.origin, 0, 0), broadcast(grid.inverse_spacing), -base)
+            store_weights(basis, p, xi, scratch.weights)
+            heat = from_floats(thermal[p, 0] * thermal[p, 1], thermal[p, 1], 0.0, 0.0)
+            add_particle(space, basis, scratch.weights, cell, heat, None, None, None)
+        if partials is None:
+            for k in range(cell.shape[0]):
+                node = grid.stencil[c, k]
+                store(nodes, node, 0, load(nodes, node, 0) + load(cell, k, 0))
+
+
+@compiled(error_model="numpy")
+def find_temperatures(first, last, nodes):
+    """Nodal temperatures from C T and C; 0 where there is no capacity. Columns 4..7 become 0."""
+    for i in range(first, last):
+        capacity = nodes[i, 1]
+        nodes[i, 0] = nodes[i, 0] / capacity if capacity > 0.0 else 0.0
+        store(nodes, i, 4, broadcast(0.0))
+
+
+@compiled(fastmath={"contract"}, error_model="numpy")
+def conduct(first, last, space, basis, grid, scratch, where, deformation, thermal, nodes, partials):
+    """Add the heat flows and powers of the particles of cells first..last-1 to column 4 of nodes, from their temperatures.
+
+    Arguments as in `grid_scatter.scatter`; deformation: rows of F (5 or 9, capacity) where the weights are those of reference
+    positions, else None. With partials, columns 4..7 of a cell's are its sums and 0..3 are 0.
+    """
+    for c in range(first, last):
+        if grid.start[c] == grid.start[c + 1]:
+            continue
+        cell = scratch.cell
+        for k in range(cell.shape[0]):
+            store(cell, k, 0, load(nodes, grid.stencil[c, k], 0))
+            store(cell, k, 4, broadcast(0.0))
+        base = load(grid.base, c, 0)
+        for n in range(grid.start[c], grid.start[c + 1]):
+            p = grid.order[n]
+            xi = fused(load(where, p, 0) - load(grid.origin, 0, 0), broadcast(grid.inverse_spacing), -base)
+            store_weights(basis, p, xi, scratch.weights)
+            gradient = sum_nodes(space, basis, scratch, None, thermal, None)[2]
+            # the weights' derivatives are by x/h, here and in the gradient
+            scale = -thermal[p, 2] * grid.inverse_spacing * grid.inverse_spacing
+            flow = _referred(space, deformation, p, (lane(gradient[0], 0), lane(gradient[1], 0), lane(gradient[2], 0)))
+            columns = (
+                from_floats(scale * flow[0], 0.0, 0.0, 0.0),
+                from_floats(scale * flow[1], 0.0, 0.0, 0.0),
+                from_floats(scale * flow[2], 0.0, 0.0, 0.0),
+            )
+            power = from_floats(thermal[p, 3], 0.0, 0.0, 0.0)
+            add_particle(space, basis, scratch.weights, cell, None, None, columns, power)
+        for k in range(cell.shape[0]):
+            if partials is None:
+                node = grid.stencil[c, k]
+                store(nodes, node, 4, load(nodes, node, 4) + load(cell, k, 4))
+            else:
+                store(partials[c], k, 0, broadcast(0.0))
+                store(partials[c], k, 4, load(cell, k, 4))
+
+
+def _referred(space, deformation, p, g):
+    """F^-1 F^-T g of a gradient by reference place; g where deformation is None."""
+    raise NotImplementedError
+
+
+@overload(_referred)
+def _choose_referred(space, deformation, p, g):
+    if isinstance(deformation, types.NoneType):
+        return lambda space, deformation, p, g: g
+
+    def pulled_back(space, deformation, p, g):
+        F = _one_gradient(space, deformation, p)
+        C, scale = cofactor(F), 1.0 / determinant(F)
+        a = scale * (C[0] * g[0] + C[1] * g[1] + C[2] * g[2])
+        b = scale * (C[3] * g[0] + C[4] * g[1] + C[5] * g[2])
+        c = scale * (C[6] * g[0] + C[7] * g[1] + C[8] * g[2])
+        return (
+            scale * (C[0] * a + C[3] * b + C[6] * c),
+            scale * (C[1] * a + C[4] * b + C[7] * c),
+            scale * (C[2] * a + C[5] * b + C[8] * c),
+        )
+
+    return pulled_back
+
+
+def _one_gradient(space, F, p):
+    raise NotImplementedError
+
+
+@overload(_one_gradient)
+def _choose_one_gradient(space, F, p):
+    if is_instance(space, Space):
+        return lambda space, F, p: (F[0, p], F[1, p], F[2, p], F[3, p], F[4, p], F[5, p], F[6, p], F[7, p], F[8, p])
+    return lambda space, F, p: (F[0, p], F[1, p], 0.0, F[2, p], F[3, p], 0.0, 0.0, 0.0, F[4, p])
+
+
+@compiled(error_model="numpy")
+def find_increments(first, last, nodes, step):
+    """Changes of the nodal temperatures in a step [K] from the heat flows."""
+    for i in range(first, last):
+        nodes[i, 4] = step * nodes[i, 4] / nodes[i, 1] if nodes[i, 1] > 0.0 else 0.0
+
+
+@compiled(fastmath={"contract"}, error_model="numpy")
+def gather_heat(first, last, space, basis, grid, scratch, where, nodes, thermal):
+    """Add the nodal increments to the temperatures of the particles of cells first..last-1; the heat that they gained [J]."""
+    gained = 0.0
+    for c in range(first, last):
+        for k in range(grid.stencil.shape[1]):
+            store(scratch.cell, k, 4, load(nodes, grid.stencil[c, k], 4))
+        base = load(grid.base, c, 0)
+        for n in range(grid.start[c], grid.start[c + 1]):
+            p = grid.order[n]
+            xi = fused(load(where, p, 0) - load(grid.origin, 0, 0), broadcast(grid.inverse_spacing), -base)
+            store_weights(basis, p, xi, scratch.weights)
+            change = lane(sum_nodes(space, basis, scratch, None, None, nodes)[1], 0)
+            thermal[p, 0] += change
+            gained += thermal[p, 1] * change
+    return gained
+
+
+@compiled
+def fold_capacity(ghost, image, sign, temperature, nodes):
+    """Add what the mirror image of the body gives to C T and C at a mirror plane; before `find_temperatures`.
+
+    ghost, image: as in `grid.fold_mirror`. sign 1.0: an insulated plane, the image has the same temperatures; -1.0: a plane at
+    the given temperatures (n,) [K], the image has 2 temperature - T.
+    """
+    for k in range(ghost.size):
+        here, there = ghost[k], image[k]
+        nodes[there, 0] += sign * nodes[here, 0] + (1.0 - sign) * temperature[k] * nodes[here, 1]
+        nodes[there, 1] += nodes[here, 1]
+
+
+@compiled
+def spread_temperature(ghost, image, sign, temperature, nodes):
+    """Temperatures behind a mirror plane; after `find_temperatures`."""
+    for k in range(ghost.size):
+        nodes[ghost[k], 0] = sign * nodes[image[k], 0] + (1.0 - sign) * temperature[k]
+
+
+@compiled
+def fold_flow(ghost, image, sign, nodes):
+    """Add the image's heat flows; after `conduct`, before `find_increments`."""
+    for k in range(ghost.size):
+        nodes[image[k], 4] += sign * nodes[ghost[k], 4]
+
+
+@compiled
+def spread_increment(ghost, image, sign, change, nodes):
+    """Increments behind and on a mirror plane whose temperature changes by (n,) [K] in the step; after `find_increments`."""
+    for k in range(ghost.size):
+        here, there = ghost[k], image[k]
+        if here != there:
+            nodes[here, 4] = sign * nodes[there, 4] + (1.0 - sign) * change[k]
+        elif sign < 0.0:
+            nodes[here, 4] = change[k]
+
+
+@compiled(error_model="numpy")
+def fill_thermal(first, last, space, specific_heat, conductivity, deformation, temperature, motion, thermal):
+    """T, C and V kappa of particles first..last-1 of one law, in the present configuration; q becomes 0.
+
+    specific_heat [J/(kg K)], conductivity [W/(m K)]; deformation: 5 rows of F in two dimensions or 9 in three; temperature
+    (1, capacity). Gives the largest diffusivity V kappa / C [m2/s].
+    """
+    largest = 0.0
+    for p in range(first, last):
+        J = determinant(_one_gradient(space, deformation, p))
+        thermal[p, 0], thermal[p, 1] = temperature[0, p], specific_heat * motion[p, 3]
+        thermal[p, 2], thermal[p, 3] = conductivity * J * motion[p, 7], 0.0
+        largest = max(largest, thermal[p, 2] / thermal[p, 1])
+    return largest
+
+
+@compiled(error_model="numpy")
+def note_plastic_rise(first, last, space, heating, deformation, deviator, plastic_strain, before, rise):
+    """Add to rise (1, capacity) [K] how far plastic flow beyond the strains `before` (capacity,) warms particles first..last-1.
+
+    heating [m3 K/J]: share of the plastic work that heats over rho0 C_v; deviator: 4 rows in two dimensions (11, 22, 33, 12), 6 in
+    three (.., 13, 23).
+    """
+    for p in range(first, last):
+        norm = deviator[0, p] ** 2 + deviator[1, p] ** 2 + deviator[2, p] ** 2
+        for k in range(3, deviator.shape[0]):
+            norm += 2.0 * deviator[k, p] ** 2
+        J = determinant(_one_gradient(space, deformation, p))
+        rise[0, p] += heating * J * math.sqrt(1.5 * norm) * (plastic_strain[0, p] - before[p])
+
+
+@compiled(error_model="numpy")
+def hand_over_rise(first, last, thermal, rise, step, spacing):
+    """Make a share of the rises (1, capacity) [K] of particles first..last-1 powers of a step [s] instead; its heat [J].
+
+    Differences within a cell die away by exp(-pi^2 alpha t / h^2), as the shortest waves of the grid do; spacing h [m].
+    """
+    heat, decay = 0.0, (math.pi / spacing) ** 2 * step
+    for p in range(first, last):
+        passed = rise[0, p] * -math.expm1(-decay * thermal[p, 2] / thermal[p, 1])
+        thermal[p, 0] -= passed
+        thermal[p, 3] += thermal[p, 1] * passed / step
+        heat += thermal[p, 1] * passed
+        rise[0, p] -= passed
+    return heat
+
+
+@compiled(error_model="numpy")
+def take_heat(first, last, thermal, motion, temperature, energy):
+    """New temperatures of particles first..last-1, and their heat as internal energy, (1, capacity) [J/m3]."""
+    for p in range(first, last):
+        energy[0, p] += thermal[p, 1] * (thermal[p, 0] - temperature[0, p]) / motion[p, 7]
+        temperature[0, p] = thermal[p, 0]

@@ -1,0 +1,1 @@
+"""Correspondence and bond-based peridynamics."""

@@ -1,0 +1,73 @@
+"""Bond-based peridynamics on the bonds of the correspondence method: forces of `methods.peridynamics.bond_based_kernels`, without a stabiliser."""
+
+import numpy as np
+
+from parsolid.materials.damage.bond_based import POISSONS_RATIO, BondBased, micromodulus
+from parsolid.methods.peridynamics.bond_based_kernels import add_bond_forces, bond_energy
+from parsolid.methods.peridynamics.bond_force import BondForce
+from parsolid.methods.peridynamics.viscoelastic_history import ViscoelasticHistory
+
+
+class BondBasedForce(BondForce):
+    """As `BondForce`, of bodies whose laws are all bond-based."""
+
+    def __init__(
+        self, bond_system, fixed_planes, blocks, share: np.ndarray, horizon: np.ndarray, settings, dimension: int
+    ):
+        """share, horizon [m] (owned,); settings: scene.method; dimension: the scene's. Collective."""
+        super().__init__(bond_system, None, None, fixed_planes)
+        self.share, self.state = share, settings.state(dimension)
+        modulus = np.zeros(self.owned)
+        for block in blocks:
+            rows = slice(block.first, block.last)
+            modulus[rows] = micromodulus(block.law.youngs_modulus, self.state, settings.influence, horizon[rows])
+        self.micromodulus = bond_system.halo.with_ghosts(modulus)
+        self.accompany([self.displacement])
+
+    @property
+    def linear_force(self) -> np.ndarray:
+        """Nothing has a history, so nothing of the force is carried on."""
+        return np.zeros((self.owned, self.dimension))
+
+    def evaluate(self, laws) -> np.ndarray:
+        """Force (owned, d) [N] of the displacement, or under the laws of a stiffness the one linear in the field f."""
+        linear, column = None, self.displacement_column
+        if not any(isinstance(law, BondBased) for _, _, law in laws):
+            linear, column = True, 0
+        self.force[:] = 0.0
+        what = (linear, column, self.micromodulus, self.kinematics, self.force)
+        self.timed(self.field_exchange.start)
+        add_bond_forces(self.space, self.bond_system.inner, None, True, *what)
+        self.timed(self.field_exchange.finish)
+        for bonds, images in self._lists():
+            add_bond_forces(self.space, bonds, images, None, *what)
+        return self.force[: self.owned, : self.dimension]
+
+    def stored_energy(self) -> float:
+        """Energy [J] of the bonds at the displacement of the last evaluation."""
+        what = (self.displacement_column, self.micromodulus, self.share, self.kinematics)
+        energy = bond_energy(self.space, self.bond_system.inner, None, True, *what)
+        return energy + sum(bond_energy(self.space, bonds, images, None, *what) for bonds, images in self._lists())
+
+    def settled_stresses(self, laws) -> np.ndarray:
+        """Stress (owned, 3, 3) [Pa] of the classical solid with the same constants under the gradient of the displacement."""
+        result, d, nu = np.zeros((self.owned, 3, 3)), self.dimension, POISSONS_RATIO[self.state]
+        gradient = self.displacement_gradients()
+        strain = 0.5 * (gradient + gradient.swapaxes(1, 2))
+        trace = np.trace(strain, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+        for first, last, law in laws:
+            G = law.youngs_modulus / (2.0 * (1.0 + nu))
+            lame = 2.0 * G * nu / (1.0 - nu if self.state == "plane-stress" else 1.0 - 2.0 * nu)
+            result[first:last, :d, :d] = 2.0 * G * strain[first:last]
+            result[first:last] += lame * trace[first:last]
+        if self.state in ("plane-stress", "bar"):
+            result[:, 2, 2] = 0.0
+        return result
+
+
+class BondBasedHistory(ViscoelasticHistory):
+    """A history of nothing, with the energy of the bonds."""
+
+    def stored_energy(self) -> float:
+        """Energy [J] of the bonds."""
+        return self.engine.stored_energy()

@@ -1,0 +1,123 @@
+"""Particle kernels of correspondence peridynamics: what a particle tells its neighbours, from gradients of the fields.
+
+Four particles at a time (`numerics.lanes.Lanes`); a range first..last-1 shares one law. With the sums of the gradient pass,
+    G = [sum_b w V_a V_b (f_b - f_a) (x) xi] K_a^{-1} / V_a,   S = P K_a^{-1},   M = S - C1 G  (see `pairs.layout`).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba.extending import overload
+
+from decomposition.compiled import compiled
+from parsolid.materials.viscoelastic.prony import small_strain, stress
+from parsolid.numerics.dispatch import is_instance
+from parsolid.numerics.lanes import WIDTH, broadcast, load
+from parsolid.numerics.layout import Plane, load_correction, load_gradient, store_matrix
+from parsolid.numerics.tensors import add, expand, lane_of_symmetric, matmul, matmul_transposed, scale
+from parsolid.pairs.layout import ShearScaled
+
+
+class BondedBody(NamedTuple):
+    """Arrays of a rank's particles, columns over particles, see `numerics.layout`.
+
+    inverse_shape: K^{-1}, (9 or 4, capacity); stiffness: C1 of `ShearScaled`, as 11, 22, 33, 12, 13, 23 or 11, 22, 12, else one
+    row of c for `AlongBonds`, else None; volume: (1, capacity), the volume in the pair sums.
+    """
+
+    inverse_shape: np.ndarray
+    stiffness: np.ndarray | None
+    volume: np.ndarray
+
+
+def load_symmetric(space, array, i):
+    """A symmetric tensor of particles i..i+3 as a general one."""
+    raise NotImplementedError
+
+
+@overload(load_symmetric)
+def _load_symmetric(space, array, i):
+    if is_instance(space, Plane):
+
+        def plane(space, array, i):
+            return load(array, 0, i), load(array, 2, i), load(array, 2, i), load(array, 1, i), broadcast(0.0)
+
+        return plane
+
+    def solid(space, array, i):
+        s = (
+            load(array, 0, i),
+            load(array, 1, i),
+            load(array, 2, i),
+            load(array, 3, i),
+            load(array, 4, i),
+            load(array, 5, i),
+        )
+        return expand(s)
+
+    return solid
+
+
+def store_record(space, stabiliser, body, record, i, S, G):
+    """What neighbours read of particles i..i+3: M, and c G of `AlongBonds`; C1 and c stand there since the start."""
+    raise NotImplementedError
+
+
+@overload(store_record)
+def _store_record(space, stabiliser, body, record, i, S, G):
+    if is_instance(stabiliser, ShearScaled):
+
+        def shear_scaled(space, stabiliser, body, record, i, S, G):
+            product = matmul(load_symmetric(space, body.stiffness, i), G)
+            store_matrix(space, record, i, 0, add(S, scale(-1.0, product)))
+
+        return shear_scaled
+    if is_instance(space, Plane):
+
+        def plane(space, stabiliser, body, record, i, S, G):
+            store_matrix(space, record, i, 0, S)
+            if stabiliser is not None:
+                store_matrix(space, record, i, 4, scale(load(body.stiffness, 0, i), G))
+
+        return plane
+
+    def solid(space, stabiliser, body, record, i, S, G):
+        store_matrix(space, record, i, 0, S)
+        if stabiliser is not None:
+            store_matrix(space, record, i, 12, scale(load(body.stiffness, 0, i), G))
+
+    return solid
+
+
+@compiled(fastmath={"contract"}, error_model="numpy")
+def relaxing_records(space, first, last, law, stabiliser, body, gradient, record):
+    """Records of a small-strain law whose moduli all relax alike: its stress follows from the gradient of f alone."""
+    for i in range(first, last, WIDTH):
+        L = load_correction(space, body.inverse_shape, i)
+        G = scale(1.0 / load(body.volume, 0, i), matmul_transposed(load_gradient(space, gradient, i), L))
+        S = matmul(expand(stress(law, None, small_strain(G))), L)
+        store_record(space, stabiliser, body, record, i, S, G)
+
+
+@compiled(fastmath={"contract"}, error_model="numpy")
+def stabiliser_records(space, first, last, stabiliser, body, gradient, record):
+    """Records of the stabiliser alone."""
+    for i in range(first, last, WIDTH):
+        L = load_correction(space, body.inverse_shape, i)
+        G = scale(1.0 / load(body.volume, 0, i), matmul_transposed(load_gradient(space, gradient, i), L))
+        store_record(space, stabiliser, body, record, i, scale(0.0, G), G)
+
+
+@compiled(error_model="numpy")
+def stresses(space, first, last, law, body, gradient, result):
+    """Stress (n, 3, 3) [Pa] of particles first..last-1 from the sums of the last gradient pass."""
+    for i in range(first, last, WIDTH):
+        L = load_correction(space, body.inverse_shape, i)
+        G = scale(1.0 / load(body.volume, 0, i), matmul_transposed(load_gradient(space, gradient, i), L))
+        sigma = stress(law, None, small_strain(G))
+        for k in range(min(WIDTH, last - i)):
+            s = lane_of_symmetric(sigma, k)
+            result[i + k, 0, 0], result[i + k, 1, 1], result[i + k, 2, 2] = s[0], s[1], s[2]
+            result[i + k, 0, 1] = result[i + k, 1, 0] = s[3]
+            result[i + k, 0, 2] = result[i + k, 2, 0] = s[4]
+            result[i + k, 1, 2] = result[i + k, 2, 1] = s[5]

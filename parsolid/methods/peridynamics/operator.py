@@ -1,0 +1,120 @@
+"""The internal force of a material step as an operator on displacements, for solvers."""
+
+import numpy as np
+
+from parsolid.collective import maximum, minimum
+from parsolid.materials.damage.bond_based import BondBased
+from parsolid.materials.viscoelastic.prony import Prony, algorithmic_factor
+from parsolid.methods.peridynamics.bond_force import BondForce
+from parsolid.methods.peridynamics.viscoelastic_history import ViscoelasticHistory, series_of
+
+_SHIFT = 1e-6
+
+
+def algorithmic_law(law: Prony, step: float) -> Prony:
+    """The elastic law of a step [s] over 1 + sum gamma_j A_j, the factor by which `Operator.linear` multiplies the field."""
+    if isinstance(law, BondBased):
+        # its engine needs no constants to be linear
+        return Prony(law.density, 0.0, 0.0, None, None, None, None, None)
+    if not isinstance(law, Prony):
+        return _undeformed(law, step)
+    factor = algorithmic_factor(law, step)
+    lame = law.first_lame
+    if law.bulk_modulus is not None:
+        G, K = law.shear_modulus * factor, law.bulk_modulus
+        # the free directions of plane stress (1) and of a bar (2) condensed
+        full = K - 2.0 / 3.0 * G
+        condensed = {None: full, 1.0: 2.0 * G * full / (full + 2.0 * G), 2.0: 9.0 * K * G / (3.0 * K + G) - 2.0 * G}
+        lame = condensed[law.free_directions] / factor
+    return law._replace(first_lame=lame, bulk_modulus=None, ratios=None, relaxation_times=None, finite_strain=None)
+
+
+def _undeformed(law, step: float) -> Prony:
+    """As `algorithmic_law`, of a Maxwell solid near its undeformed state; only its shear relaxes."""
+    zeta = law.zeta or 0.0
+    solid = Prony(
+        law.density, 2.0 * (law.xi + zeta), 0.0, None, None, None, *(series or None for series in series_of(law))
+    )
+    lame = (law.lambda_hat + 4.0 * zeta) / algorithmic_factor(solid, step)
+    return solid._replace(first_lame=lame, ratios=None, relaxation_times=None)
+
+
+class Operator:
+    """F(u) of one rank's particles over a step whose history is frozen, and its tangent K = -dF/du.
+
+    Vectors are (owned, d), d the scene's dimension; forces [N] are those on the part of a particle on this side of mirror planes,
+    so that K is symmetric in the plain inner product. free (owned, d) bool: components that are not prescribed;
+    mass (owned,) [kg], likewise of this side's part; identifier (owned,). All calls are collective; `step` [s] is the length of
+    the material step that starts at the last committed state, 0.0 a jump.
+    """
+
+    def __init__(
+        self,
+        force: BondForce,
+        blocks,
+        relaxation: ViscoelasticHistory,
+        share: np.ndarray,
+        mass: np.ndarray,
+        free: np.ndarray,
+    ):
+        self.engine, self.blocks, self.relaxation, self.share, self.free = force, blocks, relaxation, share, free
+        self.mass, self.identifier = mass * share, force.bond_system.identifier[: force.owned]
+        self.dimension = free.shape[1]
+        self.comm = force.bond_system.halo.comm
+        self.is_linear = all(isinstance(block.law, Prony) and block.law.finite_strain is None for block in blocks)
+        self.length = minimum(self.comm, float(np.min(force.bond_system.volume[: force.owned], initial=np.inf))) ** (
+            1.0 / self.dimension
+        )
+        self.laws = [(block.first, block.last, block.law) for block in self.blocks]
+        self.step = None
+
+    def force(self, displacement: np.ndarray, out: np.ndarray, step: float) -> None:
+        """Internal force [N] at a displacement [m] at the end of a step, stabiliser included, into out."""
+        d, engine = self.dimension, self.engine
+        engine.displacement[: engine.owned, :d] = displacement
+        self.relaxation.propose(step)
+        np.multiply(engine.evaluate(self.laws)[:, :d], self.share[:, None], out=out)
+
+    def linear(self, displacement: np.ndarray, change: np.ndarray, out: np.ndarray, step: float) -> None:
+        """K du [N] at a displacement at the end of a step: symmetric, positive semi-definite with a self-adjoint stabiliser."""
+        if self.is_linear:
+            self.stiffness(change, out, step)
+            return
+        largest = maximum(self.comm, float(np.abs(change).max(initial=0.0)))
+        if largest == 0.0:
+            out[:] = 0.0
+            return
+        # a difference quotient over a small fraction of the spacing
+        shift = _SHIFT * self.length / largest
+        ahead = np.empty_like(out)
+        self.force(displacement + shift * change, ahead, step)
+        self.force(displacement - shift * change, out, step)
+        out -= ahead
+        out *= 0.5 / shift
+
+    def stiffness(self, change: np.ndarray, out: np.ndarray, step: float) -> None:
+        """K du [N] of the undeformed body over a step of a given length."""
+        if step != self.step:
+            self.step = step
+            self.tangents = [(first, last, algorithmic_law(law, step)) for first, last, law in self.laws]
+        d, engine = self.dimension, self.engine
+        self.relaxation.begin(step)
+        engine.field[: engine.owned, :d] = self.relaxation.factor[:, None] * change
+        np.multiply(engine.evaluate(self.tangents)[:, :d], -self.share[:, None], out=out)
+
+    @property
+    def displacement(self) -> np.ndarray:
+        """Displacement (owned, d) [m] of the last evaluation, a view."""
+        return self.engine.displacement[: self.engine.owned, : self.dimension]
+
+    def settled_force(self) -> np.ndarray:
+        """Internal force (owned, d) [N] of the last committed state."""
+        return self.engine.force[: self.engine.owned, : self.dimension] * self.share[:, None]
+
+    def commit(self, displacement: np.ndarray, step: float) -> float:
+        """End a step at a displacement [m], whose force is evaluated once more: history takes it in; the energy dissipated [J]."""
+        engine, d = self.engine, self.dimension
+        engine.displacement[: engine.owned, :d] = displacement
+        self.relaxation.propose(step)
+        engine.evaluate(self.laws)
+        return self.relaxation.settle(step)

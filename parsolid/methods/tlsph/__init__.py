@@ -1,0 +1,1 @@
+"""Upwind total-Lagrangian smoothed particle hydrodynamics."""

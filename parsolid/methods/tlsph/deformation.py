@@ -1,0 +1,224 @@
+"""Particle kernels of the total-Lagrangian pair methods: kinematics, stress, dissipation and wave speeds of a law.
+
+Four particles at a time (`numerics.lanes.Lanes`); a range first..last-1 of particles shares one law.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba.extending import register_jitable
+
+from decomposition.compiled import compiled
+from parsolid.materials.hyperelastic.law import (
+    first_piola_kirchhoff_stress,
+    isotropic_shear_modulus,
+    pressure_wave_tensor,
+    shear_wave_tensor,
+)
+from parsolid.materials.viscoelastic.maxwell import branch_dissipation, inverse_right_cauchy_green, relaxed
+from parsolid.numerics.dispatch import none_without
+from parsolid.numerics.lanes import WIDTH, all_positive, lane, load
+from parsolid.numerics.layout import (
+    load_branch,
+    load_correction,
+    load_deformation,
+    load_gradient,
+    record_columns,
+    store_branch,
+    store_deformation,
+    store_matrix,
+    store_tensor,
+)
+from parsolid.numerics.tensors import (
+    add,
+    contract,
+    contract_symmetric,
+    cross,
+    gram,
+    lane_of_symmetric,
+    largest_eigenvalue,
+    matmul,
+    matmul_transposed,
+    scale,
+    trace_symmetric,
+)
+
+
+class Stage(NamedTuple):
+    """One Runge-Kutta stage: new = keep * start + take * (current + step * rate).
+
+    `decay` (branches, 3) relaxes A from the start of the step to the stage, `commit` (branches, 3) to its end.
+    """
+
+    first: bool
+    last: bool
+    step: float
+    keep: float
+    take: float
+    decay: np.ndarray
+    commit: np.ndarray
+
+
+class Body(NamedTuple):
+    """Arrays of a rank's particles, see `numerics.layout`; branches is None without Maxwell branches.
+
+    volume, tributary: (1, capacity), the particle's volume in the pair sums and its share of the body.
+    """
+
+    deformation: np.ndarray
+    start: np.ndarray
+    branches: np.ndarray | None
+    correction: np.ndarray
+    volume: np.ndarray
+    tributary: np.ndarray
+
+
+@none_without("branches")
+def _start_inverse(branches, first, H, J, H0, J0):
+    """C^{-1} at the start of the step, needed by branches alone."""
+    if first:
+        return inverse_right_cauchy_green(H, J)
+    return inverse_right_cauchy_green(H0, J0)
+
+
+@none_without("branches")
+def _branches_at_stage(space, law, branches, stage, i, F, H, J, old_inverse):
+    """sum mu_alpha A_alpha and the internal dissipation rate [W/m^3]; A is relaxed from the start of the step."""
+    C, inverse = gram(F), inverse_right_cauchy_green(H, J)
+    total, rate = scale(0.0, C), 0.0 * J
+    for alpha in range(len(law.branch_moduli)):
+        A = load_branch(space, branches, alpha, i)
+        if not stage.first:
+            weights = (stage.decay[alpha, 0], stage.decay[alpha, 1], stage.decay[alpha, 2])
+            A = relaxed(weights, A, old_inverse, inverse)
+        total = add(total, scale(law.branch_moduli[alpha], A))
+        rate = rate + branch_dissipation(law.branch_moduli[alpha], law.relaxation_times[alpha], C, inverse, A)
+    return total, rate
+
+
+@none_without("evolved")
+def _branch_sum(evolved):
+    return evolved[0]
+
+
+@register_jitable
+def _branch_dissipation(evolved, tributary, count):
+    """Internal dissipation of the first `count` of four particles [W]."""
+    if evolved is None:
+        return 0.0
+    share, result = evolved[1] * tributary, 0.0
+    for k in range(count):
+        result += lane(share, k)
+    return result
+
+
+@none_without("branches")
+def _commit_branches(space, law, branches, stage, i, old_inverse, H, J, count):
+    """Relax A over the whole step; sum mu_alpha A_alpha at its end."""
+    inverse = inverse_right_cauchy_green(H, J)
+    total = scale(0.0, inverse)
+    for alpha in range(len(law.branch_moduli)):
+        weights = (stage.commit[alpha, 0], stage.commit[alpha, 1], stage.commit[alpha, 2])
+        A = relaxed(weights, load_branch(space, branches, alpha, i), old_inverse, inverse)
+        store_branch(space, branches, alpha, i, A, count)
+        total = add(total, scale(law.branch_moduli[alpha], A))
+    return total
+
+
+@none_without("branches")
+def current_branches(space, law, branches, i, F):
+    """sum mu_alpha A_alpha of the stored A."""
+    total = scale(0.0, gram(F))
+    for alpha in range(len(law.branch_moduli)):
+        total = add(total, scale(law.branch_moduli[alpha], load_branch(space, branches, alpha, i)))
+    return total
+
+
+@register_jitable
+def _shear_lane(isotropic, density):
+    """Half the shear impedance 1/2 rho c_s where it does not depend on direction, else nothing."""
+    if isotropic is None:
+        return 0.0
+    return 0.5 * math.sqrt(density * isotropic)
+
+
+@register_jitable
+def _store_shear(space, law, shear, record, i, column, F, branch_sum):
+    if shear is not None:
+        store_tensor(space, record, i, column, scale(0.5 * law.density, shear_wave_tensor(law, F, branch_sum)), 0.0)
+
+
+@register_jitable
+def _store_waves(space, law, riemann, shear, record, i, F, H, J, branch_sum, G):
+    """Half velocity gradient and halves of the squared impedance tensors, for the Riemann force."""
+    if riemann is not None:
+        matrix, tensor = record_columns(space)
+        store_matrix(space, record, i, matrix, scale(0.5, G))
+        waves = scale(0.5 * law.density, pressure_wave_tensor(law, F, H, J, branch_sum))
+        store_tensor(space, record, i, 2 * matrix, waves, _shear_lane(isotropic_shear_modulus(law), law.density))
+        _store_shear(space, law, shear, record, i, 2 * matrix + tensor, F, branch_sum)
+
+
+@register_jitable
+def _largest_speed(largest, rho_c2, first, last):
+    """The greatest rho c_max^2 [Pa]: lambda_max of the wave tensor, found exactly only where its bound says so."""
+    # lambda_max <= m + sqrt(2/3) |dev|, m the mean eigenvalue: cheap on four particles at once
+    q = rho_c2
+    mean = trace_symmetric(q) * (1.0 / 3.0)
+    deviator = contract_symmetric(q, q) - 3.0 * mean * mean
+    bound = mean + math.sqrt(deviator * (2.0 / 3.0) + 1e-30 * mean * mean)
+    for k in range(last - first):
+        if not lane(bound, k) <= largest:
+            largest = max(largest, largest_eigenvalue(lane_of_symmetric(q, k)))
+    return largest
+
+
+@compiled(fastmath={"contract"}, error_model="numpy")
+def advance_deformation(space, first, last, law, stage, body, gradient, riemann, shear, record):
+    """One stage of F, H, J (eqs (72b)-(72d)) with the stress and waves of the state it starts from put into `record`.
+
+    Returns (sound, internal dissipation rate [W], greatest rho c_max^2 [Pa] of the state at the end of the last stage);
+    sound is False when a Jacobian is not positive, or not a number.
+    """
+    sound, largest, dissipation = True, 0.0, 0.0
+    for i in range(first, last, WIDTH):
+        count = min(WIDTH, last - i)
+        F, H, J = load_deformation(space, body.deformation, i)
+        F0, H0, J0 = F, H, J
+        if stage.first:
+            store_deformation(space, body.start, i, F, H, J, count)
+        else:
+            F0, H0, J0 = load_deformation(space, body.start, i)
+        L = load_correction(space, body.correction, i)
+        # (70): C_ab = 2 L_a g_ab, and L is symmetric only where spacings are equal
+        G = scale(1.0 / load(body.volume, 0, i), matmul_transposed(load_gradient(space, gradient, i), L))
+        old_inverse = _start_inverse(body.branches, stage.first, H, J, H0, J0)
+        evolved = _branches_at_stage(space, law, body.branches, stage, i, F, H, J, old_inverse)
+        branch_sum = _branch_sum(evolved)
+        dissipation += _branch_dissipation(evolved, load(body.tributary, 0, i), count)
+        P = first_piola_kirchhoff_stress(law, F, H, J, branch_sum)
+        store_matrix(space, record, i, 0, matmul(P, L))
+        _store_waves(space, law, riemann, shear, record, i, F, H, J, branch_sum, G)
+        dJ = contract(H, G)
+        H = add(scale(stage.keep, H0), scale(stage.take, add(H, scale(stage.step, cross(F, G)))))
+        F = add(scale(stage.keep, F0), scale(stage.take, add(F, scale(stage.step, G))))
+        J = stage.keep * J0 + stage.take * (J + stage.step * dJ)
+        store_deformation(space, body.deformation, i, F, H, J, count)
+        if not all_positive(J):
+            sound = False
+        if stage.last:
+            branch_sum = _commit_branches(space, law, body.branches, stage, i, old_inverse, H, J, count)
+            largest = _largest_speed(largest, pressure_wave_tensor(law, F, H, J, branch_sum), i, i + count)
+    return sound, dissipation, largest
+
+
+@compiled(fastmath={"contract"}, error_model="numpy")
+def largest_wave_modulus(space, first, last, law, body):
+    """Greatest rho c_max^2 [Pa] of the current state, c_max over all directions (sharper than (79))."""
+    largest = 0.0
+    for i in range(first, last, WIDTH):
+        F, H, J = load_deformation(space, body.deformation, i)
+        branch_sum = current_branches(space, law, body.branches, i, F)
+        largest = _largest_speed(largest, pressure_wave_tensor(law, F, H, J, branch_sum), i, min(i + WIDTH, last))
+    return largest

@@ -1,0 +1,174 @@
+"""Kernels of the momentum equation (72a) and the energy sums."""
+
+from numba.extending import overload, register_jitable
+
+from decomposition.compiled import compiled
+from parsolid.materials.hyperelastic.law import equilibrium_energy
+from parsolid.materials.viscoelastic.maxwell import branch_energy
+from parsolid.numerics.dispatch import is_instance
+from parsolid.numerics.lanes import WIDTH, broadcast, from_floats, lane, load, store, swizzle, total, without_fourth
+from parsolid.numerics.layout import Plane, load_branch, load_deformation
+from parsolid.numerics.tensors import gram, lane_of_general, lane_of_stored_symmetric
+
+_swap = swizzle(2, 3, 0, 1)
+
+
+def split_motion(space, kinematics, a):
+    """v and x of a particle, lanes beyond the dimension zero."""
+    raise NotImplementedError
+
+
+@overload(split_motion)
+def _split_motion(space, kinematics, a):
+    if is_instance(space, Plane):
+
+        def plane(space, kinematics, a):
+            motion, two = load(kinematics, a, 0), from_floats(1.0, 1.0, 0.0, 0.0)
+            return motion * two, _swap(motion) * two
+
+        return plane
+    return lambda space, kinematics, a: (load(kinematics, a, 0), load(kinematics, a, 4))
+
+
+def join_motion(space, kinematics, a, v, x):
+    """Store v and x of a particle."""
+    raise NotImplementedError
+
+
+@overload(join_motion)
+def _join_motion(space, kinematics, a, v, x):
+    if is_instance(space, Plane):
+        return lambda space, kinematics, a, v, x: store(kinematics, a, 0, v + _swap(x))
+
+    def solid(space, kinematics, a, v, x):
+        store(kinematics, a, 0, v)
+        store(kinematics, a, 4, x)
+
+    return solid
+
+
+def _within(space, value):
+    """Lanes beyond the dimension set to zero."""
+    raise NotImplementedError
+
+
+@overload(_within)
+def _within_overload(space, value):
+    if is_instance(space, Plane):
+        return lambda space, value: value * from_floats(1.0, 1.0, 0.0, 0.0)
+    return lambda space, value: without_fourth(value)
+
+
+@register_jitable
+def _loaded(loads, a, acceleration):
+    if loads is None:
+        return acceleration
+    return acceleration + load(loads, a, 0)
+
+
+@register_jitable
+def _clamped(clamp, a, v):
+    if clamp is None:
+        return v
+    return v * load(clamp, a, 0)
+
+
+@register_jitable
+def _load_power(loads, a, mass, v):
+    if loads is None:
+        return 0.0
+    return mass * total(load(loads, a, 0) * v)
+
+
+@compiled(fastmath={"contract"}, error_model="numpy")
+def advance_motion(space, owned, stage, kinematics, start, force, gradient, mass, share, loads, clamp):
+    """One stage of v and x; zeroes force and gradient for the next.
+
+    mass (n,): rho V [kg]; share (n,): tributary over pair volume; loads (n, 4): acceleration of body forces and tractions
+    [m/s^2] or None; clamp (n, 4): 0 for held components, else 1, or None.
+    Returns (numerical dissipation rate, power of the loads) [W].
+    """
+    dissipation, power = 0.0, 0.0
+    zero = broadcast(0.0)
+    for a in range(owned):
+        v, x = split_motion(space, kinematics, a)
+        v0, x0 = v, x
+        if stage.first:
+            store(start, a, 0, v)
+            store(start, a, 4, x)
+        else:
+            v0, x0 = load(start, a, 0), load(start, a, 4)
+        D = load(force, a, 4)
+        dissipation -= share[a] * total(_within(space, D) * v)
+        power += _load_power(loads, a, mass[a] * share[a], v)
+        rate = _within(space, load(force, a, 0) + D) * (1.0 / mass[a])
+        rate = _loaded(loads, a, rate)
+        new_v = stage.keep * v0 + stage.take * (v + stage.step * rate)
+        new_x = stage.keep * x0 + stage.take * (x + stage.step * v)
+        join_motion(space, kinematics, a, _clamped(clamp, a, new_v), new_x)
+        store(force, a, 0, zero)
+        store(force, a, 4, zero)
+        for column in range(0, gradient.shape[1], WIDTH):
+            store(gradient, a, column, zero)
+    return dissipation, power
+
+
+@register_jitable
+def _load_force(loads, a, i, mass):
+    if loads is None:
+        return 0.0
+    return mass * loads[a, i]
+
+
+@compiled
+def prescribed_power(particles, components, kinematics, force, mass, share, loads):
+    """Power [W] that holds prescribed components against pair forces and loads; arguments as in `advance_motion`."""
+    power = 0.0
+    for k in range(particles.shape[0]):
+        a, i = particles[k], components[k]
+        resisted = force[a, i] + force[a, 4 + i] + _load_force(loads, a, i, mass[a])
+        power -= share[a] * resisted * kinematics[a, i]
+    return power
+
+
+@compiled
+def prescribe(particles, components, values, kinematics):
+    """Set prescribed velocity components [m/s]."""
+    for k in range(particles.shape[0]):
+        kinematics[particles[k], components[k]] = values[k]
+
+
+@compiled
+def kinetic_energy(owned, dimension, kinematics, mass, share):
+    """Sum of 1/2 m v^2 [J] over owned particles with their tributary mass."""
+    energy = 0.0
+    for a in range(owned):
+        square = 0.0
+        for i in range(dimension):
+            square += kinematics[a, i] * kinematics[a, i]
+        energy += 0.5 * mass[a] * share[a] * square
+    return energy
+
+
+@register_jitable
+def _branch_energies(space, law, branches, i, k, F, J):
+    if branches is None:
+        return 0.0
+    C, energy = gram(F), 0.0
+    for alpha in range(len(law.branch_moduli)):
+        A = lane_of_stored_symmetric(load_branch(space, branches, alpha, i), k)
+        energy += branch_energy(law.branch_moduli[alpha], C, J, A)
+    return energy
+
+
+@compiled(error_model="numpy")
+def stored_energy(space, first, last, law, body):
+    """Sum of W V [J] with tributary volumes (eqs (19), (20))."""
+    energy = 0.0
+    for i in range(first, last, WIDTH):
+        F4, H4, J4 = load_deformation(space, body.deformation, i)
+        for k in range(min(WIDTH, last - i)):
+            F, H, J = lane_of_general(F4, k), lane_of_general(H4, k), lane(J4, k)
+            W = equilibrium_energy(law, F, H, J) + _branch_energies(space, law, body.branches, i, k, F, J)
+            energy += W * body.tributary[0, i + k]
+    return energy

@@ -1,0 +1,1 @@
+"""Lanes, small tensors, elementary functions: numba only, no MPI, no files."""

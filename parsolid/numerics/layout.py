@@ -1,0 +1,304 @@
+"""How the state of four neighbouring particles is loaded from and stored to arrays, by dimension.
+
+`deformation` is (19, capacity) in space: F (9 rows), H (9), J; and (5, capacity) in plane strain: F (4), J, since
+there H = cof F exactly (linear in F), with H33 = J. `branches` is (6 n, capacity) or (3 n, capacity): A11, A22, A33, A12,
+A13, A23 or A11, A22, A12 of each Maxwell branch. `correction` holds L, (9 or 4, capacity).
+"""
+
+from typing import NamedTuple
+
+from numba.extending import overload
+
+from parsolid.numerics.dispatch import is_instance
+from parsolid.numerics.lanes import broadcast, load, store, store_first, transpose
+
+
+class Plane(NamedTuple):
+    """Plane strain."""
+
+    dimension: int = 2
+
+
+class Axisymmetric(NamedTuple):
+    """Axisymmetry without torsion: x is the radius, y runs along the axis, volumes and masses are those of a radian."""
+
+    dimension: int = 2
+
+
+class Space(NamedTuple):
+    """Three dimensions."""
+
+    dimension: int = 3
+
+
+LAYOUT = {2: Plane(), 3: Space()}
+DEFORMATION_ROWS = {2: 5, 3: 19}
+BRANCH_ROWS = {2: 3, 3: 6}
+CORRECTION_ROWS = {2: 4, 3: 9}
+
+
+def load_deformation(space, deformation, i):
+    """F, H, J of particles i..i+3."""
+    raise NotImplementedError
+
+
+@overload(load_deformation)
+def _load_deformation(space, deformation, i):
+    if is_instance(space, Plane):
+
+        def plane(space, deformation, i):
+            F11, F12 = load(deformation, 0, i), load(deformation, 1, i)
+            F21, F22, J = load(deformation, 2, i), load(deformation, 3, i), load(deformation, 4, i)
+            return (F11, F12, F21, F22, broadcast(1.0)), (F22, -F21, -F12, F11, J), J
+
+        return plane
+
+    def solid(space, deformation, i):
+        return load_nine(deformation, 0, i), load_nine(deformation, 9, i), load(deformation, 18, i)
+
+    return solid
+
+
+def load_nine(array, row, i):
+    """Nine consecutive rows of four particles."""
+    raise NotImplementedError
+
+
+@overload(load_nine)
+def _load_nine(array, row, i):
+    return lambda array, row, i: (
+        load(array, row, i),
+        load(array, row + 1, i),
+        load(array, row + 2, i),
+        load(array, row + 3, i),
+        load(array, row + 4, i),
+        load(array, row + 5, i),
+        load(array, row + 6, i),
+        load(array, row + 7, i),
+        load(array, row + 8, i),
+    )
+
+
+def store_deformation(space, deformation, i, F, H, J, count):
+    """Store F, H, J of the first `count` of particles i..i+3."""
+    raise NotImplementedError
+
+
+@overload(store_deformation)
+def _store_deformation(space, deformation, i, F, H, J, count):
+    if is_instance(space, Plane):
+
+        def plane(space, deformation, i, F, H, J, count):
+            store_first(deformation, 0, i, F[0], count)
+            store_first(deformation, 1, i, F[1], count)
+            store_first(deformation, 2, i, F[2], count)
+            store_first(deformation, 3, i, F[3], count)
+            store_first(deformation, 4, i, J, count)
+
+        return plane
+
+    def solid(space, deformation, i, F, H, J, count):
+        store_nine(deformation, 0, i, F, count)
+        store_nine(deformation, 9, i, H, count)
+        store_first(deformation, 18, i, J, count)
+
+    return solid
+
+
+def store_nine(array, row, i, values, count):
+    """Nine consecutive rows of the first `count` of particles i..i+3."""
+    raise NotImplementedError
+
+
+@overload(store_nine)
+def _store_nine(array, row, i, values, count):
+    def store_rows(array, row, i, values, count):
+        store_first(array, row, i, values[0], count)
+        store_first(array, row + 1, i, values[1], count)
+        store_first(array, row + 2, i, values[2], count)
+        store_first(array, row + 3, i, values[3], count)
+        store_first(array, row + 4, i, values[4], count)
+        store_first(array, row + 5, i, values[5], count)
+        store_first(array, row + 6, i, values[6], count)
+        store_first(array, row + 7, i, values[7], count)
+        store_first(array, row + 8, i, values[8], count)
+
+    return store_rows
+
+
+def load_branch(space, branches, alpha, i):
+    """A_alpha of particles i..i+3."""
+    raise NotImplementedError
+
+
+@overload(load_branch)
+def _load_branch(space, branches, alpha, i):
+    if is_instance(space, Plane):
+
+        def plane(space, branches, alpha, i):
+            row = 3 * alpha
+            return load(branches, row, i), load(branches, row + 1, i), broadcast(1.0), load(branches, row + 2, i)
+
+        return plane
+
+    def solid(space, branches, alpha, i):
+        row = 6 * alpha
+        return (
+            load(branches, row, i),
+            load(branches, row + 1, i),
+            load(branches, row + 2, i),
+            load(branches, row + 3, i),
+            load(branches, row + 4, i),
+            load(branches, row + 5, i),
+        )
+
+    return solid
+
+
+def store_branch(space, branches, alpha, i, A, count):
+    """Store A_alpha of the first `count` of particles i..i+3."""
+    raise NotImplementedError
+
+
+@overload(store_branch)
+def _store_branch(space, branches, alpha, i, A, count):
+    if is_instance(space, Plane):
+
+        def plane(space, branches, alpha, i, A, count):
+            store_first(branches, 3 * alpha, i, A[0], count)
+            store_first(branches, 3 * alpha + 1, i, A[1], count)
+            store_first(branches, 3 * alpha + 2, i, A[3], count)
+
+        return plane
+
+    def solid(space, branches, alpha, i, A, count):
+        row = 6 * alpha
+        store_first(branches, row, i, A[0], count)
+        store_first(branches, row + 1, i, A[1], count)
+        store_first(branches, row + 2, i, A[2], count)
+        store_first(branches, row + 3, i, A[3], count)
+        store_first(branches, row + 4, i, A[4], count)
+        store_first(branches, row + 5, i, A[5], count)
+
+    return solid
+
+
+def load_correction(space, correction, i):
+    """L of particles i..i+3 as a general tensor."""
+    raise NotImplementedError
+
+
+@overload(load_correction)
+def _load_correction(space, correction, i):
+    if is_instance(space, Plane):
+        return lambda space, correction, i: (
+            load(correction, 0, i),
+            load(correction, 1, i),
+            load(correction, 2, i),
+            load(correction, 3, i),
+            broadcast(0.0),
+        )
+    return lambda space, correction, i: load_nine(correction, 0, i)
+
+
+def load_gradient(space, gradient, i):
+    """sum (v_b - v_a) (x) g of particles i..i+3, stored particle by particle in columns, as a general tensor."""
+    raise NotImplementedError
+
+
+@overload(load_gradient)
+def _load_gradient(space, gradient, i):
+    if is_instance(space, Plane):
+
+        def plane(space, gradient, i):
+            c = four_rows(gradient, i, 0)
+            return c[0], c[2], c[1], c[3], broadcast(0.0)
+
+        return plane
+
+    def solid(space, gradient, i):
+        x, y, z = four_rows(gradient, i, 0), four_rows(gradient, i, 4), four_rows(gradient, i, 8)
+        return x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]
+
+    return solid
+
+
+def four_rows(array, i, column):
+    raise NotImplementedError
+
+
+@overload(four_rows)
+def _load_four_rows(array, i, column):
+    return lambda array, i, column: transpose(
+        load(array, i, column), load(array, i + 1, column), load(array, i + 2, column), load(array, i + 3, column)
+    )
+
+
+def store_rows(array, i, column, first, second, third, fourth):
+    """Lanes over particles into array[i..i+3, column : column + 4]."""
+    raise NotImplementedError
+
+
+@overload(store_rows)
+def _store_rows(array, i, column, first, second, third, fourth):
+    def store_four(array, i, column, first, second, third, fourth):
+        rows = transpose(first, second, third, fourth)
+        store(array, i, column, rows[0])
+        store(array, i + 1, column, rows[1])
+        store(array, i + 2, column, rows[2])
+        store(array, i + 3, column, rows[3])
+
+    return store_four
+
+
+def store_matrix(space, record, i, column, matrix):
+    """The columns of a general tensor of particles i..i+3 into their records."""
+    raise NotImplementedError
+
+
+@overload(store_matrix)
+def _store_matrix(space, record, i, column, matrix):
+    if is_instance(space, Plane):
+        return lambda space, record, i, column, matrix: store_rows(
+            record, i, column, matrix[0], matrix[2], matrix[1], matrix[3]
+        )
+
+    def solid(space, record, i, column, matrix):
+        zero = broadcast(0.0)
+        store_rows(record, i, column, matrix[0], matrix[3], matrix[6], zero)
+        store_rows(record, i, column + 4, matrix[1], matrix[4], matrix[7], zero)
+        store_rows(record, i, column + 8, matrix[2], matrix[5], matrix[8], zero)
+
+    return solid
+
+
+def store_tensor(space, record, i, column, tensor, last):
+    """A symmetric tensor of particles i..i+3 into their records, with one more number in its free lane."""
+    raise NotImplementedError
+
+
+@overload(store_tensor)
+def _store_tensor(space, record, i, column, tensor, last):
+    if is_instance(space, Plane):
+        return lambda space, record, i, column, tensor, last: store_rows(
+            record, i, column, broadcast(tensor[0]), broadcast(tensor[1]), broadcast(tensor[3]), broadcast(last)
+        )
+
+    def solid(space, record, i, column, tensor, last):
+        zero = broadcast(0.0)
+        store_rows(record, i, column, broadcast(tensor[0]), broadcast(tensor[1]), broadcast(tensor[2]), broadcast(last))
+        store_rows(record, i, column + 4, broadcast(tensor[3]), broadcast(tensor[4]), broadcast(tensor[5]), zero)
+
+    return solid
+
+
+def record_columns(space):
+    """Columns that a matrix and a symmetric tensor take in a record."""
+    raise NotImplementedError
+
+
+@overload(record_columns)
+def _record_columns(space):
+    if is_instance(space, Plane):
+        return lambda space: (4, 4)
+    return lambda space: (12, 8)

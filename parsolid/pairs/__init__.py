@@ -1,0 +1,1 @@
+"""Interactions of particles: neighbour lists, corrections, the two passes."""

@@ -1,0 +1,146 @@
+"""Pair weights of irregular particles, changed so that the force of a constant stress vanishes inside the body.
+
+The force of a constant stress P is P sum_b (L_a + L_b) g_ab. Between irregular particles the sum is not zero, and a body
+under pressure tears itself apart. Exact weights give minus the particle's area vector, zero inside: the discrete
+divergence theorem, as in meshless finite volumes (Chiu, Wang, Hu, Jameson: A conservative mesh-free scheme and generalized
+framework for conservation laws, SIAM J. Sci. Comput. 34 (2012)). With L_a held, weights near g_ab that do so are
+    g_ab + w_ab (L_a + L_b)^{-1} (p_a - p_b),   sum_b w_ab (p_a - p_b) = -A_a - sum_b (L_a + L_b) g_ab,
+with potentials p_a by a graph Laplacian. They remain antisymmetric, so that forces stay pairwise; L_a follows them, so that
+gradients of linear fields stay exact; and both are repeated. What is left after the passes comes from the volumes, where
+they are not those of a tiling.
+"""
+
+import numpy as np
+
+from decomposition.reduction import sums
+from parsolid.collective import raise_together
+from parsolid.pairs import closure_kernels as closure
+
+# passes over L_a, and iterations of conjugate gradients in each: they need not end, L_a takes back what is smooth
+PASSES, ITERATIONS = 10, 10
+# what may be left over of a particle's face, |A_a + sum_b (L_a + L_b) g_ab| / V_a^((d-1)/d)
+LEFT_OVER = 0.5
+
+
+def surface_area(comm, particle_set, planes) -> np.ndarray:
+    """Area vectors A_a (n, d) [m^2] of particles with their halves beyond mirror planes; particle_set: `scene.ParticleSet`; collective.
+
+    Raises SolverError on all ranks when the areas are not where the particles are.
+    """
+    raise_together(comm, _surface_fault(comm, particle_set))
+    area = particle_set.area.copy()
+    for plane in planes:
+        on = plane.contains(particle_set)
+        area[on] *= 2.0
+        area[on, plane.axis] = 0.0
+    return area
+
+
+def _surface_fault(comm, particle_set) -> str | None:
+    """sum_a A_a . X_a is d times the volume for particles on the surface, and less by half a spacing for cells beside it."""
+    depth = 0.5 * np.linalg.norm(particle_set.area, axis=1) * particle_set.spacing.min(axis=1)
+    moment = particle_set.position.shape[1] * particle_set.volume.sum() - np.sum(
+        particle_set.area * particle_set.position
+    )
+    missing, between = sums(comm, np.array([moment, depth.sum()]))
+    if missing <= 0.2 * between:
+        return None
+    return 'method.pair_correction: expected particles on the surface of the bodies (placement = "nodes") for "closure", found cells'
+
+
+class Closure:
+    """The discrete divergence theorem on the lists of a neighbour_lists; arrays of particles have this rank's owned rows."""
+
+    def __init__(self, halo, lists, positions, area, share):
+        """lists: (pairs, both, code, reflections, shifts); positions (n, d) [m] with ghosts.
+
+        area (owned, d): `surface_area`; share (owned,): the part of each particle on this side of mirror planes.
+        """
+        self.halo, self.lists, self.positions = halo, lists, positions
+        self.owned, self.area, self.share = halo.owned, area, share[:, None]
+        self.potential = np.zeros_like(positions)
+        self.exchange = halo.exchange([self.potential])
+
+    def fluxes(self, correction: np.ndarray) -> np.ndarray:
+        """sum_b (L_a + L_b) g_ab (owned, d) [m^2]; correction (n, d, d) with ghosts."""
+        total = np.zeros_like(self.positions)
+        for pairs, both, code, reflections, _ in self.lists:
+            closure.add_fluxes(both, pairs.start, pairs.neighbour, code, reflections, correction, pairs.weight, total)
+        return total[: self.owned]
+
+    def left_over(self, correction: np.ndarray) -> np.ndarray:
+        """A_a + sum_b (L_a + L_b) g_ab (owned, d) [m^2], zero for closed weights."""
+        return self.area + self.fluxes(correction)
+
+    def improve(self, correction: np.ndarray) -> None:
+        """Change the weights of all lists towards closure, with the corrections held; collective."""
+        diagonal = np.zeros(len(self.positions))
+        for pairs, both, code, reflections, shifts in self.lists:
+            closure.stiffen(
+                both, pairs.start, pairs.neighbour, code, reflections, shifts, self.positions, pairs.weight, diagonal
+            )
+        self.potential[: self.owned] = self._solve(-self.left_over(correction), diagonal[: self.owned, None])
+        self._update()
+        for pairs, _, code, reflections, _ in self.lists:
+            closure.add_potential(
+                pairs.start, pairs.neighbour, code, reflections, correction, self.potential, pairs.weight
+            )
+
+    def _update(self) -> None:
+        self.exchange.start()
+        self.exchange.finish()
+
+    def _solve(self, residual: np.ndarray, diagonal: np.ndarray) -> np.ndarray:
+        """Potentials (owned, d) by conjugate gradients; the Laplacian is symmetric in the sums weighted with the share."""
+        result = np.zeros_like(residual)
+        z = residual / diagonal
+        direction, norm = z.copy(), self._sum(residual * z)
+        for _ in range(ITERATIONS):
+            if norm == 0.0:
+                break
+            image = self._laplacian(direction)
+            step = norm / self._sum(direction * image)
+            result += step * direction
+            residual = residual - step * image
+            z = residual / diagonal
+            before, norm = norm, self._sum(residual * z)
+            direction = z + (norm / before) * direction
+        return result
+
+    def _laplacian(self, direction: np.ndarray) -> np.ndarray:
+        self.potential[: self.owned] = direction
+        self._update()
+        total = np.zeros_like(self.potential)
+        for pairs, both, code, reflections, _ in self.lists:
+            closure.add_laplacian(
+                both, pairs.start, pairs.neighbour, code, reflections, pairs.weight, self.potential, total
+            )
+        return total[: self.owned]
+
+    def _sum(self, values: np.ndarray) -> float:
+        return float(sums(self.halo.comm, np.array([np.sum(self.share * values)]))[0])
+
+
+def close(pairs: Closure, neighbour_lists, correct) -> None:
+    """Close the weights of a neighbour_lists, whose corrections L_a correct() renews from its weights; collective.
+
+    Raises SolverError on all ranks when a particle's volume and its neighbours fit so badly that the passes diverge.
+    """
+    for _ in range(PASSES):
+        pairs.improve(neighbour_lists.correction)
+        correct()
+    d = neighbour_lists.positions.shape[1]
+    left_over = np.abs(pairs.left_over(neighbour_lists.correction)).max(axis=1) / neighbour_lists.volume[
+        : pairs.owned
+    ] ** (1 - 1 / d)
+    raise_together(pairs.halo.comm, _fault(left_over, neighbour_lists.positions))
+
+
+def _fault(left_over: np.ndarray, positions: np.ndarray) -> str | None:
+    if np.all(left_over <= LEFT_OVER):
+        return None
+    place = ", ".join(f"{x:.6g}" for x in positions[np.argmax(left_over)])
+    return (
+        f"method.pair_correction: expected particles whose volumes fit their distances, found one at ({place}) of which "
+        f"{left_over.max():.2g} of a face is left over"
+    )

@@ -1,0 +1,1 @@
+"""Particles of a rank: declared fields, generation, distribution."""

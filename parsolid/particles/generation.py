@@ -1,0 +1,136 @@
+"""From a scene to particles: every rank makes its own contiguous share of the ids, and no rank more than that."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from mpi4py import MPI
+
+from parsolid.particles.particle_set import ParticleSet
+from parsolid.scene.boundaries import Support
+from parsolid.scene.fillings import filling_of
+from parsolid.scene.formulas import Formula, FormulaVector
+from parsolid.scene.lattice import Filling
+from parsolid.scene.regions import NOBODY, nearest_particles, selected
+from parsolid.scene.schema import Scene, needs_bounding_plane, unbounded_plane
+from parsolid.scene.validation_errors import SceneError, agree, fault, key_path
+
+
+def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:
+    """This rank's share of the scene's particles (collective).
+
+    Global ids run body by body in the order of each body's lattice or mesh; rank r has the ids from r N / size. Raises
+    SceneError, the same on all ranks, for a mesh that cannot be used, a body without particles, a plane that bounds no mesh,
+    a region without particles, a probe away from all particles, and a formula that is not finite at some particle.
+    """
+    fillings = _fillings(scene, comm)
+    ends = np.cumsum([filling.count for filling in fillings])
+    total = int(ends[-1])
+    first, last = total * comm.rank // comm.size, total * (comm.rank + 1) // comm.size
+    pieces = []
+    for i, filling in enumerate(fillings):
+        start = int(ends[i]) - filling.count
+        low, high = max(first - start, 0), min(last - start, filling.count)
+        if low < high:
+            piece = filling.piece(low, high)
+            piece.identifier += start
+            piece.body[:] = i
+            pieces.append(piece)
+    coarsest = max(filling.coarsest for filling in fillings)
+    del fillings
+    particle_set = ParticleSet.joined(pieces, scene.dimension)
+    everywhere = np.ones(len(particle_set), bool)
+    chosen = [selected(scene, one, particle_set, comm) if one.on_particles else everywhere for one in scene.boundaries]
+    faults = _distant_probes(scene, particle_set, coarsest, comm) + _empty_regions(chosen, comm)
+    agree(comm, faults + _not_finite(scene, particle_set, chosen, comm))
+    return particle_set
+
+
+def _fillings(scene: Scene, comm: MPI.Comm) -> list[Filling]:
+    fillings, faults = {}, []
+    for i, body in enumerate(scene.bodies):
+        try:
+            fillings[i] = filling_of(body, scene.dimension)
+        except SceneError as error:
+            faults += [f"{key_path(('bodies', i, 'shape', 'mesh', 'file'))}: {text}" for text in error.faults]
+    agree(comm, faults)
+    for i, filling in fillings.items():
+        if filling.count < 2:
+            faults.append(fault(("bodies", i), "a body of at least two particles", filling.count))
+    for i, boundary in enumerate(scene.boundaries):
+        if needs_bounding_plane(boundary):
+            faults += unbounded_plane(i, boundary, dict(enumerate(scene.bodies)), fillings)
+    agree(comm, faults)
+    return list(fillings.values())
+
+
+def _distant_probes(scene: Scene, particle_set: ParticleSet, coarsest: float, comm: MPI.Comm) -> list[str]:
+    probes = [(i, probe.at) for i, probe in enumerate(scene.probes) if probe.at is not None]
+    if not probes:
+        return []
+    _, distance = nearest_particles(
+        comm, particle_set.identifier, particle_set.position, np.array([at for _, at in probes])
+    )
+    # a cell's corner is half a diagonal away from its particle
+    reach = coarsest * max(1.0, 0.5 * np.sqrt(scene.dimension)) * (1.0 + 1e-9)
+    return [
+        fault(("probes", i, "at"), f"a point within one spacing of a particle (the nearest is {away:g} m away)", at)
+        for (i, at), away in zip(probes, distance)
+        if away > reach
+    ]
+
+
+def _empty_regions(chosen: list[np.ndarray], comm: MPI.Comm) -> list[str]:
+    count = np.array([mask.sum() for mask in chosen], np.int64)
+    comm.Allreduce(MPI.IN_PLACE, count, op=MPI.SUM)
+    return [fault(("boundaries", i), "a region that holds particles", int(n)) for i, n in enumerate(count) if n == 0]
+
+
+def _formulas(
+    scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray]
+) -> Iterator[tuple[tuple, FormulaVector, np.ndarray]]:
+    """Every formula of the scene with its key and the particles at which it is needed."""
+    for i, body in enumerate(scene.bodies):
+        here = particle_set.body == i
+        for key in ("velocity", "displacement"):
+            if getattr(body, key) is not None:
+                yield ("bodies", i, key), getattr(body, key), here
+        if body.temperature is not None:
+            yield ("bodies", i, "temperature"), _as_vector(body.temperature), here
+        for row, formulas in enumerate(body.deformation_gradient or ()):
+            yield ("bodies", i, "deformation_gradient", row), formulas, here
+    for i, boundary in enumerate(scene.boundaries):
+        formulas = None if isinstance(boundary, Support) else getattr(boundary, boundary.kind, None)
+        if formulas is not None:
+            yield ("boundaries", i, boundary.kind), _as_vector(formulas), chosen[i]
+    for key in ("body_force", "acceleration", "heat_source"):
+        if getattr(scene.loads, key) is not None:
+            yield ("loads", key), _as_vector(getattr(scene.loads, key)), np.ones(len(particle_set), bool)
+
+
+def _as_vector(formulas: Formula | FormulaVector) -> FormulaVector:
+    return FormulaVector((formulas,)) if isinstance(formulas, Formula) else formulas
+
+
+def _not_finite(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray], comm: MPI.Comm) -> list[str]:
+    """Formulas that are not finite at time 0, each told once: at its particle of lowest id on all ranks."""
+    first, faults = [], []
+    for key, formulas, here in _formulas(scene, particle_set, chosen):
+        rows = np.flatnonzero(here)
+        values = formulas.evaluate(particle_set.position[rows])
+        for component in range(len(formulas)):
+            bad = rows[~np.isfinite(values[:, component])]
+            worst = bad[np.argmin(particle_set.identifier[bad])] if len(bad) else None
+            first.append(NOBODY if worst is None else particle_set.identifier[worst])
+            if worst is None:
+                faults.append(None)
+                continue
+            place = ", ".join(f"{x:g}" for x in particle_set.position[worst])
+            value = values[np.searchsorted(rows, worst), component]
+            faults.append(
+                f"{key_path(key if len(formulas) == 1 else (*key, component))}: expected a finite value at every particle, "
+                f"found {value} at particle {particle_set.identifier[worst]} ({place})"
+            )
+    mine = np.array(first, np.int64)
+    lowest = np.empty_like(mine)
+    comm.Allreduce(mine, lowest, op=MPI.MIN)
+    return [text for text, own, low in zip(faults, mine, lowest) if text is not None and own == low]

@@ -1,0 +1,45 @@
+"""One rank's piece of the generated particles."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass
+class ParticleSet:
+    """Generated particles before they are partitioned; d = dimension, n = particles on this rank.
+
+    identifier (n,) int64   global id, independent of the number of ranks
+    position   (n, d)       reference position X [m]
+    volume     (n,)         tributary volume [m^3]; in 2-D per metre of thickness
+    spacing    (n, d)       spacing along the particle's own axes [m]
+    axes       (n, d, d)    rows = the particle's own orthonormal axes; None = Cartesian
+    body       (n,) int32   index into the scene's bodies
+    area       (n, d)       outward boundary area vector [m^2]: one component per direction, zero inside
+    """
+
+    identifier: np.ndarray
+    position: np.ndarray
+    volume: np.ndarray
+    spacing: np.ndarray
+    axes: np.ndarray | None
+    body: np.ndarray
+    area: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.identifier)
+
+    @classmethod
+    def joined(cls, pieces: list["ParticleSet"], dimension: int) -> "ParticleSet":
+        """Pieces one after the other; axes are filled in where only some pieces have them."""
+        if not pieces:
+            vectors = np.zeros((0, dimension))
+            return cls(
+                np.zeros(0, np.int64), vectors, np.zeros(0), vectors.copy(), None, np.zeros(0, np.int32), vectors.copy()
+            )
+        axes = None
+        if any(piece.axes is not None for piece in pieces):
+            cartesian = np.eye(dimension)
+            axes = np.concatenate([np.tile(cartesian, (len(p), 1, 1)) if p.axes is None else p.axes for p in pieces])
+        names = ("identifier", "position", "volume", "spacing", "body", "area")
+        return cls(axes=axes, **{name: np.concatenate([getattr(p, name) for p in pieces]) for name in names})

@@ -1,0 +1,183 @@
+"""What all tables of a scene share: strictness, exclusive keys, a kind that chooses the model, points and planes."""
+
+from typing import Annotated, Any, ClassVar, get_args
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
+from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
+
+from parsolid.scene.validation_errors import NOTHING, suggestion, told
+
+AXES = ("X", "Y", "Z")
+
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+
+
+def mismatch(expected: str, found: object) -> PydanticCustomError:
+    """The error of a value that is not what its key wants."""
+    return PydanticCustomError("mismatch", "{text}", {"text": f"expected {expected}, found {told(found)}"})
+
+
+def reject(*details: tuple[tuple, str, object]) -> None:
+    """Raise the given (location, expected, found) as one validation error; nothing when there are none."""
+    if details:
+        raise ValidationError.from_exception_data(
+            "scene",
+            [
+                InitErrorDetails(type=mismatch(expected, found), loc=place, input=found)
+                for place, expected, found in details
+            ],
+        )
+
+
+def dimension_of(info: ValidationInfo) -> int | None:
+    """The scene's dimension while it is validated; None where it is not known (or itself at fault)."""
+    return (info.context or {}).get("dimension")
+
+
+def method_of(info: ValidationInfo) -> type | None:
+    """The class of the scene's method while the scene is validated; None where it is not known (or itself at fault)."""
+    return (info.context or {}).get("method")
+
+
+class SceneModel(BaseModel):
+    """A table of a scene: unknown keys and implicit conversions are refused, and it cannot be changed.
+
+    `exactly_one` and `at_most_one` name groups of keys that exclude each other.
+    """
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+    exactly_one: ClassVar[tuple[tuple[str, ...], ...]] = ()
+    at_most_one: ClassVar[tuple[tuple[str, ...], ...]] = ()
+
+    @classmethod
+    def _conflicts(cls, table: dict) -> list[InitErrorDetails]:
+        details = []
+        for group in cls.exactly_one + cls.at_most_one:
+            present = [key for key in group if table.get(key) is not None]
+            required = group in cls.exactly_one
+            if len(present) > 1 or (required and not present):
+                count = "exactly one of" if required else "at most one of"
+                found = " and ".join(present) if present else "none"
+                text = f"expected {count} {', '.join(group)}; found {found}"
+                error = PydanticCustomError("mismatch", "{text}", {"text": text})
+                details.append(InitErrorDetails(type=error, loc=(), input=table))
+        return details
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _every_fault(cls, value: Any, handler) -> "SceneModel":
+        """Report excluding keys together with the faults of the single keys, not after them."""
+        conflicts = cls._conflicts(value) if isinstance(value, dict) else []
+        try:
+            result = handler(value)
+        except ValidationError as error:
+            if not conflicts:
+                raise
+            for found in error.errors(include_url=False):
+                kind = found["type"]
+                if kind == "mismatch":
+                    kind = PydanticCustomError("mismatch", "{text}", found["ctx"])
+                conflicts.append(
+                    InitErrorDetails(type=kind, loc=found["loc"], input=found["input"], ctx=found.get("ctx", {}))
+                )
+        if conflicts:
+            raise ValidationError.from_exception_data(cls.__name__, conflicts)
+        return result
+
+
+class ByKind:
+    """Annotation of a field whose table's `kind` chooses one of several models.
+
+    known: the attribute of a method's settings that lists the kinds which the method knows, "" where all will do.
+    """
+
+    def __init__(self, models: tuple[type[SceneModel], ...], known: str = ""):
+        self.known = known
+        self.models = {kind: model for model in models for kind in get_args(model.model_fields["kind"].annotation)}
+
+    def __get_pydantic_core_schema__(self, source, handler):
+        return core_schema.with_info_plain_validator_function(self._validate)
+
+    def _validate(self, value: Any, info: ValidationInfo) -> SceneModel:
+        if isinstance(value, tuple(self.models.values())):
+            return value
+        if not isinstance(value, dict):
+            raise mismatch("a table", value)
+        method = method_of(info)
+        allowed = [kind for kind in self.models if not (self.known and method) or kind in getattr(method, self.known)]
+        kinds = ", ".join(map(repr, allowed))
+        if "kind" not in value:
+            reject((("kind",), f"one of {kinds}", NOTHING))
+        model = self.choose(value)
+        if model is None:
+            reject((("kind",), f"one of {kinds}{suggestion(value['kind'], allowed)}", value["kind"]))
+        if value["kind"] not in allowed:
+            reject((("kind",), f"one of {kinds}, which the method of the scene knows", value["kind"]))
+        return model.model_validate(value, context=info.context)
+
+    def choose(self, table: object) -> type[SceneModel] | None:
+        """The model for a table's kind, None when there is no such kind."""
+        kind = table.get("kind") if isinstance(table, dict) else None
+        return self.models.get(kind) if isinstance(kind, str) else None
+
+
+def by_kind(*models: type[SceneModel], known: str = ""):
+    """The type of a field that holds one of the models; each has a literal field `kind`; known as in `ByKind`."""
+    return Annotated[Any, ByKind(models, known)]
+
+
+def _components(value: list, info: ValidationInfo) -> list:
+    dimension = dimension_of(info)
+    if dimension is not None and len(value) != dimension:
+        raise mismatch(f"{dimension} components (one per dimension)", value)
+    return value
+
+
+OnePerDimension = AfterValidator(_components)
+Point = Annotated[list[float], OnePerDimension]
+
+
+class Plane:
+    """An axis-aligned plane, "Y = 0": `axis` (0, 1, 2) and `offset` [m]."""
+
+    def __init__(self, axis: int, offset: float):
+        self.axis = axis
+        self.offset = offset
+
+    def __str__(self) -> str:
+        return f"{AXES[self.axis]} = {self.offset!r}"
+
+    def __repr__(self) -> str:
+        return f"Plane({str(self)!r})"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Plane) and (self.axis, self.offset) == (other.axis, other.offset)
+
+    def __hash__(self) -> int:
+        return hash((self.axis, self.offset))
+
+    @classmethod
+    def parse(cls, text: object, dimension: int | None = 3) -> "Plane":
+        """The plane that `text` names; raises PydanticCustomError when it names none of this dimension."""
+        axes = AXES[: dimension or 3]
+        expected = f"a plane such as 'Y = 0' with one of the axes {', '.join(axes)}"
+        name, equals, number = text.partition("=") if isinstance(text, str) else ("", "", "")
+        if name.strip() not in axes or not equals:
+            raise mismatch(expected, text)
+        try:
+            offset = float(number)
+        except ValueError:
+            raise mismatch(expected, text) from None
+        if offset != offset or abs(offset) == float("inf"):
+            raise mismatch(expected, text)
+        return cls(axes.index(name.strip()), offset)
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source, handler):
+        def validate(value, info):
+            return value if isinstance(value, cls) else cls.parse(value, dimension_of(info))
+
+        return core_schema.with_info_plain_validator_function(
+            validate, serialization=core_schema.plain_serializer_function_ser_schema(str)
+        )

@@ -1,0 +1,122 @@
+"""How loads go in time: formulas that may jump, and tables of factors."""
+
+import csv
+from copy import copy
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from parsolid.scene.base_model import NotNegative, SceneModel, reject
+from parsolid.scene.formulas import FormulaVector
+from parsolid.scene.shapes import ExistingFile
+
+# just before and just after a jump, relative to its time [1] and absolute [s]
+_NEAR = 1e-13
+
+
+class LoadHistory(SceneModel):
+    """A factor that is linear in time between rows of (time [s], factor); a repeated time is a jump.
+
+    It is 0 before the first row and constant after the last. Rows stand in the scene or in a CSV file with a line of names.
+    """
+
+    exactly_one: ClassVar = (("rows", "file"),)
+    rows: list[Annotated[list[float], Field(min_length=2, max_length=2)]] | None = Field(None, min_length=1)
+    file: ExistingFile | None = None
+
+    @model_validator(mode="after")
+    def _in_order(self) -> "LoadHistory":
+        key = "rows" if self.file is None else "file"
+        try:
+            times = [time for time, _ in self.table]
+        except (OSError, ValueError):
+            reject(((key,), "a CSV file of two columns of numbers under a line of names", self.file))
+        if not times or not np.isfinite(self.table).all():
+            reject(((key,), "finite numbers", self.file or self.rows))
+        late = [(i, time) for i, (before, time) in enumerate(zip([0.0, *times], times)) if time < before]
+        if late:
+            place = (key, late[0][0]) if self.file is None else (key,)
+            reject((place, "times from 0 on that do not fall", late[0][1]))
+        return self
+
+    @property
+    def table(self) -> list[list[float]]:
+        """The rows, wherever they stand."""
+        if self.rows is not None:
+            return self.rows
+        with open(self.file, newline="", encoding="utf-8") as file:
+            return [[float(time), float(factor)] for time, factor in list(csv.reader(file))[1:]]
+
+    @property
+    def jumps(self) -> list[float]:
+        """Times [s] at which the factor jumps."""
+        rows = [[self.table[0][0], 0.0], *self.table]
+        return sorted(
+            {end for (begin, before), (end, after) in zip(rows, rows[1:]) if begin == end and before != after}
+        )
+
+    def factor(self, time: float, before: bool = False) -> float:
+        """The factor at a time [s]: just after its jump, or just before."""
+        times, factors = np.array(self.table).T
+        if time < times[0] or (before and time == times[0]):
+            return 0.0
+        end = int(np.searchsorted(times, time, side="left" if before else "right"))
+        if end == len(times):
+            return float(factors[-1])
+        begin, width = times[end - 1], times[end] - times[end - 1]
+        return float(factors[end - 1] + (factors[end] - factors[end - 1]) * (time - begin) / width)
+
+
+class Timed(SceneModel):
+    """Keys of a load that changes in time.
+
+    history  a factor of its formulas
+    jumps    times [s] at which the formulas themselves jump; quasi-static solutions insert a step of length zero there
+    """
+
+    history: LoadHistory | None = None
+    jumps: list[NotNegative] | None = None
+
+    @model_validator(mode="after")
+    def _rising(self) -> "Timed":
+        jumps = self.jumps or []
+        late = [(i, after) for i, (before, after) in enumerate(zip(jumps, jumps[1:]), 1) if after <= before]
+        reject(*((("jumps", i), "a time later than the one before", time) for i, time in late))
+        return self
+
+    @property
+    def jump_times(self) -> list[float]:
+        """Times [s] at which formulas or history jump."""
+        return sorted({*(self.jumps or ()), *(self.history.jumps if self.history is not None else ())})
+
+
+class LoadHistory:
+    """A `Timed` load with its history and jumps, evaluated as a `FormulaVector` is."""
+
+    def __init__(self, formulas: FormulaVector, timed: Timed):
+        self.formulas, self.history, self.jumps = formulas, timed.history, timed.jumps or ()
+
+    @property
+    def depends_on_time(self) -> bool:
+        """Whether the values change in time."""
+        return self.history is not None or self.formulas.depends_on_time
+
+    def component(self, index: int) -> "LoadHistory":
+        """One component alone, in the same time."""
+        result = copy(self)
+        result.formulas = FormulaVector((self.formulas[index],))
+        return result
+
+    @property
+    def free(self) -> np.ndarray:
+        """Which components are free, (d,) bool."""
+        return self.formulas.free
+
+    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
+        """Values (n, components) at points (n, d) [m] and a time [s], of a jump just after, or just before it."""
+        near = time
+        if time in self.jumps:
+            near = time + (-1.0 if before else 1.0) * _NEAR * max(1.0, time)
+        values = self.formulas.evaluate(points, near)
+        return values if self.history is None else self.history.factor(time, before) * values

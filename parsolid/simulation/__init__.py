@@ -1,0 +1,1 @@
+"""One run: loop, recorder, probes, ledger, restart, signals."""

@@ -1,0 +1,70 @@
+"""The files of one run: which folder, what is in it, and how a restart goes on with them."""
+
+import time as clock
+from pathlib import Path
+
+import numpy as np
+
+from parsolid.output.directory import prepare
+from parsolid.output.errors import together
+from parsolid.output.fields import FieldSeries
+from parsolid.output.history import History, read_history
+from parsolid.simulation.observables import Observables
+
+
+class OutputFiles:
+    """history.csv, fields.vtkhdf and checkpoint.h5 in the run's folder; every call is collective."""
+
+    def __init__(self, comm, scene, directory, restart=None, inputs=()):
+        """restart: the `Restart` to continue from, or None. Results of another run in the folder are moved aside.
+
+        inputs: files the run reads. Raises OutputError on all ranks.
+        """
+        self.comm, self.scene = comm, scene
+        directory = Path(directory)
+        # a checkpoint from elsewhere starts a folder of its own
+        self.continued = restart if restart and restart.path.resolve().parent == directory.resolve() else None
+        self.directory = prepare(comm, directory, self.continued is not None, inputs)
+        self.checkpoint = self.directory / "checkpoint.h5"
+        self.field_times = scene.fields_times
+        resume_at = self.continued.header["time"] if self.continued else None
+        self.fields = FieldSeries(comm, self.directory / "fields.vtkhdf", max(1, len(self.field_times)), resume_at)
+        self.history: History | None = None
+        self.seconds = 0.0
+
+    def open_history(self, columns: list[str]) -> None:
+        """Start the history with its columns, or go on with it."""
+        path = self.directory / "history.csv"
+        with together(self.comm, f"cannot go on with {path}"):
+            if self.comm.rank == 0:
+                self.history = History(path, columns)
+                if self.continued:
+                    self.history.resume(self.continued.header["step"])
+
+    def history_rows(self, last_only: bool) -> list[dict[str, float]]:
+        """Rows that a continued history has kept, all or the last one, the same on all ranks; collective."""
+        columns: dict[str, list[float]] = {}
+        path = self.directory / "history.csv"
+        with together(self.comm, f"cannot go on with {path}"):
+            if self.comm.rank == 0 and self.continued:
+                columns = read_history(path)
+                columns = {name: values[-1:] if last_only else values for name, values in columns.items()}
+        columns = self.comm.bcast(columns)
+        return [dict(zip(columns, values)) for values in zip(*columns.values())]
+
+    def append_history(self, values: list[float]) -> None:
+        """Add a row; rank 0's is written."""
+        with together(self.comm, "cannot write the history"):
+            if self.history is not None:
+                self.history.append(values)
+
+    def write_fields(self, simulation, time: float) -> None:
+        """Write the shown fields at a time [s]."""
+        began = clock.perf_counter()
+        observables, table = Observables(simulation.method), simulation.method.table
+        names = self.scene.output.fields or self.scene.method.shown_fields
+        varying = {name: np.ascontiguousarray(observables.field(name)) for name in names}
+        constant = {"body": table.owned_rows("body"), "volume": table.owned_rows("volume")}
+        position = np.ascontiguousarray(table.owned_rows("position"))
+        self.fields.write(time, table.owned_rows("identifier"), position, varying, constant)
+        self.seconds += clock.perf_counter() - began

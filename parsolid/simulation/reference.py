@@ -1,0 +1,100 @@
+"""Errors against a scene's reference: a series over time, an exact solution, or values at the end.
+
+Against a series: for energies max |error| / E0, for anything else max |error| / max |reference|, over the common times.
+Against values at the end: |value / expected - 1|. Against an exact solution: its own measure (see `exact.solution`), at given
+times, as the largest over all steps, or of the history.
+"""
+
+import json
+
+import numpy as np
+
+from parsolid.collective import SolverError
+from parsolid.simulation.ledger import COLUMNS
+
+
+class Errors:
+    """Collects what is needed while a run goes on; `result` is the same on all ranks."""
+
+    def __init__(self, scene):
+        self.reference = scene.reference
+        self.rows: list[dict] = []
+        self.found: dict[str, float] = {}
+        self.times: tuple[float, ...] = ()
+        self.solution = None
+        self.columns: tuple[str, ...] = ()
+        if self.reference is not None and self.reference.series is not None:
+            self.columns = ("time", *self.reference.columns)
+        if self.reference is not None and self.reference.exact is not None:
+            # scipy takes half a second to import, which a run without a reference is spared
+            from parsolid.exact import SOLUTIONS
+
+            self.solution = SOLUTIONS[self.reference.exact].of_scene(scene)
+            if self.reference.history:
+                self.columns = ("time", "dt", *_judged(scene, self.solution))
+            self.times = tuple(time for time in self.reference.times or () if time <= scene.end_time)
+
+    def note(self, row: dict) -> None:
+        """Remember a history row."""
+        if self.columns:
+            self.rows.append({name: row[name] for name in self.columns})
+        elif self.reference is not None and self.reference.final is not None:
+            self.found = {name: abs(row[name] / wanted - 1.0) for name, wanted in self.reference.final.items()}
+
+    def resume(self, rows: list[dict], found: dict[str, float]) -> None:
+        """Continue with the history rows and the errors of the run before a restart."""
+        self.found |= found
+        for row in rows:
+            self.note(row)
+
+    def look(self, simulation, observables) -> None:
+        """Compare with the exact solution when its time has come; collective then."""
+        if self.solution is None:
+            return
+        from parsolid.exact.solution import View
+
+        time, view = simulation.clock.time, View(simulation.comm, observables)
+        if self.reference.each_step:
+            for name, error in self.solution.rms_errors(view, time).items():
+                name = f"largest_{name}"
+                self.found[name] = max(error, self.found.get(name, 0.0))
+        elif time in self.times:
+            self.found |= {f"{name}@{time:.6g}": error for name, error in self.solution.errors(view, time).items()}
+
+    def result(self) -> dict[str, float]:
+        """Errors by name: a history column, field@time, largest_field over all steps, or what a solution finds in the history."""
+        if self.rows and self.solution is not None:
+            history = {name: np.array([row[name] for row in self.rows]) for name in self.columns}
+            self.found |= self.solution.history_errors(history)
+        elif self.rows:
+            self.found |= series_errors(self.rows, self.reference)
+        return self.found
+
+
+def _judged(scene, solution) -> list[str]:
+    """Columns of the history that a solution looks at. Raises SolverError when the scene has no probes for them."""
+    wanted = solution.history_columns()
+    known = {column for probe in scene.probes for column in probe.columns(scene.dimension, scene.method)}
+    missing = [column for column in wanted if column not in known]
+    if missing or not wanted:
+        what = ", ".join(missing) or "position and displacement at a point"
+        raise SolverError(f"reference.history: expected probes that fill {what}, found none")
+    return wanted
+
+
+def series_errors(rows: list[dict], reference) -> dict[str, float]:
+    """Errors of history rows against a reference series; rows hold "time" and the reference's columns."""
+    from scipy.interpolate import CubicSpline
+
+    with open(reference.series) as file:
+        data = json.load(file)
+    times = np.asarray(data["t"], float)
+    time = np.array([row["time"] for row in rows])
+    common = (time >= times[0]) & (time <= times[-1])
+    errors = {}
+    for column, name in reference.columns.items():
+        wanted = np.asarray(data["series"][name], float)
+        found = np.array([row[column] for row in rows])[common]
+        scale = data["E0"] if column in COLUMNS else np.abs(wanted).max()
+        errors[column] = float(np.abs(found - CubicSpline(times, wanted)(time[common])).max() / scale)
+    return errors
