@@ -27,6 +27,7 @@ from numba.core.serialize import dumps
 _IMPORT = re.compile(
     r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)|import[ \t]+([\w., \t]+))", re.MULTILINE
 )
+_OURS = ("parsolid", "decomposition")
 # files that nothing has asked for in so many seconds are removed; a use is noted once a day
 _KEPT, _NOTED = 90 * 86400.0, 86400.0
 
@@ -83,22 +84,23 @@ def _source(module: str) -> Path | None:
 
 
 def _imported(module: str, text: str) -> set[str]:
-    """Names of modules that a text imports, of projects that use kernels: this one, and the module's own."""
-    ours = {"parsolid", "decomposition", module.partition(".")[0]}
+    """Names of modules that a text imports, of this project or beside the module itself."""
     found = set()
     for start, names, plain in _IMPORT.findall(text):
         if start:
             parts = [name.split()[0] for name in re.sub(r"#[^\n]*|[()\\]", " ", names).split(",") if name.strip()]
-            inner = {f"{start}.{name}" for name in parts}
-            modules = {name for name in inner if _is_module(name)}
-            found |= modules if len(modules) == len(inner) else modules | {start}
+            modules = {f"{start}.{name}" for name in parts if _is_ours(f"{start}.{name}", module)}
+            found |= modules if len(modules) == len(parts) else modules | {start}
         else:
             found |= {name.split()[0] for name in plain.split(",") if name.strip()}
-    return {name for name in found if name.partition(".")[0] in ours and name != module}
+    return {name for name in found if name != module and _is_ours(name, module)}
 
 
-def _is_module(name: str) -> bool:
-    return name.partition(".")[0] in ("parsolid", "decomposition") and _source(name) is not None
+def _is_ours(name: str, importer: str) -> bool:
+    source, here = _source(name), _source(importer)
+    return source is not None and (
+        name.partition(".")[0] in _OURS or (here is not None and source.parent == here.parent)
+    )
 
 
 @functools.cache

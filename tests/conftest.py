@@ -73,7 +73,7 @@ def pytest_collection_finish(session):
 
 
 # rooms in which no rank talks to another: once is enough
-_SERIAL = ("kernels", "materials", "exact")
+_SERIAL = ("numerics", "materials", "exact")
 
 
 def pytest_runtest_setup(item):

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numba import njit
 
+from decomposition.compiled import compiled
 from parsolid.materials.plastic import plastic_evaluation as evaluation
 from parsolid.materials.plastic import plasticity
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
@@ -40,7 +40,7 @@ def table_column(name):
     return np.array([row[name] for row in TABLE["flow_stress_Pa"]])
 
 
-@njit(cache=True)
+@compiled
 def on_lanes(law, plastic_strain, rate, temperature, result):
     for i in range(0, result.shape[1], 4):
         T = load(temperature, 0, i)

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from numba import njit
 from scipy.integrate import quad
 
+from decomposition.compiled import compiled
 from parsolid.materials.damage.bond_based import influence_moment, micromodulus
 from parsolid.materials.damage.fracture import breaking_limit, critical_bond_energy, critical_stretch
 from parsolid.methods.peridynamics.bond_weights import INFLUENCES, influence
@@ -17,7 +17,7 @@ E, GC, DELTA = 72e9, 135.0, 2e-3
 K3 = E / (3.0 * (1.0 - 2.0 * 0.25))
 
 
-@njit(cache=True)
+@compiled
 def at(kind, q):
     return influence(kind, q)
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from numba import njit
 from scipy.integrate import quad
 
+from decomposition.compiled import compiled
 from parsolid.exact.prony import PronySeries
 from parsolid.materials.viscoelastic import prony
 from parsolid.numerics.lanes import broadcast, from_floats, lane
@@ -36,7 +36,7 @@ def law(request, state):
     return prony.of_material(solid(request.param), state)
 
 
-@njit(cache=True)
+@compiled
 def completed(law, factor, carried, strain, relaxing):
     """(strain, relaxing strain, stress) with their lateral components."""
     lateral = prony.lateral_strain(law, factor, carried, strain, relaxing)
@@ -45,12 +45,12 @@ def completed(law, factor, carried, strain, relaxing):
     return strain, relaxing, prony.stress(law, strain, relaxing)
 
 
-@njit(cache=True)
+@compiled
 def equilibrium(law, a, b):
     return prony.equilibrium_form(law, a, b)
 
 
-@njit(cache=True)
+@compiled
 def branch(law, a, b):
     return prony.branch_form(law, a, b)
 
@@ -250,7 +250,7 @@ def test_wave_moduli_are_the_stiffness_of_a_jump(law, state):
     assert prony.pressure_wave_modulus(law, 0.25) == pytest.approx(settled[0], rel=1e-13)
 
 
-@njit(cache=True)
+@compiled
 def on_lanes(law, strain, relaxing, result):
     new, late, sigma = completed(law, 0.3, 0.01 * broadcast(1.0), strain, relaxing)
     # what is a plain zero becomes lanes
@@ -259,12 +259,12 @@ def on_lanes(law, strain, relaxing, result):
         result[2, k] = lane(prony.equilibrium_form(law, new, late) + prony.branch_form(law, new, late), k)
 
 
-@njit(cache=True)
+@compiled
 def as_lanes(a):
     return from_floats(a[0], a[1], a[2], a[3])
 
 
-@njit(cache=True)
+@compiled
 def four(law, rows, late, result):
     on_lanes(
         law,
@@ -291,7 +291,7 @@ def test_four_particles_at_once(bulk, state, random):
         assert result[:, k] == pytest.approx([sigma[0], sigma[3], energy], rel=1e-13, abs=1e-14)
 
 
-@njit(cache=True)
+@compiled
 def measures(gradient):
     return prony.small_strain(gradient), prony.green_lagrange_strain(gradient)
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from numba import njit
 
+from decomposition.compiled import compiled
 from parsolid.materials.hyperelastic.evaluation import symmetric_rows, symmetric_tensors
 from parsolid.materials.hyperelastic.hyperbolicity import dissipation_rates, energies, polyconvex_state
 from parsolid.materials.hyperelastic.mooney_rivlin import MooneyRivlin
@@ -13,12 +13,12 @@ from parsolid.materials.viscoelastic.relaxation import dissipated_energy, relax_
 TIMES = np.array([0.5])
 
 
-@njit(cache=True)
+@compiled
 def _energy(modulus, C, J, A):
     return branch_energy(modulus, C, J, A)
 
 
-@njit(cache=True)
+@compiled
 def _dissipation(modulus, time, C, inverse, A):
     return branch_dissipation(modulus, time, C, inverse, A)
 

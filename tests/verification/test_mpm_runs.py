@@ -9,7 +9,7 @@ import pytest
 from parsolid.commands.cli import main
 from parsolid.output.history import read_history
 
-RUNS = Path(__file__).parents[1] / "runs" / "mpm"
+RUNS = Path(__file__).parents[2] / "runs" / "mpm"
 
 
 @pytest.fixture

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 from grid_reference import BASES, slope, weight
-from numba import njit
 
+from decomposition.compiled import compiled
 from parsolid.methods.mpm import weights as grid_weights
 from parsolid.numerics.lanes import aligned_zeros, load
 
 SECOND_MOMENTS = {"quadratic-spline": 1.0 / 4.0, "cubic-spline": 1.0 / 3.0}
 
 
-@njit(cache=True)
+@compiled
 def weigh(basis, xi, weights):
     grid_weights.store_weights(basis, 0, load(xi, 0, 0), weights)
     grid_weights.store_distances(basis, load(xi, 0, 0), weights)

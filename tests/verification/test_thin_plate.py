@@ -10,7 +10,7 @@ from parsolid.commands.checkerboard import main as print_contents
 from parsolid.commands.cli import main
 from parsolid.output.history import read_history
 
-SCENE = Path(__file__).parents[1] / "runs" / "tlsph" / "thin_plate.toml"
+SCENE = Path(__file__).parents[2] / "runs" / "tlsph" / "thin_plate.toml"
 THIN = (
     "bodies.0.shape.box.lower=[0,0,-0.025]",
     "bodies.0.shape.box.upper=[10,10,0.025]",

@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from numba import njit
 
+from decomposition.compiled import compiled
 from parsolid.numerics.elementary import choose, power, some_positive
 from parsolid.numerics.lanes import load, store
 
 
-@njit(cache=True)
+@compiled
 def functions(x, result):
     for i in range(0, x.shape[1], 4):
         v = load(x, 0, i)
@@ -20,7 +20,7 @@ def functions(x, result):
         store(result, 3, i, power(v, 0.31))
 
 
-@njit(cache=True)
+@compiled
 def choices(x, result):
     v = load(x, 0, 0)
     store(result, 0, 0, choose(v, v, -1.0))

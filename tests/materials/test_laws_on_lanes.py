@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from numba import njit
 
+from decomposition.compiled import compiled
 from parsolid.materials.hyperelastic import evaluation
 from parsolid.materials.hyperelastic.hyperbolicity import branch_sum, dissipation_rates, polyconvex_state
 from parsolid.materials.hyperelastic.law import (
@@ -63,7 +63,7 @@ def particles(law, dimension, random_deformation, random_branches):
     return state, deformation, branches if law.branch_moduli else None
 
 
-@njit(cache=True)
+@compiled
 def wave_and_stress(space, law, deformation, branches, stress, pressure, shear):
     F, H, J = load_deformation(space, deformation, 0)
     viscous = current_branches(space, law, branches, 0, F)
@@ -94,7 +94,7 @@ def test_stress_and_wave_tensors(law, dimension, particles):
     assert shear == pytest.approx(evaluation.symmetric_rows(expected)[:, STORED[dimension]], rel=1e-13, abs=1e-13)
 
 
-@njit(cache=True)
+@compiled
 def branches_on_lanes(space, law, deformation, branches, weights, dissipation, new):
     F, H, J = load_deformation(space, deformation, 0)
     A = load_branch(space, branches, 0, 0)
@@ -121,7 +121,7 @@ def test_branches(law, dimension, particles):
     assert new == pytest.approx(evaluation.symmetric_rows(expected)[:, STORED[dimension]], rel=1e-13, abs=1e-13)
 
 
-@njit(cache=True)
+@compiled
 def shear_modulus(law):
     return isotropic_shear_modulus(law)
 

@@ -4,15 +4,15 @@ import math
 
 import numpy as np
 import pytest
-from numba import njit
 
+from decomposition.compiled import compiled
 from parsolid.numerics import lanes as simd
 
 _reverse = simd.swizzle(3, 2, 1, 0)
 _mixed = simd.shuffle(4, 1, 7, 2)
 
 
-@njit(cache=True)
+@compiled
 def arithmetic(values, result):
     x, y = simd.load(values, 0, 0), simd.load(values, 1, 0)
     simd.store(result, 0, 0, x + y)
@@ -29,7 +29,7 @@ def arithmetic(values, result):
     simd.store(result, 11, 0, max(x, 1.0))
 
 
-@njit(cache=True)
+@compiled
 def lanes_moved(values, result):
     x, y, z, w = simd.load(values, 0, 0), simd.load(values, 1, 0), simd.load(values, 2, 0), simd.load(values, 3, 0)
     simd.store(result, 0, 0, _reverse(x))
@@ -44,12 +44,12 @@ def lanes_moved(values, result):
     simd.store(result, 10, 0, _mixed(x, y))
 
 
-@njit(cache=True)
+@compiled
 def partly_stored(values, result, count):
     simd.store_first(result, 0, 1, simd.load(values, 0, 0), count)
 
 
-@njit(cache=True)
+@compiled
 def positive(values):
     return simd.all_positive(simd.load(values, 0, 0))
 

@@ -14,7 +14,7 @@ from parsolid.commands.point.schema import load_point
 from parsolid.materials.registry import law_of
 from parsolid.scene.validation_errors import SceneError
 
-EXAMPLES = Path(__file__).parents[1] / "runs" / "point"
+EXAMPLES = Path(__file__).parents[2] / "runs" / "point"
 COPPER = '[material]\nkind = "elastic-plastic"\nlibrary = "OFHC copper, Johnson-Cook"\n'
 STEEL = """[material]
 kind = "elastic-plastic"

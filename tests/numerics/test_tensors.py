@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from numba import njit
 from numba.extending import register_jitable
 
+from decomposition.compiled import compiled
 from parsolid.numerics import tensors as tensor
 from parsolid.numerics.lanes import load
 from parsolid.numerics.layout import Space, load_branch, load_nine
@@ -50,7 +50,7 @@ def scalar_operations(a, b, s, r):
     )
 
 
-@njit(cache=True)
+@compiled
 def on_floats(a, b, s, r):
     return general_operations(a, b, s), symmetric_operations(a, s, r), scalar_operations(a, b, s, r)
 
@@ -85,7 +85,7 @@ def _lane_of_each(generals, symmetrics, scalars, k):
     return general, symmetric, scalar
 
 
-@njit(cache=True)
+@compiled
 def on_lanes_in_space(rows, k):
     """rows (30, 4): a, b (9 each), s, r (6 each) of four particles."""
     a, b = load_nine(rows, 0, 0), load_nine(rows, 9, 0)
@@ -109,7 +109,7 @@ def _four(rows, first):
     return load(rows, first, 0), load(rows, first + 1, 0), load(rows, first + 2, 0), load(rows, first + 3, 0)
 
 
-@njit(cache=True)
+@compiled
 def on_lanes_in_plane(rows, k):
     """rows (18, 4): a, b (5 each), s, r (4 each) of four particles."""
     a, b, s, r = _five(rows, 0), _five(rows, 5), _four(rows, 10), _four(rows, 14)

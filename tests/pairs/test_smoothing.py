@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from numba import njit
 from scipy.integrate import quad
 
+from decomposition.compiled import compiled
 from parsolid.pairs.smoothing import KERNELS, gradient_factor
 
 
@@ -23,7 +23,7 @@ def _quintic(q):
 SHAPES = {"wendland-c2": _wendland, "cubic-spline": _cubic, "quintic-spline": _quintic}
 
 
-@njit(cache=True)
+@compiled
 def factor(kernel, q, dimension):
     return gradient_factor(kernel, q, dimension)
 

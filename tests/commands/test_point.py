@@ -22,7 +22,7 @@ from parsolid.output.errors import OutputError
 from parsolid.scene.validation_errors import SceneError
 from parsolid.simulation.loop import RunFailed
 
-EXAMPLES = Path(__file__).parents[1] / "runs" / "point"
+EXAMPLES = Path(__file__).parents[2] / "runs" / "point"
 TENSOR = ("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz")
 MATERIAL = """
 [material]

@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from numba import njit
 from scipy.linalg import expm, polar
 
+from decomposition.compiled import compiled
 from parsolid.materials.plastic import plastic_evaluation as evaluation
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.equation_of_state import LinearElastic, MieGrueneisen
@@ -61,7 +61,7 @@ class Particles:
         return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)
 
 
-@njit(cache=True)
+@compiled
 def many_steps(count, space, law, step, state, motion, rate, record):
     """Equal steps of the first particle; whether it stayed sound."""
     for _ in range(count):

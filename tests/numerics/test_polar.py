@@ -2,31 +2,31 @@
 
 import numpy as np
 import pytest
-from numba import njit
 from scipy.linalg import expm, polar
 
+from decomposition.compiled import compiled
 from parsolid.numerics.layout import load_nine, store_nine
 from parsolid.numerics.polar import congruence, rotation, rotation_near, symmetric_part
 
 
-@njit(cache=True)
+@compiled
 def rotations(F, R):
     for i in range(0, F.shape[1], 4):
         store_nine(R, 0, i, rotation(load_nine(F, 0, i)), 4)
 
 
-@njit(cache=True)
+@compiled
 def rotations_near(near, F, R):
     for i in range(0, F.shape[1], 4):
         store_nine(R, 0, i, rotation_near(load_nine(near, 0, i), load_nine(F, 0, i)), 4)
 
 
-@njit(cache=True)
+@compiled
 def plane_rotation(F):
     return rotation(F)
 
 
-@njit(cache=True)
+@compiled
 def rotated(a, s):
     return congruence(a, s), symmetric_part(a)
 
