@@ -1,9 +1,10 @@
 """`@compiled`: numba functions whose machine code is kept in files, found by what it was compiled from.
 
-numba's own cache looks at the file of the function alone: it does not see a change in what that calls, and two processes that save at once
-can mix up its index. Here a file is named by a digest of the function, its argument types, the processor, and the text of every module
-of the function's own project that it can reach: those it imports, and those of the argument types (a law given as an argument), with all
-that they import. So an edited law recompiles what calls that law and nothing else; ranks, processes and checkouts share one folder.
+numba's own cache looks at the file of the function alone: it does not see a change in what that calls, and two
+processes that save at once can mix up its index. Here a file is named by a digest of the function, its argument types,
+the processor, and the text of every module of the function's own project that it can reach: those it imports, and those
+of the argument types (a law given as an argument), with all that they import. So an edited law recompiles what calls
+that law and nothing else; ranks, processes and checkouts share one folder.
 """
 
 import fcntl
@@ -37,7 +38,9 @@ _PATIENCE, _GLANCE = 600.0, 0.02
 
 
 def compiled(function=None, **options):
-    """`numba.njit` with the cache of this module; used as `@compiled` or with options of `njit`, `@compiled(error_model="numpy")`."""
+    """`numba.njit` with the cache of this module; used as `@compiled` or with options of `njit`,
+    `@compiled(error_model="numpy")`.
+    """
     if function is None:
         return functools.partial(compiled, **options)
     dispatcher = njit(**options)(function)
@@ -63,7 +66,9 @@ def _compile(compile_as_numba, signature):
 
 @functools.cache
 def folder() -> Path:
-    """Where compiled kernels are kept: $NUMBA_CACHE_DIR, else parsolid/kernels in the user's cache folder, else a temporary one."""
+    """Where compiled kernels are kept: $NUMBA_CACHE_DIR, else parsolid/kernels in the user's cache folder, else a
+    temporary one.
+    """
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     usual = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "parsolid" / "kernels"
     # one for all ranks and runs of a user on this machine
@@ -166,10 +171,11 @@ def _lock_file(where: Path) -> int | None:
 
 
 def _reserve(path: Path) -> bool:
-    """Reserve a kernel for this process to compile; True where another process had it, so that its file may be there by now.
+    """Reserve a kernel for this process to compile; True where another process had it, so that its file may be there by
+    now.
 
-    A process that dies frees what it had, for these are locks of the system. A kernel never calls one that calls it, so no two
-    processes wait for each other; were it so all the same, they go on after a while and compile both.
+    A process that dies frees what it had, for these are locks of the system. A kernel never calls one that calls it, so
+    no two processes wait for each other; were it so all the same, they go on after a while and compile both.
     """
     place, file = int(path.stem[-32:][:12], 16), _lock_file(path.parent)
     if file is None or place in _RESERVED:
@@ -218,7 +224,9 @@ class KernelCache(_Cache):
         """Nothing: a file never becomes wrong."""
 
     def load_overload(self, sig, target_context):
-        """The compiled function of a signature, waiting for a process that compiles it; None for this one to compile it."""
+        """The compiled function of a signature, waiting for a process that compiles it; None for this one to compile
+        it.
+        """
         if not self.enabled:
             return None
         target_context.refresh()

@@ -1,9 +1,10 @@
 """Tests on any number of ranks: `pytest`, or `mpirun -n 3 python -m pytest`; a failure on one rank is one on all.
 
-On one rank all tests run, on several those in which ranks talk to each other, which `-m mpi` selects too: the ones with a fixture of
-all ranks, `comm` or `shared_path`, and without the mark `serial`. All ranks run their tests in step. After each phase of a test they tell each other how it went, so that a test that fails
-on one rank fails on all, and rank 0 reports it. A rank that fails while the others wait for it inside the test would
-leave them waiting for ever; then, after a grace, it shows its failure and ends the whole job.
+On one rank all tests run, on several those in which ranks talk to each other, which `-m mpi` selects too: the ones with
+a fixture of all ranks, `comm` or `shared_path`, and without the mark `serial`. All ranks run their tests in step. After
+each phase of a test they tell each other how it went, so that a test that fails on one rank fails on all, and rank 0
+reports it. A rank that fails while the others wait for it inside the test would leave them waiting for ever; then,
+after a grace, it shows its failure and ends the whole job.
 """
 
 import faulthandler
@@ -59,7 +60,7 @@ _MARKERS = (
     "serial: runs on one rank only, for no rank talks to another in what it checks",
     "ranks(*numbers): runs on these numbers of ranks only",
     "slow: more than two seconds on one processor with warm kernels; the fast set is -m 'not slow'",
-    "verification: against exact solutions, other codes or published results (set for the folders verification and exact)",
+    "verification: against exact solutions, other codes or published results (set for two folders: verification, exact)",
     "long: takes minutes; runs only with --long",
 )
 

@@ -1,4 +1,6 @@
-"""The files of compiled kernels: one process compiles, others wait for it; what was edited is compiled anew, and nothing else."""
+"""The files of compiled kernels: one process compiles, others wait for it; what was edited is compiled anew, and
+nothing else.
+"""
 
 import os
 import signal
