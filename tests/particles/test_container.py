@@ -55,12 +55,14 @@ def test_arrays_grow_and_selections_follow():
     found = particles()
     few = [found.selection(found["identifier"][:16] == k) for k in range(16)] * 5
     more = [found.selection(found["identifier"][:16] == k) for k in range(70)]
+    copies = found.packed(np.arange(16))
     for _ in range(3):
-        found.insert(found.packed(np.arange(16)))
+        found.insert(copies)
     assert found.owned == 64 and found.growths > 0
     agree(found)
     assert [len(one) for one in few[:16]] == [4] * 16
     assert [len(one) for one in more] == [4] * 16 + [0] * 54
+    assert found["identifier"][more[7].rows].tolist() == [7] * 4
 
 
 def test_a_checkpoint_is_put_back():
