@@ -207,8 +207,11 @@ class Particles:
 
     def packed(self, rows: np.ndarray) -> np.ndarray:
         """All that some particles carry, (n, c) float64; whole numbers keep their bits."""
-        pieces = [self._by_particle(name)[rows] for name in self._carried()]
-        return np.concatenate([np.ascontiguousarray(p).view(np.float64).reshape(len(rows), -1) for p in pieces], axis=1)
+        pieces = []
+        for name in self._carried():
+            values = np.ascontiguousarray(self._by_particle(name)[rows]).view(np.float64)
+            pieces.append(values.reshape(len(rows), int(np.prod(values.shape[1:]))))
+        return np.concatenate(pieces, axis=1)
 
     def insert(self, packed: np.ndarray) -> None:
         """Take in particles that another rank has packed."""
