@@ -6,7 +6,7 @@ import numpy as np
 
 from decomposition.occupied import Mirror
 from parsolid.collective import SolverError, maximum, minimum
-from parsolid.methods.mpm.grid import RigidWall
+from parsolid.methods.mpm.grid import RigidWall, obey_wall
 
 # a plane this near, in cells, to nodes or to the middle between them counts as there
 _NEAR = 1e-6
@@ -131,3 +131,23 @@ def driven_regions(scene) -> list[DrivenRegion]:
                 raise SolverError(f"boundaries.{i}.point: expected a plane, box or ball of grid nodes, found a point")
             regions.append(DrivenRegion(boundary))
     return regions
+
+
+class GridConditions:
+    """All that a scene prescribes to the grid's motion: mirror planes, walls, driven regions."""
+
+    def __init__(self, comm, scene, position: np.ndarray, origin: np.ndarray):
+        """position (n, d) [m] of this rank's particles; see `mirror_planes` for what it raises. Collective."""
+        self.planes = mirror_planes(comm, scene, position, origin, float(scene.method.cell))
+        self.walls, self.driven, self.dimension = walls(scene), driven_regions(scene), scene.dimension
+
+    def obey(self, nodes, array: np.ndarray, time: float) -> tuple[float, float]:
+        """Let velocities in one of the arrays of `Nodes` obey at a time [s]; the work that this takes and what of it is lost [J]."""
+        supplied, caught = 0.0, 0.0
+        for wall in self.walls:
+            *impulse, lost = obey_wall(0, nodes.count, array, nodes.places, nodes.share, wall.at(time))
+            supplied, caught = supplied + float(np.dot(impulse, wall.velocity[:3])), caught + lost
+        for region in self.driven:
+            supplied += region.drive(array, nodes, time, self.dimension)
+        nodes.spread(array)
+        return supplied, caught
