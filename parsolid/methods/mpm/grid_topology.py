@@ -16,7 +16,7 @@ class NodeTables:
     """
 
     def __init__(self, ranks, origin: np.ndarray, spacing: float, planes: list, twice: bool, warm: bool = False):
-        """ranks: `decomposition.RankGrid`; planes: `grid_conditions.MirrorPlane`s."""
+        """ranks: `decomposition.RankGrid`; planes: `grid_conditions.FoldedPlane`s."""
         self.ranks, self.origin, self.spacing, self.planes, self.twice = ranks, origin, spacing, planes, twice
         self.warm = warm
         self.nodes, self.again, self.heat, self.partial = aligned_zeros((0, 8)), None, None, None

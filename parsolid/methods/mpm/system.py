@@ -11,13 +11,13 @@ import numpy as np
 
 from decomposition.cell_partition import CellPartition
 from decomposition.grid import RankGrid
-from parsolid.boundary.body_loads import BodyLoads
+from parsolid.boundary.loads import InTime, body_loads, densities
 from parsolid.collective import SolverError, maximum, minimum
 from parsolid.methods.mpm import grid as kernels
 from parsolid.methods.mpm import weights as grid_weights
-from parsolid.methods.mpm.conduction import Conduction, conducts, least_coordinates, thermal_planes
+from parsolid.methods.mpm.conduction import Conduction, conducts
 from parsolid.methods.mpm.gather import gather
-from parsolid.methods.mpm.grid_conditions import driven_regions, mirror_planes, walls
+from parsolid.methods.mpm.grid_conditions import GridConditions
 from parsolid.methods.mpm.grid_topology import NodeTables
 from parsolid.methods.mpm.material_points import MaterialPoints
 from parsolid.methods.mpm.reference_grid import ReferenceGrid
@@ -51,15 +51,13 @@ class MaterialPoint(ParticleMethod):
         basis = self._basis()
         self.points.base_offset = grid_weights.base_offset(basis)
         width = grid_weights.nodes_across(basis)
-        self.planes = mirror_planes(comm, scene, particle_set.position, self.origin, float(scene.method.cell))
-        self.walls, self.driven = walls(scene), driven_regions(scene)
-        densities = [law.density for law in self.points.laws]
-        self.loads = BodyLoads(scene, np.array(densities)[self.points.store.law_of_body])
-        self.conduction, thermal = None, []
-        if conducts(scene, self.points.laws):
-            lower = least_coordinates(comm, particle_set.position)
-            thermal = thermal_planes(scene, self.planes, lower, self.origin, float(scene.method.cell))
-            self.conduction = Conduction(scene, self.points, thermal, self.loads)
+        conditions = GridConditions(comm, scene, particle_set.position, self.origin)
+        self.planes, self.walls, self.driven = conditions.planes, conditions.walls, conditions.driven
+        table, density = self.points.table, densities(scene, self.points.table)
+        loads = body_loads(scene, table, lambda rows: 1.0 / density(rows), lambda rows: np.ones(table.owned))
+        self.loads = InTime(table, loads, d)
+        self.conduction = Conduction(conditions, self.points) if conducts(scene, self.points.laws) else None
+        thermal = self.conduction.planes if self.conduction is not None else []
         mirrors = tuple({plane.mirror: None for plane in (*self.planes, *thermal)})
         self.grid = RankGrid(comm, d, width, mirrors, scene.method.bitwise)
         self.tables = NodeTables(
@@ -194,12 +192,10 @@ class MaterialPoint(ParticleMethod):
 
     def _external(self, time: float) -> np.ndarray | None:
         """Forces (capacity, 4) [N] of the loads on particles."""
-        if not self.loads.accelerates:
+        if not self.loads.acting:
             return None
-        rows = self.table.owned_rows
         result = aligned_zeros((self.points.store.capacity, 4))
-        acceleration = self.loads.acceleration(rows("body"), rows("reference_position"), time)
-        result[: self.owned, : self.dimension] = self.points.motion[: self.owned, 3:4] * acceleration
+        result[: self.owned, : self.dimension] = self.points.motion[: self.owned, 3:4] * self.loads.at(time)
         return result
 
     def _advance_stress(self, step: float) -> tuple[bool, float, float, float]:
