@@ -139,3 +139,10 @@ def densities(scene, particles: Any) -> Callable[[Any], np.ndarray]:
     """Densities (k,) [kg/m^3] of particles at rows."""
     of_body = np.array([law.density for law in laws_of(scene)])
     return lambda rows: of_body[particles.owned_rows("body")[rows]]
+
+
+def accelerations(scene, particles: Any, *more: Load) -> InTime:
+    """Accelerations (owned, 4) [m/s^2] of a scene's loads on all bodies, and of more loads before them."""
+    density = densities(scene, particles)
+    per_mass = lambda rows: np.ones(particles.owned)  # noqa: E731
+    return InTime(particles, [*more, *body_loads(scene, particles, lambda rows: 1.0 / density(rows), per_mass)], 4)

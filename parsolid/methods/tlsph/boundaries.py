@@ -1,12 +1,11 @@
 """Boundaries and loads of a scene as the momentum equation of total-Lagrangian SPH takes them."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from parsolid.boundary.declarations import Declarations, PrescribedMotion, Support, SurfaceTraction
-from parsolid.boundary.loads import InTime, Load, area_along, body_loads, densities
+from parsolid.boundary.loads import Load, accelerations, area_along, densities
 from parsolid.boundary.prescribed import PrescribedRows
 from parsolid.boundary.rows import FixedParticles
 from parsolid.boundary.supports import Supports
@@ -27,14 +26,8 @@ class BoundarySet:
         self.planes, self.codes, self.share = supports.planes, supports.codes, supports.share
         self.clamp = _clamp(comm, supports.held)
         self.prescribed = PrescribedRows(comm, declared, particle_set, particles)
-        density = densities(declared.scene, particles)
-        loads = [
-            _traction(comm, declared, one, particle_set, density, particles) for one in declared.of(SurfaceTraction)
-        ]
-        loads += body_loads(
-            declared.scene, particles, lambda rows: 1.0 / density(rows), lambda rows: np.ones(particles.owned)
-        )
-        self.loads = InTime(particles, loads, 4)
+        tractions = (_traction(comm, declared, one, particle_set, particles) for one in declared.of(SurfaceTraction))
+        self.loads = accelerations(declared.scene, particles, *tractions)
         self.held_energy = 0.0
 
     def loads_at(self, time: float) -> np.ndarray | None:
@@ -75,15 +68,12 @@ def build_boundaries(comm, scene, particle_set, particles: Any = None) -> Bounda
     return BoundarySet(comm, declared, particle_set, particles or FixedParticles(particle_set))
 
 
-def _traction(comm, declared, one: SurfaceTraction, particle_set, density: Callable, particles: Any) -> Load:
+def _traction(comm, declared: Declarations, one: SurfaceTraction, particle_set, particles: Any) -> Load:
     """Traction [Pa] times tributary area over tributary mass."""
     chosen = particles.selection(selected(declared.scene, one.where, particle_set, comm))
-    area = area_along(particles, one.where.plane.axis)
+    area, density = area_along(particles, one.where.plane.axis), densities(declared.scene, particles)
     return Load(
-        particles,
-        chosen,
-        lambda rows: area(rows) / (density(rows) * particles.owned_rows("volume")[rows]),
-        one.course,
+        particles, chosen, lambda rows: area(rows) / (density(rows) * particles.owned_rows("volume")[rows]), one.course
     )
 
 
