@@ -44,7 +44,7 @@ class Body:
         laws = laws_of(self.scene)
         blocks, density = material_blocks(laws, particle_set.body)
         self.comm, self.law = comm, laws[0]
-        self.loads = PeridynamicLoads(comm, self.scene, particle_set, density)
+        self.loads = PeridynamicLoads(comm, self.scene, particle_set)
         forces = build_forces(comm, self.scene, particle_set, laws, blocks, self.loads)
         self.loads.install_tractions(forces.engine, forces.horizon)
         mass = density * particle_set.volume / self.loads.share

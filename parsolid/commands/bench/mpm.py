@@ -10,7 +10,9 @@ _PERFECT = {"kind": "linear-hardening", "yield_stress": 90e6, "hardening": 100e6
 
 
 def cube_scene(particles: int, flow: str, **method):
-    """A cube of copper of about so many particles, 8 a cell, that flows from the first step on; flow "J2" or "Johnson-Cook"."""
+    """A cube of copper of about so many particles, 8 a cell, that flows from the first step on; flow "J2" or
+    "Johnson-Cook".
+    """
     cells = max(2, round((particles / 8.0) ** (1.0 / 3.0)))
     material = {"kind": "elastic-plastic", "library": _COPPER}
     if flow == "J2":

@@ -4,111 +4,28 @@ The step of the conduction comes before that of the motion, with the particles w
 temperature and its internal energy alike.
 """
 
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 
-from decomposition.occupied import Mirror
-from parsolid.collective import SolverError, maximum
+from parsolid.boundary.heat import HeatSupply
 from parsolid.methods.mpm import heat as grid_heat
-from parsolid.methods.mpm.grid_conditions import mirror_index
+from parsolid.methods.mpm.grid_conditions import GridConditions
 from parsolid.numerics.lanes import aligned_zeros
 
 # share of the step at which the shortest waves of explicit conduction start to grow
 _SAFETY = 0.9
-# how far from its plane a particle of the surface may be, in its spacings
-_REACH = 0.51
 # particles at one depth give no line
 _FLAT = 1e-6
-
-
-@dataclass
-class ThermalPlane:
-    """A plane at a temperature, formula(X, t) [K], or an insulated plane of symmetry (formula None)."""
-
-    mirror: Mirror
-    axis: int
-    offset: float
-    formula: Any
-
-    @property
-    def sign(self) -> float:
-        """Of the image's temperatures, less those of the plane."""
-        return 1.0 if self.formula is None else -1.0
-
-    def temperatures(self, places: np.ndarray, time: float) -> np.ndarray:
-        """Temperatures [K] at the feet of places (n, d) [m]."""
-        if self.formula is None:
-            return np.zeros(len(places))
-        feet = places.copy()
-        feet[:, self.axis] = self.offset
-        return self.formula.evaluate(feet, time)
-
-
-def thermal_planes(scene, planes: list, lower: np.ndarray, origin: np.ndarray, spacing: float) -> list[ThermalPlane]:
-    """Planes at given temperatures, and insulated ones at the other mirror `planes` of the motion.
-
-    lower (d,) [m]: least coordinates of all particles. Raises SolverError for a plane that is neither on nodes nor half-way between.
-    """
-    result = []
-    for i, boundary in enumerate(scene.boundaries):
-        if boundary.kind != "temperature":
-            continue
-        if boundary.body is not None:
-            raise SolverError(
-                f"boundaries.{i}.body: expected none, a plane's temperature is that of all bodies, found one"
-            )
-        axis, offset = boundary.plane.axis, float(boundary.plane.offset)
-        doubled = mirror_index(f"boundaries.{i}", axis, offset, origin, spacing)
-        mirror = Mirror(axis, doubled, 1 if lower[axis] >= offset else -1)
-        result.append(ThermalPlane(mirror, axis, offset, boundary.temperature))
-    held = [plane.mirror for plane in result]
-    return result + [ThermalPlane(p.mirror, p.mirror.axis, 0.0, None) for p in planes if p.mirror not in held]
-
-
-class _SurfaceHeat:
-    """Heat that flows into a body through a plane that bounded it at the start, on the particles there.
-
-    On the particles, not at the plane itself: then what they store has the gradient that the flow needs (measured: half the error).
-    """
-
-    def __init__(self, boundary, body: int | None):
-        self.boundary, self.body, self._layout = boundary, body, -1
-
-    def _choose(self, points) -> None:
-        """The rank's particles at the plane, anew when they are others."""
-        if self._layout == points.layout:
-            return
-        self._layout, rows, plane = points.layout, points.owned_rows, self.boundary.plane
-        area, place = rows("area")[:, plane.axis], rows("reference_position")
-        beyond = plane.offset - place[:, plane.axis]
-        here = (np.abs(beyond) <= _REACH * rows("spacing")[:, plane.axis]) & (area * beyond > 0.0)
-        if self.body is not None:
-            here &= rows("body") == self.body
-        self.rows = np.flatnonzero(here)
-        self.area = np.abs(area[self.rows]) * (place[self.rows, 0] if points.axisymmetric else 1.0)
-        self.places = place[self.rows]
-
-    def add(self, points, time: float, thermal: np.ndarray) -> None:
-        """Add the powers [W] at a time [s] to the fourth column of thermal."""
-        self._choose(points)
-        thermal[self.rows, 3] += self.area * self.boundary.heat_flux.evaluate(self.places, time)
 
 
 class Conduction:
     """Heat of one rank's particles in a step; `diffusivity` [m^2/s] is the largest found in the last one."""
 
-    def __init__(self, scene, points, nodes, planes: list[ThermalPlane], loads):
-        """points: `MaterialPoints`; nodes: `Nodes`; loads: `BodyLoads`."""
-        self.points, self.nodes, self.planes, self.loads = points, nodes, planes, loads
-        self.conducting, self.moving = scene.method.conduction, scene.method.motion
-        names = [body.name for body in scene.bodies]
-        self.surfaces = [
-            _SurfaceHeat(boundary, None if boundary.body is None else names.index(boundary.body))
-            for boundary in scene.boundaries
-            if boundary.kind == "heat_flux"
-        ]
+    def __init__(self, conditions: GridConditions, points, nodes, planes: list):
+        """points: `MaterialPoints`; nodes: `Nodes`; planes: `GridConditions.thermal_planes`."""
+        settings = conditions.declared.scene.method
+        self.points, self.nodes, self.planes = points, nodes, planes
+        self.conducting, self.moving = settings.conduction, settings.motion
+        self.supply = HeatSupply(conditions.declared, points, points.axisymmetric)
         self.thermal = aligned_zeros((0, 4))
         self._seen, self._folds, self.diffusivity = -1, [], 0.0
 
@@ -209,13 +126,10 @@ class Conduction:
 
     def _supply(self, time: float) -> None:
         """Powers of sources and surfaces at a time [s]; only particles with a temperature take any."""
-        points, thermal = self.points, self.thermal
-        if self.loads.heats:
-            rows = points.owned_rows
-            power = self.loads.heat(rows("reference_position"), time) * points.motion[: points.owned, 7]
-            thermal[: points.owned, 3] = np.where(thermal[: points.owned, 1] > 0.0, power, 0.0)
-        for surface in self.surfaces:
-            surface.add(points, time, thermal)
+        points, thermal, power = self.points, self.thermal[: self.points.owned], self.supply.sources(time)
+        if power is not None:
+            thermal[:, 3] = np.where(thermal[:, 1] > 0.0, power * points.motion[: points.owned, 7], 0.0)
+        self.supply.add_through_planes(time, thermal[:, 3:])
 
     def _sum_capacities(self, thermal: np.ndarray) -> None:
         nodes = self.nodes
@@ -256,8 +170,3 @@ def conducts(scene, laws: list) -> bool:
     """Whether there is any heat to conduct or to supply."""
     able = scene.method.conduction and any(getattr(law, "conductivity", None) for law in laws)
     return able or scene.loads.heat_source is not None
-
-
-def least_coordinates(comm, position: np.ndarray) -> np.ndarray:
-    """Least coordinates (d,) [m] of all ranks' particles (n, d); collective."""
-    return -maximum(comm, -position.min(axis=0, initial=np.inf))

@@ -7,6 +7,7 @@ import numpy as np
 from parsolid.collective import minimum
 from parsolid.methods.mpm import grid as kernels
 from parsolid.numerics.lanes import aligned_zeros
+from parsolid.numerics.layout import Axisymmetric
 
 # nodes lighter than this share of the lightest particle do not move
 _LEAST_MASS = 1e-9
@@ -21,11 +22,12 @@ class Nodes:
     partial (cells, width**d, 8): parts of single cells, with bitwise sums, else None.
     """
 
-    def __init__(self, ranks, points, space, planes: list, conducts: bool):
-        """ranks: `decomposition.RankGrid`; points: `MaterialPoints`, none on a mirror plane; planes: `MirrorPlane`s. Collective."""
+    def __init__(self, ranks, points, planes: list, conducts: bool):
+        """ranks: `decomposition.RankGrid`; points: `MaterialPoints`, none on a mirror plane; planes: `FoldedPlane`s. Collective."""
         lightest = minimum(ranks.comm, float(points.owned_rows("mass").min(initial=np.inf)))
         self.least_mass, self._no_gravity = _LEAST_MASS * lightest, aligned_zeros((1, 4))
-        self.ranks, self.points, self.space, self.planes = ranks, points, space, planes
+        self.ranks, self.points, self.planes = ranks, points, planes
+        self.space = Axisymmetric() if points.axisymmetric else points.space
         self.spacing = float(points.settings.cell)
         self.twice, self.warm = points.settings.order == "musl", conducts
         self.scratch = kernels.make_scratch(points.basis, ranks.dimension)

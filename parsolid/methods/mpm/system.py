@@ -9,9 +9,9 @@ import numpy as np
 
 from decomposition.cell_partition import CellPartition
 from decomposition.grid import RankGrid
-from parsolid.boundary.body_loads import BodyLoads
+from parsolid.boundary.loads import accelerations
 from parsolid.collective import SolverError, maximum
-from parsolid.methods.mpm.conduction import Conduction, conducts, least_coordinates, thermal_planes
+from parsolid.methods.mpm.conduction import Conduction, conducts
 from parsolid.methods.mpm.grid import kinetic_energy
 from parsolid.methods.mpm.grid_conditions import GridConditions
 from parsolid.methods.mpm.initial_state import set_initial_motion
@@ -26,7 +26,6 @@ from parsolid.methods.mpm.transfers import ORDERS
 from parsolid.methods.mpm.weights import nodes_across
 from parsolid.methods.protocol import ParticleMethod
 from parsolid.numerics.lanes import aligned_zeros
-from parsolid.numerics.layout import LAYOUT, Axisymmetric
 
 
 class MaterialPoint(ParticleMethod):
@@ -34,26 +33,22 @@ class MaterialPoint(ParticleMethod):
 
     def __init__(self, comm, scene, particle_set):
         """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when planes do not suit the grid. Collective."""
-        self.comm, self.settings, position = comm, scene.method, particle_set.position
-        self.dimension = d = position.shape[1]
+        self.comm, self.settings, self.dimension = comm, scene.method, scene.dimension
         self.points = self.table = points = MaterialPoints(scene, particle_set)
         _refuse_branches(points.laws)
-        materials = StressUpdate(scene, points)
-        self.conditions = GridConditions(comm, scene, position, points.origin)
-        loads = BodyLoads(scene, np.array([law.density for law in points.laws])[points.law_of_body])
-        warm, thermal = conducts(scene, points.laws), []
-        if warm:
-            cell, lower = float(scene.method.cell), least_coordinates(comm, position)
-            thermal = thermal_planes(scene, self.conditions.planes, lower, points.origin, cell)
+        self.materials = StressUpdate(scene, points)
+        self.conditions = GridConditions(comm, scene, particle_set.position, points.origin)
+        conducting = conducts(scene, points.laws)
+        thermal = self.conditions.thermal_planes() if conducting else []
         mirrors = tuple({plane.mirror: None for plane in (*self.conditions.planes, *thermal)})
-        self.grid = RankGrid(comm, d, nodes_across(points.basis), mirrors, scene.method.bitwise)
-        space = Axisymmetric() if points.axisymmetric else LAYOUT[d]
-        self.nodes = Nodes(self.grid, points, space, self.conditions.planes, warm)
-        self.stress = materials
+        self.grid = RankGrid(comm, self.dimension, nodes_across(points.basis), mirrors, scene.method.bitwise)
+        self.nodes = Nodes(self.grid, points, self.conditions.planes, conducting)
+        self.stress = self.materials
         if scene.method.formulation == "total-lagrangian":
-            self.stress = ReferenceGrid(materials, self.nodes)
-        self.materials, self.loads = materials, loads
-        self.conduction = Conduction(scene, points, self.nodes, thermal, loads) if warm else None
+            self.stress = ReferenceGrid(self.materials, self.nodes)
+        self.loads, self.conduction = accelerations(scene, points), None
+        if conducting:
+            self.conduction = Conduction(self.conditions, points, self.nodes, thermal)
         self.transfer = ORDERS[scene.method.order](points, self.nodes, self.conditions)
         self.residence = Residence(self.grid, points)
         self.partition = None
@@ -120,12 +115,10 @@ class MaterialPoint(ParticleMethod):
 
     def _forces(self, time: float) -> np.ndarray | None:
         """Forces (capacity, 4) [N] of the loads on particles."""
-        if not self.loads.accelerates:
+        if not self.loads.acting:
             return None
-        rows = self.points.owned_rows
         result = aligned_zeros((self.points.capacity, 4))
-        acceleration = self.loads.acceleration(rows("body"), rows("reference_position"), time)
-        result[: self.owned, : self.dimension] = self.points.motion[: self.owned, 3:4] * acceleration
+        result[: self.owned] = self.points.motion[: self.owned, 3:4] * self.loads.at(time)
         return result
 
     @property

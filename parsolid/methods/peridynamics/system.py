@@ -36,7 +36,7 @@ class Peridynamics(ParticleMethod):
         self.comm, self.settings, self.scene = comm, scene.method, scene
         laws = laws_of(scene)
         self.blocks, density = material_blocks(laws, particle_set.body)
-        self.loads = PeridynamicLoads(comm, scene, particle_set, density)
+        self.loads = PeridynamicLoads(comm, scene, particle_set)
         self.owned, self.dimension = particle_set.position.shape
         self.share = self.loads.share
         self.mass = density * particle_set.volume / self.share
