@@ -58,13 +58,12 @@ class OutputFiles:
             if self.history is not None:
                 self.history.append(values)
 
-    def write_fields(self, simulation, time: float) -> None:
+    def write_fields(self, observables: Observables, time: float) -> None:
         """Write the shown fields at a time [s]."""
         began = clock.perf_counter()
-        observables, table = Observables(simulation.method), simulation.method.table
-        names = self.scene.output.fields or self.scene.method.shown_fields
+        names = self.scene.output.fields or observables.usual_fields()
         varying = {name: np.ascontiguousarray(observables.field(name)) for name in names}
-        constant = {"body": table.owned_rows("body"), "volume": table.owned_rows("volume")}
-        position = np.ascontiguousarray(table.owned_rows("position"))
-        self.fields.write(time, table.owned_rows("identifier"), position, varying, constant)
+        constant = {"body": observables.body, "volume": observables.rows("volume")}
+        position = np.ascontiguousarray(observables.rows("position"))
+        self.fields.write(time, observables.rows("identifier"), position, varying, constant)
         self.seconds += clock.perf_counter() - began

@@ -32,7 +32,7 @@ class Errors:
             self.solution = SOLUTIONS[self.reference.exact].of_scene(scene)
             if self.reference.history:
                 self.columns = ("time", "dt", *_judged(scene, self.solution))
-            self.times = tuple(time for time in self.reference.times or () if time <= scene.end_time)
+            self.times = scene.reference_times
 
     def note(self, row: dict) -> None:
         """Remember a history row."""
@@ -74,7 +74,8 @@ class Errors:
 def _judged(scene, solution) -> list[str]:
     """Columns of the history that a solution looks at. Raises SolverError when the scene has no probes for them."""
     wanted = solution.history_columns()
-    known = {column for probe in scene.probes for column in probe.columns(scene.dimension, scene.method)}
+    settings = [system.settings for system in scene.systems]
+    known = {column for probe in scene.probes for column in probe.columns(scene.dimension, *settings)}
     missing = [column for column in wanted if column not in known]
     if missing or not wanted:
         what = ", ".join(missing) or "position and displacement at a point"

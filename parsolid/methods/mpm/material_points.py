@@ -111,7 +111,7 @@ class MaterialPoints:
         if self.plastic:
             result.append((Field("unrotated_deviator", DEVIATOR_ROWS[d], "Pa", **moving), "deviator", None))
             for name, unit in (("plastic_strain", "1"), ("internal_energy", "J/m^3"), ("temperature", "K")):
-                result.append((Field(name, 1, unit, shown=True, **moving), name, 0))
+                result.append((Field(name, 1, unit, **moving), name, 0))
         if "plastic_rise" in self.store.arrays:
             result.append((Field("plastic_rise", 1, "K", **moving), "plastic_rise", 0))
         return result
