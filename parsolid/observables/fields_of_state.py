@@ -8,8 +8,7 @@ from parsolid.observables.declared import FIELDS, FieldOfState, Rows, field
 @field("vector", usual=True)
 def displacement(rows: Rows) -> np.ndarray:
     """x - X (n, d) [m]."""
-    result: np.ndarray = rows("position") - rows("reference_position")
-    return result
+    return np.asarray(rows("position") - rows("reference_position"))
 
 
 FIELDS["velocity"] = FieldOfState("vector", None, usual=True, probed=True)
@@ -21,7 +20,7 @@ FIELDS["deformation_gradient"] = FieldOfState("tensor", None, usual=False, probe
 def stress(rows: Rows) -> np.ndarray:
     """Cauchy stress (n, 3, 3) [Pa], of P where a method has that; with the evolved Jacobian where there is one."""
     F, P = rows("deformation_gradient"), rows("first_piola_kirchhoff_stress")
-    return P @ F.swapaxes(1, 2) / rows("jacobian")[:, None, None]
+    return np.asarray(P @ F.swapaxes(1, 2) / rows("jacobian")[:, None, None])
 
 
 @field("tensor")
@@ -30,30 +29,26 @@ def first_piola_kirchhoff_stress(rows: Rows) -> np.ndarray:
     F, sigma = rows("deformation_gradient"), rows.of_method("stress")
     if sigma is None:
         raise KeyError("first_piola_kirchhoff_stress")
-    result: np.ndarray = np.linalg.det(F)[:, None, None] * sigma @ np.linalg.inv(F).swapaxes(1, 2)
-    return result
+    return np.asarray(np.linalg.det(F)[:, None, None] * sigma @ np.linalg.inv(F).swapaxes(1, 2))
 
 
 @field("scalar", usual=True)
 def pressure(rows: Rows) -> np.ndarray:
     """-tr(sigma) / 3 (n,) [Pa], positive in compression."""
-    result: np.ndarray = -np.trace(rows("stress"), axis1=1, axis2=2) / 3.0
-    return result
+    return np.asarray(-np.trace(rows("stress"), axis1=1, axis2=2) / 3.0)
 
 
 @field("scalar", usual=True)
 def von_mises_stress(rows: Rows) -> np.ndarray:
     """sqrt(3/2 dev(sigma) : dev(sigma)) (n,) [Pa]."""
     deviator = rows("stress") + rows("pressure")[:, None, None] * np.eye(3)
-    result: np.ndarray = np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
-    return result
+    return np.asarray(np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator)))
 
 
 @field("scalar", usual=True)
 def jacobian(rows: Rows) -> np.ndarray:
     """det F (n,)."""
-    result: np.ndarray = np.linalg.det(rows("deformation_gradient"))
-    return result
+    return np.asarray(np.linalg.det(rows("deformation_gradient")))
 
 
 @field("scalar", probed=False)

@@ -30,4 +30,4 @@ class Projected(Sampler):
 
     def values(self, joined: np.ndarray) -> np.ndarray:
         """The amplitudes."""
-        return joined[:-1] / joined[-1]
+        return np.asarray(joined[:-1] / joined[-1])

@@ -12,8 +12,7 @@ class LinearMomentum(Sampler):
     def part(self, watched: Watched) -> np.ndarray:
         """This rank's share."""
         mass, v = watched.tributary_mass[:, None], watched.rows("velocity")
-        total: np.ndarray = (mass * v).sum(axis=0)
-        return total
+        return np.asarray((mass * v).sum(axis=0))
 
 
 @quantity("angular_momentum", "rotation")
@@ -27,8 +26,7 @@ class AngularMomentum(Sampler):
             return np.zeros(1)
         if watched.dimension == 2:
             return np.array([mass[:, 0] @ (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0])])
-        total: np.ndarray = (mass * np.cross(x, v)).sum(axis=0)
-        return total
+        return np.asarray((mass * np.cross(x, v)).sum(axis=0))
 
 
 @quantity("centre_of_mass", "vector")
@@ -42,4 +40,4 @@ class CentreOfMass(Sampler):
 
     def values(self, joined: np.ndarray) -> np.ndarray:
         """Moments over mass."""
-        return joined[:-1] / joined[-1]
+        return np.asarray(joined[:-1] / joined[-1])

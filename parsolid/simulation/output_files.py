@@ -2,6 +2,7 @@
 
 import time as clock
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -9,13 +10,22 @@ from parsolid.output.directory import prepare
 from parsolid.output.errors import together
 from parsolid.output.fields import FieldSeries
 from parsolid.output.history import History, read_history
+from parsolid.scene import Scene
 from parsolid.simulation.observables import Observables
+from parsolid.simulation.restart import Restart
 
 
 class OutputFiles:
     """history.csv, fields.vtkhdf and checkpoint.h5 in the run's folder; every call is collective."""
 
-    def __init__(self, comm, scene, directory, restart=None, inputs=()):
+    def __init__(
+        self,
+        comm: Any,
+        scene: Scene,
+        directory: Path | str,
+        restart: Restart | None = None,
+        inputs: tuple[Path | str, ...] = (),
+    ):
         """restart: the `Restart` to continue from, or None. Results of another run in the folder are moved aside.
 
         inputs: files the run reads. Raises OutputError on all ranks.

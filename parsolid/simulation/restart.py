@@ -95,7 +95,7 @@ class Restart:
 
 def _particle_set(values: dict[str, np.ndarray]) -> ParticleSet:
     dimension = values["reference_position"].shape[1]
-    fields = {name: values.get(name) for name in _PARTICLE_SET}
+    fields: dict[str, Any] = {name: values.get(name) for name in _PARTICLE_SET}
     if fields["axes"] is not None:
         fields["axes"] = fields["axes"].reshape(-1, dimension, dimension)
     return ParticleSet(position=values["reference_position"], **fields)
