@@ -53,7 +53,7 @@ def _print_fields(system) -> None:
     names = f"{'field':<28} {'components':>10} {'unit':>8} {'bytes':>6}   roles"
     print(names + "\n" + "-" * len(names))
     for name, declared in system.particles.fields.items():
-        size = system.particles.arrays[name].dtype.itemsize * declared.components
+        size = system.particles.owned_rows(name).dtype.itemsize * declared.components
         print(f"{name:<28} {declared.components:>10} {declared.unit:>8} {size:>6}   {declared.roles}")
     for name, width in system.exchanged_records().items():
         print(f"{f'({name})':<28} {width:>10} {'':>8} {8 * width:>6}   exchanged")

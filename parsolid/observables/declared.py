@@ -80,7 +80,7 @@ class Rows:
     def of_method(self, name: str) -> np.ndarray | None:
         """The field where the method itself has it, else None."""
         values = self.system.shown(name, self.first, self.last)
-        if values is None and name in self.system.particles.arrays:
+        if values is None and name in self.system.particles.fields:
             rows: np.ndarray = self.system.particles.owned_rows(name)
             return rows[self.first : self.last]
         return values

@@ -63,7 +63,7 @@ def _fastest_particle(simulation: "Simulation") -> Found | None:
 
 def _most_crushed_particle(simulation: "Simulation") -> Found | None:
     """The particle with the least evolved Jacobian, on its rank alone: sound now, but not within the step; collective."""
-    systems = [system for system in simulation.systems if "jacobian" in system.particles.arrays]
+    systems = [system for system in simulation.systems if "jacobian" in system.particles.fields]
     if not systems:
         return None
     jacobians = [system.particles.owned_rows("jacobian") for system in systems]

@@ -35,7 +35,7 @@ class Observables:
     def body(self) -> np.ndarray:
         """Number (n,) of each particle's body in the scene."""
         own = [system.particles.owned_rows("body") for system in self.systems]
-        return _joined([np.asarray(system.bodies, body.dtype)[body] for system, body in zip(self.systems, own)])
+        return _joined([np.asarray(system.bodies, np.int32)[body] for system, body in zip(self.systems, own)])
 
     def rows(self, name: str) -> np.ndarray:
         """A declared field that all systems have."""
