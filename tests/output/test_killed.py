@@ -63,7 +63,7 @@ def check_fields(path: Path) -> np.ndarray:
 
 
 @pytest.mark.slow
-@pytest.mark.mpi(ranks=[1])
+@pytest.mark.serial
 def test_every_kill_leaves_a_whole_checkpoint_and_readable_fields(tmp_path):
     random.seed(11)
     step, seen = 0, set()

@@ -78,9 +78,9 @@ class _SurfaceHeat:
 
     def _choose(self, points) -> None:
         """The rank's particles at the plane, anew when they are others."""
-        if self._layout == points.table.layout:
+        if self._layout == points.layout:
             return
-        self._layout, rows, plane = points.table.layout, points.table.owned_rows, self.boundary.plane
+        self._layout, rows, plane = points.layout, points.owned_rows, self.boundary.plane
         area, place = rows("area")[:, plane.axis], rows("reference_position")
         beyond = plane.offset - place[:, plane.axis]
         here = (np.abs(beyond) <= _REACH * rows("spacing")[:, plane.axis]) & (area * beyond > 0.0)
@@ -114,12 +114,12 @@ class Conduction:
 
     def refresh(self) -> None:
         """What particles have to conduct, in the present state."""
-        points, store = self.points, self.points.store
-        if len(self.thermal) < store.capacity:
-            self.thermal = aligned_zeros((store.capacity, 4))
+        points = self.points
+        if len(self.thermal) < points.capacity:
+            self.thermal = aligned_zeros((points.capacity, 4))
         self.thermal[: points.owned] = 0.0
         self.diffusivity = 0.0
-        for block in points.plastic_groups():
+        for block in points.warm_blocks:
             law = block.law
             largest = grid_heat.fill_thermal(
                 block.first,
@@ -127,8 +127,8 @@ class Conduction:
                 points.space,
                 law.specific_heat,
                 (law.conductivity or 0.0) * self.conducting,
-                store["deformation"],
-                store["temperature"],
+                points.storage("deformation_gradient"),
+                points.storage("temperature"),
                 points.motion,
                 self.thermal,
             )
@@ -161,7 +161,7 @@ class Conduction:
         self._update_folds(tables)
         self._supply(time + 0.5 * step)
         passed = self._pass_plastic_heat(step)
-        lists = (0, tables.cells, space, basis, tables.grid, scratch, points.where)
+        lists = (0, tables.cells, space, basis, tables.grid, scratch, points.places)
         now = [plane.temperatures(places, time) for plane, _, _, places in self._folds]
         # a plane that is not at the particles' temperature at the start takes them along, as nodes of finite elements on it would
         jumps = self._jumps(tables, lists, now, timed) if time == 0.0 else [0.0] * len(now)
@@ -171,7 +171,7 @@ class Conduction:
         grid_heat.find_temperatures(0, tables.count, nodes)
         for (plane, ghosts, images, _), held in reversed(list(zip(self._folds, now))):
             grid_heat.spread_temperature(ghosts, images, plane.sign, held, nodes)
-        reference = None if points.where is points.motion else points.store["deformation"]
+        reference = None if points.where == "motion" else points.storage("deformation_gradient")
         grid_heat.conduct(*lists, reference, thermal, nodes, tables.partial)
         timed(tables.sum_flow.start)
         timed(tables.sum_flow.finish)
@@ -182,8 +182,8 @@ class Conduction:
             change = plane.temperatures(places, time + step) - held + jump
             grid_heat.spread_increment(ghosts, images, plane.sign, change, nodes)
         gained = grid_heat.gather_heat(*lists, nodes, thermal)
-        for block in points.plastic_groups():
-            energy, temperature = points.store["internal_energy"], points.store["temperature"]
+        for block in points.warm_blocks:
+            energy, temperature = points.storage("internal_energy"), points.storage("temperature")
             grid_heat.take_heat(block.first, block.last, thermal, points.motion, temperature, energy)
         return gained - passed
 
@@ -192,11 +192,11 @@ class Conduction:
 
         Particles beside a held plane would keep it otherwise: nodes on the plane have no increments that could take it up.
         """
-        rise = self.points.store.arrays.get("plastic_rise")
+        rise = self.points.find("plastic_rise")
         if rise is None or step == 0.0:
             return 0.0
         cell, heat = float(self.points.settings.cell), 0.0
-        for block in self.points.plastic_groups():
+        for block in self.points.warm_blocks:
             heat += grid_heat.hand_over_rise(block.first, block.last, self.thermal, rise, step, cell)
         return heat
 
@@ -204,7 +204,7 @@ class Conduction:
         """Powers of sources and surfaces at a time [s]; only particles with a temperature take any."""
         points, thermal = self.points, self.thermal
         if self.loads.heats:
-            rows = points.table.owned_rows
+            rows = points.owned_rows
             power = self.loads.heat(rows("reference_position"), time) * points.motion[: points.owned, 7]
             thermal[: points.owned, 3] = np.where(thermal[: points.owned, 1] > 0.0, power, 0.0)
         for surface in self.surfaces:
@@ -228,7 +228,7 @@ class Conduction:
                 continue
             n, depth = self.points.owned, aligned_zeros(self.thermal.shape)
             depth[:n] = self.thermal[:n]
-            beyond = (self.points.where[:n, plane.axis] - plane.offset) / self.points.settings.cell
+            beyond = (self.points.places[:n, plane.axis] - plane.offset) / self.points.settings.cell
             self._sum_capacities(tables, lists, self.thermal, timed)
             total, capacity = tables.heat[images, :2].T
             depth[:n, 1] *= beyond

@@ -18,11 +18,11 @@ from numba.extending import overload
 
 from decomposition.compiled import compiled
 from parsolid.methods.mpm.gather import sum_nodes
+from parsolid.methods.mpm.layout import one_gradient
 from parsolid.methods.mpm.scatter import add_particle
 from parsolid.methods.mpm.weights import store_weights
 from parsolid.numerics.dispatch import is_instance
 from parsolid.numerics.lanes import broadcast, from_floats, fused, lane, load, store
-from parsolid.numerics.layout import Space
 from parsolid.numerics.tensors import cofactor, determinant
 
 
@@ -108,7 +108,7 @@ def _choose_referred(space, deformation, p, g):
         return lambda space, deformation, p, g: g
 
     def pulled_back(space, deformation, p, g):
-        F = _one_gradient(space, deformation, p)
+        F = one_gradient(space, deformation, p)
         C, scale = cofactor(F), 1.0 / determinant(F)
         a = scale * (C[0] * g[0] + C[1] * g[1] + C[2] * g[2])
         b = scale * (C[3] * g[0] + C[4] * g[1] + C[5] * g[2])
@@ -120,17 +120,6 @@ def _choose_referred(space, deformation, p, g):
         )
 
     return pulled_back
-
-
-def _one_gradient(space, F, p):
-    raise NotImplementedError
-
-
-@overload(_one_gradient)
-def _choose_one_gradient(space, F, p):
-    if is_instance(space, Space):
-        return lambda space, F, p: (F[0, p], F[1, p], F[2, p], F[3, p], F[4, p], F[5, p], F[6, p], F[7, p], F[8, p])
-    return lambda space, F, p: (F[0, p], F[1, p], 0.0, F[2, p], F[3, p], 0.0, 0.0, 0.0, F[4, p])
 
 
 @compiled(error_model="numpy")
@@ -205,26 +194,11 @@ def fill_thermal(first, last, space, specific_heat, conductivity, deformation, t
     """
     largest = 0.0
     for p in range(first, last):
-        J = determinant(_one_gradient(space, deformation, p))
+        J = determinant(one_gradient(space, deformation, p))
         thermal[p, 0], thermal[p, 1] = temperature[0, p], specific_heat * motion[p, 3]
         thermal[p, 2], thermal[p, 3] = conductivity * J * motion[p, 7], 0.0
         largest = max(largest, thermal[p, 2] / thermal[p, 1])
     return largest
-
-
-@compiled(error_model="numpy")
-def note_plastic_rise(first, last, space, heating, deformation, deviator, plastic_strain, before, rise):
-    """Add to rise (1, capacity) [K] how far plastic flow beyond the strains `before` (capacity,) warms particles first..last-1.
-
-    heating [m3 K/J]: share of the plastic work that heats over rho0 C_v; deviator: 4 rows in two dimensions (11, 22, 33, 12), 6 in
-    three (.., 13, 23).
-    """
-    for p in range(first, last):
-        norm = deviator[0, p] ** 2 + deviator[1, p] ** 2 + deviator[2, p] ** 2
-        for k in range(3, deviator.shape[0]):
-            norm += 2.0 * deviator[k, p] ** 2
-        J = determinant(_one_gradient(space, deformation, p))
-        rise[0, p] += heating * J * math.sqrt(1.5 * norm) * (plastic_strain[0, p] - before[p])
 
 
 @compiled(error_model="numpy")

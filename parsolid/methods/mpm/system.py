@@ -19,9 +19,12 @@ from parsolid.methods.mpm.conduction import Conduction, conducts, least_coordina
 from parsolid.methods.mpm.gather import gather
 from parsolid.methods.mpm.grid_conditions import driven_regions, mirror_planes, walls
 from parsolid.methods.mpm.grid_topology import NodeTables
+from parsolid.methods.mpm.initial_state import set_initial_motion
 from parsolid.methods.mpm.material_points import MaterialPoints
+from parsolid.methods.mpm.observation import can_melt, homologous_temperatures, shown
 from parsolid.methods.mpm.reference_grid import ReferenceGrid
 from parsolid.methods.mpm.scatter import scatter
+from parsolid.methods.mpm.stress_update import StressUpdate
 from parsolid.methods.protocol import ParticleMethod
 from parsolid.numerics.lanes import aligned_zeros
 from parsolid.numerics.layout import LAYOUT, Axisymmetric
@@ -45,16 +48,16 @@ class MaterialPoint(ParticleMethod):
             self.origin[:d] = scene.method.origin
         self.points = MaterialPoints(scene, particle_set, self.origin)
         _refuse_branches(self.points.laws)
-        self.reference = (
-            ReferenceGrid(self.points, self.space) if scene.method.formulation == "total-lagrangian" else None
-        )
-        basis = self._basis()
-        self.points.base_offset = grid_weights.base_offset(basis)
+        self.materials = StressUpdate(scene, self.points)
+        self.reference = None
+        if scene.method.formulation == "total-lagrangian":
+            self.reference = ReferenceGrid(self.points, self.materials, self.space)
+        basis = self.points.basis
         width = grid_weights.nodes_across(basis)
         self.planes = mirror_planes(comm, scene, particle_set.position, self.origin, float(scene.method.cell))
         self.walls, self.driven = walls(scene), driven_regions(scene)
         densities = [law.density for law in self.points.laws]
-        self.loads = BodyLoads(scene, np.array(densities)[self.points.store.law_of_body])
+        self.loads = BodyLoads(scene, np.array(densities)[self.points.law_of_body])
         self.conduction, thermal = None, []
         if conducts(scene, self.points.laws):
             lower = least_coordinates(comm, particle_set.position)
@@ -77,11 +80,12 @@ class MaterialPoint(ParticleMethod):
         self.filters = scene.method.transfer == "apic" or scene.method.flip_fraction < 1.0
         self.gravity = aligned_zeros((1, 4))
         self.steps, self.partition, self.fastest, self.plastic_work = 0, None, 0.0, 0.0
-        self.table = self.points.table
+        self.table = self.points
 
     def begin(self, scene, particle_set) -> None:
         """Set the state at time 0, deal particles out to the owners of their cells, and find the first stress; collective."""
-        self.points.begin(scene, particle_set)
+        set_initial_motion(scene, particle_set, self.points)
+        self.materials.begin(scene, particle_set)
         self._deal_out(None)
         self.tables.update()
         _, self.fastest, _, _ = self._advance_stress(0.0)
@@ -101,10 +105,8 @@ class MaterialPoint(ParticleMethod):
             self.energy_scale = self.comm.allreduce(self.points.heat())
 
     def _deal_out(self, partition) -> bool:
-        if self.settings.basis == "cpgimp":
-            self.points.stretch_domains()
+        self.points.stretch_domains()
         sound = self.grid.deal_out(self.points, partition)
-        self.points.refresh()
         if partition is None:
             self._sort_storage()
         return sound
@@ -157,7 +159,7 @@ class MaterialPoint(ParticleMethod):
         """One step from `time` [s]."""
         points, tables = self.points, self.tables
         tables.update()
-        basis, transfer = self._basis(), self._transfer()
+        basis, transfer = self.points.basis, self._transfer()
         if self.conduction is not None:
             supplied = self.conduction.advance(tables, self.space, basis, self.scratch, time, step, self._timed)
             ledger.add_term("heat_supplied", supplied)
@@ -184,12 +186,9 @@ class MaterialPoint(ParticleMethod):
         announce(sound, self.stable_step())
         return self._settle() and sound
 
-    def _basis(self):
-        return grid_weights.make_basis(self.settings.basis, self.points.store.arrays.get("halves"))
-
     def _transfer(self):
         if self.settings.transfer == "apic":
-            return kernels.Apic(self.points.store["affine"])
+            return kernels.Apic(self.points.storage("velocity_slope"))
         return kernels.Flip(float(self.settings.flip_fraction))
 
     def _external(self, time: float) -> np.ndarray | None:
@@ -197,21 +196,25 @@ class MaterialPoint(ParticleMethod):
         if not self.loads.accelerates:
             return None
         rows = self.table.owned_rows
-        result = aligned_zeros((self.points.store.capacity, 4))
+        result = aligned_zeros((self.points.capacity, 4))
         acceleration = self.loads.acceleration(rows("body"), rows("reference_position"), time)
         result[: self.owned, : self.dimension] = self.points.motion[: self.owned, 3:4] * acceleration
         return result
 
     def _advance_stress(self, step: float) -> tuple[bool, float, float, float]:
-        """See `MaterialPoints.advance_stress`."""
+        """See `StressUpdate.advance`."""
         if self.reference is not None:
             return self.reference.advance_stress(self.tables.grid, step)
-        return self.points.advance_stress(step)
+        return self.materials.advance(step)
 
     def _to_nodes(self, basis, transfer, external) -> None:
         """Mass, momentum and force of all ranks' particles on the nodes."""
-        tables, motion, where = self.tables, self.points.motion, self.points.where
-        stress = self.reference.stress if self.reference is not None else kernels.CauchyStress(self.points.stress)
+        tables, motion, where = self.tables, self.points.motion, self.points.places
+        stress = (
+            self.reference.stress
+            if self.reference is not None
+            else kernels.CauchyStress(self.points.storage("stress_and_volume"))
+        )
         tables.clear()
         scatter(
             0,
@@ -258,7 +261,12 @@ class MaterialPoint(ParticleMethod):
 
     def _from_nodes(self, basis, transfer, time: float, step: float) -> None:
         """Velocities, places and velocity gradients of particles from the nodes."""
-        tables, motion, rate, where = self.tables, self.points.motion, self.points.rate, self.points.where
+        tables, motion, rate, where = (
+            self.tables,
+            self.points.motion,
+            self.points.storage("velocity_gradient"),
+            self.points.places,
+        )
         lists = (0, tables.cells, self.space, basis, tables.grid, self.scratch, where, tables.nodes, motion, step)
         if self.settings.order == "usl":
             gather(*lists, transfer, rate, None)
@@ -290,8 +298,7 @@ class MaterialPoint(ParticleMethod):
 
     def _settle(self) -> bool:
         """List particles by cell anew, hand over those that left; now and then re-order storage and balance the ranks."""
-        if self.settings.basis == "cpgimp":
-            self.points.stretch_domains()
+        self.points.stretch_domains()
         began = clock.perf_counter()
         sound = self.grid.settle(self.points)
         self.communication_seconds += clock.perf_counter() - began if self.comm.size > 1 else 0.0
@@ -310,32 +317,31 @@ class MaterialPoint(ParticleMethod):
         """Bring particles into the order of the cells; in no cell are only those that end the run."""
         cells = self.grid.cells
         if cells.start[-1] == self.owned:
-            self.points.store.reorder(cells.order[: self.owned].copy())
-            self.points.refresh()
+            self.points.reorder(cells.order[: self.owned].copy())
             cells.sort(self.points.bases(), self.owned, self.points.names() if self.settings.bitwise else None)
 
     # --- what the loop and the reports ask ------------------------------------------------------------------------
 
     def energies(self) -> tuple[float, float]:
         """Kinetic energy and internal energy [J] of this rank's particles, heat and plastic work included."""
-        return kernels.kinetic_energy(self.owned, self.points.motion), self.points.stored_energy()
+        return kernels.kinetic_energy(self.owned, self.points.motion), self.materials.stored_energy()
 
     def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
         """Fields that are not in the table."""
-        return self.points.shown(name, first, last)
+        return shown(self.points, name, first, last)
 
     def measure(self, name: str) -> tuple[str, np.ndarray]:
         """This rank's part of a quantity of the whole body."""
         rows, d = self.table.owned_rows, self.dimension
         if name.startswith("maximum_"):
             field = name.removeprefix("maximum_")
-            values = rows(field) if field in self.table.arrays else np.zeros(0)
+            values = rows(field) if field in self.table else np.zeros(0)
             return "maximum", np.array([values.max(initial=0.0)])
         if name == "plastic_work":
             return "sum", np.array([self.plastic_work])
         if name == "heat":
             return "sum", np.array([self.points.heat()])
-        lower, upper = self.points.bounds()
+        lower, upper = self.points.bounds_of_domains()
         return ("minimum", lower[:d]) if name == "lower_bounds" else ("maximum", upper[:d])
 
     def unsound(self) -> tuple[int, str] | None:
@@ -347,7 +353,7 @@ class MaterialPoint(ParticleMethod):
             & np.isfinite(rows("position")).all(axis=1)
             & np.isfinite(jacobian)
         )
-        finite &= np.isfinite(self.points.stress[: self.owned]).all(axis=1)
+        finite &= np.isfinite(self.points.owned_rows("stress_and_volume")).all(axis=1)
         listed = np.zeros(self.owned, bool)
         listed[self.grid.cells.order[: self.grid.cells.start[-1]]] = True
         for bad, what in (
@@ -375,7 +381,7 @@ class MaterialPoint(ParticleMethod):
 
     def arrays(self) -> list[np.ndarray]:
         """Arrays besides those of the table."""
-        return [*self.points.store.arrays.values(), *self.tables.arrays(), *self.grid.cells.arrays()]
+        return [*self.points.storages(), *self.tables.arrays(), *self.grid.cells.arrays()]
 
     def bytes_a_step(self) -> int:
         """Bytes of the sums over nodes; particles that are handed over come on top."""
@@ -385,8 +391,8 @@ class MaterialPoint(ParticleMethod):
     def summary(self) -> dict:
         """Particles that changed their rank, how often cells were dealt out anew, and particles that have melted if any can."""
         result = {"migrated_particles": self.comm.allreduce(self.grid.migrated), "rebalanced": self.rebalanced}
-        if self.points.can_melt:
-            ratios = self.points.homologous_temperatures()
+        if can_melt(self.points):
+            ratios = homologous_temperatures(self.points)
             result["melted_particles"] = self.comm.allreduce(int((ratios >= 1.0).sum()))
             result["largest_temperature_over_melting"] = maximum(self.comm, float(ratios.max(initial=0.0)))
         return result
