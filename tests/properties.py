@@ -4,8 +4,8 @@ from collections import defaultdict
 
 HEAD = """# Tests
 
-What is checked, by room, and where it runs. Made by `python -m pytest --collect-only -q --properties
-docs/tests.md`; a test compares it with the tests that there are.
+What is checked, by room, and where it runs; a test compares this list with the tests that there are. Made by
+`python -m pytest --collect-only -q --properties=docs/tests.md`.
 
 | set | command | what it is |
 |---|---|---|

@@ -228,7 +228,7 @@ def test_arrows_up_are_found():
 
 
 def test_every_test_is_in_the_list_and_none_else():
-    """docs/tests.md, made by `python -m pytest --collect-only -q --properties docs/tests.md`."""
+    """docs/tests.md, made by `python -m pytest --collect-only -q --properties=docs/tests.md`."""
     there, file = set(), None
     for line in (ROOT / "docs" / "tests.md").read_text().splitlines():
         file = line.removeprefix("## ") if line.startswith("## ") else file
