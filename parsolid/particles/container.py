@@ -135,6 +135,11 @@ class Particles:
         """The array that a field or record is kept in, as kernels take it; another one after particles came."""
         return self._storage[name]
 
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All fields by name, for what still takes a `FieldTable`."""
+        return {name: self[name] for name in self.fields}
+
     def _by_particle(self, name: str) -> np.ndarray:
         """The array with particles along its first axis."""
         array = self._storage[name]
@@ -194,6 +199,13 @@ class Particles:
         began = clock.perf_counter()
         self._message(message).finish()
         self.communication_seconds += clock.perf_counter() - began
+
+    def update(self, message: str) -> None:
+        """Send and receive a message once, for set-up: its buffers are given back. Collective; nothing where no field has it."""
+        if any(field.message == message and field.ghosts is not None for field in self.fields.values()):
+            self.send(message)
+            self.receive(message)
+            self._messages.pop(message).free()
 
     def bytes_sent(self, message: str) -> int:
         """Bytes of one message on this rank; collective the first time."""
