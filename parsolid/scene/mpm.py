@@ -1,6 +1,6 @@
 """The material point method as a scene states it."""
 
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, model_validator
 
@@ -97,7 +97,7 @@ class MaterialPoint(MethodSettings):
         reject(*details)
         return self
 
-    def scene_faults(self, scene) -> list[tuple[tuple, str, object]]:
+    def scene_faults(self, scene: Any) -> list[tuple[tuple, str, object]]:
         """Particles on the surface; bodies beyond the axis; heat without conductivity; fields that no body has."""
         details = []
         for i, body in enumerate(scene.bodies):
@@ -115,7 +115,7 @@ class MaterialPoint(MethodSettings):
                 details.append((("boundaries", i, "kind"), "a body with a conductivity", boundary.kind))
         return details + self._fields_of_no_body(scene)
 
-    def _fields_of_no_body(self, scene) -> list[tuple[tuple, str, object]]:
+    def _fields_of_no_body(self, scene: Any) -> list[tuple[tuple, str, object]]:
         if any(body.material.kind == "elastic-plastic" for body in scene.bodies):
             return []
         named = [(("output", "fields", i), name) for i, name in enumerate(scene.output.fields or ())]
