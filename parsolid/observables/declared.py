@@ -174,7 +174,7 @@ def quantity(name: str, kind: str) -> Callable[[type[Sampler]], type[Sampler]]:
 
 
 # fields of a probe at a particle that need more than the particle's present state: name -> (kind, sampler class)
-PARTICLE_SAMPLERS: dict[str, tuple[str, type[Sampler]]] = {}
+PARTICLE_SAMPLERS: dict[str, tuple[str, Callable[..., Sampler]]] = {}
 
 
 def particle_sampler(name: str, kind: str) -> Callable[[type[Sampler]], type[Sampler]]:
