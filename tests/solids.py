@@ -119,7 +119,10 @@ def run_to_end(data: dict, comm=MPI.COMM_SELF, more=None) -> tuple[Simulation, d
 
 
 def gathered(sim, *names: str) -> list[np.ndarray]:
-    """Fields of all particles of all ranks in the order of their identifiers, the same on every rank; small bodies only."""
+    """Fields of all particles of all ranks in the order of their identifiers, the same on every rank.
+
+    Small bodies only.
+    """
     table = sim.method.table
     order = np.argsort(np.concatenate(sim.comm.allgather(table.owned_rows("identifier").copy())))
     return [np.concatenate(sim.comm.allgather(np.array(table.owned_rows(name))))[order] for name in names]
@@ -135,7 +138,9 @@ def random_of(identifier: np.ndarray, *shape: int, seed: int = 0) -> np.ndarray:
 
 
 def set_random_state(sim, strain: float = 0.15, consistent: bool = True, seed: int = 0) -> None:
-    """Random v, x, F with H = cof F and J = det F (else also random), and A, with the symmetries of the mirror planes."""
+    """Random v, x, F with H = cof F and J = det F (else also random), and A, with the symmetries of the mirror
+    planes.
+    """
     table, d, owned = sim.method.table, sim.method.dimension, sim.method.owned
     names = table.owned_rows("identifier")
     free = np.ones((owned, d)) if sim.method.boundaries.clamp is None else sim.method.boundaries.clamp[:, :d]
@@ -161,7 +166,9 @@ def set_random_state(sim, strain: float = 0.15, consistent: bool = True, seed: i
 
 
 def symmetrised(sim, tensors: np.ndarray) -> np.ndarray:
-    """Tensors (n, d, d), displacement gradients or strains, made X = R X R on rollers, X = -R X R on antisymmetric planes."""
+    """Tensors (n, d, d), displacement gradients or strains, made X = R X R on rollers, X = -R X R on antisymmetric
+    planes.
+    """
     d, result = sim.method.dimension, tensors.copy()
     for plane in sim.method.boundaries.planes:
         if plane.kind == "fixed":
@@ -199,8 +206,8 @@ def strains(sim) -> dict[str, np.ndarray]:
 def evaluate(sim) -> dict[str, np.ndarray | float]:
     """One semi-discrete evaluation of the current state, which stays as it is; collective.
 
-    gradient (n, d, d) [1/s], P L (n, d, d) [Pa], T, D (n, d) [N], internal and numerical dissipation and the loads' power of
-    this rank [W].
+    gradient (n, d, d) [1/s], P L (n, d, d) [Pa], T, D (n, d) [N], internal and numerical dissipation and the loads'
+    power of this rank [W].
     """
     method, d = sim.method, sim.method.dimension
     kept = method.body.deformation.copy()

@@ -64,7 +64,7 @@ class Scene(SceneModel):
         return (SystemOfScene(self.method, tuple(range(len(self.bodies)))),)
 
     def part(self, system: SystemOfScene) -> "Scene":
-        """The scene of one system: its method, its bodies, and the boundaries that are for any body or for one of its own."""
+        """The scene of one system: its method and bodies, and boundaries that are for any body or one of its own."""
         bodies = [self.bodies[number] for number in system.bodies]
         if system.settings == self.method and bodies == self.bodies:
             return self
@@ -92,7 +92,7 @@ class Scene(SceneModel):
 
 @dataclass
 class Parts:
-    """The tables of a scene that are sound in themselves, by their place, so that faults between them can be told too."""
+    """The tables of a scene that are sound in themselves, by place, so that faults between them can be told too."""
 
     dimension: int
     bodies: dict[int, FilledShape]
@@ -188,7 +188,9 @@ def _boundary_faults(parts: Parts, fillings: dict[int, Filling], every_body_know
 
 
 def needs_bounding_plane(boundary: Any) -> bool:
-    """Whether a boundary's plane must bound a body: not where particles beside it are chosen, nor where a wall waits for them."""
+    """Whether a boundary's plane must bound a body: not where it chooses particles beside it, nor where it is a
+    wall.
+    """
     return boundary.on_particles and not isinstance(boundary, RegionCondition | FictitiousLayer)
 
 

@@ -1,8 +1,8 @@
 """Errors against a scene's reference: a series over time, an exact solution, or values at the end.
 
 Against a series: for energies max |error| / E0, for anything else max |error| / max |reference|, over the common times.
-Against values at the end: |value / expected - 1|. Against an exact solution: its own measure (see `exact.solution`), at given
-times, as the largest over all steps, or of the history.
+Against values at the end: |value / expected - 1|. Against an exact solution: its own measure (see `exact.solution`), at
+given times, as the largest over all steps, or of the history.
 """
 
 import json
@@ -76,7 +76,7 @@ class Errors:
             self.found |= {f"{name}@{time:.6g}": error for name, error in self.solution.errors(view, time).items()}
 
     def result(self) -> dict[str, float]:
-        """Errors by name: a history column, field@time, largest_field over all steps, or what a solution finds in the history."""
+        """Errors by name: a history column, field@time, largest_field, or what a solution finds in the history."""
         if self.rows and self.solution is not None:
             history = {name: np.array([row[name] for row in self.rows]) for name in self.columns}
             self.found |= self.solution.history_errors(history)
@@ -98,7 +98,7 @@ def _judged(scene: Scene, solution: Any) -> list[str]:
 
 
 def series_errors(rows: list[Row], file: str, names: dict[str, str]) -> dict[str, float]:
-    """Errors of history rows, which hold "time" and the columns, against the series in a JSON file that names gives to columns."""
+    """Errors of history rows against series in a JSON file; names: column -> series, rows hold "time" besides."""
     from scipy.interpolate import CubicSpline
 
     data = json.loads(Path(file).read_text())
