@@ -8,9 +8,10 @@ from pydantic import Field, TypeAdapter, ValidationError, ValidationInfo, field_
 
 from parsolid.scene.base_model import Plane, Positive, SceneModel, method_of, mismatch, reject
 from parsolid.scene.bodies import Body, FilledShape
-from parsolid.scene.boundaries import Boundary, FictitiousLayer, Loads, RegionCondition
+from parsolid.scene.boundaries import Boundary
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.lattice import Filling
+from parsolid.scene.loads import Loads
 from parsolid.scene.methods import Method
 from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, SOLUTIONS_KNOWN, Output, Probe, Reference
 from parsolid.scene.systems import SystemOfScene
@@ -182,16 +183,9 @@ def _boundary_faults(parts: Parts, fillings: dict[int, Filling], every_body_know
             if parts.complete:
                 expected = f"the name of a body{suggestion(boundary.body, names)}"
                 faults.append(fault(("boundaries", i, "body"), expected, boundary.body))
-        elif needs_bounding_plane(boundary) and every_body_known:
+        elif boundary.needs_bounding_plane and every_body_known:
             faults += unbounded_plane(i, boundary, parts.bodies, fillings)
     return faults
-
-
-def needs_bounding_plane(boundary: Any) -> bool:
-    """Whether a boundary's plane must bound a body: not where it chooses particles beside it, nor where it is a
-    wall.
-    """
-    return boundary.on_particles and not isinstance(boundary, RegionCondition | FictitiousLayer)
 
 
 def unbounded_plane(
