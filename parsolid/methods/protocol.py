@@ -143,7 +143,3 @@ class ParticleSystem:
 
     def warm(self) -> None:
         """Compile what only runs on several ranks, or only when results are looked at."""
-
-
-# until every method derives from the new name
-ParticleMethod = ParticleSystem

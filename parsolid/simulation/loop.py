@@ -90,16 +90,6 @@ class Simulation:
         self.particles: int = comm.allreduce(sum(system.owned for system in self.systems))
         self.setup_seconds = clock.perf_counter() - self.clock.began
 
-    @property
-    def method(self) -> ParticleSystem:
-        """The first system; until the tests of all rooms ask for systems."""
-        return self.systems[0]
-
-    @property
-    def particle_set(self) -> Any:
-        """Its particles."""
-        return self.particle_sets[0]
-
     def energies(self) -> tuple[float, float]:
         """Kinetic and stored energy [J] of this rank's particles."""
         kinetic, stored = self.systems[0].energies()

@@ -11,7 +11,7 @@ import numpy as np
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, material_blocks
 from parsolid.materials.registry import laws_of
-from parsolid.methods.protocol import ParticleMethod
+from parsolid.methods.protocol import ParticleSystem
 from parsolid.methods.tlsph import momentum as motion
 from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.methods.tlsph.deformation import Body, Stage, advance_deformation, largest_wave_modulus
@@ -31,7 +31,7 @@ from parsolid.solvers.runge_kutta import SSP_RK3
 _PASSES = {2: pairs_plane, 3: pairs_space}
 
 
-class TotalLagrangianSPH(ParticleMethod):
+class TotalLagrangianSPH(ParticleSystem):
     """The method on one rank. Arrays are laid out as `numerics.layout` and `pairs.layout` say."""
 
     stages = SSP_RK3
