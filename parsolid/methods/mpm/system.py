@@ -24,11 +24,11 @@ from parsolid.methods.mpm.step_energies import StepEnergies
 from parsolid.methods.mpm.stress_update import StressUpdate
 from parsolid.methods.mpm.transfers import ORDERS
 from parsolid.methods.mpm.weights import nodes_across
-from parsolid.methods.protocol import ParticleMethod
+from parsolid.methods.protocol import ParticleSystem
 from parsolid.numerics.lanes import aligned_zeros
 
 
-class MaterialPoint(ParticleMethod):
+class MaterialPoint(ParticleSystem):
     """The method on one rank: its particles are `points`, its cells and shared nodes `grid`, the arrays of nodes `nodes`."""
 
     def __init__(self, comm, scene, particle_set):

@@ -15,7 +15,7 @@ from parsolid.methods.peridynamics.operator import Operator
 from parsolid.methods.peridynamics.quasi_static import QuasiStatic
 from parsolid.methods.peridynamics.velocity_verlet import VelocityVerlet
 from parsolid.methods.peridynamics.velocity_verlet_kernels import kinetic_energy
-from parsolid.methods.protocol import ParticleMethod
+from parsolid.methods.protocol import ParticleSystem
 from parsolid.numerics.lanes import aligned_zeros, padded
 from parsolid.particles.fields import Field, FieldTable
 from parsolid.scene import initial_displacement, initial_velocity
@@ -23,7 +23,7 @@ from parsolid.scene import initial_displacement, initial_velocity
 TIME_SOLVERS = {"explicit": VelocityVerlet, "quasi-static": QuasiStatic}
 
 
-class Peridynamics(ParticleMethod):
+class Peridynamics(ParticleSystem):
     """The method on one rank. Arrays are laid out as `pairs.layout` says; bars lie in the plane."""
 
     even_steps = True

@@ -5,7 +5,7 @@ import numpy as np
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, material_blocks
 from parsolid.materials.registry import laws_of
-from parsolid.methods.protocol import ParticleMethod
+from parsolid.methods.protocol import ParticleSystem
 from parsolid.methods.tlsph import momentum as motion
 from parsolid.methods.tlsph import state
 from parsolid.methods.tlsph.boundaries import build_boundaries
@@ -23,7 +23,7 @@ from parsolid.scene import initial_deformation_gradient, initial_displacement, i
 from parsolid.solvers.runge_kutta import SSP_RK3
 
 
-class TotalLagrangianSPH(ParticleMethod):
+class TotalLagrangianSPH(ParticleSystem):
     """The method on one rank. Arrays are laid out as `numerics.layout` and `pairs.passes` say."""
 
     stages = SSP_RK3
