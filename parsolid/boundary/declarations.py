@@ -12,11 +12,20 @@ from parsolid.scene.load_histories import LoadHistory
 
 @dataclass(frozen=True)
 class Declared:
-    """One thing that a condition means; key: its place in the scene; where: the condition, with its body and its region."""
+    """One thing that a condition means.
+
+    key: the condition's place in the scene; where: the condition itself, with its body and its region; sort: which of several
+    of its type it is.
+    """
 
     name: ClassVar[str]
     key: str
     where: Condition
+
+    @property
+    def sort(self) -> str:
+        """The kind of a plane, the quantity of a motion."""
+        return ""
 
 
 @dataclass(frozen=True)
@@ -27,6 +36,10 @@ class Support(Declared):
     plane: MirrorPlane
     mirrored: bool
 
+    @property
+    def sort(self) -> str:
+        return self.plane.kind
+
 
 @dataclass(frozen=True)
 class PrescribedMotion(Declared):
@@ -35,6 +48,10 @@ class PrescribedMotion(Declared):
     name: ClassVar[str] = "a prescribed motion"
     quantity: Literal["velocity", "displacement"]
     course: LoadHistory
+
+    @property
+    def sort(self) -> str:
+        return self.quantity
 
 
 @dataclass(frozen=True)
@@ -75,13 +92,13 @@ Some = TypeVar("Some", bound=Declared)
 
 
 class Declarations:
-    """All that the conditions of a scene mean, in the order of the scene; conditions call its verbs.
-
-    planes that are no condition's, as an axis of symmetry, are added by methods.
-    """
+    """All that the conditions of a scene mean, in the order of the scene; conditions call its verbs."""
 
     def __init__(self, scene, *takes: type[Declared]):
-        """takes: the types that a method takes. Raises SolverError, the same on all ranks, for a condition that means another."""
+        """takes: the types that a method takes.
+
+        Raises SolverError, the same on all ranks, for a condition that means another, or nothing.
+        """
         self.scene, self.dimension, self.takes = scene, scene.dimension, takes
         self.bodies = {body.name: index for index, body in enumerate(scene.bodies) if body.name is not None}
         self.all: list[Declared] = []
@@ -92,9 +109,14 @@ class Declarations:
             if len(self.all) == before:
                 raise SolverError(f"{self._key}.kind: expected a condition with a meaning, found {boundary.kind!r}")
 
-    def of(self, wanted: type[Some]) -> list[Some]:
-        """All of a type."""
-        return [one for one in self.all if isinstance(one, wanted)]
+    def of(self, wanted: type[Some], *sorts: str) -> list[Some]:
+        """All of a type; raises SolverError for one of another sort than these, where any are given."""
+        found = [one for one in self.all if isinstance(one, wanted)]
+        for one in found:
+            if sorts and one.sort not in sorts:
+                known = " or ".join(map(repr, sorts))
+                raise SolverError(f"{one.key}.kind: expected {known} with this method, found {one.where.kind!r}")
+        return found
 
     def _add(self, one: Declared) -> None:
         if not isinstance(one, self.takes):

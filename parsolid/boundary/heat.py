@@ -17,8 +17,8 @@ _REACH = 0.51
 class HeatSupply:
     """Heat of a rank's particles.
 
-    Heat through a plane goes to the particles there, not to the plane itself: then what they store has the gradient that the flow
-    needs (measured: half the error).
+    Heat through a plane goes to the particles there, not to the plane itself: then what they store has the gradient
+    that the flow needs (measured: half the error).
     """
 
     def __init__(self, declared: Declarations, particles: Any, per_radian: bool):

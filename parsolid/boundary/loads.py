@@ -60,8 +60,8 @@ class InTime:
 class Load:
     """scale * course(X, t) on some particles, or on all.
 
-    particles: as in `InTime`; scale: (k,) at rows, from fields that travel with the particles; onto: a plane onto which places are
-    moved before the course is evaluated there.
+    particles: as in `InTime`; scale: (k,) at rows, from fields that travel with the particles; onto: a plane onto
+    which places are moved before the course is evaluated there.
     """
 
     particles: Any
@@ -120,7 +120,10 @@ class ExactBodyForce:
 
 
 def body_loads(scene, particles: Any, per_volume: Callable, per_mass: Callable) -> list[Load]:
-    """Loads of a scene on all bodies; per_volume, per_mass: what a force per volume and an acceleration are multiplied with, at rows."""
+    """Loads of a scene on all bodies.
+
+    per_volume, per_mass: what a force per volume and an acceleration are multiplied with, (k,) at rows.
+    """
     loads, everything, result = scene.loads, Everywhere(), []
     for formulas, scale in ((loads.body_force, per_volume), (loads.acceleration, per_mass)):
         if formulas is not None:

@@ -1,8 +1,8 @@
 """Mirror planes, of particles and of grids, and the tables of images that pairs need.
 
-Rollers and fixed walls are planes with mirror images: v' = Q v at X' = R X + T, with Q = R at a roller (symmetry), Q = -1 at
-a fixed wall and Q = -R where only normal motion is free (antisymmetry, exact for small strain: the stress of the image has
-the other sign). Particles on a plane are held as well.
+Rollers and fixed walls are planes with mirror images: v' = Q v at X' = R X + T, with Q = R at a roller (symmetry), Q =
+-1 at a fixed wall and Q = -R where only normal motion is free (antisymmetry, exact for small strain: the stress of the
+image has the other sign). Particles on a plane are held as well.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ ON_PLANE = 1e-6
 
 @dataclass(frozen=True)
 class MirrorPlane:
-    """The plane X[axis] = coordinate; kind is "roller", "fixed" or "antisymmetric"; body is an index, None means all."""
+    """The plane X[axis] = coordinate; kind: "roller", "fixed" or "antisymmetric"; body: an index, None means all."""
 
     axis: int
     coordinate: float
@@ -51,7 +51,8 @@ class MirrorPlane:
 class MirrorCodes:
     """Every reflection a rank may need: in one plane, or in two or three at their common edge or corner.
 
-    signs Q, reflections R, shifts T: (codes, 3); stress_signs s: (codes,); planes: the planes of each code; tolerance [m] for "on the plane".
+    signs Q, reflections R, shifts T: (codes, 3); stress_signs s: (codes,); planes: the planes of each code; tolerance
+    [m] for "on the plane".
     """
 
     signs: np.ndarray
@@ -131,5 +132,8 @@ def check_sides(comm, plane: MirrorPlane, particle_set, key: str) -> None:
     letter = "XYZ"[plane.axis]
     fault = None
     if below and above:
-        fault = f"{key}.plane: expected a plane that bounds the bodies, found particles on both sides of {letter} = {plane.coordinate:g}"
+        fault = (
+            f"{key}.plane: expected a plane that bounds the bodies, "
+            f"found particles on both sides of {letter} = {plane.coordinate:g}"
+        )
     raise_together(comm, fault)

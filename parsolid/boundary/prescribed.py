@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.boundary.declarations import Declarations, PrescribedMotion
+from parsolid.boundary.declarations import PrescribedMotion
 from parsolid.boundary.rows import HasRows
 from parsolid.scene.load_histories import LoadHistory
 from parsolid.scene.regions import selected
@@ -33,13 +33,13 @@ class PrescribedRows:
     guided: whether anything is prescribed, the same on all ranks.
     """
 
-    def __init__(self, comm, declared: Declarations, particle_set, particles: Any):
+    def __init__(self, comm, scene, motions: list[PrescribedMotion], particle_set, particles: Any):
         """particles: `Particles` or `rows.FixedParticles` of the particle_set; collective."""
         self.particles, self.components, self._layout = particles, [], -1
         wanted = []
         taken = np.zeros(particle_set.position.shape, bool)
-        for one in reversed(declared.of(PrescribedMotion)):
-            chosen, free = selected(declared.scene, one.where, particle_set, comm), one.course.free
+        for one in reversed(motions):
+            chosen, free = selected(scene, one.where, particle_set, comm), one.course.free
             for index in np.flatnonzero(~free[: taken.shape[1]])[::-1]:
                 # work is counted once: on what holds
                 wanted.append((one.quantity, chosen & ~taken[:, index], int(index), one.course.component(index)))
@@ -78,7 +78,7 @@ class PrescribedRows:
         return self._entries
 
     def values(self, quantity: str, time: float, before: bool = False) -> np.ndarray:
-        """(k,) for the entries at a time [s], of a jump just after, or just before it; 0 where another quantity is prescribed."""
+        """(k,) for the entries at a time [s], after or before a jump of that time; 0 where another is prescribed."""
         self._look_up()
         meant = [one for one in self.components if one.quantity == quantity]
         if quantity not in self._constant:

@@ -1,6 +1,7 @@
 """Rows of particles to which conditions and loads refer, looked up anew when particles have changed their rows."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -37,7 +38,14 @@ class FixedParticles:
 
     def selection(self, mask: np.ndarray) -> HasRows:
         """The particles where mask (n,) is true."""
-        return Chosen(self, lambda: mask)
+        return _Fixed(np.flatnonzero(mask))
+
+
+@dataclass
+class _Fixed:
+    """Rows (k,) that stay."""
+
+    rows: np.ndarray
 
 
 class Chosen:

@@ -18,7 +18,8 @@ _NEAR = 1e-13
 class FactorHistory(SceneModel):
     """A factor that is linear in time between rows of (time [s], factor); a repeated time is a jump.
 
-    It is 0 before the first row and constant after the last. Rows stand in the scene or in a CSV file with a line of names.
+    It is 0 before the first row and constant after the last. Rows stand in the scene or in a CSV file with a line of
+    names.
     """
 
     exactly_one: ClassVar = (("rows", "file"),)
@@ -92,7 +93,7 @@ class Timed(SceneModel):
 
 
 class LoadHistory:
-    """Formulas with the history and the jumps of a `Timed` table, if they have any, evaluated as a `FormulaVector` is."""
+    """Formulas with the history and jumps of a `Timed` table, if they have any, evaluated as a `FormulaVector` is."""
 
     def __init__(self, formulas: FormulaVector, timed: Timed | None = None):
         self.formulas, self.timed = formulas, timed

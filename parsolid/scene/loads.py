@@ -10,7 +10,7 @@ from parsolid.scene.load_histories import Timed
 
 
 class Loads(Timed):
-    """Loads on all bodies: a force [N/m^3] per reference volume, an acceleration [m/s^2], heat [W/m^3] per reference volume.
+    """Loads on all bodies: force [N/m^3] and heat [W/m^3] per reference volume, acceleration [m/s^2].
 
     history and jumps are those of the force and the acceleration.
     manufactured: also the body force under which the exact solution of the scene's reference holds.

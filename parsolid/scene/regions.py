@@ -21,7 +21,10 @@ NOBODY = np.iinfo(np.int64).max
 def nearest_particles(
     comm: MPI.Comm, identifier: np.ndarray, position: np.ndarray, points: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Global id (m,) and distance (m,) [m] of the particle nearest to each point (m, d); the lowest id of equals (collective)."""
+    """Global id (m,) and distance (m,) [m] of the particle nearest to each point (m, d); the lowest id of equals.
+
+    Collective.
+    """
     points = np.asarray(points, float).reshape(-1, position.shape[1])
     squared = np.full(len(points), np.inf)
     names = np.full(len(points), NOBODY)
@@ -61,8 +64,11 @@ class _Geometric:
 
 @dataclass(frozen=True)
 class OnPlane:
-    """A plane: the particles on it; where particles sit in cells, those whose cell it touches; where these cells are jittered or
-    a mesh's, only those with a face on the surface of the body."""
+    """A plane: the particles on it.
+
+    Where particles sit in cells, those whose cell it touches; where these cells are jittered or a mesh's, only those
+    with a face on the surface of the body.
+    """
 
     plane: Plane
 

@@ -9,7 +9,7 @@ from parsolid.boundary.loads import Load, accelerations, area_along, densities
 from parsolid.boundary.prescribed import PrescribedRows
 from parsolid.boundary.rows import FixedParticles
 from parsolid.boundary.supports import Supports
-from parsolid.collective import SolverError, anywhere
+from parsolid.collective import anywhere
 from parsolid.methods.tlsph import momentum as motion
 from parsolid.scene.regions import selected
 
@@ -17,15 +17,18 @@ from parsolid.scene.regions import selected
 class BoundarySet:
     """What the momentum equation needs of a scene's boundaries and loads.
 
-    planes, codes, share: see `boundary.supports.Supports`; clamp (n, 4): multipliers of velocities, None where no rank holds any.
+    planes, codes, share: see `boundary.supports.Supports`; clamp (n, 4): multipliers of velocities, None where no rank
+    holds any.
     """
 
     def __init__(self, comm, declared: Declarations, particle_set, particles: Any):
         """particles: `Particles` or `FixedParticles` of the particle_set; collective."""
-        supports = Supports(comm, declared, particle_set)
+        supports = Supports(comm, declared.scene, declared.of(Support), particle_set)
         self.planes, self.codes, self.share = supports.planes, supports.codes, supports.share
         self.clamp = _clamp(comm, supports.held)
-        self.prescribed = PrescribedRows(comm, declared, particle_set, particles)
+        self.prescribed = PrescribedRows(
+            comm, declared.scene, declared.of(PrescribedMotion, "velocity"), particle_set, particles
+        )
         tractions = (_traction(comm, declared, one, particle_set, particles) for one in declared.of(SurfaceTraction))
         self.loads = accelerations(declared.scene, particles, *tractions)
         self.held_energy = 0.0
@@ -58,13 +61,10 @@ class BoundarySet:
 def build_boundaries(comm, scene, particle_set, particles: Any = None) -> BoundarySet:
     """Boundaries and loads of a scene for this rank's particle_set; collective.
 
-    particles: the `Particles` made of the particle_set; rows stay as they are unless given. Raises SolverError on all ranks when a
-    mirror plane cuts a body or the method cannot do what a condition means.
+    particles: the `Particles` made of the particle_set; rows stay as they are unless given. Raises SolverError on all
+    ranks when a mirror plane cuts a body or the method cannot do what a condition means.
     """
     declared = Declarations(scene, Support, PrescribedMotion, SurfaceTraction)
-    for one in declared.of(PrescribedMotion):
-        if one.quantity != "velocity":
-            raise SolverError(f"{one.key}.kind: expected a velocity with this method, found {one.where.kind!r}")
     return BoundarySet(comm, declared, particle_set, particles or FixedParticles(particle_set))
 
 

@@ -19,8 +19,8 @@ Boundary = Annotated[Any, BOUNDARY_KINDS]
 class Condition(SceneModel):
     """A boundary condition with a literal field `kind`; its keys are those of its table in the scene.
 
-    on_particles: it is about particles of a region, else about nodes of a grid, wherever particles are; needs_bounding_plane: its
-    plane must bound a body.
+    on_particles: it is about particles of a region, else about nodes of a grid, wherever particles are;
+    needs_bounding_plane: its plane must bound a body.
     """
 
     on_particles: ClassVar[bool] = True

@@ -64,9 +64,10 @@ class PrescribedDisplacement(RegionCondition, Timed):
 
 @boundary_kind
 class FictitiousLayer(Condition, Timed):
-    """A layer of fictitious particles, the part of a body on one side of a plane through it, with prescribed displacement [m].
+    """A layer of fictitious particles, the part of a body on one side of a plane, with prescribed displacement.
 
-    As wide as the horizon it holds the rest of the body at the plane (Galadima et al., section 8), with an error of first order.
+    As wide as the horizon it holds the rest of the body at the plane (Galadima et al., section 8), with an error of
+    first order.
     """
 
     kind: Literal["layer"]

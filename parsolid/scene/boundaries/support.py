@@ -17,8 +17,8 @@ class Support(Condition):
     roller         no velocity along the normal, no shear traction: a plane of symmetry
     antisymmetric  no velocity in the plane, no normal traction: the image moves with v' = -R v, R the reflection
 
-    With `mirror` the particles have images beyond the plane; without it the particles on the plane are clamped only, which
-    leaves first-order errors beside the plane.
+    With `mirror` the particles have images beyond the plane; without it the particles on the plane are clamped only,
+    which leaves first-order errors beside the plane.
     """
 
     needs_bounding_plane: ClassVar[bool] = True

@@ -28,7 +28,7 @@ class PrescribedTemperature(Condition):
 
 @boundary_kind
 class HeatFlux(Condition):
-    """Heat [W/m^2] that flows into a body through a plane that bounds it; planes without any condition are insulated."""
+    """Heat [W/m^2] into a body through a plane that bounds it; planes without any condition are insulated."""
 
     on_particles: ClassVar[bool] = False
     kind: Literal["heat_flux"]
