@@ -14,8 +14,8 @@ from parsolid.scene.load_histories import LoadHistory
 class Declared:
     """One thing that a condition means.
 
-    key: the condition's place in the scene; where: the condition itself, with its body and its region; sort: which of several
-    of its type it is.
+    key: the condition's place in the scene; where: the condition itself, with its body and its region; sort: which of
+    several of its type it is.
     """
 
     name: ClassVar[str]

@@ -1,4 +1,4 @@
-"""Prescribed rows, loads and heat belong to the same particles after these have changed their rows and come from elsewhere."""
+"""Prescribed rows, loads and heat stay with their particles after these changed rows and came back from elsewhere."""
 
 import numpy as np
 import pytest
@@ -70,7 +70,7 @@ def test_loads_and_prescribed_velocities_of_tlsph(comm):
         for time in (0.0, 0.7):
             loads = by_particle(particles, found.loads_at(time))
             assert np.array_equal(loads, by_particle(contained(particle_set), fixed.loads_at(time)))
-            if comm.size == 1:
+            if comm.size == 1 and time > 0.0:
                 assert len(np.unique(loads[:, 1])) > 9
             still = contained(particle_set)
             expected = spread(still, fixed.prescribed, "velocity", time)
