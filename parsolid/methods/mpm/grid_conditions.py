@@ -128,7 +128,7 @@ class GridConditions:
         self.upper = maximum(comm, position.max(axis=0, initial=-np.inf))
         for one in self.declared.all:
             _refuse_body(one)
-        self.planes = self._folded(scene)
+        self.planes, self.dimension = self._folded(scene), scene.dimension
         self.walls = [MovingWall(wall, scene.dimension) for wall in self.declared.of(RigidWall)]
         self.driven = [DrivenRegion(motion) for motion in self.declared.of(PrescribedMotion, "velocity")]
 
@@ -163,6 +163,18 @@ class GridConditions:
                 f"found {'XYZ'[axis]} = {offset:g}, {0.5 * place:.6g} cells from the origin"
             )
         return Mirror(axis, round(place), 1 if self.lower[axis] >= offset else -1)
+
+    def obey(self, nodes, array: np.ndarray, time: float) -> tuple[float, float]:
+        """Let velocities in one of the arrays of `Nodes` obey at a time [s]; the work that this takes and what of it is lost [J]."""
+        supplied, caught = 0.0, 0.0
+        for wall in self.walls:
+            reached = wall.at(time)
+            *impulse, lost = kernels.obey_wall(0, nodes.count, array, nodes.places, nodes.share, reached)
+            supplied, caught = supplied + float(np.dot(impulse, wall.velocity[:3])), caught + lost
+        for region in self.driven:
+            supplied += region.drive(array, nodes, time, self.dimension)
+        nodes.spread(array)
+        return supplied, caught
 
     def thermal_planes(self) -> list[ThermalPlane]:
         """Planes at given temperatures, and insulated ones at the other mirror planes of the motion."""
