@@ -94,15 +94,14 @@ class Pressure(Condition):
 def new_kind(tmp_path, monkeypatch):
     """A folder whose files are kinds, too, for the time of a test."""
     monkeypatch.setattr(boundaries, "__path__", [*boundaries.__path__, str(tmp_path)])
-    modules, models = set(sys.modules), dict(BOUNDARY_KINDS.models)
+    models = dict(BOUNDARY_KINDS.models)
 
     def write(text: str) -> None:
         (tmp_path / "brand_new.py").write_text(text, encoding="utf-8")
         boundaries.find_kinds()
 
     yield write
-    for name in set(sys.modules) - modules:
-        del sys.modules[name]
+    sys.modules.pop(f"{boundaries.__name__}.brand_new", None)
     BOUNDARY_KINDS.models.clear()
     BOUNDARY_KINDS.models.update(models)
 
