@@ -5,9 +5,11 @@ from typing import ClassVar, Literal, TypeVar
 
 from parsolid.boundary.mirror_planes import MirrorPlane
 from parsolid.collective import SolverError
+from parsolid.scene.base_model import Plane
 from parsolid.scene.boundaries import Condition
 from parsolid.scene.formulas import Formula
 from parsolid.scene.load_histories import LoadHistory
+from parsolid.scene.schema import Scene
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,7 @@ class SurfaceTraction(Declared):
     """A traction [Pa] on a plane that bounds a body."""
 
     name: ClassVar[str] = "a traction"
+    plane: Plane
     course: LoadHistory
 
 
@@ -67,6 +70,7 @@ class RigidWall(Declared):
     """A plane that moves with a velocity [m/s], on one side of which bodies stay."""
 
     name: ClassVar[str] = "a wall"
+    plane: Plane
     side: Literal["above", "below"]
     velocity: list[float] | None
     sticking: bool
@@ -77,6 +81,7 @@ class TemperaturePlane(Declared):
     """A plane at a temperature [K]."""
 
     name: ClassVar[str] = "a temperature"
+    plane: Plane
     formula: Formula
 
 
@@ -85,6 +90,7 @@ class SurfaceHeat(Declared):
     """Heat [W/m^2] into a body through a plane that bounds it."""
 
     name: ClassVar[str] = "a heat flux"
+    plane: Plane
     course: LoadHistory
 
 
@@ -94,7 +100,7 @@ Some = TypeVar("Some", bound=Declared)
 class Declarations:
     """All that the conditions of a scene mean, in the order of the scene; conditions call its verbs."""
 
-    def __init__(self, scene, *takes: type[Declared]):
+    def __init__(self, scene: Scene, *takes: type[Declared]):
         """takes: the types that a method takes.
 
         Raises SolverError, the same on all ranks, for a condition that means another, or nothing.
@@ -118,6 +124,11 @@ class Declarations:
                 raise SolverError(f"{one.key}.kind: expected {known} with this method, found {one.where.kind!r}")
         return found
 
+    def _plane(self, where: Condition) -> Plane:
+        if where.plane is None:
+            raise SolverError(f"{self._key}.plane: expected a plane, found nothing")
+        return where.plane
+
     def _add(self, one: Declared) -> None:
         if not isinstance(one, self.takes):
             known = ", ".join(kind.name for kind in self.takes)
@@ -131,8 +142,9 @@ class Declarations:
 
     def support(self, where: Condition, kind: str, mirrored: bool = True) -> None:
         """A mirror plane, or a clamp of the particles on it; kind: "fixed", "roller" or "antisymmetric"."""
-        plane = MirrorPlane(where.plane.axis, where.plane.offset, kind, self.bodies.get(where.body))
-        self._add(Support(self._key, where, plane, mirrored))
+        plane, body = self._plane(where), None if where.body is None else self.bodies[where.body]
+        mirror = MirrorPlane(plane.axis, plane.offset, kind, body)
+        self._add(Support(self._key, where, mirror, mirrored))
 
     def prescribe(self, where: Condition, quantity: Literal["velocity", "displacement"], course: LoadHistory) -> None:
         """Motion in the condition's region; components that are None in its formulas are free."""
@@ -140,18 +152,18 @@ class Declarations:
 
     def traction(self, where: Condition, course: LoadHistory) -> None:
         """A traction on the condition's plane."""
-        self._add(SurfaceTraction(self._key, where, course))
+        self._add(SurfaceTraction(self._key, where, self._plane(where), course))
 
     def wall(
         self, where: Condition, side: Literal["above", "below"], velocity: list[float] | None, sticking: bool
     ) -> None:
         """A rigid wall that starts at the condition's plane."""
-        self._add(RigidWall(self._key, where, side, velocity, sticking))
+        self._add(RigidWall(self._key, where, self._plane(where), side, velocity, sticking))
 
     def temperature(self, where: Condition, formula: Formula) -> None:
         """A temperature on the condition's plane."""
-        self._add(TemperaturePlane(self._key, where, formula))
+        self._add(TemperaturePlane(self._key, where, self._plane(where), formula))
 
     def heat_flux(self, where: Condition, course: LoadHistory) -> None:
         """Heat through the condition's plane."""
-        self._add(SurfaceHeat(self._key, where, course))
+        self._add(SurfaceHeat(self._key, where, self._plane(where), course))

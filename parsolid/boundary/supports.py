@@ -1,10 +1,13 @@
 """Supports of a scene on a rank's particles: mirror planes and clamps."""
 
 import numpy as np
+from mpi4py import MPI
 
 from parsolid.boundary.declarations import Support
 from parsolid.boundary.mirror_planes import MirrorCodes, MirrorPlane, check_sides, mirror_codes
+from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.regions import selected
+from parsolid.scene.schema import Scene
 
 
 class Supports:
@@ -14,7 +17,7 @@ class Supports:
     part of a particle on this side of mirror planes.
     """
 
-    def __init__(self, comm, scene, supports: list[Support], particle_set):
+    def __init__(self, comm: MPI.Comm, scene: Scene, supports: list[Support], particle_set: ParticleSet):
         """Raises SolverError on all ranks when a mirror plane cuts a body. Collective."""
         dimension = particle_set.position.shape[1]
         self.planes: list[MirrorPlane] = []

@@ -46,6 +46,7 @@ class FactorHistory(SceneModel):
         """The rows, wherever they stand."""
         if self.rows is not None:
             return self.rows
+        assert self.file is not None
         with open(self.file, newline="", encoding="utf-8") as file:
             return [[float(time), float(factor)] for time, factor in list(csv.reader(file))[1:]]
 

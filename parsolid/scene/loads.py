@@ -24,7 +24,8 @@ class Loads(Timed):
     @model_validator(mode="after")
     def _known_to_method(self, info: ValidationInfo) -> "Loads":
         method = method_of(info)
-        stated = self.model_fields_set - Timed.model_fields.keys() if method else ()
-        unknown = [key for key in stated if key not in method.loads]
-        reject(*(((key,), f"one of {', '.join(method.loads)} with this method", key) for key in unknown))
+        known: tuple[str, ...] = getattr(method, "loads", ())
+        stated = self.model_fields_set - Timed.model_fields.keys() if method else set()
+        unknown = [key for key in stated if key not in known]
+        reject(*(((key,), f"one of {', '.join(known)} with this method", key) for key in unknown))
         return self

@@ -68,8 +68,8 @@ class MovingWall:
 
     def __init__(self, wall: RigidWall, dimension: int):
         self.start, self.normal, self.velocity = np.zeros((3, 4))
-        axis = wall.where.plane.axis
-        self.start[axis] = wall.where.plane.offset
+        axis = wall.plane.axis
+        self.start[axis] = wall.plane.offset
         self.normal[axis] = 1.0 if wall.side == "above" else -1.0
         if wall.velocity is not None:
             self.velocity[:dimension] = wall.velocity
@@ -180,7 +180,7 @@ class GridConditions:
         """Planes at given temperatures, and insulated ones at the other mirror planes of the motion."""
         result = []
         for one in self.declared.of(TemperaturePlane):
-            axis, offset = one.where.plane.axis, float(one.where.plane.offset)
+            axis, offset = one.plane.axis, float(one.plane.offset)
             result.append(ThermalPlane(self._mirror(one.key, axis, offset), axis, offset, one.formula))
         held = [plane.mirror for plane in result]
         return result + [

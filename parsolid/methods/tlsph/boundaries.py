@@ -71,7 +71,7 @@ def build_boundaries(comm, scene, particle_set, particles: Any = None) -> Bounda
 def _traction(comm, declared: Declarations, one: SurfaceTraction, particle_set, particles: Any) -> Load:
     """Traction [Pa] times tributary area over tributary mass."""
     chosen = particles.selection(selected(declared.scene, one.where, particle_set, comm))
-    area, density = area_along(particles, one.where.plane.axis), densities(declared.scene, particles)
+    area, density = area_along(particles, one.plane.axis), densities(declared.scene, particles)
     return Load(
         particles, chosen, lambda rows: area(rows) / (density(rows) * particles.owned_rows("volume")[rows]), one.course
     )
