@@ -163,5 +163,5 @@ def densities(scene: Scene, particles: HasParticles) -> OfRows:
 def accelerations(scene: Scene, particles: HasParticles, *more: Load) -> InTime:
     """Accelerations (owned, 4) [m/s^2] of a scene's loads on all bodies, and of more loads before them."""
     density = densities(scene, particles)
-    per_mass = lambda rows: np.ones(particles.owned)  # noqa: E731
-    return InTime(particles, [*more, *body_loads(scene, particles, lambda rows: 1.0 / density(rows), per_mass)], 4)
+    loads = body_loads(scene, particles, lambda rows: 1.0 / density(rows), lambda rows: np.ones(particles.owned))
+    return InTime(particles, [*more, *loads], 4)
