@@ -95,7 +95,7 @@ class Load:
         if self.onto is not None:
             places = places.copy()
             places[:, self.onto.axis] = self.onto.offset
-        return places
+        return np.ascontiguousarray(places)
 
     def put(self, result: np.ndarray, time: float, before: bool = False) -> None:
         """Add its values to the first columns of result (owned, any)."""

@@ -12,7 +12,7 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.collective import anywhere, minimum, raise_together
-from parsolid.pairs.layout import image_table
+from parsolid.pairs.lists import image_table
 from parsolid.particles.particle_set import ParticleSet
 
 # a particle within this fraction of its spacing of a plane lies on it

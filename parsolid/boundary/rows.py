@@ -99,6 +99,6 @@ class Everywhere:
 
 
 def keep(particles: HasParticles, name: str, values: np.ndarray) -> OfRows:
-    """Let values (owned,) travel with their particles; gives them at rows."""
-    particles.declare(Field(name, 1, "1"), values)
+    """Let values (owned,) or (owned, components) travel with their particles; gives them at rows."""
+    particles.declare(Field(name, values.shape[1] if values.ndim > 1 else 1, "1"), values)
     return lambda rows: particles.owned_rows(name)[rows]

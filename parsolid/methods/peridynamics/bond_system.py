@@ -7,10 +7,9 @@ import numpy as np
 from decomposition.halo import Halo
 from parsolid.boundary.mirror_planes import MirrorCodes
 from parsolid.collective import maximum, raise_together
-from parsolid.methods.peridynamics import bond_weights
+from parsolid.pairs import radial_weights as bond_weights
 from parsolid.pairs import weights
-from parsolid.pairs.layout import Images, PairList
-from parsolid.pairs.neighbour_lists import (
+from parsolid.pairs.candidates import (
     IDENTITY,
     coincident,
     common_metric,
@@ -18,6 +17,8 @@ from parsolid.pairs.neighbour_lists import (
     plain_candidates,
     reach_of,
 )
+from parsolid.pairs.layout import Images, PairList
+from parsolid.pairs.lists import InnerList, OneSidedList, Places
 
 
 @dataclass
@@ -71,18 +72,8 @@ class BondSystem:
         shape, chosen = np.zeros((n, d, d)), np.zeros(n, bool)
         chosen[slice(None) if particles is None else particles] = True
         for pairs, _, both, code, reflections, shifts in self.lists():
-            bond_weights.add_shapes(
-                chosen,
-                both,
-                pairs.start,
-                pairs.neighbour,
-                code,
-                reflections,
-                shifts,
-                self.positions,
-                pairs.weight,
-                shape,
-            )
+            kind = InnerList(*pairs) if both else OneSidedList(*pairs, None)
+            bond_weights.add_shapes(chosen, kind, Places(code, reflections, shifts), self.positions, shape)
         bond_weights.invert_shapes(
             chosen, self.bar, self.owned, self.volume, shape, self.inverse_shape, self.determinant
         )
@@ -112,17 +103,8 @@ class _Builder:
         if place >= 0:
             self.fault = coincident(self.positions, start, place)
         pairs = PairList(start, neighbour, np.empty(len(neighbour)))
-        bond_weights.bond_weights(
-            self.influence,
-            *pairs[:2],
-            code,
-            reflections,
-            shifts,
-            self.positions,
-            self.metric,
-            self.volume,
-            pairs.weight,
-        )
+        places = Places(code, reflections, shifts)
+        bond_weights.bond_weights(self.influence, InnerList(*pairs), places, self.positions, self.metric, self.volume)
         return pairs, code
 
 

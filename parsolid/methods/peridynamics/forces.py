@@ -9,12 +9,12 @@ from parsolid.materials.damage.bond_based import BondBased, micromodulus
 from parsolid.methods.peridynamics.bond_based import BondBasedForce, BondBasedHistory
 from parsolid.methods.peridynamics.bond_force import BondForce
 from parsolid.methods.peridynamics.bond_system import BondSystem, build_bond_system
-from parsolid.methods.peridynamics.bond_weights import INFLUENCES
 from parsolid.methods.peridynamics.history_force import HistoryForce, TensorHistory
 from parsolid.methods.peridynamics.operator import algorithmic_law
 from parsolid.methods.peridynamics.tensor_history import has_tensor_history
 from parsolid.methods.peridynamics.viscoelastic_history import ViscoelasticHistory, series_of
-from parsolid.pairs.layout import AlongBonds, ShearScaled
+from parsolid.pairs.radial_weights import INFLUENCES
+from parsolid.pairs.terms import AlongBonds, ShearScaled
 
 
 class Forces(NamedTuple):

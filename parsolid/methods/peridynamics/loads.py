@@ -1,13 +1,11 @@
 """Supports, prescribed motion and loads of a peridynamic scene on one rank's particles."""
 
-from typing import Any
-
 import numpy as np
 
 from parsolid.boundary.declarations import Declarations, PrescribedMotion, Support, SurfaceTraction
 from parsolid.boundary.loads import InTime, body_loads, densities
 from parsolid.boundary.prescribed import PrescribedRows
-from parsolid.boundary.rows import FixedParticles
+from parsolid.boundary.rows import FixedParticles, HasParticles
 from parsolid.boundary.supports import Supports
 from parsolid.methods.peridynamics.tractions import Tractions
 
@@ -21,12 +19,12 @@ class PeridynamicLoads:
     a particle on this side of mirror planes.
     """
 
-    def __init__(self, comm, scene, particle_set, particles: Any = None):
+    def __init__(self, comm, scene, particle_set, particles: HasParticles | None = None):
         """particle_set: this rank's sorted particles; collective. Raises SolverError on all ranks.
 
         particles: the `Particles` made of the particle_set; rows stay as they are unless given.
         """
-        self.scene, self.particles = scene, particles or FixedParticles(particle_set)
+        self.scene, self.particles = scene, FixedParticles(particle_set) if particles is None else particles
         self.declared = Declarations(scene, Support, PrescribedMotion, SurfaceTraction)
         supports = Supports(comm, scene, self.declared.of(Support, "roller", "fixed"), particle_set)
         self.planes, self.held = supports.planes, supports.held

@@ -6,14 +6,12 @@ particles at the face ("single-layer") or spread over the horizon ("horizon"). I
 stress only under small forces inside, too ("consistent-everywhere").
 """
 
-from typing import Any
-
 import numpy as np
 
 from decomposition.reduction import ordered_sum
 from parsolid.boundary.declarations import Declarations, SurfaceTraction
 from parsolid.boundary.loads import Load, area_along
-from parsolid.boundary.rows import keep
+from parsolid.boundary.rows import HasParticles, keep
 from parsolid.boundary.supports import Supports
 from parsolid.collective import maximum, minimum
 from parsolid.scene.regions import selected
@@ -22,7 +20,7 @@ from parsolid.scene.regions import selected
 class Tractions:
     """Makes the forces of a scene's tractions on a rank's particles; all methods are collective."""
 
-    def __init__(self, comm, declared: Declarations, supports: Supports, particle_set, particles: Any):
+    def __init__(self, comm, declared: Declarations, supports: Supports, particle_set, particles: HasParticles):
         """particles: `Particles` or `FixedParticles` of the particle_set."""
         self.comm, self.declared, self.supports = comm, declared, supports
         self.particle_set, self.particles = particle_set, particles
