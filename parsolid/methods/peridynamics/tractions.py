@@ -73,7 +73,7 @@ class Tractions:
         return Load(self.particles, self.particles.selection(within), kept, one.course, one.plane)
 
     def _beneath(self, one: SurfaceTraction) -> tuple[np.ndarray, float]:
-        """Distance (owned,) [m] of the particles meant from the face, infinite for others; sign of the outward normal."""
+        """Distance (owned,) [m] of particles meant from the face, infinite for others; sign of its normal."""
         particle_set, plane = self.particle_set, one.plane
         meant = np.ones(len(particle_set), bool)
         if one.where.body is not None:
