@@ -6,7 +6,6 @@ import numpy as np
 
 from parsolid.materials.registry import laws_of
 from parsolid.particles.distribution import sort_for_speed
-from parsolid.particles.fields import FieldTable
 
 
 class ParticleSystem:
@@ -28,7 +27,7 @@ class ParticleSystem:
     bodies: tuple[int, ...]
     dimension: int
     owned: int
-    table: FieldTable
+    particles: Any
     mass: np.ndarray
     share: np.ndarray
     jumps: tuple[float, ...] = ()
@@ -47,9 +46,9 @@ class ParticleSystem:
         return sort_for_speed(comm, particle_set, laws_of(scene))
 
     @property
-    def particles(self) -> FieldTable:
-        """The declared fields of this rank's particles."""
-        return self.table
+    def table(self) -> Any:
+        """The particles, until all methods call them so."""
+        return self.particles
 
     def __init__(self, comm, scene, particle_set):
         """Everything but the state; particle_set: this rank's particles, sorted. Collective.

@@ -34,7 +34,7 @@ class MaterialPoint(ParticleMethod):
     def __init__(self, comm, scene, particle_set):
         """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when planes do not suit the grid. Collective."""
         self.comm, self.settings, self.dimension = comm, scene.method, scene.dimension
-        self.points = self.table = points = MaterialPoints(scene, particle_set)
+        self.points = self.particles = points = MaterialPoints(scene, particle_set)
         _refuse_branches(points.laws)
         self.materials = StressUpdate(scene, points)
         self.conditions = GridConditions(comm, scene, particle_set.position, points.origin)

@@ -46,7 +46,7 @@ class Peridynamics(ParticleMethod):
         self.velocity = aligned_zeros((padded(self.owned) + 4, 4))[: self.owned]
         self.solver = TIME_SOLVERS[self.settings.solution.kind](self, self.settings.solution)
         self.jumps, self.landings = self.solver.jumps, self.solver.landings
-        self.table = FieldTable(self.owned)
+        self.particles = FieldTable(self.owned)
         self._declare(particle_set)
         self._gradients, self._evaluation = None, -1
 

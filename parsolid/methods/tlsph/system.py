@@ -67,11 +67,6 @@ class TotalLagrangianSPH(ParticleMethod):
         reconstruction = LinearReconstruction() if self.settings.reconstruction else None
         return RiemannDissipation(reconstruction, DirectionalShear() if directional else None)
 
-    @property
-    def table(self) -> Particles:
-        """The particles, as what has not yet heard of them calls them."""
-        return self.particles
-
     def begin(self, scene, particle_set) -> None:
         """Set velocity, displacement and deformation gradient at time 0 by the bodies' formulas; collective."""
         rows, place = self.particles.owned_rows, (scene, particle_set.body, particle_set.position)
