@@ -165,7 +165,7 @@ class GridConditions:
         return Mirror(axis, round(place), 1 if self.lower[axis] >= offset else -1)
 
     def obey(self, nodes, array: np.ndarray, time: float) -> tuple[float, float]:
-        """Let velocities in one of the arrays of `Nodes` obey at a time [s]; the work this takes, what of it is lost [J]."""
+        """Let velocities in an array of `Nodes` obey at a time [s]; the work this takes, and what of it is lost [J]."""
         supplied, caught = 0.0, 0.0
         for wall in self.walls:
             reached = wall.at(time)
