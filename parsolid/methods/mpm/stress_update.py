@@ -5,6 +5,7 @@ A kind of law is a class with what `HyperelasticUpdate` has, and a line of `_KIN
 
 import numpy as np
 
+from parsolid.boundary.declarations import Declarations, Declared, TemperaturePlane
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.methods.mpm.grid import CauchyStress
 from parsolid.methods.mpm.hyperelastic_update import advance_elastic_stress, elastic_energy
@@ -58,7 +59,7 @@ class ElasticPlasticUpdate:
         for name, unit in (("plastic_strain", "1"), ("internal_energy", "J/m^3"), ("temperature", "K")):
             points.declare(Field(name, 1, unit, **kept))
         # planes at a temperature take up the plastic heat of the particles beside them, see `Conduction`
-        if scene.method.conduction and any(boundary.kind == "temperature" for boundary in scene.boundaries):
+        if scene.method.conduction and Declarations(scene, Declared).of(TemperaturePlane):
             points.declare(Field("plastic_rise", 1, "K", **kept))
 
     def begin(self, scene, particle_set) -> None:

@@ -35,10 +35,10 @@ class TotalLagrangianSPH(ParticleSystem):
         self.owned, self.dimension = particle_set.position.shape
         self.space = layout.LAYOUT[self.dimension]
         self.blocks, _ = material_blocks(laws_of(scene), particle_set.body)
-        self.boundaries = build_boundaries(comm, scene, particle_set)
+        self.particles = Particles(particle_set.body)
+        self.boundaries = build_boundaries(comm, scene, particle_set, self.particles)
         self.share = self.boundaries.share
         self.branches = maximum(comm, max((block.branches for block in self.blocks), default=0))
-        self.particles = Particles(particle_set.body)
         self.pairs = self._pair_system(particle_set)
         state.declare_constants(self.particles, particle_set)
         state.declare_motion(self.particles, particle_set.position)
