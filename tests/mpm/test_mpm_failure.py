@@ -1,4 +1,6 @@
-"""Runs of the material point method that go wrong stop on all ranks with one message; scenes that do not suit the grid are refused."""
+"""Runs of the material point method that go wrong stop on all ranks with one message; scenes that do not suit the grid
+are refused.
+"""
 
 import numpy as np
 import pytest

@@ -1,6 +1,8 @@
-"""Grid to particle: nodal velocities, their changes and gradients gathered to the particles of a cell from a copy of its nodes.
+"""Grid to particle: nodal velocities, their changes and gradients gathered to the particles of a cell from a copy of
+its nodes.
 
-FLIP  v_p <- fraction (v_p + sum_i w_ip a_i) + (1 - fraction) sum_i w_ip v_i        a_i: change of nodal velocity in the step
+FLIP  v_p <- fraction (v_p + sum_i w_ip a_i) + (1 - fraction) sum_i w_ip v_i        a_i: change of nodal velocity in the
+step
 APIC  v_p <- sum_i w_ip v_i,   C_p <- sum_i v_i (x) u_ip                            u_ip: see weights.store_distances
 both  x_p <- x_p + dt sum_i w_ip v_i,   l_p = sum_i v_i (x) grad w_ip
 """
@@ -22,18 +24,17 @@ _fourth_from = shuffle(0, 1, 2, 7)
 def gather(interpolation, nodes, motion, step, transfer, rate, remapped):
     """Velocities, positions and velocity gradients of the particles of all cells, after `grid.update_nodes`.
 
-    transfer: Flip or Apic, by which motion's velocities change, or None to leave them. rate (capacity, 12): velocity gradients
-    [1/s], rows padded to 4 (in axisymmetry l33 = v_r/r), or None, and then positions do not change either. remapped (nodes, 8): the
-    nodes that gradients are taken of where momentum was mapped back (MUSL), or None.
+    transfer: Flip or Apic, by which motion's velocities change, or None to leave them. rate (capacity, 12): velocity
+    gradients [1/s], rows padded to 4 (in axisymmetry l33 = v_r/r), or None, and then positions do not change either.
+    remapped (nodes, 8): the nodes that gradients are taken of where momentum was mapped back (MUSL), or None.
     """
     space, basis, grid, scratch = interpolation.space, interpolation.basis, interpolation.grid, interpolation.scratch
     for c in range(len(grid.start) - 1):
-        begin, end = grid.start[c], grid.start[c + 1]
-        if begin == end:
+        if grid.start[c] == grid.start[c + 1]:
             continue
         base = load(grid.base, c, 0)
         _copy_nodes(grid, c, nodes, remapped, scratch.cell)
-        for n in range(begin, end):
+        for n in range(grid.start[c], grid.start[c + 1]):
             p = grid.order[n]
             place, xi = weigh(interpolation, base, p)
             if transfer is not None:
@@ -128,8 +129,8 @@ def _row(basis, weights, offset, cell, row, column):
 def sum_nodes(space, basis, scratch, transfer, rate, remapped):
     """Sums over scratch.cell, v its columns 0..3: (sum w v, sum w of columns 4..7, sums of v dw/dxi_d, sums of v u_d).
 
-    The second only for Flip or where remapped is not None, and then the third is of columns 4..7; the third only where rate is
-    not None, the fourth only for Apic. What is not asked for is 0.
+    The second only for Flip or where remapped is not None, and then the third is of columns 4..7; the third only where
+    rate is not None, the fourth only for Apic. What is not asked for is 0.
     """
     raise NotImplementedError
 
@@ -139,9 +140,11 @@ def _choose_sums(space, basis, scratch, transfer, rate, remapped):
     # constants of the compiled code, which drops what the transfer, the rate or remapped momentum does not need
     source = 0 if isinstance(remapped, types.NoneType) else 4
     with_second = source == 4 or is_instance(transfer, Flip)
-    with_rate = not isinstance(rate, types.NoneType)
-    with_slope = is_instance(transfer, Apic)
+    sums = _sums_in_space if is_instance(space, Space) else _sums_in_plane
+    return sums(source, with_second, not isinstance(rate, types.NoneType), is_instance(transfer, Apic))
 
+
+def _sums_in_space(source, with_second, with_rate, with_slope):
     def in_space(space, basis, scratch, transfer, rate, remapped):
         zero = broadcast(0.0)
         across, weights, cell = nodes_across(basis), scratch.weights, scratch.cell
@@ -166,6 +169,10 @@ def _choose_sums(space, basis, scratch, transfer, rate, remapped):
                     Cx, Cy, Cz = fused(first, ux * wy, Cx), fused(first, wx * uy, Cy), fused(along, w, Cz)
         return v, second, (Gx, Gy, Gz), (Cx, Cy, Cz)
 
+    return in_space
+
+
+def _sums_in_plane(source, with_second, with_rate, with_slope):
     def in_plane(space, basis, scratch, transfer, rate, remapped):
         zero = broadcast(0.0)
         across, weights, cell = nodes_across(basis), scratch.weights, scratch.cell
@@ -188,4 +195,4 @@ def _choose_sums(space, basis, scratch, transfer, rate, remapped):
                 Cx, Cy = fused(first, ux, Cx), fused(along, wx, Cy)
         return v, second, (Gx, Gy, zero), (Cx, Cy, zero)
 
-    return in_space if is_instance(space, Space) else in_plane
+    return in_plane

@@ -1,4 +1,6 @@
-"""What a background grid obeys of a scene's boundaries: planes at which it is folded, rigid walls, driven regions, temperatures."""
+"""What a background grid obeys of a scene's boundaries: planes at which it is folded, rigid walls, driven regions,
+temperatures.
+"""
 
 from dataclasses import dataclass
 
@@ -84,7 +86,9 @@ class DrivenRegion:
     """Nodes in a region of space whose velocity components follow formulas of place and time."""
 
     def __init__(self, motion: PrescribedMotion):
-        """Raises SolverError for a displacement, and for the place of a single particle, which has no meaning on a grid."""
+        """Raises SolverError for a displacement, and for the place of a single particle, which has no meaning on a
+        grid.
+        """
         if motion.quantity != "velocity":
             raise SolverError(f"{motion.key}.kind: expected a velocity with this method, found {motion.where.kind!r}")
         if isinstance(motion.where.region, NearestTo):
@@ -121,8 +125,8 @@ class GridConditions:
     def __init__(self, comm, scene, position: np.ndarray, origin: np.ndarray):
         """position (n, d) [m] of this rank's particles; origin (4,) [m] of the grid. Collective.
 
-        Raises SolverError on all ranks when a plane lies neither on nodes nor half-way between, or does not bound all bodies, and
-        for a condition that a grid cannot obey.
+        Raises SolverError on all ranks when a plane lies neither on nodes nor half-way between, or does not bound all
+        bodies, and for a condition that a grid cannot obey.
         """
         self.declared = Declarations(scene, *TAKES)
         self.origin, self.cell = origin, float(scene.method.cell)
@@ -158,7 +162,9 @@ class GridConditions:
         return FoldedPlane(plane, mirror)
 
     def _mirror(self, key: str, axis: int, offset: float) -> Mirror:
-        """The plane by its index; raises SolverError, naming the scene's `key`, when it is neither on nodes nor half-way between."""
+        """The plane by its index; raises SolverError, naming the scene's `key`, when it is neither on nodes nor
+        half-way between.
+        """
         place = 2.0 * (offset - self.origin[axis]) / self.cell
         if abs(place - round(place)) > 2.0 * _NEAR:
             raise SolverError(
@@ -168,7 +174,9 @@ class GridConditions:
         return Mirror(axis, round(place), 1 if self.lower[axis] >= offset else -1)
 
     def obey(self, nodes, array: np.ndarray, time: float) -> tuple[float, float]:
-        """Let velocities in one of the arrays of `Nodes` obey at a time [s]; the work that this takes and what of it is lost [J]."""
+        """Let velocities in one of the arrays of `Nodes` obey at a time [s]; the work that this takes and what of it is
+        lost [J].
+        """
         supplied, caught = 0.0, 0.0
         for wall in self.walls:
             reached = wall.at(time)

@@ -1,4 +1,6 @@
-"""Particle kernel of the material point method for hyperelastic laws: the step's rate advances F, and the stress follows from it."""
+"""Particle kernel of the material point method for hyperelastic laws: the step's rate advances F, and the stress
+follows from it.
+"""
 
 import math
 
@@ -36,7 +38,8 @@ def _eigenvalue_bound(q):
 def advance_elastic_stress(space, first, last, law, step, deformation, motion, rate, stress):
     """Advance F of particles first..last-1 by a step [s] with the velocity gradients `rate`, and write V sigma.
 
-    Arrays as for `plastic_update.advance_stress`. Returns (sound, largest c + |v| [m/s]): c of the present configuration; sound is False when a Jacobian is not positive.
+    Arrays as for `plastic_update.advance_stress`. Returns (sound, largest c + |v| [m/s]): c of the present
+    configuration; sound is False when a Jacobian is not positive.
     """
     sound, fastest = True, broadcast(0.0)
     for i in range(first, last, WIDTH):

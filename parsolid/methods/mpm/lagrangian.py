@@ -1,12 +1,13 @@
 """The total-Lagrangian material point method between grid and stress update, and the mean dilatation of cells.
 
-Weights are those of the reference positions (`where` in scatter and gather), so that a gather gives the material velocity gradient
-dv/dX. Stress updates work with the spatial one and the Cauchy stress:
+Weights are those of the reference positions (`where` in scatter and gather), so that a gather gives the material
+velocity gradient dv/dX. Stress updates work with the spatial one and the Cauchy stress:
 
     l = (dv/dX) F^-1        V0 P = V sigma F^-T
 
-Against locking, the dilatation rate theta of the particles of a cell is replaced by their mean, and the pressure in the internal
-force by the mean that belongs to it, with the constant weights V0, so that the power of the stresses stays what it is:
+Against locking, the dilatation rate theta of the particles of a cell is replaced by their mean, and the pressure in the
+internal force by the mean that belongs to it, with the constant weights V0, so that the power of the stresses stays
+what it is:
 
     theta_p <- sum_q V0_q theta_q / sum_q V0_q        (V p)_p <- V0_p sum_q (V p)_q / sum_q V0_q
 """
@@ -14,7 +15,7 @@ force by the mean that belongs to it, with the constant weights V0, so that the 
 import math
 
 import numpy as np
-from numba.extending import overload
+from numba.extending import overload, register_jitable
 
 from decomposition.compiled import compiled
 from parsolid.numerics.dispatch import is_instance
@@ -38,8 +39,8 @@ from parsolid.numerics.tensors import (
 def to_spatial_gradient(first, last, space, deformation, rate):
     """Velocity gradients by current place from those by reference place, rate (capacity, 12), with F before the step.
 
-    deformation: F11 F12 F21 F22 F33 (5, capacity) in two dimensions, the 9 rows of F in three. Up to three rows beyond `last` are
-    overwritten.
+    deformation: F11 F12 F21 F22 F33 (5, capacity) in two dimensions, the 9 rows of F in three. Up to three rows beyond
+    `last` are overwritten.
     """
     for i in range(first, last, WIDTH):
         x, y, z = four_rows(rate, i, 0), four_rows(rate, i, 4), four_rows(rate, i, 8)
@@ -108,7 +109,8 @@ def _choose_transposed_inverse(space, deformation, i):
 
 @compiled(error_model="numpy")
 def smallest_stretches(first, last, space, deformation, stress):
-    """Smallest principal stretch of particles first..last-1, and smallest stretch over speed [s/m], the last column of stress.
+    """Smallest principal stretch of particles first..last-1, and smallest stretch over speed [s/m], the last column of
+    stress.
 
     For particles of a sound state, with finite F and J > 0.
     """
@@ -134,18 +136,35 @@ def _count_directions(space):
     return lambda space: 3
 
 
+@register_jitable(error_model="numpy")
+def _total_dilatation(members, motion, rate):
+    """sum_q V0_q theta_q and sum_q V0_q."""
+    volume, total = 0.0, 0.0
+    for p in members:
+        volume += motion[p, 7]
+        total += motion[p, 7] * (rate[p, 0] + rate[p, 5] + rate[p, 10])
+    return total, volume
+
+
+@register_jitable(error_model="numpy")
+def _total_pressure(members, motion, stress, directions):
+    """-sum_q (V p)_q and sum_q V0_q."""
+    volume, total = 0.0, 0.0
+    for p in members:
+        volume += motion[p, 7]
+        for d in range(directions):
+            total += stress[p, d] / directions
+    return total, volume
+
+
 @compiled(error_model="numpy")
 def average_dilatation(first, last, space, grid, motion, rate):
     """Give the particles of each of the cells first..last-1 their mean dilatation rate; grid, motion: see `grid`."""
     directions = _directions(space)
     for c in range(first, last):
-        volume, total = 0.0, 0.0
-        for n in range(grid.start[c], grid.start[c + 1]):
-            p = grid.order[n]
-            volume += motion[p, 7]
-            total += motion[p, 7] * (rate[p, 0] + rate[p, 5] + rate[p, 10])
-        for n in range(grid.start[c], grid.start[c + 1]):
-            p = grid.order[n]
+        members = grid.order[grid.start[c] : grid.start[c + 1]]
+        total, volume = _total_dilatation(members, motion, rate)
+        for p in members:
             change = (total / volume - rate[p, 0] - rate[p, 5] - rate[p, 10]) / directions
             for d in range(directions):
                 rate[p, 5 * d] += change
@@ -153,17 +172,14 @@ def average_dilatation(first, last, space, grid, motion, rate):
 
 @compiled(error_model="numpy")
 def average_pressure(first, last, space, grid, motion, stress):
-    """Give the particles of cells first..last-1 the mean pressure adjoint to `average_dilatation`; stress: rows of CauchyStress."""
+    """Give the particles of cells first..last-1 the mean pressure adjoint to `average_dilatation`; stress: rows of
+    CauchyStress.
+    """
     directions = _directions(space)
     for c in range(first, last):
-        volume, total = 0.0, 0.0
-        for n in range(grid.start[c], grid.start[c + 1]):
-            p = grid.order[n]
-            volume += motion[p, 7]
-            for d in range(directions):
-                total += stress[p, d] / directions
-        for n in range(grid.start[c], grid.start[c + 1]):
-            p = grid.order[n]
+        members = grid.order[grid.start[c] : grid.start[c + 1]]
+        total, volume = _total_pressure(members, motion, stress, directions)
+        for p in members:
             change = motion[p, 7] * total / volume
             for d in range(directions):
                 change -= stress[p, d] / directions

@@ -1,4 +1,6 @@
-"""How the particles of the material point method are laid out: tensors as rows over particles, rates and stresses as records."""
+"""How the particles of the material point method are laid out: tensors as rows over particles, rates and stresses as
+records.
+"""
 
 import math
 
@@ -9,6 +11,19 @@ from parsolid.numerics.lanes import broadcast, lane, load, store_first
 from parsolid.numerics.layout import Plane, Space, four_rows, load_nine, store_nine, store_rows
 
 
+@register_jitable
+def _load_four(array, i):
+    return load(array, 0, i), load(array, 1, i), load(array, 2, i), load(array, 3, i)
+
+
+@register_jitable
+def _store_four(array, i, values, count):
+    store_first(array, 0, i, values[0], count)
+    store_first(array, 1, i, values[1], count)
+    store_first(array, 2, i, values[2], count)
+    store_first(array, 3, i, values[3], count)
+
+
 def load_general(space, array, i):
     """A general tensor of particles i..i+3 from the rows of an array."""
     raise NotImplementedError
@@ -17,13 +32,7 @@ def load_general(space, array, i):
 @overload(load_general)
 def _load_general_tensor(space, array, i):
     if is_instance(space, Plane):
-        return lambda space, array, i: (
-            load(array, 0, i),
-            load(array, 1, i),
-            load(array, 2, i),
-            load(array, 3, i),
-            load(array, 4, i),
-        )
+        return lambda space, array, i: _load_four(array, i) + (load(array, 4, i),)
     return lambda space, array, i: load_nine(array, 0, i)
 
 
@@ -49,10 +58,7 @@ def _store_general_tensor(space, array, i, values, count):
     if is_instance(space, Plane):
 
         def plane(space, array, i, values, count):
-            store_first(array, 0, i, values[0], count)
-            store_first(array, 1, i, values[1], count)
-            store_first(array, 2, i, values[2], count)
-            store_first(array, 3, i, values[3], count)
+            _store_four(array, i, values, count)
             store_first(array, 4, i, values[4], count)
 
         return plane
@@ -67,15 +73,8 @@ def load_symmetric(space, array, i):
 @overload(load_symmetric)
 def _load_symmetric_tensor(space, array, i):
     if is_instance(space, Plane):
-        return lambda space, array, i: (load(array, 0, i), load(array, 1, i), load(array, 2, i), load(array, 3, i))
-    return lambda space, array, i: (
-        load(array, 0, i),
-        load(array, 1, i),
-        load(array, 2, i),
-        load(array, 3, i),
-        load(array, 4, i),
-        load(array, 5, i),
-    )
+        return lambda space, array, i: _load_four(array, i)
+    return lambda space, array, i: _load_four(array, i) + (load(array, 4, i), load(array, 5, i))
 
 
 def store_symmetric(space, array, i, values, count):
@@ -85,20 +84,11 @@ def store_symmetric(space, array, i, values, count):
 
 @overload(store_symmetric)
 def _store_symmetric_tensor(space, array, i, values, count):
-    def plane(space, array, i, values, count):
-        store_first(array, 0, i, values[0], count)
-        store_first(array, 1, i, values[1], count)
-        store_first(array, 2, i, values[2], count)
-        store_first(array, 3, i, values[3], count)
-
     if is_instance(space, Plane):
-        return plane
+        return lambda space, array, i, values, count: _store_four(array, i, values, count)
 
     def solid(space, array, i, values, count):
-        store_first(array, 0, i, values[0], count)
-        store_first(array, 1, i, values[1], count)
-        store_first(array, 2, i, values[2], count)
-        store_first(array, 3, i, values[3], count)
+        _store_four(array, i, values, count)
         store_first(array, 4, i, values[4], count)
         store_first(array, 5, i, values[5], count)
 

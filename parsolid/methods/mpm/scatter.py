@@ -1,16 +1,19 @@
-"""Particle to grid: masses, momenta and forces of the particles of a cell summed in a small array, then added to the nodes once.
+"""Particle to grid: masses, momenta and forces of the particles of a cell summed in a small array, then added to the
+nodes once.
 
-    m_i = sum_p w_ip m_p      p_i = sum_p w_ip m_p [v_p + C_p (x_i - x_p)]      f_i = sum_p [w_ip f_p - V_p sigma_p grad w_ip]
+    m_i = sum_p w_ip m_p      p_i = sum_p w_ip m_p [v_p + C_p (x_i - x_p)]      f_i = sum_p [w_ip f_p - V_p sigma_p grad
+    w_ip]
 
-f_p is an external force on a particle; C_p only in the affine transfer. A row of nodes along the last direction takes its
-factors of the other directions once: of sigma grad w, w' of the last direction multiplies `along` and w multiplies `across`.
+f_p is an external force on a particle; C_p only in the affine transfer. A row of nodes along the last direction takes
+its factors of the other directions once: of sigma grad w, w' of the last direction multiplies `along` and w multiplies
+`across`.
 """
 
 from numba import types
 from numba.extending import overload, register_jitable
 
 from decomposition.compiled import compiled
-from parsolid.methods.mpm.grid import Apic, FirstPiolaKirchhoffStress, weigh
+from parsolid.methods.mpm.grid import Apic, FirstPiolaKirchhoffStress, clear_cell, weigh
 from parsolid.methods.mpm.weights import nodes_across, store_distances
 from parsolid.numerics.dispatch import is_instance, none_without
 from parsolid.numerics.lanes import broadcast, from_floats, fused, lane, load, shuffle, store, swizzle, transpose
@@ -25,9 +28,9 @@ _fourth_from = shuffle(0, 1, 2, 7)
 def scatter(interpolation, motion, transfer, stress, external, nodes, partials):
     """Add mass, momentum and force of the particles of all cells to nodes (see `grid`), which must be zeroed before.
 
-    transfer: Flip or Apic; stress: CauchyStress or FirstPiolaKirchhoffStress; external (capacity, 4): forces [N], fourth 0, or
-    None; partials (cells, K**dimension, 8): if not None the sums of each cell are left there and nothing is added to nodes.
-    motion None: forces alone; stress None: mass and momentum alone.
+    transfer: Flip or Apic; stress: CauchyStress or FirstPiolaKirchhoffStress; external (capacity, 4): forces [N],
+    fourth 0, or None; partials (cells, K**dimension, 8): if not None the sums of each cell are left there and nothing
+    is added to nodes. motion None: forces alone; stress None: mass and momentum alone.
     """
     space, basis, grid, scratch = interpolation.space, interpolation.basis, interpolation.grid, interpolation.scratch
     for c in range(len(grid.start) - 1):
@@ -35,9 +38,7 @@ def scatter(interpolation, motion, transfer, stress, external, nodes, partials):
         if begin == end:
             continue
         cell = scratch.cell if partials is None else partials[c]
-        for k in range(cell.shape[0]):
-            store(cell, k, 0, broadcast(0.0))
-            store(cell, k, 4, broadcast(0.0))
+        clear_cell(cell)
         base = load(grid.base, c, 0)
         for n in range(begin, end):
             p = grid.order[n]

@@ -1,8 +1,8 @@
 """Material point method: particles carry the state, a background grid the momentum of each step.
 
-A step: particles give mass, momentum and force to the nodes (summed over ranks); nodes move and obey the boundaries; particles take
-velocity, place and velocity gradient; stress; particles are listed by cell anew and handed to other ranks. No ghost particles, no
-collective but the loop's.
+A step: particles give mass, momentum and force to the nodes (summed over ranks); nodes move and obey the boundaries;
+particles take velocity, place and velocity gradient; stress; particles are listed by cell anew and handed to other
+ranks. No ghost particles, no collective but the loop's.
 """
 
 import numpy as np
@@ -29,10 +29,14 @@ from parsolid.numerics.lanes import aligned_zeros
 
 
 class MaterialPoint(ParticleMethod):
-    """The method on one rank: its particles are `points`, its cells and shared nodes `grid`, the arrays of nodes `nodes`."""
+    """The method on one rank: its particles are `points`, its cells and shared nodes `grid`, the arrays of nodes
+    `nodes`.
+    """
 
     def __init__(self, comm, scene, particle_set):
-        """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when planes do not suit the grid. Collective."""
+        """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when planes do not suit
+        the grid. Collective.
+        """
         self.comm, self.settings, self.dimension = comm, scene.method, scene.dimension
         self.points = self.table = points = MaterialPoints(scene, particle_set)
         _refuse_branches(points.laws)
@@ -54,7 +58,9 @@ class MaterialPoint(ParticleMethod):
         self.partition = None
 
     def begin(self, scene, particle_set) -> None:
-        """Set the state at time 0, deal particles out to the owners of their cells, and find the first stress; collective."""
+        """Set the state at time 0, deal particles out to the owners of their cells, and find the first stress;
+        collective.
+        """
         set_initial_motion(scene, particle_set, self.points)
         self.materials.begin(scene, particle_set)
         self.residence.deal_out()
@@ -174,7 +180,9 @@ class MaterialPoint(ParticleMethod):
         return ("minimum", lower[:d]) if name == "lower_bounds" else ("maximum", upper[:d])
 
     def unsound(self) -> tuple[int, str] | None:
-        """The rank's first particle that is inside out, compressed beyond its equation of state, lost, or not a number."""
+        """The rank's first particle that is inside out, compressed beyond its equation of state, lost, or
+        not a number.
+        """
         cells = self.grid.cells
         return first_unsound(self.points, cells.order[: cells.start[-1]])
 
@@ -202,7 +210,9 @@ class MaterialPoint(ParticleMethod):
         return self.nodes.bytes_sent
 
     def summary(self) -> dict:
-        """Particles that changed their rank, how often cells were dealt out anew, and particles that have melted if any can."""
+        """Particles that changed their rank, how often cells were dealt out anew, and particles that have melted if any
+        can.
+        """
         result = {
             "migrated_particles": self.comm.allreduce(self.grid.migrated),
             "rebalanced": self.residence.rebalanced,

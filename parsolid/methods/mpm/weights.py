@@ -1,15 +1,16 @@
 """Weights of a particle on the background grid, by type of basis.
 
 Nodes lie at origin + k h. A particle's stencil is the K consecutive nodes of each direction that its weights may reach;
-the first of them is its base node, and the particles with one base node form a base cell. All three directions are worked
-out at once, one in each lane. With xi = (x - origin)/h - base and node i = 0..K-1:
+the first of them is its base node, and the particles with one base node form a base cell. All three directions are
+worked out at once, one in each lane. With xi = (x - origin)/h - base and node i = 0..K-1:
 
     Linear           w_i = N(xi - i), N the hat function
     UniformGimp      w_i = mean of N over the interval xi +- l, l the half width of the particle over h, at most 1/2
     ConvectedGimp    the same with l stretched with the particle, at most 1
     QuadraticSpline  w_i = centred B-spline of degree 2;   CubicSpline  of degree 3
 
-Bardenhagen and Kober, CMES 5 (2004) 477, for the GIMP weights; Steffen, Kirby and Berzins, IJNME 76 (2008) 922, for the splines.
+Bardenhagen and Kober, CMES 5 (2004) 477, for the GIMP weights; Steffen, Kirby and Berzins, IJNME 76 (2008) 922, for the
+splines.
 """
 
 from typing import NamedTuple
@@ -30,7 +31,8 @@ class Linear(NamedTuple):
 class UniformGimp(NamedTuple):
     """Hat functions averaged over a particle's undeformed domain: 3 nodes a direction.
 
-    halves: (capacity, 4) half widths of the particles' domains over the grid spacing, above 0 and at most 1/2; fourth column 1/2.
+    halves: (capacity, 4) half widths of the particles' domains over the grid spacing, above 0 and at most 1/2; fourth
+    column 1/2.
     """
 
     halves: np.ndarray
@@ -40,8 +42,8 @@ class UniformGimp(NamedTuple):
 class ConvectedGimp(NamedTuple):
     """Hat functions averaged over a particle's stretched domain: 4 nodes a direction.
 
-    halves: (capacity, 4) current half widths over the grid spacing, above 0; those above 1 count as 1, which keeps the partition
-    of unity. Fourth column 1/2.
+    halves: (capacity, 4) current half widths over the grid spacing, above 0; those above 1 count as 1, which keeps the
+    partition of unity. Fourth column 1/2.
     """
 
     halves: np.ndarray
@@ -95,7 +97,8 @@ def base_offset(basis) -> float:
 def find_bases(first, last, where, origin, inverse_spacing, offset, base):
     """Base nodes of particles first..last-1, base[p, d] = floor((x_d - origin_d)/h - offset).
 
-    where (capacity, >= 3): positions [m] in the first columns; origin (4,) [m]; base (capacity, dimension) of any integer type.
+    where (capacity, >= 3): positions [m] in the first columns; origin (4,) [m]; base (capacity, dimension) of any
+    integer type.
     """
     for p in range(first, last):
         for d in range(base.shape[1]):
@@ -192,9 +195,9 @@ def _cubic_spline(basis, p, xi, weights):
 def store_distances(basis, xi, weights):
     """What the affine transfer needs beside the weights, which must be there: node distances and moment weights.
 
-    Columns 8..10 of row i: i - xi; 12..14: u_i = w_i (i - xi)/D with D = sum_i w_i (i - xi)^2, so that sum_i u_i v_i is the slope
-    of the nodal velocities (Jiang et al., ACM Trans. Graph. 34 (2015) 51, eq 8). D vanishes at a node for hat functions, for
-    which u_i is dw_i/dxi.
+    Columns 8..10 of row i: i - xi; 12..14: u_i = w_i (i - xi)/D with D = sum_i w_i (i - xi)^2, so that sum_i u_i v_i is
+    the slope of the nodal velocities (Jiang et al., ACM Trans. Graph. 34 (2015) 51, eq 8). D vanishes at a node for hat
+    functions, for which u_i is dw_i/dxi.
     """
     raise NotImplementedError
 
