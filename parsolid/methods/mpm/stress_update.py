@@ -57,7 +57,7 @@ class ElasticPlasticUpdate:
         kept = {"checkpointed": True, "layout": Columns()}
         points.declare(Field("unrotated_deviator", DEVIATOR_ROWS[points.dimension], "Pa", **kept))
         for name, unit in (("plastic_strain", "1"), ("internal_energy", "J/m^3"), ("temperature", "K")):
-            points.declare(Field(name, 1, unit, shown=True, **kept))
+            points.declare(Field(name, 1, unit, **kept))
         # planes at a temperature take up the plastic heat of the particles beside them, see `Conduction`
         if scene.method.conduction and any(boundary.kind == "temperature" for boundary in scene.boundaries):
             points.declare(Field("plastic_rise", 1, "K", **kept))
