@@ -8,6 +8,7 @@ from points import SOFT, crossing, scene, taylor_bar
 from solids import Record, follow, run_to_end, simulation
 
 from parsolid.collective import SolverError
+from parsolid.scene import SceneError
 from parsolid.simulation.loop import RunFailed
 
 
@@ -48,7 +49,6 @@ ROLLER = [{"plane": "X = 0", "kind": "roller"}]
     [
         ({"boundaries": ROLLER, "method": {"origin": [0.013, 0.0]}}, "boundaries.0: expected a plane on nodes"),
         ({"boundaries": ROLLER, "beside": True}, "boundaries.0: expected a plane that bounds all bodies"),
-        ({"material": SOFT | {"branches": [{"beta": 1.0, "tau": 1.0}]}}, "bodies.material.branches: expected none"),
     ],
 )
 def test_what_does_not_suit_the_grid_is_refused(comm, changes, words):
@@ -57,6 +57,13 @@ def test_what_does_not_suit_the_grid_is_refused(comm, changes, words):
     if "beside" in changes:
         data["bodies"] += scene([-0.9, 0.0], [-0.5, 0.3], 0.05, 0.1, material=SOFT)["bodies"]
     with pytest.raises(SolverError, match=words):
+        simulation(data, comm)
+
+
+def test_branches_are_refused_where_the_scene_is_read(comm):
+    branches = [{"beta": 1.0, "tau": 1.0}]
+    data = scene([0.0, 0.0], [0.4, 0.3], 0.05, 0.1, material=SOFT | {"branches": branches})
+    with pytest.raises(SceneError, match="bodies.0.material.branches: expected none with this method, found"):
         simulation(data, comm)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from decomposition.cell_partition import CellPartition
 from decomposition.grid import RankGrid
 from parsolid.boundary.loads import accelerations
-from parsolid.collective import SolverError, maximum
+from parsolid.collective import maximum
 from parsolid.methods.mpm.conduction import Conduction, conducts
 from parsolid.methods.mpm.grid import kinetic_energy
 from parsolid.methods.mpm.grid_conditions import GridConditions
@@ -24,11 +24,11 @@ from parsolid.methods.mpm.step_energies import StepEnergies
 from parsolid.methods.mpm.stress_update import StressUpdate
 from parsolid.methods.mpm.transfers import ORDERS
 from parsolid.methods.mpm.weights import nodes_across
-from parsolid.methods.protocol import ParticleMethod
+from parsolid.methods.protocol import ParticleSystem
 from parsolid.numerics.lanes import aligned_zeros
 
 
-class MaterialPoint(ParticleMethod):
+class MaterialPoint(ParticleSystem):
     """The method on one rank: its particles are `points`, its cells and shared nodes `grid`, the arrays of nodes
     `nodes`.
     """
@@ -39,7 +39,6 @@ class MaterialPoint(ParticleMethod):
         """
         self.comm, self.settings, self.dimension = comm, scene.method, scene.dimension
         self.points = self.table = points = MaterialPoints(scene, particle_set)
-        _refuse_branches(points.laws)
         self.materials = StressUpdate(scene, points)
         self.conditions = GridConditions(comm, scene, particle_set.position, points.origin)
         conducting = conducts(scene, points.laws)
@@ -202,7 +201,7 @@ class MaterialPoint(ParticleMethod):
 
     def arrays(self) -> list[np.ndarray]:
         """Arrays besides those of the table."""
-        return [*self.points.storages(), *self.nodes.arrays(), *self.grid.cells.arrays()]
+        return [*self.nodes.arrays(), *self.grid.cells.arrays()]
 
     def bytes_a_step(self) -> int:
         """Bytes of the sums over nodes; particles that are handed over come on top."""
@@ -230,9 +229,3 @@ class MaterialPoint(ParticleMethod):
         tables["method"] = method | {"cell": 1.0, "origin": [0.0] * tables["dimension"]}
         tables["bodies"] = [body | {"placement": "cells"} for body in tables["bodies"]]
         return tables
-
-
-def _refuse_branches(laws: list) -> None:
-    for law in laws:
-        if getattr(law, "branch_moduli", None):
-            raise SolverError("bodies.material.branches: expected none with the material point method, found some")
