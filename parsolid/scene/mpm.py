@@ -98,7 +98,9 @@ class MaterialPoint(MethodSettings):
         return self
 
     def scene_faults(self, scene) -> list[tuple[tuple, str, object]]:
-        """Particles on the surface; Maxwell branches; bodies beyond the axis; heat without conductivity; fields that no body has."""
+        """Particles on the surface; Maxwell branches; bodies beyond the axis; heat without conductivity; fields that no
+        body has.
+        """
         details = []
         for i, body in enumerate(scene.bodies):
             if body.shape.kind != "mesh" and body.placed_on == "nodes":

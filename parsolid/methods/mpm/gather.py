@@ -13,7 +13,7 @@ from numba.extending import overload, register_jitable
 from decomposition.compiled import compiled
 from parsolid.methods.mpm.grid import Apic, Flip, weigh
 from parsolid.methods.mpm.weights import nodes_across, store_distances
-from parsolid.numerics.dispatch import is_instance
+from parsolid.numerics.dispatch import generic, is_instance
 from parsolid.numerics.lanes import broadcast, from_floats, fused, lane, load, shuffle, store, transpose, without_fourth
 from parsolid.numerics.layout import Axisymmetric, Space
 
@@ -61,37 +61,37 @@ def _copy_nodes(grid, c, nodes, remapped, cell):
             store(cell, k, 4, load(remapped, node, 0))
 
 
+@generic
 def _prepare(transfer, basis, xi, weights):
-    raise NotImplementedError
+    """What a transfer needs beside the weights."""
 
 
-@overload(_prepare)
-def _choose_prepare(transfer, basis, xi, weights):
-    if is_instance(transfer, Apic):
-        return lambda transfer, basis, xi, weights: store_distances(basis, xi, weights)
-    return lambda transfer, basis, xi, weights: None
+@_prepare.of(Apic)
+def _prepare_slopes(transfer, basis, xi, weights):
+    store_distances(basis, xi, weights)
 
 
+@_prepare.otherwise
+def _prepare_nothing(transfer, basis, xi, weights):
+    pass
+
+
+@generic
 def _move_velocity(transfer, motion, p, sums, inverse_spacing):
-    raise NotImplementedError
+    """New velocity of a particle, and its slope."""
 
 
-@overload(_move_velocity)
-def _choose_move_velocity(transfer, motion, p, sums, inverse_spacing):
-    if is_instance(transfer, Apic):
+@_move_velocity.of(Apic)
+def _take_nodal(transfer, motion, p, sums, inverse_spacing):
+    store(motion, p, 4, _fourth_from(sums[0], load(motion, p, 4)))
+    _store_rows(transfer.affine, p, sums[3], inverse_spacing, 0.0)
 
-        def affine(transfer, motion, p, sums, inverse_spacing):
-            store(motion, p, 4, _fourth_from(sums[0], load(motion, p, 4)))
-            _store_rows(transfer.affine, p, sums[3], inverse_spacing, 0.0)
 
-        return affine
-
-    def flip(transfer, motion, p, sums, inverse_spacing):
-        moved = load(motion, p, 4) + sums[1]
-        nodal = _fourth_from(sums[0], moved)
-        store(motion, p, 4, fused(moved - nodal, broadcast(transfer.fraction), nodal))
-
-    return flip
+@_move_velocity.of(Flip)
+def _add_change(transfer, motion, p, sums, inverse_spacing):
+    moved = load(motion, p, 4) + sums[1]
+    nodal = _fourth_from(sums[0], moved)
+    store(motion, p, 4, fused(moved - nodal, broadcast(transfer.fraction), nodal))
 
 
 @register_jitable
@@ -103,18 +103,21 @@ def _store_rows(array, p, columns, scale, corner):
     store(array, p, 8, rows[2] + from_floats(0.0, 0.0, corner, 0.0))
 
 
+@generic
 def _hoop_rate(space, remapped, sums, place):
     """v_r/r in axisymmetry."""
-    raise NotImplementedError
 
 
-@overload(_hoop_rate)
-def _choose_hoop_rate(space, remapped, sums, place):
-    if not is_instance(space, Axisymmetric):
-        return lambda space, remapped, sums, place: 0.0
-    if isinstance(remapped, types.NoneType):
-        return lambda space, remapped, sums, place: lane(sums[0], 0) / lane(place, 0)
-    return lambda space, remapped, sums, place: lane(sums[1], 0) / lane(place, 0)
+@_hoop_rate.of(Axisymmetric)
+def _hoop_rate_of_radius(space, remapped, sums, place):
+    if remapped is None:
+        return lane(sums[0], 0) / lane(place, 0)
+    return lane(sums[1], 0) / lane(place, 0)
+
+
+@_hoop_rate.otherwise
+def _no_hoop_rate(space, remapped, sums, place):
+    return 0.0
 
 
 @register_jitable

@@ -15,14 +15,12 @@ them at every step, whatever the spacing.
 
 import math
 
-from numba import types
-from numba.extending import overload
-
 from decomposition.compiled import compiled
 from parsolid.methods.mpm.gather import sum_nodes
 from parsolid.methods.mpm.grid import clear_cell, weigh
 from parsolid.methods.mpm.layout import one_gradient
 from parsolid.methods.mpm.scatter import add_particle
+from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import broadcast, from_floats, lane, load, store
 from parsolid.numerics.tensors import cofactor, determinant
 
@@ -96,29 +94,28 @@ def conduct(interpolation, deformation, thermal, nodes, partials):
                 store(partials[c], k, 4, load(cell, k, 4))
 
 
+@generic(on="deformation")
 def _referred(space, deformation, p, g):
     """F^-1 F^-T g of a gradient by reference place; g where deformation is None."""
-    raise NotImplementedError
 
 
-@overload(_referred)
-def _choose_referred(space, deformation, p, g):
-    if isinstance(deformation, types.NoneType):
-        return lambda space, deformation, p, g: g
+@_referred.of(None)
+def _as_it_is(space, deformation, p, g):
+    return g
 
-    def pulled_back(space, deformation, p, g):
-        F = one_gradient(space, deformation, p)
-        C, scale = cofactor(F), 1.0 / determinant(F)
-        a = scale * (C[0] * g[0] + C[1] * g[1] + C[2] * g[2])
-        b = scale * (C[3] * g[0] + C[4] * g[1] + C[5] * g[2])
-        c = scale * (C[6] * g[0] + C[7] * g[1] + C[8] * g[2])
-        return (
-            scale * (C[0] * a + C[3] * b + C[6] * c),
-            scale * (C[1] * a + C[4] * b + C[7] * c),
-            scale * (C[2] * a + C[5] * b + C[8] * c),
-        )
 
-    return pulled_back
+@_referred.otherwise
+def _pulled_back(space, deformation, p, g):
+    F = one_gradient(space, deformation, p)
+    C, scale = cofactor(F), 1.0 / determinant(F)
+    a = scale * (C[0] * g[0] + C[1] * g[1] + C[2] * g[2])
+    b = scale * (C[3] * g[0] + C[4] * g[1] + C[5] * g[2])
+    c = scale * (C[6] * g[0] + C[7] * g[1] + C[8] * g[2])
+    return (
+        scale * (C[0] * a + C[3] * b + C[6] * c),
+        scale * (C[1] * a + C[4] * b + C[7] * c),
+        scale * (C[2] * a + C[5] * b + C[8] * c),
+    )
 
 
 @compiled(error_model="numpy")

@@ -15,23 +15,21 @@ what it is:
 import math
 
 import numpy as np
-from numba.extending import overload, register_jitable
+from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
-from parsolid.numerics.dispatch import is_instance
+from parsolid.methods.mpm.layout import load_rate
+from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import WIDTH, broadcast, load
 from parsolid.numerics.layout import Plane, Space, four_rows, load_nine, store_rows
 from parsolid.numerics.tensors import (
+    GeneralSpace,
+    SymmetricSpace,
     cofactor,
     determinant,
-    expand,
     gram,
     lane_of_symmetric,
     largest_eigenvalue,
-    matmul,
-    matmul_transposed,
-    scale,
-    transposed,
 )
 
 
@@ -43,9 +41,8 @@ def to_spatial_gradient(first, last, space, deformation, rate):
     `last` are overwritten.
     """
     for i in range(first, last, WIDTH):
-        x, y, z = four_rows(rate, i, 0), four_rows(rate, i, 4), four_rows(rate, i, 8)
-        by_reference = (x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2])
-        _store_rows(rate, i, matmul_transposed(by_reference, _transposed_inverse(space, deformation, i)))
+        by_reference = load_rate(Space(), rate, i)
+        _store_rows(rate, i, by_reference @ _transposed_inverse(space, deformation, i).T)
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
@@ -53,58 +50,36 @@ def to_first_piola_kirchhoff(first, last, space, deformation, stress, nominal):
     """V0 P (capacity, 12) from V sigma (capacity, 8), with F after the step; arguments as in `to_spatial_gradient`."""
     for i in range(first, last, WIDTH):
         normal, shear = four_rows(stress, i, 0), four_rows(stress, i, 4)
-        sigma = expand((normal[0], normal[1], normal[2], shear[2], shear[1], shear[0]))
-        _store_rows(nominal, i, matmul(sigma, _transposed_inverse(space, deformation, i)))
+        sigma = SymmetricSpace(normal[0], normal[1], normal[2], shear[2], shear[1], shear[0])
+        _store_rows(nominal, i, sigma @ _transposed_inverse(space, deformation, i))
 
 
+@register_jitable
 def _store_rows(array, i, tensor):
     """A general tensor of particles i..i+3 as rows padded to 4."""
-    raise NotImplementedError
+    zero = broadcast(0.0)
+    store_rows(array, i, 0, tensor[0], tensor[1], tensor[2], zero)
+    store_rows(array, i, 4, tensor[3], tensor[4], tensor[5], zero)
+    store_rows(array, i, 8, tensor[6], tensor[7], tensor[8], zero)
 
 
-@overload(_store_rows)
-def _store_nine(array, i, tensor):
-    def rows(array, i, tensor):
-        zero = broadcast(0.0)
-        store_rows(array, i, 0, tensor[0], tensor[1], tensor[2], zero)
-        store_rows(array, i, 4, tensor[3], tensor[4], tensor[5], zero)
-        store_rows(array, i, 8, tensor[6], tensor[7], tensor[8], zero)
-
-    return rows
-
-
+@generic
 def _transposed_inverse(space, deformation, i):
-    """F^-T of particles i..i+3."""
-    raise NotImplementedError
+    """F^-T of particles i..i+3, all nine components."""
 
 
-@overload(_transposed_inverse)
-def _choose_transposed_inverse(space, deformation, i):
-    if is_instance(space, Space):
+@_transposed_inverse.of(Space)
+def _inverse_in_space(space, deformation, i):
+    F = load_nine(deformation, 0, i)
+    return (1.0 / determinant(F)) * cofactor(F)
 
-        def solid(space, deformation, i):
-            F = load_nine(deformation, 0, i)
-            return scale(1.0 / determinant(F), cofactor(F))
 
-        return solid
-
-    def plane(space, deformation, i):
-        zero = broadcast(0.0)
-        a, b, c, d = load(deformation, 0, i), load(deformation, 1, i), load(deformation, 2, i), load(deformation, 3, i)
-        inverse = 1.0 / (a * d - b * c)
-        return (
-            d * inverse,
-            -c * inverse,
-            zero,
-            -b * inverse,
-            a * inverse,
-            zero,
-            zero,
-            zero,
-            1.0 / load(deformation, 4, i),
-        )
-
-    return plane
+@_transposed_inverse.otherwise
+def _inverse_in_plane(space, deformation, i):
+    zero = broadcast(0.0)
+    a, b, c, d = load(deformation, 0, i), load(deformation, 1, i), load(deformation, 2, i), load(deformation, 3, i)
+    inverse, last = 1.0 / (a * d - b * c), 1.0 / load(deformation, 4, i)
+    return GeneralSpace(d * inverse, -c * inverse, zero, -b * inverse, a * inverse, zero, zero, zero, last)
 
 
 @compiled(error_model="numpy")
@@ -117,23 +92,26 @@ def smallest_stretches(first, last, space, deformation, stress):
     least, slowest = 1.0, np.inf
     for i in range(first, last, WIDTH):
         # the eigenvalues of F^-T F^-1 are the inverse squares of the stretches
-        squares = gram(transposed(_transposed_inverse(space, deformation, i)))
+        squares = gram(_transposed_inverse(space, deformation, i).T)
         for k in range(min(WIDTH, last - i)):
             stretch = 1.0 / math.sqrt(largest_eigenvalue(lane_of_symmetric(squares, k)))
             least, slowest = min(least, stretch), min(slowest, stretch / stress[i + k, 7])
     return least, slowest
 
 
+@generic
 def _directions(space):
     """The directions over which a dilatation is spread: in plane strain l33 stays 0."""
-    raise NotImplementedError
 
 
-@overload(_directions)
-def _count_directions(space):
-    if is_instance(space, Plane):
-        return lambda space: 2
-    return lambda space: 3
+@_directions.of(Plane)
+def _two_directions(space):
+    return 2
+
+
+@_directions.otherwise
+def _three_directions(space):
+    return 3
 
 
 @register_jitable(error_model="numpy")

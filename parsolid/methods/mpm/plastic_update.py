@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import overload, register_jitable
+from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
 from parsolid.materials.plastic import radial_return, rate_form  # noqa: F401  (their overloads)
@@ -33,23 +33,12 @@ from parsolid.methods.mpm.layout import (
     store_stress,
     store_symmetric,
 )
-from parsolid.numerics.dispatch import is_instance
+from parsolid.numerics.dispatch import generic
 from parsolid.numerics.elementary import choose
 from parsolid.numerics.lanes import WIDTH, aligned_zeros, all_positive, broadcast, from_floats, load, store_first, total
 from parsolid.numerics.layout import four_rows
-from parsolid.numerics.polar import congruence, plus_one, rotation, rotation_near, symmetric_part
-from parsolid.numerics.tensors import (
-    add,
-    cofactor,
-    contract_symmetric,
-    determinant,
-    matmul,
-    matmul_transposed,
-    plus_identity,
-    scale,
-    trace_symmetric,
-    transposed,
-)
+from parsolid.numerics.polar import congruence, rotation, rotation_near, symmetric_part
+from parsolid.numerics.tensors import I, cofactor, contract, determinant, trace
 
 
 class MaterialState(NamedTuple):
@@ -87,21 +76,20 @@ def new_state(dimension: int, capacity: int) -> MaterialState:
     return MaterialState(deformation, deviator, *(aligned_zeros((1, capacity)) for _ in range(3)))
 
 
+@generic
 def _viscous_pressure(viscosity, density, rate, sound_speed):
     """q [Pa] at the rate of volume change tr d [1/s] and the current density [kg/m^3]."""
-    raise NotImplementedError
 
 
-@overload(_viscous_pressure)
+@_viscous_pressure.of(BulkViscosity)
 def _bulk_viscosity(viscosity, density, rate, sound_speed):
-    if is_instance(viscosity, BulkViscosity):
+    jump = max(-rate, 0.0) * viscosity.spacing
+    return density * jump * (viscosity.quadratic * jump + viscosity.linear * sound_speed)
 
-        def viscous(viscosity, density, rate, sound_speed):
-            jump = max(-rate, 0.0) * viscosity.spacing
-            return density * jump * (viscosity.quadratic * jump + viscosity.linear * sound_speed)
 
-        return viscous
-    return lambda viscosity, density, rate, sound_speed: 0.0
+@_viscous_pressure.of(None)
+def _inviscid(viscosity, density, rate, sound_speed):
+    return 0.0
 
 
 @register_jitable
@@ -116,13 +104,13 @@ def _kinematics(step, rate, F):
     """F+ = (1 + dt l) F with the velocity gradient l, R at its end, and the stretching D at half the step in unrotated
     axes.
     """
-    new_F = add(F, scale(step, matmul(rate, F)))
+    new_F = F + step * (rate @ F)
     R = rotation(new_F)
     # the rate at half the step, l (1 + dt l/2)^-1: of a rotation it has no symmetric part, however large the step
-    M = plus_one(scale(0.5 * step, rate))
-    half_rate = symmetric_part(scale(1.0 / determinant(M), matmul_transposed(rate, cofactor(M))))
-    half_R = rotation_near(R, add(F, new_F))
-    return new_F, R, congruence(transposed(half_R), half_rate)
+    M = I + (0.5 * step) * rate
+    half_rate = symmetric_part((1.0 / determinant(M)) * (rate @ cofactor(M).T))
+    half_R = rotation_near(R, F + new_F)
+    return new_F, R, congruence(half_R.T, half_rate)
 
 
 @register_jitable
@@ -159,12 +147,12 @@ def advance_stress(space, first, last, law, step, viscosity, state, motion, rate
         count = min(WIDTH, last - i)
         F, s, ep, energy, temperature = _load_state(space, state, i)
         new_F, R, D = _kinematics(step, load_rate(space, rate, i), F)
-        J, new_J, volume_rate = determinant(F), determinant(new_F), trace_symmetric(D)
+        J, new_J, volume_rate = determinant(F), determinant(new_F), trace(D)
         change, half_J = new_J - J, 0.5 * (J + new_J)
         pressure = cold_pressure(eos, J) + gamma * energy
         melting = melting_temperature(law.melting, J)
         mu = shear_modulus(law.shear_modulus, J, pressure, temperature, melting)
-        strain = scale(step, plus_identity(D, volume_rate * (-1.0 / 3.0)))
+        strain = step * (D + (volume_rate * (-1.0 / 3.0)) * I)
         heating = law.taylor_quinney * new_J / capacity
         new_s, increment, plastic_work = deviator_update(
             law.flow_stress, s, strain, ep, step, temperature, heating, mu, melting
@@ -174,7 +162,7 @@ def advance_stress(space, first, last, law, step, viscosity, state, motion, rate
         # closed form of E+ = E + W - [(P + P+)/2 + q] (J+ - J) with P+ = A(J+) + gamma E+; T dS and -gamma T tr d
         # likewise
         cold, part = cold_pressure(eos, new_J), 0.5 * gamma * change
-        work = 0.5 * half_J * contract_symmetric(add(s, new_s), strain)
+        work = 0.5 * half_J * contract(s + new_s, strain)
         energy = (energy + work - (0.5 * (pressure + cold) + q) * change) / (1.0 + part)
         heat = law.taylor_quinney * plastic_work - q * change
         temperature = (temperature * (1.0 - part) + heat / capacity) / (1.0 + part)
@@ -184,8 +172,8 @@ def advance_stress(space, first, last, law, step, viscosity, state, motion, rate
         volume = velocity[3]
         valid = float(count) - from_floats(0.5, 1.5, 2.5, 3.5)
         speed = _sound_speed(law, new_J, pressure, mu) + speed_of(velocity)
-        sigma = plus_identity(congruence(R, new_s), -(pressure + q))
-        store_stress(space, stress, i, scale(volume * new_J, sigma), speed)
+        sigma = congruence(R, new_s) - (pressure + q) * I
+        store_stress(space, stress, i, (volume * new_J) * sigma, speed)
         fastest = choose(valid, max(speed, fastest), fastest)
         plastic = plastic + choose(valid, volume * plastic_work, 0.0)
         viscous = viscous + choose(valid, -volume * q * change, 0.0)

@@ -19,6 +19,7 @@ import numpy as np
 from numba.extending import overload
 
 from decomposition.compiled import compiled
+from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import broadcast, fused, load, store
 
 
@@ -105,25 +106,15 @@ def find_bases(first, last, where, origin, inverse_spacing, offset, base):
             base[p, d] = np.floor((where[p, d] - origin[d]) * inverse_spacing - offset)
 
 
+@generic
 def store_weights(basis, p, xi, weights):
     """Weights and their derivatives with respect to xi of particle p into weights (K, 16).
 
     xi: Lanes, position less base node in grid spacings. Columns 0..2 of row i: w_i along x, y, z; 4..6: dw_i/dxi.
     """
-    raise NotImplementedError
 
 
-@overload(store_weights)
-def _store_weights(basis, p, xi, weights):
-    return {
-        Linear: _linear,
-        UniformGimp: _uniform_gimp,
-        ConvectedGimp: _convected_gimp,
-        QuadraticSpline: _quadratic_spline,
-        CubicSpline: _cubic_spline,
-    }[basis.instance_class]
-
-
+@store_weights.of(Linear)
 def _linear(basis, p, xi, weights):
     store(weights, 0, 0, 1.0 - xi)
     store(weights, 1, 0, xi)
@@ -131,6 +122,7 @@ def _linear(basis, p, xi, weights):
     store(weights, 1, 4, broadcast(1.0))
 
 
+@store_weights.of(UniformGimp)
 def _uniform_gimp(basis, p, xi, weights):
     half = load(basis.halves, p, 0)
     scale = 0.5 / half
@@ -148,6 +140,7 @@ def _uniform_gimp(basis, p, xi, weights):
     store(weights, 2, 4, after)
 
 
+@store_weights.of(ConvectedGimp)
 def _convected_gimp(basis, p, xi, weights):
     half = min(load(basis.halves, p, 0), 1.0)
     scale = 0.5 / half
@@ -167,6 +160,7 @@ def _convected_gimp(basis, p, xi, weights):
     store(weights, 3, 4, after)
 
 
+@store_weights.of(QuadraticSpline)
 def _quadratic_spline(basis, p, xi, weights):
     left, middle, right = 1.5 - xi, xi - 1.0, xi - 0.5
     store(weights, 0, 0, 0.5 * left * left)
@@ -177,6 +171,7 @@ def _quadratic_spline(basis, p, xi, weights):
     store(weights, 2, 4, right)
 
 
+@store_weights.of(CubicSpline)
 def _cubic_spline(basis, p, xi, weights):
     # with t the place in the middle cell and s = 1 - t
     t, s = xi - 1.0, 2.0 - xi
@@ -192,6 +187,7 @@ def _cubic_spline(basis, p, xi, weights):
     store(weights, 3, 4, tt)
 
 
+@generic
 def store_distances(basis, xi, weights):
     """What the affine transfer needs beside the weights, which must be there: node distances and moment weights.
 
@@ -199,30 +195,24 @@ def store_distances(basis, xi, weights):
     the slope of the nodal velocities (Jiang et al., ACM Trans. Graph. 34 (2015) 51, eq 8). D vanishes at a node for hat
     functions, for which u_i is dw_i/dxi.
     """
-    raise NotImplementedError
 
 
-@overload(store_distances)
-def _store_distances(basis, xi, weights):
-    if basis.instance_class is Linear:
+@store_distances.of(Linear)
+def _gradients(basis, xi, weights):
+    for i in range(2):
+        store(weights, i, 8, float(i) - xi)
+        store(weights, i, 12, load(weights, i, 4))
 
-        def gradients(basis, xi, weights):
-            for i in range(2):
-                store(weights, i, 8, float(i) - xi)
-                store(weights, i, 12, load(weights, i, 4))
 
-        return gradients
-
-    def moments(basis, xi, weights):
-        spread = broadcast(0.0)
-        for i in range(nodes_across(basis)):
-            distance = float(i) - xi
-            first = load(weights, i, 0) * distance
-            store(weights, i, 8, distance)
-            store(weights, i, 12, first)
-            spread = fused(first, distance, spread)
-        scale = 1.0 / spread
-        for i in range(nodes_across(basis)):
-            store(weights, i, 12, scale * load(weights, i, 12))
-
-    return moments
+@store_distances.otherwise
+def _moments(basis, xi, weights):
+    spread = broadcast(0.0)
+    for i in range(nodes_across(basis)):
+        distance = float(i) - xi
+        first = load(weights, i, 0) * distance
+        store(weights, i, 8, distance)
+        store(weights, i, 12, first)
+        spread = fused(first, distance, spread)
+    scale = 1.0 / spread
+    for i in range(nodes_across(basis)):
+        store(weights, i, 12, scale * load(weights, i, 12))
