@@ -1,6 +1,7 @@
 """Deformation, state and stress of the particles after a step: every law's by the update of its kind.
 
-A kind of law is a class with what `HyperelasticUpdate` has, and a line of `_KINDS`; a law of a known kind needs nothing here.
+A kind of law is a class with what `HyperelasticUpdate` has, and a line of `_KINDS`; a law of a known kind needs nothing
+here.
 """
 
 import numpy as np
@@ -98,7 +99,8 @@ _KINDS = {ElasticPlastic: ElasticPlasticUpdate}
 class StressUpdate:
     """The updates of all laws of a scene, on one rank.
 
-    slowness [s/m]: of this rank's fastest particle, 1 / (c + |v|); plastic_work [J]: of all steps; stretch: 1, as steps are not by reference place.
+    slowness [s/m]: of this rank's fastest particle, 1 / (c + |v|); plastic_work [J]: of all steps; stretch: 1, as steps
+    are not by reference place.
     """
 
     stretch = 1.0
