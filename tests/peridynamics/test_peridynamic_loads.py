@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from parsolid.materials.blocks import material_blocks
 from parsolid.materials.registry import laws_of
 from parsolid.methods.peridynamics.forces import build_forces
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
@@ -42,13 +41,12 @@ class Body:
         )
         particle_set = self.particle_set = generate(self.scene, comm)
         laws = laws_of(self.scene)
-        blocks, density = material_blocks(laws, particle_set.body)
         self.comm, self.law = comm, laws[0]
+        density = np.array([law.density for law in laws])[particle_set.body]
         self.loads = PeridynamicLoads(comm, self.scene, particle_set, density)
-        forces = build_forces(comm, self.scene, particle_set, laws, blocks, self.loads)
+        forces = build_forces(comm, self.scene, particle_set, self.loads)
         self.loads.install_tractions(forces.engine, forces.horizon)
-        mass = density * particle_set.volume / self.loads.share
-        self.operator = Operator(forces.engine, forces.history, self.loads.share, mass, self.loads.free)
+        self.operator = Operator(forces.engine, forces.history, self.loads.free)
 
     def stretched(self, pinned=None):
         """The displacement (n, d) under the loads just after time 0; `pinned` (n, d) bool: more components at rest."""

@@ -12,8 +12,10 @@ import numpy as np
 from numba.extending import overload, register_jitable
 
 from decomposition.compiled import compiled
-from parsolid.methods.peridynamics.bonds import displacement_column, field_jump, place, reference_bond
+from parsolid.methods.peridynamics.bonds import field_jump, place, reference_bond
 from parsolid.numerics.dispatch import is_instance
+from parsolid.pairs.lists import images_of, mutual
+from parsolid.pairs.terms import kinematic_columns
 
 
 class Stretch(NamedTuple):
@@ -47,7 +49,7 @@ class Patch(NamedTuple):
 def _squares(space, images, k, kinematics, a, b):
     """|y|^2 and |xi|^2 of the bond from a."""
     x = reference_bond(space, images, k, kinematics, a, b)
-    u = field_jump(space, images, k, kinematics, displacement_column(space), a, b)
+    u = field_jump(space, images, k, kinematics, kinematic_columns(space).position, a, b)
     y0, y1, y2 = x[0] + u[0], x[1] + u[1], x[2] + u[2]
     return y0 * y0 + y1 * y1 + y2 * y2, x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
 
@@ -80,10 +82,10 @@ def _exceeds(space, criterion, weight, images, k, kinematics, a, b, limit):
 def _work(space, criterion, images, k, kinematics, a, b):
     """t . eta of a bond over its influence and volumes."""
     x = reference_bond(space, images, k, kinematics, a, b)
-    u = field_jump(space, images, k, kinematics, displacement_column(space), a, b)
+    u = field_jump(space, images, k, kinematics, kinematic_columns(space).position, a, b)
     work = _product(space, criterion.record, 0, images, k, a, b, u, x, False)
     if criterion.control is not None:
-        f = field_jump(space, images, k, kinematics, 0, a, b)
+        f = field_jump(space, images, k, kinematics, kinematic_columns(space).field, a, b)
         work += _product(space, criterion.record, 1, images, k, a, b, u, f, True)
     return work
 
@@ -119,12 +121,12 @@ def fails(space, criterion, weight, images, k, kinematics, a, b):
 
 
 @compiled(error_model="numpy")
-def find_failed(space, pairs, images, kinematics, criterion, found):
+def find_failed(space, pairs, kinematics, criterion, found):
     """List the intact bonds that are to break as rows (particle a, pair k) of found (capacity, 2) int64; returns how many.
 
     When they are more than the capacity, the first that fit are listed.
     """
-    count = 0
+    count, images = 0, images_of(pairs)
     for a in range(len(pairs.start) - 1):
         for k in range(pairs.start[a], pairs.start[a + 1]):
             if pairs.weight[k] == 0.0:
@@ -144,7 +146,7 @@ def cut(found, pairs):
 
 
 @compiled
-def add_families(pairs, both, chosen, volume, family):
+def add_families(pairs, chosen, volume, family):
     """Add the volumes [m^3] of the neighbours that the chosen (n,) particles are still bonded to, to family (n,)."""
     for a in range(len(pairs.start) - 1):
         for k in range(pairs.start[a], pairs.start[a + 1]):
@@ -152,14 +154,14 @@ def add_families(pairs, both, chosen, volume, family):
             if pairs.weight[k] != 0.0:
                 if chosen[a]:
                     family[a] += volume[b]
-                if both is not None and chosen[b]:
+                if mutual(pairs) and chosen[b]:
                     family[b] += volume[a]
 
 
 @compiled(error_model="numpy")
-def find_crossing(space, pairs, images, kinematics, patch, found):
+def find_crossing(space, pairs, kinematics, patch, found):
     """List, as `find_failed`, the intact bonds that a crack crosses; through a mirror plane the crack's image counts too."""
-    count = 0
+    count, images = 0, images_of(pairs)
     for a in range(len(pairs.start) - 1):
         for k in range(pairs.start[a], pairs.start[a + 1]):
             if pairs.weight[k] == 0.0:

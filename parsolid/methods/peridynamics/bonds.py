@@ -9,6 +9,7 @@ from numba.extending import overload, register_jitable
 
 from parsolid.numerics.dispatch import is_instance
 from parsolid.numerics.layout import Plane
+from parsolid.pairs.terms import kinematic_columns
 
 
 def place(space, images, k, kinematics, b):
@@ -21,7 +22,8 @@ def _place(space, images, k, kinematics, b):
     if is_instance(space, Plane):
 
         def plane(space, images, k, kinematics, b):
-            x, y = kinematics[b, 4], kinematics[b, 5]
+            X = kinematic_columns(space).reference
+            x, y = kinematics[b, X], kinematics[b, X + 1]
             if images is not None:
                 row = images.table[images.code[k]]
                 x, y = row[4] * x + row[6], row[5] * y + row[7]
@@ -30,7 +32,8 @@ def _place(space, images, k, kinematics, b):
         return plane
 
     def solid(space, images, k, kinematics, b):
-        x, y, z = kinematics[b, 8], kinematics[b, 9], kinematics[b, 10]
+        X = kinematic_columns(space).reference
+        x, y, z = kinematics[b, X], kinematics[b, X + 1], kinematics[b, X + 2]
         if images is not None:
             row = images.table[images.code[k]]
             x, y, z = row[4] * x + row[8], row[5] * y + row[9], row[6] * z + row[10]
@@ -72,14 +75,3 @@ def _field_jump(space, images, k, kinematics, column, a, b):
         return x - kinematics[a, column], y - kinematics[a, column + 1], z - kinematics[a, column + 2]
 
     return solid
-
-
-def displacement_column(space):
-    """First column of the displacement in the kinematics."""
-    raise NotImplementedError
-
-
-@overload(displacement_column)
-def _displacement_column(space):
-    column = 2 if is_instance(space, Plane) else 4
-    return lambda space: column

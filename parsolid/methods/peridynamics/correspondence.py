@@ -15,7 +15,7 @@ from parsolid.numerics.dispatch import is_instance
 from parsolid.numerics.lanes import WIDTH, broadcast, load
 from parsolid.numerics.layout import Plane, load_correction, load_gradient, store_matrix
 from parsolid.numerics.tensors import add, expand, lane_of_symmetric, matmul, matmul_transposed, scale
-from parsolid.pairs.layout import ShearScaled
+from parsolid.pairs.terms import AlongBonds, ShearScaled, record_columns
 
 
 class BondedBody(NamedTuple):
@@ -69,24 +69,18 @@ def _store_record(space, stabiliser, body, record, i, S, G):
 
         def shear_scaled(space, stabiliser, body, record, i, S, G):
             product = matmul(load_symmetric(space, body.stiffness, i), G)
-            store_matrix(space, record, i, 0, add(S, scale(-1.0, product)))
+            store_matrix(space, record, i, record_columns(space, stabiliser).stress, add(S, scale(-1.0, product)))
 
         return shear_scaled
-    if is_instance(space, Plane):
+    if is_instance(stabiliser, AlongBonds):
 
-        def plane(space, stabiliser, body, record, i, S, G):
-            store_matrix(space, record, i, 0, S)
-            if stabiliser is not None:
-                store_matrix(space, record, i, 4, scale(load(body.stiffness, 0, i), G))
+        def along_bonds(space, stabiliser, body, record, i, S, G):
+            columns = record_columns(space, stabiliser)
+            store_matrix(space, record, i, columns.stress, S)
+            store_matrix(space, record, i, columns.gradient, scale(load(body.stiffness, 0, i), G))
 
-        return plane
-
-    def solid(space, stabiliser, body, record, i, S, G):
-        store_matrix(space, record, i, 0, S)
-        if stabiliser is not None:
-            store_matrix(space, record, i, 12, scale(load(body.stiffness, 0, i), G))
-
-    return solid
+        return along_bonds
+    return lambda space, stabiliser, body, record, i, S, G: store_matrix(space, record, i, 0, S)
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")

@@ -105,7 +105,7 @@ class PeridynamicLoads:
         reach = maximum(self.comm, float(horizon.max(initial=0.0)))
         kind = self.scene.method.traction
         if tractions and kind.startswith("consistent"):
-            engine = force.bond_system.positions.shape[1]
+            engine = force.dimension
             unit = force.of_stress(np.tile(np.eye(engine), (len(self.particle_set), 1, 1))) * self.share[:, None]
         for boundary in tractions:
             if kind.startswith("consistent"):

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parsolid.collective import maximum, minimum
+from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.damage.bond_based import BondBased
 from parsolid.materials.viscoelastic.prony import Prony, algorithmic_factor
 from parsolid.methods.peridynamics.bond_force import BondForce
@@ -58,14 +58,14 @@ class Operator:
     the material step that starts at the last committed state, 0.0 a jump.
     """
 
-    def __init__(
-        self, engine: BondForce, history: ViscoelasticHistory, share: np.ndarray, mass: np.ndarray, free: np.ndarray
-    ):
-        self.engine, self.history, self.share, self.free = engine, history, share, free
-        self.mass, self.identifier = mass * share, engine.bond_system.identifier[: engine.owned]
-        self.dimension = free.shape[1]
-        self.comm = engine.bond_system.halo.comm
-        self.is_linear = all(isinstance(law, Prony) and law.finite_strain is None for _, _, law in history.laws)
+    def __init__(self, engine: BondForce, history: ViscoelasticHistory, free: np.ndarray):
+        self.engine, self.history, self.free = engine, history, free
+        rows = engine.particles.owned_rows
+        self.share, self.identifier = rows("share"), rows("identifier")
+        self.mass = rows("mass") * self.share
+        self.dimension, self.comm = free.shape[1], engine.bond_system.comm
+        linear = all(isinstance(law, Prony) and law.finite_strain is None for _, _, law in history.laws)
+        self.is_linear = not anywhere(self.comm, not linear)
         least = minimum(self.comm, float(np.min(engine.bond_system.volume[: engine.owned], initial=np.inf)))
         self.length = least ** (1.0 / self.dimension)
         self.step = None
@@ -101,7 +101,7 @@ class Operator:
         d, engine = self.dimension, self.engine
         self.history.begin(step)
         engine.field[: engine.owned, :d] = self.history.factor[:, None] * change
-        np.multiply(engine.evaluate(self.tangents)[:, :d], -self.share[:, None], out=out)
+        np.multiply(engine.evaluate_stiffness(self.tangents)[:, :d], -self.share[:, None], out=out)
 
     @property
     def displacement(self) -> np.ndarray:

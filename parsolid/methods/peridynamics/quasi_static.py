@@ -7,7 +7,7 @@ import numpy as np
 
 from parsolid.methods.peridynamics.equilibrium import Balance, Equilibrium
 from parsolid.methods.peridynamics.time_solver import TimeSolver
-from parsolid.particles.fields import Field
+from parsolid.particles.declaration import Field
 
 
 class QuasiStatic(TimeSolver):
@@ -24,14 +24,15 @@ class QuasiStatic(TimeSolver):
         self.balance: Balance | None = None
         # times [s] of the states that `earlier` holds, newest first, since loads jumped last
         self.times: list[float] = []
-        self.earlier = [np.zeros(body.operator.free.shape) for _ in range(settings.extrapolation + 1)]
+        self.names = [f"earlier_displacement_{k + 1}" for k in range(settings.extrapolation + 1)]
+        for name in self.names:
+            body.table.declare(Field(name, body.operator.free.shape[1], "m", checkpointed=True, mirror="vector"))
         self.steps = 0
 
-    def declare(self, table) -> None:
-        """The earlier displacements as fields."""
-        for k, earlier in enumerate(self.earlier):
-            name = f"earlier_displacement_{k + 1}"
-            table.add(Field(name, earlier.shape[1], "m", evolved=True, checkpointed=True), earlier)
+    @property
+    def earlier(self) -> list[np.ndarray]:
+        """Displacements (owned, d) [m] of earlier states."""
+        return [self.body.table.owned_rows(name) for name in self.names]
 
     def stable_step(self) -> float:
         """The material step [s]."""
@@ -93,10 +94,11 @@ class QuasiStatic(TimeSolver):
         if step == 0.0:
             # what went before the jump says nothing about what follows
             self.times = []
-        self.times = [time, *self.times][: len(self.earlier)]
-        for k in range(len(self.earlier) - 1, 0, -1):
-            self.earlier[k][:] = self.earlier[k - 1]
-        self.earlier[0][:] = displacement
+        earlier = self.earlier
+        self.times = [time, *self.times][: len(earlier)]
+        for k in range(len(earlier) - 1, 0, -1):
+            earlier[k][:] = earlier[k - 1]
+        earlier[0][:] = displacement
 
     # --- what is asked of it -----------------------------------------------------------------------------------
 

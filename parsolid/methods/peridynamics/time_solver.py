@@ -11,9 +11,6 @@ class TimeSolver:
     landings: tuple[float, ...] = ()
     setting: str
 
-    def declare(self, table) -> None:
-        """Add the solver's own fields."""
-
     def begin(self) -> None:
         """What the solver changes in the bodies' initial displacement and velocity."""
 
