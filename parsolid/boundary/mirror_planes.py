@@ -11,7 +11,7 @@ from itertools import combinations
 import numpy as np
 
 from parsolid.collective import anywhere, raise_together
-from parsolid.pairs.layout import image_table
+from parsolid.pairs.lists import image_table
 
 # a particle within this fraction of its spacing of a plane lies on it
 ON_PLANE = 1e-6
