@@ -13,7 +13,9 @@ from parsolid.particles.declaration import Field
 class BondBasedForce(BondForce):
     """As `BondForce`, of bodies whose laws are all bond-based."""
 
-    def __init__(self, particles: Particles, bond_system, settings, blocks, horizon: np.ndarray, fixed_planes: np.ndarray):
+    def __init__(
+        self, particles: Particles, bond_system, settings, blocks, horizon: np.ndarray, fixed_planes: np.ndarray
+    ):
         """horizon (owned,) [m]; settings: `scene.peridynamics.Peridynamics`. Collective."""
         super().__init__(particles, bond_system, None, fixed_planes)
         self.state = settings.state(particles["displacement"].shape[1])
@@ -46,7 +48,12 @@ class BondBasedForce(BondForce):
 
     def stored_energy(self) -> float:
         """Energy [J] of the bonds at the displacement of the last evaluation."""
-        what = (self.columns.position, self.particles.storage("micromodulus"), self.particles.storage("share"), self.kinematics)
+        what = (
+            self.columns.position,
+            self.particles.storage("micromodulus"),
+            self.particles.storage("share"),
+            self.kinematics,
+        )
         energies: list[float] = []
         self.bond_system.sweep(lambda pairs: energies.append(bond_energy(self.space, pairs, *what)))
         return sum(energies[1:], energies[0])

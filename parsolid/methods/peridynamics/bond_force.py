@@ -23,7 +23,9 @@ class BondForce:
 
     sound = True
 
-    def __init__(self, particles: Particles, bond_system: PairSystem, scale: np.ndarray | None, fixed_planes: np.ndarray):
+    def __init__(
+        self, particles: Particles, bond_system: PairSystem, scale: np.ndarray | None, fixed_planes: np.ndarray
+    ):
         """scale (owned,): coefficient times shear modulus [Pa] of `ShearScaled`, c of `AlongBonds`, else None.
 
         bond_system: with all bonds whole; fixed_planes (owned, d) bool: normals of the fixed planes a particle lies on. Collective.
@@ -42,7 +44,13 @@ class BondForce:
         told = {"ghosts": "forward", "message": "stiffness"}
         if isinstance(self.stabiliser, AlongBonds):
             particles.declare(Field("stiffness", 1, "N/m^6", layout=Columns()), scale)
-            lanes = Field("stiffness_record", columns.width - columns.modulus, "N/m^6", layout=Within("record", columns.modulus), **told)
+            lanes = Field(
+                "stiffness_record",
+                columns.width - columns.modulus,
+                "N/m^6",
+                layout=Within("record", columns.modulus),
+                **told,
+            )
             particles.declare(lanes, scale[:, None])
         elif isinstance(self.stabiliser, ShearScaled):
             # C1 = coefficient G (tr K^-1 I + 2 K^-1) with all bonds whole
@@ -52,7 +60,9 @@ class BondForce:
             particles.declare(Field("stiffness", len(upper), "Pa/m^2", layout=Columns()), np.stack(upper, axis=1))
             whole = np.zeros((self.owned, d, matrix_columns(d) // d))
             whole[:, :, :d] = C.swapaxes(1, 2)
-            kept = Field("stiffness_record", matrix_columns(d), "Pa/m^2", layout=Within("record", columns.stiffness), **told)
+            kept = Field(
+                "stiffness_record", matrix_columns(d), "Pa/m^2", layout=Within("record", columns.stiffness), **told
+            )
             particles.declare(kept, whole.reshape(self.owned, -1))
         particles.update("stiffness")
 

@@ -26,10 +26,21 @@ def build_bond_system(
     weights = RadialWeights(INFLUENCES[settings.influence], bar=dimension == 1)
     bonds = PairSystem(comm, particles, space, weights, stabiliser, codes)
     columns, told = KINEMATICS[space.dimension], {"ghosts": "forward", "message": "motion"}
-    declare_generated(particles, particle_set, Within("kinematics", columns.reference), ("identifier", "reference_position"))
+    declare_generated(
+        particles, particle_set, Within("kinematics", columns.reference), ("identifier", "reference_position")
+    )
     driving = Within("kinematics", columns.field)
     particles.declare(Field("relaxing_displacement", space.dimension, "m", mirror="vector", layout=driving, **told))
-    moved = Field("displacement", dimension, "m", checkpointed=True, shown=True, mirror="vector", **told, layout=Within("kinematics", columns.position))
+    moved = Field(
+        "displacement",
+        dimension,
+        "m",
+        checkpointed=True,
+        shown=True,
+        mirror="vector",
+        **told,
+        layout=Within("kinematics", columns.position),
+    )
     particles.declare(moved)
     horizon = horizons(settings, particle_set)
     metric = np.zeros((len(particle_set), 6))

@@ -39,7 +39,9 @@ class HistoryForce(BondForce):
         rows = TENSOR_ROWS[d] * (1 + branches)
         fresh = [initial_state(block.law, d) for block in blocks]
         padding = tuple(map(float, fresh[-1])) if fresh else ()
-        declare(Field("tensor_history", rows, "1", checkpointed=True, mirror="tensor", layout=Columns(), padding=padding))
+        declare(
+            Field("tensor_history", rows, "1", checkpointed=True, mirror="tensor", layout=Columns(), padding=padding)
+        )
         for block, state in zip(blocks, fresh):
             self.states[:, block.first : block.last] = state[:, None]
         volume = bond_system.volume[: self.owned] * particles.owned_rows("share")
@@ -128,9 +130,7 @@ class HistoryForce(BondForce):
         result, sums = np.zeros((self.owned, 3, 3)), self.particles.storage("displacement_sums")
         self.prepare(0.0)
         for (first, last, law), weights in zip(laws, self.weights):
-            nominal_stresses(
-                self.space, first, last, law, weights, self.body, self.states, sums, result
-            )
+            nominal_stresses(self.space, first, last, law, weights, self.body, self.states, sums, result)
         return result
 
 
