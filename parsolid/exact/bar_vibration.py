@@ -58,7 +58,7 @@ class BarVibration(Solution):
     def of_scene(cls, scene) -> "BarVibration":
         """The solution for a scene's first body, a bar from X = 0, and its reference's stretch."""
         body = scene.bodies[0]
-        modulus, relaxed = PronySeries.youngs_of(body.material), scene.method.initial_state == "relaxed"
+        modulus, relaxed = PronySeries.youngs_of(body.material), scene.systems[0].settings.initial_state == "relaxed"
         return cls(
             modulus, body.material.density, body.shape.model.upper[0], scene.reference.parameters["stretch"], relaxed
         )

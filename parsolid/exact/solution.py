@@ -21,12 +21,12 @@ class View:
     @property
     def positions(self) -> np.ndarray:
         """Reference positions (n, d) [m]."""
-        return self.observables.table.owned_rows("reference_position")
+        return self.observables.rows("reference_position")
 
     @property
     def volume(self) -> np.ndarray:
         """Tributary reference volumes (n,) [m^3]."""
-        return self.observables.table.owned_rows("volume")
+        return self.observables.rows("volume")
 
     def field(self, name: str) -> np.ndarray:
         """A field of the run."""

@@ -179,12 +179,6 @@ class Peridynamics(MethodSettings):
     damage: Damage | None = None
     pre_cracks: list[PreCrack] = []
 
-    @property
-    def shown_fields(self) -> tuple[str, ...]:
-        """What is written unless the scene chooses: where bonds may break, the damage first."""
-        usual = MethodSettings.shown_fields
-        return ("damage", *usual) if self.damage is not None or self.pre_cracks else usual
-
     def horizon(self, spacing: float) -> float:
         """The horizon [m] for a particle spacing [m]; the margin keeps the last neighbours out of reach of rounding."""
         return (self.horizon_ratio + 0.015) * spacing

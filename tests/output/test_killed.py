@@ -38,7 +38,7 @@ def run_until_killed(directory: Path, ranks: int, lifetime: float) -> None:
 
 
 def check_checkpoint(directory: Path) -> int:
-    header, fields, rows = read_checkpoint(MPI.COMM_SELF, find_checkpoint(directory))
+    header, (fields,), rows = read_checkpoint(MPI.COMM_SELF, find_checkpoint(directory))
     expected = state(header["step"], fields["identifier"])
     assert np.array_equal(np.sort(fields["identifier"]), np.arange(PARTICLES))
     assert all(fields[name].tobytes() == np.ascontiguousarray(expected[name]).tobytes() for name in expected)

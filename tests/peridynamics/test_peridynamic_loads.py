@@ -42,8 +42,7 @@ class Body:
         particle_set = self.particle_set = generate(self.scene, comm)
         laws = laws_of(self.scene)
         self.comm, self.law = comm, laws[0]
-        density = np.array([law.density for law in laws])[particle_set.body]
-        self.loads = PeridynamicLoads(comm, self.scene, particle_set, density)
+        self.loads = PeridynamicLoads(comm, self.scene, particle_set)
         forces = build_forces(comm, self.scene, particle_set, self.loads)
         self.loads.install_tractions(forces.engine, forces.horizon)
         self.operator = Operator(forces.engine, forces.history, self.loads.free)

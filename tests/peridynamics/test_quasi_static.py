@@ -66,7 +66,7 @@ def settings(**changes):
 def solver_of(chain, chosen):
     """The time solver on a chain without prescribed motion."""
     points = Particles(np.zeros(len(chain.identifier), np.int64))
-    body = SimpleNamespace(comm=chain.comm, operator=chain, loads=SimpleNamespace(jumps=()), table=points)
+    body = SimpleNamespace(comm=chain.comm, operator=chain, loads=SimpleNamespace(jumps=()), particles=points)
     return QuasiStatic(body, chosen)
 
 

@@ -5,6 +5,8 @@ import numpy as np
 from parsolid.materials.blocks import MaterialBlock, block_numbers
 from parsolid.materials.registry import laws_of
 from parsolid.methods.mpm import weights as grid_weights
+from parsolid.methods.mpm.grid import Apic, Flip
+from parsolid.numerics.lanes import aligned_zeros
 from parsolid.numerics.layout import LAYOUT
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field, Rows, Within
@@ -17,15 +19,18 @@ _IDENTITY = {2: (1.0, 0.0, 0.0, 1.0, 1.0), 3: (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0
 class MaterialPoints(Particles):
     """What all particles carry, see `methods.mpm.grid` for the records; laws declare what theirs carry besides.
 
-    where: name of the record whose first columns are the places [m] that weights belong to.
+    origin (4,) [m]: of the grid; where: name of the record whose first columns are the places [m] that weights belong to.
     """
 
-    def __init__(self, scene, particle_set, origin: np.ndarray):
-        """particle_set: this rank's particles, sorted by law; origin (4,) [m] of the grid."""
+    def __init__(self, scene, particle_set):
+        """particle_set: this rank's particles, sorted by law."""
         laws = laws_of(scene)
         self.laws, law_of_body = block_numbers(laws, np.arange(len(laws)))
         super().__init__(particle_set.body, law_of_body)
-        self.settings, self.dimension, self.origin = scene.method, particle_set.position.shape[1], origin
+        self.settings, self.dimension = scene.method, particle_set.position.shape[1]
+        self.origin = aligned_zeros(4)
+        if scene.method.origin is not None:
+            self.origin[: self.dimension] = scene.method.origin
         self.axisymmetric = scene.method.geometry == "axisymmetric"
         # material kernels see the plane's layout in axisymmetry, too: l33 and F33 are there
         self.space = LAYOUT[self.dimension]
@@ -98,6 +103,13 @@ class MaterialPoints(Particles):
     def basis(self):
         """The grid's basis, on the particles' half widths where it needs them."""
         return grid_weights.make_basis(self.settings.basis, self.find("half_widths"))
+
+    @property
+    def velocity_transfer(self):
+        """How particles take velocities from the nodes: `grid.Flip` or `grid.Apic`."""
+        if self.settings.transfer == "apic":
+            return Apic(self.storage("velocity_slope"))
+        return Flip(float(self.settings.flip_fraction))
 
     @property
     def blocks(self) -> list[MaterialBlock]:

@@ -34,3 +34,20 @@ def homologous_temperatures(points) -> np.ndarray:
             temperature = points["temperature"][block.first : block.last]
             parts.append(temperature / melting_temperature(block.law, points.jacobian(block.first, block.last)))
     return np.concatenate(parts)
+
+
+def first_unsound(points, listed: np.ndarray) -> tuple[int, str] | None:
+    """See `protocol.ParticleMethod.unsound`; listed: rows of the particles that are in a cell."""
+    rows, jacobian = points.owned_rows, points.jacobian(0, points.owned)
+    numbers = (rows("velocity"), rows("position"), rows("stress_and_volume"), jacobian[:, None])
+    finite = np.all([np.isfinite(values).all(axis=1) for values in numbers], axis=0)
+    lost = np.ones(points.owned, bool)
+    lost[listed] = False
+    for bad, what in (
+        (~finite, "a number is no longer finite"),
+        (~(jacobian > 0.0), "the Jacobian is not positive: matter is turned inside out"),
+        (lost, "it has left the grid"),
+    ):
+        if bad.any():
+            return int(np.argmax(bad)), what
+    return None

@@ -16,9 +16,9 @@ class ReferenceGrid:
     stretch: the smallest of this rank's particles; slowness [s/m]: the least time that waves take over a metre of the undeformed body.
     """
 
-    def __init__(self, points, materials, space):
-        """points: `MaterialPoints`; materials: their `StressUpdate`; space: Plane, Axisymmetric or Space."""
-        self.points, self.materials, self.space = points, materials, space
+    def __init__(self, materials, nodes):
+        """materials: the particles' `StressUpdate`; nodes: `Nodes`."""
+        self.points, self.materials, self.nodes, self.space = materials.points, materials, nodes, nodes.space
         self.stretch, self.slowness = 1.0, np.inf
 
     def resume(self) -> None:
@@ -26,13 +26,14 @@ class ReferenceGrid:
         self._finish()
 
     @property
-    def stress(self) -> FirstPiolaKirchhoffStress:
+    def on_nodes(self) -> FirstPiolaKirchhoffStress:
         """What the particles give to the nodes' forces."""
         return FirstPiolaKirchhoffStress(self.points.storage("nominal_stress_and_volume"))
 
-    def advance_stress(self, grid, step: float) -> tuple[bool, float, float, float]:
-        """As `StressUpdate.advance`, from velocity gradients by reference place; grid: `methods.mpm.grid.Grid`."""
-        points, cells, storage = self.points, len(grid.base), self.points.storage
+    def advance(self, step: float) -> tuple[bool, dict[str, float]]:
+        """As `StressUpdate.advance`, from velocity gradients by reference place."""
+        points, grid, storage = self.points, self.nodes.interpolation.grid, self.points.storage
+        cells = len(grid.base)
         rate, stress = storage("velocity_gradient"), storage("stress_and_volume")
         kernels.to_spatial_gradient(0, points.owned, self.space, storage("deformation_gradient"), rate)
         kernels.average_dilatation(0, cells, self.space, grid, points.motion, rate)

@@ -6,6 +6,7 @@ A kind of law is a class with what `HyperelasticUpdate` has, and a line of `_KIN
 import numpy as np
 
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
+from parsolid.methods.mpm.grid import CauchyStress
 from parsolid.methods.mpm.hyperelastic_update import advance_elastic_stress, elastic_energy
 from parsolid.methods.mpm.plastic_update import (
     DEVIATOR_ROWS,
@@ -31,7 +32,7 @@ class HyperelasticUpdate:
         """There is no state but F."""
 
     def advance(self, block, step: float) -> tuple[bool, float, float, float]:
-        """See `StressUpdate.advance`, of one law's particles; they dissipate nothing."""
+        """Sound, largest c + |v| [m/s], plastic and viscous work [J] of one law's particles after a step [s]."""
         points, storage = self.points, self.points.storage
         deformation, rate = storage("deformation_gradient"), storage("velocity_gradient")
         arrays = (deformation, points.motion, rate, storage("stress_and_volume"))
@@ -55,7 +56,7 @@ class ElasticPlasticUpdate:
         kept = {"checkpointed": True, "layout": Columns()}
         points.declare(Field("unrotated_deviator", DEVIATOR_ROWS[points.dimension], "Pa", **kept))
         for name, unit in (("plastic_strain", "1"), ("internal_energy", "J/m^3"), ("temperature", "K")):
-            points.declare(Field(name, 1, unit, shown=True, **kept))
+            points.declare(Field(name, 1, unit, **kept))
         # planes at a temperature take up the plastic heat of the particles beside them, see `Conduction`
         if scene.method.conduction and any(boundary.kind == "temperature" for boundary in scene.boundaries):
             points.declare(Field("plastic_rise", 1, "K", **kept))
@@ -71,7 +72,7 @@ class ElasticPlasticUpdate:
             rows("internal_energy")[here] = block.law.internal_energy(rows("temperature")[here])
 
     def advance(self, block, step: float) -> tuple[bool, float, float, float]:
-        """See `StressUpdate.advance`, of one law's particles."""
+        """See `HyperelasticUpdate.advance`."""
         points, storage, here = self.points, self.points.storage, (block.first, block.last)
         state = MaterialState(*(storage(name) for name in _STATE))
         rise = points.find("plastic_rise")
@@ -94,11 +95,16 @@ _KINDS = {ElasticPlastic: ElasticPlasticUpdate}
 
 
 class StressUpdate:
-    """The updates of all laws of a scene, on one rank."""
+    """The updates of all laws of a scene, on one rank.
+
+    slowness [s/m]: of this rank's fastest particle, 1 / (c + |v|); plastic_work [J]: of all steps; stretch: 1, as steps are not by reference place.
+    """
+
+    stretch = 1.0
 
     def __init__(self, scene, points):
         """points: `MaterialPoints`, to which the updates add the fields of their laws."""
-        self.points = points
+        self.points, self.fastest, self.plastic_work = points, 0.0, 0.0
         kinds = [_KINDS.get(type(law), HyperelasticUpdate) for law in points.laws]
         self.updates = {kind: kind(scene, points) for kind in dict.fromkeys(kinds)}
         self._kind_of_law = dict(zip(points.laws, kinds))
@@ -111,17 +117,31 @@ class StressUpdate:
         for update in self.updates.values():
             update.begin(scene, particle_set)
 
-    def advance(self, step: float) -> tuple[bool, float, float, float]:
+    def advance(self, step: float) -> tuple[bool, dict[str, float]]:
         """All particles' state and stress after a step [s] with the velocity gradients that they have.
 
-        Returns whether all are sound, the largest c + |v| [m/s], plastic and viscous work [J] of this rank.
+        Returns whether all are sound, and what this rank's laws tell the ledger [J].
         """
-        sound, fastest, plastic, viscous = True, 0.0, 0.0, 0.0
+        sound, self.fastest, plastic, viscous = True, 0.0, 0.0, 0.0
         for block in self.points.blocks:
             good, speed, work, friction = self._of(block.law).advance(block, step)
-            sound, fastest = sound and good, max(fastest, speed)
+            sound, self.fastest = sound and good, max(self.fastest, speed)
             plastic, viscous = plastic + work, viscous + friction
-        return sound, fastest, plastic, viscous
+        self.plastic_work += plastic
+        return sound, {"plastic_work": plastic, "viscous_work": viscous}
+
+    @property
+    def slowness(self) -> float:
+        """See above."""
+        return 1.0 / self.fastest if self.fastest > 0.0 else np.inf
+
+    @property
+    def on_nodes(self) -> CauchyStress:
+        """What the particles give to the nodes' forces."""
+        return CauchyStress(self.points.storage("stress_and_volume"))
+
+    def resume(self) -> None:
+        """The stress is among the fields that were put back."""
 
     def stored_energy(self) -> float:
         """Internal energy [J] of this rank's particles."""

@@ -26,13 +26,13 @@ class QuasiStatic(TimeSolver):
         self.times: list[float] = []
         self.names = [f"earlier_displacement_{k + 1}" for k in range(settings.extrapolation + 1)]
         for name in self.names:
-            body.table.declare(Field(name, body.operator.free.shape[1], "m", checkpointed=True, mirror="vector"))
+            body.particles.declare(Field(name, body.operator.free.shape[1], "m", checkpointed=True, mirror="vector"))
         self.steps = 0
 
     @property
     def earlier(self) -> list[np.ndarray]:
         """Displacements (owned, d) [m] of earlier states."""
-        return [self.body.table.owned_rows(name) for name in self.names]
+        return [self.body.particles.owned_rows(name) for name in self.names]
 
     def stable_step(self) -> float:
         """The material step [s]."""

@@ -6,7 +6,6 @@ State: displacement, velocity, and of viscoelastic bodies one vector a Prony ter
 
 import numpy as np
 
-from parsolid.materials.registry import laws_of
 from parsolid.methods.peridynamics.forces import build_forces
 from parsolid.methods.peridynamics.fracture import fracture_of
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
@@ -14,14 +13,14 @@ from parsolid.methods.peridynamics.operator import Operator
 from parsolid.methods.peridynamics.quasi_static import QuasiStatic
 from parsolid.methods.peridynamics.velocity_verlet import VelocityVerlet
 from parsolid.methods.peridynamics.velocity_verlet_kernels import kinetic_energy
-from parsolid.methods.protocol import ParticleMethod
+from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.declaration import Field, Rows
 from parsolid.scene import initial_displacement, initial_velocity
 
 TIME_SOLVERS = {"explicit": VelocityVerlet, "quasi-static": QuasiStatic}
 
 
-class Peridynamics(ParticleMethod):
+class Peridynamics(ParticleSystem):
     """The method on one rank. Arrays are laid out as `pairs.layout` says; bars lie in the plane."""
 
     even_steps = True
@@ -29,8 +28,7 @@ class Peridynamics(ParticleMethod):
     def __init__(self, comm, scene, particle_set):
         """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when particles cannot be bonded. Collective."""
         self.comm, self.settings = comm, scene.method
-        density = np.array([law.density for law in laws_of(scene)])[particle_set.body]
-        self.loads = PeridynamicLoads(comm, scene, particle_set, density)
+        self.loads = PeridynamicLoads(comm, scene, particle_set)
         forces = build_forces(comm, scene, particle_set, self.loads)
         self.table, self.bond_system, self.engine, self.history = forces.particles, *forces[2:]
         self.owned, self.dimension = particle_set.position.shape
@@ -39,8 +37,8 @@ class Peridynamics(ParticleMethod):
         self.fracture = fracture_of(comm, scene, particle_set, forces)
         self.operator = Operator(self.engine, self.history, self.loads.free)
         motion = {"shown": True, "mirror": "vector"}
-        self.table.declare(Field("position", self.dimension, "m", mirror="vector"), particle_set.position)
-        self.table.declare(Field("velocity", self.dimension, "m/s", checkpointed=True, layout=Rows(4), **motion))
+        self.particles.declare(Field("position", self.dimension, "m", mirror="vector"), particle_set.position)
+        self.particles.declare(Field("velocity", self.dimension, "m/s", checkpointed=True, layout=Rows(4), **motion))
         self.solver = TIME_SOLVERS[self.settings.solution.kind](self, self.settings.solution)
         self.jumps, self.landings = self.solver.jumps, self.solver.landings
         self._gradients, self._evaluation = None, -1
@@ -50,10 +48,10 @@ class Peridynamics(ParticleMethod):
     def begin(self, scene, particle_set) -> None:
         """Velocity and displacement by the bodies' formulas, and what is stored in the branches; collective."""
         place = (scene, particle_set.body, particle_set.position)
-        self.table.owned_rows("velocity")[:] = initial_velocity(*place)
+        self.particles.owned_rows("velocity")[:] = initial_velocity(*place)
         displacement = initial_displacement(*place)
         if displacement is not None:
-            self.table.owned_rows("displacement")[:] = displacement
+            self.particles.owned_rows("displacement")[:] = displacement
         self.velocity[:, : self.dimension][self.loads.held], self.displacement[self.loads.held] = 0.0, 0.0
         self.solver.begin()
         self.place()
@@ -70,26 +68,26 @@ class Peridynamics(ParticleMethod):
     @property
     def mass(self) -> np.ndarray:
         """Mass (owned,) [kg], of the whole particle where it lies on a mirror plane."""
-        return self.table.owned_rows("mass")
+        return self.particles.owned_rows("mass")
 
     @property
     def share(self) -> np.ndarray:
         """The part (owned,) of a particle on this side of mirror planes."""
-        return self.table.owned_rows("share")
+        return self.particles.owned_rows("share")
 
     @property
     def velocity(self) -> np.ndarray:
         """Velocity (owned, 4) [m/s] as kernels take it."""
-        return self.table.storage("velocity")[: self.owned]
+        return self.particles.storage("velocity")[: self.owned]
 
     @property
     def displacement(self) -> np.ndarray:
         """Displacement (owned, d) [m], a view."""
-        return self.table.owned_rows("displacement")
+        return self.particles.owned_rows("displacement")
 
     def place(self) -> None:
         """x = X + u."""
-        rows = self.table.owned_rows
+        rows = self.particles.owned_rows
         np.add(rows("reference_position"), self.displacement, out=rows("position"))
 
     def state(self) -> dict:
@@ -135,7 +133,7 @@ class Peridynamics(ParticleMethod):
     @property
     def communication_seconds(self) -> float:
         """Seconds spent on sending and receiving."""
-        return self.table.communication_seconds
+        return self.particles.communication_seconds
 
     @property
     def directed_pairs(self) -> int:

@@ -75,7 +75,7 @@ class VelocityVerlet(TimeSolver):
 
     def new_positions(self, time: float, step: float) -> None:
         """u += dt v_h, or as guided; x = X + u."""
-        body, rows = self.body, self.body.table.owned_rows
+        body, rows = self.body, self.body.particles.owned_rows
         kernels.drift(
             body.dimension, step, body.velocity, rows("reference_position"), body.engine.displacement, rows("position")
         )

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from parsolid.boundary.conditions import build_boundaries
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, material_blocks
 from parsolid.materials.registry import laws_of
 from parsolid.methods.protocol import ParticleMethod
 from parsolid.methods.tlsph import momentum as motion
 from parsolid.methods.tlsph import state
+from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.methods.tlsph.deformation import Stage, advance_deformation, largest_wave_modulus
 from parsolid.methods.tlsph.stresses import deformation_gradients, first_piola_kirchhoff_stresses
 from parsolid.numerics import layout
@@ -34,9 +34,9 @@ class TotalLagrangianSPH(ParticleMethod):
         self.comm, self.settings = comm, scene.method
         self.owned, self.dimension = particle_set.position.shape
         self.space = layout.LAYOUT[self.dimension]
-        self.blocks, density = material_blocks(laws_of(scene), particle_set.body)
-        self.boundaries = build_boundaries(comm, scene, particle_set, density)
-        self.share = 0.5 ** self.boundaries.plane_count(particle_set)
+        self.blocks, _ = material_blocks(laws_of(scene), particle_set.body)
+        self.boundaries = build_boundaries(comm, scene, particle_set)
+        self.share = self.boundaries.share
         self.branches = maximum(comm, max((block.branches for block in self.blocks), default=0))
         self.particles = Particles(particle_set.body)
         self.pairs = self._pair_system(particle_set)
