@@ -118,7 +118,10 @@ class Particles:
         return name in self.fields
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """All rows of a field, (rows,) of a scalar of one component, else (rows, components), a view; KeyError where none is declared."""
+        """All rows of a field, a view, (rows,) of a scalar of one component, else (rows, components).
+
+        Raises KeyError for one that is not declared.
+        """
         field = self.fields[name]
         if isinstance(field.layout, Within):
             whole, first = self._by_particle(field.layout.record), field.layout.first

@@ -7,9 +7,10 @@ from parsolid.particles.declaration import Field, Rows, Within
 
 
 def declare_generated(
-    particles: Particles, particle_set, place: Rows | Within = Rows(), told: tuple[str, ...] = ()
+    particles: Particles, particle_set, place: Rows | Within | None = None, told: tuple[str, ...] = ()
 ) -> None:
-    """Declare identifier, reference position, volume, spacing, axes where there are some, and area of a rank's `ParticleSet`.
+    """Declare identifier, reference position, volume, spacing, axes where there are some, and area of a rank's
+    `ParticleSet`.
 
     place: layout of the reference position; told: names of the fields that ghosts have, in the message "reference".
     """
@@ -20,7 +21,7 @@ def declare_generated(
         particles.declare(Field(name, components, unit, checkpointed=True, **ghosts, **more), values)
 
     declare("identifier", 1, "1", particle_set.identifier, shown=True, whole=True)
-    declare("reference_position", d, "m", particle_set.position, mirror="vector", layout=place)
+    declare("reference_position", d, "m", particle_set.position, mirror="vector", layout=place or Rows())
     declare("volume", 1, "m^3", particle_set.volume)
     declare("spacing", d, "m", particle_set.spacing, mirror="vector")
     if particle_set.axes is not None:

@@ -13,6 +13,8 @@ from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Field
 
 REACH = 2.3
+# damage alone kills no particle
+IMMORTAL = Limits(0.0, 1.0)
 SHAPE = {2: (9, 8), 3: (6, 5, 6)}
 
 
@@ -27,9 +29,7 @@ def lattice(dimension: int, jitter: float = 0.2):
 class BondedBody:
     """Bond lists of the rank's share (by x), with mirror images in the plane y = 0 where asked for."""
 
-    def __init__(
-        self, comm, dimension: int, mirror: bool = False, kind: str = "roller", limits=Limits(0.0, 1.0), jitter=0.2
-    ):
+    def __init__(self, comm, dimension: int, mirror: bool = False, kind: str = "roller", limits=IMMORTAL, jitter=0.2):
         self.comm, self.dimension = comm, dimension
         positions, identifiers = lattice(dimension, jitter)
         mine = (

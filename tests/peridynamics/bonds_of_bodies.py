@@ -1,4 +1,6 @@
-"""Jittered, partly broken bodies of correspondence peridynamics with mirror planes, on any number of ranks, and random fields."""
+"""Jittered, partly broken bodies of correspondence peridynamics with mirror planes, on any number of ranks, and random
+fields.
+"""
 
 import numpy as np
 from mpi4py import MPI

@@ -34,7 +34,7 @@ def test_force_is_minus_the_derivative_of_the_energy(comm, dimension, mirror):
     change = np.cos(2.3 * body.positions + body.positions[:, ::-1])
     step, energy = 1e-5, {}
     for sign in (-1.0, 1.0):
-        body.displace(lambda X: crumple(X) + sign * step * change)
+        body.displace(lambda X, move=sign * step: crumple(X) + move * change)
         energy[sign] = forces(body)[1]
     power = comm.allreduce(np.sum(force * change[: body.owned]))
     assert power == pytest.approx(-(energy[1.0] - energy[-1.0]) / (2.0 * step), rel=1e-7)

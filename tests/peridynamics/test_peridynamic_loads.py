@@ -1,4 +1,6 @@
-"""Loads and prescribed motion of peridynamics: a uniform stress is exact under consistent tractions, on any number of ranks."""
+"""Loads and prescribed motion of peridynamics: a uniform stress is exact under consistent tractions, on any number of
+ranks.
+"""
 
 import numpy as np
 import pytest
@@ -18,7 +20,9 @@ MATERIAL = {"kind": "prony", "density": 1000.0, "youngs_modulus": 7e6, "poissons
 
 
 class Body:
-    """A bar, plate or block pulled along X, on rollers, or pulled at both ends, with everything a static solution needs."""
+    """A bar, plate or block pulled along X, on rollers, or pulled at both ends, with everything a static solution
+    needs.
+    """
 
     def __init__(self, comm, dimension, both=False, boundaries=(), loads=(), end_time=1.0, filling=(), **method):
         pull = [STRESS, 0.0, 0.0][:dimension]

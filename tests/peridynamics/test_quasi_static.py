@@ -71,7 +71,9 @@ def solver_of(chain, chosen):
 
 
 def run(chain, chosen, steps, pull):
-    """Displacements of all points after each of the steps (lengths [s]) under a pull [N] at the last point, by step number."""
+    """Displacements of all points after each of the steps (lengths [s]) under a pull [N] at the last point, by step
+    number.
+    """
     solver, time, found = solver_of(chain, chosen), 0.0, []
     u = np.zeros(chain.free.shape)
     for number, step in enumerate(steps):

@@ -1,4 +1,6 @@
-"""Bond-based peridynamics on the bonds of the correspondence method: forces of `methods.peridynamics.bond_based_kernels`, without a stabiliser."""
+"""Bond-based peridynamics on the bonds of the correspondence method: forces of
+`methods.peridynamics.bond_based_kernels`, without a stabiliser.
+"""
 
 import numpy as np
 
@@ -63,7 +65,9 @@ class BondBasedForce(BondForce):
         return pushed_forward(self.classical_stresses(laws)[first:last], F)
 
     def classical_stresses(self, laws) -> np.ndarray:
-        """Stress (owned, 3, 3) [Pa] of the classical solid with the same constants under the gradient of the displacement."""
+        """Stress (owned, 3, 3) [Pa] of the classical solid with the same constants under the gradient of the
+        displacement.
+        """
         result, d, nu = np.zeros((self.owned, 3, 3)), self.dimension, POISSONS_RATIO[self.state]
         gradient = self.displacement_gradients()
         strain = 0.5 * (gradient + gradient.swapaxes(1, 2))

@@ -21,7 +21,7 @@ def _length(vector):
 
 
 def pull(linear, x, u):
-    """Force of a bond xi = x that changes by u, over weight c: s y/|y|, or with `linear` not None to first order in u."""
+    """Force of a bond xi = x that changes by u, over weight c: s y/|y|, or with `linear` to first order in u."""
     raise NotImplementedError
 
 
@@ -43,7 +43,8 @@ def _pull(linear, x, u):
 
 @compiled(fastmath={"contract"}, error_model="numpy")
 def add_bond_forces(space, pairs, linear, column, micromodulus, kinematics, force):
-    """Add the force [N] of a list's bonds under the field in columns `column`... of kinematics to the particles that receive.
+    """Add the force [N] of a list's bonds under the field in columns `column`... of kinematics to the particles that
+    receive.
 
     micromodulus (n,); force (n, 4 or more) [N]; linear: see `pull`.
     """

@@ -1,9 +1,9 @@
 """Damage of a rank's bonds: pre-cracks, failing bonds, dying particles, and the bits of all that for a restart.
 
-Both ends of a bond decide alike (see `methods.peridynamics.bonds`), so that nothing is sent but each particle's resistance, with its
-motion. A particle whose shape tensor has nearly degenerated, or that has lost most of its family, dies: it bears no stress from
-then on, and its remaining bonds break, on all ranks, at the next inspection. Which bonds are broken is all of the state:
-what else is here follows from it, to the bit.
+Both ends of a bond decide alike (see `methods.peridynamics.bonds`), so that nothing is sent but each particle's
+resistance, with its motion. A particle whose shape tensor has nearly degenerated, or that has lost most of its family,
+dies: it bears no stress from then on, and its remaining bonds break, on all ranks, at the next inspection. Which bonds
+are broken is all of the state: what else is here follows from it, to the bit.
 """
 
 from dataclasses import dataclass
@@ -47,7 +47,9 @@ class BondDamage:
     """
 
     def __init__(self, comm, particles: Particles, bond_system: Any, resistance: np.ndarray, limits: Limits):
-        """bond_system: a `PairSystem` with all bonds whole; resistance (owned,) of particles as they are made. Collective."""
+        """bond_system: a `PairSystem` with all bonds whole; resistance (owned,) of particles as they are made.
+        Collective.
+        """
         self.comm, self.particles, self.bond_system, self.limits = comm, particles, bond_system, limits
         self.lists = [pairs for pairs, _ in bond_system.lists()]
         self.owned = particles.owned
@@ -88,7 +90,9 @@ class BondDamage:
                 self.cut(failed)
 
     def inspect(self, criterion) -> Failed | None:
-        """The bonds that fail a criterion (see `methods.peridynamics.bond_damage_kernels`); None when there are none on this rank."""
+        """The bonds that fail a criterion (see `methods.peridynamics.bond_damage_kernels`); None when there are none on
+        this rank.
+        """
         return self._collect(bond_damage.find_failed, criterion)
 
     def _collect(self, find, what) -> Failed | None:
@@ -144,7 +148,7 @@ class BondDamage:
         self.words[particles] = words
 
     def unpack(self) -> None:
-        """Break the bonds whose bits are set, after the words were put back; ghosts learn of it with the next motion."""
+        """Break the bonds whose bits are set, after the words were put back; ghosts are told with the next motion."""
         particles = np.flatnonzero(self.words.any(axis=1))
         start, source = self._neighbourhoods(particles)
         broken = np.zeros(len(source), bool)

@@ -1,8 +1,8 @@
 """Breaking of bonds: which have failed or are crossed by a crack, what particles lose with them (see `bonds`).
 
-Critical stretch: Silling and Askari, "A meshfree method based on the peridynamic model of solid mechanics", 2005, eqs (23)
-to (27). Critical bond energy: Foster, Silling and Chen, "An energy based failure criterion for use with peridynamic
-states", 2011, eq (11).
+Critical stretch: Silling and Askari, "A meshfree method based on the peridynamic model of solid mechanics", 2005, eqs
+(23) to (27). Critical bond energy: Foster, Silling and Chen, "An energy based failure criterion for use with
+peridynamic states", 2011, eq (11).
 """
 
 import math
@@ -25,10 +25,11 @@ class Stretch(NamedTuple):
 
 
 class Energy(NamedTuple):
-    """A stretched bond fails when t . eta / 2 exceeds the lesser of its ends' `resistance` (n,) [J/m^6, in the plane J/m^4].
+    """A stretched bond fails when t . eta / 2 exceeds the lesser of its ends' `resistance` (n,) [J/m^6, in the plane
+    J/m^4].
 
-    eta is the change of the bond's vector and t = w [(M_a + M_b) xi + (C1_a + C1_b)(f_b - f_a)] its force density from the
-    latest `record` (see `pairs`), without the second part where `control` is None; volume (n,) [m^3].
+    eta is the change of the bond's vector and t = w [(M_a + M_b) xi + (C1_a + C1_b)(f_b - f_a)] its force density from
+    the latest `record` (see `pairs`), without the second part where `control` is None; volume (n,) [m^3].
     """
 
     resistance: np.ndarray
@@ -92,7 +93,9 @@ def _work(space, criterion, images, k, kinematics, a, b):
 
 @register_jitable
 def _product(space, record, number, images, k, a, b, left, right, vectors):
-    """left . (A_a + A_b) right with matrix `number` of the records; A_b of an image is Q A_b Q for vectors, else Q A_b R."""
+    """left . (A_a + A_b) right with matrix `number` of the records; A_b of an image is Q A_b Q for vectors, else Q A_b
+    R.
+    """
     d = space.dimension
     stride = 4 if d == 3 else 2
     result = 0.0
@@ -122,7 +125,8 @@ def fails(space, criterion, weight, images, k, kinematics, a, b):
 
 @compiled(error_model="numpy")
 def find_failed(space, pairs, kinematics, criterion, found):
-    """List the intact bonds that are to break as rows (particle a, pair k) of found (capacity, 2) int64; returns how many.
+    """List the intact bonds that are to break as rows (particle a, pair k) of found (capacity, 2) int64; returns how
+    many.
 
     When they are more than the capacity, the first that fit are listed.
     """
@@ -160,7 +164,9 @@ def add_families(pairs, chosen, volume, family):
 
 @compiled(error_model="numpy")
 def find_crossing(space, pairs, kinematics, patch, found):
-    """List, as `find_failed`, the intact bonds that a crack crosses; through a mirror plane the crack's image counts too."""
+    """List, as `find_failed`, the intact bonds that a crack crosses; through a mirror plane the crack's image counts
+    too.
+    """
     count, images = 0, images_of(pairs)
     for a in range(len(pairs.start) - 1):
         for k in range(pairs.start[a], pairs.start[a + 1]):

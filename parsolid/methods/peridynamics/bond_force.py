@@ -16,9 +16,9 @@ SYMMETRIC_ROWS = {2: ((0, 0), (1, 1), (1, 0)), 3: ((0, 0), (1, 1), (2, 2), (1, 0
 class BondForce:
     """Internal forces of a field f, the relaxing displacement, and of a displacement u; d = 2 for bars, too.
 
-    field, displacement (rows, d) [m], force (rows, 4) [N]: views of the particles' fields, the force of the last evaluation, of the
-    whole particle where it lies on a mirror plane. evaluations: so many of the forces so far.
-    sound: whether every settled Jacobian is positive; at small strain there is none to look at.
+    field, displacement (rows, d) [m], force (rows, 4) [N]: views of the particles' fields, the force of the last
+    evaluation, of the whole particle where it lies on a mirror plane. evaluations: so many of the forces so far. sound:
+    whether every settled Jacobian is positive; at small strain there is none to look at.
     """
 
     sound = True
@@ -28,7 +28,8 @@ class BondForce:
     ):
         """scale (owned,): coefficient times shear modulus [Pa] of `ShearScaled`, c of `AlongBonds`, else None.
 
-        bond_system: with all bonds whole; fixed_planes (owned, d) bool: normals of the fixed planes a particle lies on. Collective.
+        bond_system: with all bonds whole; fixed_planes (owned, d) bool: normals of the fixed planes a particle lies on.
+        Collective.
         """
         self.particles, self.bond_system, self.stabiliser = particles, bond_system, bond_system.terms
         self.owned, self.space, self.dimension = particles.owned, bond_system.space, bond_system.space.dimension
@@ -115,7 +116,9 @@ class BondForce:
         return self.divergence(self.stabiliser)
 
     def evaluate_stiffness(self, laws) -> np.ndarray:
-        """Force (owned, d) [N] that is linear in the field f, by the laws of a stiffness (see `operator.algorithmic_law`)."""
+        """Force (owned, d) [N] that is linear in the field f, by the laws of a stiffness (see
+        `operator.algorithmic_law`).
+        """
         return BondForce.evaluate(self, laws)
 
     def field_gradient(self) -> np.ndarray:
@@ -143,7 +146,9 @@ class BondForce:
         return self.force[: self.owned, : self.dimension]
 
     def of_stress(self, stress: np.ndarray) -> np.ndarray:
-        """Force (owned, d) [N] of given stresses (owned, d, d) [Pa], without a stabiliser; what balances a consistent load."""
+        """Force (owned, d) [N] of given stresses (owned, d, d) [Pa], without a stabiliser; what balances a consistent
+        load.
+        """
         d, width = self.dimension, matrix_columns(self.dimension) // self.dimension
         S = stress @ self.bond_system.weights.inverse_shape
         for j in range(d):
@@ -171,7 +176,9 @@ class BondForce:
         return columns @ self.bond_system.weights.inverse_shape / self.bond_system.volume[: self.owned, None, None]
 
     def cauchy_stresses(self, laws, first: int, last: int, F: np.ndarray) -> np.ndarray:
-        """sigma (n, 3, 3) [Pa] of particles first..last-1 at the last evaluation's fields; F (n, 3, 3): their deformation gradients."""
+        """sigma (n, 3, 3) [Pa] of particles first..last-1 at the last evaluation's fields; F (n, 3, 3): their
+        deformation gradients.
+        """
         result = np.zeros((self.owned, 3, 3))
         for begin, end, law in laws:
             stresses(self.space, begin, end, law, self.body, self.particles.storage("pair_sums"), result)

@@ -36,7 +36,9 @@ def _code(images, k):
 
 @compiled
 def list_neighbours(pairs, number, slot, identifier, cursor, key, source):
-    """Append each neighbour's key (m,) and source (m, 2), the number of the list and the pair in it, at cursor (slots,)."""
+    """Append each neighbour's key (m,) and source (m, 2), the number of the list and the pair in it, at cursor
+    (slots,).
+    """
     images = images_of(pairs)
     for a in range(len(pairs.start) - 1):
         for k in range(pairs.start[a], pairs.start[a + 1]):

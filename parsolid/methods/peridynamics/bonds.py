@@ -1,8 +1,9 @@
-"""Bonds of a scalar-weighted pair list: the vector of a bond in the reference and its change (see `pairs` for the arrays).
+"""Bonds of a scalar-weighted pair list: the vector of a bond in the reference and its change (see `pairs` for the
+arrays).
 
-A weight of 0.0 is a broken bond. Vectors have three components, the third 0 in the plane. The vectors of a bond seen from
-its two ends differ by their sign alone, to the bit, so that two ranks decide alike about a bond across their border. That
-does not hold for a bond with a mirror image; whoever decides about one looks at both, (a, b') and (b, a').
+A weight of 0.0 is a broken bond. Vectors have three components, the third 0 in the plane. The vectors of a bond seen
+from its two ends differ by their sign alone, to the bit, so that two ranks decide alike about a bond across their
+border. That does not hold for a bond with a mirror image; whoever decides about one looks at both, (a, b') and (b, a').
 """
 
 from numba.extending import overload, register_jitable
@@ -50,7 +51,9 @@ def reference_bond(space, images, k, kinematics, a, b):
 
 
 def field_jump(space, images, k, kinematics, column, a, b):
-    """v_b - v_a of the vector field in columns `column`... of the kinematics, with b the particle or its image in pair k."""
+    """v_b - v_a of the vector field in columns `column`... of the kinematics, with b the particle or its image in pair
+    k.
+    """
     raise NotImplementedError
 
 

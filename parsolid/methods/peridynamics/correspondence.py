@@ -1,6 +1,7 @@
 """Particle kernels of correspondence peridynamics: what a particle tells its neighbours, from gradients of the fields.
 
-Four particles at a time (`numerics.lanes.Lanes`); a range first..last-1 shares one law. With the sums of the gradient pass,
+Four particles at a time (`numerics.lanes.Lanes`); a range first..last-1 shares one law. With the sums of the gradient
+pass,
     G = [sum_b w V_a V_b (f_b - f_a) (x) xi] K_a^{-1} / V_a,   S = P K_a^{-1},   M = S - C1 G  (see `pairs.layout`).
 """
 
@@ -21,8 +22,8 @@ from parsolid.pairs.terms import AlongBonds, ShearScaled, record_columns
 class BondedBody(NamedTuple):
     """Arrays of a rank's particles, columns over particles, see `numerics.layout`.
 
-    inverse_shape: K^{-1}, (9 or 4, capacity); stiffness: C1 of `ShearScaled`, as 11, 22, 33, 12, 13, 23 or 11, 22, 12, else one
-    row of c for `AlongBonds`, else None; volume: (1, capacity), the volume in the pair sums.
+    inverse_shape: K^{-1}, (9 or 4, capacity); stiffness: C1 of `ShearScaled`, as 11, 22, 33, 12, 13, 23 or 11, 22, 12,
+    else one row of c for `AlongBonds`, else None; volume: (1, capacity), the volume in the pair sums.
     """
 
     inverse_shape: np.ndarray

@@ -22,7 +22,9 @@ from parsolid.particles.declaration import Field
 
 
 class Forces(NamedTuple):
-    """particles: the container, all but what the motion declares; horizon (owned,) [m]; bond_system; engine; history: of its laws."""
+    """particles: the container, all but what the motion declares; horizon (owned,) [m]; bond_system; engine; history:
+    of its laws.
+    """
 
     particles: Particles
     horizon: np.ndarray
@@ -32,7 +34,8 @@ class Forces(NamedTuple):
 
 
 def build_forces(comm, scene, particle_set, loads) -> Forces:
-    """Bonds of this rank's particle_set, sorted by law, and the forces of the scene's laws; loads: `PeridynamicLoads`. Collective.
+    """Bonds of this rank's particle_set, sorted by law, and the forces of the scene's laws; loads: `PeridynamicLoads`.
+    Collective.
 
     Raises SolverError on all ranks when particles cannot be bonded or bodies relax differently.
     """
@@ -62,7 +65,9 @@ def build_forces(comm, scene, particle_set, loads) -> Forces:
 
 
 def _stabiliser(settings, dimension: int, blocks: list, materials: dict, horizon: np.ndarray) -> tuple:
-    """The stabiliser and its scale (owned,): coefficient times G [Pa], or c of eq (39), the micromodulus of the state of strain."""
+    """The stabiliser and its scale (owned,): coefficient times G [Pa], or c of eq (39), the micromodulus of the state
+    of strain.
+    """
     control = settings.stabilisation
     if control.kind == "none":
         return None, None
@@ -93,7 +98,7 @@ def _unlike_series(laws: list) -> str | None:
             return f"bodies.{index}.material.kind: expected all bodies or none to be bond-based, found both kinds"
         if series_of(law) != series_of(laws[0]):
             return (
-                f"bodies.{index}.material.terms: expected the ratios and times of bodies.0 (the relaxing displacement is one field), "
-                "found others"
+                f"bodies.{index}.material.terms: expected the ratios and times of bodies.0 (the relaxing "
+                "displacement is one field), found others"
             )
     return None

@@ -1,8 +1,8 @@
 """Fracture of a peridynamic body: from the scene's damage settings to bonds that break at the end of a step.
 
-Bonds are looked at in every settled state. Breaking them changes the forces everywhere near, and evaluating those anew takes all
-ranks; so what a rank has found waits until the ranks have agreed, with the next time step, that some rank found something. The
-bonds then break at the beginning of that step, at the displacement at which they were found.
+Bonds are looked at in every settled state. Breaking them changes the forces everywhere near, and evaluating those anew
+takes all ranks; so what a rank has found waits until the ranks have agreed, with the next time step, that some rank
+found something. The bonds then break at the beginning of that step, at the displacement at which they were found.
 """
 
 from collections.abc import Callable
@@ -17,15 +17,16 @@ from parsolid.methods.peridynamics.cracks import distance, patch_of
 from parsolid.pairs.lists import mutual
 from parsolid.pairs.terms import ShearScaled
 
-# a particle with this share of its bonds broken is on a crack: the two sides of a plane cut are damaged by less than a half
+# a particle with this share of its bonds broken is on a crack: the two sides of a plane cut are damaged by less than a
+# half
 ON_CRACK = 0.35
 
 
 class NoFracture:
     """All bonds are whole and stay so.
 
-    found: whether this rank has found bonds that fail in the last state it looked at; found_anywhere: whether any rank had, told
-    before the next step.
+    found: whether this rank has found bonds that fail in the last state it looked at; found_anywhere: whether any rank
+    had, told before the next step.
     """
 
     found = False
@@ -120,9 +121,11 @@ class PreCracks(NoFracture):
         return sum((1.0 if mutual(pairs) else 0.5) * np.count_nonzero(pairs.weight == 0.0) for pairs in lists)
 
     def tip(self) -> np.ndarray:
-        """Reference position (d,) [m] of the crack's tip, of the particles on grown cracks the farthest from all pre-cracks.
+        """Reference position (d,) [m] of the crack's tip, of the particles on grown cracks the farthest from all
+        pre-cracks.
 
-        Of several equally far the last by its coordinates; NaN without any. Collective, the same on any number of ranks.
+        Of several equally far the last by its coordinates; NaN without any. Collective, the same on any number of
+        ranks.
         """
         damage = self.damage.damage
         rows = np.flatnonzero((damage > ON_CRACK) & (damage > self._initial))

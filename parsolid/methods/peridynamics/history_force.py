@@ -1,7 +1,8 @@
 """Forces and history of bodies with at least one law of `tensor_history`: stress and stabiliser are evaluated apart.
 
-The stabiliser's force is linear in the relaxing displacement, so that its energies follow as for linear bodies (`relaxing`); those of
-the stress are sums over particles. It takes two gradients and two divergences where `BondForce` takes one of each.
+The stabiliser's force is linear in the relaxing displacement, so that its energies follow as for linear bodies
+(`relaxing`); those of the stress are sums over particles. It takes two gradients and two divergences where `BondForce`
+takes one of each.
 """
 
 import numpy as np
@@ -25,7 +26,7 @@ from parsolid.particles.declaration import Columns, Field
 class HistoryForce(BondForce):
     """As `BondForce`, with the histories of all blocks. It declares
 
-    tensor_history         see `tensor_history`: the rows of all branches, one set of rows for all, as all laws have as many branches
+    tensor_history         see `tensor_history`: as many rows for all particles, as all laws have as many branches
     stabiliser_force       `control` (owned, d) [N] in the last evaluation of the laws
     displacement_sums      sums of the gradient pass of u
     tributary_volume       volume [m^3] on this side of mirror planes
@@ -120,7 +121,9 @@ class HistoryForce(BondForce):
             mine[rows:] = 0.0 if isinstance(block.law, Prony) else np.tile(mine[:rows], (len(mine) // rows - 1, 1))
 
     def cauchy_stresses(self, laws, first: int, last: int, F: np.ndarray) -> np.ndarray:
-        """sigma (n, 3, 3) [Pa] of particles first..last-1 in the settled state; F (n, 3, 3): their deformation gradients."""
+        """sigma (n, 3, 3) [Pa] of particles first..last-1 in the settled state; F (n, 3, 3): their deformation
+        gradients.
+        """
         P = self.nominal_stresses(laws)[first:last]
         small = all(isinstance(law, Prony) and law.finite_strain is None for _, _, law in laws)
         return P if small else pushed_forward(P, F)

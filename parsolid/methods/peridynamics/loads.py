@@ -13,11 +13,13 @@ from parsolid.methods.peridynamics.tractions import Tractions
 
 
 class PeridynamicLoads:
-    """What a scene's boundaries and loads mean for peridynamics; arrays are of this rank's owned particles, d = dimension.
+    """What a scene's boundaries and loads mean for peridynamics; arrays are of this rank's owned particles, d =
+    dimension.
 
-    planes, codes, share, held: see `boundary.supports.Supports`; free (owned, d) bool: components that are neither held nor guided;
-    entries: particles and components (k,) of everything guided; jumps: times [s] before the end at which loads or prescribed
-    displacements jump, with 0 where anything is loaded. Forces [N] are those on the part of a particle on this side of mirror planes.
+    planes, codes, share, held: see `boundary.supports.Supports`; free (owned, d) bool: components that are neither held
+    nor guided; entries: particles and components (k,) of everything guided; jumps: times [s] before the end at which
+    loads or prescribed displacements jump, with 0 where anything is loaded. Forces [N] are those on the part of a
+    particle on this side of mirror planes.
     """
 
     def __init__(self, comm, scene, particle_set, particles: Any = None):
@@ -68,5 +70,5 @@ class PeridynamicLoads:
         return self.loads.acting
 
     def external(self, time: float, before: bool = False) -> np.ndarray:
-        """Forces (owned, d) [N] of all loads at a time [s], of a jump just after, or just before it; not to be changed."""
+        """Forces (owned, d) [N] of all loads at a time [s], of a jump just after or before it; not to be changed."""
         return self.loads.at(time, before)

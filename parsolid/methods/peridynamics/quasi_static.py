@@ -59,13 +59,16 @@ class QuasiStatic(TimeSolver):
         announce(self.balance.reached, self.settings.step)
         lost = self.operator.commit(self.balance.displacement, step)
         work, stored = self.operator.work_since(start)
-        # within a step strain goes linearly whatever the loads do, so that forces are out of balance; a jump is as it should be
+        # within a step strain goes linearly whatever the loads do, so that forces are out of balance; a jump is as it
+        # should be
         ledger.add(1.0, lost, work - lost - stored if step > 0.0 else 0.0, work)
         self.remember(self.balance.displacement, time + step, step)
         return self.balance.reached
 
     def balance_anew(self, time: float, ledger) -> bool:
-        """Balance at a time [s] after bonds have broken, in a jump; what loads do beyond the work of internal forces, cracks take."""
+        """Balance at a time [s] after bonds have broken, in a jump; what loads do beyond the work of internal forces,
+        cracks take.
+        """
         self.equilibrium.stiffness_changed()
         start = self.operator.settled_state()
         reached = self.material_step(time, 0.0, ledger, lambda *announced: None)

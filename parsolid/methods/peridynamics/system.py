@@ -1,7 +1,8 @@
-"""Non-ordinary state-based (correspondence) peridynamics (Galadima et al.; checked in docs/peridynamics.md), on one rank.
+"""Non-ordinary state-based (correspondence) peridynamics (Galadima et al.; checked in docs/peridynamics.md), on one
+rank.
 
-State: displacement, velocity, and of viscoelastic bodies one vector a Prony term (`viscoelastic_history`). A time solver,
-`velocity_verlet` or `quasi_static`, takes it from step to step; `fracture` breaks bonds.
+State: displacement, velocity, and of viscoelastic bodies one vector a Prony term (`viscoelastic_history`). A time
+solver, `velocity_verlet` or `quasi_static`, takes it from step to step; `fracture` breaks bonds.
 """
 
 import numpy as np
@@ -26,7 +27,9 @@ class Peridynamics(ParticleSystem):
     even_steps = True
 
     def __init__(self, comm, scene, particle_set):
-        """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when particles cannot be bonded. Collective."""
+        """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when particles cannot be
+        bonded. Collective.
+        """
         self.comm, self.settings = comm, scene.method
         self.loads = PeridynamicLoads(comm, scene, particle_set)
         forces = build_forces(comm, scene, particle_set, self.loads)

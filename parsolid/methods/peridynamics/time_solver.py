@@ -4,7 +4,8 @@
 class TimeSolver:
     """Moves one rank's particles from step to step.
 
-    jumps, landings: see `methods.protocol.ParticleSystem`; setting: the key of method.solution whose smaller value makes steps milder.
+    jumps, landings: see `methods.protocol.ParticleSystem`; setting: the key of method.solution whose smaller value
+    makes steps milder.
     """
 
     jumps: tuple[float, ...] = ()
@@ -19,7 +20,9 @@ class TimeSolver:
         raise NotImplementedError
 
     def advance(self, time: float, step: float, ledger, announce) -> bool:
-        """One step [s] from a time [s], see `methods.protocol.ParticleSystem`; False when the state is not sound. Collective."""
+        """One step [s] from a time [s], see `methods.protocol.ParticleSystem`; False when the state is not sound.
+        Collective.
+        """
         raise NotImplementedError
 
     def state(self) -> dict:

@@ -1,9 +1,9 @@
 """Tractions on peridynamic bodies.
 
-A traction t on a plane with normal n acts as the forces that balance a uniform stress, f = -f_int(t (x) n), kept near the
-plane ("consistent"): then a uniform stress is an exact solution on a lattice, which it is not under forces on the particles
-at the face ("single-layer") or spread over the horizon ("horizon"). Irregular particles carry a uniform stress only under
-small forces inside, too ("consistent-everywhere").
+A traction t on a plane with normal n acts as the forces that balance a uniform stress, f = -f_int(t (x) n), kept near
+the plane ("consistent"): then a uniform stress is an exact solution on a lattice, which it is not under forces on the
+particles at the face ("single-layer") or spread over the horizon ("horizon"). Irregular particles carry a uniform
+stress only under small forces inside, too ("consistent-everywhere").
 """
 
 from typing import Any
@@ -77,7 +77,9 @@ class Tractions:
         return Load(self.particles, self.particles.selection(within), kept, one.course, one.where.plane)
 
     def _beneath(self, one: SurfaceTraction) -> tuple[np.ndarray, float]:
-        """Distance (owned,) [m] of the particles meant from the face, infinite for others; direction of the normal, -1 or 1."""
+        """Distance (owned,) [m] of the particles meant from the face, infinite for others; direction of the normal, -1
+        or 1.
+        """
         particle_set, plane = self.particle_set, one.where.plane
         meant = np.ones(len(particle_set), bool)
         if one.where.body is not None:

@@ -1,7 +1,7 @@
 """Explicit motion of peridynamic particles: leapfrog with velocities at the ends of steps.
 
-v_h = v + dt/2 a, u_new = u + dt v_h, v_new = v_h + dt/2 a_new: the displacements of symplectic Euler ((37) of Galadima et al.), whose
-velocities are the v_h.
+v_h = v + dt/2 a, u_new = u + dt v_h, v_new = v_h + dt/2 a_new: the displacements of symplectic Euler ((37) of Galadima
+et al.), whose velocities are the v_h.
 """
 
 import numpy as np

@@ -1,8 +1,9 @@
 """The relaxing displacement u~ = u + sum_j gamma_j q_j: history of a linear viscoelastic body, one vector a Prony term.
 
-q_j <- a_j q_j + A_j (u_new - u_old), and gradients of u~ are relaxing strains (see `materials.viscoelastic.prony`). As the force is linear,
-f(u~) = f(u) + sum_j gamma_j f(q_j), the forces f(u) and f(q_j) follow by the same recursion from f(u~) alone; they give the stored
-energy, stabiliser included, and what the branches dissipate. When bonds break they must be evaluated anew.
+q_j <- a_j q_j + A_j (u_new - u_old), and gradients of u~ are relaxing strains (see `materials.viscoelastic.prony`). As
+the force is linear, f(u~) = f(u) + sum_j gamma_j f(q_j), the forces f(u) and f(q_j) follow by the same recursion from
+f(u~) alone; they give the stored energy, stabiliser included, and what the branches dissipate. When bonds break they
+must be evaluated anew.
 """
 
 import numpy as np
@@ -74,12 +75,14 @@ def series_of(law) -> tuple:
 class ViscoelasticHistory:
     """History of a rank's particles, d = 2 for bars, too. It declares, for restarts where there are branches,
 
-    settled_displacement, elastic_force      old (owned, d) = u [m], elastic (owned, d) = f(u) [N] of the last settled state
-    branch_displacements, branch_forces      terms (owned, branches d) = q_j [m], forces = f(q_j) [N], one branch after the other
+    settled_displacement, elastic_force   old (owned, d) = u [m], elastic (owned, d) = f(u) [N] of the settled state
+    branch_displacements, branch_forces   terms (owned, branches d) = q_j [m], forces = f(q_j) [N], branch after branch
     """
 
     def __init__(self, engine, blocks, branches: int):
-        """engine: `BondForce`, whose fields are filled; blocks: their laws give the series of so many branches, alike for all particles."""
+        """engine: `BondForce`, whose fields are filled; blocks: their laws give the series of so many branches, alike
+        for all particles.
+        """
         self.engine, self.particles, self.branches, self.series = engine, engine.particles, branches, []
         self.laws = [(block.first, block.last, block.law) for block in blocks]
         for first, last, law in self.laws:
@@ -146,7 +149,9 @@ class ViscoelasticHistory:
         return self.engine.evaluate(self.laws)
 
     def settle(self, step: float) -> float:
-        """End a step [s] at the engine's displacement, where it has evaluated the proposed field; the energy dissipated over it [J]."""
+        """End a step [s] at the engine's displacement, where it has evaluated the proposed field; the energy dissipated
+        over it [J].
+        """
         self.begin(step)
         engine, dissipated = self.engine, 0.0
         for (first, last, ratios, _), weights, shares in zip(self.series, self.weights, self.shares):
