@@ -36,7 +36,7 @@ class Tractions:
             return [self._at_face(one) for one in tractions]
         if not tractions:
             return []
-        unit_stress = np.tile(np.eye(engine.bond_system.positions.shape[1]), (len(self.particle_set), 1, 1))
+        unit_stress = np.tile(np.eye(engine.dimension), (len(self.particle_set), 1, 1))
         unit = engine.of_stress(unit_stress) * self.supports.share[:, None]
         depth = 2.0 * reach if kind == "consistent" else np.inf
         return [self._consistent(one, unit[:, one.plane.axis], depth) for one in tractions]
