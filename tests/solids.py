@@ -9,6 +9,7 @@ from parsolid.methods.tlsph import momentum as motion
 from parsolid.methods.tlsph.deformation import Stage, advance_deformation
 from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Limits, Simulation, StopRequest
+from parsolid.simulation.time_step import TimeSteps
 
 # numbers of order one, so that tolerances are absolute
 SOFT = {"kind": "mooney-rivlin", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": 0.3}
@@ -65,6 +66,20 @@ def column(particles=(5, 13, 5), beta=1.0, **keys) -> dict:
     )
 
 
+class StableSteps(TimeSteps):
+    """Steps as long as is stable, which land nowhere."""
+
+    def clip(self, time: float, stable: float) -> tuple[float, float]:
+        return stable, time + stable
+
+
+class StepsToEnd(TimeSteps):
+    """The same, with a last step that ends at the scene's end."""
+
+    def clip(self, time: float, stable: float) -> tuple[float, float]:
+        return (stable, time + stable) if time + stable < self.end else (self.end - time, self.end)
+
+
 class Record:
     """Keeps the ledger's row, and any further numbers, after every step."""
 
@@ -72,11 +87,8 @@ class Record:
         self.more = more or (lambda simulation: {})
         self.rows = []
 
-    def clip(self, time: float, step: float) -> tuple[float, float]:
-        return step, time + step
-
     def look(self, simulation) -> None:
-        row = simulation.ledger.row(simulation.comm, *simulation.method.energies())
+        row = simulation.ledger.row(simulation.comm, *simulation.energies())
         self.rows.append({"time": simulation.clock.time, **row, **self.more(simulation)})
 
     def wall_checkpoint_due(self) -> bool:
@@ -87,31 +99,23 @@ class Record:
         return {name: np.array([row[name] for row in self.rows]) for name in self.rows[0]}
 
 
-class Until(Record):
-    """As Record, with a last step that ends at the scene's end."""
-
-    def __init__(self, end: float, more=None):
-        super().__init__(more)
-        self.end = end
-
-    def clip(self, time: float, step: float) -> tuple[float, float]:
-        return (step, time + step) if time + step < self.end else (self.end - time, self.end)
+def follow(sim, record, steps: int | None = None, policy=StableSteps) -> dict[str, np.ndarray]:
+    """So many steps, or to the end, as long as the policy makes them; the columns of the record."""
+    sim.time_steps = policy.of(sim.scene, sim.systems)
+    sim.run(record, Limits(steps=steps), StopRequest())
+    return record.columns()
 
 
 def run_steps(data: dict, steps: int, comm=MPI.COMM_SELF, more=None) -> tuple[Simulation, dict]:
     """So many stable steps; the simulation and the columns of its record."""
     sim = simulation(data, comm)
-    record = Record(more)
-    sim.run(record, Limits(steps=steps), StopRequest())
-    return sim, record.columns()
+    return sim, follow(sim, Record(more), steps)
 
 
 def run_to_end(data: dict, comm=MPI.COMM_SELF, more=None) -> tuple[Simulation, dict]:
     """A run to exactly the end; the simulation and the columns of its record."""
     sim = simulation(data, comm)
-    record = Until(sim.scene.end_time, more)
-    sim.run(record, Limits(), StopRequest())
-    return sim, record.columns()
+    return sim, follow(sim, Record(more), policy=StepsToEnd)
 
 
 def gathered(sim, *names: str) -> list[np.ndarray]:

@@ -45,12 +45,15 @@ def particle_set(comm, dimension, count=400, seed=3):
 
 
 def given(name, size):
-    """What a particle gives to each node of its stencil (n, size, 2); bits that sums in another order would not keep."""
+    """What a particle gives to each node of its stencil (n, size, 2); bits that sums in another order would not keep.
+    """
     return np.sin(np.outer(name, np.arange(1.0, size + 1)))[:, :, None] * np.array([1.0, 1e-3])
 
 
 def scatter(grid, particles, private=False):
-    """Sums (rows, 4) of this rank's particles, cell by cell, in columns 1 and 2; one row a node, or a node of each cell."""
+    """Sums (rows, 4) of this rank's particles, cell by cell, in columns 1 and 2; one row a node, or a node of each
+    cell.
+    """
     cells, size = grid.cells, grid.cells.stencil.shape[1]
     result = np.zeros((len(cells.index) * size if private else len(cells.nodes), 4))
     for c in range(len(cells.index)):

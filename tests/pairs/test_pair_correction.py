@@ -47,7 +47,7 @@ def left_over(sim) -> np.ndarray:
 
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("boundaries", [(), ROLLERS], ids=["free", "mirror"])
-@pytest.mark.mpi(ranks=[1])
+@pytest.mark.serial
 def test_a_constant_stress_has_almost_no_force_inside(dimension, boundaries):
     plain = left_over(simulation(body(dimension, "none", boundaries)))
     closed = left_over(simulation(body(dimension, "closure", boundaries)))
@@ -57,7 +57,7 @@ def test_a_constant_stress_has_almost_no_force_inside(dimension, boundaries):
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
-@pytest.mark.mpi(ranks=[1])
+@pytest.mark.serial
 def test_on_the_surface_it_has_the_force_of_its_traction(dimension):
     sim = simulation(body(dimension))
     stress = np.arange(1.0, 1.0 + dimension**2).reshape(dimension, dimension)
@@ -107,7 +107,7 @@ def test_any_number_of_ranks_makes_the_same_weights(comm):
         assert np.abs(one - many).max() < 1e-9 * np.abs(one).max()
 
 
-@pytest.mark.mpi(ranks=[1])
+@pytest.mark.serial
 @pytest.mark.parametrize("jitter", [0.1, 0.2])
 def test_an_irregular_punch_is_as_good_as_a_regular_one(jitter):
     def history(jitter, correction):
@@ -127,7 +127,7 @@ def test_an_irregular_punch_is_as_good_as_a_regular_one(jitter):
     assert difference(history(jitter, "closure")) < 0.012
 
 
-@pytest.mark.mpi(ranks=[1])
+@pytest.mark.serial
 def test_momentum_and_energy_are_kept():
     data = column((5, 9, 5), method=CLOSED)
     data["boundaries"] = []
@@ -149,7 +149,7 @@ def test_cells_are_refused(comm):
         simulation(data, comm)
 
 
-@pytest.mark.mpi(ranks=[1])
+@pytest.mark.serial
 def test_volumes_that_do_not_fit_are_refused():
     rng = np.random.default_rng(0)
     place = np.stack(np.meshgrid(np.arange(12.0), np.arange(12.0)), axis=-1).reshape(-1, 2)

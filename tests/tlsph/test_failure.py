@@ -4,9 +4,9 @@ import re
 
 import numpy as np
 import pytest
-from solids import Record, column, punch, run_steps, simulation
+from solids import Record, column, follow, punch, run_steps, simulation
 
-from parsolid.simulation.loop import Limits, RunFailed, StopRequest
+from parsolid.simulation.loop import RunFailed
 
 
 def minimum_jacobian(sim) -> dict:
@@ -19,7 +19,7 @@ def failed(data: dict, comm, checkpoint=None):
     sim.last_checkpoint = checkpoint
     record = Record(minimum_jacobian)
     with pytest.raises(RunFailed) as error:
-        sim.run(record, Limits(steps=2000), StopRequest())
+        follow(sim, record, 2000)
     return sim, record, str(error.value)
 
 
@@ -58,7 +58,7 @@ def test_one_particle_turned_inside_out_stops_the_next_step(comm):
     table.owned_rows("velocity")[mine, 1] = 1e6
     record = Record(minimum_jacobian)
     with pytest.raises(RunFailed, match="not positive|no longer finite|energy balance"):
-        sim.run(record, Limits(steps=50), StopRequest())
+        follow(sim, record, 50)
     assert sim.clock.step <= 2 and len(record.rows) == sim.clock.step
 
 

@@ -58,7 +58,7 @@ def history(data: dict, comm) -> tuple[dict, object]:
 
     def sample(sim) -> dict:
         if not probes:
-            probes["all"] = Probes(sim.comm, sim.scene, sim.method)
+            probes["all"] = Probes(sim.comm, sim.scene, Observables(sim.systems))
         return dict(zip(probes["all"].columns, probes["all"].sample()))
 
     sim, columns = run_steps(with_probes(data), STEPS, comm, sample)
@@ -87,5 +87,5 @@ def test_histories_and_fields_do_not_depend_on_the_ranks(scene, comm):
     names = [name for name, field in single.method.table.fields.items() if field.evolved]
     for name, field, wanted in zip(names, gathered(spread, *names), gathered(single, *names)):
         np.testing.assert_allclose(field, wanted, rtol=0.0, atol=AGREEMENT * np.abs(wanted).max(), err_msg=name)
-    stress = Observables(spread.method).field("stress")
+    stress = Observables(spread.systems).field("stress")
     assert np.isfinite(stress).all() and stress.shape == (spread.method.owned, 3, 3)

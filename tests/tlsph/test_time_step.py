@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-from solids import ONE_BRANCH, SOFT, Record, random_of, set_random_state, simulation, strains, tables
-
-from parsolid.simulation.loop import Limits, StopRequest
+from solids import ONE_BRANCH, SOFT, Record, follow, random_of, set_random_state, simulation, strains, tables
 
 PARTICLES = {2: (5, 6), 3: (4, 5, 3)}
 UPPER = {2: [1.0, 1.0], 3: [1.0, 1.0, 1.0]}
@@ -60,8 +58,7 @@ def test_the_step_found_while_advancing_is_that_of_the_new_state():
         tables((5, 6), material={**SOFT, "branches": ONE_BRANCH}, body={"velocity": ["0.5*sin(3*Y)", "-0.4*Y"]})
     )
     record = Record(lambda s: {"stable": s.method.stable_step(), "agreed": s.stable})
-    sim.run(record, Limits(steps=6), StopRequest())
-    columns = record.columns()
+    columns = follow(sim, record, 6)
     np.testing.assert_allclose(columns["agreed"], columns["stable"], rtol=1e-12)
     np.testing.assert_allclose(np.diff(columns["time"]), columns["stable"][:-1], rtol=1e-12)
     assert np.ptp(columns["stable"]) > 1e-3 * columns["stable"][0]
@@ -71,9 +68,7 @@ def test_a_largest_step_is_kept():
     data = tables((5, 6), method={"maximum_step": 1e-3}, body={"velocity": ["0.1*Y", "0"]})
     sim = simulation(data)
     assert sim.method.stable_step() > 1e-2
-    record = Record()
-    sim.run(record, Limits(steps=4), StopRequest())
-    np.testing.assert_allclose(record.columns()["time"], 1e-3 * np.arange(5), rtol=1e-13)
+    np.testing.assert_allclose(follow(sim, Record(), 4)["time"], 1e-3 * np.arange(5), rtol=1e-13)
 
 
 def test_it_does_not_depend_on_the_ranks(comm):

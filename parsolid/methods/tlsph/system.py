@@ -8,12 +8,12 @@ import time as clock
 
 import numpy as np
 
-from parsolid.boundary.conditions import build_boundaries
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, material_blocks
 from parsolid.materials.registry import laws_of
 from parsolid.methods.protocol import ParticleMethod
 from parsolid.methods.tlsph import momentum as motion
+from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.methods.tlsph.deformation import Body, Stage, advance_deformation, largest_wave_modulus
 from parsolid.methods.tlsph.stresses import deformation_gradients, first_piola_kirchhoff_stresses
 from parsolid.numerics import layout
@@ -40,8 +40,8 @@ class TotalLagrangianSPH(ParticleMethod):
     def __init__(self, comm, scene, particle_set):
         """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when particles cannot be paired. Collective."""
         self.comm, self.settings = comm, scene.method
-        self.blocks, density = material_blocks(laws_of(scene), particle_set.body)
-        self.boundaries = build_boundaries(comm, scene, particle_set, density)
+        self.blocks, _ = material_blocks(laws_of(scene), particle_set.body)
+        self.boundaries = build_boundaries(comm, scene, particle_set)
         self.owned, self.dimension = particle_set.position.shape
         settings, blocks, boundaries = self.settings, self.blocks, self.boundaries
         self.space = layout.LAYOUT[self.dimension]
@@ -53,7 +53,7 @@ class TotalLagrangianSPH(ParticleMethod):
         directional = any(block.law.directional_shear for block in blocks)
         directional = anywhere(comm, directional)
         self.shear = 1.0 if directional and self.riemann else None
-        share = 0.5 ** boundaries.plane_count(particle_set)
+        share = boundaries.share
         self.neighbour_lists = self._pair(particle_set, share, factor)
         self._allocate(particle_set, share)
         self.table = FieldTable(self.owned)

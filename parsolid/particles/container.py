@@ -1,0 +1,325 @@
+"""The particles of a rank: every field is declared once, and what is done with fields follows from the declarations.
+
+Allocation, halo exchange, migration, order, checkpoint, restart, output and `check` are loops over the declarations in here and are
+written nowhere else. Rows are particles: owned ones first, one material after the other, ghosts behind, padding at the end.
+"""
+
+import time as clock
+from collections.abc import Iterable
+
+import numpy as np
+
+from parsolid.numerics.lanes import WIDTH, aligned_zeros, padded
+from parsolid.particles.declaration import Columns, Field, Rows, Within
+
+# selections a word of marks
+_BITS = 62
+
+
+class Selection:
+    """Some particles, wherever they are now: `rows` (k,) rises, and follows every re-ordering and migration."""
+
+    def __init__(self, particles: "Particles", word: int, bit: int):
+        self._particles, self._word, self._bit = particles, word, np.int64(1) << np.int64(bit)
+        self._layout, self._rows = -1, np.zeros(0, np.int64)
+
+    @property
+    def rows(self) -> np.ndarray:
+        """Rows (k,) of this rank's particles that are selected."""
+        particles = self._particles
+        if self._layout != particles.layout:
+            marks = particles.marks[: particles.owned, self._word]
+            self._layout, self._rows = particles.layout, np.flatnonzero(marks & self._bit)
+        return self._rows
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+
+class Particles:
+    """Fields of a rank's particles; material g has rows bounds[g] .. bounds[g + 1] - 1.
+
+    owned, ghosts: numbers of rows; capacity: rows of arrays without ghosts. layout: counts how often particles were
+    re-ordered, came or left, so that what has looked up a row does so anew; growths: how often arrays were replaced.
+    Kernels take `storage(name)`.
+    communication_seconds: spent on sending and receiving fields.
+    """
+
+    def __init__(self, body: np.ndarray, law_of_body: np.ndarray | None = None):
+        """body (n,): index of each particle's body, sorted by law.
+
+        law_of_body (bodies,): number of each body's law, one for all unless given.
+        """
+        count = int(body.max(initial=-1)) + 1
+        self.law_of_body = np.zeros(max(1, count), np.int64) if law_of_body is None else law_of_body
+        law = self.law_of_body[body]
+        self.bounds = np.searchsorted(law, np.arange(self.law_of_body.max(initial=0) + 2))
+        self.ghosts = 0
+        self.capacity = padded(len(body)) + WIDTH
+        self.fields: dict[str, Field] = {}
+        self.layout, self.growths = 0, 0
+        self.communication_seconds = 0.0
+        self._storage: dict[str, np.ndarray] = {}
+        self._halo = None
+        self._messages: dict = {}
+        self._selections = 0
+        self.declare(Field("body", 1, "1", checkpointed=True, shown=True, whole=True), body)
+
+    @property
+    def owned(self) -> int:
+        """Number of this rank's own particles."""
+        return int(self.bounds[-1])
+
+    # --- declaration ------------------------------------------------------------------------------------------
+
+    def declare(self, field: Field, values=0) -> None:
+        """Add a field; values: of the owned particles, (n,), (n, components), one row, or a number.
+
+        Raises ValueError for a second one of that name.
+        """
+        if field.name in self.fields:
+            raise ValueError(f"fields: expected one of the name {field.name}, found two")
+        self.fields[field.name] = field
+        if not isinstance(field.layout, Within):
+            self._storage[field.name] = self._allocated(field, self._rows_of(field))
+        elif field.ghosts is not None:
+            record = self.fields[field.layout.record]
+            self._storage[record.name] = self._resized(record, self._storage[record.name])
+        self._messages.pop(field.message, None)
+        self[field.name][: self.owned] = values
+
+    def _has_ghosts(self, field: Field) -> bool:
+        """Whether the array of a field has rows for ghosts: it, or a part of it, is exchanged."""
+        parts = (
+            one for one in self.fields.values() if isinstance(one.layout, Within) and one.layout.record == field.name
+        )
+        return field.ghosts is not None or any(part.ghosts is not None for part in parts)
+
+    def _rows_of(self, field: Field) -> int:
+        """Rows that the array of a field needs."""
+        ghosts = padded(self.owned + self.ghosts) + WIDTH if self._has_ghosts(field) else 0
+        return max(self.capacity, ghosts)
+
+    def _allocated(self, field: Field, rows: int) -> np.ndarray:
+        if isinstance(field.layout, Columns):
+            result = aligned_zeros((field.components, rows), field.dtype)
+            if field.padding:
+                result[:] = np.array(field.padding)[:, None]
+            return result
+        width = field.layout.width if isinstance(field.layout, Rows) else None
+        shape = (rows,) if field.components == 1 and width is None else (rows, width or field.components)
+        result = aligned_zeros(shape, field.dtype)
+        if field.padding:
+            result[:] = field.padding
+        return result
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.fields
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """All rows of a field, (rows,) or (rows, components), a view; KeyError for one that is not declared."""
+        field = self.fields[name]
+        if isinstance(field.layout, Within):
+            whole, first = self._by_particle(field.layout.record), field.layout.first
+            return whole[:, first] if field.components == 1 else whole[:, first : first + field.components]
+        array = self._by_particle(name)
+        if array.ndim == 1 or isinstance(field.layout, Columns) and field.components > 1:
+            return array
+        return array[:, 0] if field.components == 1 else array[:, : field.components]
+
+    def owned_rows(self, name: str) -> np.ndarray:
+        """The owned particles' values of a field, a view."""
+        return self[name][: self.owned]
+
+    def storage(self, name: str) -> np.ndarray:
+        """The array that a field or record is kept in, as kernels take it; another one after particles came."""
+        return self._storage[name]
+
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All fields by name, for what still takes a `FieldTable`."""
+        return {name: self[name] for name in self.fields}
+
+    def _by_particle(self, name: str) -> np.ndarray:
+        """The array with particles along its first axis."""
+        array = self._storage[name]
+        return array.T if isinstance(self.fields[name].layout, Columns) else array
+
+    # --- ghosts -----------------------------------------------------------------------------------------------
+
+    def attach(self, halo) -> None:
+        """Hold the ghosts of a `decomposition.Halo`; their values come with the next messages.
+
+        All ranks declare, attach and send alike.
+        """
+        self.detach()
+        self._halo, self.ghosts = halo, halo.ghosts
+        for name, array in self._storage.items():
+            if self._has_ghosts(self.fields[name]):
+                self._storage[name] = self._resized(self.fields[name], array)
+        self.growths += 1
+
+    def detach(self) -> None:
+        """Forget the ghosts, before particles move to other ranks or neighbours are found anew."""
+        for message in self._messages.values():
+            message.free()
+        self._messages.clear()
+        self._halo, self.ghosts = None, 0
+
+    def _resized(self, field: Field, array: np.ndarray) -> np.ndarray:
+        """The array with room for all rows, its owned ones kept."""
+        rows, columns = self._rows_of(field), isinstance(field.layout, Columns)
+        if array.shape[-1 if columns else 0] >= rows:
+            return array
+        new = self._allocated(field, rows)
+        place = (slice(None), slice(self.owned)) if columns else slice(self.owned)
+        new[place] = array[place]
+        return new
+
+    def _message(self, name: str):
+        if name not in self._messages:
+            members = [field for field in self.fields.values() if field.message == name and field.ghosts is not None]
+            kinds = {field.ghosts for field in members}
+            if len(kinds) != 1:
+                raise ValueError(
+                    f"{name}: expected a message of fields that go one way, found {sorted(map(str, kinds))}"
+                )
+            make = self._halo.exchange if kinds == {"forward"} else self._halo.accumulate
+            self._messages[name] = make([self[field.name] for field in members])
+        return self._messages[name]
+
+    def send(self, message: str) -> None:
+        """Start to exchange the fields of a message with the neighbouring ranks."""
+        began = clock.perf_counter()
+        self._message(message).start()
+        self.communication_seconds += clock.perf_counter() - began
+
+    def receive(self, message: str) -> None:
+        """Finish what `send` has started."""
+        began = clock.perf_counter()
+        self._message(message).finish()
+        self.communication_seconds += clock.perf_counter() - began
+
+    def bytes_sent(self, message: str) -> int:
+        """Bytes of one message on this rank; collective the first time."""
+        return self._message(message).bytes_sent if self._halo is not None else 0
+
+    # --- particles come, go and change places -----------------------------------------------------------------
+
+    def _carried(self) -> list[str]:
+        """Fields with arrays of their own that travel with a particle."""
+        return [name for name in self._storage if self.fields[name].carried]
+
+    def packed(self, rows: np.ndarray) -> np.ndarray:
+        """All that some particles carry, (n, c) float64; whole numbers keep their bits."""
+        pieces = []
+        for name in self._carried():
+            values = np.ascontiguousarray(self._by_particle(name)[rows]).view(np.float64)
+            pieces.append(values.reshape(len(rows), int(np.prod(values.shape[1:]))))
+        return np.concatenate(pieces, axis=1)
+
+    def insert(self, packed: np.ndarray) -> None:
+        """Take in particles that another rank has packed."""
+        if not len(packed):
+            return
+        values, at = {}, 0
+        for name in self._carried():
+            array = self._by_particle(name)
+            width = int(np.prod(array.shape[1:]))
+            values[name] = np.ascontiguousarray(packed[:, at : at + width]).view(array.dtype)
+            at += width
+        law = self.law_of_body[values["body"].ravel()]
+        added = np.bincount(law, minlength=len(self.bounds) - 1)
+        if self.owned + len(packed) + WIDTH > self.capacity:
+            self._grow(self.owned + len(packed))
+        places = self._make_room(law, added)
+        for name, piece in values.items():
+            array = self._by_particle(name)
+            array[places] = piece.reshape(len(places), *array.shape[1:])
+        self.bounds = self.bounds + np.concatenate(([0], np.cumsum(added)))
+        self.layout += 1
+
+    def _make_room(self, law: np.ndarray, added: np.ndarray) -> np.ndarray:
+        """Rows (n,) for new particles by their law; each material makes room for those before it."""
+        shift, places = np.concatenate(([0], np.cumsum(added))), np.empty(len(law), np.int64)
+        for g in range(len(added) - 1, -1, -1):
+            first, last = self.bounds[g], self.bounds[g + 1]
+            # by moving its first particles behind its last
+            count = min(shift[g], last - first)
+            self._move(np.arange(first, first + count), np.arange(last + shift[g] - count, last + shift[g]))
+            places[law == g] = np.arange(last + shift[g], last + shift[g + 1])
+        return places
+
+    def remove(self, rows: np.ndarray) -> None:
+        """Forget particles; others take their places."""
+        if not len(rows):
+            return
+        gone = np.zeros(self.owned, bool)
+        gone[rows] = True
+        bounds, shift = self.bounds.copy(), 0
+        for g in range(len(bounds) - 1):
+            first, last = self.bounds[g], self.bounds[g + 1]
+            removed = int(gone[first:last].sum())
+            keep = last - removed
+            self._move(np.arange(keep, last)[~gone[keep:last]], np.arange(first, keep)[gone[first:keep]])
+            # the material closes the gap before it with its last particles
+            count = min(shift, keep - first)
+            self._move(np.arange(keep - count, keep), np.arange(first - shift, first - shift + count))
+            bounds[g], shift = first - shift, shift + removed
+        bounds[-1] -= shift
+        self.bounds = bounds
+        self.layout += 1
+
+    def _move(self, source: np.ndarray, target: np.ndarray) -> None:
+        if len(source):
+            for name in self._carried():
+                array = self._by_particle(name)
+                array[target] = array[source]
+
+    def reorder(self, order: np.ndarray) -> None:
+        """Bring the particles of each material into the order (owned,) that they are listed in."""
+        if len(self.bounds) > 2:
+            order = order[np.argsort(self.law_of_body[self["body"][order]], kind="stable")]
+        for name in self._carried():
+            array = self._by_particle(name)
+            array[: self.owned] = array[order]
+        self.layout += 1
+
+    def _grow(self, owned: int) -> None:
+        self.capacity = padded(owned + owned // 4) + WIDTH
+        for name, array in self._storage.items():
+            self._storage[name] = self._resized(self.fields[name], array)
+        self.growths += 1
+
+    # --- some of them -----------------------------------------------------------------------------------------
+
+    def selection(self, mask: np.ndarray) -> Selection:
+        """The owned particles where mask (owned,) is true, for as long as they exist; all ranks select alike."""
+        word, bit = divmod(self._selections, _BITS)
+        self._selections += 1
+        name = f"marks_{word}"
+        if bit == 0:
+            self.declare(Field(name, 1, "bits", whole=True, layout=Rows(1)))
+        self.owned_rows(name)[mask] |= np.int64(1) << np.int64(bit)
+        return Selection(self, word, bit)
+
+    @property
+    def marks(self) -> np.ndarray:
+        """Words (rows, k) that tell which selections a particle is in."""
+        words = [self._storage[f"marks_{word}"] for word in range(-(-self._selections // _BITS))]
+        return words[0] if len(words) == 1 else np.concatenate(words, axis=1)
+
+    # --- what is written --------------------------------------------------------------------------------------
+
+    def checkpointed(self) -> dict[str, np.ndarray]:
+        """Everything a restart needs."""
+        return {name: self.owned_rows(name) for name, field in self.fields.items() if field.checkpointed}
+
+    def restore(self, values: dict[str, np.ndarray]) -> None:
+        """Put checkpointed values back."""
+        for name, array in self.checkpointed().items():
+            array[...] = values[name].reshape(array.shape)
+
+    def storages(self) -> Iterable[np.ndarray]:
+        """All arrays, for what counts memory."""
+        return self._storage.values()
