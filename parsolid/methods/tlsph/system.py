@@ -10,6 +10,7 @@ import numpy as np
 
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, material_blocks
+from parsolid.materials.hyperelastic.law import isotropic_shear_modulus
 from parsolid.materials.registry import laws_of
 from parsolid.methods.protocol import ParticleMethod
 from parsolid.methods.tlsph import momentum as motion
@@ -50,7 +51,7 @@ class TotalLagrangianSPH(ParticleMethod):
         self.riemann = 1.0 if factor > 0.0 else None
         self.reconstruct = 1.0 if settings.reconstruction and self.riemann else None
         self.branches = maximum(comm, max((block.branches for block in blocks), default=0))
-        directional = any(block.law.directional_shear for block in blocks)
+        directional = any(isotropic_shear_modulus(block.law) is None for block in blocks)
         directional = anywhere(comm, directional)
         self.shear = 1.0 if directional and self.riemann else None
         share = boundaries.share
