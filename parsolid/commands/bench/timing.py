@@ -28,7 +28,7 @@ class Steps:
     def __init__(self, comm: MPI.Comm, scene: Any, steps: int) -> None:
         self.simulation = Simulation(comm, scene)
         self.steps = steps
-        stable = self.simulation.method.stable_step()
+        stable = self.simulation.systems[0].stable_step()
         self.step = 0.1 * comm.allreduce(stable, MPI.MIN)
 
     def advance(self) -> None:
