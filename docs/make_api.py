@@ -1,4 +1,4 @@
-"""Pages of public functions and classes, made from their docstrings: `python docs/make_api.py`, a page a room in docs/api.
+"""Pages of public functions and classes, made from docstrings: `python docs/make_api.py`, a page a room in docs/api.
 
 Nothing is imported: the text of the modules is read, so that it runs without MPI and the compiler. `--check` writes
 nothing and fails when a page is not what its sources say.
