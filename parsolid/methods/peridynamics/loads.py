@@ -5,9 +5,9 @@ import numpy as np
 from parsolid.boundary.declarations import Declarations, PrescribedMotion, Support, SurfaceTraction
 from parsolid.boundary.loads import InTime, body_loads, densities
 from parsolid.boundary.prescribed import PrescribedRows
-from parsolid.boundary.rows import FixedParticles, HasParticles
 from parsolid.boundary.supports import Supports
 from parsolid.methods.peridynamics.tractions import Tractions
+from parsolid.particles.container import Particles
 
 
 class PeridynamicLoads:
@@ -19,12 +19,12 @@ class PeridynamicLoads:
     a particle on this side of mirror planes.
     """
 
-    def __init__(self, comm, scene, particle_set, particles: HasParticles | None = None):
-        """particle_set: this rank's sorted particles; collective. Raises SolverError on all ranks.
+    def __init__(self, comm, scene, particle_set, particles: Particles):
+        """particle_set: this rank's sorted particles, of which the particles are made; collective.
 
-        particles: the `Particles` made of the particle_set; rows stay as they are unless given.
+        Raises SolverError on all ranks.
         """
-        self.scene, self.particles = scene, FixedParticles(particle_set) if particles is None else particles
+        self.scene, self.particles = scene, particles
         self.declared = Declarations(scene, Support, PrescribedMotion, SurfaceTraction)
         supports = Supports(comm, scene, self.declared.of(Support, "roller", "fixed"), particle_set)
         self.planes, self.held = supports.planes, supports.held

@@ -11,17 +11,18 @@ import numpy as np
 from decomposition.reduction import ordered_sum
 from parsolid.boundary.declarations import Declarations, SurfaceTraction
 from parsolid.boundary.loads import Load, area_along
-from parsolid.boundary.rows import HasParticles, keep
+from parsolid.boundary.rows import keep
 from parsolid.boundary.supports import Supports
 from parsolid.collective import maximum, minimum
+from parsolid.particles.container import Particles
 from parsolid.scene.regions import selected
 
 
 class Tractions:
     """Makes the forces of a scene's tractions on a rank's particles; all methods are collective."""
 
-    def __init__(self, comm, declared: Declarations, supports: Supports, particle_set, particles: HasParticles):
-        """particles: `Particles` or `FixedParticles` of the particle_set."""
+    def __init__(self, comm, declared: Declarations, supports: Supports, particle_set, particles: Particles):
+        """particles: those of the particle_set."""
         self.comm, self.declared, self.supports = comm, declared, supports
         self.particle_set, self.particles = particle_set, particles
 

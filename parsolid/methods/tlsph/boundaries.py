@@ -5,10 +5,11 @@ import numpy as np
 from parsolid.boundary.declarations import Declarations, PrescribedMotion, Support, SurfaceTraction
 from parsolid.boundary.loads import Load, accelerations, area_along, densities
 from parsolid.boundary.prescribed import PrescribedRows
-from parsolid.boundary.rows import FixedParticles, HasParticles, OfRows, keep
+from parsolid.boundary.rows import OfRows, keep
 from parsolid.boundary.supports import Supports
 from parsolid.collective import anywhere
 from parsolid.methods.tlsph import momentum as motion
+from parsolid.particles.container import Particles
 from parsolid.scene.regions import selected
 
 
@@ -18,8 +19,8 @@ class BoundarySet:
     planes, codes, share: see `boundary.supports.Supports`.
     """
 
-    def __init__(self, comm, declared: Declarations, particle_set, particles: HasParticles):
-        """particles: `Particles` or `FixedParticles` of the particle_set; collective."""
+    def __init__(self, comm, declared: Declarations, particle_set, particles: Particles):
+        """particles: those of the particle_set; collective."""
         supports = Supports(comm, declared.scene, declared.of(Support), particle_set)
         self.planes, self.codes, self.share = supports.planes, supports.codes, supports.share
         self._clamp = _clamp(comm, supports.held, particles)
@@ -60,17 +61,17 @@ class BoundarySet:
         return gain
 
 
-def build_boundaries(comm, scene, particle_set, particles: HasParticles | None = None) -> BoundarySet:
+def build_boundaries(comm, scene, particle_set, particles: Particles) -> BoundarySet:
     """Boundaries and loads of a scene for this rank's particle_set; collective.
 
-    particles: the `Particles` made of the particle_set; rows stay as they are unless given. Raises SolverError on all
-    ranks when a mirror plane cuts a body or the method cannot do what a condition means.
+    particles: those of the particle_set. Raises SolverError on all ranks when a mirror plane cuts a body or the method
+    cannot do what a condition means.
     """
     declared = Declarations(scene, Support, PrescribedMotion, SurfaceTraction)
-    return BoundarySet(comm, declared, particle_set, FixedParticles(particle_set) if particles is None else particles)
+    return BoundarySet(comm, declared, particle_set, particles)
 
 
-def _traction(comm, declared: Declarations, one: SurfaceTraction, particle_set, particles: HasParticles) -> Load:
+def _traction(comm, declared: Declarations, one: SurfaceTraction, particle_set, particles: Particles) -> Load:
     """Traction [Pa] times tributary area over tributary mass."""
     chosen = particles.selection(selected(declared.scene, one.where, particle_set, comm))
     area, density = area_along(particles, one.plane.axis), densities(declared.scene, particles)
@@ -79,7 +80,7 @@ def _traction(comm, declared: Declarations, one: SurfaceTraction, particle_set, 
     )
 
 
-def _clamp(comm, held: np.ndarray, particles: HasParticles) -> OfRows | None:
+def _clamp(comm, held: np.ndarray, particles: Particles) -> OfRows | None:
     """Multipliers (n, 4) of velocity components; None when no rank holds any."""
     if not anywhere(comm, held.any()):
         return None
