@@ -1,6 +1,7 @@
 """Boundaries and loads of a scene as the momentum equation of total-Lagrangian SPH takes them."""
 
 import numpy as np
+from mpi4py import MPI
 
 from parsolid.boundary.declarations import Declarations, PrescribedMotion, Support, SurfaceTraction
 from parsolid.boundary.loads import Load, accelerations, area_along, densities
@@ -10,7 +11,9 @@ from parsolid.boundary.supports import Supports
 from parsolid.collective import anywhere
 from parsolid.methods.tlsph import momentum as motion
 from parsolid.particles.container import Particles
+from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.regions import selected
+from parsolid.scene.schema import Scene
 
 
 class BoundarySet:
@@ -19,7 +22,7 @@ class BoundarySet:
     planes, codes, share: see `boundary.supports.Supports`.
     """
 
-    def __init__(self, comm, declared: Declarations, particle_set, particles: Particles):
+    def __init__(self, comm: MPI.Comm, declared: Declarations, particle_set: ParticleSet, particles: Particles):
         """particles: those of the particle_set; collective."""
         supports = Supports(comm, declared.scene, declared.of(Support), particle_set)
         self.planes, self.codes, self.share = supports.planes, supports.codes, supports.share
@@ -45,13 +48,20 @@ class BoundarySet:
         if self.prescribed.guided:
             motion.prescribe(*self.prescribed.entries, self.prescribed.values("velocity", time), kinematics)
 
-    def prescribed_power(self, kinematics, force, mass, share, loads) -> float:
+    def prescribed_power(
+        self,
+        kinematics: np.ndarray,
+        force: np.ndarray,
+        mass: np.ndarray,
+        share: np.ndarray,
+        loads: np.ndarray | None,
+    ) -> float:
         """Power [W] against pair forces and loads; see `momentum.prescribed_power`."""
         if not self.prescribed.guided:
             return 0.0
-        return motion.prescribed_power(*self.prescribed.entries, kinematics, force, mass, share, loads)
+        return float(motion.prescribed_power(*self.prescribed.entries, kinematics, force, mass, share, loads))
 
-    def prescribed_energy_gain(self, kinematics, mass, share) -> float:
+    def prescribed_energy_gain(self, kinematics: np.ndarray, mass: np.ndarray, share: np.ndarray) -> float:
         """Kinetic energy [J] that prescribed components gained since the last call."""
         if not self.prescribed.guided:
             return 0.0
@@ -61,7 +71,7 @@ class BoundarySet:
         return gain
 
 
-def build_boundaries(comm, scene, particle_set, particles: Particles) -> BoundarySet:
+def build_boundaries(comm: MPI.Comm, scene: Scene, particle_set: ParticleSet, particles: Particles) -> BoundarySet:
     """Boundaries and loads of a scene for this rank's particle_set; collective.
 
     particles: those of the particle_set. Raises SolverError on all ranks when a mirror plane cuts a body or the method
@@ -71,7 +81,9 @@ def build_boundaries(comm, scene, particle_set, particles: Particles) -> Boundar
     return BoundarySet(comm, declared, particle_set, particles)
 
 
-def _traction(comm, declared: Declarations, one: SurfaceTraction, particle_set, particles: Particles) -> Load:
+def _traction(
+    comm: MPI.Comm, declared: Declarations, one: SurfaceTraction, particle_set: ParticleSet, particles: Particles
+) -> Load:
     """Traction [Pa] times tributary area over tributary mass."""
     chosen = particles.selection(selected(declared.scene, one.where, particle_set, comm))
     area, density = area_along(particles, one.plane.axis), densities(declared.scene, particles)
@@ -80,9 +92,9 @@ def _traction(comm, declared: Declarations, one: SurfaceTraction, particle_set, 
     )
 
 
-def _clamp(comm, held: np.ndarray, particles: Particles) -> OfRows | None:
+def _clamp(comm: MPI.Comm, held: np.ndarray, particles: Particles) -> OfRows | None:
     """Multipliers (n, 4) of velocity components; None when no rank holds any."""
-    if not anywhere(comm, held.any()):
+    if not anywhere(comm, bool(held.any())):
         return None
     clamp = np.ones((len(held), 4))
     clamp[:, : held.shape[1]][held] = 0.0
