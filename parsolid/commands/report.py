@@ -65,7 +65,7 @@ def _print_fields(system: ParticleSystem) -> None:
 def bytes_a_particle(systems: list[ParticleSystem]) -> float:
     """Memory of fields, work arrays and lists over this rank's particles [B]."""
     seen, total = set(), 0
-    for array in [a for system in systems for a in (*system.particles.arrays.values(), *system.arrays())]:
+    for array in [a for system in systems for a in (*system.particles.storages(), *system.arrays())]:
         base = array
         while base.base is not None and isinstance(base.base, np.ndarray):
             base = base.base

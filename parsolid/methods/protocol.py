@@ -6,8 +6,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from parsolid.materials.registry import laws_of
+from parsolid.particles.container import Particles
 from parsolid.particles.distribution import sort_for_speed
-from parsolid.particles.fields import FieldTable
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene
 
@@ -29,7 +29,7 @@ class ParticleSystem:
     """A method with its bodies on one rank; sizes are of this rank's owned particles, d = dimension.
 
     Set by the simulation: bodies, the scene's numbers of the system's bodies, which are numbered from 0 within it.
-    Set by the method: comm, settings (the scene's), dimension, owned, table (`FieldTable`), mass (owned,) [kg] and
+    Set by the method: comm, settings (the scene's), dimension, owned, particles, mass (owned,) [kg] and
     share (owned,), the part of a particle's mass on this side of mirror planes (tributary mass = mass share).
     jumps: times [s] at which a step of length 0 is due for all systems, because loads jump.
     landings: times [s] at which a step must end; even_steps: whether steps between two of them have one length
@@ -46,7 +46,7 @@ class ParticleSystem:
     bodies: tuple[int, ...]
     dimension: int
     owned: int
-    table: FieldTable
+    particles: Particles
     mass: np.ndarray
     share: np.ndarray
     jumps: tuple[float, ...] = ()
@@ -64,11 +64,6 @@ class ParticleSystem:
         """Order (n,) in which the constructor wants this rank's particles; collective."""
         return sort_for_speed(comm, particle_set, laws_of(scene))
 
-    @property
-    def particles(self) -> FieldTable:
-        """The declared fields of this rank's particles."""
-        return self.table
-
     def __init__(self, comm: Any, scene: Scene, particle_set: ParticleSet):
         """Everything but the state; particle_set: this rank's particles, sorted. Collective.
 
@@ -81,7 +76,7 @@ class ParticleSystem:
         raise NotImplementedError
 
     def resume(self) -> None:
-        """Continue from fields that were put back into the table and from `set_state`; collective."""
+        """Continue from fields that were put back and from `set_state`; collective."""
 
     def state(self) -> dict[str, Any]:
         """What a restart needs besides the checkpointed fields, as JSON has it, the same on all ranks; collective."""
@@ -118,7 +113,7 @@ class ParticleSystem:
 
     def unsound(self) -> tuple[int, str] | None:
         """The rank's first particle that is not sound, and what is wrong with it."""
-        jacobian, velocity = self.table.owned_rows("jacobian"), self.table.owned_rows("velocity")
+        jacobian, velocity = self.particles.owned_rows("jacobian"), self.particles.owned_rows("velocity")
         bad = ~(jacobian > 0.0) | ~np.isfinite(velocity).all(axis=1)
         if not bad.any():
             return None
@@ -141,7 +136,7 @@ class ParticleSystem:
         return {}
 
     def arrays(self) -> list[np.ndarray]:
-        """Arrays that count as this rank's memory, besides those of the table."""
+        """Arrays that count as this rank's memory, besides those of the particles."""
         return []
 
     def bytes_a_step(self) -> int:

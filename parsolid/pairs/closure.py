@@ -49,23 +49,23 @@ def _surface_fault(comm, particle_set) -> str | None:
 
 
 class Closure:
-    """The discrete divergence theorem on the lists of a neighbour_lists; arrays of particles have this rank's owned rows."""
+    """The discrete divergence theorem on the lists of a pair system; arrays of particles have this rank's owned rows."""
 
-    def __init__(self, halo, lists, positions, area, share):
-        """lists: (pairs, both, code, reflections, shifts); positions (n, d) [m] with ghosts.
+    def __init__(self, pairs, area, share):
+        """pairs: `PairSystem`, whose weights are rows (g_ab, number); area (owned, d): `surface_area`.
 
-        area (owned, d): `surface_area`; share (owned,): the part of each particle on this side of mirror planes.
+        share (owned,): the part of each particle on this side of mirror planes.
         """
-        self.halo, self.lists, self.positions = halo, lists, positions
-        self.owned, self.area, self.share = halo.owned, area, share[:, None]
-        self.potential = np.zeros_like(positions)
-        self.exchange = halo.exchange([self.potential])
+        self.halo, self.lists, self.positions = pairs.halo, list(pairs.lists()), pairs.positions
+        self.owned, self.area, self.share = pairs.owned, area, share[:, None]
+        self.potential = np.zeros_like(self.positions)
+        self.exchange = self.halo.exchange([self.potential])
 
     def fluxes(self, correction: np.ndarray) -> np.ndarray:
         """sum_b (L_a + L_b) g_ab (owned, d) [m^2]; correction (n, d, d) with ghosts."""
         total = np.zeros_like(self.positions)
-        for pairs, both, code, reflections, _ in self.lists:
-            closure.add_fluxes(both, pairs.start, pairs.neighbour, code, reflections, correction, pairs.weight, total)
+        for pairs, places in self.lists:
+            closure.add_fluxes(pairs, places, correction, total)
         return total[: self.owned]
 
     def left_over(self, correction: np.ndarray) -> np.ndarray:
@@ -75,16 +75,12 @@ class Closure:
     def improve(self, correction: np.ndarray) -> None:
         """Change the weights of all lists towards closure, with the corrections held; collective."""
         diagonal = np.zeros(len(self.positions))
-        for pairs, both, code, reflections, shifts in self.lists:
-            closure.stiffen(
-                both, pairs.start, pairs.neighbour, code, reflections, shifts, self.positions, pairs.weight, diagonal
-            )
+        for pairs, places in self.lists:
+            closure.stiffen(pairs, places, self.positions, diagonal)
         self.potential[: self.owned] = self._solve(-self.left_over(correction), diagonal[: self.owned, None])
         self._update()
-        for pairs, _, code, reflections, _ in self.lists:
-            closure.add_potential(
-                pairs.start, pairs.neighbour, code, reflections, correction, self.potential, pairs.weight
-            )
+        for pairs, places in self.lists:
+            closure.add_potential(pairs, places, correction, self.potential)
 
     def _update(self) -> None:
         self.exchange.start()
@@ -111,29 +107,28 @@ class Closure:
         self.potential[: self.owned] = direction
         self._update()
         total = np.zeros_like(self.potential)
-        for pairs, both, code, reflections, _ in self.lists:
-            closure.add_laplacian(
-                both, pairs.start, pairs.neighbour, code, reflections, pairs.weight, self.potential, total
-            )
+        for pairs, places in self.lists:
+            closure.add_laplacian(pairs, places, self.potential, total)
         return total[: self.owned]
 
     def _sum(self, values: np.ndarray) -> float:
         return float(sums(self.halo.comm, np.array([np.sum(self.share * values)]))[0])
 
 
-def close(pairs: Closure, neighbour_lists, correct) -> None:
-    """Close the weights of a neighbour_lists, whose corrections L_a correct() renews from its weights; collective.
+def close(pairs, correction: np.ndarray, area: np.ndarray, share: np.ndarray, correct) -> np.ndarray:
+    """Close the weights of a `PairSystem`; the corrections (n, d, d) that go with them, which correct() makes anew. Collective.
 
-    Raises SolverError on all ranks when a particle's volume and its neighbours fit so badly that the passes diverge.
+    area, share: see `Closure`. Raises SolverError on all ranks when a particle's volume and its neighbours fit so badly that the
+    passes diverge.
     """
+    theorem = Closure(pairs, area, share)
     for _ in range(PASSES):
-        pairs.improve(neighbour_lists.correction)
-        correct()
-    d = neighbour_lists.positions.shape[1]
-    left_over = np.abs(pairs.left_over(neighbour_lists.correction)).max(axis=1) / neighbour_lists.volume[
-        : pairs.owned
-    ] ** (1 - 1 / d)
-    raise_together(pairs.halo.comm, _fault(left_over, neighbour_lists.positions))
+        theorem.improve(correction)
+        correction = correct()
+    d = pairs.positions.shape[1]
+    left_over = np.abs(theorem.left_over(correction)).max(axis=1) / pairs.volume[: pairs.owned] ** (1 - 1 / d)
+    raise_together(pairs.comm, _fault(left_over, pairs.positions))
+    return correction
 
 
 def _fault(left_over: np.ndarray, positions: np.ndarray) -> str | None:

@@ -31,6 +31,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from parsolid.pairs.lists import Images, image_table
+from parsolid.pairs.terms import AlongBonds, ShearScaled
+
+__all__ = ["AlongBonds", "Images", "ShearScaled", "image_table"]
+
 KINEMATICS_WIDTH = {2: 8, 3: 12}
 GRADIENT_WIDTH = {2: 4, 3: 12}
 FORCE_WIDTH = 8
@@ -44,59 +49,9 @@ class PairList(NamedTuple):
     weight: np.ndarray
 
 
-class Images(NamedTuple):
-    """Which reflection makes each one-sided pair's neighbour: code (m,) int8 into the rows of table (codes, 16).
-
-    With signs Q of a mirrored vector, signs R of the reflected place, the shift T of the planes and a sign s of the stress,
-    v' = Q v,  X' = R X + T,  x' = X' + Q (x - X),  (P L)' = s Q P L Q,  (grad v)' = Q grad v R.
-    In radial lists M' = Q M R and C1' = Q C1 Q, for which the passes are adjoint at every kind of plane.
-    """
-
-    code: np.ndarray
-    table: np.ndarray
-
-
-class ShearScaled(NamedTuple):
-    """Self-adjoint control of zero-energy modes, after Wan et al. with the shear modulus alone as its scale."""
-
-    kind: int = 0
-
-
-class AlongBonds(NamedTuple):
-    """Control of zero-energy modes by eq (39) of Galadima et al.; not the derivative of an energy."""
-
-    kind: int = 1
-
-
 def bond_record_width(dimension: int, stabiliser) -> int:
     """Columns of the record of radial lists, in whole cache lines."""
     matrix = {2: 4, 3: 12}[dimension]
     if stabiliser is None:
         return matrix
     return 2 * matrix + (4 if isinstance(stabiliser, AlongBonds) else 0)
-
-
-def record_width(dimension: int, riemann: bool, shear_tensor: bool) -> int:
-    """Columns of the record: stress alone, or stress, velocity gradient and wave tensors."""
-    matrix, tensor = {2: (4, 4), 3: (12, 8)}[dimension]
-    if not riemann:
-        return matrix
-    return 2 * matrix + tensor + (tensor if shear_tensor else 0)
-
-
-def image_table(dimension: int, signs, reflections, shifts, stress_signs) -> np.ndarray:
-    """Rows of `Images.table` from Q, R (+-1) and T [m], each (codes, dimension), and s (codes,)."""
-    table = np.zeros((len(signs), 16))
-    if dimension == 3:
-        table[:, 0:3], table[:, 4:7], table[:, 8:11] = signs, reflections, shifts
-        table[:, 12] = reflections[:, 0] * reflections[:, 1]
-        table[:, 13] = reflections[:, 0] * reflections[:, 2]
-        table[:, 14] = reflections[:, 1] * reflections[:, 2]
-        table[:, 15] = stress_signs
-    else:
-        table[:, 0:2], table[:, 2:4] = signs, signs
-        table[:, 4:6], table[:, 6:8] = reflections, shifts
-        # columns of a matrix: s Q_i Q_j for P L and Q_i R_j for grad v
-        table[:, 8:12] = stress_signs[:, None] * np.tile(signs, 2) * np.repeat(signs, 2, axis=1)
-        table[:, 12:16] = np.tile(signs, 2) * np.repeat(reflections, 2, axis=1)
-    return table

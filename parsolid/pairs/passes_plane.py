@@ -20,7 +20,7 @@ from parsolid.numerics.lanes import (
     store,
     swizzle,
 )
-from parsolid.pairs.layout import ShearScaled
+from parsolid.pairs.terms import ShearScaled
 
 _rows = swizzle(0, 1, 0, 1)
 _columns = swizzle(0, 0, 1, 1)

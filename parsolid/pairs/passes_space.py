@@ -18,7 +18,7 @@ from parsolid.numerics.lanes import (
     total,
     without_fourth,
 )
-from parsolid.pairs.layout import ShearScaled
+from parsolid.pairs.terms import ShearScaled
 
 _x = swizzle(0, 0, 0, 0)
 _y = swizzle(1, 1, 1, 1)

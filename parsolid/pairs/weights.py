@@ -11,6 +11,7 @@ import numpy as np
 from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
+from parsolid.pairs.lists import mutual
 from parsolid.pairs.smoothing import gradient_factor
 
 
@@ -104,50 +105,51 @@ def select_pairs(start, neighbour, positions, metric, support, first, last, code
 
 
 @compiled
-def pair_weights(kernel, dimension, start, neighbour, code, reflections, shifts, positions, metric, volume, weight):
-    """Fill g_ab = V_a V_b grad_a W(X_a - X_b) [m^5 in space, m^3 in the plane] into weight[:, :dimension]."""
-    for a in range(start.shape[0] - 1):
+def pair_weights(kernel, pairs, places, positions, metric, volume):
+    """Fill g_ab = V_a V_b grad_a W(X_a - X_b) [m^5 in space, m^3 in the plane] into the weights' first columns."""
+    dimension = positions.shape[1]
+    for a in range(pairs.start.shape[0] - 1):
         Xa = _point(positions, a)
-        for k in range(start[a], start[a + 1]):
-            b = neighbour[k]
-            Xb = _image_point(positions, b, reflections[code[k]], shifts[code[k]])
+        for k in range(pairs.start[a], pairs.start[a + 1]):
+            b, code = pairs.neighbour[k], places.code[k]
+            Xb = _image_point(positions, b, places.reflections[code], places.shifts[code])
             x = (Xa[0] - Xb[0], Xa[1] - Xb[1], Xa[2] - Xb[2])
-            M = _pair_metric(metric, a, b, reflections[code[k]])
+            M = _pair_metric(metric, a, b, places.reflections[code])
             Mx = _product(M, x)
             q = math.sqrt(x[0] * Mx[0] + x[1] * Mx[1] + x[2] * Mx[2])
             factor = volume[a] * volume[b] * math.sqrt(_determinant(M)) * gradient_factor(kernel, q, dimension)
             for i in range(dimension):
-                weight[k, i] = factor * Mx[i]
+                pairs.weight[k, i] = factor * Mx[i]
 
 
 @compiled
-def add_moments(both, start, neighbour, code, reflections, shifts, positions, weight, moment):
-    """Add sum_b g_ab (x) (X_b - X_a) to moment (n, d, d) of a, and of b where `both`."""
+def add_moments(pairs, places, positions, moment):
+    """Add sum_b g_ab (x) (X_b - X_a) to moment (n, d, d) of the particles that receive."""
     d = positions.shape[1]
-    for a in range(start.shape[0] - 1):
+    for a in range(pairs.start.shape[0] - 1):
         Xa = _point(positions, a)
-        for k in range(start[a], start[a + 1]):
-            b = neighbour[k]
-            Xb = _image_point(positions, b, reflections[code[k]], shifts[code[k]])
+        for k in range(pairs.start[a], pairs.start[a + 1]):
+            b, code = pairs.neighbour[k], places.code[k]
+            Xb = _image_point(positions, b, places.reflections[code], places.shifts[code])
             for i in range(d):
                 for j in range(d):
-                    term = weight[k, i] * (Xb[j] - Xa[j])
+                    term = pairs.weight[k, i] * (Xb[j] - Xa[j])
                     moment[a, i, j] += term
-                    if both:
+                    if mutual(pairs):
                         moment[b, i, j] += term
 
 
 @compiled
-def jump_factors(factor, start, neighbour, code, reflections, correction, weight):
-    """Fill k_ab = factor/2 |C_skew| / |g|, C_skew = (L_a + L_b) g (eq (75)), into weight[:, d]; correction is (n, d, d).
+def jump_factors(factor, pairs, places, correction):
+    """Fill k_ab = factor/2 |C_skew| / |g|, C_skew = (L_a + L_b) g (eq (75)), beside g; correction is (n, d, d).
 
     The image of a neighbour has R L_b R.
     """
-    d = correction.shape[1]
-    for a in range(start.shape[0] - 1):
-        for k in range(start[a], start[a + 1]):
-            b = neighbour[k]
-            R = reflections[code[k]]
+    d, weight = correction.shape[1], pairs.weight
+    for a in range(pairs.start.shape[0] - 1):
+        for k in range(pairs.start[a], pairs.start[a + 1]):
+            b = pairs.neighbour[k]
+            R = places.reflections[places.code[k]]
             skew, length = 0.0, 0.0
             for i in range(d):
                 component = 0.0

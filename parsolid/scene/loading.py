@@ -168,7 +168,7 @@ def _section_at(place: tuple, data: Any, model: type[SceneModel]) -> type[SceneM
 
 
 def _model_of(annotation: Any, value: Any) -> type[SceneModel] | None:
-    """The model within an annotation (of a field, a list, an optional), chosen by the value's kind where that decides."""
+    """The model within an annotation (of a field, a list, an optional), by the value's kind where that decides."""
     if isinstance(annotation, FieldInfo):
         candidates = [*annotation.metadata, annotation.annotation]
     elif isinstance(annotation, ByKind):

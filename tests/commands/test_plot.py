@@ -44,6 +44,8 @@ fields = ["displacement", "pressure"]
 pictures = false
 fields_times = [0, 1e-4]
 """
+# one rank draws, and tells the others of an error
+pytestmark = pytest.mark.serial
 SHAPES = {
     "plate": (2, "{ box = { lower = [0, 0], upper = [1, 1] } }", [7, 7], '"0", "-30*Y"', [1, 1]),
     "block": (3, "{ box = { lower = [0, 0, 0], upper = [1, 2, 1] } }", [4, 7, 4], '"0", "-30*Y", "0"', [1, 2, 1]),
@@ -133,6 +135,7 @@ def test_single_pictures_and_small_ones(comm, folders):
         assert all(Image.open(out / name).mode == "P" for name in names)
 
 
+@pytest.mark.mpi
 def test_curves_along_an_axis(comm, folders):
     out = folders / "along.png"
     draw(comm, folders / "plate", "--along", "Y", "--field", "velocity_x", "--size", "640x320", "-o", out)
@@ -152,6 +155,7 @@ def test_animation_shows_every_time(comm, folders):
         assert image.format == "GIF" and image.n_frames == 3 and image.size == (240, 240)
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize(
     "arguments, expected",
     [
@@ -218,6 +222,7 @@ def test_scales_have_units_and_signs(name, largest, label):
     assert (fixed.lower, fixed.upper) == (-1.0, 2.0)
 
 
+@pytest.mark.mpi
 def test_a_folder_without_a_run(comm, shared_path):
     with pytest.raises(SceneError, match="expected the folder of a run"):
         run_plot(comm, options_of(shared_path))

@@ -9,7 +9,7 @@ from scipy.integrate import quad
 from decomposition.compiled import compiled
 from parsolid.materials.damage.bond_based import influence_moment, micromodulus
 from parsolid.materials.damage.fracture import breaking_limit, critical_bond_energy, critical_stretch
-from parsolid.methods.peridynamics.bond_weights import INFLUENCES, influence
+from parsolid.pairs.radial_weights import INFLUENCES, influence
 from parsolid.scene.peridynamics import Damage
 from parsolid.scene.viscoelastic import PronySolid
 

@@ -1,4 +1,6 @@
-"""Conduction in the material point method: a mode, a face at a temperature, a heated face, sources, against exact solutions and sums."""
+"""Conduction in the material point method: a mode, a face at a temperature, a heated face, sources, against exact
+solutions and sums.
+"""
 
 import numpy as np
 import pytest
@@ -58,7 +60,7 @@ def slab(end_time, temperature=START, basis="quadratic-spline", boundaries=(), c
 
 def state(simulation):
     """X, temperature and heat capacity (n,) of this rank's particles."""
-    rows = simulation.systems[0].table.owned_rows
+    rows = simulation.systems[0].particles.owned_rows
     return rows("reference_position"), rows("temperature"), rows("volume") * HEAT_CAPACITY
 
 
@@ -91,7 +93,9 @@ def test_a_face_at_a_temperature_converges():
 
 
 def test_a_face_whose_temperature_rises_takes_the_body_along():
-    """T = T0 + b t at the face: the quasi-steady profile T0 + b [t - x (2 L - x) / (2 alpha)] after the start has died away."""
+    """T = T0 + b t at the face: the quasi-steady profile T0 + b [t - x (2 L - x) / (2 alpha)] after the start has died
+    away.
+    """
     time, rate = 6.0, 10.0
     held = {"kind": "temperature", "plane": "X = 0", "temperature": f"300 + {rate}*t"}
     simulation = slab(time, boundaries=[held], cells=10)

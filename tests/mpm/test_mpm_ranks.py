@@ -38,7 +38,7 @@ def test_bitwise_runs_have_the_same_bits(comm, basis, dimension):
 @pytest.mark.parametrize("cells", [(4, 3), (4, 3, 2)])
 def test_a_body_that_crosses_the_domain(comm, cells, method):
     data = crossing(cells=cells, **method)
-    (spread, _), (single, one) = run_steps(data, 250, comm), run_steps(data, 250, comm.Split(comm.rank))
+    (spread, _), (single, _) = run_steps(data, 250, comm), run_steps(data, 250, comm.Split(comm.rank))
     moved = gathered(single, "position")[0] - gathered(single, "reference_position")[0]
     # farther than the block is long: every particle is in cells that none was in at first
     assert moved[:, 0].min() > 1.5 * 0.1 * cells[0]
@@ -53,7 +53,7 @@ def test_a_body_that_crosses_the_domain(comm, cells, method):
 def momentum(sim) -> np.ndarray:
     """Of all particles in the first two directions [kg m/s]; collective."""
     owned = sim.systems[0].owned
-    mine = sim.systems[0].mass[:owned] @ sim.systems[0].table.owned_rows("velocity")[:, :2]
+    mine = sim.systems[0].mass[:owned] @ sim.systems[0].particles.owned_rows("velocity")[:, :2]
     return sim.comm.allreduce(mine)
 
 

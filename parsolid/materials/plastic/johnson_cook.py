@@ -1,15 +1,14 @@
 """Flow stress of Johnson & Cook (7th Int. Symp. Ballistics, 1983; Eng. Fract. Mech. 21 (1985) 31)."""
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-from numba.extending import overload
-
+from parsolid.materials.declaration import Parameter, law
 from parsolid.materials.plastic.plasticity import flow_stress
-from parsolid.numerics.dispatch import is_instance
 from parsolid.numerics.elementary import choose, power
 
 
+@law("flow-stress", "johnson-cook")
 class JohnsonCook(NamedTuple):
     """sigma_y = (A + B ep^n) (1 + C ln edot*) (1 - T*^m), edot* = rate/reference_rate >= 1, T* in [0, 1] up to melting.
 
@@ -17,25 +16,20 @@ class JohnsonCook(NamedTuple):
     reference_temperature [K] where T* = 0. The shear modulus does not scale it.
     """
 
-    yield_stress: float
-    hardening: float
-    exponent: float
-    rate_sensitivity: float
-    thermal_exponent: float
-    reference_rate: float
-    reference_temperature: float
+    needs_melting = True
+    yield_stress: Annotated[float, Parameter("Pa", "A", above=0.0)]
+    hardening: Annotated[float, Parameter("Pa", "B", at_least=0.0)]
+    exponent: Annotated[float, Parameter("1", "n", above=0.0)]
+    rate_sensitivity: Annotated[float, Parameter("1", "C", at_least=0.0)]
+    thermal_exponent: Annotated[float, Parameter("1", "m", above=0.0)]
+    reference_rate: Annotated[float, Parameter("1/s", above=0.0, default=1.0)]
+    reference_temperature: Annotated[float, Parameter("K", "where T* = 0", above=0.0)]
 
 
-@overload(flow_stress)
+@flow_stress.of(JohnsonCook)
 def _flow(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
-    if not is_instance(model, JohnsonCook):
-        return None
-
-    def stress(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
-        hardened = model.yield_stress + model.hardening * power(plastic_strain, model.exponent)
-        fast = 1.0 + model.rate_sensitivity * math.log(max(rate / model.reference_rate, 1.0))
-        warm = (temperature - model.reference_temperature) / (melting_temperature - model.reference_temperature)
-        softened = 1.0 - power(max(warm, 0.0), model.thermal_exponent)
-        return choose(melting_temperature - temperature, hardened * fast * softened, 0.0)
-
-    return stress
+    hardened = model.yield_stress + model.hardening * power(plastic_strain, model.exponent)
+    fast = 1.0 + model.rate_sensitivity * math.log(max(rate / model.reference_rate, 1.0))
+    warm = (temperature - model.reference_temperature) / (melting_temperature - model.reference_temperature)
+    softened = 1.0 - power(max(warm, 0.0), model.thermal_exponent)
+    return choose(melting_temperature - temperature, hardened * fast * softened, 0.0)

@@ -1,43 +1,43 @@
 """Melting temperatures."""
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-from numba import types
-from numba.extending import overload
-
+from parsolid.materials.declaration import Parameter, law
 from parsolid.materials.plastic.plasticity import melting_temperature
-from parsolid.numerics.dispatch import is_instance
 
 
+@law("melting", "constant")
 class ConstantMelting(NamedTuple):
     """temperature [K] at every pressure."""
 
-    temperature: float
+    temperature: Annotated[float, Parameter("K", above=0.0)]
 
 
+@law("melting", "steinberg-cochran-guinan")
 class SteinbergMelting(NamedTuple):
     """T_m = T_m0 exp(2 a (1 - 1/eta)) eta^(2 (gamma0 - a - 1/3)), eta = 1/J (Steinberg, Cochran & Guinan 1980).
 
     temperature T_m0 [K], gamma0 and its volume coefficient a.
     """
 
-    temperature: float
-    gamma: float
-    volume_coefficient: float
+    temperature: Annotated[float, Parameter("K", "T_m0", above=0.0)]
+    gamma: Annotated[float, Parameter("1", "the Grueneisen coefficient", above=0.0)]
+    volume_coefficient: Annotated[float, Parameter("1", "a", at_least=0.0)]
 
 
-@overload(melting_temperature)
-def _melting(model, J):
-    if isinstance(model, types.NoneType):
-        return lambda model, J: math.inf
-    if is_instance(model, ConstantMelting):
-        return lambda model, J: model.temperature
-    if is_instance(model, SteinbergMelting):
+@melting_temperature.of(None)
+def _never(model, J):
+    return math.inf
 
-        def steinberg(model, J):
-            exponent = 2.0 * (model.gamma - model.volume_coefficient - 1.0 / 3.0)
-            # eta^b = exp(-b ln J)
-            return model.temperature * math.exp(2.0 * model.volume_coefficient * (1.0 - J) - exponent * math.log(J))
 
-        return steinberg
+@melting_temperature.of(ConstantMelting)
+def _constant(model, J):
+    return model.temperature
+
+
+@melting_temperature.of(SteinbergMelting)
+def _steinberg(model, J):
+    exponent = 2.0 * (model.gamma - model.volume_coefficient - 1.0 / 3.0)
+    # eta^b = exp(-b ln J)
+    return model.temperature * math.exp(2.0 * model.volume_coefficient * (1.0 - J) - exponent * math.log(J))

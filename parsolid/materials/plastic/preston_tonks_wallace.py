@@ -1,15 +1,14 @@
 """Flow stress of Preston, Tonks & Wallace (J. Appl. Phys. 93 (2003) 211) from thermal activation to overdriven shocks."""
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-from numba.extending import overload
-
+from parsolid.materials.declaration import ATOMIC_MASS_UNIT, OfMaterial, Parameter, law
 from parsolid.materials.plastic.plasticity import flow_stress
-from parsolid.numerics.dispatch import is_instance
 from parsolid.numerics.elementary import choose
 
 
+@law("flow-stress", "preston-tonks-wallace")
 class PrestonTonksWallace(NamedTuple):
     """sigma_y = 2 tau(ep, rate, T/T_m) mu; all parameters are numbers but atomic_mass [kg] and density [kg/m^3].
 
@@ -17,42 +16,37 @@ class PrestonTonksWallace(NamedTuple):
     yield_cold y_0, yield_hot y_inf, medium_yield y_1, medium_exponent y_2, overdriven_exponent beta.
     """
 
-    hardening: float
-    hardening_exponent: float
-    saturation_cold: float
-    saturation_hot: float
-    activation: float
-    rate_scale: float
-    yield_cold: float
-    yield_hot: float
-    medium_yield: float
-    medium_exponent: float
-    overdriven_exponent: float
-    atomic_mass: float
-    density: float
+    needs_melting = True
+    hardening: Annotated[float, Parameter("1", "theta", above=0.0)]
+    hardening_exponent: Annotated[float, Parameter("1", "p", above=0.0)]
+    saturation_cold: Annotated[float, Parameter("1", "s_0", above=0.0)]
+    saturation_hot: Annotated[float, Parameter("1", "s_inf", above=0.0)]
+    activation: Annotated[float, Parameter("1", "kappa", above=0.0)]
+    rate_scale: Annotated[float, Parameter("1", "gamma", above=0.0)]
+    yield_cold: Annotated[float, Parameter("1", "y_0", above=0.0)]
+    yield_hot: Annotated[float, Parameter("1", "y_inf", above=0.0)]
+    medium_yield: Annotated[float, Parameter("1", "y_1", above=0.0)]
+    medium_exponent: Annotated[float, Parameter("1", "y_2", above=0.0)]
+    overdriven_exponent: Annotated[float, Parameter("1", "beta", above=0.0)]
+    atomic_mass: Annotated[float, Parameter("u", "the mass of an atom", above=0.0, factor=ATOMIC_MASS_UNIT)]
+    density: Annotated[float, OfMaterial()]
 
 
-@overload(flow_stress)
+@flow_stress.of(PrestonTonksWallace)
 def _flow(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
-    if not is_instance(model, PrestonTonksWallace):
-        return None
-
-    def stress(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
-        # the time a transverse wave takes across an atom: xi = 1/2 (4 pi rho/3 M)^(1/3) sqrt(mu/rho)
-        spacing = 0.5 * (4.0 * math.pi * model.density / (3.0 * model.atomic_mass)) ** (1.0 / 3.0)
-        frequency = spacing * math.sqrt(shear_modulus / model.density)
-        slow = math.log(model.rate_scale * frequency / rate)
-        thermal = math.erf(model.activation * temperature / melting_temperature * slow)
-        overdriven = model.saturation_cold * math.exp(-model.overdriven_exponent * slow)
-        medium = min(model.medium_yield * math.exp(-model.medium_exponent * slow), overdriven)
-        saturation = max(model.saturation_cold - (model.saturation_cold - model.saturation_hot) * thermal, overdriven)
-        start = max(model.yield_cold - (model.yield_cold - model.yield_hot) * thermal, medium)
-        # Voce hardening from `start` to `saturation`; past the cold saturation there is nothing left to harden
-        room, p = max(model.saturation_cold - start, 1e-12), model.hardening_exponent
-        b = max(p * (saturation - start) / room, 1e-12)
-        growth = math.exp(b)
-        strained = math.exp(-p * model.hardening * plastic_strain / (room * (growth - 1.0)))
-        stress = saturation + room / p * math.log(1.0 - (1.0 - 1.0 / growth) * strained)
-        return choose(melting_temperature - temperature, 2.0 * shear_modulus * stress, 0.0)
-
-    return stress
+    # the time a transverse wave takes across an atom: xi = 1/2 (4 pi rho/3 M)^(1/3) sqrt(mu/rho)
+    spacing = 0.5 * (4.0 * math.pi * model.density / (3.0 * model.atomic_mass)) ** (1.0 / 3.0)
+    frequency = spacing * math.sqrt(shear_modulus / model.density)
+    slow = math.log(model.rate_scale * frequency / rate)
+    thermal = math.erf(model.activation * temperature / melting_temperature * slow)
+    overdriven = model.saturation_cold * math.exp(-model.overdriven_exponent * slow)
+    medium = min(model.medium_yield * math.exp(-model.medium_exponent * slow), overdriven)
+    saturation = max(model.saturation_cold - (model.saturation_cold - model.saturation_hot) * thermal, overdriven)
+    start = max(model.yield_cold - (model.yield_cold - model.yield_hot) * thermal, medium)
+    # Voce hardening from `start` to `saturation`; past the cold saturation there is nothing left to harden
+    room, p = max(model.saturation_cold - start, 1e-12), model.hardening_exponent
+    b = max(p * (saturation - start) / room, 1e-12)
+    growth = math.exp(b)
+    strained = math.exp(-p * model.hardening * plastic_strain / (room * (growth - 1.0)))
+    stress = saturation + room / p * math.log(1.0 - (1.0 - 1.0 / growth) * strained)
+    return choose(melting_temperature - temperature, 2.0 * shear_modulus * stress, 0.0)

@@ -1,13 +1,11 @@
 """Flow stress of Steinberg, Cochran & Guinan (J. Appl. Phys. 51 (1980) 1498), with the rate term of Steinberg & Lund."""
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-from numba import types
-from numba.extending import overload
-
+from parsolid.materials.declaration import Parameter, law
 from parsolid.materials.plastic.plasticity import flow_stress
-from parsolid.numerics.dispatch import is_instance
+from parsolid.numerics.dispatch import generic
 from parsolid.numerics.elementary import choose, power
 
 _BOLTZMANN = 1.380649e-23
@@ -21,12 +19,13 @@ class ThermalActivation(NamedTuple):
     frequency C1 [1/s], kink_energy U_k [J], peierls_stress Y_P [Pa], drag C2 [Pa s].
     """
 
-    frequency: float
-    kink_energy: float
-    peierls_stress: float
-    drag: float
+    frequency: Annotated[float, Parameter("1/s", "C1", above=0.0)]
+    kink_energy: Annotated[float, Parameter("J", "U_k", above=0.0)]
+    peierls_stress: Annotated[float, Parameter("Pa", "Y_P", above=0.0)]
+    drag: Annotated[float, Parameter("Pa s", "C2", at_least=0.0)]
 
 
+@law("flow-stress", "steinberg-cochran-guinan-lund")
 class SteinbergCochranGuinan(NamedTuple):
     """sigma_y = (Y_T(rate, T) + min(sigma_0 [1 + beta (ep + ep_i)]^n, Y_max)) mu/mu0.
 
@@ -34,51 +33,51 @@ class SteinbergCochranGuinan(NamedTuple):
     activation: a ThermalActivation, or None for the rate-independent model of 1980 (rates above 1e5/s).
     """
 
-    yield_stress: float
-    greatest_yield_stress: float
-    shear_modulus: float
-    hardening: float
-    exponent: float
-    initial_strain: float
-    activation: ThermalActivation | None
+    yield_stress: Annotated[float, Parameter("Pa", "sigma_0", above=0.0)]
+    greatest_yield_stress: Annotated[float, Parameter("Pa", "Y_max", above=0.0)]
+    shear_modulus: Annotated[float, Parameter("Pa", "mu0", above=0.0)]
+    hardening: Annotated[float, Parameter("1", "beta", at_least=0.0)]
+    exponent: Annotated[float, Parameter("1", "n", above=0.0)]
+    initial_strain: Annotated[float, Parameter("1", "ep_i", at_least=0.0, default=0.0)]
+    activation: Annotated[ThermalActivation | None, Parameter(default=None)]
+
+    def faults(self) -> list[tuple[tuple, str, object]]:
+        """Yield stresses that are not in order."""
+        if self.greatest_yield_stress >= self.yield_stress:
+            return []
+        bound = f"at least yield_stress = {self.yield_stress:g}"
+        return [(("greatest_yield_stress",), bound, self.greatest_yield_stress)]
 
 
+@generic
 def _thermal_stress(activation, rate, temperature):
     """Y_T [Pa]."""
-    raise NotImplementedError
 
 
-@overload(_thermal_stress)
-def _thermal(activation, rate, temperature):
-    if isinstance(activation, types.NoneType):
-        return lambda activation, rate, temperature: 0.0
-
-    def bisected(activation, rate, temperature):
-        # the rate rises with Y_T: bisection of y = Y_T/Y_P in [0, 1], to 1e-13 of Y_P
-        low, high, barrier = (
-            0.0 * temperature,
-            1.0 + 0.0 * temperature,
-            2.0 * activation.kink_energy / (_BOLTZMANN * temperature),
-        )
-        for _ in range(44):
-            y = 0.5 * (low + high)
-            waiting = math.exp(barrier * (1.0 - y) * (1.0 - y)) / activation.frequency
-            slow = rate * (waiting + activation.drag / (y * activation.peierls_stress)) - 1.0
-            low, high = choose(slow, y, low), choose(slow, high, y)
-        return activation.peierls_stress * low
-
-    return bisected
+@_thermal_stress.of(None)
+def _none(activation, rate, temperature):
+    return 0.0
 
 
-@overload(flow_stress)
+@_thermal_stress.of(ThermalActivation)
+def _bisected(activation, rate, temperature):
+    # the rate rises with Y_T: bisection of y = Y_T/Y_P in [0, 1], to 1e-13 of Y_P
+    low, high, barrier = (
+        0.0 * temperature,
+        1.0 + 0.0 * temperature,
+        2.0 * activation.kink_energy / (_BOLTZMANN * temperature),
+    )
+    for _ in range(44):
+        y = 0.5 * (low + high)
+        waiting = math.exp(barrier * (1.0 - y) * (1.0 - y)) / activation.frequency
+        slow = rate * (waiting + activation.drag / (y * activation.peierls_stress)) - 1.0
+        low, high = choose(slow, y, low), choose(slow, high, y)
+    return activation.peierls_stress * low
+
+
+@flow_stress.of(SteinbergCochranGuinan)
 def _flow(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
-    if not is_instance(model, SteinbergCochranGuinan):
-        return None
-
-    def stress(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
-        hardened = power(1.0 + model.hardening * (plastic_strain + model.initial_strain), model.exponent)
-        athermal = min(model.yield_stress * hardened, model.greatest_yield_stress)
-        solid = (athermal + _thermal_stress(model.activation, rate, temperature)) * shear_modulus / model.shear_modulus
-        return choose(melting_temperature - temperature, solid, 0.0)
-
-    return stress
+    hardened = power(1.0 + model.hardening * (plastic_strain + model.initial_strain), model.exponent)
+    athermal = min(model.yield_stress * hardened, model.greatest_yield_stress)
+    solid = (athermal + _thermal_stress(model.activation, rate, temperature)) * shear_modulus / model.shear_modulus
+    return choose(melting_temperature - temperature, solid, 0.0)

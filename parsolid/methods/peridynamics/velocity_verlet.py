@@ -1,7 +1,7 @@
 """Explicit motion of peridynamic particles: leapfrog with velocities at the ends of steps.
 
-v_h = v + dt/2 a, u_new = u + dt v_h, v_new = v_h + dt/2 a_new: the displacements of symplectic Euler ((37) of Galadima et al.), whose
-velocities are the v_h.
+v_h = v + dt/2 a, u_new = u + dt v_h, v_new = v_h + dt/2 a_new: the displacements of symplectic Euler ((37) of Galadima
+et al.), whose velocities are the v_h.
 """
 
 import numpy as np
@@ -75,7 +75,7 @@ class VelocityVerlet(TimeSolver):
 
     def new_positions(self, time: float, step: float) -> None:
         """u += dt v_h, or as guided; x = X + u."""
-        body, rows = self.body, self.body.table.owned_rows
+        body, rows = self.body, self.body.particles.owned_rows
         kernels.drift(
             body.dimension, step, body.velocity, rows("reference_position"), body.engine.displacement, rows("position")
         )

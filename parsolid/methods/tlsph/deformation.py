@@ -7,7 +7,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import register_jitable
+from numba.extending import overload, register_jitable
 
 from decomposition.compiled import compiled
 from parsolid.materials.hyperelastic.law import (
@@ -17,14 +17,13 @@ from parsolid.materials.hyperelastic.law import (
     shear_wave_tensor,
 )
 from parsolid.materials.viscoelastic.maxwell import branch_dissipation, inverse_right_cauchy_green, relaxed
-from parsolid.numerics.dispatch import none_without
+from parsolid.numerics.dispatch import is_instance, none_without
 from parsolid.numerics.lanes import WIDTH, all_positive, lane, load
 from parsolid.numerics.layout import (
     load_branch,
     load_correction,
     load_deformation,
     load_gradient,
-    record_columns,
     store_branch,
     store_deformation,
     store_matrix,
@@ -43,6 +42,7 @@ from parsolid.numerics.tensors import (
     scale,
     trace_symmetric,
 )
+from parsolid.pairs.terms import RiemannDissipation, record_columns
 
 
 class Stage(NamedTuple):
@@ -58,20 +58,6 @@ class Stage(NamedTuple):
     take: float
     decay: np.ndarray
     commit: np.ndarray
-
-
-class Body(NamedTuple):
-    """Arrays of a rank's particles, see `numerics.layout`; branches is None without Maxwell branches.
-
-    volume, tributary: (1, capacity), the particle's volume in the pair sums and its share of the body.
-    """
-
-    deformation: np.ndarray
-    start: np.ndarray
-    branches: np.ndarray | None
-    correction: np.ndarray
-    volume: np.ndarray
-    tributary: np.ndarray
 
 
 @none_without("branches")
@@ -144,20 +130,30 @@ def _shear_lane(isotropic, density):
 
 
 @register_jitable
-def _store_shear(space, law, shear, record, i, column, F, branch_sum):
+def _store_shear(shear, space, law, record, i, column, F, branch_sum):
     if shear is not None:
         store_tensor(space, record, i, column, scale(0.5 * law.density, shear_wave_tensor(law, F, branch_sum)), 0.0)
 
 
-@register_jitable
-def _store_waves(space, law, riemann, shear, record, i, F, H, J, branch_sum, G):
-    """Half velocity gradient and halves of the squared impedance tensors, for the Riemann force."""
-    if riemann is not None:
-        matrix, tensor = record_columns(space)
-        store_matrix(space, record, i, matrix, scale(0.5, G))
+def _store_waves(terms, space, law, record, i, F, H, J, branch_sum, G):
+    """Half velocity gradient and halves of the squared impedance tensors, where the pairs dissipate by them."""
+    raise NotImplementedError
+
+
+@overload(_store_waves)
+def _store_waves_overload(terms, space, law, record, i, F, H, J, branch_sum, G):
+    if not is_instance(terms, RiemannDissipation):
+        return lambda terms, space, law, record, i, F, H, J, branch_sum, G: None
+
+    def riemann(terms, space, law, record, i, F, H, J, branch_sum, G):
+        at = record_columns(space, terms)
+        store_matrix(space, record, i, at.gradient, scale(0.5, G))
         waves = scale(0.5 * law.density, pressure_wave_tensor(law, F, H, J, branch_sum))
-        store_tensor(space, record, i, 2 * matrix, waves, _shear_lane(isotropic_shear_modulus(law), law.density))
-        _store_shear(space, law, shear, record, i, 2 * matrix + tensor, F, branch_sum)
+        isotropic = _shear_lane(isotropic_shear_modulus(law), law.density)
+        store_tensor(space, record, i, at.pressure_wave, waves, isotropic)
+        _store_shear(terms.shear, space, law, record, i, at.shear_wave, F, branch_sum)
+
+    return riemann
 
 
 @register_jitable
@@ -175,7 +171,7 @@ def _largest_speed(largest, rho_c2, first, last):
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
-def advance_deformation(space, first, last, law, stage, body, gradient, riemann, shear, record):
+def advance_deformation(space, first, last, law, stage, terms, body, sums, record):
     """One stage of F, H, J (eqs (72b)-(72d)) with the stress and waves of the state it starts from put into `record`.
 
     Returns (sound, internal dissipation rate [W], greatest rho c_max^2 [Pa] of the state at the end of the last stage);
@@ -192,14 +188,14 @@ def advance_deformation(space, first, last, law, stage, body, gradient, riemann,
             F0, H0, J0 = load_deformation(space, body.start, i)
         L = load_correction(space, body.correction, i)
         # (70): C_ab = 2 L_a g_ab, and L is symmetric only where spacings are equal
-        G = scale(1.0 / load(body.volume, 0, i), matmul_transposed(load_gradient(space, gradient, i), L))
+        G = scale(1.0 / load(body.volume, 0, i), matmul_transposed(load_gradient(space, sums, i), L))
         old_inverse = _start_inverse(body.branches, stage.first, H, J, H0, J0)
         evolved = _branches_at_stage(space, law, body.branches, stage, i, F, H, J, old_inverse)
         branch_sum = _branch_sum(evolved)
         dissipation += _branch_dissipation(evolved, load(body.tributary, 0, i), count)
         P = first_piola_kirchhoff_stress(law, F, H, J, branch_sum)
         store_matrix(space, record, i, 0, matmul(P, L))
-        _store_waves(space, law, riemann, shear, record, i, F, H, J, branch_sum, G)
+        _store_waves(terms, space, law, record, i, F, H, J, branch_sum, G)
         dJ = contract(H, G)
         H = add(scale(stage.keep, H0), scale(stage.take, add(H, scale(stage.step, cross(F, G)))))
         F = add(scale(stage.keep, F0), scale(stage.take, add(F, scale(stage.step, G))))

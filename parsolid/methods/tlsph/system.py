@@ -1,38 +1,31 @@
-"""Upwind total-Lagrangian SPH (Lee et al., sections 5 and 6): state {v, x, F, H, J, A_alpha} of each particle.
-
-A stage is: ghosts' v and x while the inner gradient runs; gradient at the rim; strain, stress and waves of each particle;
-ghosts' records while the inner forces run; forces at the rim; momentum.
-"""
-
-import time as clock
+"""Upwind total-Lagrangian SPH (Lee et al., sections 5 and 6): state {v, x, F, H, J, A_alpha} of each particle."""
 
 import numpy as np
 
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, material_blocks
+from parsolid.materials.hyperelastic.law import isotropic_shear_modulus
 from parsolid.materials.registry import laws_of
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.methods.tlsph import momentum as motion
+from parsolid.methods.tlsph import state
 from parsolid.methods.tlsph.boundaries import build_boundaries
-from parsolid.methods.tlsph.deformation import Body, Stage, advance_deformation, largest_wave_modulus
+from parsolid.methods.tlsph.deformation import Stage, advance_deformation, largest_wave_modulus
 from parsolid.methods.tlsph.stresses import deformation_gradients, first_piola_kirchhoff_stresses
 from parsolid.numerics import layout
-from parsolid.numerics.lanes import aligned_zeros, padded
-from parsolid.pairs import layout as pairs
-from parsolid.pairs import passes_plane as pairs_plane
-from parsolid.pairs import passes_space as pairs_space
+from parsolid.pairs.candidates import metrics
 from parsolid.pairs.closure import surface_area
-from parsolid.pairs.neighbour_lists import NeighbourLists, build_neighbour_lists, metrics
+from parsolid.pairs.pair_system import PairSystem
+from parsolid.pairs.smoothed_weights import SmoothedWeights
 from parsolid.pairs.smoothing import KERNELS
-from parsolid.particles.fields import Field, FieldTable
+from parsolid.pairs.terms import DirectionalShear, LinearReconstruction, RiemannDissipation
+from parsolid.particles.container import Particles
 from parsolid.scene import initial_deformation_gradient, initial_displacement, initial_velocity
 from parsolid.solvers.runge_kutta import SSP_RK3
 
-_PASSES = {2: pairs_plane, 3: pairs_space}
-
 
 class TotalLagrangianSPH(ParticleSystem):
-    """The method on one rank. Arrays are laid out as `numerics.layout` and `pairs.layout` say."""
+    """The method on one rank. Arrays are laid out as `numerics.layout` and `pairs.passes` say."""
 
     stages = SSP_RK3
     evaluations = len(SSP_RK3)
@@ -40,119 +33,53 @@ class TotalLagrangianSPH(ParticleSystem):
     def __init__(self, comm, scene, particle_set):
         """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when particles cannot be paired. Collective."""
         self.comm, self.settings = comm, scene.method
-        self.blocks, _ = material_blocks(laws_of(scene), particle_set.body)
-        self.boundaries = build_boundaries(comm, scene, particle_set)
         self.owned, self.dimension = particle_set.position.shape
-        settings, blocks, boundaries = self.settings, self.blocks, self.boundaries
         self.space = layout.LAYOUT[self.dimension]
-        self.passes = _PASSES[self.dimension]
-        factor = float(settings.dissipation)
-        self.riemann = 1.0 if factor > 0.0 else None
-        self.reconstruct = 1.0 if settings.reconstruction and self.riemann else None
-        self.branches = maximum(comm, max((block.branches for block in blocks), default=0))
-        directional = any(block.law.directional_shear for block in blocks)
-        directional = anywhere(comm, directional)
-        self.shear = 1.0 if directional and self.riemann else None
-        share = boundaries.share
-        self.neighbour_lists = self._pair(particle_set, share, factor)
-        self._allocate(particle_set, share)
-        self.table = FieldTable(self.owned)
-        self._declare(particle_set)
-        self._plan_exchanges()
-
-    def _pair(self, particle_set, share, factor) -> NeighbourLists:
+        self.blocks, _ = material_blocks(laws_of(scene), particle_set.body)
+        self.particles = Particles(particle_set.body)
+        self.boundaries = build_boundaries(comm, scene, particle_set, self.particles)
+        self.share = self.boundaries.share
+        self.branches = maximum(comm, max((block.branches for block in self.blocks), default=0))
+        self.pairs = self._pair_system(particle_set)
+        state.declare_constants(self.particles, particle_set)
+        state.declare_motion(self.particles, particle_set.position)
+        state.declare_strain(self.particles, self.dimension, self.branches)
         metric = metrics(particle_set.spacing, particle_set.axes, self.settings.smoothing)
-        kernel = KERNELS[self.settings.kernel]
-        codes, surface = self.boundaries.codes, None
-        if self.settings.pair_correction == "closure":
-            surface = (surface_area(self.comm, particle_set, self.boundaries.planes), share)
-        return build_neighbour_lists(
-            self.comm,
-            kernel,
-            particle_set.position,
-            particle_set.body,
-            metric,
-            particle_set.volume / share,
-            codes,
-            factor,
-            surface,
-        )
-
-    def _allocate(self, particle_set, share) -> None:
-        d, owned = self.dimension, self.owned
-        local = owned + self.neighbour_lists.halo.ghosts
-        rows, capacity = padded(local) + 4, padded(owned) + 4
-        self.kinematics = aligned_zeros((rows, pairs.KINEMATICS_WIDTH[d]))
-        self.record = aligned_zeros((rows, pairs.record_width(d, self.riemann is not None, self.shear is not None)))
-        self.gradient = aligned_zeros((capacity, pairs.GRADIENT_WIDTH[d]))
-        self.force = aligned_zeros((capacity, pairs.FORCE_WIDTH))
-        self.start_motion = aligned_zeros((capacity, 8))
-        deformation = aligned_zeros((layout.DEFORMATION_ROWS[d], capacity))
-        deformation[[0, 3, 4] if d == 2 else [0, 4, 8, 9, 13, 17, 18]] = 1.0
-        internal = None
-        if self.branches:
-            # A = I where a law has fewer branches than another
-            internal = aligned_zeros((self.branches * layout.BRANCH_ROWS[d], capacity))
-            internal.reshape(self.branches, -1, capacity)[:, :d] = 1.0
-        correction = aligned_zeros((layout.CORRECTION_ROWS[d], capacity))
-        correction[:, :owned] = self.neighbour_lists.correction[:owned].reshape(owned, d * d).T
-        volume, tributary = np.ones((1, capacity)), np.zeros((1, capacity))
-        volume[0, :owned], tributary[0, :owned] = self.neighbour_lists.volume[:owned], particle_set.volume
-        self.body = Body(deformation, deformation.copy(), internal, correction, volume, tributary)
-        self.neighbour_lists.correction = None
-        self.share = share
-        self.mass = np.empty(owned)
+        volume = particle_set.volume / self.share
+        self.pairs.rebuild(particle_set.position, particle_set.body, metric, volume)
+        self.mass = np.array(volume)
         for block in self.blocks:
-            self.mass[block.first : block.last] = block.law.density * volume[0, block.first : block.last]
+            self.mass[block.first : block.last] *= block.law.density
         # the narrowest spacing of all ranks bounds the step (79), so that it does not depend on their number
-        self.spacing = minimum(self.comm, float(particle_set.spacing.min(initial=np.inf)))
+        self.spacing = minimum(comm, float(particle_set.spacing.min(initial=np.inf)))
 
-    def _declare(self, particle_set) -> None:
-        d, add = self.dimension, self.table.add
-        place = 4 if d == 3 else 2
-        add(Field("identifier", 1, "1", checkpointed=True, shown=True), particle_set.identifier)
-        add(Field("body", 1, "1", checkpointed=True, shown=True), particle_set.body)
-        reference = self.kinematics[:, 2 * place : 2 * place + d]
-        add(Field("reference_position", d, "m", checkpointed=True), reference)
-        add(Field("volume", 1, "m^3", checkpointed=True), particle_set.volume)
-        add(Field("spacing", d, "m", checkpointed=True), particle_set.spacing)
-        if particle_set.axes is not None:
-            add(Field("axes", d * d, "1", checkpointed=True), particle_set.axes.reshape(self.owned, d * d))
-        add(Field("area", d, "m^2", checkpointed=True), particle_set.area)
-        moving = {"evolved": True, "exchanged": True, "checkpointed": True, "shown": True}
-        add(Field("velocity", d, "m/s", **moving), self.kinematics[:, :d])
-        add(Field("position", d, "m", **moving), self.kinematics[:, place : place + d])
-        strain = self.body.deformation
-        add(Field("deformation_gradient", d * d, "1", evolved=True, checkpointed=True), strain[: d * d].T)
-        if d == 3:
-            add(Field("cofactor", 9, "1", evolved=True, checkpointed=True), strain[9:18].T)
-        add(Field("jacobian", 1, "1", evolved=True, checkpointed=True, shown=True), strain[-1])
-        rows = layout.BRANCH_ROWS[d]
-        for alpha in range(self.branches):
-            name = f"viscous_strain_inverse_{alpha + 1}"
-            internal = self.body.branches[alpha * rows : (alpha + 1) * rows].T
-            add(Field(name, rows, "1", evolved=True, checkpointed=True), internal)
-        reference[: self.owned] = particle_set.position
-        self.table.arrays["position"][: self.owned] = particle_set.position
+    def _pair_system(self, particle_set) -> PairSystem:
+        settings, boundaries, surface = self.settings, self.boundaries, None
+        if settings.pair_correction == "closure":
+            surface = (surface_area(self.comm, particle_set, boundaries.planes), self.share)
+        weights = SmoothedWeights(KERNELS[settings.kernel], float(settings.dissipation), surface)
+        return PairSystem(self.comm, self.particles, self.space, weights, self._terms(), boundaries.codes)
 
-    def _plan_exchanges(self) -> None:
-        halo, arrays = self.neighbour_lists.halo, self.table.arrays
-        halo.update([arrays["reference_position"]])
-        self.motion_exchange = halo.exchange([arrays["velocity"], arrays["position"]])
-        self.record_exchange = halo.exchange([self.record])
+    def _terms(self) -> RiemannDissipation | None:
+        """The dissipation that the scene asks for and its laws need."""
+        directional = anywhere(self.comm, any(isotropic_shear_modulus(block.law) is None for block in self.blocks))
+        if not float(self.settings.dissipation) > 0.0:
+            return None
+        reconstruction = LinearReconstruction() if self.settings.reconstruction else None
+        return RiemannDissipation(reconstruction, DirectionalShear() if directional else None)
 
     def begin(self, scene, particle_set) -> None:
         """Set velocity, displacement and deformation gradient at time 0 by the bodies' formulas; collective."""
-        table, place = self.table, (scene, particle_set.body, particle_set.position)
-        table.owned_rows("velocity")[:] = initial_velocity(*place)
+        rows, place = self.particles.owned_rows, (scene, particle_set.body, particle_set.position)
+        rows("velocity")[:] = initial_velocity(*place)
         displacement, given = initial_displacement(*place), initial_deformation_gradient(*place)
         derived = np.zeros(len(particle_set), bool)
         if displacement is not None:
-            table.owned_rows("position")[:] += displacement
+            rows("position")[:] += displacement
             derived[:] = True
         if given is not None:
             gradient, where = given
-            table.owned_rows("deformation_gradient")[:] = gradient.reshape(len(particle_set), -1)
+            rows("deformation_gradient")[:] = gradient.reshape(len(particle_set), -1)
             derived &= ~where
         self.start(derived)
 
@@ -161,38 +88,42 @@ class TotalLagrangianSPH(ParticleSystem):
 
         derived (n,): particles whose deformation gradient is that of their displacement, by the scheme's own gradient.
         """
-        arrays, d, owned = self.table.arrays, self.dimension, self.owned
+        rows, d, owned = self.particles.owned_rows, self.dimension, self.owned
         if anywhere(self.comm, derived.any()):
-            gradient = self._displacement_gradient()
-            arrays["deformation_gradient"][:owned][derived] += gradient[derived]
+            rows("deformation_gradient")[derived] += self.displacement_gradient()[derived]
         F = np.zeros((owned, 3, 3))
-        F[:, :d, :d] = arrays["deformation_gradient"][:owned].reshape(owned, d, d)
+        F[:, :d, :d] = rows("deformation_gradient").reshape(owned, d, d)
         F[:, d:, d:] = 1.0
-        arrays["jacobian"][:owned] = np.linalg.det(F)
+        rows("jacobian")[:] = np.linalg.det(F)
         if d == 3:
             cofactor = np.cross(F[:, (1, 2, 0)], F[:, (2, 0, 1)])
-            arrays["cofactor"][:owned] = cofactor.reshape(owned, 9)
+            rows("cofactor")[:] = cofactor.reshape(owned, 9)
         if self.boundaries.clamp is not None:
-            arrays["velocity"][:owned] *= self.boundaries.clamp[:, :d]
+            rows("velocity")[:] *= self.boundaries.clamp[:, :d]
         self.boundaries.prescribe(0.0, self.kinematics)
         self.boundaries.prescribed_energy_gain(self.kinematics, self.mass, self.share)
 
     def resume(self) -> None:
-        """Continue from a state that was put back into the table."""
+        """Continue from a state that was put back into the particles."""
         self.boundaries.prescribed_energy_gain(self.kinematics, self.mass, self.share)
 
-    def _displacement_gradient(self) -> np.ndarray:
-        """grad u (n, d d) by the gradient pass, with the displacement in the velocity's place."""
-        velocity, d = self.table.arrays["velocity"], self.dimension
+    def displacement_gradient(self) -> np.ndarray:
+        """grad u (owned, d d) by the gradient pass, with the displacement in the velocity's place."""
+        velocity, d = self.particles["velocity"], self.dimension
         kept = velocity.copy()
-        velocity[:] = self.table.arrays["position"] - self.table.arrays["reference_position"]
-        self._pass_gradient()
+        velocity[:] = self.particles["position"] - self.particles["reference_position"]
+        sums = self.pairs.gradient("motion")
         velocity[:] = kept
-        columns = self.gradient[: self.owned].reshape(self.owned, d, -1)[:, :, :d].swapaxes(1, 2).copy()
-        self.gradient[:] = 0.0
-        L = self.body.correction[:, : self.owned].T.reshape(self.owned, d, d)
-        volume = self.body.volume[0, : self.owned, None, None]
+        columns = sums[: self.owned].reshape(self.owned, d, -1)[:, :, :d].swapaxes(1, 2).copy()
+        sums[:] = 0.0
+        L = self.particles.owned_rows("correction").reshape(self.owned, d, d)
+        volume = self.particles.owned_rows("pair_volume")[:, None, None]
         return (columns @ L.swapaxes(1, 2) / volume).reshape(self.owned, d * d)
+
+    @property
+    def kinematics(self) -> np.ndarray:
+        """v, x and X, as kernels take them."""
+        return self.particles.storage("kinematics")
 
     # --- what the loop asks -----------------------------------------------------------------------------------
 
@@ -206,9 +137,10 @@ class TotalLagrangianSPH(ParticleSystem):
     def _group_step(self, block: MaterialBlock, modulus: float) -> float:
         return self.settings.cfl * self.spacing * np.sqrt(block.law.density / modulus)
 
-    def body_of(self, block: MaterialBlock) -> Body:
+    def body_of(self, block: MaterialBlock) -> state.Body:
         """The particle arrays as a block's law sees them."""
-        return self.body if block.branches else self.body._replace(branches=None)
+        body = state.body_of(self.particles)
+        return body if block.branches else body._replace(branches=None)
 
     def advance(self, time: float, step: float, ledger, announce) -> bool:
         """One step of three stages."""
@@ -223,52 +155,36 @@ class TotalLagrangianSPH(ParticleSystem):
         In the last stage announce(sound, stable step [s] of this rank after the step) is called before the forces.
         """
         weights = self.stages[number]
-        self._pass_gradient()
-        sound, dissipation, stable = True, 0.0, np.inf
-        for block in self.blocks:
-            stage = self._stage(block, number, step)
-            good, rate, modulus = advance_deformation(
-                self.space,
-                block.first,
-                block.last,
-                block.law,
-                stage,
-                self.body_of(block),
-                self.gradient,
-                self.riemann,
-                self.shear,
-                self.record,
-            )
-            sound, dissipation = sound and good, dissipation + rate
-            if stage.last:
-                stable = min(stable, self._group_step(block, modulus) if modulus > 0.0 else 0.0)
+        self.pairs.gradient("motion")
+        sound, dissipation, stable = self._advance_strain(number, step)
         if number == len(self.stages) - 1:
             announce(sound, stable)
-        self._pass_force()
+        self.pairs.divergence(self.pairs.terms)
         numerical, external = self._momentum(number, time, step)
         ledger.add(weights.quadrature * step, dissipation, numerical, external)
         return sound
 
+    def _advance_strain(self, number: int, step: float) -> tuple[bool, float, float]:
+        """Stress and strain of all particles; (sound, internal dissipation rate [W], stable step [s])."""
+        sound, dissipation, stable = True, 0.0, np.inf
+        sums, record = self.particles.storage("pair_sums"), self.particles.storage("record")
+        for block in self.blocks:
+            stage, where = self._stage(block, number, step), (self.space, block.first, block.last, block.law)
+            good, rate, modulus = advance_deformation(
+                *where, stage, self.pairs.terms, self.body_of(block), sums, record
+            )
+            sound, dissipation = sound and good, dissipation + rate
+            if stage.last:
+                stable = min(stable, self._group_step(block, modulus) if modulus > 0.0 else 0.0)
+        return sound, dissipation, stable
+
     def evaluate_forces(self) -> None:
         """One stabilised force evaluation of the current state, which stays as it is (for measurements)."""
-        self._pass_gradient()
-        for block in self.blocks:
-            stage = self._stage(block, 0, 0.0)
-            advance_deformation(
-                self.space,
-                block.first,
-                block.last,
-                block.law,
-                stage,
-                self.body_of(block),
-                self.gradient,
-                self.riemann,
-                self.shear,
-                self.record,
-            )
-        self._pass_force()
-        self.gradient[:] = 0.0
-        self.force[:] = 0.0
+        sums = self.pairs.gradient("motion")
+        self._advance_strain(0, 0.0)
+        force = self.pairs.divergence(self.pairs.terms)
+        sums[:] = 0.0
+        force[:] = 0.0
 
     def _stage(self, block: MaterialBlock, number: int, step: float) -> Stage:
         weights, last = self.stages[number], number == len(self.stages) - 1
@@ -276,53 +192,15 @@ class TotalLagrangianSPH(ParticleSystem):
         commit = block.relaxation(step) if last else decay
         return Stage(number == 0, last, step, weights.keep, weights.take, decay, commit)
 
-    def _pass_gradient(self) -> None:
-        neighbour_lists, passes = self.neighbour_lists, self.passes
-        self._timed(self.motion_exchange.start)
-        passes.add_gradients(0, self.owned, neighbour_lists.inner, None, True, 0, self.kinematics, self.gradient)
-        self._timed(self.motion_exchange.finish)
-        if neighbour_lists.rim is not None:
-            passes.add_gradients(0, self.owned, neighbour_lists.rim, None, None, 0, self.kinematics, self.gradient)
-        if neighbour_lists.mirror is not None:
-            passes.add_gradients(
-                0, self.owned, neighbour_lists.mirror, neighbour_lists.images, None, 0, self.kinematics, self.gradient
-            )
-
-    def _timed(self, communicate) -> None:
-        """Send or receive, and count the seconds it takes."""
-        began = clock.perf_counter()
-        communicate()
-        self.communication_seconds += clock.perf_counter() - began
-
-    def _pass_force(self) -> None:
-        neighbour_lists, passes = self.neighbour_lists, self.passes
-        choices = (None, self.riemann, self.shear, self.reconstruct, self.kinematics, self.record, self.force)
-        self._timed(self.record_exchange.start)
-        passes.add_forces(0, self.owned, neighbour_lists.inner, None, True, *choices)
-        self._timed(self.record_exchange.finish)
-        if neighbour_lists.rim is not None:
-            passes.add_forces(0, self.owned, neighbour_lists.rim, None, None, *choices)
-        if neighbour_lists.mirror is not None:
-            passes.add_forces(0, self.owned, neighbour_lists.mirror, neighbour_lists.images, None, *choices)
-
     def _momentum(self, number: int, time: float, step: float) -> tuple[float, float]:
         """Advance v and x; (numerical dissipation rate, external power) [W]."""
-        weights, boundaries = self.stages[number], self.boundaries
+        weights, boundaries, stored = self.stages[number], self.boundaries, self.particles.storage
         stage = Stage(number == 0, False, step, weights.keep, weights.take, _NO_BRANCHES, _NO_BRANCHES)
         loads = boundaries.loads_at(time + weights.time * step)
-        held = boundaries.prescribed_power(self.kinematics, self.force, self.mass, self.share, loads)
+        held = boundaries.prescribed_power(self.kinematics, stored("pair_force"), self.mass, self.share, loads)
+        arrays = map(stored, ("kinematics", "motion_at_start", "pair_force", "pair_sums"))
         dissipation, power = motion.advance_motion(
-            self.space,
-            self.owned,
-            stage,
-            self.kinematics,
-            self.start_motion,
-            self.force,
-            self.gradient,
-            self.mass,
-            self.share,
-            loads,
-            boundaries.clamp,
+            self.space, self.owned, stage, *arrays, self.mass, self.share, loads, boundaries.clamp
         )
         boundaries.prescribe(time + weights.next_time * step, self.kinematics)
         return dissipation, held + power
@@ -340,7 +218,7 @@ class TotalLagrangianSPH(ParticleSystem):
     def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
         """Deformation gradient and first Piola-Kirchhoff stress (n, 3, 3)."""
         if name == "deformation_gradient":
-            return deformation_gradients(self.table, self.dimension, first, last)
+            return deformation_gradients(self.particles, self.dimension, first, last)
         if name == "first_piola_kirchhoff_stress":
             return first_piola_kirchhoff_stresses(self.space, self.blocks, self.body_of, first, last)
         return None
@@ -358,33 +236,28 @@ class TotalLagrangianSPH(ParticleSystem):
     @property
     def directed_pairs(self) -> int:
         """Interactions counted once a particle."""
-        return self.neighbour_lists.directed_pairs
+        return self.pairs.directed_pairs
+
+    @property
+    def communication_seconds(self) -> float:
+        """Spent on sending and receiving."""
+        return self.particles.communication_seconds
 
     def numbers(self) -> dict[str, int]:
         """Ghosts and interactions."""
-        return {"ghosts": self.neighbour_lists.halo.ghosts, "interactions": self.neighbour_lists.directed_pairs}
-
-    def exchanged_records(self) -> dict[str, int]:
-        """The record of the second pass."""
-        return {"second-pass record": self.record.shape[1]}
+        return {"ghosts": self.particles.ghosts, "interactions": self.pairs.directed_pairs}
 
     def arrays(self) -> list[np.ndarray]:
-        """Work arrays and pair lists."""
-        arrays = [self.kinematics, self.record, self.gradient, self.force, self.start_motion, self.mass, self.share]
-        arrays += [array for array in self.body if array is not None]
-        for pairs in (self.neighbour_lists.inner, self.neighbour_lists.rim, self.neighbour_lists.mirror):
-            arrays += list(pairs or ())
-        return arrays
+        """Masses and pair lists."""
+        return [self.mass, self.share, *self.pairs.arrays()]
 
     def bytes_a_step(self) -> int:
         """Motion and records, in every stage."""
-        return len(self.stages) * (self.motion_exchange.bytes_sent + self.record_exchange.bytes_sent)
+        return len(self.stages) * (self.particles.bytes_sent("motion") + self.particles.bytes_sent("record"))
 
     def warm(self) -> None:
         """Lists of ghosts have no images."""
-        self.passes.add_gradients(0, 0, self.neighbour_lists.inner, None, None, 0, self.kinematics, self.gradient)
-        choices = (None, self.riemann, self.shear, self.reconstruct, self.kinematics, self.record, self.force)
-        self.passes.add_forces(0, 0, self.neighbour_lists.inner, None, None, *choices)
+        self.pairs.warm()
 
 
 _NO_BRANCHES = np.zeros((0, 3))

@@ -1,4 +1,4 @@
-"""Set-up of radial pair lists: influence functions, weights w(|xi|) V_a V_b, shape tensors and their inverses.
+"""Weights w(|xi|) V_a V_b of radial pair lists, and the shape tensors that correct their gradients.
 
 The horizon delta is a metric M = 1/delta^2 (see `weights`), so that q = |xi|/delta; a pair uses the mean of both metrics.
 Positions are (n, d) with d = 2 or 3; a bar lies in the plane with second coordinate 0, its shape tensor has K11 alone.
@@ -6,10 +6,13 @@ Positions are (n, d) with d = 2 or 3; a bar lies in the plane with second coordi
 
 from typing import NamedTuple
 
+import numpy as np
 from numba.extending import overload, register_jitable
 
 from decomposition.compiled import compiled
+from parsolid.collective import raise_together
 from parsolid.numerics.dispatch import is_instance
+from parsolid.pairs.lists import mutual
 from parsolid.pairs.weights import distance_in_support
 
 
@@ -56,26 +59,26 @@ def _influence(kind, q):
 
 
 @compiled
-def bond_weights(kind, start, neighbour, code, reflections, shifts, positions, metric, volume, weight):
-    """Fill w(|xi|) V_a V_b [m^6 in space, m^4 in the plane] into weight (m,)."""
-    for a in range(start.shape[0] - 1):
-        for k in range(start[a], start[a + 1]):
-            b = neighbour[k]
-            q = distance_in_support(positions, metric, a, b, reflections[code[k]], shifts[code[k]])
-            weight[k] = influence(kind, q) * volume[a] * volume[b]
+def bond_weights(kind, pairs, places, positions, metric, volume):
+    """Fill w(|xi|) V_a V_b [m^6 in space, m^4 in the plane] into the weights (m,)."""
+    for a in range(pairs.start.shape[0] - 1):
+        for k in range(pairs.start[a], pairs.start[a + 1]):
+            b, code = pairs.neighbour[k], places.code[k]
+            q = distance_in_support(positions, metric, a, b, places.reflections[code], places.shifts[code])
+            pairs.weight[k] = influence(kind, q) * volume[a] * volume[b]
 
 
 @compiled
-def add_shapes(chosen, both, start, neighbour, code, reflections, shifts, positions, weight, shape):
-    """Add sum_b w V_a V_b xi (x) xi to shape (n, d, d) of a, and of b where `both`: V_a K_a, of chosen (n,) particles."""
+def add_shapes(chosen, pairs, places, positions, shape):
+    """Add sum_b w V_a V_b xi (x) xi to shape (n, d, d) of the particles that receive: V_a K_a, of chosen (n,) particles."""
     d = positions.shape[1]
-    for a in range(start.shape[0] - 1):
-        for k in range(start[a], start[a + 1]):
-            b, w = neighbour[k], weight[k]
-            first, second = chosen[a], both and chosen[b]
+    for a in range(pairs.start.shape[0] - 1):
+        for k in range(pairs.start[a], pairs.start[a + 1]):
+            b, w = pairs.neighbour[k], pairs.weight[k]
+            first, second = chosen[a], mutual(pairs) and chosen[b]
             if not (first or second):
                 continue
-            R, T = reflections[code[k]], shifts[code[k]]
+            R, T = places.reflections[places.code[k]], places.shifts[places.code[k]]
             for i in range(d):
                 x = R[i] * positions[b, i] + T[i] - positions[a, i]
                 for j in range(i + 1):
@@ -141,3 +144,48 @@ def invert_shapes(chosen, bar, owned, volume, shape, inverse, determinant):
             for i in range(d):
                 for j in range(i):
                     inverse[a, j, i] = inverse[a, i, j]
+
+
+class RadialWeights:
+    """Weights of an influence function; a broken bond has weight 0.
+
+    Of owned particles: inverse_shape, initial_inverse_shape (owned, d, d), K^{-1} now and with all bonds whole; determinant (owned,) of K.
+    """
+
+    def __init__(self, influence, bar: bool = False):
+        """influence: of `INFLUENCES`; bar: whether K11 alone counts."""
+        self.influence, self.bar, self.support = influence, bar, influence.support
+
+    def empty(self, pairs: int) -> np.ndarray:
+        """Room for the weights of so many pairs."""
+        return np.empty(pairs)
+
+    def fill(self, system, pairs, places) -> None:
+        """Weights of one list of a `PairSystem`."""
+        bond_weights(self.influence, pairs, places, system.positions, system.metric, system.volume)
+
+    def complete(self, system) -> np.ndarray:
+        """K^{-1} (owned, d, d) when all lists are filled; SolverError on all ranks where bonds do not span space. Collective."""
+        owned, d = system.owned, system.positions.shape[1]
+        self.inverse_shape, self.determinant = np.zeros((owned, d, d)), np.zeros(owned)
+        self.refresh(system)
+        raise_together(system.comm, self._unsupported(system))
+        self.initial_inverse_shape = self.inverse_shape.copy()
+        return self.inverse_shape
+
+    def refresh(self, system, particles: np.ndarray | None = None) -> None:
+        """K and K^{-1} of owned particles (all unless given) on the surviving bonds; sums in an order that never changes."""
+        n, d = system.positions.shape
+        shape, chosen = np.zeros((n, d, d)), np.zeros(n, bool)
+        chosen[slice(None) if particles is None else particles] = True
+        for pairs, places in system.lists():
+            add_shapes(chosen, pairs, places, system.positions, shape)
+        invert_shapes(chosen, self.bar, system.owned, system.volume, shape, self.inverse_shape, self.determinant)
+
+    def _unsupported(self, system) -> str | None:
+        """Names the first particle whose bonds do not span space."""
+        flat = ~self.inverse_shape.any(axis=(1, 2))
+        if not flat.any():
+            return None
+        place = ", ".join(f"{x:.6g}" for x in system.positions[np.argmax(flat)])
+        return f"method.horizon_ratio: expected bonds in every direction at every particle, found too few at ({place})"

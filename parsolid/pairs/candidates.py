@@ -1,0 +1,103 @@
+"""Which particles may interact: metrics, how far they reach, and candidates among particles, ghosts and mirror images."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from decomposition.neighbours import half_pairs
+from parsolid.boundary.mirror_planes import MirrorCodes
+from parsolid.collective import maximum, minimum
+
+
+@dataclass
+class Reach:
+    """Coordinates divided by `scale` (d,) bring every interacting pair closer than `distance`."""
+
+    scale: np.ndarray
+    distance: float
+
+
+def metrics(spacing: np.ndarray, axes: np.ndarray | None, smoothing: float) -> np.ndarray:
+    """Rows (n, 6) of M = h^{-2}, h = smoothing * spacing along the particle's own axes (see `pairs.weights`)."""
+    n, d = spacing.shape
+    diagonal = np.ones((n, 3))
+    diagonal[:, :d] = 1.0 / (smoothing * spacing) ** 2
+    result = np.zeros((n, 6))
+    if axes is None:
+        result[:, :3] = diagonal
+        return result
+    frame = np.tile(np.eye(3), (n, 1, 1))
+    frame[:, :d, :d] = axes
+    M = np.einsum("nki,nk,nkj->nij", frame, diagonal, frame)
+    result[:, :3] = M[:, (0, 1, 2), (0, 1, 2)]
+    result[:, 3:] = M[:, (0, 0, 1), (1, 2, 2)]
+    return result
+
+
+def common_metric(comm, metric: np.ndarray) -> tuple[np.ndarray, bool]:
+    """(one row, True) when all particles of all ranks have the same metric to round-off, else (the rows, False); collective."""
+    low, high = np.full(6, np.inf), np.full(6, -np.inf)
+    if len(metric):
+        low, high = metric.min(axis=0), metric.max(axis=0)
+    low, high = minimum(comm, low), maximum(comm, high)
+    if np.all(high - low <= 1e-9 * np.abs(high).max()):
+        return low[None, :].copy(), True
+    return metric, False
+
+
+def reach_of(comm, metric: np.ndarray, support: float, dimension: int) -> Reach:
+    """Scaled coordinates in which the widest of all supports is about a sphere."""
+    M = np.zeros((len(metric), 3, 3))
+    M[:, (0, 1, 2), (0, 1, 2)] = metric[:, :3]
+    M[:, (0, 0, 1), (1, 2, 2)] = M[:, (1, 2, 2), (0, 0, 1)] = metric[:, 3:]
+    extent = np.linalg.inv(M)[:, :dimension, :dimension]
+    diagonal = np.arange(dimension)
+    scale = np.sqrt(extent[:, diagonal, diagonal].max(axis=0, initial=0.0))
+    scale = maximum(comm, scale)
+    scaled = extent / np.outer(scale, scale)
+    largest = np.linalg.eigvalsh(scaled)[:, -1].max(initial=0.0)
+    # a hair more than the support, because the distance test repeats in other arithmetic
+    return Reach(scale, support * np.sqrt(maximum(comm, float(largest))) * (1 + 1e-9))
+
+
+IDENTITY = (np.ones((1, 3)), np.zeros((1, 3)))
+
+
+def mirror_candidates(positions, body, owned, codes: MirrorCodes, reach: Reach):
+    """Pairs of owned particles and images near the planes, as (start, neighbour, code), unfiltered by the metric."""
+    starts, neighbours, kinds = [], [], []
+    for code in range(len(codes.signs)):
+        near = codes.near(positions, body, code, reach.scale * reach.distance)
+        apart = near & ~codes.on_planes(positions, code)
+        receivers = np.flatnonzero(near[:owned])
+        givers = np.flatnonzero(apart)
+        d = positions.shape[1]
+        images = positions[givers] * codes.reflections[code, :d] + codes.shifts[code, :d]
+        points = np.concatenate((positions[receivers], images)) / reach.scale
+        start, neighbour = half_pairs(np.ascontiguousarray(points), len(receivers), reach.distance)
+        row = np.repeat(np.arange(len(receivers)), np.diff(start))
+        across = neighbour >= len(receivers)
+        starts.append(receivers[row[across]])
+        neighbours.append(givers[neighbour[across] - len(receivers)])
+        kinds.append(np.full(across.sum(), code, np.int8))
+    receiver, neighbour, kind = (np.concatenate(parts) for parts in (starts, neighbours, kinds))
+    order = np.lexsort((neighbour, kind, receiver))
+    start = np.zeros(owned + 1, np.int64)
+    np.cumsum(np.bincount(receiver, minlength=owned), out=start[1:])
+    return start, neighbour[order].astype(np.int32), kind[order]
+
+
+def plain_candidates(positions, owned: int, reach: Reach):
+    """Pairs with an owned particle, as (start, neighbour, code), unfiltered by the metric."""
+    start, neighbour = half_pairs(np.ascontiguousarray(positions / reach.scale), owned, reach.distance)
+    return start, neighbour, np.zeros(len(neighbour), np.int8)
+
+
+def coincident(positions, start, candidate: int) -> str:
+    """The fault of two particles at the same place, from their place in the list of candidates."""
+    a = int(np.searchsorted(start, candidate, side="right")) - 1
+    place = ", ".join(f"{x:.6g}" for x in positions[a])
+    return (
+        f"bodies: expected no two particles at the same place, found two at ({place}); "
+        'bodies that touch must not share nodes: use placement = "cells", or one body'
+    )

@@ -1,0 +1,95 @@
+"""Pair lists as the passes read them, and the reflections that make a neighbour's mirror image."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba.extending import overload
+
+from parsolid.numerics.dispatch import is_instance
+
+
+class Images(NamedTuple):
+    """Which reflection makes each pair's neighbour: code (m,) int8 into the rows of table (codes, 16).
+
+    With signs Q of a mirrored vector, signs R of the reflected place, the shift T of the planes and a sign s of the stress,
+    v' = Q v,  X' = R X + T,  x' = X' + Q (x - X),  (P L)' = s Q P L Q,  (grad v)' = Q grad v R; scalars stay.
+    In radial lists M' = Q M R and C1' = Q C1 Q, for which the passes are adjoint at every kind of plane.
+    """
+
+    code: np.ndarray
+    table: np.ndarray
+
+
+class InnerList(NamedTuple):
+    """Each pair of owned particles once, both receive. Pairs of particle a stand in rows start[a] : start[a+1] (int64).
+
+    neighbour (m,) int32; weight (m, 4), or (m,) where radial.
+    """
+
+    start: np.ndarray
+    neighbour: np.ndarray
+    weight: np.ndarray
+
+
+class OneSidedList(NamedTuple):
+    """Pairs of owned particles with ghosts (images None) or with mirror images: the owned particle alone receives."""
+
+    start: np.ndarray
+    neighbour: np.ndarray
+    weight: np.ndarray
+    images: Images | None
+
+
+class Places(NamedTuple):
+    """Where each pair's neighbour stands, R X_b + T, for set-up: code (m,) int8 into reflections R, shifts T (codes, 3)."""
+
+    code: np.ndarray
+    reflections: np.ndarray
+    shifts: np.ndarray
+
+
+def mutual(pairs) -> bool:
+    """Whether both particles of a pair receive; a constant in kernels."""
+    return isinstance(pairs, InnerList)
+
+
+@overload(mutual)
+def _mutual(pairs):
+    if is_instance(pairs, InnerList):
+        return lambda pairs: True
+    return lambda pairs: False
+
+
+def images_of(pairs):
+    """The images of a list, None where it has none."""
+    return None if isinstance(pairs, InnerList) else pairs.images
+
+
+@overload(images_of, strict=False)
+def _images_of(pairs):
+    if is_instance(pairs, InnerList):
+        return lambda pairs: None
+    return lambda pairs: pairs.images
+
+
+def empty_list(like) -> OneSidedList:
+    """A list of ghosts without pairs; like: a list of the same kind of weights."""
+    return OneSidedList(np.zeros(1, np.int64), like.neighbour[:0], like.weight[:0], None)
+
+
+def image_table(dimension: int, signs, reflections, shifts, stress_signs) -> np.ndarray:
+    """Rows of `Images.table` from Q, R (+-1) and T [m], each (codes, dimension), and s (codes,)."""
+    table = np.zeros((len(signs), 16))
+    if dimension == 3:
+        table[:, 0:3], table[:, 4:7], table[:, 8:11] = signs, reflections, shifts
+        table[:, 12] = reflections[:, 0] * reflections[:, 1]
+        table[:, 13] = reflections[:, 0] * reflections[:, 2]
+        table[:, 14] = reflections[:, 1] * reflections[:, 2]
+        table[:, 15] = stress_signs
+    else:
+        table[:, 0:2], table[:, 2:4] = signs, signs
+        table[:, 4:6], table[:, 6:8] = reflections, shifts
+        # columns of a matrix: s Q_i Q_j for P L and Q_i R_j for grad v
+        table[:, 8:12] = stress_signs[:, None] * np.tile(signs, 2) * np.repeat(signs, 2, axis=1)
+        table[:, 12:16] = np.tile(signs, 2) * np.repeat(reflections, 2, axis=1)
+    return table

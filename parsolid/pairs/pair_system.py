@@ -1,0 +1,171 @@
+"""The pairs of a rank's particles: their lists, weights and corrections, and the two passes with the messages they need.
+
+Pairs of owned particles are swept while the ghosts' values travel, pairs with ghosts and with mirror images after that.
+"""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from decomposition.halo import Halo
+from parsolid.collective import maximum, raise_together
+from parsolid.pairs.candidates import coincident, common_metric, mirror_candidates, plain_candidates, reach_of
+from parsolid.pairs.lists import Images, InnerList, OneSidedList, Places, empty_list, images_of, mutual
+from parsolid.pairs.passes import Vector, add_forces, add_gradients, sum_columns
+from parsolid.pairs.terms import KINEMATICS, RiemannDissipation, record_columns
+from parsolid.pairs.weights import select_pairs
+from parsolid.particles.declaration import Columns, Field, Rows, Within
+
+# the vector in the first columns: a velocity, or what drives a stress
+FIELD = (Vector(),)
+_AS_THEY_STAND = np.ones((1, 3)), np.zeros((1, 3))
+
+
+class PairSystem:
+    """Lists of a rank's pairs over the particles' container, and the passes over them; d = dimension of the space.
+
+    It declares `kinematics` (in which the method declares its vectors, at `KINEMATICS[d]`; those of the message "reference" reach the
+    ghosts with every rebuild), `record` (sent as the message "record"), `pair_sums`, `pair_force` [N], `correction`, `pair_volume`.
+    Passes add to pair_sums and pair_force: whoever reads them sets them to zero.
+
+    inner, rim, mirror: lists of pairs of owned particles, with ghosts, with images; rim and mirror may be None.
+    With ghosts behind: positions (n, d) [m], volume (n,) [m^3], metric (n or 1, 6) of `pairs.weights`.
+    """
+
+    halo: Halo
+    inner: InnerList
+    rim: OneSidedList | None
+    mirror: OneSidedList | None
+    positions: np.ndarray
+    volume: np.ndarray
+    metric: np.ndarray
+
+    def __init__(self, comm, particles, space, weights, terms=None, codes=None, fields: tuple = FIELD):
+        """space: of `numerics.layout`; weights: `SmoothedWeights` or `RadialWeights`; codes: `MirrorCodes` or None.
+
+        terms: what acts beside stresses, of `pairs.terms`; fields: what gradients are taken of at once, at most.
+        """
+        self.comm, self.particles, self.space = comm, particles, space
+        self.weights, self.terms, self.codes = weights, terms, codes
+        d, record = space.dimension, record_columns(space, terms)
+        forces = 8 if isinstance(terms, RiemannDissipation) else 4
+        particles.declare(Field("kinematics", KINEMATICS[d].width, "", carried=False))
+        particles.declare(Field("record", record.width, "", carried=False))
+        told = getattr(record, "changing", record.width)
+        particles.declare(Field("told", told, "", ghosts="forward", message="record", layout=Within("record", 0)))
+        particles.declare(Field("pair_sums", sum_columns(d, fields), "", layout=Rows(), carried=False))
+        particles.declare(Field("pair_force", forces, "N", layout=Rows(), carried=False))
+        particles.declare(Field("correction", d * d, "", layout=Columns(), carried=False))
+        particles.declare(Field("pair_volume", 1, "m^3", layout=Columns(), padding=(1.0,), carried=False), 1.0)
+
+    # --- lists ------------------------------------------------------------------------------------------------
+
+    def rebuild(self, positions: np.ndarray, body: np.ndarray, metric: np.ndarray, volume: np.ndarray) -> None:
+        """Plan ghosts and make every list anew; collective.
+
+        Of owned particles: positions (n, d) [m], body (n,), metric (n, 6) [1/m^2], volume (n,) [m^3] that counts in the sums.
+        Raises SolverError, on all ranks, for coincident particles and for particles with too few neighbours.
+        """
+        metric, uniform = common_metric(self.comm, metric)
+        reach = reach_of(self.comm, metric, self.weights.support, positions.shape[1])
+        if self.codes is not None:
+            raise_together(self.comm, self.codes.too_close(reach.scale * self.weights.support))
+        self.halo = Halo.plan(self.comm, np.ascontiguousarray(positions / reach.scale), reach.distance)
+        self.particles.attach(self.halo)
+        self.positions, self.volume = self.halo.with_ghosts(positions), self.halo.with_ghosts(volume)
+        self.metric = metric if uniform else self.halo.with_ghosts(metric)
+        self._fill_lists(body, reach)
+        correction = self.weights.complete(self)
+        self.particles.owned_rows("correction")[:] = correction.reshape(self.owned, -1)
+        self.particles.owned_rows("pair_volume")[:] = volume
+        self.particles.update("reference")
+
+    def _fill_lists(self, body: np.ndarray, reach) -> None:
+        self.rim = self.mirror = None
+        self.fault: str | None = None
+        owned, local = self.owned, len(self.positions)
+        candidates = plain_candidates(self.positions, owned, reach)
+        self.inner = InnerList(*self._weighed(candidates, 0, owned, *_AS_THEY_STAND)[0])
+        if maximum(self.comm, self.halo.ghosts):
+            self.rim = OneSidedList(*self._weighed(candidates, owned, local, *_AS_THEY_STAND)[0], None)
+        if self.codes is not None:
+            bodies = self.halo.with_ghosts(body.astype(np.int64))
+            candidates = mirror_candidates(self.positions, bodies, owned, self.codes, reach)
+            columns, code = self._weighed(candidates, 0, local, self.codes.reflections, self.codes.shifts)
+            self.mirror = OneSidedList(*columns, Images(code, self.codes.table(self.space.dimension)))
+        raise_together(self.comm, self.fault)
+
+    def _weighed(self, candidates, first: int, last: int, reflections, shifts) -> tuple[tuple, np.ndarray]:
+        """(start, neighbour, weight) of the candidates in reach whose neighbours have rows first..last-1, and their codes."""
+        start, neighbour, code = candidates
+        place, support = (self.positions, self.metric), self.weights.support
+        start, neighbour, code, fault = select_pairs(
+            *candidates[:2], *place, support, first, last, code, reflections, shifts
+        )
+        if fault >= 0:
+            self.fault = coincident(self.positions, candidates[0], fault)
+        pairs = OneSidedList(start, neighbour, self.weights.empty(len(neighbour)), None)
+        self.weights.fill(self, pairs, Places(code, reflections, shifts))
+        return pairs[:3], code
+
+    @property
+    def owned(self) -> int:
+        """Particles of this rank."""
+        return self.halo.owned
+
+    @property
+    def directed_pairs(self) -> int:
+        """Interactions counted once a particle, over this rank's particles."""
+        return sum((2 if mutual(pairs) else 1) * len(pairs.neighbour) for pairs in self._all())
+
+    def _all(self) -> list[Any]:
+        return [pairs for pairs in (self.inner, self.rim, self.mirror) if pairs is not None]
+
+    def lists(self) -> Iterator[tuple[Any, Places]]:
+        """Every list, and where its neighbours stand."""
+        for pairs in self._all():
+            images = images_of(pairs)
+            if images is None:
+                yield pairs, Places(np.zeros(len(pairs.neighbour), np.int8), *_AS_THEY_STAND)
+            else:
+                yield pairs, Places(images.code, self.codes.reflections, self.codes.shifts)
+
+    def arrays(self) -> list[np.ndarray]:
+        """Arrays of the lists, for what counts memory."""
+        arrays = [array for pairs in self._all() for array in pairs[:3]]
+        return arrays + ([*self.mirror.images] if self.mirror is not None else [])
+
+    # --- passes -----------------------------------------------------------------------------------------------
+
+    def sweep(self, apply: Callable[[Any], None], message: str | None = None) -> None:
+        """apply(list) to inner pairs while a message of the particles travels, then to pairs with ghosts and with images."""
+        if message is not None:
+            self.particles.send(message)
+        apply(self.inner)
+        if message is not None:
+            self.particles.receive(message)
+        for pairs in self._all()[1:]:
+            apply(pairs)
+
+    def gradient(self, message: str | None, fields: tuple = FIELD, sums: np.ndarray | None = None) -> np.ndarray:
+        """Add sum_b (v_b - v_a) (x) g_ab of vectors, sum_b (q_b - q_a) g_ab of numbers, to `sums` (`pair_sums` unless given).
+
+        message: what the ghosts are sent before, None where they have it; fields: `Vector` and `Scalar` columns of the kinematics.
+        """
+        kinematics = self.particles.storage("kinematics")
+        result = self.particles.storage("pair_sums") if sums is None else sums
+        self.sweep(lambda pairs: add_gradients(self.space, pairs, fields, kinematics, result), message)
+        return result
+
+    def divergence(self, terms=None) -> np.ndarray:
+        """Send the records, add the forces of their stresses and of `terms` to `pair_force` [N]."""
+        kinematics, record, force = (self.particles.storage(name) for name in ("kinematics", "record", "pair_force"))
+        self.sweep(lambda pairs: add_forces(self.space, pairs, terms, kinematics, record, force), "record")
+        return force
+
+    def warm(self) -> None:
+        """Compile the passes over lists of ghosts, which one rank alone does not have."""
+        pairs, storage = empty_list(self.inner), self.particles.storage
+        add_gradients(self.space, pairs, FIELD, storage("kinematics"), storage("pair_sums"))
+        add_forces(self.space, pairs, self.terms, *map(storage, ("kinematics", "record", "pair_force")))

@@ -1,0 +1,273 @@
+"""The two passes over a pair list, for every pair method, in the plane and in space.
+
+With an antisymmetric weight g_ab and one matrix L_a a particle, the two passes are
+    gradient    (grad v)_a = [sum_b (v_b - v_a) (x) g_ab] L_a^T / V_a
+    divergence  T_a        =  sum_b (P_a L_a + P_b L_b) g_ab              [N]
+and the dissipation of the upwinding is, eqs (74), (75) with linear reconstruction,
+    D_a = sum_b k_ab [c_s u + (c_p - c_s) (u.n) n],  u = v_b - v_a - 1/2 (grad v_a + grad v_b)(X_b - X_a),  n = x_ab/|x_ab|.
+
+Arrays (rows are particles, owned first; columns by name in `pairs.terms`):
+    kinematics  d=3: (n, 12) v|0 x|0 X|0;  d=2: (n, 8) v x X 0 0
+    record      what a particle tells its neighbours in the divergence pass
+    sums        of each field in turn: of a vector the columns of sum (v_b - v_a) (x) g, d=3 padded to 4 each;
+                of a scalar sum (q_b - q_a) g, padded to 4
+    force       (n, 8) T padded to 4, D padded to 4; (n, 4) T alone where nothing dissipates apart
+Pair weights (m, 4) are rows: d=3: (g1, g2, g3, k); d=2: (g1, g2, k, 0), where k is 1/2 |C_skew| / |g| times the factor on
+the dissipation, and C_skew = (L_a + L_b) g.
+
+Radial lists (peridynamics) hold one number a pair, weight (m,) = w(|xi|) V_a V_b, and g_ab = weight xi with xi = X_b - X_a is
+formed as it is needed: 12 bytes a pair; 0 is a broken bond. Their kinematics are f u X, f the field that drives stress and
+stabiliser, their records hold (S = P K^{-1}) M and what the stabiliser needs. The stabiliser adds to T_a
+    ShearScaled   sum_b weight (C1_a + C1_b) (f_b - f_a),     M = S - C1 G
+    AlongBonds    sum_b weight xi/(2 |xi|^3) xi . [(c_a + c_b)(f_b - f_a) - (c_a G_a + c_b G_b) xi],     M = S
+"""
+
+from typing import NamedTuple
+
+from numba.core import types
+from numba.extending import overload
+
+from decomposition.compiled import compiled
+from parsolid.numerics.dispatch import field_types, is_instance
+from parsolid.numerics.lanes import WIDTH, broadcast, load, store
+from parsolid.pairs.lists import images_of, mutual
+from parsolid.pairs.pair_terms import own_side, pair_forces
+from parsolid.pairs.primitives import matrix, outer, reference, vector
+from parsolid.pairs.terms import RiemannDissipation, dimension_of, matrix_columns
+
+
+class Vector(NamedTuple):
+    """A vector in some columns of the kinematics; None for the first ones, known when a kernel is compiled."""
+
+    column: int | None = None
+
+
+class Scalar(NamedTuple):
+    """A number in a column of the kinematics."""
+
+    column: int
+
+
+def sum_columns(dimension: int, fields: tuple) -> int:
+    """Columns of the sums of fields."""
+    return sum(matrix_columns(dimension) if isinstance(field, Vector) else WIDTH for field in fields)
+
+
+# --- tuples of lanes, as long as several fields or terms need --------------------------------------------------------
+
+
+def _plus(first, second):
+    """Sums of the lanes of two tuples."""
+    raise NotImplementedError
+
+
+@overload(_plus)
+def _plus_overload(first, second):
+    if len(first) == 1:
+        return lambda first, second: (first[0] + second[0],)
+    return lambda first, second: (first[0] + second[0], *_plus(first[1:], second[1:]))
+
+
+def _store_lanes(array, row, column, values):
+    """array[row, column :] = values."""
+    raise NotImplementedError
+
+
+@overload(_store_lanes)
+def _store_lanes_overload(array, row, column, values):
+    if len(values) == 1:
+        return lambda array, row, column, values: store(array, row, column, values[0])
+
+    def more(array, row, column, values):
+        store(array, row, column, values[0])
+        _store_lanes(array, row, column + WIDTH, values[1:])
+
+    return more
+
+
+def _add_lanes(array, row, column, values):
+    """array[row, column :] += values."""
+    raise NotImplementedError
+
+
+@overload(_add_lanes)
+def _add_lanes_overload(array, row, column, values):
+    if len(values) == 1:
+        return lambda array, row, column, values: store(array, row, column, load(array, row, column) + values[0])
+
+    def more(array, row, column, values):
+        store(array, row, column, load(array, row, column) + values[0])
+        _add_lanes(array, row, column + WIDTH, values[1:])
+
+    return more
+
+
+def _subtract_lanes(array, row, column, values):
+    """array[row, column :] -= values."""
+    raise NotImplementedError
+
+
+@overload(_subtract_lanes)
+def _subtract_lanes_overload(array, row, column, values):
+    if len(values) == 1:
+        return lambda array, row, column, values: store(array, row, column, load(array, row, column) - values[0])
+
+    def more(array, row, column, values):
+        store(array, row, column, load(array, row, column) - values[0])
+        _subtract_lanes(array, row, column + WIDTH, values[1:])
+
+    return more
+
+
+# --- fields of the gradient pass ---------------------------------------------------------------------------------
+
+
+def _own_values(fields, kinematics, a):
+    """The values of particle a, a number in every lane."""
+    raise NotImplementedError
+
+
+@overload(_own_values)
+def _own_values_overload(fields, kinematics, a):
+    if len(fields) == 1:
+        return lambda fields, kinematics, a: (_value(fields[0], None, a, kinematics, a),)
+    return lambda fields, kinematics, a: (
+        _value(fields[0], None, a, kinematics, a),
+        *_own_values(fields[1:], kinematics, a),
+    )
+
+
+def _value(field, images, k, kinematics, b):
+    """The value of a neighbour or of its image."""
+    raise NotImplementedError
+
+
+@overload(_value)
+def _value_overload(field, images, k, kinematics, b):
+    if is_instance(field, Scalar):
+        return lambda field, images, k, kinematics, b: broadcast(kinematics[b, field.column])
+    if isinstance(field_types(field)["column"], types.NoneType):
+        return lambda field, images, k, kinematics, b: vector(images, k, kinematics, b, 0)
+    return lambda field, images, k, kinematics, b: vector(images, k, kinematics, b, field.column)
+
+
+def _sums(space, fields, sums, a, column):
+    """The sums so far of particle a."""
+    raise NotImplementedError
+
+
+@overload(_sums)
+def _sums_overload(space, fields, sums, a, column):
+    if is_instance(fields[0], Scalar):
+        if len(fields) == 1:
+            return lambda space, fields, sums, a, column: (load(sums, a, column),)
+        return lambda space, fields, sums, a, column: (
+            load(sums, a, column),
+            *_sums(space, fields[1:], sums, a, column + WIDTH),
+        )
+    if len(fields) == 1:
+        return lambda space, fields, sums, a, column: matrix(space, sums, a, column)
+    width = matrix_columns(dimension_of(space))
+    return lambda space, fields, sums, a, column: (
+        *matrix(space, sums, a, column),
+        *_sums(space, fields[1:], sums, a, column + width),
+    )
+
+
+def _differences(space, fields, own, images, k, kinematics, b, g):
+    """What the pair k adds to the sums of both particles."""
+    raise NotImplementedError
+
+
+@overload(_differences)
+def _differences_overload(space, fields, own, images, k, kinematics, b, g):
+    if len(fields) == 1:
+        return lambda space, fields, own, images, k, kinematics, b, g: _difference(
+            space, fields[0], own[0], images, k, kinematics, b, g
+        )
+    return lambda space, fields, own, images, k, kinematics, b, g: (
+        *_difference(space, fields[0], own[0], images, k, kinematics, b, g),
+        *_differences(space, fields[1:], own[1:], images, k, kinematics, b, g),
+    )
+
+
+def _difference(space, field, own, images, k, kinematics, b, g):
+    """(v_b - v_a) (x) g of a vector, (q_b - q_a) g of a number."""
+    raise NotImplementedError
+
+
+@overload(_difference)
+def _difference_overload(space, field, own, images, k, kinematics, b, g):
+    if is_instance(field, Scalar):
+        return lambda space, field, own, images, k, kinematics, b, g: (
+            (_value(field, images, k, kinematics, b) - own) * g,
+        )
+    return lambda space, field, own, images, k, kinematics, b, g: outer(
+        space, _value(field, images, k, kinematics, b) - own, g
+    )
+
+
+# --- the passes --------------------------------------------------------------------------------------------------
+
+
+def _weight(space, weight, images, k, kinematics, b, X):
+    """g_ab with the number beside it: as stored, or weight (X_b - X_a) where the list is radial."""
+    raise NotImplementedError
+
+
+@overload(_weight)
+def _weight_overload(space, weight, images, k, kinematics, b, X):
+    if weight.ndim == 2:
+        return lambda space, weight, images, k, kinematics, b, X: load(weight, k, 0)
+    return lambda space, weight, images, k, kinematics, b, X: (
+        broadcast(weight[k]) * (reference(space, images, k, kinematics, b) - X)
+    )
+
+
+def _forces(terms, force, a):
+    """(T,) or (T, D) so far of particle a."""
+    raise NotImplementedError
+
+
+@overload(_forces)
+def _forces_overload(terms, force, a):
+    if is_instance(terms, RiemannDissipation):
+        return lambda terms, force, a: (load(force, a, 0), load(force, a, WIDTH))
+    return lambda terms, force, a: (load(force, a, 0),)
+
+
+@compiled(fastmath={"contract"}, error_model="numpy")
+def add_gradients(space, pairs, fields, kinematics, sums):
+    """Add what the pairs of a list have of the gradients of fields, a tuple of `Vector` and `Scalar`."""
+    images = images_of(pairs)
+    for a in range(pairs.start.shape[0] - 1):
+        if pairs.start[a] == pairs.start[a + 1]:
+            continue
+        own, X = _own_values(fields, kinematics, a), reference(space, None, a, kinematics, a)
+        total = _sums(space, fields, sums, a, 0)
+        for k in range(pairs.start[a], pairs.start[a + 1]):
+            b = pairs.neighbour[k]
+            g = _weight(space, pairs.weight, images, k, kinematics, b, X)
+            difference = _differences(space, fields, own, images, k, kinematics, b, g)
+            total = _plus(total, difference)
+            if mutual(pairs):
+                _add_lanes(sums, b, 0, difference)
+        _store_lanes(sums, a, 0, total)
+
+
+@compiled(fastmath={"contract"}, error_model="numpy")
+def add_forces(space, pairs, terms, kinematics, record, force):
+    """Add the forces of the pairs of a list: those of the stresses, and what `terms` says."""
+    images = images_of(pairs)
+    for a in range(pairs.start.shape[0] - 1):
+        if pairs.start[a] == pairs.start[a + 1]:
+            continue
+        own, total = own_side(space, terms, kinematics, record, a), _forces(terms, force, a)
+        for k in range(pairs.start[a], pairs.start[a + 1]):
+            b = pairs.neighbour[k]
+            g = _weight(space, pairs.weight, images, k, kinematics, b, own[1])
+            t = pair_forces(space, terms, own, images, k, pairs.weight, kinematics, record, b, g)
+            total = _plus(total, t)
+            if mutual(pairs):
+                _subtract_lanes(force, b, 0, t)
+        _store_lanes(force, a, 0, total)
