@@ -13,6 +13,7 @@ from parsolid.output.progress import Progress
 from parsolid.output.summary import provenance, write_summary
 from parsolid.scene import Scene, SceneError, dump_scene, load_scene, packaged_scene
 from parsolid.scene.bodies import Body
+from parsolid.scene.declared import law_files
 from parsolid.scene.shapes import MeshFile
 from parsolid.simulation.loop import FINISHED, INTERRUPTED, Limits, RunFailed, Simulation
 from parsolid.simulation.output_files import OutputFiles
@@ -32,7 +33,7 @@ def load(comm: MPI.Intracomm, options: Namespace) -> Scene:
         if options.end_time is not None:
             overrides.append(f"end_time={options.end_time!r}")
         try:
-            scene = load_scene(options.scene or packaged_scene(), overrides)
+            scene = load_scene(options.scene or packaged_scene(), overrides, options.trust_code)
         except SceneError as found:
             error = found.faults
     read: Scene
@@ -105,7 +106,7 @@ def _inputs(options: Namespace, scene: Scene, restart: Restart | None) -> tuple[
     meshes = tuple(body.shape.model.file for body in scene.bodies if isinstance(body.shape.model, MeshFile))
     series = (scene.reference.series,) if scene.reference and scene.reference.series else ()
     named = (options.scene,) if options.scene else ()
-    return named + meshes + series + ((restart.path,) if restart else ())
+    return named + meshes + series + tuple(law_files(scene)) + ((restart.path,) if restart else ())
 
 
 def _follow(comm: MPI.Intracomm, simulation: Simulation, watch: Recorder, limits: Limits) -> int:

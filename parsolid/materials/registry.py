@@ -36,7 +36,7 @@ _FUNCTIONS = {
 
 
 class LawError(Exception):
-    """A law cannot be had; the message says why."""
+    """A law cannot be had; the message says what was expected."""
 
 
 @cache
@@ -74,7 +74,7 @@ def declared(role: str, kind: str) -> type:
     except KeyError:
         raise
     except Exception as error:
-        raise LawError(f"{kind!r} of an installed package cannot be loaded: {error}") from error
+        raise LawError(f"an installed law that can be loaded ({error})") from error
     _complete(result)
     return result
 
@@ -87,12 +87,17 @@ def loaded(path: str, name: str) -> type | None:
     return _of_files.get((path, name))
 
 
+def loaded_texts() -> str:
+    """The texts of all files of laws that this process has loaded."""
+    return "".join(law.source[2] for _, law in sorted(_of_files.items(), key=lambda item: item[0]))
+
+
 def text_of(path: str) -> str:
     """The text of a file of laws. Raises LawError."""
     try:
         return Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise LawError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
+        raise LawError(f"a file that can be read ({getattr(error, 'strerror', None) or error})") from error
 
 
 def from_text(path: str, name: str, text: str) -> type:
@@ -111,10 +116,10 @@ def from_text(path: str, name: str, text: str) -> type:
             exec(compile(text, path, "exec"), new.__dict__)
         except Exception as error:
             del sys.modules[module]
-            raise LawError(f"{path} cannot be run: {type(error).__name__}: {error}") from error
+            raise LawError(f"a file that can be run ({type(error).__name__}: {error})") from error
     result = getattr(sys.modules[module], name, None)
     if not (isinstance(result, type) and hasattr(result, "role")):
-        raise LawError(f'{path} has no class {name} with the decorator @law("role", "kind")')
+        raise LawError(f'a class {name} with the decorator @law("role", "kind")')
     _complete(result)
     _of_files[path, name] = result
     result.source = (path, name, text)
@@ -130,7 +135,7 @@ def _complete(declared: type) -> None:
     lacking = [name for name in needed if not getattr(room, name).table.has(declared)]
     lacking += [names[-1] for names in either if not any(getattr(room, name).table.has(declared) for name in names)]
     if lacking:
-        raise LawError(f"{declared.__name__} has no {' and no '.join(lacking)} (see docs/laws.md)")
+        raise LawError(f"a law with {' and '.join(lacking)} (see docs/laws.md)")
 
 
 def laws_of(scene) -> list:

@@ -115,13 +115,12 @@ def read_checkpoint(comm: MPI.Intracomm, path: Path | str) -> tuple[Header, list
                 layout = json.loads(file["header"][()]), offsets, file["ranks/values"][()]
     header, offsets, values = comm.bcast(layout)
     systems: list[Fields] = []
-    with together(comm, doing):
-        with open_serial(path, "r") as file:
-            for number, offset in enumerate(offsets):
-                if len(offset) - 1 != comm.size:
-                    offset = np.array([offset[-1] * rank // comm.size for rank in range(comm.size + 1)])
-                here = slice(offset[comm.rank], offset[comm.rank + 1])
-                systems.append({name: rows[here] for name, rows in file[numbered("particles", number)].items()})
+    with together(comm, doing), open_serial(path, "r") as file:
+        for number, offset in enumerate(offsets):
+            if len(offset) - 1 != comm.size:
+                offset = np.array([offset[-1] * rank // comm.size for rank in range(comm.size + 1)])
+            here = slice(offset[comm.rank], offset[comm.rank + 1])
+            systems.append({name: rows[here] for name, rows in file[numbered("particles", number)].items()})
     return header, systems, values
 
 

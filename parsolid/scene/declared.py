@@ -11,7 +11,7 @@ from parsolid.materials import registry
 from parsolid.materials.declaration import NEEDED, OfMaterial, Parameter, built, parameters_of
 from parsolid.materials.registry import LawError
 from parsolid.scene.base_model import ByKind, SceneModel, method_of, reject
-from parsolid.scene.validation_errors import NOTHING, Phrase
+from parsolid.scene.validation_errors import NOTHING
 
 
 class DeclaredModel(SceneModel):
@@ -87,6 +87,13 @@ def _field(plain: Any, parameter: Parameter) -> tuple:
     return hint | None if optional else hint, Field(**default, description=parameter.told)
 
 
+def law_files(scene: Any) -> list[str]:
+    """Files of the laws of a scene's bodies, and of their parts."""
+    tables = [body.material for body in scene.bodies]
+    tables += [part for table in tables for part in getattr(table, "parts", {}).values()]
+    return sorted({table.law.rpartition(":")[0] for table in tables if isinstance(getattr(table, "law", None), str)})
+
+
 class ByLaw(ByKind):
     """Annotation of a field whose table names a law: by its `kind`, or by `law`, a file and a class in it.
 
@@ -133,7 +140,7 @@ class ByLaw(ByKind):
             return self._of_file(value, info) if "law" in value else super().chosen(value, info)
         except LawError as error:
             key = "law" if "law" in value else "kind"
-            reject(((key,), "a law", Phrase(error)))
+            reject(((key,), str(error), value[key]))
 
     def _of_file(self, value: dict, info: ValidationInfo) -> type[SceneModel]:
         stated, context = value["law"], info.context or {}

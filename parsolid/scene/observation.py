@@ -7,13 +7,14 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
+from parsolid.materials.declaration import Phrase
 from parsolid.observables.declared import field_kinds, quantity_kinds, shown_kinds
 from parsolid.scene.base_model import NotNegative, Point, Positive, SceneModel, method_of, mismatch, reject
 from parsolid.scene.bodies import Name
 from parsolid.scene.formulas import InitialScalar
 from parsolid.scene.method_settings import Detail, MethodSettings
 from parsolid.scene.shapes import AxisName, ExistingFile
-from parsolid.scene.validation_errors import NOTHING, Phrase, suggestion
+from parsolid.scene.validation_errors import NOTHING, suggestion
 
 HISTORY_COLUMNS = ("kinetic", "stored", "dissipation_internal", "dissipation_numerical", "work_external", "balance")
 

@@ -71,6 +71,7 @@ def test_branches_are_refused_where_the_scene_is_read(comm):
         simulation(data, comm)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order, transfer", [("usl", "flip"), ("musl", "flip"), ("usl", "apic"), ("musl", "apic")])
 def test_the_balance_is_zero_but_for_the_time_integration(comm, order, transfer):
     """An oscillating block between mirror planes: the balance swings, and half as far with half the step."""

@@ -34,6 +34,7 @@ def test_bitwise_runs_have_the_same_bits(comm, basis, dimension):
     assert np.abs(gathered(single, "plastic_strain")[0]).max() > 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [{}, {"order": "musl", "transfer": "apic"}, {"bitwise": True, "order": "musl"}])
 @pytest.mark.parametrize("cells", [(4, 3), (4, 3, 2)])
 def test_a_body_that_crosses_the_domain(comm, cells, method):

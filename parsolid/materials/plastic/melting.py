@@ -26,11 +26,6 @@ class SteinbergMelting(NamedTuple):
     volume_coefficient: Annotated[float, Parameter("1", "a", at_least=0.0)]
 
 
-@melting_temperature.of(None)
-def _never(model, J):
-    return math.inf
-
-
 @melting_temperature.of(ConstantMelting)
 def _constant(model, J):
     return model.temperature
