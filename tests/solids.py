@@ -118,6 +118,14 @@ def run_to_end(data: dict, comm=MPI.COMM_SELF, more=None) -> tuple[Simulation, d
     return sim, follow(sim, Record(more), policy=StepsToEnd)
 
 
+CONSTANT = ("identifier", "body", "reference_position", "volume", "spacing", "axes", "area")
+
+
+def evolved(sim) -> list[str]:
+    """Names of the fields that steps change and a restart needs."""
+    return [name for name in sim.systems[0].particles.checkpointed() if name not in CONSTANT]
+
+
 def gathered(sim, *names: str) -> list[np.ndarray]:
     """Fields of all particles of all ranks in the order of their identifiers, the same on every rank.
 
