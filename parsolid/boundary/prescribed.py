@@ -1,14 +1,16 @@
 """Motion that a scene prescribes, on a rank's particles; the last condition holds."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
-from parsolid.boundary.declarations import Declarations, PrescribedMotion
-from parsolid.boundary.rows import HasRows
+from parsolid.boundary.declarations import PrescribedMotion
+from parsolid.boundary.rows import HasParticles, HasRows
+from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.load_histories import LoadHistory
 from parsolid.scene.regions import selected
+from parsolid.scene.schema import Scene
 
 
 @dataclass
@@ -33,14 +35,24 @@ class PrescribedRows:
     guided: whether anything is prescribed, the same on all ranks.
     """
 
-    def __init__(self, comm, declared: Declarations, particle_set, particles: Any):
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        scene: Scene,
+        motions: list[PrescribedMotion],
+        particle_set: ParticleSet,
+        particles: HasParticles,
+    ):
         """particles: `Particles` or `rows.FixedParticles` of the particle_set; collective."""
-        self.particles, self.components, self._layout = particles, [], -1
+        self.particles, self._layout = particles, -1
+        self.components: list[_Component] = []
+        self._constant: dict[str, np.ndarray] = {}
         wanted = []
         taken = np.zeros(particle_set.position.shape, bool)
-        for one in reversed(declared.of(PrescribedMotion)):
-            chosen, free = selected(declared.scene, one.where, particle_set, comm), one.course.free
-            for index in np.flatnonzero(~free[: taken.shape[1]])[::-1]:
+        dimension = particle_set.position.shape[1]
+        for one in reversed(motions):
+            chosen, free = selected(scene, one.where, particle_set, comm), one.course.free
+            for index in np.flatnonzero(~free[:dimension])[::-1]:
                 # work is counted once: on what holds
                 wanted.append((one.quantity, chosen & ~taken[:, index], int(index), one.course.component(index)))
                 taken[:, index] |= chosen
@@ -78,7 +90,7 @@ class PrescribedRows:
         return self._entries
 
     def values(self, quantity: str, time: float, before: bool = False) -> np.ndarray:
-        """(k,) for the entries at a time [s], of a jump just after, or just before it; 0 where another quantity is prescribed."""
+        """(k,) for the entries at a time [s], after or before a jump of that time; 0 where another is prescribed."""
         self._look_up()
         meant = [one for one in self.components if one.quantity == quantity]
         if quantity not in self._constant:

@@ -16,9 +16,9 @@ def checkerboard_content(values: np.ndarray, directions: Sequence[int] | None = 
     """The share of a field on a lattice that alternates along all the directions at once, 0 to 1.
 
     values (n0, n1, ...) on the lattice; directions: axes of it, all of at least `FEWEST` points unless given. With
-    D_i p = (2 p_j - p_{j-1} - p_{j+1}) / 4 along direction i, the number is the root mean square of D_1 D_2 ... p over that of
-    p, over all points with neighbours on both sides. It is 1 for (-1)^(j1 + j2 + ...), the product of sin^2(k_i dx_i / 2) for
-    a wave, so that a smooth field has nearly nothing, and 0 where the field vanishes.
+    D_i p = (2 p_j - p_{j-1} - p_{j+1}) / 4 along direction i, the number is the root mean square of D_1 D_2 ... p over
+    that of p, over all points with neighbours on both sides. It is 1 for (-1)^(j1 + j2 + ...), the product of
+    sin^2(k_i dx_i / 2) for a wave, so that a smooth field has nearly nothing, and 0 where the field vanishes.
 
     Raises ValueError when there is no such direction or one has fewer than three points.
     """

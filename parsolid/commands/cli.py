@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 from parsolid import __version__
 from parsolid.collective import SolverError
-from parsolid.commands.arguments import whole_number
+from parsolid.commands.arguments import TRUST_CODE, whole_number
 from parsolid.output.errors import OutputError
 from parsolid.scene.validation_errors import SceneError
 
@@ -44,6 +44,7 @@ def _scene_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--set", action="append", default=[], metavar="KEY.PATH=VALUE", help="override a key of the scene"
     )
+    parser.add_argument("--trust-code", action="store_true", help=TRUST_CODE)
     parser.add_argument("--end-time", type=_seconds, metavar="T", help="simulated time to stop at [s]")
     parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
     parser.add_argument("-v", "--verbose", action="store_true", help="say more")

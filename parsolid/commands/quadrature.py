@@ -1,8 +1,9 @@
 """How much of the material point method's error is quadrature: the command `quadrature`.
 
-The particles carry the exact fields of the axis-aligned manufactured solution (`exact.manufactured`) at the time of its largest strain,
-and a single evaluation gives accelerations at the nodes. Their error is compared with that of the same lumped scheme whose integrals
-are worked out by Gauss points that are many enough to be exact: what is left then is the basis, what is gone was quadrature.
+The particles carry the exact fields of the axis-aligned manufactured solution (`exact.manufactured`) at the time of its
+largest strain, and a single evaluation gives accelerations at the nodes. Their error is compared with that of the same
+lumped scheme whose integrals are worked out by Gauss points that are many enough to be exact: what is left then is the
+basis, what is gone was quadrature.
 """
 
 import csv
@@ -43,7 +44,10 @@ def _square(coordinates: np.ndarray) -> np.ndarray:
 
 
 def reference_places(solution, time: float, current: np.ndarray) -> np.ndarray:
-    """X (n, 2) of places x (n, 2); the displacement gradient is below 0.2, so that twenty iterations leave round-off."""
+    """X (n, 2) of places x (n, 2).
+
+    The displacement gradient is below 0.2, so that twenty iterations leave round-off.
+    """
     places = current.copy()
     for _ in range(20):
         places = current - solution.fields(places, time)["displacement"]
@@ -74,7 +78,7 @@ def gauss_points(solution, time: float, cells: int) -> Points:
 
 
 def acceleration_error(kind: str, points: Points, solution, time: float, cells: int) -> float:
-    """Root mean square error of the nodal accelerations on the unit square over the largest acceleration, of a basis by name."""
+    """Root mean square error of the nodal accelerations on the unit square over the largest; kind: of basis."""
     from parsolid.methods.mpm.weights import make_basis
     from parsolid.numerics.lanes import aligned_zeros
 

@@ -9,6 +9,7 @@ from parsolid.output.errors import OutputError, together
 from parsolid.output.progress import Progress
 from parsolid.output.summary import provenance, write_summary
 from parsolid.scene import SceneError, dump_scene, load_scene, packaged_scene
+from parsolid.scene.declared import law_files
 from parsolid.simulation.loop import FINISHED, INTERRUPTED, Limits, RunFailed, Simulation
 from parsolid.simulation.output_files import OutputFiles
 from parsolid.simulation.recorder import Recorder
@@ -27,7 +28,7 @@ def load(comm, options):
         if options.end_time is not None:
             overrides.append(f"end_time={options.end_time!r}")
         try:
-            scene = load_scene(options.scene or packaged_scene(), overrides)
+            scene = load_scene(options.scene or packaged_scene(), overrides, options.trust_code)
         except SceneError as found:
             error = found.faults
     scene, error = comm.bcast((scene, error))
@@ -99,7 +100,7 @@ def _inputs(options, scene, restart) -> tuple:
     meshes = tuple(body.shape.model.file for body in scene.bodies if body.shape.kind == "mesh")
     series = (scene.reference.series,) if scene.reference and scene.reference.series else ()
     named = (options.scene,) if options.scene else ()
-    return named + meshes + series + ((restart.path,) if restart else ())
+    return named + meshes + series + tuple(law_files(scene)) + ((restart.path,) if restart else ())
 
 
 def _follow(comm, simulation, watch, limits, options) -> int:

@@ -6,19 +6,20 @@ import numpy as np
 
 from parsolid.materials.registry import laws_of
 from parsolid.particles.distribution import sort_for_speed
-from parsolid.particles.fields import FieldTable
 
 
 class ParticleSystem:
     """A method with its bodies on one rank; sizes are of this rank's owned particles, d = dimension.
 
     Set by the simulation: bodies, the scene's numbers of the system's bodies, which are numbered from 0 within it.
-    Set by the method: comm, settings (the scene's), dimension, owned, table (`FieldTable`), mass (owned,) [kg] and share (owned,), the part of a particle's
-    mass on this side of mirror planes (tributary mass = mass share).
-    jumps: times [s] at which a step of length 0 is due, because loads jump; landings: times [s] at which a step must end;
-    even_steps: whether steps between two times to land on have one length (leapfrog near its limit gains energy where they change);
+    Set by the method: comm, settings (the scene's), dimension, owned, table (`FieldTable`), mass (owned,) [kg] and
+    share (owned,), the part of a particle's mass on this side of mirror planes (tributary mass = mass share).
+    jumps: times [s] at which a step of length 0 is due for all systems, because loads jump.
+    landings: times [s] at which a step must end; even_steps: whether steps between two of them have one length
+    (leapfrog near its limit gains energy where they change).
     evaluations: force evaluations a step; directed_pairs: interactions counted once a particle.
-    energy_scale: an energy [J], the same on all ranks, of which the balance has the round-off even where kinetic and stored vanish.
+    energy_scale: an energy [J], the same on all ranks, of which the balance has the round-off even where kinetic and
+    stored vanish.
     news: whether this rank has found what all ranks must act on at the next step, as it is when a step is announced;
     news_anywhere: whether any rank had, told before the next step.
     """
@@ -28,7 +29,7 @@ class ParticleSystem:
     bodies: tuple[int, ...]
     dimension: int
     owned: int
-    table: FieldTable
+    particles: Any
     mass: np.ndarray
     share: np.ndarray
     jumps: tuple[float, ...] = ()
@@ -47,9 +48,9 @@ class ParticleSystem:
         return sort_for_speed(comm, particle_set, laws_of(scene))
 
     @property
-    def particles(self) -> FieldTable:
-        """The declared fields of this rank's particles."""
-        return self.table
+    def table(self) -> Any:
+        """The particles, until all methods call them so."""
+        return self.particles
 
     def __init__(self, comm, scene, particle_set):
         """Everything but the state; particle_set: this rank's particles, sorted. Collective.
@@ -88,7 +89,7 @@ class ParticleSystem:
         raise NotImplementedError
 
     def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
-        """Values of particles first..last-1 of a field that is not in the table, (n,), (n, d) or (n, 3, 3); None if there is none.
+        """Values of particles first..last-1 of a field that is not declared, (n,), (n, d) or (n, 3, 3), or None.
 
         Every method has deformation_gradient and first_piola_kirchhoff_stress or stress (Cauchy) [Pa].
         """
@@ -141,7 +142,3 @@ class ParticleSystem:
 
     def warm(self) -> None:
         """Compile what only runs on several ranks, or only when results are looked at."""
-
-
-# until every method derives from the new name
-ParticleMethod = ParticleSystem

@@ -114,7 +114,7 @@ def vertex_connectivity(first: int, last: int) -> np.ndarray:
 
 
 def vertex_offsets(first: int, last: int) -> np.ndarray:
-    """Entries first to last of Vertices/Offsets: where each cell's points begin, one entry more than cells in a part."""
+    """Entries first to last of Vertices/Offsets: where each cell's points begin, one more than a part has cells."""
     return np.arange(first, last) % (PART + 1)
 
 

@@ -10,9 +10,10 @@ from parsolid.scene.base_model import Positive, SceneModel, reject
 class MethodSettings(SceneModel):
     """What every method has, and what it says of itself to the other tables of a scene.
 
-    dimensions; materials, boundaries: the kinds that the method knows; extra_fields, extra_quantities: what can be probed or
-    shown besides the fields of all methods -> "scalar", "vector" or "tensor"; pictured_fields: what colours the bodies, the
-    first that was written; loads: keys of the table of that name; ledger_terms: see `ledger.Ledger`.
+    dimensions; materials: the roles of laws that the method takes; boundaries: the kinds that it knows; extra_fields,
+    extra_quantities: what can be probed or shown besides the fields of all methods -> "scalar", "vector" or "tensor";
+    pictured_fields: what colours the bodies, the first that was written; loads: keys of the table of that name;
+    ledger_terms: see `ledger.Ledger`.
     """
 
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)

@@ -13,7 +13,7 @@ from parsolid.scene.peridynamics import Peridynamics
 class TotalLagrangianSPH(MethodSettings):
     """Upwind total-Lagrangian smoothed particle hydrodynamics (Lee et al.)."""
 
-    materials: ClassVar = ("mooney-rivlin", "neo-hookean")
+    materials: ClassVar = ("hyperelastic",)
     boundaries: ClassVar = ("fixed", "roller", "antisymmetric", "velocity", "traction")
     kind: Literal["tlsph"]
     kernel: Literal["wendland-c2", "cubic-spline", "quintic-spline"] = "wendland-c2"

@@ -54,8 +54,8 @@ def component_names(field: str, dimension: int, *settings: MethodSettings) -> li
 class Probe(SceneModel):
     """Values written to the history: fields of the particle nearest to `at`, or one quantity of all particles.
 
-    With a `weight` w(X, Y, Z) in place of `at` fields are projected on it, sum V w f / sum V w^2 over all particles: the
-    amplitude of a mode w.
+    With a `weight` w(X, Y, Z) in place of `at` fields are projected on it, sum V w f / sum V w^2 over all particles:
+    the amplitude of a mode w.
     twist is the angle [rad], accumulated over turns, by which the particle has turned about `axis` through `centre`.
     """
 
@@ -146,9 +146,10 @@ MANUFACTURED = ("axis-aligned", "generalised-vortex")
 class Reference(SceneModel):
     """What the results are compared with.
 
-    Either a JSON file `series` with "t", "E0" and a table "series" of equally long lists, and `columns` from a column of the
-    history to a name in that table; or an `exact` solution with its `parameters`, compared at `times` [s], at each step, or with
-    what probes have written to the history (of solutions that say so); or the `final` values of columns of the history.
+    Either a JSON file `series` with "t", "E0" and a table "series" of equally long lists, and `columns` from a column
+    of the history to a name in that table; or an `exact` solution with its `parameters`, compared at `times` [s], at
+    each step, or with what probes have written to the history (of solutions that say so); or the `final` values of
+    columns of the history.
     """
 
     exactly_one: ClassVar = (("series", "exact", "final"), ("columns", "times", "each_step", "history", "final"))

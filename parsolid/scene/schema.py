@@ -65,7 +65,7 @@ class Scene(SceneModel):
         return (SystemOfScene(self.method, tuple(range(len(self.bodies)))),)
 
     def part(self, system: SystemOfScene) -> "Scene":
-        """The scene of one system: its method, its bodies, and the boundaries that are for any body or for one of its own."""
+        """The scene of one system: its method and bodies, and boundaries that are for any body or one of its own."""
         bodies = [self.bodies[number] for number in system.bodies]
         if system.settings == self.method and bodies == self.bodies:
             return self
@@ -93,7 +93,7 @@ class Scene(SceneModel):
 
 @dataclass
 class Parts:
-    """The tables of a scene that are sound in themselves, by their place, so that faults between them can be told too."""
+    """The tables of a scene that are sound in themselves, by place, so that faults between them can be told too."""
 
     dimension: int
     bodies: dict[int, FilledShape]

@@ -81,8 +81,8 @@ every_dimension = pytest.mark.parametrize("dimension", [2, 3])
 
 def signs_of(sim):
     """(axis, coordinate, Q, R) of each plane of a simulation, matrices (d, d)."""
-    d = sim.method.dimension
-    for plane in sim.method.boundaries.planes:
+    d = sim.systems[0].dimension
+    for plane in sim.systems[0].boundaries.planes:
         R = np.eye(d)
         R[plane.axis, plane.axis] = -1.0
         yield plane.axis, plane.coordinate, {"roller": R, "fixed": -np.eye(d), "antisymmetric": -R}[plane.kind], R
@@ -90,7 +90,7 @@ def signs_of(sim):
 
 def set_linear_velocity(sim) -> np.ndarray:
     """v = A (X - X0) + b with the symmetries of all planes; returns A."""
-    d, table = sim.method.dimension, sim.method.table
+    d, table = sim.systems[0].dimension, sim.systems[0].table
     random = np.random.default_rng(9)
     A, b, origin = random.normal(size=(d, d)), random.normal(size=d), np.zeros(d)
     seen = set()
@@ -112,11 +112,11 @@ def set_linear_velocity(sim) -> np.ndarray:
 @every_body
 def test_weights_are_antisymmetric_to_the_bit(body, dimension):
     sim = BODIES[body](dimension)
-    neighbour_lists, metric = sim.method.neighbour_lists, sim.method.neighbour_lists.metric
+    neighbour_lists, metric = sim.systems[0].neighbour_lists, sim.systems[0].neighbour_lists.metric
     inner = neighbour_lists.inner
-    first = np.repeat(np.arange(sim.method.owned), np.diff(inner.start))
+    first = np.repeat(np.arange(sim.systems[0].owned), np.diff(inner.start))
     order = np.argsort(inner.neighbour, kind="stable")
-    start = np.searchsorted(inner.neighbour[order], np.arange(sim.method.owned + 1))
+    start = np.searchsorted(inner.neighbour[order], np.arange(sim.systems[0].owned + 1))
     backward = aligned_zeros((len(order), 4))
     weights.pair_weights(
         KERNELS["wendland-c2"],
@@ -140,11 +140,11 @@ def test_weights_are_antisymmetric_to_the_bit(body, dimension):
 def test_weights_of_images_reflect_each_other(body, dimension):
     sim = BODIES[body](dimension)
     mirror, images, R = (
-        sim.method.neighbour_lists.mirror,
-        sim.method.neighbour_lists.images,
-        sim.method.boundaries.codes.reflections,
+        sim.systems[0].neighbour_lists.mirror,
+        sim.systems[0].neighbour_lists.images,
+        sim.systems[0].boundaries.codes.reflections,
     )
-    first = np.repeat(np.arange(sim.method.owned), np.diff(mirror.start))
+    first = np.repeat(np.arange(sim.systems[0].owned), np.diff(mirror.start))
     row = {key: k for k, key in enumerate(zip(first, mirror.neighbour, images.code))}
     both = [(k, row[b, a, c]) for (a, b, c), k in row.items() if (b, a, c) in row]
     assert len(both) > 10
@@ -160,7 +160,7 @@ def test_weights_of_images_reflect_each_other(body, dimension):
 @pytest.mark.parametrize("body", ["box", "shell"])
 def test_the_inner_list_as_two_one_sided_lists_gives_the_same(body, dimension):
     sim = BODIES[body](dimension)
-    method, passes = sim.method, {2: pairs_plane, 3: pairs_space}[dimension]
+    method, passes = sim.systems[0], {2: pairs_plane, 3: pairs_space}[dimension]
     inner = evaluate(sim)
     half = method.neighbour_lists.inner
     first = np.repeat(np.arange(method.owned), np.diff(half.start)).astype(np.int32)
@@ -206,7 +206,7 @@ def test_the_gradient_of_a_linear_field_is_exact(body, dimension):
     A = set_linear_velocity(sim)
     assert np.abs(A).max() > 0.1
     np.testing.assert_allclose(
-        evaluate(sim)["gradient"], np.broadcast_to(A, (sim.method.owned, *A.shape)), atol=ROUND_OFF
+        evaluate(sim)["gradient"], np.broadcast_to(A, (sim.systems[0].owned, *A.shape)), atol=ROUND_OFF
     )
 
 
@@ -216,7 +216,7 @@ def test_the_gradient_of_a_linear_field_is_exact_at_a_fixed_wall(dimension):
     A = set_linear_velocity(sim)
     assert np.abs(A[:, 1]).max() > 0.1
     np.testing.assert_allclose(
-        evaluate(sim)["gradient"], np.broadcast_to(A, (sim.method.owned, *A.shape)), atol=ROUND_OFF
+        evaluate(sim)["gradient"], np.broadcast_to(A, (sim.systems[0].owned, *A.shape)), atol=ROUND_OFF
     )
 
 
@@ -246,11 +246,11 @@ def test_gradient_and_divergence_are_skew_adjoint_for_small_strains_at_an_antisy
 
 def powers(sim) -> np.ndarray:
     """Each particle's stress power V P : grad v and power of T [W], with tributary weights."""
-    d, found = sim.method.dimension, evaluate(sim)
-    L = sim.method.body.correction[:, : sim.method.owned].T.reshape(-1, d, d)
+    d, found = sim.systems[0].dimension, evaluate(sim)
+    L = sim.systems[0].body.correction[:, : sim.systems[0].owned].T.reshape(-1, d, d)
     P = found["PL"] @ np.linalg.inv(L)
-    stress = sim.method.body.tributary[0, : sim.method.owned] * np.sum(P * found["gradient"], axis=(1, 2))
-    return stress, sim.method.share * np.sum(sim.method.table.owned_rows("velocity") * found["T"], axis=1)
+    stress = sim.systems[0].body.tributary[0, : sim.systems[0].owned] * np.sum(P * found["gradient"], axis=(1, 2))
+    return stress, sim.systems[0].share * np.sum(sim.systems[0].table.owned_rows("velocity") * found["T"], axis=1)
 
 
 def skew_defect(sim) -> float:
@@ -268,7 +268,7 @@ def skew_defect(sim) -> float:
 def test_the_energy_identity(body, dimension):
     """dK/dt + dW/dt + D_int + D_num = power of the loads (Appendix B), with dW/dt from the energy's own derivatives."""
     sim = BODIES[body](dimension)
-    method, solid = sim.method, Solid.of(sim.method.blocks[0].law)
+    method, solid = sim.systems[0], Solid.of(sim.systems[0].blocks[0].law)
     velocity, weight = method.table.owned_rows("velocity"), method.body.tributary[0, : method.owned]
     found, strain = evaluate(sim), strains(sim)
     rate = np.zeros_like(strain["F"])
@@ -284,9 +284,9 @@ def test_the_energy_identity(body, dimension):
 @every_dimension
 def test_the_stored_energy_and_its_rate_belong_together(dimension):
     sim = box(dimension)
-    solid, strain, rate = Solid.of(sim.method.blocks[0].law), strains(sim), evaluate(sim)["gradient"]
-    weight = sim.method.body.tributary[0, : sim.method.owned]
-    assert sim.method.energies()[1] == pytest.approx(
+    solid, strain, rate = Solid.of(sim.systems[0].blocks[0].law), strains(sim), evaluate(sim)["gradient"]
+    weight = sim.systems[0].body.tributary[0, : sim.systems[0].owned]
+    assert sim.systems[0].energies()[1] == pytest.approx(
         np.sum(weight * solid.energy(*(strain[name] for name in "FHJA"))), rel=1e-13
     )
 
@@ -338,11 +338,11 @@ def test_ranks_share_what_one_computes(comm, dimension, mirrored):
         )
         sim = simulation(data, where)
         set_random_state(sim)
-        sim.method.table.owned_rows("velocity")[:] += random_of(
-            sim.method.table.owned_rows("identifier"), dimension, seed=99
-        ) * (sim.method.boundaries.clamp[:, :dimension] if mirrored else 1.0)
+        sim.systems[0].table.owned_rows("velocity")[:] += random_of(
+            sim.systems[0].table.owned_rows("identifier"), dimension, seed=99
+        ) * (sim.systems[0].boundaries.clamp[:, :dimension] if mirrored else 1.0)
         found = evaluate(sim)
-        order = np.argsort(np.concatenate(where.allgather(sim.particle_set.identifier)))
+        order = np.argsort(np.concatenate(where.allgather(sim.particle_sets[0].identifier)))
         values = [np.concatenate(where.allgather(found[name]))[order] for name in ("gradient", "PL", "T", "D")]
         sums = [where.allreduce(found[name]) for name in ("internal", "numerical")]
         results.append((values, sums, gathered(sim, "volume")[0]))

@@ -40,7 +40,7 @@ def scene(
 
 def body_of(dimension, planes="free", placement="cells", broken=False, comm=MPI.COMM_SELF, **more):
     """The method of such a scene."""
-    return simulation(scene(dimension, planes, placement, broken, **more), comm).method
+    return simulation(scene(dimension, planes, placement, broken, **more), comm).systems[0]
 
 
 def random_field(method, seed=0) -> np.ndarray:

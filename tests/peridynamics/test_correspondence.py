@@ -168,7 +168,7 @@ def test_explicit_runs_do_not_depend_on_ranks(comm, law):
     results = []
     for where in (comm, comm.Split(comm.rank)):
         sim, _ = run_steps(moving(2, law), 20, where)
-        results.append(gathered(sim.method, np.array(sim.method.table.owned_rows("displacement"))))
+        results.append(gathered(sim.systems[0], np.array(sim.systems[0].table.owned_rows("displacement"))))
     np.testing.assert_allclose(results[0], results[1], atol=1e-11 * np.abs(results[1]).max())
 
 
@@ -177,14 +177,16 @@ def test_a_state_put_back_goes_on_with_the_same_bits(law):
     whole, columns = run_steps(moving(2, law), 12)
     part, _ = run_steps(moving(2, law), 5)
     again = simulation(moving(2, law))
-    again.method.table.restore({name: values.copy() for name, values in part.method.table.checkpointed().items()})
-    again.method.set_state(part.method.state())
-    again.method.resume()
+    again.systems[0].table.restore(
+        {name: values.copy() for name, values in part.systems[0].table.checkpointed().items()}
+    )
+    again.systems[0].set_state(part.systems[0].state())
+    again.systems[0].resume()
     for _ in range(7):
-        again.take_step(again.method.stable_step())
-    for name, values in whole.method.table.checkpointed().items():
-        np.testing.assert_array_equal(again.method.table.owned_rows(name), values, err_msg=name)
-    assert again.method.energies() == whole.method.energies()
+        again.take_step(again.systems[0].stable_step())
+    for name, values in whole.systems[0].table.checkpointed().items():
+        np.testing.assert_array_equal(again.systems[0].table.owned_rows(name), values, err_msg=name)
+    assert again.systems[0].energies() == whole.systems[0].energies()
 
 
 def test_bodies_that_relax_differently_are_refused():

@@ -45,7 +45,7 @@ def kernel_tables(particles: int) -> list[tuple]:
 
 def _kernel_row(particles: int, flow: str, method: dict) -> list:
     run = Steps(MPI.COMM_SELF, cube_scene(particles, flow, **method), 2)
-    points, materials = run.simulation.method.points, run.simulation.method.materials
+    points, materials = run.simulation.systems[0].points, run.simulation.systems[0].materials
     step, material = best_time(run.advance) / run.steps, best_time(lambda: materials.advance(run.step))
     option = " ".join(key if value is True else str(value) for key, value in method.items() if key != "basis")
     nanoseconds = [f"{1e9 * seconds / points.owned:.0f}" for seconds in (step, material)]

@@ -70,7 +70,7 @@ def kernel_tables(particles: int) -> list[tuple]:
 
 def _kernel_row(particles: int, horizon_ratio: float, stabilisation: str, terms: int) -> list:
     run = Steps(MPI.COMM_SELF, cube_scene(particles, horizon_ratio, stabilisation, terms), 2)
-    method = run.simulation.method
+    method = run.simulation.systems[0]
     step, evaluation = best_time(run.advance) / run.steps, best_time(lambda: method.engine.evaluate(method.laws))
     inner = method.bond_system.inner
     degree = np.diff(inner.start) + np.bincount(inner.neighbour, minlength=method.owned)

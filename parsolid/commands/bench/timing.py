@@ -27,7 +27,7 @@ class Steps:
     def __init__(self, comm, scene, steps: int):
         self.simulation = Simulation(comm, scene)
         self.steps = steps
-        stable = self.simulation.method.stable_step()
+        stable = self.simulation.systems[0].stable_step()
         self.step = 0.1 * comm.allreduce(stable, MPI.MIN)
 
     def advance(self) -> None:

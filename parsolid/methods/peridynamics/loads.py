@@ -1,38 +1,36 @@
 """Supports, prescribed motion and loads of a peridynamic scene on one rank's particles."""
 
-from typing import Any
-
 import numpy as np
 
 from parsolid.boundary.declarations import Declarations, PrescribedMotion, Support, SurfaceTraction
 from parsolid.boundary.loads import InTime, body_loads, densities
 from parsolid.boundary.prescribed import PrescribedRows
-from parsolid.boundary.rows import FixedParticles
+from parsolid.boundary.rows import FixedParticles, HasParticles
 from parsolid.boundary.supports import Supports
 from parsolid.methods.peridynamics.tractions import Tractions
 
 
 class PeridynamicLoads:
-    """What a scene's boundaries and loads mean for peridynamics; arrays are of this rank's owned particles, d =
-    dimension.
+    """What a scene's boundaries and loads mean for peridynamics; arrays are of this rank's particles, d = dimension.
 
-    planes, codes, share, held: see `boundary.supports.Supports`; free (owned, d) bool: components that are neither held
-    nor guided; entries: particles and components (k,) of everything guided; jumps: times [s] before the end at which
-    loads or prescribed displacements jump, with 0 where anything is loaded. Forces [N] are those on the part of a
-    particle on this side of mirror planes.
+    planes, codes, share, held: see `boundary.supports.Supports`; free (owned, d) bool: components that are neither
+    held nor guided; entries: particles and components (k,) of everything guided; jumps: times [s] before the end at
+    which loads or prescribed displacements jump, with 0 where anything is loaded. Forces [N] are those on the part of
+    a particle on this side of mirror planes.
     """
 
-    def __init__(self, comm, scene, particle_set, particles: Any = None):
+    def __init__(self, comm, scene, particle_set, particles: HasParticles | None = None):
         """particle_set: this rank's sorted particles; collective. Raises SolverError on all ranks.
 
         particles: the `Particles` made of the particle_set; rows stay as they are unless given.
         """
-        self.scene, self.particles = scene, particles or FixedParticles(particle_set)
+        self.scene, self.particles = scene, FixedParticles(particle_set) if particles is None else particles
         self.declared = Declarations(scene, Support, PrescribedMotion, SurfaceTraction)
-        supports = Supports(comm, self.declared, particle_set)
+        supports = Supports(comm, scene, self.declared.of(Support, "roller", "fixed"), particle_set)
         self.planes, self.held = supports.planes, supports.held
         self.codes, self.share = supports.codes, supports.share
-        self.prescribed = PrescribedRows(comm, self.declared, particle_set, self.particles)
+        motions = self.declared.of(PrescribedMotion, "velocity", "displacement")
+        self.prescribed = PrescribedRows(comm, scene, motions, particle_set, self.particles)
         self.free = ~self.held
         self.free[self.entries] = False
         self.jumps = self._jump_times()
@@ -70,5 +68,5 @@ class PeridynamicLoads:
         return self.loads.acting
 
     def external(self, time: float, before: bool = False) -> np.ndarray:
-        """Forces (owned, d) [N] of all loads at a time [s], of a jump just after or before it; not to be changed."""
+        """Forces (owned, d) [N] of all loads at a time [s], after or before a jump of that time; not to be changed."""
         return self.loads.at(time, before)

@@ -33,7 +33,7 @@ class Peridynamics(ParticleSystem):
         self.comm, self.settings = comm, scene.method
         self.loads = PeridynamicLoads(comm, scene, particle_set)
         forces = build_forces(comm, scene, particle_set, self.loads)
-        self.table, self.bond_system, self.engine, self.history = forces.particles, *forces[2:]
+        self.particles, self.bond_system, self.engine, self.history = forces.particles, *forces[2:]
         self.owned, self.dimension = particle_set.position.shape
         self.laws = self.history.laws
         self.loads.install_tractions(self.engine, forces.horizon)
