@@ -45,42 +45,35 @@ from parsolid.numerics.tensors import (
 from parsolid.pairs.terms import RiemannDissipation, record_columns
 
 
-class Stage(NamedTuple):
-    """One Runge-Kutta stage: new = keep * start + take * (current + step * rate).
-
-    `decay` (branches, 3) relaxes A from the start of the step to the stage, `commit` (branches, 3) to its end.
-    """
+class Relaxation(NamedTuple):
+    """From the start of the step to the state of a stage: `decay` (branches, 3) relaxes A, unless it is the first stage."""
 
     first: bool
-    last: bool
-    step: float
-    keep: float
-    take: float
     decay: np.ndarray
-    commit: np.ndarray
 
 
 @none_without("branches")
-def _start_inverse(branches, first, H, J, H0, J0):
-    """C^{-1} at the start of the step, needed by branches alone."""
-    if first:
-        return inverse_right_cauchy_green(H, J)
-    return inverse_right_cauchy_green(H0, J0)
-
-
-@none_without("branches")
-def _branches_at_stage(space, law, branches, stage, i, F, H, J, old_inverse):
+def _branch_sums(branches, space, law, start, relaxation, i, F, H, J):
     """sum mu_alpha A_alpha and the internal dissipation rate [W/m^3]; A is relaxed from the start of the step."""
     C, inverse = gram(F), inverse_right_cauchy_green(H, J)
     total, rate = scale(0.0, C), 0.0 * J
+    old_inverse = inverse
+    if not relaxation.first:
+        _, H0, J0 = load_deformation(space, start, i)
+        old_inverse = inverse_right_cauchy_green(H0, J0)
     for alpha in range(len(law.branch_moduli)):
         A = load_branch(space, branches, alpha, i)
-        if not stage.first:
-            weights = (stage.decay[alpha, 0], stage.decay[alpha, 1], stage.decay[alpha, 2])
+        if not relaxation.first:
+            weights = (relaxation.decay[alpha, 0], relaxation.decay[alpha, 1], relaxation.decay[alpha, 2])
             A = relaxed(weights, A, old_inverse, inverse)
         total = add(total, scale(law.branch_moduli[alpha], A))
         rate = rate + branch_dissipation(law.branch_moduli[alpha], law.relaxation_times[alpha], C, inverse, A)
     return total, rate
+
+
+@register_jitable
+def _branches_at_stage(space, law, body, relaxation, i, F, H, J):
+    return _branch_sums(body.branches, space, law, body.start, relaxation, i, F, H, J)
 
 
 @none_without("evolved")
@@ -100,16 +93,22 @@ def _branch_dissipation(evolved, tributary, count):
 
 
 @none_without("branches")
-def _commit_branches(space, law, branches, stage, i, old_inverse, H, J, count):
-    """Relax A over the whole step; sum mu_alpha A_alpha at its end."""
-    inverse = inverse_right_cauchy_green(H, J)
+def _relaxed_branches(branches, space, law, start, commit, i, H, J, count):
+    _, H0, J0 = load_deformation(space, start, i)
+    old_inverse, inverse = inverse_right_cauchy_green(H0, J0), inverse_right_cauchy_green(H, J)
     total = scale(0.0, inverse)
     for alpha in range(len(law.branch_moduli)):
-        weights = (stage.commit[alpha, 0], stage.commit[alpha, 1], stage.commit[alpha, 2])
+        weights = (commit[alpha, 0], commit[alpha, 1], commit[alpha, 2])
         A = relaxed(weights, load_branch(space, branches, alpha, i), old_inverse, inverse)
         store_branch(space, branches, alpha, i, A, count)
         total = add(total, scale(law.branch_moduli[alpha], A))
     return total
+
+
+@register_jitable
+def _commit_branches(space, law, body, commit, i, H, J, count):
+    """Relax A over the whole step; sum mu_alpha A_alpha at its end."""
+    return _relaxed_branches(body.branches, space, law, body.start, commit, i, H, J, count)
 
 
 @none_without("branches")
@@ -135,19 +134,19 @@ def _store_shear(shear, space, law, record, i, column, F, branch_sum):
         store_tensor(space, record, i, column, scale(0.5 * law.density, shear_wave_tensor(law, F, branch_sum)), 0.0)
 
 
-def _store_waves(terms, space, law, record, i, F, H, J, branch_sum, G):
+def _store_waves(terms, space, law, record, i, F, H, J, branch_sum, body, sums, L):
     """Half velocity gradient and halves of the squared impedance tensors, where the pairs dissipate by them."""
     raise NotImplementedError
 
 
 @overload(_store_waves)
-def _store_waves_overload(terms, space, law, record, i, F, H, J, branch_sum, G):
+def _store_waves_overload(terms, space, law, record, i, F, H, J, branch_sum, body, sums, L):
     if not is_instance(terms, RiemannDissipation):
-        return lambda terms, space, law, record, i, F, H, J, branch_sum, G: None
+        return lambda terms, space, law, record, i, F, H, J, branch_sum, body, sums, L: None
 
-    def riemann(terms, space, law, record, i, F, H, J, branch_sum, G):
+    def riemann(terms, space, law, record, i, F, H, J, branch_sum, body, sums, L):
         at = record_columns(space, terms)
-        store_matrix(space, record, i, at.gradient, scale(0.5, G))
+        store_matrix(space, record, i, at.gradient, scale(0.5, _gradient(space, body, sums, i, L)))
         waves = scale(0.5 * law.density, pressure_wave_tensor(law, F, H, J, branch_sum))
         isotropic = _shear_lane(isotropic_shear_modulus(law), law.density)
         store_tensor(space, record, i, at.pressure_wave, waves, isotropic)
@@ -170,43 +169,61 @@ def _largest_speed(largest, rho_c2, first, last):
     return largest
 
 
-@compiled(fastmath={"contract"}, error_model="numpy")
-def advance_deformation(space, first, last, law, stage, terms, body, sums, record):
-    """One stage of F, H, J (eqs (72b)-(72d)) with the stress and waves of the state it starts from put into `record`.
+@register_jitable
+def _gradient(space, body, sums, i, L):
+    """(70): C_ab = 2 L_a g_ab, and L is symmetric only where spacings are equal."""
+    return scale(1.0 / load(body.volume, 0, i), matmul_transposed(load_gradient(space, sums, i), L))
 
-    Returns (sound, internal dissipation rate [W], greatest rho c_max^2 [Pa] of the state at the end of the last stage);
-    sound is False when a Jacobian is not positive, or not a number.
-    """
-    sound, largest, dissipation = True, 0.0, 0.0
+
+@compiled(fastmath={"contract"}, error_model="numpy")
+def evaluate_stress(space, first, last, law, terms, relaxation, body, sums, record):
+    """Stress, and what else `terms` say, of the state at a stage, into `record`; internal dissipation rate [W]."""
+    dissipation = 0.0
+    for i in range(first, last, WIDTH):
+        F, H, J = load_deformation(space, body.deformation, i)
+        L = load_correction(space, body.correction, i)
+        evolved = _branches_at_stage(space, law, body, relaxation, i, F, H, J)
+        branch_sum = _branch_sum(evolved)
+        dissipation += _branch_dissipation(evolved, load(body.tributary, 0, i), min(WIDTH, last - i))
+        P = first_piola_kirchhoff_stress(law, F, H, J, branch_sum)
+        store_matrix(space, record, i, 0, matmul(P, L))
+        _store_waves(terms, space, law, record, i, F, H, J, branch_sum, body, sums, L)
+    return dissipation
+
+
+@compiled(fastmath={"contract"}, error_model="numpy")
+def advance_strain(space, first, last, update, body, sums):
+    """One stage of F, H, J (eqs (72b)-(72d)); False when a Jacobian is not positive, or not a number."""
+    sound = True
     for i in range(first, last, WIDTH):
         count = min(WIDTH, last - i)
         F, H, J = load_deformation(space, body.deformation, i)
         F0, H0, J0 = F, H, J
-        if stage.first:
+        if update.first:
             store_deformation(space, body.start, i, F, H, J, count)
         else:
             F0, H0, J0 = load_deformation(space, body.start, i)
-        L = load_correction(space, body.correction, i)
-        # (70): C_ab = 2 L_a g_ab, and L is symmetric only where spacings are equal
-        G = scale(1.0 / load(body.volume, 0, i), matmul_transposed(load_gradient(space, sums, i), L))
-        old_inverse = _start_inverse(body.branches, stage.first, H, J, H0, J0)
-        evolved = _branches_at_stage(space, law, body.branches, stage, i, F, H, J, old_inverse)
-        branch_sum = _branch_sum(evolved)
-        dissipation += _branch_dissipation(evolved, load(body.tributary, 0, i), count)
-        P = first_piola_kirchhoff_stress(law, F, H, J, branch_sum)
-        store_matrix(space, record, i, 0, matmul(P, L))
-        _store_waves(terms, space, law, record, i, F, H, J, branch_sum, G)
+        G = _gradient(space, body, sums, i, load_correction(space, body.correction, i))
         dJ = contract(H, G)
-        H = add(scale(stage.keep, H0), scale(stage.take, add(H, scale(stage.step, cross(F, G)))))
-        F = add(scale(stage.keep, F0), scale(stage.take, add(F, scale(stage.step, G))))
-        J = stage.keep * J0 + stage.take * (J + stage.step * dJ)
+        H = add(scale(update.keep, H0), scale(update.take, add(H, scale(update.step, cross(F, G)))))
+        F = add(scale(update.keep, F0), scale(update.take, add(F, scale(update.step, G))))
+        J = update.keep * J0 + update.take * (J + update.step * dJ)
         store_deformation(space, body.deformation, i, F, H, J, count)
         if not all_positive(J):
             sound = False
-        if stage.last:
-            branch_sum = _commit_branches(space, law, body.branches, stage, i, old_inverse, H, J, count)
-            largest = _largest_speed(largest, pressure_wave_tensor(law, F, H, J, branch_sum), i, i + count)
-    return sound, dissipation, largest
+    return sound
+
+
+@compiled(fastmath={"contract"}, error_model="numpy")
+def relax_branches(space, first, last, law, commit, body):
+    """Relax A over the whole step, at whose end F, H, J have arrived; greatest rho c_max^2 [Pa] of the new state."""
+    largest = 0.0
+    for i in range(first, last, WIDTH):
+        count = min(WIDTH, last - i)
+        F, H, J = load_deformation(space, body.deformation, i)
+        branch_sum = _commit_branches(space, law, body, commit, i, H, J, count)
+        largest = _largest_speed(largest, pressure_wave_tensor(law, F, H, J, branch_sum), i, i + count)
+    return largest
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
