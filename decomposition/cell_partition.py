@@ -1,7 +1,7 @@
 """Which rank owns which cell of an unbounded lattice: recursive cuts, exact to one cell, known to every rank.
 
-A cut sends a cell left when its index, read as a word with the cut's axis first, comes before the cut's: a plane with one
-step in it, so that parts can be as equal as whole cells allow. Source of the bisection: see `partition`.
+A cut sends a cell left when its index, read as a word with the cut's axis first, comes before the cut's: a plane with
+one step in it, so that parts can be as equal as whole cells allow. Source of the bisection: see `partition`.
 """
 
 import numpy as np
@@ -69,8 +69,8 @@ def _touching(axes, cuts, children, nodes, width, here):
 class CellPartition:
     """Owners of all cells of a lattice of dimension d, the same on every rank.
 
-    axes (parts - 1, d): order in which a cut compares a cell's indices; cuts (parts - 1, d): the first word on the right, in
-    that order; children (parts - 1, 2): the next cut, or -1 - rank. Part 0 is the root.
+    axes (parts - 1, d): order in which a cut compares a cell's indices; cuts (parts - 1, d): the first word on the
+    right, in that order; children (parts - 1, 2): the next cut, or -1 - rank. Part 0 is the root.
     """
 
     def __init__(self, axes, cuts, children):
@@ -99,8 +99,9 @@ class CellPartition:
         return owners_of(self.axes, self.cuts, self.children, cells)
 
     def touching(self, nodes: np.ndarray, width: int, here: int) -> np.ndarray:
-        """Which other ranks may have cells whose stencil of `width` nodes a direction holds a node; a cell's stencil begins
-        at the node of its own index. nodes (n, d); returns (m, 2): row of the node, rank; all true pairs and few others.
+        """Which other ranks may have cells whose stencil of `width` nodes a direction holds a node; a cell's stencil
+        begins at the node of its own index. nodes (n, d); returns (m, 2): row of the node, rank; all true pairs and few
+        others.
         """
         if len(self.cuts) == 0:
             return np.zeros((0, 2), np.int64)
@@ -137,7 +138,8 @@ class CellPartition:
 def balanced(comm, cells: np.ndarray, weights: np.ndarray) -> CellPartition:
     """Cuts that give each rank about the same weight of cells. Collective; no rank holds all cells.
 
-    cells (n, d) int64, d = 2 or 3: this rank's occupied cells, which others may list too; weights (n,) int64, none negative.
+    cells (n, d) int64, d = 2 or 3: this rank's occupied cells, which others may list too; weights (n,) int64, none
+    negative.
     """
     dimension, parts = cells.shape[1], comm.size
     axes, cuts = np.zeros((parts - 1, dimension), np.int64), np.zeros((parts - 1, dimension), np.int64)

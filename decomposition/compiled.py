@@ -1,11 +1,13 @@
 """`@compiled`: numba functions whose machine code is kept in files, found by what it was compiled from.
 
-numba's own cache looks at the file of the function alone: it does not see a change in what that calls, and two processes that save at once
-can mix up its index. Here a file is named by a digest of the function, its argument types, the processor, and the text of every module
-of the function's own project that it can reach: those it imports, and those of the argument types (a law given as an argument), with all
-that they import. So an edited law recompiles what calls that law and nothing else; ranks, processes and checkouts share one folder.
+numba's own cache looks at the file of the function alone: it does not see a change in what that calls, and two
+processes that save at once can mix up its index. Here a file is named by a digest of the function, its argument types,
+the processor, and the text of every module of the function's own project that it can reach: those it imports, and those
+of the argument types (a law given as an argument), with all that they import. So an edited law recompiles what calls
+that law and nothing else; ranks, processes and checkouts share one folder.
 """
 
+import fcntl
 import functools
 import hashlib
 import os
@@ -22,6 +24,7 @@ from numba import njit
 from numba.core import config, types
 from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.serialize import dumps
 
 _IMPORT = re.compile(
@@ -30,22 +33,42 @@ _IMPORT = re.compile(
 _OURS = ("parsolid", "decomposition")
 # files that nothing has asked for in so many seconds are removed; a use is noted once a day
 _KEPT, _NOTED = 90 * 86400.0, 86400.0
+# how long a process waits for another that compiles the same function, and how often it looks, in seconds
+_PATIENCE, _GLANCE = 600.0, 0.02
 
 
 def compiled(function=None, **options):
-    """`numba.njit` with the cache of this module; used as `@compiled` or with options of `njit`, `@compiled(error_model="numpy")`."""
+    """`numba.njit` with the cache of this module; used as `@compiled` or with options of `njit`,
+    `@compiled(error_model="numpy")`.
+    """
     if function is None:
         return functools.partial(compiled, **options)
     dispatcher = njit(**options)(function)
     if not config.DISABLE_JIT:
         dispatcher._cache = KernelCache(function)
         dispatcher._can_cache = True
+        # numba calls nothing of a cache when a compilation fails
+        dispatcher.compile = functools.partial(_compile, dispatcher.compile)
     return dispatcher
+
+
+def _compile(compile_as_numba, signature):
+    """Compile, or wait for the process that does; what was reserved is free again afterwards, also after an error."""
+    with global_compiler_lock:
+        before = len(_RESERVED)
+        try:
+            return compile_as_numba(signature)
+        finally:
+            for place in _RESERVED[before:]:
+                _release(place)
+            del _RESERVED[before:]
 
 
 @functools.cache
 def folder() -> Path:
-    """Where compiled kernels are kept: $NUMBA_CACHE_DIR, else parsolid/kernels in the user's cache folder, else a temporary one."""
+    """Where compiled kernels are kept: $NUMBA_CACHE_DIR, else parsolid/kernels in the user's cache folder, else a
+    temporary one.
+    """
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     usual = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "parsolid" / "kernels"
     # one for all ranks and runs of a user on this machine
@@ -135,6 +158,49 @@ def _modules_of(kind) -> set[str]:
     return set()
 
 
+# places in the lock file that this process holds, in the order of the compilations that stand within each other
+_RESERVED: list[int] = []
+
+
+@functools.cache
+def _lock_file(where: Path) -> int | None:
+    """The one file whose bytes stand for the kernels of a folder; None where it cannot be had."""
+    with suppress(OSError):
+        return os.open(where / "lock", os.O_RDWR | os.O_CREAT, 0o666)
+    return None
+
+
+def _reserve(path: Path) -> bool:
+    """Reserve a kernel for this process to compile; True where another process had it, so that its file may be there by
+    now.
+
+    A process that dies frees what it had, for these are locks of the system. A kernel never calls one that calls it, so
+    no two processes wait for each other; were it so all the same, they go on after a while and compile both.
+    """
+    place, file = int(path.stem[-32:][:12], 16), _lock_file(path.parent)
+    if file is None or place in _RESERVED:
+        return False
+    waited, end = False, time.monotonic() + _PATIENCE
+    while time.monotonic() < end:
+        try:
+            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, place)
+        except (BlockingIOError, PermissionError):
+            waited = True
+            time.sleep(_GLANCE)
+        except OSError:
+            # a file system without locks
+            return waited
+        else:
+            _RESERVED.append(place)
+            return waited
+    return waited
+
+
+def _release(place: int) -> None:
+    with suppress(OSError):
+        fcntl.lockf(_lock_file(folder()), fcntl.LOCK_UN, 1, place)
+
+
 class KernelCache(_Cache):
     """The files of one function's machine code, one for each signature."""
 
@@ -158,20 +224,18 @@ class KernelCache(_Cache):
         """Nothing: a file never becomes wrong."""
 
     def load_overload(self, sig, target_context):
-        """The compiled function of a signature, or None."""
+        """The compiled function of a signature, waiting for a process that compiles it; None for this one to compile
+        it.
+        """
         if not self.enabled:
             return None
         target_context.refresh()
         path = self.path(sig, target_context.codegen())
-        # a file that cannot be read is as good as none
-        with suppress(OSError, EOFError, pickle.UnpicklingError, ValueError):
-            content = path.read_bytes()
-            if time.time() - path.stat().st_mtime > _NOTED:
-                os.utime(path)
-            checksum, payload = content[:32], content[32:]
-            if hashlib.sha256(payload).digest() == checksum:
-                return CompileResult._rebuild(target_context, *pickle.loads(payload))
-        return None
+        found = _load(path, target_context)
+        # the file may have come between the look and the reservation
+        if found is None and (_reserve(path) or path.exists()):
+            found = _load(path, target_context)
+        return found
 
     def save_overload(self, sig, data) -> None:
         """Keep what was compiled; a folder that is full or not writable only costs time."""
@@ -206,6 +270,18 @@ class KernelCache(_Cache):
         return (
             folder() / f"{function.__module__.rpartition('.')[2]}.{function.__name__}-{digest.hexdigest()[:32]}.kernel"
         )
+
+
+def _load(path: Path, target_context) -> CompileResult | None:
+    # a file that cannot be read is as good as none
+    with suppress(OSError, EOFError, pickle.UnpicklingError, ValueError):
+        content = path.read_bytes()
+        if time.time() - path.stat().st_mtime > _NOTED:
+            os.utime(path)
+        checksum, payload = content[:32], content[32:]
+        if hashlib.sha256(payload).digest() == checksum:
+            return CompileResult._rebuild(target_context, *pickle.loads(payload))
+    return None
 
 
 @functools.cache

@@ -1,7 +1,8 @@
-"""A background grid over many ranks: ranks own cells and the particles in them, and share the nodes between their cells.
+"""A background grid over many ranks: ranks own cells and the particles in them, and share the nodes between their
+cells.
 
-Each rank sums what its own particles give to the nodes; `NodeSum` adds these partial sums of all ranks that have a node, in
-the order of ranks, so that all of them go on with the same numbers. There are no ghost particles.
+Each rank sums what its own particles give to the nodes; `NodeSum` adds these partial sums of all ranks that have a
+node, in the order of ranks, so that all of them go on with the same numbers. There are no ghost particles.
 """
 
 import numpy as np
@@ -18,7 +19,8 @@ _TOO_MANY_EMPTY, _ALWAYS_KEPT = 1.0, 64
 
 
 class RankGrid:
-    """The cells of one rank (`cells`, see `OccupiedCells`) and what it shares with others. Every call but `sum` is collective.
+    """The cells of one rank (`cells`, see `OccupiedCells`) and what it shares with others. Every call but `sum` is
+    collective.
 
     The particles are an object with `owned`, their number, and the methods
 
@@ -32,7 +34,9 @@ class RankGrid:
     """
 
     def __init__(self, comm, dimension: int, width: int, mirrors: tuple[Mirror, ...] = (), bitwise: bool = False):
-        """dimension 2 or 3; width: nodes of a stencil along one direction; mirrors: planes that the grid is folded at."""
+        """dimension 2 or 3; width: nodes of a stencil along one direction; mirrors: planes that the grid is
+        folded at.
+        """
         self.comm, self.dimension, self.bitwise = comm, dimension, bitwise
         self.cells = OccupiedCells(dimension, width, tuple(mirrors))
         self.sharing = Sharing([], [], [], [])
@@ -81,8 +85,8 @@ class RankGrid:
     def settle(self, particles) -> bool:
         """List particles by cell, hand those that left to their new owners, and agree on the shared nodes.
 
-        Talks to neighbours only. False when a particle of this rank is beyond the lattice, is not a number, or went farther
-        than to a neighbour; such a particle stays.
+        Talks to neighbours only. False when a particle of this rank is beyond the lattice, is not a number, or went
+        farther than to a neighbour; such a particle stays.
         """
         bases = particles.bases()
         strays, sound = self._sort(particles, bases), True
@@ -149,7 +153,9 @@ class RankGrid:
         return incoming
 
     def _agree(self) -> None:
-        """Tell neighbours which nodes (and cells) here may concern them, if they have changed, and find the shared ones."""
+        """Tell neighbours which nodes (and cells) here may concern them, if they have changed, and find the shared
+        ones.
+        """
         changed = self._offered_version != self.cells.version
         if changed:
             self._find_offers()
@@ -202,8 +208,9 @@ class RankGrid:
     ) -> "NodeSum | CellSum":
         """Adds up columns first..last-1 of nodes (slots, c) over the ranks; for the present `version` only.
 
-        tag: a small number that tells sums under way at one time apart. With `bitwise`, partial (cells * width**d, c) holds
-        what each cell alone gives to the nodes of its stencil, and the sum writes them to `nodes`, also on one rank.
+        tag: a small number that tells sums under way at one time apart. With `bitwise`, partial (cells * width**d, c)
+        holds what each cell alone gives to the nodes of its stencil, and the sum writes them to `nodes`, also on one
+        rank.
         """
         if self.bitwise:
             return CellSum(self.comm, self.sharing, self.cells, partial, nodes, (first, last), _SUM_TAG + tag)

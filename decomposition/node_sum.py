@@ -16,8 +16,8 @@ from .occupied import OccupiedCells, indices_of, words
 class Sharing:
     """What a rank shares with each of its neighbours, in their order.
 
-    shared: slots of common nodes, in the order of the nodes' words, the same on both sides; sent, received: words of the cells
-    whose parts travel in bitwise sums.
+    shared: slots of common nodes, in the order of the nodes' words, the same on both sides; sent, received: words of
+    the cells whose parts travel in bitwise sums.
     """
 
     neighbours: list[int]

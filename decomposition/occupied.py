@@ -1,7 +1,8 @@
 """Cells of a lattice that hold particles, and the nodes of their stencils; nothing exists far from particles.
 
-The stencil of a cell is the block of `width` nodes a direction that begins at the node of the cell's own index. Cells and
-nodes have whole-number indices; a word of 63 bits made of an index orders them lexicographically, first direction first.
+The stencil of a cell is the block of `width` nodes a direction that begins at the node of the cell's own index. Cells
+and nodes have whole-number indices; a word of 63 bits made of an index orders them lexicographically, first direction
+first.
 """
 
 from typing import NamedTuple
@@ -17,7 +18,9 @@ _LOST = -2
 
 
 class Mirror(NamedTuple):
-    """A mirror plane through nodes or half-way between them: index[axis] = doubled / 2; side +1 when matter is above, -1 below."""
+    """A mirror plane through nodes or half-way between them: index[axis] = doubled / 2; side +1 when matter is above,
+    -1 below.
+    """
 
     axis: int
     doubled: int
@@ -45,8 +48,8 @@ def indices_of(word: np.ndarray, dimension: int) -> np.ndarray:
 def _locate(bases, owned, cells, cell, start):
     """Cell number of each particle and how many each cell has, in start[1:]; returns how many particles have no cell.
 
-    cell: a guess of each particle's cell on entry, as of the step before; -1 where its cell is not listed, -2 where its index is
-    beyond the lattice.
+    cell: a guess of each particle's cell on entry, as of the step before; -1 where its cell is not listed, -2 where its
+    index is beyond the lattice.
     """
     start[:] = 0
     missing, c, count = 0, 0, len(cells)
@@ -114,9 +117,9 @@ def _unlisted(word: np.ndarray, listed: np.ndarray) -> np.ndarray:
 class OccupiedCells:
     """Cells in lexicographic order with their particles, and their nodes.
 
-    index (cells, d) int64; stencil (cells, width**d) int32 slots of nodes, last direction fastest; start (cells + 1,), order
-    (owned,) int64: particles of cell c are order[start[c] : start[c + 1]]. nodes (count, d) int64: indices by slot.
-    Cells stay when their particles have left, until `compact`. `version` counts changes of cells or nodes.
+    index (cells, d) int64; stencil (cells, width**d) int32 slots of nodes, last direction fastest; start (cells + 1,),
+    order (owned,) int64: particles of cell c are order[start[c] : start[c + 1]]. nodes (count, d) int64: indices by
+    slot. Cells stay when their particles have left, until `compact`. `version` counts changes of cells or nodes.
     """
 
     def __init__(self, dimension: int, width: int, mirrors: tuple[Mirror, ...] = ()):
@@ -144,7 +147,8 @@ class OccupiedCells:
     def sort(self, bases: np.ndarray, owned: int, names: np.ndarray | None = None) -> np.ndarray:
         """List the particles cell by cell, in the order of storage or, where given, of their names (owned,).
 
-        bases (capacity, d): cell of each particle. Returns the rows of those whose cell is not listed; they are in no cell.
+        bases (capacity, d): cell of each particle. Returns the rows of those whose cell is not listed; they are in no
+        cell.
         """
         if len(self.order) < owned:
             self.order, self._cell = np.zeros((2, owned + owned // 4), np.int64)
@@ -224,7 +228,9 @@ class OccupiedCells:
 
 
 def reflected(nodes: np.ndarray, mirror: Mirror, width: int, behind: bool = False) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of nodes within `width` of a mirror plane, those behind it only or on both sides, and the images' indices."""
+    """Rows of nodes within `width` of a mirror plane, those behind it only or on both sides, and the
+    images' indices.
+    """
     distance = mirror.side * (2 * nodes[:, mirror.axis] - mirror.doubled)
     rows = np.flatnonzero((distance < 0) & (distance >= -2 * width) if behind else np.abs(distance) <= 2 * width)
     images = nodes[rows].copy()

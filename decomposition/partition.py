@@ -162,7 +162,7 @@ class _Level:
         for p in np.flatnonzero(axis >= 0):
             low[p], high[p] = _sortable(lower[p, axis[p]]), _sortable(upper[p, axis[p]])
         bits = max(_FEWEST_BITS, min(_MOST_BITS, int(np.log2(_ENTRIES / self.parts))))
-        width = int(max((int(h) - int(l) for l, h in zip(low, high)), default=0)).bit_length()
+        width = int(max((int(above) - int(under) for under, above in zip(low, high)), default=0)).bit_length()
         below = np.zeros(self.parts, np.int64)
         while True:
             width = max(width - bits, 0)

@@ -1,8 +1,10 @@
 """Tests on any number of ranks: `pytest`, or `mpirun -n 3 python -m pytest`; a failure on one rank is one on all.
 
-All ranks run all tests in step. After each phase of a test they tell each other how it went, so that a test that fails
-on one rank fails on all, and rank 0 reports it. A rank that fails while the others wait for it inside the test would
-leave them waiting for ever; then, after a grace, it shows its failure and ends the whole job.
+On one rank all tests run, on several those in which ranks talk to each other, which `-m mpi` selects too: the ones with
+a fixture of all ranks, `comm` or `shared_path`, and without the mark `serial`. All ranks run their tests in step. After
+each phase of a test they tell each other how it went, so that a test that fails on one rank fails on all, and rank 0
+reports it. A rank that fails while the others wait for it inside the test would leave them waiting for ever; then,
+after a grace, it shows its failure and ends the whole job.
 """
 
 import faulthandler
@@ -49,18 +51,62 @@ class _Step:
 _step = None
 
 
+def pytest_addoption(parser):
+    parser.addoption("--long", action="store_true", help="also run tests that take minutes")
+
+
+_MARKERS = (
+    "mpi: ranks talk to each other; runs on any number of them (set for all tests that use comm or shared_path)",
+    "serial: runs on one rank only, for no rank talks to another in what it checks",
+    "ranks(*numbers): runs on these numbers of ranks only",
+    "slow: more than two seconds on one processor with warm kernels; the fast set is -m 'not slow'",
+    "verification: against exact solutions, other codes or published results (set for two folders: verification, exact)",
+    "long: takes minutes; runs only with --long",
+)
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_configure(config):
     global _step
     if WORLD.size > 1:
         # not before: while conftest is imported, pytest captures the error stream
         _step = _Step()
-    config.addinivalue_line("markers", "mpi(ranks): run only if the number of MPI ranks is in the list")
-    config.addinivalue_line("markers", "slow: takes more than a few seconds")
+    for marker in _MARKERS:
+        config.addinivalue_line("markers", marker)
     reporter = config.pluginmanager.get_plugin("terminalreporter")
     if WORLD.rank > 0 and reporter is not None:
         # rank 0 reports for all
         reporter._tw._file = open(os.devnull, "w")
+
+
+# rooms of which every test compares with a solution from elsewhere
+_VERIFYING = ("verification", "exact")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config, items):
+    """Mark what communicates and what verifies; leave out what is for another number of ranks, or long."""
+    kept, left = [], []
+    for item in items:
+        if {"comm", "shared_path"} & set(item.fixturenames) and not item.get_closest_marker("serial"):
+            item.add_marker(pytest.mark.mpi)
+        if item.path.relative_to(Path(__file__).parent).parts[0] in _VERIFYING:
+            item.add_marker(pytest.mark.verification)
+        if item.get_closest_marker("long"):
+            item.add_marker(pytest.mark.slow)
+        (kept if _runs(config, item) else left).append(item)
+    if left:
+        config.hook.pytest_deselected(items=left)
+        items[:] = kept
+
+
+def _runs(config, item) -> bool:
+    ranks = item.get_closest_marker("ranks")
+    if item.get_closest_marker("long") and not config.getoption("long"):
+        return False
+    if ranks is not None and WORLD.size not in ranks.args:
+        return False
+    return WORLD.size == 1 or item.get_closest_marker("mpi") is not None
 
 
 def pytest_collection_finish(session):
@@ -70,20 +116,6 @@ def pytest_collection_finish(session):
     everyone = _step.agree(found, "collection", "", GRACE)
     if len(set(everyone)) > 1:
         _step.abort(f"collection: rank {WORLD.rank} found {len(session.items)} tests, not the same as the others")
-
-
-# rooms in which no rank talks to another: once is enough
-_SERIAL = ("numerics", "materials", "exact")
-
-
-def pytest_runtest_setup(item):
-    if WORLD.size > 1 and item.path.relative_to(Path(__file__).parent).parts[0] in _SERIAL:
-        pytest.skip("no messages between ranks: runs on one")
-    marker = item.get_closest_marker("mpi")
-    if marker is not None:
-        ranks = marker.kwargs.get("ranks", marker.args[0] if marker.args else None)
-        if ranks is not None and WORLD.size not in ranks:
-            pytest.skip(f"needs {' or '.join(map(str, ranks))} ranks, runs on {WORLD.size}")
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)

@@ -254,7 +254,7 @@ def _padded(vectors: np.ndarray) -> np.ndarray:
 
 def reference_of(sim, strain: dict, planes, options: Options) -> Reference:
     """The reference for a simulation's particles on this rank alone: reads positions, volumes, v, x; planes as in with_images."""
-    particle_set, table, d = sim.particle_set, sim.method.table, sim.method.dimension
+    particle_set, table, d = sim.particle_set, sim.method.particles, sim.method.dimension
     on = np.zeros(len(particle_set.position), int)
     for axis, coordinate, _ in planes:
         on += np.abs(particle_set.position[:, axis] - coordinate) < 1e-9

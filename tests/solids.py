@@ -5,11 +5,13 @@ import copy
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.methods.tlsph import momentum as motion
-from parsolid.methods.tlsph.deformation import Stage, advance_deformation
 from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Limits, Simulation, StopRequest
+from parsolid.simulation.time_step import TimeSteps
+from parsolid.solvers.runge_kutta import Stage
 
+# a stage as long as the step, not its last one
+EULER = Stage(0.0, 1.0, 0.0, 0.0, 1.0, first=True)
 # numbers of order one, so that tolerances are absolute
 SOFT = {"kind": "mooney-rivlin", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": 0.3}
 RUBBER = {"kind": "mooney-rivlin", "density": 1100.0, "youngs_modulus": 17e6, "poissons_ratio": 0.45}
@@ -65,6 +67,20 @@ def column(particles=(5, 13, 5), beta=1.0, **keys) -> dict:
     )
 
 
+class StableSteps(TimeSteps):
+    """Steps as long as is stable, which land nowhere."""
+
+    def clip(self, time: float, stable: float) -> tuple[float, float]:
+        return stable, time + stable
+
+
+class StepsToEnd(TimeSteps):
+    """The same, with a last step that ends at the scene's end."""
+
+    def clip(self, time: float, stable: float) -> tuple[float, float]:
+        return (stable, time + stable) if time + stable < self.end else (self.end - time, self.end)
+
+
 class Record:
     """Keeps the ledger's row, and any further numbers, after every step."""
 
@@ -72,11 +88,8 @@ class Record:
         self.more = more or (lambda simulation: {})
         self.rows = []
 
-    def clip(self, time: float, step: float) -> tuple[float, float]:
-        return step, time + step
-
     def look(self, simulation) -> None:
-        row = simulation.ledger.row(simulation.comm, *simulation.method.energies())
+        row = simulation.ledger.row(simulation.comm, *simulation.energies())
         self.rows.append({"time": simulation.clock.time, **row, **self.more(simulation)})
 
     def wall_checkpoint_due(self) -> bool:
@@ -87,36 +100,28 @@ class Record:
         return {name: np.array([row[name] for row in self.rows]) for name in self.rows[0]}
 
 
-class Until(Record):
-    """As Record, with a last step that ends at the scene's end."""
-
-    def __init__(self, end: float, more=None):
-        super().__init__(more)
-        self.end = end
-
-    def clip(self, time: float, step: float) -> tuple[float, float]:
-        return (step, time + step) if time + step < self.end else (self.end - time, self.end)
+def follow(sim, record, steps: int | None = None, policy=StableSteps) -> dict[str, np.ndarray]:
+    """So many steps, or to the end, as long as the policy makes them; the columns of the record."""
+    sim.time_steps = policy.of(sim.scene, sim.systems)
+    sim.run(record, Limits(steps=steps), StopRequest())
+    return record.columns()
 
 
 def run_steps(data: dict, steps: int, comm=MPI.COMM_SELF, more=None) -> tuple[Simulation, dict]:
     """So many stable steps; the simulation and the columns of its record."""
     sim = simulation(data, comm)
-    record = Record(more)
-    sim.run(record, Limits(steps=steps), StopRequest())
-    return sim, record.columns()
+    return sim, follow(sim, Record(more), steps)
 
 
 def run_to_end(data: dict, comm=MPI.COMM_SELF, more=None) -> tuple[Simulation, dict]:
     """A run to exactly the end; the simulation and the columns of its record."""
     sim = simulation(data, comm)
-    record = Until(sim.scene.end_time, more)
-    sim.run(record, Limits(), StopRequest())
-    return sim, record.columns()
+    return sim, follow(sim, Record(more), policy=StepsToEnd)
 
 
 def gathered(sim, *names: str) -> list[np.ndarray]:
     """Fields of all particles of all ranks in the order of their identifiers, the same on every rank; small bodies only."""
-    table = sim.method.table
+    table = sim.method.particles
     order = np.argsort(np.concatenate(sim.comm.allgather(table.owned_rows("identifier").copy())))
     return [np.concatenate(sim.comm.allgather(np.array(table.owned_rows(name))))[order] for name in names]
 
@@ -132,7 +137,7 @@ def random_of(identifier: np.ndarray, *shape: int, seed: int = 0) -> np.ndarray:
 
 def set_random_state(sim, strain: float = 0.15, consistent: bool = True, seed: int = 0) -> None:
     """Random v, x, F with H = cof F and J = det F (else also random), and A, with the symmetries of the mirror planes."""
-    table, d, owned = sim.method.table, sim.method.dimension, sim.method.owned
+    table, d, owned = sim.method.particles, sim.method.dimension, sim.method.owned
     names = table.owned_rows("identifier")
     free = np.ones((owned, d)) if sim.method.boundaries.clamp is None else sim.method.boundaries.clamp[:, :d]
     table.owned_rows("velocity")[:] = free * random_of(names, d, seed=seed)
@@ -172,7 +177,7 @@ def symmetrised(sim, tensors: np.ndarray) -> np.ndarray:
 
 def strains(sim) -> dict[str, np.ndarray]:
     """F, H (n, 3, 3), J (n,) and A (branches, n, 3, 3) of the owned particles."""
-    table, d, owned = sim.method.table, sim.method.dimension, sim.method.owned
+    table, d, owned = sim.method.particles, sim.method.dimension, sim.method.owned
     F = np.tile(np.eye(3), (owned, 1, 1))
     F[:, :d, :d] = table.owned_rows("deformation_gradient").reshape(owned, d, d)
     J = np.array(table.owned_rows("jacobian"))
@@ -199,44 +204,18 @@ def evaluate(sim) -> dict[str, np.ndarray | float]:
     this rank [W].
     """
     method, d = sim.method, sim.method.dimension
-    kept = method.body.deformation.copy()
-    method._pass_gradient()
-    internal = 0.0
-    for block in method.blocks:
-        # an Euler step of 1 s changes F by grad v
-        euler = Stage(True, False, 1.0, 0.0, 1.0, block.relaxation(0.0), block.relaxation(0.0))
-        _, rate, _ = advance_deformation(
-            method.space,
-            block.first,
-            block.last,
-            block.law,
-            euler,
-            method.body_of(block),
-            method.gradient,
-            method.riemann,
-            method.shear,
-            method.record,
-        )
-        internal += rate
-    gradient = (method.body.deformation - kept)[: d * d, : method.owned].T.reshape(-1, d, d)
-    method.body.deformation[:] = kept
-    method._pass_force()
-    T, D = method.force[: method.owned, :d].copy(), method.force[: method.owned, 4 : 4 + d].copy()
-    record = method.record[: method.owned, : 4 if d == 2 else 12].reshape(-1, d, 2 if d == 2 else 4)
-    stage = Stage(True, False, 0.0, 0.0, 1.0, np.zeros((0, 3)), np.zeros((0, 3)))
-    numerical, power = motion.advance_motion(
-        method.space,
-        method.owned,
-        stage,
-        method.kinematics,
-        method.start_motion,
-        method.force,
-        method.gradient,
-        method.mass,
-        method.share,
-        method.boundaries.loads_at(0.0),
-        method.boundaries.clamp,
+    strain, kept = method.particles.storage("strain"), method.particles.storage("strain").copy()
+    method.pairs.gradient("motion")
+    # a step of 1 s changes F by grad v
+    _, internal, _ = method.advance_deformation(EULER, 1.0)
+    gradient = (strain - kept)[: d * d, : method.owned].T.reshape(-1, d, d)
+    strain[:] = kept
+    force = method.pairs.divergence(method.pairs.terms)[: method.owned]
+    T, D = force[:, :d].copy(), force[:, 4 : 4 + d].copy() if method.pairs.terms else np.zeros_like(force[:, :d])
+    record = method.particles.storage("record")[: method.owned, : 4 if d == 2 else 12].reshape(
+        -1, d, 2 if d == 2 else 4
     )
+    numerical, power = method.advance_motion(EULER, 0.0, 0.0)
     return {
         "gradient": gradient,
         "PL": record[:, :, :d].swapaxes(1, 2).copy(),

@@ -1,4 +1,4 @@
-"""Boundary conditions on a rank's particles: mirror planes, held and prescribed components, tractions.
+"""Mirror planes, of particles and of grids, and the tables of images that pairs need.
 
 Rollers and fixed walls are planes with mirror images: v' = Q v at X' = R X + T, with Q = R at a roller (symmetry), Q = -1 at
 a fixed wall and Q = -R where only normal motion is free (antisymmetry, exact for small strain: the stress of the image has
@@ -10,7 +10,7 @@ from itertools import combinations
 
 import numpy as np
 
-from parsolid.collective import anywhere, raise_together
+from parsolid.collective import anywhere, minimum, raise_together
 from parsolid.pairs.lists import image_table
 
 # a particle within this fraction of its spacing of a plane lies on it
@@ -114,6 +114,11 @@ class MirrorCodes:
         """Rows for `pairs.layout.Images`."""
         places = (array[:, :dimension] for array in (self.signs, self.reflections, self.shifts))
         return image_table(dimension, *places, self.stress_signs)
+
+
+def mirror_codes(comm, planes: list[MirrorPlane], particle_set) -> MirrorCodes | None:
+    """Every reflection that mirror planes need, None without planes; collective."""
+    return MirrorCodes.of(planes, ON_PLANE * minimum(comm, float(particle_set.spacing.min(initial=np.inf))))
 
 
 def check_sides(comm, plane: MirrorPlane, particle_set, key: str) -> None:

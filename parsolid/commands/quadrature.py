@@ -110,21 +110,8 @@ def _scattered(basis, count: int, motion, stress, force, cells: int) -> tuple[np
     rows[:, :2] = occupied.index
     topology = grid.Grid(origin, 1.0 / cells, float(cells), rows, occupied.start, occupied.order, occupied.stencil)
     nodes = aligned_zeros((len(occupied.nodes), 8))
-    scatter(
-        0,
-        len(rows),
-        Plane(),
-        basis,
-        topology,
-        grid.make_scratch(basis, 2),
-        motion,
-        motion,
-        grid.Flip(1.0),
-        grid.CauchyStress(stress),
-        force,
-        nodes,
-        None,
-    )
+    interpolation = grid.Interpolation(Plane(), basis, topology, grid.make_scratch(basis, 2), motion)
+    scatter(interpolation, motion, grid.Flip(1.0), grid.CauchyStress(stress), force, nodes, None)
     for mirror in mirrors:
         behind, images, on_plane = occupied.mirrored(mirror)
         signs = np.ones((1, 8))

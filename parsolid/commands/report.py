@@ -10,27 +10,26 @@ from parsolid.output.summary import peak_memory_bytes
 
 def print_report(comm, simulation) -> None:
     """Print the report on rank 0; collective. A few tiny steps measure the wall time of one."""
-    method, scene = simulation.method, simulation.scene
-    stable = minimum(comm, method.stable_step())
-    counts = {"particles": method.owned} | method.numbers()
-    numbers = {name: comm.gather(count) for name, count in counts.items()}
-    pairs = comm.allreduce(method.directed_pairs) // 2
-    sent = comm.allreduce(method.bytes_a_step())
+    systems, scene = simulation.systems, simulation.scene
+    stable = minimum(comm, min(system.stable_step() for system in systems))
+    numbers = _counts(comm, systems)
+    pairs = comm.allreduce(sum(system.directed_pairs for system in systems)) // 2
+    sent = comm.allreduce(sum(system.bytes_a_step() for system in systems))
     seconds = _seconds_a_step(comm, simulation, stable)
     memory = maximum(comm, peak_memory_bytes())
     if comm.rank > 0:
         return
-    print(
-        f"{scene.title or 'scene'}: {scene.method.kind}, {scene.dimension}-D, {comm.size} {'rank' if comm.size == 1 else 'ranks'}\n"
-    )
-    _print_fields(method)
-    print()
+    ranks = f"{comm.size} {'rank' if comm.size == 1 else 'ranks'}"
+    for system in systems:
+        print(f"{scene.title or 'scene'}: {system.settings.kind}, {scene.dimension}-D, {ranks}\n")
+        _print_fields(system)
+        print()
     for name, values in numbers.items():
         print(f"{name:<28} {sum(values):>14,}   a rank: {', '.join(f'{value:,}' for value in values)}")
     steps = int(np.ceil(scene.end_time / stable))
     if pairs:
         print(f"{'pairs':<28} {pairs:>14,}")
-    print(f"{'bytes a particle':<28} {bytes_a_particle(method):>14,.0f}   with all lists and work arrays")
+    print(f"{'bytes a particle':<28} {bytes_a_particle(systems):>14,.0f}   with all lists and work arrays")
     print(f"{'bytes sent a step':<28} {sent:>14,}   on all ranks")
     print(f"{'peak memory a rank':<28} {memory / 2**20:>14,.0f} MiB")
     print(f"{'time step':<28} {stable:>14.4g} s   now; it changes with the state")
@@ -41,27 +40,36 @@ def print_report(comm, simulation) -> None:
     )
 
 
-def _print_fields(method) -> None:
+def _counts(comm, systems) -> dict[str, list[int]]:
+    """Particles and what methods count, of each rank, by name; on rank 0, collective."""
+    total: dict[str, int] = {}
+    for system in systems:
+        for name, count in ({"particles": system.owned} | system.numbers()).items():
+            total[name] = total.get(name, 0) + count
+    return {name: comm.gather(count) for name, count in total.items()}
+
+
+def _print_fields(system) -> None:
     names = f"{'field':<28} {'components':>10} {'unit':>8} {'bytes':>6}   roles"
     print(names + "\n" + "-" * len(names))
-    for name, declared in method.table.fields.items():
-        size = method.table.arrays[name].dtype.itemsize * declared.components
+    for name, declared in system.particles.fields.items():
+        size = system.particles.owned_rows(name).dtype.itemsize * declared.components
         print(f"{name:<28} {declared.components:>10} {declared.unit:>8} {size:>6}   {declared.roles}")
-    for name, width in method.exchanged_records().items():
+    for name, width in system.exchanged_records().items():
         print(f"{f'({name})':<28} {width:>10} {'':>8} {8 * width:>6}   exchanged")
 
 
-def bytes_a_particle(method) -> float:
+def bytes_a_particle(systems) -> float:
     """Memory of fields, work arrays and lists over this rank's particles [B]."""
     seen, total = set(), 0
-    for array in [*method.table.arrays.values(), *method.arrays()]:
+    for array in [a for system in systems for a in (*system.particles.arrays.values(), *system.arrays())]:
         base = array
         while base.base is not None and isinstance(base.base, np.ndarray):
             base = base.base
         if id(base) not in seen:
             seen.add(id(base))
             total += base.nbytes
-    return total / max(1, method.owned)
+    return total / max(1, sum(system.owned for system in systems))
 
 
 def _seconds_a_step(comm, simulation, stable: float) -> float:

@@ -78,11 +78,20 @@ def _set_up(comm, scene, options):
 
 def _advice(scene) -> list[str]:
     """What a scene asks for that costs accuracy where it need not."""
-    irregular = [i for i, body in enumerate(scene.bodies) if body.jitter > 0.0 or body.shape.kind == "mesh"]
-    if not irregular or getattr(scene.method, "pair_correction", "") != "none":
+    names = [
+        f"bodies.{i}"
+        for system in scene.systems
+        for i in system.bodies
+        if getattr(system.settings, "pair_correction", "") == "none" and _uneven(scene.bodies[i])
+    ]
+    if not names:
         return []
-    names = ", ".join(f"bodies.{i}" for i in irregular)
-    return [f'{names}: uneven particles; method.pair_correction = "closure" makes them many times more accurate']
+    advice = 'method.pair_correction = "closure" makes them many times more accurate'
+    return [f"{', '.join(names)}: uneven particles; {advice}"]
+
+
+def _uneven(body) -> bool:
+    return body.jitter > 0.0 or body.shape.kind == "mesh"
 
 
 def _inputs(options, scene, restart) -> tuple:

@@ -2,7 +2,8 @@
 
 Galadima et al., section 8.3. Each mode sin(k X), k = (2n - 1) pi/(2 L), moves by itself:
     rho T'' = -k^2 [E_0 T + sum_j E_j (T - V_j)],   V_j' = (T - V_j)/tau_j,
-with V_j(0) = T(0) when the stretch had been held for ever ("relaxed"), 0 when it was applied just before ("instantaneous").
+with V_j(0) = T(0) when the stretch had been held for ever ("relaxed"), 0 when it was applied just before
+("instantaneous").
 """
 
 from typing import NamedTuple
@@ -18,7 +19,9 @@ MODE_PROBE = "mode_1"
 
 
 class Oscillation(NamedTuple):
-    """A mode's roots: angular frequency [rad/s], decay rate [1/s] of the oscillation, real roots (n,) [1/s] of the creep."""
+    """A mode's roots: angular frequency [rad/s], decay rate [1/s] of the oscillation, real roots (n,) [1/s] of the
+    creep.
+    """
 
     frequency: float
     decay: float
@@ -55,7 +58,7 @@ class BarVibration(Solution):
     def of_scene(cls, scene) -> "BarVibration":
         """The solution for a scene's first body, a bar from X = 0, and its reference's stretch."""
         body = scene.bodies[0]
-        modulus, relaxed = PronySeries.youngs_of(body.material), scene.method.initial_state == "relaxed"
+        modulus, relaxed = PronySeries.youngs_of(body.material), scene.systems[0].settings.initial_state == "relaxed"
         return cls(
             modulus, body.material.density, body.shape.model.upper[0], scene.reference.parameters["stretch"], relaxed
         )
@@ -109,7 +112,8 @@ class BarVibration(Solution):
         return ["period", "decay_rate", "amplitude"]
 
     def history_errors(self, history: dict[str, np.ndarray]) -> dict[str, float]:
-        """Relative errors of period and decay rate of mode 1, of a fit to all rows, and the largest |error| over the start.
+        """Relative errors of period and decay rate of mode 1, of a fit to all rows, and the largest |error| over the
+        start.
 
         The decay rate's is over 0.001 of the frequency where the exact one is 0.
         """
@@ -124,10 +128,11 @@ class BarVibration(Solution):
 
 
 def fitted_oscillation(time: np.ndarray, values: np.ndarray, guess: Oscillation) -> Oscillation:
-    """Frequency and decay of the oscillation that fits values (n,) at times (n,) [s] best, beside creep with the guess's roots.
+    """Frequency and decay of the oscillation that fits values (n,) at times (n,) [s] best, beside creep with the
+    guess's roots.
 
-    Amplitudes follow linearly, so that two numbers are sought: first of a few periods, then of twice as many each time, so that
-    the phase is never off by half a turn.
+    Amplitudes follow linearly, so that two numbers are sought: first of a few periods, then of twice as many each time,
+    so that the phase is never off by half a turn.
     """
 
     def remainder(parameters, time, values):

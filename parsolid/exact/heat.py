@@ -1,4 +1,5 @@
-"""Conduction in a slab: a decaying mode, a heated face, a plastic layer that heats itself (Carslaw & Jaeger, chapter III).
+"""Conduction in a slab: a decaying mode, a heated face, a plastic layer that heats itself (Carslaw & Jaeger, chapter
+III).
 
 Positions count along X (a mode, a slab) or Y (a sheared layer); T is the absolute temperature, T0 that at the start.
 """
@@ -63,7 +64,9 @@ class HeatedSlab(_Conduction):
 
     @classmethod
     def of_scene(cls, scene) -> "HeatedSlab":
-        """The solution for a scene's first body, a box from X = 0, and the reference's start and face_rise [K] or heat_flux."""
+        """The solution for a scene's first body, a box from X = 0, and the reference's start and face_rise [K] or
+        heat_flux.
+        """
         given, body = scene.reference.parameters, scene.bodies[0]
         flux = given.get("heat_flux")
         gradient = None if flux is None else flux / body.material.parts["conductivity"]

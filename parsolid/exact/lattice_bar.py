@@ -1,6 +1,8 @@
-"""What a correspondence bar on a uniform lattice does by itself: dispersion and periods, exact in time, without control.
+"""What a correspondence bar on a uniform lattice does by itself: dispersion and periods, exact in time, without
+control.
 
-Points at (i + 1/2) dx with gradient G_i = sum_j w_ij (u_j - u_i) j dx / sum_j w_ij (j dx)^2 and its adjoint as the force.
+Points at (i + 1/2) dx with gradient G_i = sum_j w_ij (u_j - u_i) j dx / sum_j w_ij (j dx)^2 and its adjoint as the
+force.
 """
 
 import numpy as np
@@ -9,7 +11,8 @@ from scipy.sparse.linalg import eigsh
 
 
 def lattice_frequency(angle, reach: int, weight=lambda ratio: np.ones_like(ratio)) -> np.ndarray:
-    """omega dx/c = |sum_j w_j j sin(j theta)| / sum_j w_j j^2 of a wave of `angle` theta a point in an infinite lattice.
+    """omega dx/c = |sum_j w_j j sin(j theta)| / sum_j w_j j^2 of a wave of `angle` theta a point in an infinite
+    lattice.
 
     reach: the horizon in points; weight: influence function of |xi|/delta, 1 by default.
     """
@@ -19,7 +22,9 @@ def lattice_frequency(angle, reach: int, weight=lambda ratio: np.ones_like(ratio
 
 
 def _gradient(points: int, reach: int, clamp: str, weight) -> csr_matrix:
-    """The gradient matrix times dx, (points + layer, points): of the points, and of a layer of resting points that has stresses."""
+    """The gradient matrix times dx, (points + layer, points): of the points, and of a layer of resting points that has
+    stresses.
+    """
     layer = reach if clamp == "layer" else 0
     low = -reach if clamp == "mirror" else -layer
     rows, columns, values = [], [], []
@@ -43,12 +48,13 @@ def fundamental_period(
 ) -> float:
     """Period of mode 1 of a clamped and free elastic bar over that of the continuum, 4 L/c.
 
-    points: lattice points along the bar; clamp: "mirror" (odd images at the end X = 0) or "layer" (`reach` resting points
-    before it); the other end is free, with truncated families.
+    points: lattice points along the bar; clamp: "mirror" (odd images at the end X = 0) or "layer" (`reach` resting
+    points before it); the other end is free, with truncated families.
     """
     gradient = _gradient(points, reach, clamp, weight)
     wave_number = 0.5 * np.pi / points
-    # a lattice without control has oscillating modes of any low frequency as well: the wanted one looks like the continuum's
+    # a lattice without control has oscillating modes of any low frequency as well: the wanted one looks like the
+    # continuum's
     squares, shapes = eigsh((gradient.T @ gradient).tocsc(), k=8, sigma=wave_number**2)
     overlap = np.abs(np.sin(wave_number * (np.arange(points) + 0.5)) @ shapes)
     return wave_number / float(np.sqrt(squares[np.argmax(overlap)]))

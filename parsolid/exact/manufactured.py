@@ -1,7 +1,8 @@
-"""Manufactured solutions for the material point method: motions given in closed form, and the body forces that they need.
+"""Manufactured solutions for the material point method: motions given in closed form, and the body forces that they
+need.
 
-Both are plane strain in a neo-Hookean solid, P = mu (F - F^-T) + U'(J) J F^-T, with U'(J) J = lambda ln J (Wallstedt & Guilkey,
-J. Comput. Phys. 227 (2008) 9628) or lambda (J - 1) J (the project's own law).
+Both are plane strain in a neo-Hookean solid, P = mu (F - F^-T) + U'(J) J F^-T, with U'(J) J = lambda ln J (Wallstedt &
+Guilkey, J. Comput. Phys. 227 (2008) 9628) or lambda (J - 1) J (the project's own law).
 """
 
 import numpy as np
@@ -29,7 +30,8 @@ class Solid:
 
 
 class AxisAligned(Solution):
-    """u_i = A sin(pi X_i) sin(c pi t + phase_i) on the unit square, phases 0 and pi; nothing moves normally on its sides.
+    """u_i = A sin(pi X_i) sin(c pi t + phase_i) on the unit square, phases 0 and pi; nothing moves normally on its
+    sides.
 
     c is the speed of waves in a bar, sqrt(E / rho); the period is 2 / c.
     """

@@ -1,4 +1,4 @@
-"""ViscoelasticHistory functions E(t) = E_0 + sum_j E_j exp(-t/tau_j) and their exact inverses, the creep compliances."""
+"""Relaxation functions E(t) = E_0 + sum_j E_j exp(-t/tau_j) and their exact inverses, the creep compliances."""
 
 import numpy as np
 from scipy.optimize import brentq
@@ -7,7 +7,9 @@ from parsolid.materials.viscoelastic.interconversion import shear_relaxation
 
 
 class PronySeries:
-    """One modulus in small strain: equilibrium value [Pa], moduli (n,) [Pa] and relaxation times (n,) [s] of the terms."""
+    """One modulus in small strain: equilibrium value [Pa], moduli (n,) [Pa] and relaxation times (n,) [s]
+    of the terms.
+    """
 
     def __init__(self, equilibrium: float, moduli=(), times=()):
         self.equilibrium = float(equilibrium)
@@ -51,7 +53,9 @@ class PronySeries:
         return self.equilibrium + float(np.sum(self.moduli * s * self.times / (1.0 + s * self.times)))
 
     def compliance(self) -> "Compliance":
-        """D(t) with (D * dE)(t) = 1: retardation rates are the zeros of `operational`, one between each two of its poles."""
+        """D(t) with (D * dE)(t) = 1: retardation rates are the zeros of `operational`, one between each two of its
+        poles.
+        """
         poles = [*(-1.0 / self.times), 0.0]
         rates, amplitudes = [], []
         for lower, upper in zip(poles, poles[1:]):
@@ -90,9 +94,11 @@ class Compliance:
         return Compliance(constant + factor * self.final, factor * self.amplitudes, self.rates)
 
     def strain(self, history, time: float) -> float:
-        """Strain under a stress that is linear between knots, just after the jumps of that time (Boltzmann's superposition).
+        """Strain under a stress that is linear between knots, just after the jumps of that time (Boltzmann's
+        superposition).
 
-        history: rising (time [s], stress [Pa]) pairs, a repeated time is a jump; 0 before the first and constant after the last.
+        history: rising (time [s], stress [Pa]) pairs, a repeated time is a jump; 0 before the first and constant after
+        the last.
         """
         first, stress = history[0]
         result = stress * self(time - first)

@@ -1,7 +1,8 @@
 """The steady plane shock of a solid with a linear shock velocity, U_s = C0 + S u_p, into the body at rest.
 
 P_H(x) = rho0 C0^2 x / (1 - S x)^2 with x = 1 - J; E_H = P_H x / 2 per reference volume; the temperature follows from
-T dS = dE + P dJ = rho0 Cv (dT + gamma0 T dJ) along the Hugoniot, for a Mie-Grueneisen solid with P = P_H + gamma0 (E - E_H).
+T dS = dE + P dJ = rho0 Cv (dT + gamma0 T dJ) along the Hugoniot, for a Mie-Grueneisen solid with P = P_H + gamma0 (E -
+E_H).
 """
 
 import numpy as np
@@ -34,8 +35,8 @@ class Hugoniot:
 class SteadyShock(Solution):
     """A bar that flies with -u_p along X against a wall at X = 0, where a shock starts at t = 0.
 
-    Compared are means over the particles behind the shock: between `behind` of its way, in reference positions; and the shock
-    speed, from the momentum that the wall has taken.
+    Compared are means over the particles behind the shock: between `behind` of its way, in reference positions; and the
+    shock speed, from the momentum that the wall has taken.
     """
 
     behind = (0.3, 0.85)
@@ -46,7 +47,9 @@ class SteadyShock(Solution):
 
     @classmethod
     def of_scene(cls, scene) -> "SteadyShock":
-        """The shock in a scene's first body, a box from X = 0, at the reference's particle_speed [m/s] and start [K]."""
+        """The shock in a scene's first body, a box from X = 0, at the reference's particle_speed [m/s] and
+        start [K].
+        """
         given, body = scene.reference.parameters, scene.bodies[0]
         parts = body.material.parts
         equation = parts["equation_of_state"]
@@ -65,7 +68,8 @@ class SteadyShock(Solution):
         return ("stress", "density", "internal_energy", "temperature_kelvin", "stress_rms", "shock_speed")
 
     def errors(self, view: View, time: float) -> dict[str, float]:
-        """Relative errors of means behind the shock and of the shock speed; of the stress also the rms about the exact one.
+        """Relative errors of means behind the shock and of the shock speed; of the stress also the rms about the exact
+        one.
 
         stress along X, density, internal_energy per reference volume, temperature_kelvin (absolute [K]). Collective.
         """
@@ -94,6 +98,8 @@ class SteadyShock(Solution):
         return (share > self.behind[0]) & (share < self.behind[1])
 
     def shock_speed(self, mass: float, momentum: float, time: float) -> float:
-        """U_s [m/s] from the bar's mass and its momentum along X, both over its density: what is behind the shock has none."""
+        """U_s [m/s] from the bar's mass and its momentum along X, both over its density: what is behind the shock has
+        none.
+        """
         share = 1.0 + momentum / (mass * self.state.particle_speed)
         return share * self.length / time

@@ -11,7 +11,9 @@ _NOTHING = 1e-12
 
 @dataclass
 class View:
-    """A run on one rank, as a solution looks at it: fields of its owned particles, their reference positions and volumes."""
+    """A run on one rank, as a solution looks at it: fields of its owned particles, their reference positions and
+    volumes.
+    """
 
     comm: Any
     observables: Any
@@ -19,12 +21,12 @@ class View:
     @property
     def positions(self) -> np.ndarray:
         """Reference positions (n, d) [m]."""
-        return self.observables.table.owned_rows("reference_position")
+        return self.observables.rows("reference_position")
 
     @property
     def volume(self) -> np.ndarray:
         """Tributary reference volumes (n,) [m^3]."""
-        return self.observables.table.owned_rows("volume")
+        return self.observables.rows("volume")
 
     def field(self, name: str) -> np.ndarray:
         """A field of the run."""
@@ -40,7 +42,8 @@ class Solution:
     """An exact solution; `fields(positions, time)` gives arrays (n, ...) by name.
 
     offsets   what is taken off a field before it is the scale of its own error (a temperature at the start)
-    scales    size of the fields of which a run may be compared at every step: the largest over time of rms(error) / scale
+    scales    size of the fields of which a run may be compared at every step: the largest over time of rms(error) /
+    scale
     """
 
     offsets: dict[str, float] = {}
@@ -65,7 +68,9 @@ class Solution:
         return result
 
     def history_columns(self) -> list[str]:
-        """Columns of the history from which a run is judged, besides time and dt; the scene must have the probes for some."""
+        """Columns of the history from which a run is judged, besides time and dt; the scene must have the probes for
+        some.
+        """
         return []
 
     def history_names(self) -> list[str]:

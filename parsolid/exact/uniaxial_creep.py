@@ -1,8 +1,9 @@
 """A bar, plate or block under uniform tension along X: creep and recovery, exact for any Prony series and load history.
 
 Galadima et al., sections 8.1 and 8.2. With operational moduli (Laplace transform times s) the axial strain is
-sigma/E = sigma (1/(9K) + 1/(3G)) and the lateral one sigma (1/(9K) - 1/(6G)); in the complete formulation Poisson's ratio is
-constant and the lateral strain is -nu times the axial one. Cross-sections are free to contract (bar, plane stress, 3-D).
+sigma/E = sigma (1/(9K) + 1/(3G)) and the lateral one sigma (1/(9K) - 1/(6G)); in the complete formulation Poisson's
+ratio is constant and the lateral strain is -nu times the axial one. Cross-sections are free to contract (bar, plane
+stress, 3-D).
 """
 
 import numpy as np
@@ -12,20 +13,25 @@ from parsolid.exact.solution import Solution
 
 
 class UniaxialCreep(Solution):
-    """Displacement and stress of a body whose face X = origin[0] only slides, and whose other fixed planes pass through origin.
+    """Displacement and stress of a body whose face X = origin[0] only slides, and whose other fixed planes pass through
+    origin.
 
     Of a run are judged, at every row of its history, the displacements of probes that show position and displacement.
     """
 
     def __init__(self, axial: Compliance, lateral: Compliance, history, origin):
-        """axial, lateral: strains over stress; history: see `Compliance.strain`; origin (d,) [m]: the point that rests."""
+        """axial, lateral: strains over stress; history: see `Compliance.strain`; origin (d,) [m]: the point
+        that rests.
+        """
         self.axial, self.lateral, self.history = axial, lateral, [tuple(map(float, knot)) for knot in history]
         self.origin = np.asarray(origin, float)
         self.probes: list[str] = []
 
     @classmethod
     def of_scene(cls, scene) -> "UniaxialCreep":
-        """The solution for a scene's first body, its traction along X, and its supports; what they leave free is centred."""
+        """The solution for a scene's first body, its traction along X, and its supports; what they leave free is
+        centred.
+        """
         body, dimension = scene.bodies[0], scene.dimension
         traction = next(one for one in scene.boundaries if one.kind == "traction")
         amplitude = float(traction.traction.evaluate(np.zeros((1, dimension)), 0.0)[0, 0])

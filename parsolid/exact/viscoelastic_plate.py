@@ -1,7 +1,8 @@
 """The linear viscoelastic plate of Lee et al., section 7.1: u = T(t) g(X) on the unit square.
 
 g = (sin(pi X/2) cos(pi Y/2), -cos(pi X/2) sin(pi Y/2)) has no divergence and Lap g = -(pi^2/2) g, so that
-    rho T'' = -(pi^2/2) [mu T + sum mu_a (T - V_a)],   V_a' = (T - V_a)/tau_a,   T(0) = amplitude, T'(0) = 0, V_a(0) = 0.
+    rho T'' = -(pi^2/2) [mu T + sum mu_a (T - V_a)],   V_a' = (T - V_a)/tau_a,   T(0) = amplitude, T'(0) = 0, V_a(0) =
+    0.
 The paper's (80), (82) is not a solution: it has no memory, and (82) is not the rate of (80).
 """
 
@@ -46,7 +47,9 @@ class ViscoelasticPlate(Solution):
         return expm(self.rates * time) @ start
 
     def fields(self, positions: np.ndarray, time: float) -> dict[str, np.ndarray]:
-        """velocity (n, 2) [m/s], displacement (n, 2) [m], first_piola_kirchhoff_stress (n, 2, 2) [Pa] at X (n, 2) [m]."""
+        """velocity (n, 2) [m/s], displacement (n, 2) [m], first_piola_kirchhoff_stress (n, 2, 2) [Pa] at X
+        (n, 2) [m].
+        """
         T, rate, *viscous = self.state(time)
         a, b = 0.5 * np.pi * positions[:, 0], 0.5 * np.pi * positions[:, 1]
         g = np.stack((np.sin(a) * np.cos(b), -np.cos(a) * np.sin(b)), axis=1)

@@ -1,6 +1,10 @@
-"""Particle methods, one file each."""
+"""Particle methods, one folder each."""
 
 from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from parsolid.methods.protocol import ParticleSystem
 
 # loaded only when a scene uses it
 _CLASSES = {
@@ -10,7 +14,8 @@ _CLASSES = {
 }
 
 
-def method_class(kind: str) -> type:
+def method_class(kind: str) -> "type[ParticleSystem]":
     """The class of a method, see `methods.protocol`."""
     module, name = _CLASSES[kind]
-    return getattr(import_module(module), name)
+    found: type[ParticleSystem] = getattr(import_module(module), name)
+    return found

@@ -1,4 +1,4 @@
-"""What the loop, the output and the reports ask of a method; a new method derives from `ParticleMethod`."""
+"""What the loop, the output and the reports ask of a method; a new method derives from `ParticleSystem`."""
 
 from typing import Any
 
@@ -6,13 +6,13 @@ import numpy as np
 
 from parsolid.materials.registry import laws_of
 from parsolid.particles.distribution import sort_for_speed
-from parsolid.particles.fields import FieldTable
 
 
-class ParticleMethod:
-    """A method on one rank; sizes are of this rank's owned particles, d = dimension.
+class ParticleSystem:
+    """A method with its bodies on one rank; sizes are of this rank's owned particles, d = dimension.
 
-    Set by the method: comm, dimension, owned, table (`FieldTable`), mass (owned,) [kg] and share (owned,), the part of a particle's
+    Set by the simulation: bodies, the scene's numbers of the system's bodies, which are numbered from 0 within it.
+    Set by the method: comm, settings (the scene's), dimension, owned, table (`FieldTable`), mass (owned,) [kg] and share (owned,), the part of a particle's
     mass on this side of mirror planes (tributary mass = mass share).
     jumps: times [s] at which a step of length 0 is due, because loads jump; landings: times [s] at which a step must end;
     even_steps: whether steps between two times to land on have one length (leapfrog near its limit gains energy where they change);
@@ -23,9 +23,11 @@ class ParticleMethod:
     """
 
     comm: Any
+    settings: Any
+    bodies: tuple[int, ...]
     dimension: int
     owned: int
-    table: FieldTable
+    particles: Any
     mass: np.ndarray
     share: np.ndarray
     jumps: tuple[float, ...] = ()
@@ -42,6 +44,11 @@ class ParticleMethod:
     def sort(comm, scene, particle_set) -> np.ndarray:
         """Order (n,) in which the constructor wants this rank's particles; collective."""
         return sort_for_speed(comm, particle_set, laws_of(scene))
+
+    @property
+    def table(self) -> Any:
+        """The particles, until all methods call them so."""
+        return self.particles
 
     def __init__(self, comm, scene, particle_set):
         """Everything but the state; particle_set: this rank's particles, sorted. Collective.
@@ -133,3 +140,7 @@ class ParticleMethod:
 
     def warm(self) -> None:
         """Compile what only runs on several ranks, or only when results are looked at."""
+
+
+# until every method derives from the new name
+ParticleMethod = ParticleSystem

@@ -1,9 +1,22 @@
-"""Dispatch on NamedTuple classes inside numba overloads."""
+"""One function, several implementations: chosen by the type of one argument, when a kernel is compiled or plain Python calls.
 
+@generic
+def flow_stress(model, plastic_strain, rate): "The flow stress [Pa]."
+
+@flow_stress.of(JohnsonCook)
+def _johnson_cook(model, plastic_strain, rate): return model.yield_stress + ...
+"""
+
+import functools
 import inspect
 
+import numpy as np
 from numba import types
+from numba.core.errors import TypingError
 from numba.extending import overload
+
+from parsolid.numerics.tensors import Tensor, as_tensor
+from parsolid.numerics.tracing import is_tensor, tensor_class
 
 
 def is_instance(numba_type, named_tuple_class) -> bool:
@@ -14,6 +27,107 @@ def is_instance(numba_type, named_tuple_class) -> bool:
 def field_types(numba_type) -> dict:
     """Field name -> numba type of a NamedTuple's numba type."""
     return dict(zip(numba_type.fields, numba_type.types))
+
+
+class Generic:
+    """The implementations of a documented stub, see `generic`."""
+
+    def __init__(self, stub, on: str | None):
+        self.stub, self.parameters = stub, list(inspect.signature(stub).parameters)
+        self.position = self.parameters.index(on) if on else 0
+        hints = inspect.signature(stub).parameters.values()
+        self.tensors = [i for i, hint in enumerate(hints) if hint.annotation is Tensor]
+        self.implementations, self.default = {}, None
+
+    def of(self, *kinds):
+        """Decorator of the implementation for NamedTuple classes, dimensions of arrays, or None."""
+
+        def decorate(function):
+            self.implementations.update(dict.fromkeys(kinds, function))
+            return function
+
+        return decorate
+
+    def otherwise(self, function):
+        """Decorator of the implementation where no other fits."""
+        self.default = function
+        return function
+
+    def find(self, kind):
+        """The implementation for a key; TypeError, with both names, where there is none."""
+        for base in kind.__mro__ if isinstance(kind, type) else (kind,):
+            if base in self.implementations:
+                return self.implementations[base]
+        if self.default is None:
+            name = kind.__name__ if isinstance(kind, type) else kind
+            known = ", ".join(sorted(k.__name__ if isinstance(k, type) else str(k) for k in self.implementations))
+            raise TypeError(f"{self.stub.__name__} has no implementation for {name} (it has those for {known})")
+        return self.default
+
+    def has(self, kind: type) -> bool:
+        """Whether there is an implementation for a class, the default not counted."""
+        return any(base in self.implementations for base in kind.__mro__)
+
+    def compiled_choice(self, arguments):
+        """What numba compiles for argument types."""
+        plain = [i for i in self.tensors if not is_tensor(arguments[i]) and tensor_class(arguments[i])]
+        if plain:
+            return self._with_tensors(plain)
+        try:
+            return self.find(_key_of_type(arguments[self.position]))
+        except TypeError as error:
+            raise TypingError(str(error)) from None
+
+    def _with_tensors(self, plain: list[int]):
+        """The function with plain tuples made tensors first; written out, because numba wants named arguments."""
+        names = self.parameters
+        given = ", ".join(f"as_tensor({name})" if i in plain else name for i, name in enumerate(names))
+        scope = {"function": self.function, "as_tensor": as_tensor}
+        exec(f"def with_tensors({', '.join(names)}):\n    return function({given})", scope)
+        return scope["with_tensors"]
+
+    def called(self, *arguments):
+        """What plain Python calls."""
+        given = list(arguments)
+        for i in self.tensors:
+            if type(given[i]) is tuple:
+                given[i] = as_tensor(given[i])
+        return self.find(_key_of_value(given[self.position]))(*given)
+
+
+def generic(stub=None, *, on: str | None = None):
+    """Decorator of a documented stub: a function with implementations by the type of the argument `on`, the first unless given.
+
+    They are added by `@function.of(...)` and `@function.otherwise`, in plain Python that numba compiles into the kernels that call
+    it; arguments are positional. Arguments annotated as `Tensor` may be plain tuples. Raises TypeError (in a kernel numba's
+    TypingError) naming function and type where no implementation fits.
+    """
+    if stub is None:
+        return functools.partial(generic, on=on)
+    table = Generic(stub, on)
+
+    @functools.wraps(stub)
+    def function(*arguments):
+        return table.called(*arguments)
+
+    @overload(function, strict=False)
+    def choose(*arguments):
+        return table.compiled_choice(arguments)
+
+    table.function, function.of, function.otherwise, function.table = function, table.of, table.otherwise, table
+    return function
+
+
+def _key_of_type(numba_type):
+    if isinstance(numba_type, types.NoneType | types.Omitted):
+        return None
+    if isinstance(numba_type, types.BaseNamedTuple):
+        return numba_type.instance_class
+    return numba_type.ndim if isinstance(numba_type, types.Array) else type(numba_type)
+
+
+def _key_of_value(value):
+    return value.ndim if isinstance(value, np.ndarray) else None if value is None else type(value)
 
 
 def none_without(argument: str, returns: str | None = None):
@@ -28,12 +142,18 @@ def none_without(argument: str, returns: str | None = None):
         position = names.index(argument)
         instead = None if returns is None else names.index(returns)
 
-        @overload(function, strict=False)
+        @functools.wraps(function)
+        def called(*arguments):
+            if arguments[position] is None:
+                return None if instead is None else arguments[instead]
+            return function(*arguments)
+
+        @overload(called, strict=False)
         def choose(*arguments):
             if isinstance(arguments[position], types.NoneType):
                 return (lambda *arguments: None) if instead is None else (lambda *arguments: arguments[instead])
             return function
 
-        return function
+        return called
 
     return decorate

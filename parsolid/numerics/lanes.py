@@ -12,7 +12,9 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.extending import intrinsic, models, overload, register_jitable, register_model
+from numba.core.imputils import lower_builtin
+from numba.core.typing.templates import AbstractTemplate, infer_global
+from numba.extending import intrinsic, models, register_jitable, register_model
 
 WIDTH = 4
 
@@ -55,20 +57,28 @@ def _is_operand(numba_type):
     return isinstance(numba_type, (LanesType, types.Float, types.Integer))
 
 
+def _direct(function, emit):
+    """Let compiled functions apply a Python function or operator to lanes: one instruction, with nothing to compile for it."""
+
+    class Template(AbstractTemplate):
+        key = function
+
+        def generic(self, arguments, keywords):
+            fits = any(isinstance(a, LanesType) for a in arguments) and all(map(_is_operand, arguments))
+            return lanes(*arguments) if fits and not keywords else None
+
+        def get_impl_key(self, sig):
+            return emit
+
+    infer_global(function)(Template)
+
+    @lower_builtin(emit, types.VarArg(types.Any))
+    def lower(context, builder, sig, arguments):
+        return emit(context, builder, *(_to_vector(context, builder, a, t) for a, t in zip(arguments, sig.args)))
+
+
 def _binary(python_operator, instruction):
-    @intrinsic
-    def apply(typing_context, left, right):
-        def generate(context, builder, signature, arguments):
-            x = _to_vector(context, builder, arguments[0], signature.args[0])
-            y = _to_vector(context, builder, arguments[1], signature.args[1])
-            return getattr(builder, instruction)(x, y)
-
-        return lanes(left, right), generate
-
-    @overload(python_operator, inline="always")
-    def dispatch(left, right):
-        if (isinstance(left, LanesType) or isinstance(right, LanesType)) and _is_operand(left) and _is_operand(right):
-            return lambda left, right: apply(left, right)
+    _direct(python_operator, lambda context, builder, x, y: getattr(builder, instruction)(x, y))
 
 
 for _operator, _instruction in (
@@ -80,18 +90,7 @@ for _operator, _instruction in (
     _binary(_operator, _instruction)
 
 
-@intrinsic
-def _negate(typing_context, value):
-    def generate(context, builder, signature, arguments):
-        return builder.fneg(arguments[0])
-
-    return lanes(value), generate
-
-
-@overload(operator.neg, inline="always")
-def _neg(value):
-    if isinstance(value, LanesType):
-        return lambda value: _negate(value)
+_direct(operator.neg, lambda context, builder, x: builder.fneg(x))
 
 
 def _llvm_call(context, builder, name, result, arguments):
@@ -99,34 +98,14 @@ def _llvm_call(context, builder, name, result, arguments):
     return builder.call(cgutils.get_or_insert_function(builder.module, function_type, name), arguments)
 
 
-@intrinsic
-def _square_root(typing_context, value):
-    def generate(context, builder, signature, arguments):
-        return _llvm_call(context, builder, "llvm.sqrt.v4f64", _VECTOR, arguments)
-
-    return lanes(value), generate
-
-
-@overload(math.sqrt)
-def _sqrt(value):
-    if isinstance(value, LanesType):
-        return lambda value: _square_root(value)
+_direct(math.sqrt, lambda context, builder, x: _llvm_call(context, builder, "llvm.sqrt.v4f64", _VECTOR, [x]))
 
 
 def _choice(python_function, comparison):
-    @intrinsic
-    def apply(typing_context, left, right):
-        def generate(context, builder, signature, arguments):
-            x = _to_vector(context, builder, arguments[0], signature.args[0])
-            y = _to_vector(context, builder, arguments[1], signature.args[1])
-            return builder.select(builder.fcmp_ordered(comparison, x, y), x, y)
-
-        return lanes(left, right), generate
-
-    @overload(python_function, inline="always")
-    def dispatch(left, right):
-        if (isinstance(left, LanesType) or isinstance(right, LanesType)) and _is_operand(left) and _is_operand(right):
-            return lambda left, right: apply(left, right)
+    _direct(
+        python_function,
+        lambda context, builder, x, y: builder.select(builder.fcmp_ordered(comparison, x, y), x, y),
+    )
 
 
 # lane by lane; the second argument where either is NaN

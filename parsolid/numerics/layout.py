@@ -7,10 +7,11 @@ A13, A23 or A11, A22, A12 of each Maxwell branch. `correction` holds L, (9 or 4,
 
 from typing import NamedTuple
 
-from numba.extending import overload
+from numba.extending import register_jitable
 
-from parsolid.numerics.dispatch import is_instance
+from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import broadcast, load, store, store_first, transpose
+from parsolid.numerics.tensors import GeneralPlane, GeneralSpace, SymmetricPlane, SymmetricSpace
 
 
 class Plane(NamedTuple):
@@ -37,36 +38,27 @@ BRANCH_ROWS = {2: 3, 3: 6}
 CORRECTION_ROWS = {2: 4, 3: 9}
 
 
+@generic
 def load_deformation(space, deformation, i):
     """F, H, J of particles i..i+3."""
-    raise NotImplementedError
 
 
-@overload(load_deformation)
-def _load_deformation(space, deformation, i):
-    if is_instance(space, Plane):
-
-        def plane(space, deformation, i):
-            F11, F12 = load(deformation, 0, i), load(deformation, 1, i)
-            F21, F22, J = load(deformation, 2, i), load(deformation, 3, i), load(deformation, 4, i)
-            return (F11, F12, F21, F22, broadcast(1.0)), (F22, -F21, -F12, F11, J), J
-
-        return plane
-
-    def solid(space, deformation, i):
-        return load_nine(deformation, 0, i), load_nine(deformation, 9, i), load(deformation, 18, i)
-
-    return solid
+@load_deformation.of(Plane)
+def _plane_deformation(space, deformation, i):
+    F11, F12 = load(deformation, 0, i), load(deformation, 1, i)
+    F21, F22, J = load(deformation, 2, i), load(deformation, 3, i), load(deformation, 4, i)
+    return GeneralPlane(F11, F12, F21, F22, broadcast(1.0)), GeneralPlane(F22, -F21, -F12, F11, J), J
 
 
+@load_deformation.otherwise
+def _space_deformation(space, deformation, i):
+    return load_nine(deformation, 0, i), load_nine(deformation, 9, i), load(deformation, 18, i)
+
+
+@register_jitable
 def load_nine(array, row, i):
-    """Nine consecutive rows of four particles."""
-    raise NotImplementedError
-
-
-@overload(load_nine)
-def _load_nine(array, row, i):
-    return lambda array, row, i: (
+    """Nine consecutive rows of four particles, as a general tensor."""
+    return GeneralSpace(
         load(array, row, i),
         load(array, row + 1, i),
         load(array, row + 2, i),
@@ -79,226 +71,196 @@ def _load_nine(array, row, i):
     )
 
 
+@generic
 def store_deformation(space, deformation, i, F, H, J, count):
     """Store F, H, J of the first `count` of particles i..i+3."""
-    raise NotImplementedError
 
 
-@overload(store_deformation)
-def _store_deformation(space, deformation, i, F, H, J, count):
-    if is_instance(space, Plane):
-
-        def plane(space, deformation, i, F, H, J, count):
-            store_first(deformation, 0, i, F[0], count)
-            store_first(deformation, 1, i, F[1], count)
-            store_first(deformation, 2, i, F[2], count)
-            store_first(deformation, 3, i, F[3], count)
-            store_first(deformation, 4, i, J, count)
-
-        return plane
-
-    def solid(space, deformation, i, F, H, J, count):
-        store_nine(deformation, 0, i, F, count)
-        store_nine(deformation, 9, i, H, count)
-        store_first(deformation, 18, i, J, count)
-
-    return solid
+@store_deformation.of(Plane)
+def _store_plane_deformation(space, deformation, i, F, H, J, count):
+    store_first(deformation, 0, i, F[0], count)
+    store_first(deformation, 1, i, F[1], count)
+    store_first(deformation, 2, i, F[2], count)
+    store_first(deformation, 3, i, F[3], count)
+    store_first(deformation, 4, i, J, count)
 
 
+@store_deformation.otherwise
+def _store_space_deformation(space, deformation, i, F, H, J, count):
+    store_nine(deformation, 0, i, F, count)
+    store_nine(deformation, 9, i, H, count)
+    store_first(deformation, 18, i, J, count)
+
+
+@register_jitable
 def store_nine(array, row, i, values, count):
     """Nine consecutive rows of the first `count` of particles i..i+3."""
-    raise NotImplementedError
+    store_first(array, row, i, values[0], count)
+    store_first(array, row + 1, i, values[1], count)
+    store_first(array, row + 2, i, values[2], count)
+    store_first(array, row + 3, i, values[3], count)
+    store_first(array, row + 4, i, values[4], count)
+    store_first(array, row + 5, i, values[5], count)
+    store_first(array, row + 6, i, values[6], count)
+    store_first(array, row + 7, i, values[7], count)
+    store_first(array, row + 8, i, values[8], count)
 
 
-@overload(store_nine)
-def _store_nine(array, row, i, values, count):
-    def store_rows(array, row, i, values, count):
-        store_first(array, row, i, values[0], count)
-        store_first(array, row + 1, i, values[1], count)
-        store_first(array, row + 2, i, values[2], count)
-        store_first(array, row + 3, i, values[3], count)
-        store_first(array, row + 4, i, values[4], count)
-        store_first(array, row + 5, i, values[5], count)
-        store_first(array, row + 6, i, values[6], count)
-        store_first(array, row + 7, i, values[7], count)
-        store_first(array, row + 8, i, values[8], count)
-
-    return store_rows
-
-
+@generic
 def load_branch(space, branches, alpha, i):
     """A_alpha of particles i..i+3."""
-    raise NotImplementedError
 
 
-@overload(load_branch)
-def _load_branch(space, branches, alpha, i):
-    if is_instance(space, Plane):
-
-        def plane(space, branches, alpha, i):
-            row = 3 * alpha
-            return load(branches, row, i), load(branches, row + 1, i), broadcast(1.0), load(branches, row + 2, i)
-
-        return plane
-
-    def solid(space, branches, alpha, i):
-        row = 6 * alpha
-        return (
-            load(branches, row, i),
-            load(branches, row + 1, i),
-            load(branches, row + 2, i),
-            load(branches, row + 3, i),
-            load(branches, row + 4, i),
-            load(branches, row + 5, i),
-        )
-
-    return solid
+@load_branch.of(Plane)
+def _plane_branch(space, branches, alpha, i):
+    row = 3 * alpha
+    return SymmetricPlane(
+        load(branches, row, i), load(branches, row + 1, i), broadcast(1.0), load(branches, row + 2, i)
+    )
 
 
+@load_branch.otherwise
+def _space_branch(space, branches, alpha, i):
+    return load_six(branches, 6 * alpha, i)
+
+
+@register_jitable
+def load_six(array, row, i):
+    """Six consecutive rows of four particles, as a symmetric tensor."""
+    return SymmetricSpace(
+        load(array, row, i),
+        load(array, row + 1, i),
+        load(array, row + 2, i),
+        load(array, row + 3, i),
+        load(array, row + 4, i),
+        load(array, row + 5, i),
+    )
+
+
+@generic
 def store_branch(space, branches, alpha, i, A, count):
     """Store A_alpha of the first `count` of particles i..i+3."""
-    raise NotImplementedError
 
 
-@overload(store_branch)
-def _store_branch(space, branches, alpha, i, A, count):
-    if is_instance(space, Plane):
-
-        def plane(space, branches, alpha, i, A, count):
-            store_first(branches, 3 * alpha, i, A[0], count)
-            store_first(branches, 3 * alpha + 1, i, A[1], count)
-            store_first(branches, 3 * alpha + 2, i, A[3], count)
-
-        return plane
-
-    def solid(space, branches, alpha, i, A, count):
-        row = 6 * alpha
-        store_first(branches, row, i, A[0], count)
-        store_first(branches, row + 1, i, A[1], count)
-        store_first(branches, row + 2, i, A[2], count)
-        store_first(branches, row + 3, i, A[3], count)
-        store_first(branches, row + 4, i, A[4], count)
-        store_first(branches, row + 5, i, A[5], count)
-
-    return solid
+@store_branch.of(Plane)
+def _store_plane_branch(space, branches, alpha, i, A, count):
+    store_first(branches, 3 * alpha, i, A[0], count)
+    store_first(branches, 3 * alpha + 1, i, A[1], count)
+    store_first(branches, 3 * alpha + 2, i, A[3], count)
 
 
+@store_branch.otherwise
+def _store_space_branch(space, branches, alpha, i, A, count):
+    row = 6 * alpha
+    store_first(branches, row, i, A[0], count)
+    store_first(branches, row + 1, i, A[1], count)
+    store_first(branches, row + 2, i, A[2], count)
+    store_first(branches, row + 3, i, A[3], count)
+    store_first(branches, row + 4, i, A[4], count)
+    store_first(branches, row + 5, i, A[5], count)
+
+
+@generic
 def load_correction(space, correction, i):
     """L of particles i..i+3 as a general tensor."""
-    raise NotImplementedError
 
 
-@overload(load_correction)
-def _load_correction(space, correction, i):
-    if is_instance(space, Plane):
-        return lambda space, correction, i: (
-            load(correction, 0, i),
-            load(correction, 1, i),
-            load(correction, 2, i),
-            load(correction, 3, i),
-            broadcast(0.0),
-        )
-    return lambda space, correction, i: load_nine(correction, 0, i)
+@load_correction.of(Plane)
+def _plane_correction(space, correction, i):
+    return GeneralPlane(
+        load(correction, 0, i),
+        load(correction, 1, i),
+        load(correction, 2, i),
+        load(correction, 3, i),
+        broadcast(0.0),
+    )
 
 
+@load_correction.otherwise
+def _space_correction(space, correction, i):
+    return load_nine(correction, 0, i)
+
+
+@generic
 def load_gradient(space, gradient, i):
     """sum (v_b - v_a) (x) g of particles i..i+3, stored particle by particle in columns, as a general tensor."""
-    raise NotImplementedError
 
 
-@overload(load_gradient)
-def _load_gradient(space, gradient, i):
-    if is_instance(space, Plane):
-
-        def plane(space, gradient, i):
-            c = four_rows(gradient, i, 0)
-            return c[0], c[2], c[1], c[3], broadcast(0.0)
-
-        return plane
-
-    def solid(space, gradient, i):
-        x, y, z = four_rows(gradient, i, 0), four_rows(gradient, i, 4), four_rows(gradient, i, 8)
-        return x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]
-
-    return solid
+@load_gradient.of(Plane)
+def _plane_gradient(space, gradient, i):
+    c = four_rows(gradient, i, 0)
+    return GeneralPlane(c[0], c[2], c[1], c[3], broadcast(0.0))
 
 
+@load_gradient.otherwise
+def _space_gradient(space, gradient, i):
+    x, y, z = four_rows(gradient, i, 0), four_rows(gradient, i, 4), four_rows(gradient, i, 8)
+    return GeneralSpace(x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2])
+
+
+@register_jitable
 def four_rows(array, i, column):
-    raise NotImplementedError
-
-
-@overload(four_rows)
-def _load_four_rows(array, i, column):
-    return lambda array, i, column: transpose(
+    """Columns column..column+3 of the rows i..i+3, as lanes over the rows."""
+    return transpose(
         load(array, i, column), load(array, i + 1, column), load(array, i + 2, column), load(array, i + 3, column)
     )
 
 
+@register_jitable
 def store_rows(array, i, column, first, second, third, fourth):
     """Lanes over particles into array[i..i+3, column : column + 4]."""
-    raise NotImplementedError
+    rows = transpose(first, second, third, fourth)
+    store(array, i, column, rows[0])
+    store(array, i + 1, column, rows[1])
+    store(array, i + 2, column, rows[2])
+    store(array, i + 3, column, rows[3])
 
 
-@overload(store_rows)
-def _store_rows(array, i, column, first, second, third, fourth):
-    def store_four(array, i, column, first, second, third, fourth):
-        rows = transpose(first, second, third, fourth)
-        store(array, i, column, rows[0])
-        store(array, i + 1, column, rows[1])
-        store(array, i + 2, column, rows[2])
-        store(array, i + 3, column, rows[3])
-
-    return store_four
-
-
+@generic
 def store_matrix(space, record, i, column, matrix):
     """The columns of a general tensor of particles i..i+3 into their records."""
-    raise NotImplementedError
 
 
-@overload(store_matrix)
-def _store_matrix(space, record, i, column, matrix):
-    if is_instance(space, Plane):
-        return lambda space, record, i, column, matrix: store_rows(
-            record, i, column, matrix[0], matrix[2], matrix[1], matrix[3]
-        )
-
-    def solid(space, record, i, column, matrix):
-        zero = broadcast(0.0)
-        store_rows(record, i, column, matrix[0], matrix[3], matrix[6], zero)
-        store_rows(record, i, column + 4, matrix[1], matrix[4], matrix[7], zero)
-        store_rows(record, i, column + 8, matrix[2], matrix[5], matrix[8], zero)
-
-    return solid
+@store_matrix.of(Plane)
+def _store_plane_matrix(space, record, i, column, matrix):
+    store_rows(record, i, column, matrix[0], matrix[2], matrix[1], matrix[3])
 
 
+@store_matrix.otherwise
+def _store_space_matrix(space, record, i, column, matrix):
+    zero = broadcast(0.0)
+    store_rows(record, i, column, matrix[0], matrix[3], matrix[6], zero)
+    store_rows(record, i, column + 4, matrix[1], matrix[4], matrix[7], zero)
+    store_rows(record, i, column + 8, matrix[2], matrix[5], matrix[8], zero)
+
+
+@generic
 def store_tensor(space, record, i, column, tensor, last):
     """A symmetric tensor of particles i..i+3 into their records, with one more number in its free lane."""
-    raise NotImplementedError
 
 
-@overload(store_tensor)
-def _store_tensor(space, record, i, column, tensor, last):
-    if is_instance(space, Plane):
-        return lambda space, record, i, column, tensor, last: store_rows(
-            record, i, column, broadcast(tensor[0]), broadcast(tensor[1]), broadcast(tensor[3]), broadcast(last)
-        )
-
-    def solid(space, record, i, column, tensor, last):
-        zero = broadcast(0.0)
-        store_rows(record, i, column, broadcast(tensor[0]), broadcast(tensor[1]), broadcast(tensor[2]), broadcast(last))
-        store_rows(record, i, column + 4, broadcast(tensor[3]), broadcast(tensor[4]), broadcast(tensor[5]), zero)
-
-    return solid
+@store_tensor.of(Plane)
+def _store_plane_tensor(space, record, i, column, tensor, last):
+    store_rows(record, i, column, broadcast(tensor[0]), broadcast(tensor[1]), broadcast(tensor[3]), broadcast(last))
 
 
+@store_tensor.otherwise
+def _store_space_tensor(space, record, i, column, tensor, last):
+    zero = broadcast(0.0)
+    store_rows(record, i, column, broadcast(tensor[0]), broadcast(tensor[1]), broadcast(tensor[2]), broadcast(last))
+    store_rows(record, i, column + 4, broadcast(tensor[3]), broadcast(tensor[4]), broadcast(tensor[5]), zero)
+
+
+@generic
 def record_columns(space):
     """Columns that a matrix and a symmetric tensor take in a record."""
-    raise NotImplementedError
 
 
-@overload(record_columns)
-def _record_columns(space):
-    if is_instance(space, Plane):
-        return lambda space: (4, 4)
-    return lambda space: (12, 8)
+@record_columns.of(Plane)
+def _plane_columns(space):
+    return 4, 4
+
+
+@record_columns.otherwise
+def _space_columns(space):
+    return 12, 8

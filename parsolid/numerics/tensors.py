@@ -1,354 +1,348 @@
-"""Small tensors as tuples of scalars, for floats and for `Lanes` alike.
+"""Small tensors with operators, for floats and for `Lanes` alike, in compiled functions and in plain Python.
 
 General tensors: plane strain (11, 12, 21, 22, 33), space (11, 12, 13, 21, 22, 23, 31, 32, 33).
 Symmetric tensors: plane strain (11, 22, 33, 12), space (11, 22, 33, 12, 13, 23).
 The out-of-plane component 33 is carried so that every formula is the three-dimensional one; where it is the
-constant 1.0 the compiler folds it. Products written A x B are the tensor cross product of Bonet, Gil & Ortigosa,
-(A x B)_iI = eps_ijk eps_IJK A_jJ B_kK.
+constant 1.0 the compiler folds it. With tensors A, B and a scalar s: A + B, A - B, -A, s * A, A / s (one division), A @ B, A.T;
+`I` is the identity, so that A + s * I adds to the diagonal alone; a symmetric tensor meets a general one as a general one; None,
+what a scene lacks, adds nothing: A + None is A. Products written A x B are the tensor cross product of Bonet, Gil & Ortigosa, (A x B)_iI = eps_ijk eps_IJK A_jJ B_kK.
+Functions take plain tuples of as many scalars, too. Every formula is plain Python, traced by numba (see `numerics.tracing`).
 """
 
+import functools
 import math
-
-from numba import types
-from numba.extending import overload
+from collections import namedtuple
 
 from decomposition.compiled import compiled
-from parsolid.numerics.lanes import lane
+from parsolid.numerics.lanes import lane  # noqa: F401
+from parsolid.numerics.tracing import BY_SIZE, Symbol, Traceable, traced
 
 PLANE, SPACE = 5, 9
 SYMMETRIC_PLANE, SYMMETRIC_SPACE = 4, 6
 
 
-def _size(tensor):
-    return len(tensor) if isinstance(tensor, types.BaseTuple) else 0
+class Tensor(Traceable):
+    """What the kinds of tensors have in common: the operators."""
+
+    __slots__ = ()
+    # numpy's scalars leave products with tensors to them
+    __array_ufunc__ = None
+
+    def _with(self, other, combine):
+        """Component by component with another tensor."""
+        if type(self) is not type(other):
+            self, other = expand(self), expand(other)
+        return type(self)(*map(combine, self, other))
+
+    def __add__(self, other):
+        if other is None:
+            return self
+        if not isinstance(other, Tensor):
+            return NotImplemented
+        if isinstance(self, Spherical) == isinstance(other, Spherical):
+            return self._with(other, lambda x, y: x + y)
+        a, s = (self, other.value) if isinstance(other, Spherical) else (other, self.value)
+        return type(a)(*(x + s if i in _DIAGONAL[type(a)] else x for i, x in enumerate(a)))
+
+    def __sub__(self, other):
+        if not isinstance(other, Tensor):
+            return NotImplemented
+        if isinstance(self, Spherical) == isinstance(other, Spherical):
+            return self._with(other, lambda x, y: x - y)
+        return self + -other
+
+    def __mul__(self, factor):
+        return NotImplemented if isinstance(factor, tuple) else type(self)(*(factor * x for x in self))
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, divisor):
+        return NotImplemented if isinstance(divisor, tuple) else (1.0 / divisor) * self
+
+    def __neg__(self):
+        return type(self)(*(-x for x in self))
+
+    def __matmul__(self, other):
+        return matmul(self, other) if isinstance(other, Tensor) else NotImplemented
+
+    @property
+    def T(self):
+        """The transpose."""
+        return transposed(self)
 
 
+class GeneralPlane(Tensor, namedtuple("GeneralPlane", "xx xy yx yy zz")):
+    """A general tensor of plane strain."""
+
+    __slots__ = ()
+
+
+class GeneralSpace(Tensor, namedtuple("GeneralSpace", "xx xy xz yx yy yz zx zy zz")):
+    """A general tensor of space."""
+
+    __slots__ = ()
+
+
+class SymmetricPlane(Tensor, namedtuple("SymmetricPlane", "xx yy zz xy")):
+    """A symmetric tensor of plane strain."""
+
+    __slots__ = ()
+
+
+class SymmetricSpace(Tensor, namedtuple("SymmetricSpace", "xx yy zz xy xz yz")):
+    """A symmetric tensor of space."""
+
+    __slots__ = ()
+
+
+class Spherical(Tensor, namedtuple("Spherical", "value")):
+    """A multiple of the identity."""
+
+    __slots__ = ()
+
+
+I = Spherical(1.0)  # noqa: E741  (the field's name of the identity)
+_DIAGONAL = {GeneralPlane: (0, 3, 4), GeneralSpace: (0, 4, 8), SymmetricPlane: (0, 1, 2), SymmetricSpace: (0, 1, 2)}
+BY_SIZE.update({len(kind._fields): kind for kind in _DIAGONAL})
+
+
+def as_tensor(components):
+    """The tensor of a plain tuple of 4, 5, 6 or 9 scalars; a tensor, and None, as they are."""
+    return components if components is None or isinstance(components, Tensor) else BY_SIZE[len(components)](*components)
+
+
+def formula(function):
+    """Decorator of a formula of tensors and scalars that numba traces; plain tuples are made tensors for it."""
+
+    @functools.wraps(function)
+    def with_tensors(*arguments):
+        return function(*(as_tensor(a) if type(a) is tuple and len(a) in BY_SIZE else a for a in arguments))
+
+    return traced(with_tensors)
+
+
+as_tensor = traced(as_tensor)
+
+
+@formula
 def add(a, b):
-    """a + b, component by component (tuples of 4, 5, 6 or 9)."""
-    return tuple(x + y for x, y in zip(a, b))
+    """a + b."""
+    return a + b
 
 
-@overload(add)
-def _add(a, b):
-    if _size(a) == 4:
-        return lambda a, b: (a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3])
-    if _size(a) == 5:
-        return lambda a, b: (a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4])
-    if _size(a) == 6:
-        return lambda a, b: (a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5])
-    if _size(a) == 9:
-        return lambda a, b: (
-            a[0] + b[0],
-            a[1] + b[1],
-            a[2] + b[2],
-            a[3] + b[3],
-            a[4] + b[4],
-            a[5] + b[5],
-            a[6] + b[6],
-            a[7] + b[7],
-            a[8] + b[8],
-        )
-
-
+@formula
 def scale(s, a):
-    """s a, component by component (tuples of 4, 5, 6 or 9)."""
-    return tuple(s * x for x in a)
+    """s a."""
+    return s * a
 
 
-@overload(scale)
-def _scale(s, a):
-    if _size(a) == 4:
-        return lambda s, a: (s * a[0], s * a[1], s * a[2], s * a[3])
-    if _size(a) == 5:
-        return lambda s, a: (s * a[0], s * a[1], s * a[2], s * a[3], s * a[4])
-    if _size(a) == 6:
-        return lambda s, a: (s * a[0], s * a[1], s * a[2], s * a[3], s * a[4], s * a[5])
-    if _size(a) == 9:
-        return lambda s, a: (s * a[0], s * a[1], s * a[2], s * a[3], s * a[4], s * a[5], s * a[6], s * a[7], s * a[8])
-
-
+@formula
 def cross(a, b):
     """Tensor cross product a x b of two general tensors."""
-    raise NotImplementedError
-
-
-@overload(cross)
-def _cross(a, b):
-    if _size(a) == PLANE:
-        return lambda a, b: (
+    if len(a) == PLANE:
+        return GeneralPlane(
             a[3] * b[4] + a[4] * b[3],
             -(a[2] * b[4] + a[4] * b[2]),
             -(a[1] * b[4] + a[4] * b[1]),
             a[0] * b[4] + a[4] * b[0],
             a[0] * b[3] + a[3] * b[0] - a[1] * b[2] - a[2] * b[1],
         )
-    if _size(a) == SPACE:
-        return lambda a, b: (
-            a[4] * b[8] - a[5] * b[7] + a[8] * b[4] - a[7] * b[5],
-            a[5] * b[6] - a[3] * b[8] + a[6] * b[5] - a[8] * b[3],
-            a[3] * b[7] - a[4] * b[6] + a[7] * b[3] - a[6] * b[4],
-            a[2] * b[7] - a[1] * b[8] + a[7] * b[2] - a[8] * b[1],
-            a[0] * b[8] - a[2] * b[6] + a[8] * b[0] - a[6] * b[2],
-            a[1] * b[6] - a[0] * b[7] + a[6] * b[1] - a[7] * b[0],
-            a[1] * b[5] - a[2] * b[4] + a[5] * b[1] - a[4] * b[2],
-            a[2] * b[3] - a[0] * b[5] + a[3] * b[2] - a[5] * b[0],
-            a[0] * b[4] - a[1] * b[3] + a[4] * b[0] - a[3] * b[1],
-        )
+    return GeneralSpace(
+        a[4] * b[8] - a[5] * b[7] + a[8] * b[4] - a[7] * b[5],
+        a[5] * b[6] - a[3] * b[8] + a[6] * b[5] - a[8] * b[3],
+        a[3] * b[7] - a[4] * b[6] + a[7] * b[3] - a[6] * b[4],
+        a[2] * b[7] - a[1] * b[8] + a[7] * b[2] - a[8] * b[1],
+        a[0] * b[8] - a[2] * b[6] + a[8] * b[0] - a[6] * b[2],
+        a[1] * b[6] - a[0] * b[7] + a[6] * b[1] - a[7] * b[0],
+        a[1] * b[5] - a[2] * b[4] + a[5] * b[1] - a[4] * b[2],
+        a[2] * b[3] - a[0] * b[5] + a[3] * b[2] - a[5] * b[0],
+        a[0] * b[4] - a[1] * b[3] + a[4] * b[0] - a[3] * b[1],
+    )
 
 
+@formula
 def cofactor(a):
     """cof a = 1/2 a x a = det(a) a^{-T}."""
-    raise NotImplementedError
+    if len(a) == PLANE:
+        return GeneralPlane(a[3] * a[4], -a[2] * a[4], -a[1] * a[4], a[0] * a[4], a[0] * a[3] - a[1] * a[2])
+    return GeneralSpace(
+        a[4] * a[8] - a[5] * a[7],
+        a[5] * a[6] - a[3] * a[8],
+        a[3] * a[7] - a[4] * a[6],
+        a[2] * a[7] - a[1] * a[8],
+        a[0] * a[8] - a[2] * a[6],
+        a[1] * a[6] - a[0] * a[7],
+        a[1] * a[5] - a[2] * a[4],
+        a[2] * a[3] - a[0] * a[5],
+        a[0] * a[4] - a[1] * a[3],
+    )
 
 
-@overload(cofactor)
-def _cofactor(a):
-    if _size(a) == PLANE:
-        return lambda a: (a[3] * a[4], -a[2] * a[4], -a[1] * a[4], a[0] * a[4], a[0] * a[3] - a[1] * a[2])
-    if _size(a) == SPACE:
-        return lambda a: (
-            a[4] * a[8] - a[5] * a[7],
-            a[5] * a[6] - a[3] * a[8],
-            a[3] * a[7] - a[4] * a[6],
-            a[2] * a[7] - a[1] * a[8],
-            a[0] * a[8] - a[2] * a[6],
-            a[1] * a[6] - a[0] * a[7],
-            a[1] * a[5] - a[2] * a[4],
-            a[2] * a[3] - a[0] * a[5],
-            a[0] * a[4] - a[1] * a[3],
-        )
-
-
+@formula
 def determinant(a):
-    """Determinant of a general tensor."""
-    raise NotImplementedError
-
-
-@overload(determinant)
-def _determinant(a):
-    if _size(a) == PLANE:
-        return lambda a: a[4] * (a[0] * a[3] - a[1] * a[2])
-    if _size(a) == SPACE:
-        return lambda a: (
-            a[0] * (a[4] * a[8] - a[5] * a[7]) + a[1] * (a[5] * a[6] - a[3] * a[8]) + a[2] * (a[3] * a[7] - a[4] * a[6])
+    """Determinant of a tensor."""
+    if len(a) == PLANE:
+        return a[4] * (a[0] * a[3] - a[1] * a[2])
+    if len(a) == SYMMETRIC_PLANE:
+        return a[2] * (a[0] * a[1] - a[3] * a[3])
+    if len(a) == SYMMETRIC_SPACE:
+        return (
+            a[0] * (a[1] * a[2] - a[5] * a[5]) - a[3] * (a[3] * a[2] - a[4] * a[5]) + a[4] * (a[3] * a[5] - a[4] * a[1])
         )
+    return a[0] * (a[4] * a[8] - a[5] * a[7]) + a[1] * (a[5] * a[6] - a[3] * a[8]) + a[2] * (a[3] * a[7] - a[4] * a[6])
 
 
+@formula
 def contract(a, b):
-    """a : b of two general tensors."""
-    raise NotImplementedError
+    """a : b of two tensors of one kind."""
+    if len(a) == PLANE:
+        return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4]
+    if len(a) == SYMMETRIC_PLANE:
+        return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + 2.0 * (a[3] * b[3])
+    if len(a) == SYMMETRIC_SPACE:
+        return (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]) + 2.0 * (a[3] * b[3] + a[4] * b[4] + a[5] * b[5])
+    return (
+        (a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+        + (a[3] * b[3] + a[4] * b[4] + a[5] * b[5])
+        + (a[6] * b[6] + a[7] * b[7] + a[8] * b[8])
+    )
 
 
-@overload(contract)
-def _contract(a, b):
-    if _size(a) == PLANE:
-        return lambda a, b: a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4]
-    if _size(a) == SPACE:
-        return lambda a, b: (
-            (a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
-            + (a[3] * b[3] + a[4] * b[4] + a[5] * b[5])
-            + (a[6] * b[6] + a[7] * b[7] + a[8] * b[8])
-        )
+@formula
+def trace(s):
+    """Trace of a tensor."""
+    return s[0] + s[1] + s[2] if len(s) in (SYMMETRIC_PLANE, SYMMETRIC_SPACE) else _sum_of_diagonal(s)
 
 
-def contract_symmetric(a, b):
-    """a : b of two symmetric tensors."""
-    raise NotImplementedError
+def _sum_of_diagonal(a):
+    first, second, third = (a[i] for i in _DIAGONAL[type(a)])
+    return first + second + third
 
 
-@overload(contract_symmetric)
-def _contract_symmetric(a, b):
-    if _size(a) == SYMMETRIC_PLANE:
-        return lambda a, b: a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + 2.0 * (a[3] * b[3])
-    if _size(a) == SYMMETRIC_SPACE:
-        return lambda a, b: (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]) + 2.0 * (a[3] * b[3] + a[4] * b[4] + a[5] * b[5])
-
-
+@formula
 def matmul(a, b):
-    """a b of two general tensors."""
-    raise NotImplementedError
-
-
-@overload(matmul)
-def _matmul(a, b):
-    if _size(a) == PLANE:
-        return lambda a, b: (
+    """a b of two tensors, general unless one is a multiple of the identity."""
+    if isinstance(a, Spherical) or isinstance(b, Spherical):
+        return a.value * b if isinstance(a, Spherical) else b.value * a
+    a, b = expand(a), expand(b)
+    if len(a) == PLANE:
+        return GeneralPlane(
             a[0] * b[0] + a[1] * b[2],
             a[0] * b[1] + a[1] * b[3],
             a[2] * b[0] + a[3] * b[2],
             a[2] * b[1] + a[3] * b[3],
             a[4] * b[4],
         )
-    if _size(a) == SPACE:
-        return lambda a, b: (
-            a[0] * b[0] + a[1] * b[3] + a[2] * b[6],
-            a[0] * b[1] + a[1] * b[4] + a[2] * b[7],
-            a[0] * b[2] + a[1] * b[5] + a[2] * b[8],
-            a[3] * b[0] + a[4] * b[3] + a[5] * b[6],
-            a[3] * b[1] + a[4] * b[4] + a[5] * b[7],
-            a[3] * b[2] + a[4] * b[5] + a[5] * b[8],
-            a[6] * b[0] + a[7] * b[3] + a[8] * b[6],
-            a[6] * b[1] + a[7] * b[4] + a[8] * b[7],
-            a[6] * b[2] + a[7] * b[5] + a[8] * b[8],
-        )
+    return GeneralSpace(
+        a[0] * b[0] + a[1] * b[3] + a[2] * b[6],
+        a[0] * b[1] + a[1] * b[4] + a[2] * b[7],
+        a[0] * b[2] + a[1] * b[5] + a[2] * b[8],
+        a[3] * b[0] + a[4] * b[3] + a[5] * b[6],
+        a[3] * b[1] + a[4] * b[4] + a[5] * b[7],
+        a[3] * b[2] + a[4] * b[5] + a[5] * b[8],
+        a[6] * b[0] + a[7] * b[3] + a[8] * b[6],
+        a[6] * b[1] + a[7] * b[4] + a[8] * b[7],
+        a[6] * b[2] + a[7] * b[5] + a[8] * b[8],
+    )
 
 
+@formula
 def transposed(a):
-    """a^T of a general tensor."""
-    raise NotImplementedError
+    """a^T."""
+    if len(a) == PLANE:
+        return GeneralPlane(a[0], a[2], a[1], a[3], a[4])
+    if len(a) == SPACE:
+        return GeneralSpace(a[0], a[3], a[6], a[1], a[4], a[7], a[2], a[5], a[8])
+    return a
 
 
-@overload(transposed)
-def _transposed(a):
-    if _size(a) == PLANE:
-        return lambda a: (a[0], a[2], a[1], a[3], a[4])
-    if _size(a) == SPACE:
-        return lambda a: (a[0], a[3], a[6], a[1], a[4], a[7], a[2], a[5], a[8])
-
-
+@formula
 def matmul_transposed(a, b):
     """a b^T of two general tensors."""
-    raise NotImplementedError
+    return matmul(a, transposed(b))
 
 
-@overload(matmul_transposed)
-def _matmul_transposed(a, b):
-    return lambda a, b: matmul(a, transposed(b))
-
-
+@formula
 def expand(s):
-    """A symmetric tensor as a general one."""
-    raise NotImplementedError
+    """A symmetric tensor as a general one; a general one as it is."""
+    if len(s) == SYMMETRIC_PLANE:
+        return GeneralPlane(s[0], s[3], s[3], s[1], s[2])
+    if len(s) == SYMMETRIC_SPACE:
+        return GeneralSpace(s[0], s[3], s[4], s[3], s[1], s[5], s[4], s[5], s[2])
+    return s
 
 
-@overload(expand)
-def _expand(s):
-    if _size(s) == SYMMETRIC_PLANE:
-        return lambda s: (s[0], s[3], s[3], s[1], s[2])
-    if _size(s) == SYMMETRIC_SPACE:
-        return lambda s: (s[0], s[3], s[4], s[3], s[1], s[5], s[4], s[5], s[2])
-
-
+@formula
 def gram(a):
-    """a^T a, symmetric."""
-    raise NotImplementedError
-
-
-@overload(gram)
-def _gram(a):
-    if _size(a) == PLANE:
-        return lambda a: (
-            a[0] * a[0] + a[2] * a[2],
-            a[1] * a[1] + a[3] * a[3],
-            a[4] * a[4],
-            a[0] * a[1] + a[2] * a[3],
+    """a^T a of a general tensor, symmetric."""
+    if len(a) == PLANE:
+        return SymmetricPlane(
+            a[0] * a[0] + a[2] * a[2], a[1] * a[1] + a[3] * a[3], a[4] * a[4], a[0] * a[1] + a[2] * a[3]
         )
-    if _size(a) == SPACE:
-        return lambda a: (
-            a[0] * a[0] + a[3] * a[3] + a[6] * a[6],
-            a[1] * a[1] + a[4] * a[4] + a[7] * a[7],
-            a[2] * a[2] + a[5] * a[5] + a[8] * a[8],
-            a[0] * a[1] + a[3] * a[4] + a[6] * a[7],
-            a[0] * a[2] + a[3] * a[5] + a[6] * a[8],
-            a[1] * a[2] + a[4] * a[5] + a[7] * a[8],
-        )
+    return SymmetricSpace(
+        a[0] * a[0] + a[3] * a[3] + a[6] * a[6],
+        a[1] * a[1] + a[4] * a[4] + a[7] * a[7],
+        a[2] * a[2] + a[5] * a[5] + a[8] * a[8],
+        a[0] * a[1] + a[3] * a[4] + a[6] * a[7],
+        a[0] * a[2] + a[3] * a[5] + a[6] * a[8],
+        a[1] * a[2] + a[4] * a[5] + a[7] * a[8],
+    )
 
 
+@formula
 def zero_like_gram(a):
     """The zero symmetric tensor with the dimension of a general tensor a."""
-    raise NotImplementedError
+    return SymmetricPlane(0.0, 0.0, 0.0, 0.0) if len(a) == PLANE else SymmetricSpace(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-@overload(zero_like_gram)
-def _zero_like_gram(a):
-    if _size(a) == PLANE:
-        return lambda a: (0.0, 0.0, 0.0, 0.0)
-    if _size(a) == SPACE:
-        return lambda a: (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-
-def trace_symmetric(s):
-    """Trace of a symmetric tensor."""
-    return s[0] + s[1] + s[2]
-
-
-@overload(trace_symmetric)
-def _trace_symmetric(s):
-    return lambda s: s[0] + s[1] + s[2]
-
-
-def determinant_symmetric(s):
-    """Determinant of a symmetric tensor."""
-    raise NotImplementedError
-
-
-@overload(determinant_symmetric)
-def _determinant_symmetric(s):
-    if _size(s) == SYMMETRIC_PLANE:
-        return lambda s: s[2] * (s[0] * s[1] - s[3] * s[3])
-    if _size(s) == SYMMETRIC_SPACE:
-        return lambda s: (
-            s[0] * (s[1] * s[2] - s[5] * s[5]) - s[3] * (s[3] * s[2] - s[4] * s[5]) + s[4] * (s[3] * s[5] - s[4] * s[1])
-        )
-
-
+@formula
 def inverse_symmetric(s):
     """Inverse of a symmetric tensor."""
-    raise NotImplementedError
+    if len(s) == SYMMETRIC_PLANE:
+        r = 1.0 / (s[0] * s[1] - s[3] * s[3])
+        return SymmetricPlane(s[1] * r, s[0] * r, 1.0 / s[2], -s[3] * r)
+    c0 = s[1] * s[2] - s[5] * s[5]
+    c3 = s[4] * s[5] - s[3] * s[2]
+    c4 = s[3] * s[5] - s[4] * s[1]
+    r = 1.0 / (s[0] * c0 + s[3] * c3 + s[4] * c4)
+    return SymmetricSpace(
+        c0 * r,
+        (s[0] * s[2] - s[4] * s[4]) * r,
+        (s[0] * s[1] - s[3] * s[3]) * r,
+        c3 * r,
+        c4 * r,
+        (s[3] * s[4] - s[0] * s[5]) * r,
+    )
 
 
-@overload(inverse_symmetric)
-def _inverse_symmetric(s):
-    if _size(s) == SYMMETRIC_PLANE:
-
-        def plane(s):
-            r = 1.0 / (s[0] * s[1] - s[3] * s[3])
-            return s[1] * r, s[0] * r, 1.0 / s[2], -s[3] * r
-
-        return plane
-    if _size(s) == SYMMETRIC_SPACE:
-
-        def space(s):
-            c0 = s[1] * s[2] - s[5] * s[5]
-            c3 = s[4] * s[5] - s[3] * s[2]
-            c4 = s[3] * s[5] - s[4] * s[1]
-            r = 1.0 / (s[0] * c0 + s[3] * c3 + s[4] * c4)
-            return (
-                c0 * r,
-                (s[0] * s[2] - s[4] * s[4]) * r,
-                (s[0] * s[1] - s[3] * s[3]) * r,
-                c3 * r,
-                c4 * r,
-                (s[3] * s[4] - s[0] * s[5]) * r,
-            )
-
-        return space
-
-
+@formula
 def plus_identity(s, factor):
-    """s + factor I of a symmetric tensor."""
-    raise NotImplementedError
+    """s + factor I."""
+    return s + factor * I
 
 
-@overload(plus_identity)
-def _plus_identity(s, factor):
-    if _size(s) == SYMMETRIC_PLANE:
-        return lambda s, factor: (s[0] + factor, s[1] + factor, s[2] + factor, s[3])
-    if _size(s) == SYMMETRIC_SPACE:
-        return lambda s, factor: (s[0] + factor, s[1] + factor, s[2] + factor, s[3], s[4], s[5])
+# names for symmetric tensors alone
+contract_symmetric, determinant_symmetric, trace_symmetric = contract, determinant, trace
 
 
+def _lane(x, k):
+    return x.lane(k) if isinstance(x, Symbol) else x
+
+
+@functools.partial(traced, with_index=True)
+def lane_of(a, k):
+    """Lane k of a tensor of Lanes, as a tensor of floats of the same kind."""
+    a = as_tensor(a)
+    return type(a)(*(_lane(x, k) for x in a))
+
+
+@functools.partial(traced, with_index=True)
 def lane_of_symmetric(s, k):
     """Lane k of a symmetric tensor of Lanes, as floats in space order (plane strain gets zeros)."""
-    raise NotImplementedError
+    return SymmetricSpace(*(_lane(x, k) for x in s), *((0.0, 0.0) if len(s) == SYMMETRIC_PLANE else ()))
 
 
-@overload(lane_of_symmetric)
-def _lane_of_symmetric(s, k):
-    if _size(s) == SYMMETRIC_PLANE:
-        return lambda s, k: (lane(s[0], k), lane(s[1], k), lane(s[2], k), lane(s[3], k), 0.0, 0.0)
-    if _size(s) == SYMMETRIC_SPACE:
-        return lambda s, k: (lane(s[0], k), lane(s[1], k), lane(s[2], k), lane(s[3], k), lane(s[4], k), lane(s[5], k))
+lane_of_general = lane_of_stored_symmetric = lane_of
 
 
 @compiled(error_model="numpy")
@@ -365,39 +359,3 @@ def largest_eigenvalue(s):
     determinant = d0 * (d1 * d2 - s[5] * s[5]) - s[3] * (s[3] * d2 - s[4] * s[5]) + s[4] * (s[3] * s[5] - s[4] * d1)
     cosine = min(1.0, max(-1.0, determinant / scale))
     return mean + 2.0 * radius * math.cos(math.acos(cosine) / 3.0)
-
-
-def lane_of_general(a, k):
-    """Lane k of a general tensor of Lanes, as a tensor of floats."""
-    raise NotImplementedError
-
-
-@overload(lane_of_general)
-def _lane_of_general(a, k):
-    if _size(a) == PLANE:
-        return lambda a, k: (lane(a[0], k), lane(a[1], k), lane(a[2], k), lane(a[3], k), lane(a[4], k))
-    if _size(a) == SPACE:
-        return lambda a, k: (
-            lane(a[0], k),
-            lane(a[1], k),
-            lane(a[2], k),
-            lane(a[3], k),
-            lane(a[4], k),
-            lane(a[5], k),
-            lane(a[6], k),
-            lane(a[7], k),
-            lane(a[8], k),
-        )
-
-
-def lane_of_stored_symmetric(s, k):
-    """Lane k of a symmetric tensor of Lanes, as a tensor of floats of the same dimension."""
-    raise NotImplementedError
-
-
-@overload(lane_of_stored_symmetric)
-def _lane_of_stored_symmetric(s, k):
-    if _size(s) == SYMMETRIC_PLANE:
-        return lambda s, k: (lane(s[0], k), lane(s[1], k), lane(s[2], k), lane(s[3], k))
-    if _size(s) == SYMMETRIC_SPACE:
-        return lambda s, k: (lane(s[0], k), lane(s[1], k), lane(s[2], k), lane(s[3], k), lane(s[4], k), lane(s[5], k))

@@ -6,11 +6,13 @@ Layout (format version 1):
     /header                JSON text: what is not an array
     /particles/<field>     (N,) or (N, c), contiguous, the ranks' particles one rank after the other
     /ranks/offset          (ranks + 1,) int64: rank r wrote rows offset[r] to offset[r + 1]
+    /particles_1/<field>, /ranks/offset_1 and so on, of further systems of particles
     /ranks/values          (ranks, k) float64: what each rank keeps for itself
 """
 
 import json
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import h5py
@@ -38,18 +40,23 @@ def partial_name(path: Path | str) -> Path:
     return path.with_name(path.name + ".partial")
 
 
+def numbered(name: str, system: int) -> str:
+    """A name of what belongs to a system: particles, particles_1, particles_2..."""
+    return f"{name}_{system}" if system else name
+
+
 def write_checkpoint(
     comm: MPI.Comm,
     path: Path | str,
     header: dict,
-    fields: dict[str, np.ndarray],
+    systems: Sequence[dict[str, np.ndarray]],
     per_rank: np.ndarray | None = None,
     method: str | None = None,
 ) -> None:
     """Write a checkpoint beside the last one, then put it in its place; the last two are kept. Collective.
 
     header: anything JSON can hold (numpy scalars and arrays too), the same on all ranks; rank 0's is written.
-    fields: name -> this rank's rows (n,) or (n, c), any strides, float64, int64, int32 or uint8; the same
+    systems: of each name -> this rank's rows (n,) or (n, c), any strides, float64, int64, int32 or uint8; the same
     names, types and c on all ranks. per_rank: (k,) float64 of this rank, k the same on all ranks.
     method: see `slabs`. Killed at any instant, a whole checkpoint remains (`find_checkpoint`).
 
@@ -59,18 +66,20 @@ def write_checkpoint(
     partial = partial_name(path)
     doing = f"cannot write the checkpoint {path}"
     values = np.empty(0) if per_rank is None else np.asarray(per_rank, float)
-    rows = _row_count(comm, fields, values, doing)
-    offset = np.concatenate([[0], np.cumsum(comm.allgather(rows))]).astype(np.int64)
+    rows = [_row_count(comm, fields, values, doing) for fields in systems]
+    offsets = np.zeros((len(systems), comm.size + 1), np.int64)
+    offsets[:, 1:] = np.cumsum(comm.allgather(rows), axis=0).T
     laid = None
     with together(comm, doing):
         if comm.rank == 0:
             _finish_interrupted(path)
-            _lay_out(partial, header, fields, offset, len(values))
+            _lay_out(partial, header, systems, offsets, len(values))
             laid = places(partial)
     laid = comm.bcast(laid)
     with SlabWriter(comm, partial, laid, method) as writer:
-        for name, array in fields.items():
-            writer.write(f"particles/{name}", int(offset[comm.rank]), array)
+        for number, fields in enumerate(systems):
+            for name, array in fields.items():
+                writer.write(f"{numbered('particles', number)}/{name}", int(offsets[number, comm.rank]), array)
         writer.write("ranks/values", comm.rank, values[np.newaxis])
     with together(comm, doing):
         if comm.rank == 0:
@@ -84,8 +93,8 @@ def read_header(path: Path | str) -> dict:
         return json.loads(file["header"][()])
 
 
-def read_checkpoint(comm: MPI.Comm, path: Path | str) -> tuple[dict, dict[str, np.ndarray], np.ndarray]:
-    """Read a checkpoint: header, fields, per-rank rows. Collective.
+def read_checkpoint(comm: MPI.Comm, path: Path | str) -> tuple[dict, list[dict[str, np.ndarray]], np.ndarray]:
+    """Read a checkpoint: header, fields of each system, per-rank rows. Collective.
 
     On as many ranks as wrote it, every rank gets the rows that it wrote, in the same order; on another
     number, even contiguous shares (to be partitioned anew). fields: name -> (n,) or (n, c), C-contiguous.
@@ -98,16 +107,25 @@ def read_checkpoint(comm: MPI.Comm, path: Path | str) -> tuple[dict, dict[str, n
     with together(comm, doing):
         if comm.rank == 0:
             with _open_whole(path) as file:
-                layout = json.loads(file["header"][()]), file["ranks/offset"][()], file["ranks/values"][()]
-    header, offset, values = comm.bcast(layout)
-    if len(offset) - 1 != comm.size:
-        offset = np.array([offset[-1] * rank // comm.size for rank in range(comm.size + 1)])
-    fields = {}
+                offsets = [file["ranks"][numbered("offset", i)][()] for i in range(_count_systems(file))]
+                layout = json.loads(file["header"][()]), offsets, file["ranks/values"][()]
+    header, offsets, values = comm.bcast(layout)
+    systems: list[dict[str, np.ndarray]] = []
     with together(comm, doing):
         with open_serial(path, "r") as file:
-            for name, dataset in file["particles"].items():
-                fields[name] = dataset[offset[comm.rank] : offset[comm.rank + 1]]
-    return header, fields, values
+            for number, offset in enumerate(offsets):
+                if len(offset) - 1 != comm.size:
+                    offset = np.array([offset[-1] * rank // comm.size for rank in range(comm.size + 1)])
+                here = slice(offset[comm.rank], offset[comm.rank + 1])
+                systems.append({name: rows[here] for name, rows in file[numbered("particles", number)].items()})
+    return header, systems, values
+
+
+def _count_systems(file: h5py.File) -> int:
+    count = 1
+    while numbered("particles", count) in file:
+        count += 1
+    return count
 
 
 def find_checkpoint(directory: Path | str, comm: MPI.Comm | None = None, name: str = DEFAULT_NAME) -> Path:
@@ -179,21 +197,25 @@ def _row_count(comm: MPI.Comm, fields: dict, values: np.ndarray, doing: str) -> 
     return counts.pop()
 
 
-def _lay_out(partial: Path, header: dict, fields: dict, offset: np.ndarray, values: int) -> None:
+def _lay_out(partial: Path, header: dict, systems: Sequence[dict], offsets: np.ndarray, values: int) -> None:
     text = json.dumps(header, default=_plain).encode()
-    row_bytes = sum(array.dtype.itemsize * int(np.prod(array.shape[1:])) for array in fields.values())
-    probe(partial, int(offset[-1]) * row_bytes + len(text) + 8 * len(offset) * (values + 1))
+    size = len(text) + 8 * offsets.size + 8 * offsets.shape[1] * values
+    for fields, rows in zip(systems, offsets[:, -1]):
+        size += int(rows) * sum(array.dtype.itemsize * int(np.prod(array.shape[1:])) for array in fields.values())
+    probe(partial, size)
     with open_serial(partial, "w") as file:
         file.attrs["format"] = FORMAT
         file.attrs["version"] = VERSION
         file.attrs["complete"] = 0
         file.create_dataset("header", data=text, dtype=h5py.string_dtype("utf-8", max(1, len(text))))
-        particles = file.create_group("particles")
-        for name, array in fields.items():
-            create_slab(particles, name, (int(offset[-1]), *array.shape[1:]), array.dtype)
+        for number, (fields, rows) in enumerate(zip(systems, offsets[:, -1])):
+            particles = file.create_group(numbered("particles", number))
+            for name, array in fields.items():
+                create_slab(particles, name, (int(rows), *array.shape[1:]), array.dtype)
         ranks = file.create_group("ranks")
-        ranks["offset"] = offset
-        create_slab(ranks, "values", (len(offset) - 1, values), np.float64)
+        for number, offset in enumerate(offsets):
+            ranks[numbered("offset", number)] = offset
+        create_slab(ranks, "values", (offsets.shape[1] - 1, values), np.float64)
 
 
 def _plain(value):

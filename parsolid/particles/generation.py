@@ -6,12 +6,11 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.particles.particle_set import ParticleSet
-from parsolid.scene.boundaries import Support
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.formulas import Formula, FormulaVector
 from parsolid.scene.lattice import Filling
 from parsolid.scene.regions import NOBODY, nearest_particles, selected
-from parsolid.scene.schema import Scene, needs_bounding_plane, unbounded_plane
+from parsolid.scene.schema import Scene, unbounded_plane
 from parsolid.scene.validation_errors import SceneError, agree, fault, key_path
 
 
@@ -57,7 +56,7 @@ def _fillings(scene: Scene, comm: MPI.Comm) -> list[Filling]:
         if filling.count < 2:
             faults.append(fault(("bodies", i), "a body of at least two particles", filling.count))
     for i, boundary in enumerate(scene.boundaries):
-        if needs_bounding_plane(boundary):
+        if boundary.needs_bounding_plane:
             faults += unbounded_plane(i, boundary, dict(enumerate(scene.bodies)), fillings)
     agree(comm, faults)
     return list(fillings.values())
@@ -99,9 +98,8 @@ def _formulas(
         for row, formulas in enumerate(body.deformation_gradient or ()):
             yield ("bodies", i, "deformation_gradient", row), formulas, here
     for i, boundary in enumerate(scene.boundaries):
-        formulas = None if isinstance(boundary, Support) else getattr(boundary, boundary.kind, None)
-        if formulas is not None:
-            yield ("boundaries", i, boundary.kind), _as_vector(formulas), chosen[i]
+        for key, formulas in boundary.formulas.items():
+            yield ("boundaries", i, key), formulas, chosen[i]
     for key in ("body_force", "acceleration", "heat_source"):
         if getattr(scene.loads, key) is not None:
             yield ("loads", key), _as_vector(getattr(scene.loads, key)), np.ones(len(particle_set), bool)

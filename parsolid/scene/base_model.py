@@ -105,7 +105,8 @@ class ByKind:
         if not isinstance(value, dict):
             raise mismatch("a table", value)
         method = method_of(info)
-        allowed = [kind for kind in self.models if not (self.known and method) or kind in getattr(method, self.known)]
+        stated = getattr(method, self.known) if self.known and method else self.models
+        allowed = [kind for kind in stated if kind in self.models]
         kinds = ", ".join(map(repr, allowed))
         if "kind" not in value:
             reject((("kind",), f"one of {kinds}", NOTHING))

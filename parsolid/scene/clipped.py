@@ -14,9 +14,10 @@ _HALVINGS = {"whole": 0, "half": 1, "quarter": 2}
 class ClippedFilling:
     """A solid cylinder, sphere or disc of lattice cells, the lattice centred on the shape.
 
-    All cells have the same volume, scaled so that they sum to the exact volume of the shape; boundary areas are the faces of
-    the staircase, scaled alike (the ends of a cylinder sum to their exact area). Ids run along columns: the axis of a
-    cylinder, the last axis of a sphere or disc. Each rank counts the columns, none makes more than its own particles.
+    All cells have the same volume, scaled so that they sum to the exact volume of the shape; boundary areas are the
+    faces of the staircase, scaled alike (the ends of a cylinder sum to their exact area). Ids run along columns: the
+    axis of a cylinder, the last axis of a sphere or disc. Each rank counts the columns, none makes more than its own
+    particles.
     """
 
     def __init__(self, body: FilledShape, dimension: int):
@@ -75,7 +76,9 @@ class ClippedFilling:
         self.ends = np.cumsum(self.length)
 
     def _set_faces(self, curved: int) -> None:
-        """Area of a cell's face by its normal, after the dilation in the curved directions that makes the volume exact."""
+        """Area of a cell's face by its normal, after the dilation in the curved directions that makes the
+        volume exact.
+        """
         dilation = (self.volume / np.prod(self.step)) ** (1.0 / curved)
         sides = self.step * np.where(
             (np.arange(self.dimension) == self.column_axis) & (curved < self.dimension), 1.0, dilation

@@ -1,4 +1,6 @@
-"""Linear finite elements: volumes lumped to their nodes, facets and edges. Node orders are VTK's, as meshio gives them."""
+"""Linear finite elements: volumes lumped to their nodes, facets and edges. Node orders are VTK's, as meshio
+gives them.
+"""
 
 import itertools
 import math
@@ -49,9 +51,9 @@ def _at_gauss_points(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def lumped_volumes(kind: str, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Volume of each element lumped to its nodes, and which elements are sound.
 
-    nodes is (elements, nodes, d) [m]; returns (elements, nodes) [m^3] and (elements,) bool. Elements turned inside out as a
-    whole (all Jacobians negative) are counted with the opposite order of their nodes; those with Jacobians of both signs, or
-    zero, are not sound. The quadrature is exact.
+    nodes is (elements, nodes, d) [m]; returns (elements, nodes) [m^3] and (elements,) bool. Elements turned inside out
+    as a whole (all Jacobians negative) are counted with the opposite order of their nodes; those with Jacobians of both
+    signs, or zero, are not sound. The quadrature is exact.
     """
     element = ELEMENTS[kind]
     if element.corners is None:

@@ -1,7 +1,7 @@
 """Formulas of a scene: numexpr expressions in X, Y, Z and t, checked name by name before they are compiled.
 
-Whole numbers are read as reals ("X/2" halves, whatever X is). Nothing is ever given to `eval`: the text is parsed, every
-node is compared with a list of allowed ones, and what numexpr compiles is written anew from the parsed tree.
+Whole numbers are read as reals ("X/2" halves, whatever X is). Nothing is ever given to `eval`: the text is parsed,
+every node is compared with a list of allowed ones, and what numexpr compiles is written anew from the parsed tree.
 """
 
 import ast
@@ -148,7 +148,9 @@ class FormulaVector(tuple):
         return any(component is not None and component.depends_on_time for component in self)
 
     def evaluate(self, points: np.ndarray, time: float = 0.0, out: np.ndarray | None = None) -> np.ndarray:
-        """Values (n, components) at points (n, d) [m] and a time [s]; 0 for free components. `out` is written if given."""
+        """Values (n, components) at points (n, d) [m] and a time [s]; 0 for free components. `out` is
+        written if given.
+        """
         result = np.zeros((len(points), len(self))) if out is None else out
         for i, component in enumerate(self):
             result[:, i] = 0.0 if component is None else component.evaluate(points, time)

@@ -20,7 +20,9 @@ def initial_displacement(scene: Scene, body: np.ndarray, position: np.ndarray) -
 def initial_deformation_gradient(
     scene: Scene, body: np.ndarray, position: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Initial deformation gradient (n, d, d) and where it is given (n,) bool, the identity elsewhere; None without any."""
+    """Initial deformation gradient (n, d, d) and where it is given (n,) bool, the identity elsewhere; None
+    without any.
+    """
     if all(one.deformation_gradient is None for one in scene.bodies):
         return None
     dimension = position.shape[1]

@@ -15,7 +15,7 @@ from parsolid.scene.shapes import ExistingFile
 _NEAR = 1e-13
 
 
-class LoadHistory(SceneModel):
+class FactorHistory(SceneModel):
     """A factor that is linear in time between rows of (time [s], factor); a repeated time is a jump.
 
     It is 0 before the first row and constant after the last. Rows stand in the scene or in a CSV file with a line of names.
@@ -26,7 +26,7 @@ class LoadHistory(SceneModel):
     file: ExistingFile | None = None
 
     @model_validator(mode="after")
-    def _in_order(self) -> "LoadHistory":
+    def _in_order(self) -> "FactorHistory":
         key = "rows" if self.file is None else "file"
         try:
             times = [time for time, _ in self.table]
@@ -75,7 +75,7 @@ class Timed(SceneModel):
     jumps    times [s] at which the formulas themselves jump; quasi-static solutions insert a step of length zero there
     """
 
-    history: LoadHistory | None = None
+    history: FactorHistory | None = None
     jumps: list[NotNegative] | None = None
 
     @model_validator(mode="after")
@@ -92,10 +92,17 @@ class Timed(SceneModel):
 
 
 class LoadHistory:
-    """A `Timed` load with its history and jumps, evaluated as a `FormulaVector` is."""
+    """Formulas with the history and the jumps of a `Timed` table, if they have any, evaluated as a `FormulaVector` is."""
 
-    def __init__(self, formulas: FormulaVector, timed: Timed):
-        self.formulas, self.history, self.jumps = formulas, timed.history, timed.jumps or ()
+    def __init__(self, formulas: FormulaVector, timed: Timed | None = None):
+        self.formulas, self.timed = formulas, timed
+        self.history = timed.history if timed is not None else None
+        self.jumps = tuple(timed.jumps or ()) if timed is not None else ()
+
+    @property
+    def jump_times(self) -> list[float]:
+        """Times [s] at which formulas or history jump."""
+        return self.timed.jump_times if self.timed is not None else []
 
     @property
     def depends_on_time(self) -> bool:

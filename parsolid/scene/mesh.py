@@ -53,9 +53,10 @@ def read_mesh(path: str, scale: float, dimension: int) -> tuple[np.ndarray, list
 class MeshFilling:
     """Particles of a mesh, on its nodes or at the centroids of its elements.
 
-    nodes: volumes of the elements and areas of the boundary facets lumped to their nodes, the spacing is the mean length of
-    the edges that meet; nodes of no element are dropped. cells: one particle an element, the spacing is its volume to the
-    power 1/d. Raises SceneError for meshes that cannot be read and for elements that are partly inside out.
+    nodes: volumes of the elements and areas of the boundary facets lumped to their nodes, the spacing is the mean
+    length of the edges that meet; nodes of no element are dropped. cells: one particle an element, the spacing is its
+    volume to the power 1/d. Raises SceneError for meshes that cannot be read and for elements that are partly inside
+    out.
     """
 
     def __init__(self, body: FilledShape, dimension: int):
@@ -126,7 +127,9 @@ class MeshFilling:
 
 
 def _boundary_facets(points, blocks) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """(owning element, nodes, outward area vector) of the facets that belong to one element only, by number of nodes."""
+    """(owning element, nodes, outward area vector) of the facets that belong to one element only, by number
+    of nodes.
+    """
     gathered = {}
     first = 0
     for kind, cells in blocks:

@@ -11,9 +11,8 @@ class MethodSettings(SceneModel):
     """What every method has, and what it says of itself to the other tables of a scene.
 
     dimensions; materials, boundaries: the kinds that the method knows; extra_fields, extra_quantities: what can be probed or
-    shown besides the fields of all methods -> "scalar", "vector" or "tensor"; shown_fields: what is written unless the scene
-    chooses; pictured_fields: what colours the bodies, the first that was written; loads: keys of the table of that name;
-    ledger_terms: see `ledger.Ledger`.
+    shown besides the fields of all methods -> "scalar", "vector" or "tensor"; pictured_fields: what colours the bodies, the
+    first that was written; loads: keys of the table of that name; ledger_terms: see `ledger.Ledger`.
     """
 
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
@@ -22,7 +21,6 @@ class MethodSettings(SceneModel):
     loads: ClassVar[tuple[str, ...]] = ("body_force", "acceleration")
     extra_fields: ClassVar[dict[str, str]] = {}
     extra_quantities: ClassVar[dict[str, str]] = {}
-    shown_fields: ClassVar[tuple[str, ...]] = ("displacement", "velocity", "pressure", "von_mises_stress", "jacobian")
     pictured_fields: ClassVar[tuple[str, ...]] = ("pressure",)
     ledger_terms: ClassVar[dict[str, int]] = {}
     kind: str

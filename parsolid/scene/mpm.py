@@ -21,7 +21,9 @@ _OF_PLASTICITY = (
 
 
 class ArtificialViscosity(SceneModel):
-    """Bulk viscosity in compression, q = rho h |tr d| (quadratic h |tr d| + linear c); its work becomes internal energy."""
+    """Bulk viscosity in compression, q = rho h |tr d| (quadratic h |tr d| + linear c); its work becomes internal
+    energy.
+    """
 
     linear: NotNegative = Field(0.2, description="factor of the sound speed")
     quadratic: NotNegative = Field(2.0, description="factor of the velocity jump over a cell")
@@ -32,11 +34,14 @@ class MaterialPoint(MethodSettings):
 
     cell            spacing h [m] of the background grid, of which only cells near particles exist
     origin          a point [m] of the grid; walls are exact where they lie on its planes
-    formulation     "updated": weights of the current positions; "total-lagrangian": those of the reference positions, for
+    formulation     "updated": weights of the current positions; "total-lagrangian": those of the reference positions,
+    for
                     moderate strain
-    geometry        of a 2-D scene: plane strain per metre of thickness, or axisymmetric with X the radius and Y the axis,
+    geometry        of a 2-D scene: plane strain per metre of thickness, or axisymmetric with X the radius and Y the
+    axis,
                     per radian
-    order           stress update first with the new grid velocity ("usl") or with particle velocities mapped again ("musl")
+    order           stress update first with the new grid velocity ("usl") or with particle velocities mapped again
+    ("musl")
     conduction      of heat, where materials have a conductivity
     motion          false: nothing moves, heat alone is conducted
     bitwise         the same bits on any number of ranks, for three times the traffic

@@ -1,48 +1,29 @@
 """What a scene wants to see: probes, output, a reference to compare with."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
+from parsolid.observables.declared import field_kinds, quantity_kinds, shown_kinds
 from parsolid.scene.base_model import NotNegative, Point, Positive, SceneModel, method_of, mismatch, reject
 from parsolid.scene.bodies import Name
 from parsolid.scene.formulas import InitialScalar
+from parsolid.scene.method_settings import MethodSettings
 from parsolid.scene.shapes import AxisName, ExistingFile
 from parsolid.scene.validation_errors import NOTHING, Phrase, suggestion
 
 HISTORY_COLUMNS = ("kinetic", "stored", "dissipation_internal", "dissipation_numerical", "work_external", "balance")
 
-# what every method shows, and how many components it has; methods name further ones
-FIELDS = {
-    "displacement": "vector",
-    "velocity": "vector",
-    "position": "vector",
-    "deformation_gradient": "tensor",
-    "stress": "tensor",
-    "first_piola_kirchhoff_stress": "tensor",
-    "pressure": "scalar",
-    "von_mises_stress": "scalar",
-    "jacobian": "scalar",
-}
-_PROBE_FIELDS = FIELDS | {"twist": "scalar"}
-_SHOWN_FIELDS = FIELDS | {"rank": "scalar"}
-_QUANTITIES = {
-    "linear_momentum": "vector",
-    "angular_momentum": "vector",
-    "centre_of_mass": "vector",
-    "minimum_jacobian": "scalar",
-    "maximum_speed": "scalar",
-}
 
-
-def _known_name(common: dict[str, str], more: str):
+def _known_name(common: Callable[[], dict[str, str]], more: str) -> AfterValidator:
     """Validator of a name that all methods know, or the scene's method by its table `more`."""
 
     def check(value: str, info: ValidationInfo) -> str:
         method = method_of(info)
-        known = common | (getattr(method, more) if method else {})
+        known = common() | (getattr(method, more) if method else {})
         if value not in known and method:
             raise mismatch(f"one of {', '.join(map(repr, known))}{suggestion(value, known)}", value)
         return value
@@ -50,20 +31,20 @@ def _known_name(common: dict[str, str], more: str):
     return AfterValidator(check)
 
 
-ProbeField = Annotated[str, _known_name(_PROBE_FIELDS, "extra_fields")]
-ShownField = Annotated[str, _known_name(_SHOWN_FIELDS, "extra_fields")]
-ProbeQuantity = Annotated[str, _known_name(_QUANTITIES, "extra_quantities")]
+ProbeField = Annotated[str, _known_name(field_kinds, "extra_fields")]
+ShownField = Annotated[str, _known_name(shown_kinds, "extra_fields")]
+ProbeQuantity = Annotated[str, _known_name(quantity_kinds, "extra_quantities")]
 
 
-def component_names(field: str, dimension: int, method=None) -> list[str]:
+def component_names(field: str, dimension: int, *settings: MethodSettings) -> list[str]:
     """The history's names of a field's components: itself, with _x..., or with _xx, _xy... row by row.
 
-    method: the settings that name further fields. The angular momentum has one component (about z) in 2-D.
+    settings: of the methods that name further fields.
     """
-    axes, kinds = "xyz"[:dimension], _PROBE_FIELDS | _QUANTITIES
-    if method is not None:
-        kinds = kinds | method.extra_fields | method.extra_quantities
-    if kinds[field] == "scalar" or (field == "angular_momentum" and dimension == 2):
+    axes, kinds = "xyz"[:dimension], field_kinds() | quantity_kinds()
+    for method in settings:
+        kinds |= method.extra_fields | method.extra_quantities
+    if kinds[field] == "scalar" or (kinds[field] == "rotation" and dimension == 2):
         return [field]
     if kinds[field] == "tensor":
         return [f"{field}_{row}{column}" for row in axes for column in axes]
@@ -103,10 +84,17 @@ class Probe(SceneModel):
         reject(*details)
         return self
 
-    def columns(self, dimension: int, method=None) -> list[str]:
-        """The columns of the history that the probe fills; method: the scene's settings of its method."""
-        fields = self.fields if self.quantity is None else [self.quantity]
-        return [f"{self.name}.{column}" for field in fields for column in component_names(field, dimension, method)]
+    def columns_of_fields(self, dimension: int, *settings: MethodSettings) -> dict[str, list[str]]:
+        """The columns of the history that each field, or the quantity, fills; settings: of the scene's methods."""
+        fields = (self.fields or []) if self.quantity is None else [self.quantity]
+        names = {field: component_names(field, dimension, *settings) for field in fields}
+        return {field: [f"{self.name}.{name}" for name in components] for field, components in names.items()}
+
+    def columns(self, dimension: int, *settings: MethodSettings) -> list[str]:
+        """The columns of the history that the probe fills."""
+        filled = self.columns_of_fields(dimension, *settings)
+        fields = (self.fields or []) if self.quantity is None else [self.quantity]
+        return [column for field in fields for column in filled[field]]
 
 
 class Output(SceneModel):

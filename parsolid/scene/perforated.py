@@ -1,4 +1,6 @@
-"""Boxes with a round hole (a ball in 3-D): a Cartesian lattice of cells of which those with their centre outside it are kept."""
+"""Boxes with a round hole (a ball in 3-D): a Cartesian lattice of cells of which those with their centre outside it are
+kept.
+"""
 
 import numpy as np
 
@@ -10,8 +12,8 @@ from parsolid.scene.lattice import Line, counted, jitter_offsets, numbers_and_sp
 class PerforatedFilling:
     """A box without what is within a radius of a point; the hole's surface is a staircase.
 
-    Ids run along columns of the last axis; each lacks at most one run of cells. Each rank counts the columns, none makes more
-    than its own particles.
+    Ids run along columns of the last axis; each lacks at most one run of cells. Each rank counts the columns, none
+    makes more than its own particles.
     """
 
     def __init__(self, body: FilledShape, dimension: int):

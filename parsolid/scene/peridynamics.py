@@ -15,7 +15,8 @@ class Stabilisation(SceneModel):
     """Control of the zero-energy modes of the correspondence force.
 
     shear-scaled  self-adjoint, in multiples of the equilibrium shear modulus, on the relaxing displacement
-    paper         eq (39) of Galadima et al. as printed, in multiples of the bond constant; not the derivative of an energy
+    paper         eq (39) of Galadima et al. as printed, in multiples of the bond constant; not the derivative of an
+    energy
     none          nothing; static solutions are then not unique
     """
 
@@ -42,7 +43,8 @@ class Stabilisation(SceneModel):
 
 
 class Explicit(SceneModel):
-    """Symplectic Euler with a step of `safety` times 2/sqrt(largest eigenvalue), found by power iteration on the actual body.
+    """Symplectic Euler with a step of `safety` times 2/sqrt(largest eigenvalue), found by power iteration on the actual
+    body.
 
     While bonds may break the step is also at most `damage_safety` times that of the undamaged body.
     """
@@ -76,8 +78,8 @@ class Damage(SceneModel):
     """Bonds that break at a critical stretch, or at a critical bond energy, given as such or by the fracture energy.
 
     modulus     Young's modulus in the critical stretch: "instantaneous", "equilibrium" or a number [Pa]
-    least_shape_ratio, largest_damage: a particle whose shape tensor's determinant falls below this share of that inside a
-    body, or whose share of broken bonds rises above this one, loses all its bonds
+    least_shape_ratio, largest_damage: a particle whose shape tensor's determinant falls below this share of that inside
+    a body, or whose share of broken bonds rises above this one, loses all its bonds
     """
 
     exactly_one: ClassVar = (("fracture_energy", "critical_stretch", "critical_bond_energy"),)
@@ -140,17 +142,21 @@ def _spread(points: list) -> bool:
 
 
 class Peridynamics(MethodSettings):
-    """Non-ordinary state-based (correspondence) peridynamics, viscoelastic, with damage (Galadima et al.); also bond-based.
+    """Non-ordinary state-based (correspondence) peridynamics, viscoelastic, with damage (Galadima et al.); also
+    bond-based.
 
     horizon_ratio  m: the horizon is (m + 0.015) times the particle spacing
     influence      w(|xi|/horizon), 1 at |xi| = 0
     plane          of a 2-D scene: "stress" or "strain" (strain unless given); lengths per metre of thickness
     traction       how tractions act: "consistent", as forces that balance a uniform stress near it, exact on a lattice;
-                   "consistent-everywhere", also inside, where irregular particles need forces for that; "single-layer", on
-                   the particles at the face; "horizon", spread evenly over the horizon beneath it
-    damage         bonds that break; the particle field damage is the share of a family's volume that bonds were lost to, the
-                   quantities broken_bonds (those of pre-cracks not among them) and crack_tip (see `methods.peridynamics.fracture`) follow cracks
-    initial_state  how the bodies' initial displacement came about: "instantaneous", just before the start, with nothing relaxed
+                   "consistent-everywhere", also inside, where irregular particles need forces for that; "single-layer",
+                   on the particles at the face; "horizon", spread evenly over the horizon beneath it
+    damage         bonds that break; the particle field damage is the share of a family's volume that bonds were lost
+    to, the
+                   quantities broken_bonds (those of pre-cracks not among them) and crack_tip (see
+                   `methods.peridynamics.fracture`) follow cracks
+    initial_state  how the bodies' initial displacement came about: "instantaneous", just before the start, with nothing
+    relaxed
                    yet, or "relaxed", held for ever
     """
 
@@ -172,12 +178,6 @@ class Peridynamics(MethodSettings):
     solution: by_kind(Explicit, QuasiStatic) = Explicit(kind="explicit")
     damage: Damage | None = None
     pre_cracks: list[PreCrack] = []
-
-    @property
-    def shown_fields(self) -> tuple[str, ...]:
-        """What is written unless the scene chooses: where bonds may break, the damage first."""
-        usual = MethodSettings.shown_fields
-        return ("damage", *usual) if self.damage is not None or self.pre_cracks else usual
 
     def horizon(self, spacing: float) -> float:
         """The horizon [m] for a particle spacing [m]; the margin keeps the last neighbours out of reach of rounding."""

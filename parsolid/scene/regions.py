@@ -1,14 +1,19 @@
 """Which particles a region means, and which particle is nearest to a point: the same on any number of ranks."""
 
-from typing import Any
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 from mpi4py import MPI
 
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.base_model import Plane
-from parsolid.scene.boundaries import FictitiousLayer, RegionCondition
-from parsolid.scene.schema import Scene
+
+if TYPE_CHECKING:
+    from parsolid.scene.boundaries import Condition
+    from parsolid.scene.schema import Scene
 
 NOBODY = np.iinfo(np.int64).max
 
@@ -32,55 +37,116 @@ def nearest_particles(
     return winner, np.sqrt(least)
 
 
-def selected(scene: Scene, boundary: Any, particle_set: ParticleSet, comm: MPI.Comm) -> np.ndarray:
-    """Which particles (n,) bool a boundary condition is about (collective for a single point).
+class Region(Protocol):
+    """A part of space, of which a boundary condition speaks."""
 
-    A plane means the particles on it; where particles sit in cells, those whose cell it touches; where these cells are
-    jittered or a mesh's, only those with a face on the surface of the body.
-    """
-    mask = np.ones(len(particle_set), bool)
+    def particles(self, scene: Scene, particle_set: ParticleSet, comm: MPI.Comm, meant: np.ndarray) -> np.ndarray:
+        """Which particles (n,) bool are in it, of those that are meant (n,); collective for a single point."""
+
+    def contains(self, places: np.ndarray, tolerance: np.ndarray | float) -> np.ndarray:
+        """Which places (n, d) [m] are in it, to a tolerance [m]."""
+
+
+@dataclass(frozen=True)
+class _Geometric:
+    """A region whose particles are those that are in it to a rounding error."""
+
+    def particles(self, scene: Scene, particle_set: ParticleSet, comm: MPI.Comm, meant: np.ndarray) -> np.ndarray:
+        """Which particles (n,) bool are in it."""
+        return self.contains(particle_set.position, 1e-6 * particle_set.spacing.min(axis=1))
+
+    def contains(self, places: np.ndarray, tolerance: np.ndarray | float) -> np.ndarray:
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class OnPlane:
+    """A plane: the particles on it; where particles sit in cells, those whose cell it touches; where these cells are jittered or
+    a mesh's, only those with a face on the surface of the body."""
+
+    plane: Plane
+
+    def contains(self, places: np.ndarray, tolerance: np.ndarray | float) -> np.ndarray:
+        """Which places (n, d) [m] are on it."""
+        return np.abs(places[:, self.plane.axis] - self.plane.offset) <= tolerance
+
+    def particles(self, scene: Scene, particle_set: ParticleSet, comm: MPI.Comm, meant: np.ndarray) -> np.ndarray:
+        """Nodes within a rounding error, cells within their own half width."""
+        result, axis = np.zeros(len(particle_set), bool), self.plane.axis
+        distance, extent = np.abs(particle_set.position[:, axis] - self.plane.offset), particle_set.spacing[:, axis]
+        if particle_set.axes is not None:
+            # the particle's own widths, seen along the normal
+            extent = (np.abs(particle_set.axes[:, :, axis]) * particle_set.spacing).sum(axis=1)
+        for i, body in enumerate(scene.bodies):
+            uneven = body.shape.kind == "mesh"
+            reach = 1e-6 if body.placed_on == "nodes" else 1.0 if uneven else 0.5 + body.jitter + 1e-6
+            here = (particle_set.body == i) & (distance <= reach * extent)
+            if body.placed_on == "cells" and (body.jitter or uneven):
+                # their faces tell which of the cells bound the body here
+                here &= particle_set.area[:, axis] != 0.0
+            result |= here
+        return result
+
+
+@dataclass(frozen=True)
+class Beside(_Geometric):
+    """One side of a plane, those on it too."""
+
+    plane: Plane
+    side: Literal["above", "below"]
+
+    def contains(self, places: np.ndarray, tolerance: np.ndarray | float) -> np.ndarray:
+        """Which places (n, d) [m] are there."""
+        above = places[:, self.plane.axis] - self.plane.offset
+        return (above if self.side == "above" else -above) >= -tolerance
+
+
+@dataclass(frozen=True)
+class InBox(_Geometric):
+    """A box with axis-aligned faces, [m]."""
+
+    lower: list[float]
+    upper: list[float]
+
+    def contains(self, places: np.ndarray, tolerance: np.ndarray | float) -> np.ndarray:
+        """Which places (n, d) [m] are in it."""
+        slack = np.broadcast_to(tolerance, len(places))[:, None]
+        inside = (places >= np.array(self.lower) - slack) & (places <= np.array(self.upper) + slack)
+        return inside.all(axis=1)
+
+
+@dataclass(frozen=True)
+class InBall(_Geometric):
+    """A ball, [m]."""
+
+    centre: list[float]
+    radius: float
+
+    def contains(self, places: np.ndarray, tolerance: np.ndarray | float) -> np.ndarray:
+        """Which places (n, d) [m] are in it."""
+        return np.linalg.norm(places - np.array(self.centre), axis=1) <= self.radius + tolerance
+
+
+@dataclass(frozen=True)
+class NearestTo:
+    """The particle nearest to a point [m]."""
+
+    point: list[float]
+
+    def contains(self, places: np.ndarray, tolerance: np.ndarray | float) -> np.ndarray:
+        """Places that are the point."""
+        return np.linalg.norm(places - np.array(self.point), axis=1) <= tolerance
+
+    def particles(self, scene: Scene, particle_set: ParticleSet, comm: MPI.Comm, meant: np.ndarray) -> np.ndarray:
+        """The nearest of those that are meant."""
+        identifier = particle_set.identifier
+        winner, _ = nearest_particles(comm, identifier[meant], particle_set.position[meant], np.array([self.point]))
+        return identifier == winner[0]
+
+
+def selected(scene: Scene, boundary: Condition, particle_set: ParticleSet, comm: MPI.Comm) -> np.ndarray:
+    """Which particles (n,) bool a boundary condition is about (collective for a single point)."""
+    meant = np.ones(len(particle_set), bool)
     if boundary.body is not None:
-        mask = particle_set.body == [body.name for body in scene.bodies].index(boundary.body)
-    if isinstance(boundary, FictitiousLayer):
-        return mask & _beside(boundary, particle_set)
-    if not isinstance(boundary, RegionCondition) or boundary.plane is not None:
-        return mask & _on_plane(scene, boundary.plane, particle_set)
-    tolerance = 1e-6 * particle_set.spacing.min(axis=1)
-    if boundary.box is not None:
-        lower, upper = np.array(boundary.box.lower), np.array(boundary.box.upper)
-        inside = (particle_set.position >= lower - tolerance[:, None]) & (
-            particle_set.position <= upper + tolerance[:, None]
-        )
-        return mask & inside.all(axis=1)
-    if boundary.ball is not None:
-        distance = np.linalg.norm(particle_set.position - np.array(boundary.ball.centre), axis=1)
-        return mask & (distance <= boundary.ball.radius + tolerance)
-    winner, _ = nearest_particles(
-        comm, particle_set.identifier[mask], particle_set.position[mask], np.array([boundary.point])
-    )
-    return mask & (particle_set.identifier == winner[0])
-
-
-def _beside(layer: FictitiousLayer, particle_set: ParticleSet) -> np.ndarray:
-    """Particles on one side of a plane, those on it too."""
-    above = particle_set.position[:, layer.plane.axis] - layer.plane.offset
-    return (above if layer.side == "above" else -above) >= -1e-6 * particle_set.spacing.min(axis=1)
-
-
-def _on_plane(scene: Scene, plane: Plane, particle_set: ParticleSet) -> np.ndarray:
-    """Particles on a plane: nodes within a rounding error, cells within their own half width."""
-    result = np.zeros(len(particle_set), bool)
-    distance = np.abs(particle_set.position[:, plane.axis] - plane.offset)
-    extent = particle_set.spacing[:, plane.axis]
-    if particle_set.axes is not None:
-        # the particle's own widths, seen along the normal
-        extent = (np.abs(particle_set.axes[:, :, plane.axis]) * particle_set.spacing).sum(axis=1)
-    for i, body in enumerate(scene.bodies):
-        uneven = body.shape.kind == "mesh"
-        reach = 1e-6 if body.placed_on == "nodes" else 1.0 if uneven else 0.5 + body.jitter + 1e-6
-        here = (particle_set.body == i) & (distance <= reach * extent)
-        if body.placed_on == "cells" and (body.jitter or uneven):
-            # their faces tell which of the cells bound the body here
-            here &= particle_set.area[:, plane.axis] != 0.0
-        result |= here
-    return result
+        meant = particle_set.body == [body.name for body in scene.bodies].index(boundary.body)
+    return meant & boundary.region.particles(scene, particle_set, comm, meant)

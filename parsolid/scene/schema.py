@@ -8,11 +8,13 @@ from pydantic import Field, TypeAdapter, ValidationError, ValidationInfo, field_
 
 from parsolid.scene.base_model import Plane, Positive, SceneModel, method_of, mismatch, reject
 from parsolid.scene.bodies import Body, FilledShape
-from parsolid.scene.boundaries import Boundary, FictitiousLayer, Loads, RegionCondition
+from parsolid.scene.boundaries import Boundary
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.lattice import Filling
+from parsolid.scene.loads import Loads
 from parsolid.scene.methods import Method
 from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, SOLUTIONS_KNOWN, Output, Probe, Reference
+from parsolid.scene.systems import SystemOfScene
 from parsolid.scene.validation_errors import NOTHING, SceneError, fault, key_path, suggestion
 
 
@@ -56,6 +58,27 @@ class Scene(SceneModel):
     def resolved(self) -> dict[str, Any]:
         """The scene with its defaults, as plain tables that validate to the same scene."""
         return self.model_dump(exclude_none=True)
+
+    @property
+    def systems(self) -> tuple[SystemOfScene, ...]:
+        """Which method has which bodies."""
+        return (SystemOfScene(self.method, tuple(range(len(self.bodies)))),)
+
+    def part(self, system: SystemOfScene) -> "Scene":
+        """The scene of one system: its method, its bodies, and the boundaries that are for any body or for one of its own."""
+        bodies = [self.bodies[number] for number in system.bodies]
+        if system.settings == self.method and bodies == self.bodies:
+            return self
+        names = {None, *(body.name for body in bodies)}
+        boundaries = [boundary for boundary in self.boundaries if boundary.body in names]
+        own = {"method": system.settings, "bodies": bodies, "boundaries": boundaries}
+        return Scene.model_construct(**(dict(self) | own))
+
+    @property
+    def reference_times(self) -> tuple[float, ...]:
+        """Times [s] at which the run is compared with an exact solution."""
+        times = () if self.reference is None else self.reference.times or ()
+        return tuple(time for time in times if time <= self.end_time)
 
     @property
     def fields_times(self) -> list[float]:
@@ -160,14 +183,9 @@ def _boundary_faults(parts: Parts, fillings: dict[int, Filling], every_body_know
             if parts.complete:
                 expected = f"the name of a body{suggestion(boundary.body, names)}"
                 faults.append(fault(("boundaries", i, "body"), expected, boundary.body))
-        elif needs_bounding_plane(boundary) and every_body_known:
+        elif boundary.needs_bounding_plane and every_body_known:
             faults += unbounded_plane(i, boundary, parts.bodies, fillings)
     return faults
-
-
-def needs_bounding_plane(boundary: Any) -> bool:
-    """Whether a boundary's plane must bound a body: not where particles beside it are chosen, nor where a wall waits for them."""
-    return boundary.on_particles and not isinstance(boundary, RegionCondition | FictitiousLayer)
 
 
 def unbounded_plane(

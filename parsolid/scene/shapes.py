@@ -64,8 +64,8 @@ class CylindricalShell(SceneModel):
     """A cylindrical shell or a sector of one (a ring sector in 2-D) of mid-surface `radius`.
 
     3-D: `base` is the centre of the lower end, `axis` the direction of `length`. 2-D: `centre` alone.
-    `angles` [degrees] run from the next axis in the cycle X, Y, Z: about Z from X to Y, about X from Y to Z, about Y from
-    Z to X. A span of 360 is a closed ring.
+    `angles` [degrees] run from the next axis in the cycle X, Y, Z: about Z from X to Y, about X from Y to Z, about Y
+    from Z to X. A span of 360 is a closed ring.
     """
 
     exactly_one: ClassVar = (("base", "centre"),)

@@ -18,8 +18,8 @@ def _circle(angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 class ShellFilling(Lattice):
     """A cylindrical shell on the lattice (hoop, axial, radial), a ring on (hoop, radial); ids run fastest radially.
 
-    The particle's own axes are its hoop, axial and radial direction. Volumes are r dr dtheta dz with the trapezoid rule on
-    nodes, the midpoint rule on cells: both sum to the exact volume. A closed ring has no particle twice.
+    The particle's own axes are its hoop, axial and radial direction. Volumes are r dr dtheta dz with the trapezoid rule
+    on nodes, the midpoint rule on cells: both sum to the exact volume. A closed ring has no particle twice.
     """
 
     def __init__(self, body: FilledShape, dimension: int):

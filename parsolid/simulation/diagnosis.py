@@ -1,68 +1,89 @@
 """What went wrong, where, and what to try: the message of a failed run."""
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
 from parsolid.collective import maximum, minimum
+from parsolid.methods.protocol import ParticleSystem
+
+if TYPE_CHECKING:
+    from parsolid.simulation.loop import Simulation
+
+Found = dict[str, Any]
 
 
-def describe_failure(simulation, otherwise: str) -> str:
+def describe_failure(simulation: "Simulation", otherwise: str) -> str:
     """One message, the same on every rank; `otherwise` says what is wrong if no particle is at fault. Collective."""
-    found = _first_of(simulation.comm, _unsound_particle(simulation))
-    if found is None and simulation.failed_somewhere and "jacobian" in simulation.method.table.arrays:
+    found = _first_of(simulation.comm, _unsound_particle(simulation.systems))
+    if found is None and simulation.failed_somewhere:
         found = _first_of(simulation.comm, _most_crushed_particle(simulation))
     if found is None:
-        found = _first_of(simulation.comm, _fastest_particle(simulation)) | {"what": otherwise}
-    return (
-        f"the run failed: {found['what']}\n"
-        f"  time       {simulation.clock.time:.9g} s, step {simulation.clock.step}\n"
-        f"  particle   {found['identifier']} on rank {found['rank']}{found.get('why', '')}, "
-        f"at X = ({found['reference']}), now x = ({found['position']})\n"
-        f"  checkpoint {simulation.last_checkpoint or 'none was written'}\n"
-        f"  try        {simulation.method.advice()}"
-    )
+        fastest = _first_of(simulation.comm, _fastest_particle(simulation))
+        found = {"what": otherwise} if fastest is None else fastest | {"what": otherwise}
+    lines = [
+        f"the run failed: {found['what']}",
+        f"  time       {simulation.clock.time:.9g} s, step {simulation.clock.step}",
+    ]
+    if "identifier" in found:
+        lines.append(
+            f"  particle   {found['identifier']} on rank {found['rank']}{found.get('why', '')}, "
+            f"at X = ({found['reference']}), now x = ({found['position']})"
+        )
+    lines.append(f"  checkpoint {simulation.last_checkpoint or 'none was written'}")
+    lines.append(f"  try        {found.get('advice') or simulation.systems[0].advice()}")
+    return "\n".join(lines)
 
 
-def _first_of(comm, local: dict | None) -> dict | None:
+def _first_of(comm: Any, local: Found | None) -> Found | None:
     """What the lowest rank that has found something has found; collective."""
     first = minimum(comm, comm.rank if local is not None else comm.size)
     return comm.bcast(local, root=first) | {"rank": first} if first < comm.size else None
 
 
-def _unsound_particle(simulation) -> dict | None:
+def _unsound_particle(systems: list[ParticleSystem]) -> Found | None:
     """The rank's first particle that is not sound, as its method says."""
-    found = simulation.method.unsound()
-    return found and {"what": found[1]} | _named(simulation.method.table, found[0])
+    for system in systems:
+        found = system.unsound()
+        if found:
+            return {"what": found[1]} | _named(system, found[0])
+    return None
 
 
-def _fastest_particle(simulation) -> dict | None:
+def _fastest_particle(simulation: "Simulation") -> Found | None:
     """The fastest particle of all, on its rank alone; where a run becomes unstable, it is near; collective."""
-    table = simulation.method.table
-    speed = np.linalg.norm(table.owned_rows("velocity"), axis=1)
-    largest = float(speed.max(initial=-1.0))
-    if largest < maximum(simulation.comm, largest):
+    speeds = [np.linalg.norm(system.particles.owned_rows("velocity"), axis=1) for system in simulation.systems]
+    largest = [float(speed.max(initial=-1.0)) for speed in speeds]
+    fastest = int(np.argmax(largest))
+    if largest[fastest] < maximum(simulation.comm, largest[fastest]):
         return None
-    index = int(np.argmax(speed))
-    return {"why": f" (the fastest, {largest:.4g} m/s)"} | _named(table, index)
+    index = int(np.argmax(speeds[fastest]))
+    return {"why": f" (the fastest, {largest[fastest]:.4g} m/s)"} | _named(simulation.systems[fastest], index)
 
 
-def _most_crushed_particle(simulation) -> dict | None:
-    """The particle with the least Jacobian of all, on its rank alone: sound now, but not within the step; collective."""
-    table = simulation.method.table
-    jacobian = table.owned_rows("jacobian")
-    least = float(jacobian.min(initial=np.inf))
-    if least > minimum(simulation.comm, least):
+def _most_crushed_particle(simulation: "Simulation") -> Found | None:
+    """The particle with the least evolved Jacobian, on its rank alone: sound now, but not within the step; collective."""
+    systems = [system for system in simulation.systems if "jacobian" in system.particles.fields]
+    if not systems:
         return None
-    what = f"a Jacobian was not positive within the step (the least is now {least:.4g}): matter is turned inside out"
-    return {"what": what} | _named(table, int(np.argmin(jacobian)))
+    jacobians = [system.particles.owned_rows("jacobian") for system in systems]
+    least = [float(jacobian.min(initial=np.inf)) for jacobian in jacobians]
+    worst = int(np.argmin(least))
+    if least[worst] > minimum(simulation.comm, least[worst]):
+        return None
+    what = f"a Jacobian was not positive within the step (the least is now {least[worst]:.4g}): matter is turned inside out"
+    return {"what": what} | _named(systems[worst], int(np.argmin(jacobians[worst])))
 
 
-def _named(table, index: int) -> dict:
+def _named(system: ParticleSystem, index: int) -> Found:
+    rows = system.particles.owned_rows
     return {
-        "identifier": int(table.owned_rows("identifier")[index]),
-        "reference": _place(table.owned_rows("reference_position")[index]),
-        "position": _place(table.owned_rows("position")[index]),
+        "identifier": int(rows("identifier")[index]),
+        "reference": _place(rows("reference_position")[index]),
+        "position": _place(rows("position")[index]),
+        "advice": system.advice(),
     }
 
 
-def _place(values) -> str:
+def _place(values: np.ndarray) -> str:
     return ", ".join(f"{value:.6g}" for value in values)

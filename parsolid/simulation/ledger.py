@@ -1,8 +1,11 @@
 """The energy ledger: what went where, summed on each rank as it happens and over ranks only when it is written."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+
+from parsolid.scene import Scene
 
 ACCUMULATED = ("dissipation_internal", "dissipation_numerical", "work_external")
 COLUMNS = ("kinetic", "stored", *ACCUMULATED, "balance")
@@ -19,7 +22,7 @@ class Ledger:
     terms: dict[str, int] = field(default_factory=dict)
     initial: float | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         self.values = np.zeros(len(ACCUMULATED) + len(self.terms))
         self._place = {name: len(ACCUMULATED) + i for i, name in enumerate(self.terms)}
 
@@ -38,7 +41,7 @@ class Ledger:
         self.values[1] += weight * numerical
         self.values[2] += weight * external
 
-    def row(self, comm, kinetic: float, stored: float) -> dict[str, float]:
+    def row(self, comm: Any, kinetic: float, stored: float) -> dict[str, float]:
         """The ledger over all ranks from this rank's kinetic and stored energy [J]; collective.
 
         balance = kinetic + stored + dissipation - external work - initial total, with the method's own terms by their signs: zero
@@ -54,3 +57,8 @@ class Ledger:
             self.initial = energy
         result["balance"] = energy - self.initial
         return result
+
+
+def terms_of(scene: Scene) -> dict[str, int]:
+    """The energy terms that the methods of a scene add, with their signs."""
+    return {name: sign for system in scene.systems for name, sign in system.settings.ledger_terms.items()}

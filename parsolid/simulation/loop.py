@@ -1,16 +1,23 @@
-"""The loop: advance, look, write."""
+"""The loop: choose a step, advance, look, judge."""
 
 import time as clock
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any, Protocol
 
 import numpy as np
 
 from decomposition.reduction import MinimumAhead
-from parsolid.methods import method_class
-from parsolid.particles.distribution import distribute, take
+from parsolid.methods.protocol import ParticleSystem
+from parsolid.scene import Scene
 from parsolid.simulation.diagnosis import describe_failure
-from parsolid.simulation.ledger import Ledger
+from parsolid.simulation.energy_balance import EnergyBalance
+from parsolid.simulation.interaction import Interaction
+from parsolid.simulation.ledger import Ledger, terms_of
+from parsolid.simulation.restart import Restart
+from parsolid.simulation.setup import build_systems
 from parsolid.simulation.signals import StopRequest
+from parsolid.simulation.time_step import TimeSteps
 
 FINISHED, STOPPED, INTERRUPTED = "finished", "stopped", "interrupted"
 
@@ -29,10 +36,11 @@ class Limits:
 
 @dataclass
 class Clock:
-    """Time [s], step number and seconds spent, of this run and of those it continues."""
+    """Time [s], step number, length of the last step [s], and seconds spent, of this run and of those it continues."""
 
     time: float = 0.0
     step: int = 0
+    step_size: float = 0.0
     began: float = field(default_factory=clock.perf_counter)
     loop_seconds: float = 0.0
     # of this rank's processor, which other work on the machine does not lengthen
@@ -43,59 +51,89 @@ class Clock:
     waiting_seconds: float = 0.0
 
 
-class Simulation:
-    """One scene on all ranks of a communicator, from its particles to its last step."""
+class Watch(Protocol):
+    """What is told of every step, see `recorder.Recorder`."""
 
-    def __init__(self, comm, scene, restart=None):
-        """restart: `restart.Restart` to continue from, or None for a new run. Collective.
+    def look(self, simulation: "Simulation") -> None:
+        """The state at the end of a step, and at the start; collective."""
+
+    def wall_checkpoint_due(self) -> bool:
+        """Whether this rank's clock calls for a checkpoint; ranks agree on it with the time step."""
+
+
+class Simulation:
+    """One scene on all ranks of a communicator, from its particles to its last step.
+
+    systems: methods with their bodies, see `setup`; interactions: what acts between pairs of them, none in any scene yet.
+    """
+
+    def __init__(self, comm: Any, scene: Scene, restart: Restart | None = None):
+        """restart: to continue from, or None for a new run. Collective.
 
         Raises SceneError or SolverError on all ranks when the scene cannot be set up.
         """
-        self.comm, self.scene, self.clock, self.ledger = comm, scene, Clock(), Ledger(scene.method.ledger_terms)
-        # the time of the jump that the last step of length 0 was for
-        self.jumped: float | None = None
+        self.comm, self.scene, self.clock = comm, scene, Clock()
+        self.ledger, self.balance = Ledger(terms_of(scene)), EnergyBalance()
         if restart:
             restart.check(scene)
-        method = method_class(scene.method.kind)
-        particle_set = restart.particle_set if restart else distribute(comm, self._generate())
-        order = (
-            method.sort(comm, scene, particle_set)
-            if not (restart and restart.same_ranks)
-            else np.arange(len(particle_set))
-        )
-        self.particle_set = take(particle_set, order)
-        self.method = method(comm, scene, self.particle_set)
-        if restart:
-            restart.apply(self, order)
-        else:
-            self.method.begin(scene, self.particle_set)
-        self.minimum = MinimumAhead(comm, 4)
-        self.failed, self.failed_somewhere, self.checkpoint_wanted, self.broken_balance = False, False, False, None
-        self.last_checkpoint: str | None = None
+        self.systems, self.particle_sets = build_systems(comm, scene, restart)
+        self.interactions: list[Interaction] = []
+        self.time_steps = TimeSteps.of(scene, self.systems)
         # the step agreed on for the current state; a restart takes it from the checkpoint, for the same bits
-        self.stable = restart.stable if restart else None
+        self.stable: float | None = None
+        if restart:
+            restart.apply(self)
+        self.minimum = MinimumAhead(comm, 3 + len(self.systems))
+        self.failed, self.failed_somewhere, self.checkpoint_wanted = False, False, False
+        self.last_checkpoint: str | None = None
         self.first_step = self.clock.step
-        self.particles = comm.allreduce(self.method.owned)
+        self.particles: int = comm.allreduce(sum(system.owned for system in self.systems))
         self.setup_seconds = clock.perf_counter() - self.clock.began
 
-    def _generate(self):
-        from parsolid.scene import generate
+    @property
+    def method(self) -> ParticleSystem:
+        """The first system; until the tests of all rooms ask for systems."""
+        return self.systems[0]
 
-        return generate(self.scene, self.comm)
+    @property
+    def particle_set(self) -> Any:
+        """Its particles."""
+        return self.particle_sets[0]
 
-    def run(self, watch, limits: Limits, stop: StopRequest) -> str:
+    def energies(self) -> tuple[float, float]:
+        """Kinetic and stored energy [J] of this rank's particles."""
+        kinetic, stored = self.systems[0].energies()
+        for system in self.systems[1:]:
+            more = system.energies()
+            kinetic, stored = kinetic + more[0], stored + more[1]
+        return kinetic, stored
+
+    @property
+    def energy_scale(self) -> float:
+        """An energy [J], the same on all ranks, of which the balance has the round-off in any case."""
+        return sum(system.energy_scale for system in self.systems)
+
+    def energy_row(self) -> dict[str, float]:
+        """The ledger of the present state over all ranks [J], by its columns; judged before the next step. Collective."""
+        row = self.ledger.row(self.comm, *self.energies())
+        self.balance.judge(row, self.energy_scale)
+        return row
+
+    def run(self, watch: Watch, limits: Limits, stop: StopRequest) -> str:
         """Advance to the scene's end (FINISHED), a number of steps (STOPPED), a signal or a wall time (INTERRUPTED). Collective.
 
-        `watch` (see `output.watch`) is told of every step. Raises RunFailed on all ranks.
+        `watch` is told of every step. Raises RunFailed on all ranks.
         """
         end = self.scene.end_time
         self.first_step = self.clock.step
-        stable = self.method.stable_step() if self.stable is None else self.stable
-        self.minimum.begin(np.array([stable, 0.0, 0.0, -float(self.method.news)]))
+        stable = self.stable
+        if stable is None:
+            stable = min(system.stable_step() for system in self.systems)
+        self._announce(stable, (0.0, 0.0))
         while True:
             self.stable, interrupted, checkpoint = self._result()
             self.checkpoint_wanted = checkpoint < 0.0
-            self._check(self.stable)
+            self._check_step(self.stable)
             watch.look(self)
             self._check_balance()
             if self.clock.time >= end:
@@ -106,45 +144,47 @@ class Simulation:
                 return STOPPED
             late = limits.wall is not None and clock.perf_counter() > limits.wall
             wishes = (float(stop.received is not None or late), float(watch.wall_checkpoint_due()))
-            self._advance(self._next(watch), wishes)
-
-    def _next(self, watch) -> tuple[float, float]:
-        """(step, time it leads to) [s]: of length 0 where loads jump."""
-        time = self.clock.time
-        if time in self.method.jumps and self.jumped != time:
-            self.jumped = time
-            return watch.clip(time, 0.0)
-        return watch.clip(time, self._limit(self.stable))
+            self._advance(*self.time_steps.next(self.clock.time, self.stable), wishes)
 
     def take_step(self, step: float) -> None:
         """One time step [s] and the reduction that goes with it, whatever the stable step is; collective."""
-        self._advance((step, self.clock.time + step), (0.0, 0.0))
+        self._advance(step, self.clock.time + step, (0.0, 0.0))
         self._result()
 
-    def _result(self) -> np.ndarray:
+    def _announce(self, stable: float, wishes: tuple[float, float]) -> None:
+        """Begin to agree on the stable step, on wishes (to stop, to write a checkpoint) and on the systems' news."""
+        news = [-float(system.news) for system in self.systems]
+        self.minimum.begin(np.array([stable, -wishes[0], -wishes[1], *news]))
+
+    def _result(self) -> tuple[float, float, float]:
         waiting = clock.perf_counter()
-        result = self.minimum.result()
+        stable, interrupted, checkpoint, *news = map(float, self.minimum.result())
         self.clock.waiting_seconds += clock.perf_counter() - waiting
-        self.method.news_anywhere = bool(result[3] < 0.0)
-        return result[:3]
+        for system, first in zip(self.systems, news):
+            system.news_anywhere = first < 0.0
+        return stable, interrupted, checkpoint
 
-    def _limit(self, stable: float) -> float:
-        longest = self.scene.method.maximum_step
-        return stable if longest is None else min(stable, longest)
-
-    def _advance(self, advance: tuple[float, float], wishes: tuple[float, float]) -> None:
-        """One step to a time; the next stable step and wishes (to stop, to write a checkpoint) are agreed on meanwhile."""
-        step, arrival = advance
+    def _advance(self, step: float, arrival: float, wishes: tuple[float, float]) -> None:
+        """One step [s] to a time [s]; the next stable step and wishes are agreed on while the last system advances."""
         began, processor_began = clock.perf_counter(), clock.process_time()
+        steps: list[float] = []
 
-        def announce(sound: bool, stable: float) -> None:
-            healthy = sound and not self.failed and np.isfinite(stable)
-            stable = stable if healthy or self.method.owned == 0 else -1.0
-            self.minimum.begin(np.array([stable, -wishes[0], -wishes[1], -float(self.method.news)]))
+        def announcement(system: ParticleSystem) -> Callable[[bool, float], None]:
+            def announce(sound: bool, stable: float) -> None:
+                healthy = sound and not self.failed and np.isfinite(stable)
+                steps.append(stable if healthy or system.owned == 0 else -1.0)
+                if len(steps) == len(self.systems):
+                    # not a number must stay one: it ends the run
+                    self._announce(float(np.min(steps)), wishes)
 
-        if not self.method.advance(self.clock.time, step, self.ledger, announce):
-            self.failed = True
-        self.clock.time = arrival
+            return announce
+
+        for interaction in self.interactions:
+            interaction.act(self.clock.time, step, self.ledger)
+        for system in self.systems:
+            if not system.advance(self.clock.time, step, self.ledger, announcement(system)):
+                self.failed = True
+        self.clock.time, self.clock.step_size = arrival, step
         self.clock.step += 1
         self._count(clock.perf_counter() - began, clock.process_time() - processor_began)
 
@@ -156,9 +196,9 @@ class Simulation:
         if spent.step == self.first_step + 1:
             spent.first_step_seconds, spent.first_step_processor_seconds = seconds, processor_seconds
 
-    def _check(self, stable: float) -> None:
+    def _check_step(self, stable: float) -> None:
         """Raise RunFailed on all ranks when the agreed step says that something went wrong."""
-        floor = self.scene.method.minimum_step or 1e-12 * self.scene.end_time
+        floor = self.time_steps.floor
         if stable >= floor:
             return
         # the agreed step is negative when a stage of any rank was not sound
@@ -168,5 +208,5 @@ class Simulation:
         )
 
     def _check_balance(self) -> None:
-        if self.broken_balance is not None:
-            raise RunFailed(describe_failure(self, f"the energy balance is off by {self.broken_balance:.4g} J"))
+        if self.balance.broken is not None:
+            raise RunFailed(describe_failure(self, f"the energy balance is off by {self.balance.broken:.4g} J"))

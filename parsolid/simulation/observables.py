@@ -1,74 +1,70 @@
-"""Quantities shown to the user: fields of particles and sums over the body, from a method's state."""
+"""All systems of a run on one rank, as probes, field output and exact solutions look at them."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
+from parsolid.observables.declared import FIELDS, field_of
+from parsolid.methods.protocol import ParticleSystem
+
+# what a file of fields has in any case
+_ALWAYS = ("identifier", "body", "volume")
+
 
 class Observables:
-    """Fields by name for a range of a rank's particles.
+    """Fields by name of this rank's particles, those of one system after those of another.
 
-    Every field is an array (n,), (n, d) or (n, 3, 3): those of the table, displacement [m], deformation_gradient, stress (Cauchy)
-    [Pa], first_piola_kirchhoff_stress [Pa], pressure [Pa] (positive in compression), von_mises_stress [Pa], rank, and what the
-    method shows besides.
+    Every field is an array (n,), (n, d) or (n, 3, 3): those that systems declare, and those of `parsolid.observables`.
     """
 
-    def __init__(self, method):
-        self.method = method
-        self.table = method.table
+    def __init__(self, systems: Sequence[ParticleSystem]):
+        self.systems = list(systems)
+        self.dimension = systems[0].dimension
 
-    def field(self, name: str, first: int = 0, last: int | None = None) -> np.ndarray:
-        """Values of particles first..last-1 (all owned by default). Raises KeyError for an unknown name."""
-        last = self.method.owned if last is None else last
-        if name == "displacement" and name not in self.table.arrays:
-            rows = self.table.owned_rows
-            return rows("position")[first:last] - rows("reference_position")[first:last]
-        if name == "rank":
-            return np.full(last - first, self.method.comm.rank)
-        values = self.method.shown(name, first, last)
-        if values is None and name in self.table.arrays:
-            values = self.table.owned_rows(name)[first:last]
-        return self._stress_field(name, first, last) if values is None else values
+    @property
+    def layout(self) -> tuple[int, ...]:
+        """Changes when particles are re-ordered, come or go."""
+        return tuple(system.particles.layout for system in self.systems)
 
-    def _stress_field(self, name: str, first: int, last: int) -> np.ndarray:
-        """What follows from the stress that the method shows."""
-        shown, inverse = self.method.shown, np.linalg.inv
-        F = shown("deformation_gradient", first, last)
-        if name == "jacobian":
-            return np.linalg.det(F)
-        if name == "first_piola_kirchhoff_stress":
-            stress = shown("stress", first, last)
-            return np.linalg.det(F)[:, None, None] * stress @ inverse(F).swapaxes(1, 2)
-        stress = shown("stress", first, last)
-        if stress is None:
-            P = shown("first_piola_kirchhoff_stress", first, last)
-            stress = P @ F.swapaxes(1, 2) / self._jacobian(F, first, last)[:, None, None]
-        if name == "stress":
-            return stress
-        pressure = -np.trace(stress, axis1=1, axis2=2) / 3.0
-        if name == "pressure":
-            return pressure
-        if name == "von_mises_stress":
-            deviator = stress + pressure[:, None, None] * np.eye(3)
-            return np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
-        raise KeyError(name)
+    @property
+    def tributary_mass(self) -> np.ndarray:
+        """Mass (n,) [kg] on this side of mirror planes."""
+        return _joined([system.mass[: system.owned] * system.share[: system.owned] for system in self.systems])
 
-    def _jacobian(self, F: np.ndarray, first: int, last: int) -> np.ndarray:
-        """The evolved Jacobian where there is one."""
-        if "jacobian" in self.table.arrays:
-            return self.table.owned_rows("jacobian")[first:last]
-        return np.linalg.det(F)
+    @property
+    def body(self) -> np.ndarray:
+        """Number (n,) of each particle's body in the scene."""
+        own = [system.particles.owned_rows("body") for system in self.systems]
+        return _joined([np.asarray(system.bodies, np.int32)[body] for system, body in zip(self.systems, own)])
 
-    def totals(self, name: str) -> np.ndarray:
-        """This rank's share of a sum over the body: linear_momentum [kg m/s], angular_momentum [kg m^2/s] about the origin
-        (three components, or one in the plane), or mass [kg] and first moments [kg m] for centre_of_mass."""
-        method = self.method
-        mass = (method.mass[: method.owned] * method.share[: method.owned])[:, None]
-        x, v = self.table.owned_rows("position"), self.table.owned_rows("velocity")
-        if name == "linear_momentum":
-            return (mass * v).sum(axis=0)
-        if name == "angular_momentum":
-            if method.dimension == 1:
-                return np.zeros(1)
-            if method.dimension == 2:
-                return np.array([mass[:, 0] @ (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0])])
-            return (mass * np.cross(x, v)).sum(axis=0)
-        return np.append((mass * x).sum(axis=0), mass.sum())
+    def rows(self, name: str) -> np.ndarray:
+        """A declared field that all systems have."""
+        return _joined([system.particles.owned_rows(name) for system in self.systems])
+
+    def field(self, name: str) -> np.ndarray:
+        """Values of all particles of this rank, not numbers where a method has no such field. Raises KeyError if none has it."""
+        pieces = [field_of(system, name) for system in self.systems]
+        shape = next((piece.shape[1:] for piece in pieces if piece is not None), None)
+        if shape is None:
+            raise KeyError(name)
+        return _joined(
+            [
+                np.full((system.owned, *shape), np.nan) if piece is None else piece
+                for system, piece in zip(self.systems, pieces)
+            ]
+        )
+
+    def usual_fields(self) -> list[str]:
+        """What is written unless the scene chooses: fields declared as shown, and the usual ones of all methods."""
+        declared = [
+            name
+            for system in self.systems
+            for name, field in system.particles.fields.items()
+            if field.shown and name not in FIELDS and name not in _ALWAYS
+        ]
+        return [*dict.fromkeys(declared), *(name for name, field in FIELDS.items() if field.usual)]
+
+
+def _joined(pieces: list[np.ndarray]) -> np.ndarray:
+    """Arrays one after the other; of one it is the array itself."""
+    return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)

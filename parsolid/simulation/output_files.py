@@ -2,6 +2,7 @@
 
 import time as clock
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -9,13 +10,22 @@ from parsolid.output.directory import prepare
 from parsolid.output.errors import together
 from parsolid.output.fields import FieldSeries
 from parsolid.output.history import History, read_history
+from parsolid.scene import Scene
 from parsolid.simulation.observables import Observables
+from parsolid.simulation.restart import Restart
 
 
 class OutputFiles:
     """history.csv, fields.vtkhdf and checkpoint.h5 in the run's folder; every call is collective."""
 
-    def __init__(self, comm, scene, directory, restart=None, inputs=()):
+    def __init__(
+        self,
+        comm: Any,
+        scene: Scene,
+        directory: Path | str,
+        restart: Restart | None = None,
+        inputs: tuple[Path | str, ...] = (),
+    ):
         """restart: the `Restart` to continue from, or None. Results of another run in the folder are moved aside.
 
         inputs: files the run reads. Raises OutputError on all ranks.
@@ -58,13 +68,12 @@ class OutputFiles:
             if self.history is not None:
                 self.history.append(values)
 
-    def write_fields(self, simulation, time: float) -> None:
+    def write_fields(self, observables: Observables, time: float) -> None:
         """Write the shown fields at a time [s]."""
         began = clock.perf_counter()
-        observables, table = Observables(simulation.method), simulation.method.table
-        names = self.scene.output.fields or self.scene.method.shown_fields
+        names = self.scene.output.fields or observables.usual_fields()
         varying = {name: np.ascontiguousarray(observables.field(name)) for name in names}
-        constant = {"body": table.owned_rows("body"), "volume": table.owned_rows("volume")}
-        position = np.ascontiguousarray(table.owned_rows("position"))
-        self.fields.write(time, table.owned_rows("identifier"), position, varying, constant)
+        constant = {"body": observables.body, "volume": observables.rows("volume")}
+        position = np.ascontiguousarray(observables.rows("position"))
+        self.fields.write(time, observables.rows("identifier"), position, varying, constant)
         self.seconds += clock.perf_counter() - began

@@ -6,22 +6,31 @@ times, as the largest over all steps, or of the history.
 """
 
 import json
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from parsolid.collective import SolverError
+from parsolid.scene import Scene
+from parsolid.scene.observation import Reference
 from parsolid.simulation.ledger import COLUMNS
+from parsolid.simulation.observables import Observables
+
+if TYPE_CHECKING:
+    from parsolid.simulation.loop import Simulation
+
+Row = dict[str, float]
 
 
 class Errors:
     """Collects what is needed while a run goes on; `result` is the same on all ranks."""
 
-    def __init__(self, scene):
+    def __init__(self, scene: Scene):
         self.reference = scene.reference
-        self.rows: list[dict] = []
+        self.rows: list[Row] = []
         self.found: dict[str, float] = {}
         self.times: tuple[float, ...] = ()
-        self.solution = None
+        self.solution: Any = None
         self.columns: tuple[str, ...] = ()
         if self.reference is not None and self.reference.series is not None:
             self.columns = ("time", *self.reference.columns)
@@ -32,22 +41,22 @@ class Errors:
             self.solution = SOLUTIONS[self.reference.exact].of_scene(scene)
             if self.reference.history:
                 self.columns = ("time", "dt", *_judged(scene, self.solution))
-            self.times = tuple(time for time in self.reference.times or () if time <= scene.end_time)
+            self.times = scene.reference_times
 
-    def note(self, row: dict) -> None:
+    def note(self, row: Row) -> None:
         """Remember a history row."""
         if self.columns:
             self.rows.append({name: row[name] for name in self.columns})
         elif self.reference is not None and self.reference.final is not None:
             self.found = {name: abs(row[name] / wanted - 1.0) for name, wanted in self.reference.final.items()}
 
-    def resume(self, rows: list[dict], found: dict[str, float]) -> None:
+    def resume(self, rows: list[Row], found: dict[str, float]) -> None:
         """Continue with the history rows and the errors of the run before a restart."""
         self.found |= found
         for row in rows:
             self.note(row)
 
-    def look(self, simulation, observables) -> None:
+    def look(self, simulation: "Simulation", observables: Observables) -> None:
         """Compare with the exact solution when its time has come; collective then."""
         if self.solution is None:
             return
@@ -71,10 +80,11 @@ class Errors:
         return self.found
 
 
-def _judged(scene, solution) -> list[str]:
+def _judged(scene: Scene, solution: Any) -> list[str]:
     """Columns of the history that a solution looks at. Raises SolverError when the scene has no probes for them."""
-    wanted = solution.history_columns()
-    known = {column for probe in scene.probes for column in probe.columns(scene.dimension, scene.method)}
+    wanted: list[str] = solution.history_columns()
+    settings = [system.settings for system in scene.systems]
+    known = {column for probe in scene.probes for column in probe.columns(scene.dimension, *settings)}
     missing = [column for column in wanted if column not in known]
     if missing or not wanted:
         what = ", ".join(missing) or "position and displacement at a point"
@@ -82,7 +92,7 @@ def _judged(scene, solution) -> list[str]:
     return wanted
 
 
-def series_errors(rows: list[dict], reference) -> dict[str, float]:
+def series_errors(rows: list[Row], reference: Reference) -> dict[str, float]:
     """Errors of history rows against a reference series; rows hold "time" and the reference's columns."""
     from scipy.interpolate import CubicSpline
 

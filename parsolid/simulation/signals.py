@@ -6,7 +6,7 @@ import signal
 class StopRequest:
     """Remembers SIGTERM and SIGUSR1, so that the loop can end at a step's end with a checkpoint."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.received: str | None = None
 
     def install(self) -> None:
@@ -14,7 +14,7 @@ class StopRequest:
         for name in ("SIGTERM", "SIGUSR1"):
             signal.signal(getattr(signal, name), self._note)
 
-    def _note(self, number, frame) -> None:
+    def _note(self, number: int, frame: object) -> None:
         self.received = signal.Signals(number).name
 
 

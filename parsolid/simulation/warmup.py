@@ -5,33 +5,36 @@ import json
 import time
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
 from decomposition.compiled import folder
 from parsolid.methods import method_class
-from parsolid.scene import parse_scene
+from parsolid.observables.declared import field_of
+from parsolid.scene import Scene, parse_scene
 from parsolid.simulation.loop import Simulation
-from parsolid.simulation.observables import Observables
 from parsolid.sources import source_digest
 
+Tables = dict[str, Any]
 
-def warm_up(comm, scene) -> None:
+
+def warm_up(comm: Any, scene: Scene) -> None:
     """Compile on the first rank of each node, unless the cache has been warmed for such a scene; collective."""
     if comm.size == 1:
         return
     node = comm.Split_type(MPI.COMM_TYPE_SHARED)
-    tables = _small_scene(scene)
+    tables = [_small_scene(scene.part(system), system.settings.kind) for system in scene.systems]
     if node.rank == 0:
-        mark = _mark(tables)
-        # an error of this rank alone would leave the others waiting; one of the scene's meets all ranks in a moment
-        with suppress(Exception):
-            _compile_unless_marked(mark, tables)
+        for table in tables:
+            # an error of this rank alone would leave the others waiting; one of the scene's meets all ranks in a moment
+            with suppress(Exception):
+                _compile_unless_marked(_mark(table), table)
     wait_quietly(node)
     node.Free()
 
 
-def _compile_unless_marked(mark: Path, tables: dict) -> None:
+def _compile_unless_marked(mark: Path, tables: Tables) -> None:
     if mark.exists():
         return
     compile_kernels(tables)
@@ -39,30 +42,30 @@ def _compile_unless_marked(mark: Path, tables: dict) -> None:
     mark.touch()
 
 
-def wait_quietly(comm) -> None:
+def wait_quietly(comm: Any) -> None:
     """A barrier that sleeps instead of spinning, so that waiting ranks leave the processor to the working ones."""
     request = comm.Ibarrier()
     while not request.Test():
         time.sleep(0.01)
 
 
-def compile_kernels(tables: dict) -> None:
+def compile_kernels(tables: Tables) -> None:
     """Run one step of a small scene on this rank alone, and call what only several ranks need."""
     simulation = Simulation(MPI.COMM_SELF, parse_scene(tables))
-    simulation.take_step(1e-9 * simulation.method.stable_step())
-    method = simulation.method
-    method.energies()
-    Observables(method).field("pressure")
-    method.warm()
+    for system in simulation.systems:
+        simulation.take_step(1e-9 * system.stable_step())
+        system.energies()
+        field_of(system, "pressure")
+        system.warm()
 
 
-def _mark(tables: dict) -> Path:
+def _mark(tables: Tables) -> Path:
     text = source_digest() + json.dumps(tables, sort_keys=True)
     return folder() / f"warm-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
 
-def _small_scene(scene) -> dict:
-    """A scene of a few particles whose kernels have the same types."""
+def _small_scene(scene: Scene, method: str) -> Tables:
+    """A scene of a few particles whose kernels have the same types as those of one system."""
     d, full = scene.dimension, scene.resolved()
     bodies = []
     for index, body in enumerate(full["bodies"]):
@@ -75,4 +78,4 @@ def _small_scene(scene) -> dict:
         boundaries.append({"plane": "Y = 1", "kind": "velocity", "velocity": [0.0] * d})
     loads = {"acceleration": [0.0] * d} if full.get("loads") or "traction" in kinds else {}
     small = {"dimension": d, "end_time": 1.0, "method": full["method"], "bodies": bodies, "boundaries": boundaries}
-    return method_class(scene.method.kind).small_scene(small | {"loads": loads, "title": "warming up"})
+    return method_class(method).small_scene(small | {"loads": loads, "title": "warming up"})

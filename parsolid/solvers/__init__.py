@@ -1,7 +1,8 @@
 """Matrix-free solvers of K u = f on all ranks: vectors are rows of owned particles, a product is a function.
 
-Vectors are float64 arrays (n, d) of this rank's particles, n may be 0; `apply(x, out)` writes K x of all ranks' x into out and
-may exchange ghosts; `free` (n, d) is true where a component is not prescribed, or None. All functions are collective.
+Vectors are float64 arrays (n, d) of this rank's particles, n may be 0; `apply(x, out)` writes K x of all ranks' x into
+out and may exchange ghosts; `free` (n, d) is true where a component is not prescribed, or None. All functions are
+collective.
 """
 
 from parsolid.solvers.conjugate_gradients import conjugate_gradients

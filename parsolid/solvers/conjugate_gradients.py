@@ -41,10 +41,10 @@ def conjugate_gradients(
 ) -> Solution:
     """Solve K u = load on free components for a symmetric positive definite K; collective.
 
-    load (n, d) [N], only its free components are looked at; ends when |load - K u|_2 over all ranks is at most target [N],
-    after `limit` products (default: ten times the number of components), or when a direction has no positive stiffness
-    (`converged` is then false). Two global sums an iteration.
-    Source: M. R. Hestenes, E. Stiefel, J. Res. Nat. Bur. Standards 49 (1952) 409.
+    load (n, d) [N], only its free components are looked at; ends when |load - K u|_2 over all ranks is at most target
+    [N], after `limit` products (default: ten times the number of components), or when a direction has no positive
+    stiffness (`converged` is then false). Two global sums an iteration. Source: M. R. Hestenes, E. Stiefel, J. Res.
+    Nat. Bur. Standards 49 (1952) 409.
     """
     residual = (load.copy() if free is None else load * free).ravel()
     mask = None if free is None else np.ascontiguousarray(free, bool).ravel()

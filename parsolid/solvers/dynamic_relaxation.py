@@ -1,7 +1,7 @@
 """Adaptive dynamic relaxation: a damped fictitious motion that comes to rest where forces balance.
 
-Source: B. Kilic, E. Madenci, "An adaptive dynamic relaxation method for quasi-static simulations using the peridynamic theory",
-Theoretical and Applied Fracture Mechanics 53 (2010) 194; the fictitious time step is 1.
+Source: B. Kilic, E. Madenci, "An adaptive dynamic relaxation method for quasi-static simulations using the peridynamic
+theory", Theoretical and Applied Fracture Mechanics 53 (2010) 194; the fictitious time step is 1.
 """
 
 import numpy as np
@@ -65,9 +65,10 @@ def dynamic_relaxation(
 ) -> Solution:
     """The displacement at which the force vanishes on free components; collective.
 
-    force(u, out) writes internal and external forces [N] of a displacement (n, d) [m] into out; start (n, d): first guess,
-    with prescribed components in place; mass (n,): see `relaxation_mass`. Ends when |F|_2 over all ranks is at most target [N]
-    or after `limit` evaluations (`converged` is then false). One global sum of three numbers an iteration.
+    force(u, out) writes internal and external forces [N] of a displacement (n, d) [m] into out; start (n, d): first
+    guess, with prescribed components in place; mass (n,): see `relaxation_mass`. Ends when |F|_2 over all ranks is at
+    most target [N] or after `limit` evaluations (`converged` is then false). One global sum of three numbers an
+    iteration.
     """
     displacement, velocity = start.copy(), np.zeros(start.shape)
     total, before = np.zeros(start.shape), np.zeros(start.shape)

@@ -33,9 +33,10 @@ def largest_eigenvalue(
 ) -> float:
     """The largest |eigenvalue| of K x = lambda M x on free components, from below; collective.
 
-    start (n, d): any vector with a part of the wanted one, see `start_vector`; mass (n,) [kg] or None for 1. Stops when ten
-    iterations gain less than the tolerance, relative. Gives inf where a product is not finite, 0.0 where all are 0.
-    For a symmetric K the estimate |M^-1 K x| / |x| is never less than the Rayleigh quotient of x, and never more than lambda.
+    start (n, d): any vector with a part of the wanted one, see `start_vector`; mass (n,) [kg] or None for 1. Stops when
+    ten iterations gain less than the tolerance, relative. Gives inf where a product is not finite, 0.0 where all are 0.
+    For a symmetric K the estimate |M^-1 K x| / |x| is never less than the Rayleigh quotient of x, and never more than
+    lambda.
     """
     weight = None if mass is None else mass[:, None]
     x = start.copy() if free is None else start * free

@@ -6,7 +6,9 @@ import numpy as np
 
 
 class Solution(NamedTuple):
-    """value (n, d): the solution on this rank; residual: the 2-norm of what is left over all ranks; reason: why it stopped early."""
+    """value (n, d): the solution on this rank; residual: the 2-norm of what is left over all ranks; reason: why it
+    stopped early.
+    """
 
     value: np.ndarray
     iterations: int

@@ -15,7 +15,7 @@ from parsolid.commands.cli import main
 PUBLISHED = {"linear": 7.78, "ugimp": 1.05, "quadratic-spline": 0.823, "cubic-spline": 0.093, "cpgimp": 0.0110}
 PUBLISHED_FINE = {"quadratic-spline": 0.463, "cubic-spline": 0.038}
 
-pytestmark = pytest.mark.mpi(ranks=[1])
+pytestmark = pytest.mark.serial
 
 
 def error_of_particles(kind, cells, per_cell):

@@ -17,7 +17,7 @@ from parsolid.commands.study.schema import load_study, toml_value
 from parsolid.scene import SceneError
 from parsolid.scene.loading import override_value
 
-pytestmark = pytest.mark.mpi([1])
+pytestmark = pytest.mark.serial
 
 SCENE = """
 title = "Block"

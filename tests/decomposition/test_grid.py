@@ -50,7 +50,9 @@ def given(name, size):
 
 
 def scatter(grid, particles, private=False):
-    """Sums (rows, 4) of this rank's particles, cell by cell, in columns 1 and 2; one row a node, or a node of each cell."""
+    """Sums (rows, 4) of this rank's particles, cell by cell, in columns 1 and 2; one row a node, or a node of each
+    cell.
+    """
     cells, size = grid.cells, grid.cells.stencil.shape[1]
     result = np.zeros((len(cells.index) * size if private else len(cells.nodes), 4))
     for c in range(len(cells.index)):

@@ -235,7 +235,7 @@ def test_wrong_input_on_one_rank_raises_on_all(comm):
         Halo.plan(comm, np.zeros((2, 2)), -1.0 if last else 1.0)
 
 
-@pytest.mark.mpi(ranks=[2, 3])
+@pytest.mark.ranks(2, 3)
 def test_differing_reach_raises_on_all(comm):
     with pytest.raises(ValueError, match="expected the same dimension and reach on all ranks"):
         Halo.plan(comm, np.zeros((2, 2)), 1.0 + comm.rank)

@@ -71,7 +71,7 @@ def test_a_wrong_argument_on_one_rank_raises_on_all(comm, owner, array, word):
             migrate(comm, np.array([0, 0]), {"array": np.zeros(2)})
 
 
-@pytest.mark.mpi(ranks=[2, 3])
+@pytest.mark.ranks(2, 3)
 def test_differing_kinds_of_rows_raise_on_all(comm):
     array = np.zeros((2, 3)) if comm.rank else np.zeros((2, 2))
     with pytest.raises(ValueError, match="expected the same on all ranks"):

@@ -18,7 +18,7 @@ def test_public_names_exist():
         decomposition.gather_everything
 
 
-@pytest.mark.mpi(ranks=[1])
+@pytest.mark.serial
 def test_import_is_cheap_and_alone():
     code = "import sys, decomposition; print([n for n in ('numba', 'mpi4py', 'numpy') if n in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"

@@ -38,7 +38,7 @@ def test_parts_are_balanced_to_a_point(comm, kind, dimension):
     assert counts.max() - counts.min() <= 1
 
 
-@pytest.mark.mpi(ranks=[1])
+@pytest.mark.serial
 @pytest.mark.parametrize("ranks", [2, 3, 5, 7, 16, 37, 1000])
 @pytest.mark.parametrize("kind", KINDS)
 def test_any_number_of_ranks(kind, ranks):
@@ -48,7 +48,7 @@ def test_any_number_of_ranks(kind, ranks):
     assert counts.max() - counts.min() <= 2
 
 
-@pytest.mark.mpi(ranks=[1])
+@pytest.mark.serial
 def test_a_cube_is_cut_into_cubes():
     points = lattice(16, 3)
     owner = bisect(_Rank0(8), points)

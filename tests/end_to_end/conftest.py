@@ -1,17 +1,7 @@
 """Fixtures of the tests of whole runs. Each starts its own ranks, so they run only where pytest itself is on one."""
 
-from pathlib import Path
-
 import pytest
 from small_scenes import write
-
-HERE = Path(__file__).parent
-
-
-def pytest_collection_modifyitems(items):
-    for item in items:
-        if item.path.parent == HERE:
-            item.add_marker(pytest.mark.mpi(ranks=[1]))
 
 
 @pytest.fixture

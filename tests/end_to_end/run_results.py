@@ -21,7 +21,8 @@ def history(folder: Path) -> dict[str, np.ndarray]:
 
 def state(folder: Path) -> tuple[dict, dict[str, np.ndarray], np.ndarray]:
     """Header, fields in the order of the file and ledgers of the ranks of the last checkpoint."""
-    return read_checkpoint(MPI.COMM_SELF, folder / "checkpoint.h5")
+    header, (fields,), ledgers = read_checkpoint(MPI.COMM_SELF, folder / "checkpoint.h5")
+    return header, fields, ledgers
 
 
 def summary(folder: Path) -> dict:

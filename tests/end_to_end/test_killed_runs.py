@@ -1,6 +1,5 @@
 """Killed with SIGKILL at random instants while it writes a checkpoint every other step, a run always goes on from there."""
 
-import os
 import random
 import time
 
@@ -87,7 +86,6 @@ def test_five_kills(whole, tmp_path):
     assert kill_often(whole, tmp_path, 5, seed=1) >= 1
 
 
-@pytest.mark.slow
-@pytest.mark.skipif("PARSOLID_SLOW_TESTS" not in os.environ, reason="takes minutes: set PARSOLID_SLOW_TESTS=1")
+@pytest.mark.long
 def test_thirty_kills(whole, tmp_path):
     assert kill_often(whole, tmp_path, MANY, seed=7) >= 1

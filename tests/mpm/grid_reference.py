@@ -59,6 +59,10 @@ class ParticleSet(NamedTuple):
     places: np.ndarray
     scratch: grid.Scratch
 
+    def interpolation(self, space=None):
+        """As the kernels take it, in the usual space of the dimension unless given."""
+        return grid.Interpolation(space or LAYOUT[self.dimension], self.basis, self.grid, self.scratch, self.motion)
+
 
 def topology(basis, motion, count, dimension, spacing=SPACING, origin=ORIGIN):
     """The grid, with the particles' order by base cell, and the nodes' positions (nodes, 4)."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from grid_reference import BASES, line, make_cloud, mirror, space_of, weights_of
+from grid_reference import BASES, line, make_cloud, mirror, weights_of
 
 from parsolid.methods.mpm import heat as grid_heat
 from parsolid.numerics.lanes import aligned_zeros
@@ -13,20 +13,9 @@ class Conduction:
 
     def __init__(self, particle_set, thermal, planes=()):
         self.particle_set, self.thermal, self.planes = particle_set, thermal, planes
-        self.cells, self.space = len(particle_set.grid.base), space_of(particle_set.dimension)
 
     def _pass(self, kernel, *more):
-        particle_set = self.particle_set
-        return kernel(
-            0,
-            self.cells,
-            self.space,
-            particle_set.basis,
-            particle_set.grid,
-            particle_set.scratch,
-            particle_set.motion,
-            *more,
-        )
+        return kernel(self.particle_set.interpolation(), *more)
 
     def flow(self):
         """Heat flows of the nodes."""

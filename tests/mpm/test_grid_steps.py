@@ -18,22 +18,8 @@ NO_GRAVITY, LEAST = np.zeros(4), 1e-12
 
 
 def run_gather(particle_set, transfer, step, rate, remapped=None, space=None):
-    space = space or space_of(particle_set.dimension)
-    gather(
-        0,
-        len(particle_set.grid.base),
-        space,
-        particle_set.basis,
-        particle_set.grid,
-        particle_set.scratch,
-        particle_set.motion,
-        particle_set.nodes,
-        particle_set.motion,
-        step,
-        transfer,
-        rate,
-        remapped,
-    )
+    moved = (particle_set.nodes, particle_set.motion, step)
+    gather(particle_set.interpolation(space), *moved, transfer, rate, remapped)
 
 
 def new_rate(particle_set):
@@ -123,7 +109,8 @@ def test_partial_sums_of_cells_add_up_to_the_same_bits(name, dimension):
     partials = aligned_zeros((*particle_set.grid.stencil.shape, 8))
     nodes = run_scatter(particle_set, grid.Flip(1.0), stress, partials=partials)
     assert not nodes.any()
-    grid.add_partials(0, len(partials), particle_set.grid.stencil, partials, nodes)
+    for cell, slots in zip(partials, particle_set.grid.stencil):
+        nodes[slots] += cell
     np.testing.assert_array_equal(nodes, whole)
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from grid_reference import BASES, make_cloud, space_of, weights_of
+from grid_reference import BASES, make_cloud, weights_of
 
 from parsolid.methods.mpm import grid
 from parsolid.methods.mpm.gather import gather
@@ -40,26 +40,13 @@ def random_affine(particle_set):
 
 
 def run_scatter(particle_set, transfer, stress, external=None, space=None, motion=True, partials=None):
-    cells, where = len(particle_set.grid.base), particle_set.motion
+    where = particle_set.motion
     particle_set.nodes[:] = 0.0
     if external is None:
         # not None: one kernel less to compile
         external = aligned_zeros((len(where), 4))
-    scatter(
-        0,
-        cells,
-        space or space_of(particle_set.dimension),
-        particle_set.basis,
-        particle_set.grid,
-        particle_set.scratch,
-        where,
-        where if motion else None,
-        transfer,
-        stress,
-        external,
-        particle_set.nodes,
-        partials,
-    )
+    moving = where if motion else None
+    scatter(particle_set.interpolation(space), moving, transfer, stress, external, particle_set.nodes, partials)
     return particle_set.nodes
 
 
@@ -107,21 +94,8 @@ def test_gather_is_the_plain_sum(name, dimension):
         moments = gradients
     for transfer, velocity in ((grid.Flip(fraction), flip), (grid.Apic(affine), nodal)):
         particle_set.motion[:n] = before
-        gather(
-            0,
-            len(particle_set.grid.base),
-            space_of(dimension),
-            particle_set.basis,
-            particle_set.grid,
-            particle_set.scratch,
-            particle_set.motion,
-            particle_set.nodes,
-            particle_set.motion,
-            step,
-            transfer,
-            rate,
-            None,
-        )
+        moved = (particle_set.nodes, particle_set.motion, step)
+        gather(particle_set.interpolation(), *moved, transfer, rate, None)
         np.testing.assert_allclose(particle_set.motion[:n, 4:7], velocity, atol=1e-12)
         np.testing.assert_allclose(particle_set.motion[:n, :3], before[:, :3] + step * nodal, atol=1e-13)
         np.testing.assert_array_equal(particle_set.motion[:n, [3, 7]], before[:, [3, 7]])

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from points import SOFT, crossing, scene, taylor_bar
-from solids import Record, run_to_end, simulation
+from solids import Record, follow, run_to_end, simulation
 
 from parsolid.collective import SolverError
-from parsolid.simulation.loop import Limits, RunFailed, StopRequest
+from parsolid.simulation.loop import RunFailed
 
 
 def message_of(data, comm, spoil=None) -> str:
@@ -14,7 +14,7 @@ def message_of(data, comm, spoil=None) -> str:
     if spoil is not None:
         spoil(sim)
     with pytest.raises(RunFailed) as error:
-        sim.run(Record(), Limits(steps=400), StopRequest())
+        follow(sim, Record(), 400)
     text = str(error.value)
     assert set(comm.allgather(text)) == {text} and len(set(comm.allgather(sim.clock.step))) == 1
     assert f"step {sim.clock.step}" in text and " on rank " in text and "a smaller method.cfl" in text

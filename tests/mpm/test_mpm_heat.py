@@ -11,6 +11,7 @@ from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Simulation
 
 WORLD = MPI.COMM_WORLD
+pytestmark = pytest.mark.mpi
 LENGTH, CELLS, START = 0.02, 20, 300.0
 CONDUCTIVITY, HEAT_CAPACITY = 386.0, 8960.0 * 383.0
 DIFFUSIVITY = CONDUCTIVITY / HEAT_CAPACITY

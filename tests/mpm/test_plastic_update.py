@@ -62,10 +62,10 @@ class Particles:
 
 
 @compiled
-def many_steps(count, space, law, step, state, motion, rate, record):
-    """Equal steps of the first particle; whether it stayed sound."""
+def many_steps(count, first, last, space, law, step, state, motion, rate, record):
+    """Equal steps of some particles; whether they stayed sound. A number in the call would be a type, and compile the kernel anew."""
     for _ in range(count):
-        if not advance_stress(space, 0, 1, law, step, None, state, motion, rate, record)[0]:
+        if not advance_stress(space, first, last, law, step, None, state, motion, rate, record)[0]:
             return False
     return True
 
@@ -75,7 +75,7 @@ def sheared(law, rate, steps, shear=1.0, temperature=300.0, dimension=3):
     particles = Particles(law, 1, dimension, temperature)
     particles.rate[0, 1] = rate
     arrays = (particles.state, particles.motion, particles.rate, particles.record)
-    assert many_steps(steps, LAYOUT[dimension], law, shear / rate / steps, *arrays)
+    assert many_steps(steps, 0, 1, LAYOUT[dimension], law, shear / rate / steps, *arrays)
     return particles
 
 

@@ -206,3 +206,53 @@ def test_the_largest_eigenvalue_of_degenerate_tensors(eigenvalues):
         error = tensor.largest_eigenvalue(values) - max(eigenvalues)
         # where the larger two meet, the closed form loses half the digits, on the side that shortens the time step
         assert -1e-14 < error < 1e-8
+
+
+def _written(F, S, s):
+    """Formulas as papers have them, of a general and a symmetric tensor."""
+    C = tensor.gram(F)
+    first = 2.0 * s * F + tensor.cofactor(F) * s - F / 3.0
+    second = F @ S - -F + S + s * tensor.I
+    third = s * tensor.I - C + S + None
+    return first, second, third, (F @ S).T @ (s * tensor.I), tensor.trace(F), F[0]
+
+
+@compiled
+def _compiled_formulas(F, S, s):
+    return _jitted(F, S, s)
+
+
+_jitted = register_jitable(_written)
+
+
+@pytest.mark.parametrize("general, symmetric", [(5, 4), (9, 6)])
+def test_operators_mean_the_same_in_plain_python_and_compiled(general, symmetric):
+    random = np.random.default_rng(3)
+    F = tensor.as_tensor(tuple(map(float, random.standard_normal(general))))
+    S = tensor.as_tensor(tuple(map(float, random.standard_normal(symmetric))))
+    plain, machine = _written(F, S, 0.7), _compiled_formulas(F, S, 0.7)
+    assert plain == machine
+    assert [type(result) for result in plain] == [type(result) for result in machine]
+
+
+def test_operators_are_those_of_matrices():
+    random = np.random.default_rng(4)
+    A, B = random.standard_normal((2, 3, 3))
+    B += B.T
+    F = tensor.as_tensor(tuple(A.ravel()))
+    S = tensor.as_tensor((B[0, 0], B[1, 1], B[2, 2], B[0, 1], B[0, 2], B[1, 2]))
+    first, second, third, fourth, trace, corner = _written(F, S, 0.7)
+    one = np.eye(3)
+    cofactor = np.linalg.det(A) * np.linalg.inv(A).T
+    for found, expected in (
+        (first, 1.4 * A + 0.7 * cofactor - A / 3.0),
+        (second, A @ B + A + B + 0.7 * one),
+        (tensor.expand(third), 0.7 * one - A.T @ A + B),
+        (fourth, 0.7 * (A @ B).T),
+    ):
+        assert np.reshape(found, (3, 3)) == pytest.approx(expected, rel=1e-13, abs=1e-13)
+    assert (trace, corner) == (pytest.approx(np.trace(A)), A[0, 0])
+    with pytest.raises(TypeError):
+        F + 1.0
+    with pytest.raises(TypeError):
+        F * F

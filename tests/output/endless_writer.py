@@ -30,7 +30,7 @@ def main(directory: Path) -> None:
     identifier = np.arange(comm.rank, PARTICLES, comm.size)
     step, resume_at = 0, None
     try:
-        header, fields, _ = read_checkpoint(comm, find_checkpoint(directory, comm))
+        header, (fields,), _ = read_checkpoint(comm, find_checkpoint(directory, comm))
     except OutputError:
         pass  # the first run
     else:
@@ -47,7 +47,7 @@ def main(directory: Path) -> None:
         step += 1
         now = state(step, identifier)
         series.write(0.5 * step, identifier, now["position"], {"jacobian": now["jacobian"]}, {"identifier": identifier})
-        write_checkpoint(comm, directory / "checkpoint.h5", {"step": step}, now, np.array([step + comm.rank / 7.0]))
+        write_checkpoint(comm, directory / "checkpoint.h5", {"step": step}, [now], np.array([step + comm.rank / 7.0]))
 
 
 if __name__ == "__main__":

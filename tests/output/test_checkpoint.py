@@ -30,8 +30,8 @@ def same_bits(one, other):
 
 def test_the_same_ranks_read_their_own_rows_back_bit_for_bit(comm, shared_path, fields, method):
     own = np.array([comm.rank + 0.1, np.nextafter(1.0, 2.0)])
-    write_checkpoint(comm, shared_path / "checkpoint.h5", HEADER, fields, own, method)
-    header, found, per_rank = read_checkpoint(comm, shared_path / "checkpoint.h5")
+    write_checkpoint(comm, shared_path / "checkpoint.h5", HEADER, [fields], own, method)
+    header, (found,), per_rank = read_checkpoint(comm, shared_path / "checkpoint.h5")
     assert header == HEADER and read_header(shared_path / "checkpoint.h5") == HEADER
     assert list(found) == sorted(fields)
     assert all(same_bits(np.ascontiguousarray(fields[name]), found[name]) for name in fields)
@@ -39,14 +39,14 @@ def test_the_same_ranks_read_their_own_rows_back_bit_for_bit(comm, shared_path, 
 
 
 def test_another_number_of_ranks_gets_even_contiguous_shares(comm, shared_path, fields, pieces, method):
-    write_checkpoint(comm, shared_path / "checkpoint.h5", HEADER, fields, None, method)
-    alone = read_checkpoint(MPI.COMM_SELF, shared_path / "checkpoint.h5")[1]
+    write_checkpoint(comm, shared_path / "checkpoint.h5", HEADER, [fields], None, method)
+    alone = read_checkpoint(MPI.COMM_SELF, shared_path / "checkpoint.h5")[1][0]
     assert np.array_equal(alone["identifier"], np.arange(pieces[0]))
     assert np.array_equal(alone["momentum"], np.arange(pieces[0])[:, np.newaxis] * np.pi + np.arange(6))
     if comm.rank == 0:
-        write_checkpoint(MPI.COMM_SELF, shared_path / "alone.h5", HEADER, alone, np.array([3.0]))
+        write_checkpoint(MPI.COMM_SELF, shared_path / "alone.h5", HEADER, [alone], np.array([3.0]))
     comm.Barrier()
-    _, shares, per_rank = read_checkpoint(comm, shared_path / "alone.h5")
+    _, (shares,), per_rank = read_checkpoint(comm, shared_path / "alone.h5")
     count = len(shares["jacobian"])
     assert abs(count - pieces[0] / comm.size) < 1.0
     first = comm.exscan(count) or 0
@@ -58,7 +58,7 @@ def test_both_writers_leave_the_same_file(comm, shared_path, fields):
     if not h5py.get_config().mpi:
         pytest.skip("h5py without MPI")
     for method in ("mpio", "offsets"):
-        write_checkpoint(comm, shared_path / f"{method}.h5", HEADER, fields, np.ones(2), method)
+        write_checkpoint(comm, shared_path / f"{method}.h5", HEADER, [fields], np.ones(2), method)
     one, other = ((shared_path / f"{method}.h5").read_bytes() for method in ("mpio", "offsets"))
     assert one == other
 
@@ -79,7 +79,7 @@ def test_rows_are_written_in_pieces_of_a_few_bytes(comm, shared_path, fields, pi
 def test_the_last_two_are_kept(comm, shared_path, fields):
     path = shared_path / "checkpoint.h5"
     for step in range(4):
-        write_checkpoint(comm, path, {"step": step}, fields)
+        write_checkpoint(comm, path, {"step": step}, [fields])
     assert read_header(path)["step"] == 3 and read_header(previous_name(path))["step"] == 2
     assert not partial_name(path).exists()
 
@@ -87,14 +87,14 @@ def test_the_last_two_are_kept(comm, shared_path, fields):
 def test_the_newest_whole_file_is_found_wherever_the_run_was_killed(comm, shared_path, fields):
     path = shared_path / "checkpoint.h5"
     for step in range(3):
-        write_checkpoint(comm, path, {"step": step}, fields)
+        write_checkpoint(comm, path, {"step": step}, [fields])
     if comm.rank == 0:
         # killed between the two renames
         os.replace(path, partial_name(path))
     comm.Barrier()
     assert read_header(find_checkpoint(shared_path, comm))["step"] == 2
     # going on from there must not overwrite the only newest file before the next is whole
-    write_checkpoint(comm, path, {"step": 3}, fields)
+    write_checkpoint(comm, path, {"step": 3}, [fields])
     assert read_header(path)["step"] == 3 and read_header(previous_name(path))["step"] == 2
     comm.Barrier()
     if comm.rank == 0:
@@ -107,7 +107,7 @@ def test_the_newest_whole_file_is_found_wherever_the_run_was_killed(comm, shared
 
 def test_a_file_not_written_to_its_end_is_refused(comm, shared_path, fields):
     path = shared_path / "checkpoint.h5"
-    write_checkpoint(comm, path, HEADER, fields)
+    write_checkpoint(comm, path, HEADER, [fields])
     if comm.rank == 0:
         with open_serial(path, "r+") as file:
             file.attrs.modify("complete", 0)
@@ -131,7 +131,7 @@ def test_other_files_are_refused_by_name(comm, shared_path):
 
 def test_a_directory_that_does_not_exist_is_one_error_on_all_ranks(comm, shared_path, fields):
     with pytest.raises(OutputError, match="checkpoint.h5"):
-        write_checkpoint(comm, shared_path / "missing" / "checkpoint.h5", HEADER, fields)
+        write_checkpoint(comm, shared_path / "missing" / "checkpoint.h5", HEADER, [fields])
 
 
 @pytest.mark.parametrize(
@@ -146,7 +146,7 @@ def test_arrays_that_do_not_fit_on_one_rank_are_an_error_on_all(comm, shared_pat
     if comm.rank == comm.size - 1:
         spoil(fields)
     with pytest.raises(OutputError, match="expected"):
-        write_checkpoint(comm, shared_path / "checkpoint.h5", HEADER, fields)
+        write_checkpoint(comm, shared_path / "checkpoint.h5", HEADER, [fields])
 
 
 @pytest.fixture
@@ -161,7 +161,7 @@ def small_files():
 
 def test_a_disk_that_fills_while_writing_is_an_error_on_all_ranks(comm, shared_path, method, small_files, monkeypatch):
     path = shared_path / "checkpoint.h5"
-    write_checkpoint(comm, path, {"step": 1}, {"x": np.zeros(10)}, None, method)
+    write_checkpoint(comm, path, {"step": 1}, [{"x": np.zeros(10)}], None, method)
     write = SlabWriter.write
 
     def write_on_full_disk(self, *arguments):
@@ -170,20 +170,22 @@ def test_a_disk_that_fills_while_writing_is_an_error_on_all_ranks(comm, shared_p
 
     monkeypatch.setattr(SlabWriter, "write", write_on_full_disk)
     with pytest.raises(OutputError, match="cannot write .*checkpoint.h5"):
-        write_checkpoint(comm, path, {"step": 2}, {"x": np.zeros(100_000)}, None, method)
+        write_checkpoint(comm, path, {"step": 2}, [{"x": np.zeros(100_000)}], None, method)
     assert read_header(find_checkpoint(shared_path, comm))["step"] == 1
 
 
 def test_a_disk_too_full_to_begin_is_an_error_on_all_ranks(comm, shared_path, small_files):
     path = shared_path / "checkpoint.h5"
-    write_checkpoint(comm, path, {"step": 1}, {"x": np.zeros(10)})
+    write_checkpoint(comm, path, {"step": 1}, [{"x": np.zeros(10)}])
     small_files()
     with pytest.raises(OutputError, match="cannot write the checkpoint .*File too large"):
-        write_checkpoint(comm, path, {"step": 2}, {"x": np.zeros(100_000)})
+        write_checkpoint(comm, path, {"step": 2}, [{"x": np.zeros(100_000)}])
     assert read_header(find_checkpoint(shared_path, comm))["step"] == 1
 
 
 def test_the_header_takes_numpy_values_and_is_text_in_the_file(comm, shared_path):
-    write_checkpoint(comm, shared_path / "c.h5", {"t": np.float64(0.1), "a": np.arange(3)}, {"x": np.zeros(comm.rank)})
+    write_checkpoint(
+        comm, shared_path / "c.h5", {"t": np.float64(0.1), "a": np.arange(3)}, [{"x": np.zeros(comm.rank)}]
+    )
     with h5py.File(shared_path / "c.h5", "r") as file:
         assert json.loads(file["header"].asstr()[()]) == {"t": 0.1, "a": [0, 1, 2]}

@@ -25,7 +25,7 @@ def write(path, table, resume_at=None):
     return history
 
 
-@pytest.mark.mpi(ranks=[1])
+@pytest.mark.serial
 class TestHistory:
     def test_numbers_are_read_back_bit_for_bit(self, tmp_path):
         table = rows(20)

@@ -38,7 +38,7 @@ def run_until_killed(directory: Path, ranks: int, lifetime: float) -> None:
 
 
 def check_checkpoint(directory: Path) -> int:
-    header, fields, rows = read_checkpoint(MPI.COMM_SELF, find_checkpoint(directory))
+    header, (fields,), rows = read_checkpoint(MPI.COMM_SELF, find_checkpoint(directory))
     expected = state(header["step"], fields["identifier"])
     assert np.array_equal(np.sort(fields["identifier"]), np.arange(PARTICLES))
     assert all(fields[name].tobytes() == np.ascontiguousarray(expected[name]).tobytes() for name in expected)
@@ -63,7 +63,7 @@ def check_fields(path: Path) -> np.ndarray:
 
 
 @pytest.mark.slow
-@pytest.mark.mpi(ranks=[1])
+@pytest.mark.serial
 def test_every_kill_leaves_a_whole_checkpoint_and_readable_fields(tmp_path):
     random.seed(11)
     step, seen = 0, set()

@@ -10,7 +10,7 @@ import pytest
 from parsolid.output import progress
 from parsolid.output.progress import NORMAL, QUIET, VERBOSE, Progress, terminal_columns
 
-pytestmark = pytest.mark.mpi(ranks=[1])
+pytestmark = pytest.mark.serial
 
 ROW = {"kinetic": 1.5, "stored": 2.0, "dissipation_internal": 0.25, "dissipation_numerical": 0.5, "balance": 1e-6}
 SUMMARY = {

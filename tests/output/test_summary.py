@@ -11,7 +11,7 @@ from mpi_launch import clean_environment
 from parsolid.output import OutputError
 from parsolid.output.summary import git_hash, peak_memory_bytes, provenance, write_summary
 
-pytestmark = pytest.mark.mpi(ranks=[1])
+pytestmark = pytest.mark.serial
 
 
 def test_keys_keep_their_order_and_numbers_become_json(tmp_path):

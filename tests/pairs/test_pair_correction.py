@@ -6,7 +6,7 @@ from mpi4py import MPI
 from solids import column, gathered, punch, run_steps, run_to_end, simulation, supports, tables
 
 from parsolid.collective import SolverError
-from parsolid.pairs.neighbour_lists import build_neighbour_lists, metrics
+from parsolid.pairs.pairs import build_neighbour_lists, metrics
 from parsolid.pairs.smoothing import WendlandC2
 
 CLOSED = {"pair_correction": "closure"}
@@ -47,7 +47,7 @@ def left_over(sim) -> np.ndarray:
 
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("boundaries", [(), ROLLERS], ids=["free", "mirror"])
-@pytest.mark.mpi(ranks=[1])
+@pytest.mark.serial
 def test_a_constant_stress_has_almost_no_force_inside(dimension, boundaries):
     plain = left_over(simulation(body(dimension, "none", boundaries)))
     closed = left_over(simulation(body(dimension, "closure", boundaries)))
@@ -57,7 +57,7 @@ def test_a_constant_stress_has_almost_no_force_inside(dimension, boundaries):
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
-@pytest.mark.mpi(ranks=[1])
+@pytest.mark.serial
 def test_on_the_surface_it_has_the_force_of_its_traction(dimension):
     sim = simulation(body(dimension))
     stress = np.arange(1.0, 1.0 + dimension**2).reshape(dimension, dimension)
@@ -77,7 +77,7 @@ def test_gradients_of_linear_fields_stay_exact(dimension, boundaries, comm):
         if boundaries
         else np.arange(1.0, 1.0 + dimension**2).reshape(dimension, dimension)
     )
-    table = sim.method.table
+    table = sim.method.particles
     table.owned_rows("position")[:] += table.owned_rows("reference_position") @ slope.T
     sim.method.motion_exchange.start()
     sim.method.motion_exchange.finish()
@@ -87,8 +87,8 @@ def test_gradients_of_linear_fields_stay_exact(dimension, boundaries, comm):
 
 def test_the_weights_of_a_pair_are_opposite_on_both_of_its_ranks(comm):
     sim = simulation(body(2), comm)
-    neighbour_lists = sim.method.neighbour_lists
-    names = neighbour_lists.halo.with_ghosts(np.array(sim.method.table.owned_rows("identifier")).astype(np.int64))
+    neighbour_lists = sim.method.pairs
+    names = neighbour_lists.halo.with_ghosts(np.array(sim.method.particles.owned_rows("identifier")).astype(np.int64))
     directed = {}
     if neighbour_lists.rim is not None:
         row = np.repeat(np.arange(neighbour_lists.halo.owned), np.diff(neighbour_lists.rim.start))
@@ -107,7 +107,7 @@ def test_any_number_of_ranks_makes_the_same_weights(comm):
         assert np.abs(one - many).max() < 1e-9 * np.abs(one).max()
 
 
-@pytest.mark.mpi(ranks=[1])
+@pytest.mark.serial
 @pytest.mark.parametrize("jitter", [0.1, 0.2])
 def test_an_irregular_punch_is_as_good_as_a_regular_one(jitter):
     def history(jitter, correction):
@@ -127,14 +127,14 @@ def test_an_irregular_punch_is_as_good_as_a_regular_one(jitter):
     assert difference(history(jitter, "closure")) < 0.012
 
 
-@pytest.mark.mpi(ranks=[1])
+@pytest.mark.serial
 def test_momentum_and_energy_are_kept():
     data = column((5, 9, 5), method=CLOSED)
     data["boundaries"] = []
     data["bodies"][0]["jitter"] = 0.15
 
     def momentum(sim):
-        values = sim.method.mass @ sim.method.table.owned_rows("velocity")
+        values = sim.method.mass @ sim.method.particles.owned_rows("velocity")
         return {f"p{i}": value for i, value in enumerate(values)}
 
     sim, rows = run_steps(data, 60, more=momentum)
@@ -149,7 +149,7 @@ def test_cells_are_refused(comm):
         simulation(data, comm)
 
 
-@pytest.mark.mpi(ranks=[1])
+@pytest.mark.serial
 def test_volumes_that_do_not_fit_are_refused():
     rng = np.random.default_rng(0)
     place = np.stack(np.meshgrid(np.arange(12.0), np.arange(12.0)), axis=-1).reshape(-1, 2)

@@ -90,7 +90,7 @@ def signs_of(sim):
 
 def set_linear_velocity(sim) -> np.ndarray:
     """v = A (X - X0) + b with the symmetries of all planes; returns A."""
-    d, table = sim.method.dimension, sim.method.table
+    d, table = sim.method.dimension, sim.method.particles
     random = np.random.default_rng(9)
     A, b, origin = random.normal(size=(d, d)), random.normal(size=d), np.zeros(d)
     seen = set()
@@ -112,7 +112,7 @@ def set_linear_velocity(sim) -> np.ndarray:
 @every_body
 def test_weights_are_antisymmetric_to_the_bit(body, dimension):
     sim = BODIES[body](dimension)
-    neighbour_lists, metric = sim.method.neighbour_lists, sim.method.neighbour_lists.metric
+    neighbour_lists, metric = sim.method.pairs, sim.method.pairs.metric
     inner = neighbour_lists.inner
     first = np.repeat(np.arange(sim.method.owned), np.diff(inner.start))
     order = np.argsort(inner.neighbour, kind="stable")
@@ -140,8 +140,8 @@ def test_weights_are_antisymmetric_to_the_bit(body, dimension):
 def test_weights_of_images_reflect_each_other(body, dimension):
     sim = BODIES[body](dimension)
     mirror, images, R = (
-        sim.method.neighbour_lists.mirror,
-        sim.method.neighbour_lists.images,
+        sim.method.pairs.mirror,
+        sim.method.pairs.images,
         sim.method.boundaries.codes.reflections,
     )
     first = np.repeat(np.arange(sim.method.owned), np.diff(mirror.start))
@@ -162,7 +162,7 @@ def test_the_inner_list_as_two_one_sided_lists_gives_the_same(body, dimension):
     sim = BODIES[body](dimension)
     method, passes = sim.method, {2: pairs_plane, 3: pairs_space}[dimension]
     inner = evaluate(sim)
-    half = method.neighbour_lists.inner
+    half = method.pairs.inner
     first = np.repeat(np.arange(method.owned), np.diff(half.start)).astype(np.int32)
     receiver, neighbour = np.concatenate((first, half.neighbour)), np.concatenate((half.neighbour, first))
     flip = np.concatenate((np.ones(len(first)), -np.ones(len(first))))[:, None]
@@ -250,7 +250,7 @@ def powers(sim) -> np.ndarray:
     L = sim.method.body.correction[:, : sim.method.owned].T.reshape(-1, d, d)
     P = found["PL"] @ np.linalg.inv(L)
     stress = sim.method.body.tributary[0, : sim.method.owned] * np.sum(P * found["gradient"], axis=(1, 2))
-    return stress, sim.method.share * np.sum(sim.method.table.owned_rows("velocity") * found["T"], axis=1)
+    return stress, sim.method.share * np.sum(sim.method.particles.owned_rows("velocity") * found["T"], axis=1)
 
 
 def skew_defect(sim) -> float:
@@ -269,7 +269,7 @@ def test_the_energy_identity(body, dimension):
     """dK/dt + dW/dt + D_int + D_num = power of the loads (Appendix B), with dW/dt from the energy's own derivatives."""
     sim = BODIES[body](dimension)
     method, solid = sim.method, Solid.of(sim.method.blocks[0].law)
-    velocity, weight = method.table.owned_rows("velocity"), method.body.tributary[0, : method.owned]
+    velocity, weight = method.particles.owned_rows("velocity"), method.body.tributary[0, : method.owned]
     found, strain = evaluate(sim), strains(sim)
     rate = np.zeros_like(strain["F"])
     rate[:, :dimension, :dimension] = found["gradient"]
@@ -338,8 +338,8 @@ def test_ranks_share_what_one_computes(comm, dimension, mirrored):
         )
         sim = simulation(data, where)
         set_random_state(sim)
-        sim.method.table.owned_rows("velocity")[:] += random_of(
-            sim.method.table.owned_rows("identifier"), dimension, seed=99
+        sim.method.particles.owned_rows("velocity")[:] += random_of(
+            sim.method.particles.owned_rows("identifier"), dimension, seed=99
         ) * (sim.method.boundaries.clamp[:, :dimension] if mirrored else 1.0)
         found = evaluate(sim)
         order = np.argsort(np.concatenate(where.allgather(sim.particle_set.identifier)))

@@ -1,7 +1,6 @@
 """Cracks of runs/peridynamics against closed forms and published observations, on any number of ranks."""
 
 import math
-import os
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +10,7 @@ from parsolid.commands.cli import main
 from parsolid.output.history import read_history
 
 _SCENES = Path(__file__).parents[2] / "runs" / "peridynamics"
-slow = pytest.mark.skipif(
-    not os.environ.get("PARSOLID_SLOW_TESTS"), reason="a minute a run: only with PARSOLID_SLOW_TESTS=1"
-)
+pytestmark = pytest.mark.verification
 
 
 def run(folder, scene, *overrides, status=0):
@@ -39,7 +36,7 @@ def test_creep_fails_within_one_step_of_the_closed_form(shared_path, step, stret
     assert abs(history["balance"][-1] - history["balance"][np.argmax(broken) - 1]) < 1e-4 * stored
 
 
-@slow
+@pytest.mark.long
 def test_kalthoff_winkler_crack_runs_off_at_seventy_degrees(shared_path):
     history = run(shared_path, "kalthoff_winkler.toml", "bodies.0.particles=[100, 100]", "end_time=80e-6")
     x, y = (history[f"crack.crack_tip_{axis}"] for axis in "xy")
@@ -49,7 +46,7 @@ def test_kalthoff_winkler_crack_runs_off_at_seventy_degrees(shared_path):
     assert np.abs(history["balance"]).max() < 2e-3 * history["work_external"].max()
 
 
-@slow
+@pytest.mark.long
 def test_a_crack_branches_with_the_bond_based_law_and_not_with_correspondence(shared_path):
     branches = {}
     nosb = ["bodies.0.material.kind='linear-elastic'", "bodies.0.material.poissons_ratio=0.3333"]

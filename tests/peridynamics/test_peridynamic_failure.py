@@ -1,9 +1,9 @@
 """Runs that go wrong say so, on all ranks."""
 
 import pytest
-from solids import Until, simulation
+from solids import Record, StepsToEnd, follow, simulation
 
-from parsolid.simulation.loop import Limits, RunFailed, StopRequest
+from parsolid.simulation.loop import RunFailed
 
 
 def test_matter_turned_inside_out_ends_the_run(comm):
@@ -27,4 +27,4 @@ def test_matter_turned_inside_out_ends_the_run(comm):
         comm,
     )
     with pytest.raises(RunFailed, match=r"the Jacobian is -[\d.e-]+, not positive.*\n.*\n +particle +\d+ on rank"):
-        crushed.run(Until(1.0), Limits(), StopRequest())
+        follow(crushed, Record(), policy=StepsToEnd)

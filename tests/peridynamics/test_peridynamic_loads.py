@@ -44,11 +44,11 @@ class Body:
         laws = laws_of(self.scene)
         blocks, density = material_blocks(laws, particle_set.body)
         self.comm, self.law = comm, laws[0]
-        self.loads = PeridynamicLoads(comm, self.scene, particle_set, density)
+        self.loads = PeridynamicLoads(comm, self.scene, particle_set)
         forces = build_forces(comm, self.scene, particle_set, laws, blocks, self.loads)
         self.loads.install_tractions(forces.engine, forces.horizon)
         mass = density * particle_set.volume / self.loads.share
-        self.operator = Operator(forces.engine, blocks, forces.relaxation, self.loads.share, mass, self.loads.free)
+        self.operator = Operator(forces.engine, forces.history, self.loads.share, mass, self.loads.free)
 
     def stretched(self, pinned=None):
         """The displacement (n, d) under the loads just after time 0; `pinned` (n, d) bool: more components at rest."""

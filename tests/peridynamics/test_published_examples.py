@@ -1,7 +1,6 @@
 """The examples of Galadima et al. as whole runs against exact solutions, on any number of ranks; smaller than in runs/."""
 
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ from parsolid.exact.prony import PronySeries
 from parsolid.output.history import read_history
 
 _SCENES = Path(__file__).parents[2] / "runs" / "peridynamics"
-slow = pytest.mark.skipif(not os.environ.get("PARSOLID_SLOW_TESTS"), reason="minutes: only with PARSOLID_SLOW_TESTS=1")
+pytestmark = pytest.mark.verification
 
 
 def run(folder, scene, *overrides, more=()):
@@ -65,7 +64,7 @@ def test_traction_on_the_last_column_alone_is_not_exact(shared_path):
     assert 0.01 < errors["edge.displacement_x"] < 0.04
 
 
-@pytest.mark.mpi(ranks=[1])
+@pytest.mark.serial
 @pytest.mark.parametrize("state", ("instantaneous", "relaxed"))
 @pytest.mark.parametrize(("clamp", "reach"), (("mirror", 3), ("mirror", 10), ("layer", 3)))
 def test_period_and_decay_of_a_vibrating_bar(shared_path, state, clamp, reach):
@@ -114,7 +113,7 @@ BEATING = pytest.param(
 HORIZONS = [(clamp, reach) for clamp in ("mirror", "layer") for reach in (3, 10, 15, 20)]
 
 
-@slow
+@pytest.mark.long
 @pytest.mark.parametrize("state", ("instantaneous", "relaxed"))
 @pytest.mark.parametrize(("clamp", "reach"), [*HORIZONS[:-1], BEATING])
 def test_period_at_every_horizon_of_the_paper(shared_path, state, reach, clamp):
@@ -131,7 +130,7 @@ def test_period_at_every_horizon_of_the_paper(shared_path, state, reach, clamp):
     assert errors["decay_rate"] < 0.01
 
 
-@slow
+@pytest.mark.long
 def test_undamped_bar_does_not_grow(shared_path):
     elastic = ("bodies.0.material.terms=[]", "bodies.0.material.youngs_modulus=68.9e6", "end_time=5.21")
     errors, history, summary = run(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from parsolid.exact.prony import PronySeries
+from parsolid.methods.peridynamics.equilibrium import Equilibrium
 from parsolid.methods.peridynamics.quasi_static import QuasiStatic, lagrange_weights
 
 _POINTS = 12
@@ -61,18 +62,23 @@ def settings(**changes):
     return SimpleNamespace(**(values | changes))
 
 
+def solver_of(chain, chosen):
+    """The time solver on a chain without prescribed motion."""
+    return QuasiStatic(SimpleNamespace(comm=chain.comm, operator=chain, loads=SimpleNamespace(jumps=())), chosen)
+
+
 def run(chain, chosen, steps, pull):
     """Displacements of all points after each of the steps (lengths [s]) under a pull [N] at the last point, by step number."""
-    solver, time, found = QuasiStatic(chain.comm, chain, chosen), 0.0, []
+    solver, time, found = solver_of(chain, chosen), 0.0, []
     u = np.zeros(chain.free.shape)
     for number, step in enumerate(steps):
         external = np.zeros(u.shape)
         external[chain.identifier == _POINTS - 1] = pull(number, time + step)
-        balance = solver.solve(solver.guess(u, time, step), external, step)
-        assert balance.reached and not solver.fault
+        balance = solver.equilibrium.solve(solver.extrapolated(u, time, step), external, step)
+        assert balance.reached and not solver.equilibrium.fault
         u, time = balance.displacement, time + step
         chain.commit(u, step)
-        solver.accept(balance, time, step)
+        solver.remember(u, time, step)
         found.append(chain.whole(u)[:, 0])
     return solver, np.array(found)
 
@@ -107,16 +113,16 @@ def test_error_of_the_recursion_is_that_of_another_program(comm):
 def test_extrapolation_saves_iterations_and_a_restart_continues_it(comm):
     steps, pull = [0.0, *[0.05] * 10], lambda number, time: 1.0 + 0.3 * np.sin(time)
     chosen = [settings(solver="dynamic-relaxation", tolerance=1e-6, extrapolation=k) for k in (0, 1, 2)]
-    counts = [run(Chain(comm), settings, steps, pull)[0].iterations for settings in chosen]
+    counts = [run(Chain(comm), settings, steps, pull)[0].equilibrium.iterations for settings in chosen]
     assert counts[0] > 1.2 * counts[1] and counts[1] > counts[2]
     solver, found = run(Chain(comm), settings(), steps, pull)
-    other = QuasiStatic(comm, solver.operator, settings())
+    other = solver_of(solver.operator, settings())
     other.set_state(solver.state())
     for mine, theirs in zip(other.earlier, solver.earlier):
         mine[:] = theirs
     now = solver.earlier[0]
     assert (
-        np.array_equal(other.guess(now, 1.0, 0.05), solver.guess(now, 1.0, 0.05))
+        np.array_equal(other.extrapolated(now, 1.0, 0.05), solver.extrapolated(now, 1.0, 0.05))
         and other.summary() == solver.summary()
     )
 
@@ -136,7 +142,7 @@ def test_stiffening_springs(comm, solver):
 def test_prescribed_displacements_are_scaled_with_their_reactions(comm):
     chain = Chain(comm)
     chain.free = chain.free & (chain.identifier != _POINTS - 1)[:, None]
-    solver = QuasiStatic(comm, chain, settings())
+    solver = Equilibrium(comm, chain, settings())
     start = np.where(chain.identifier == _POINTS - 1, 0.11, 0.0)[:, None]
     balance = solver.solve(start, np.zeros(start.shape), 0.0)
     assert np.allclose(chain.whole(balance.displacement)[:, 0], 0.01 * np.arange(_POINTS), atol=1e-8)
@@ -148,7 +154,7 @@ def test_a_step_without_balance_says_why(comm):
     chain = Chain(comm)
     external = np.ones(chain.free.shape)
     for solver, words in (("conjugate-gradients", "3 iterations"), ("dynamic-relaxation", "no balance after 3")):
-        stuck = QuasiStatic(comm, chain, settings(solver=solver, most_iterations=3))
+        stuck = Equilibrium(comm, chain, settings(solver=solver, most_iterations=3))
         balance = stuck.solve(np.zeros(external.shape), external, 0.0)
         assert not balance.reached and words in stuck.fault
 

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 
 from parsolid.scene import (
     generate,
@@ -282,10 +281,10 @@ def test_nearest_particles(cube, comm):
     np.testing.assert_allclose(distance, [0.0, 8.0, 0.25])
 
 
-def test_more_ranks_than_particles(scene_of):
+def test_more_ranks_than_particles(scene_of, comm):
     scene = scene_of(2, RECTANGLE, particles=[2, 1])
-    particle_set = generate(scene, MPI.COMM_WORLD)
-    assert MPI.COMM_WORLD.allreduce(len(particle_set)) == 2 and particle_set.position.shape == (len(particle_set), 2)
+    particle_set = generate(scene, comm)
+    assert comm.allreduce(len(particle_set)) == 2 and particle_set.position.shape == (len(particle_set), 2)
 
 
 def test_large_lattice_is_made_in_pieces_only(scene_of):

@@ -4,13 +4,13 @@ import re
 
 import numpy as np
 import pytest
-from solids import Record, column, punch, run_steps, simulation
+from solids import Record, column, follow, punch, run_steps, simulation
 
-from parsolid.simulation.loop import Limits, RunFailed, StopRequest
+from parsolid.simulation.loop import RunFailed
 
 
 def minimum_jacobian(sim) -> dict:
-    return {"jacobian": min(sim.comm.allgather(float(sim.method.table.owned_rows("jacobian").min(initial=np.inf))))}
+    return {"jacobian": min(sim.comm.allgather(float(sim.method.particles.owned_rows("jacobian").min(initial=np.inf))))}
 
 
 def failed(data: dict, comm, checkpoint=None):
@@ -19,7 +19,7 @@ def failed(data: dict, comm, checkpoint=None):
     sim.last_checkpoint = checkpoint
     record = Record(minimum_jacobian)
     with pytest.raises(RunFailed) as error:
-        sim.run(record, Limits(steps=2000), StopRequest())
+        follow(sim, record, 2000)
     return sim, record, str(error.value)
 
 
@@ -40,25 +40,25 @@ def names_its_particle(sim, comm, message: str) -> None:
     found = re.search(r"particle +(\d+) on rank (\d+).*at X = \(([^)]*)\), now x = \(([^)]*)\)", message)
     assert found, message
     identifier, rank = int(found[1]), int(found[2])
-    mine = np.flatnonzero(sim.method.table.owned_rows("identifier") == identifier)
+    mine = np.flatnonzero(sim.method.particles.owned_rows("identifier") == identifier)
     assert comm.allgather(len(mine)) == [int(r == rank) for r in range(comm.size)]
     if comm.rank == rank:
-        place = sim.method.table.owned_rows("reference_position")[mine[0]]
+        place = sim.method.particles.owned_rows("reference_position")[mine[0]]
         np.testing.assert_allclose([float(x) for x in found[3].split(",")], place, rtol=1e-5, atol=1e-12)
-        jacobian = sim.method.table.owned_rows("jacobian")[mine[0]]
-        assert not jacobian > 0.0 or not np.isfinite(sim.method.table.owned_rows("velocity")[mine[0]]).all()
+        jacobian = sim.method.particles.owned_rows("jacobian")[mine[0]]
+        assert not jacobian > 0.0 or not np.isfinite(sim.method.particles.owned_rows("velocity")[mine[0]]).all()
 
 
 def test_one_particle_turned_inside_out_stops_the_next_step(comm):
     data = punch()
     sim = simulation(data, comm)
-    table = sim.method.table
+    table = sim.method.particles
     mine = np.flatnonzero(table.owned_rows("identifier") == 144)
     # a corner of the lattice's middle is pulled through itself within one step
     table.owned_rows("velocity")[mine, 1] = 1e6
     record = Record(minimum_jacobian)
     with pytest.raises(RunFailed, match="not positive|no longer finite|energy balance"):
-        sim.run(record, Limits(steps=50), StopRequest())
+        follow(sim, record, 50)
     assert sim.clock.step <= 2 and len(record.rows) == sim.clock.step
 
 

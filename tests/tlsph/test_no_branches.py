@@ -13,15 +13,15 @@ def built(dimension, comm, **material):
 
 
 def checkpoint_bytes(sim) -> int:
-    return sum(array.nbytes for array in sim.method.table.checkpointed().values())
+    return sum(array.nbytes for array in sim.method.particles.checkpointed().values())
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_no_array_and_no_byte_on_the_wire_or_in_the_checkpoint(dimension, comm):
     without, one = built(dimension, comm), built(dimension, comm, branches=ONE_BRANCH)
     assert without.method.body.branches is None and without.method.shear is None
-    assert not any("viscous" in name for name in without.method.table.fields)
-    assert [name for name in one.method.table.fields if name not in without.method.table.fields] == [
+    assert not any("viscous" in name for name in without.method.particles.fields)
+    assert [name for name in one.method.particles.fields if name not in without.method.particles.fields] == [
         "viscous_strain_inverse_1"
     ]
     tensor = {2: 3, 3: 6}[dimension]
@@ -30,7 +30,7 @@ def test_no_array_and_no_byte_on_the_wire_or_in_the_checkpoint(dimension, comm):
     padded = {2: 4, 3: 8}[dimension]
     assert one.method.record.shape[1] - without.method.record.shape[1] == padded
     assert one.method.motion_exchange.bytes_sent == without.method.motion_exchange.bytes_sent
-    sent = sum(len(rows) for rows in one.method.neighbour_lists.halo.send_lists)
+    sent = sum(len(rows) for rows in one.method.pairs.halo.send_lists)
     assert one.method.record_exchange.bytes_sent - without.method.record_exchange.bytes_sent == 8 * padded * sent
     assert sent > 0 or comm.size == 1
 
@@ -38,10 +38,10 @@ def test_no_array_and_no_byte_on_the_wire_or_in_the_checkpoint(dimension, comm):
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_the_step_sends_motion_and_record_only(dimension, comm):
     sim = built(dimension, comm)
-    sent = sum(len(rows) for rows in sim.method.neighbour_lists.halo.send_lists)
+    sent = sum(len(rows) for rows in sim.method.pairs.halo.send_lists)
     assert sim.method.motion_exchange.bytes_sent == 8 * 2 * dimension * sent
     assert sim.method.record_exchange.bytes_sent == 8 * sim.method.record.shape[1] * sent
-    exchanged = [name for name, field in sim.method.table.fields.items() if field.exchanged]
+    exchanged = [name for name, field in sim.method.particles.fields.items() if field.exchanged]
     assert sorted(exchanged) == ["position", "velocity"]
 
 
@@ -54,7 +54,7 @@ def test_branches_without_stiffness_are_none_to_the_bit(scene):
         sim = simulation(data)
         for _ in range(5):
             sim.take_step(0.5 * sim.method.stable_step())
-        states.append({name: np.array(array) for name, array in sim.method.table.checkpointed().items()})
+        states.append({name: np.array(array) for name, array in sim.method.particles.checkpointed().items()})
     assert states[0].keys() == states[1].keys()
     for name, array in states[0].items():
         np.testing.assert_array_equal(array, states[1][name], err_msg=name)
@@ -75,7 +75,7 @@ def test_a_body_beside_one_with_branches_does_not_relax(dimension=2):
     assert {block.branches for block in sim.method.blocks} == {0, 1} and alone.method.branches == 0
     for _ in range(5):
         sim.take_step(0.01)
-    A = sim.method.table.owned_rows("viscous_strain_inverse_1")
+    A = sim.method.particles.owned_rows("viscous_strain_inverse_1")
     identity = np.array([1.0] * dimension + [0.0] * (A.shape[1] - dimension))
     elastic = sim.particle_set.body == 0
     np.testing.assert_array_equal(A[elastic], np.tile(identity, (elastic.sum(), 1)))

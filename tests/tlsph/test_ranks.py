@@ -58,7 +58,7 @@ def history(data: dict, comm) -> tuple[dict, object]:
 
     def sample(sim) -> dict:
         if not probes:
-            probes["all"] = Probes(sim.comm, sim.scene, sim.method)
+            probes["all"] = Probes(sim.comm, sim.scene, Observables(sim.systems))
         return dict(zip(probes["all"].columns, probes["all"].sample()))
 
     sim, columns = run_steps(with_probes(data), STEPS, comm, sample)
@@ -75,7 +75,7 @@ def test_histories_and_fields_do_not_depend_on_the_ranks(scene, comm):
     alone = comm.Split(comm.rank)
     (many, spread), (one, single) = history(scene(), comm), history(scene(), alone)
     assert set(COLUMNS) < set(one) and len(one["time"]) == STEPS + 1
-    assert len(spread.method.table.owned_rows("identifier")) < single.particles or comm.size == 1
+    assert len(spread.method.particles.owned_rows("identifier")) < single.particles or comm.size == 1
     # a component of a vector or tensor is compared with the greatest of all: some vanish but for round-off
     scales = {}
     for name, values in one.items():
@@ -84,8 +84,8 @@ def test_histories_and_fields_do_not_depend_on_the_ranks(scene, comm):
     for name, values in one.items():
         atol = AGREEMENT * scales[stem(name)] + 1e-300
         np.testing.assert_allclose(many[name], values, rtol=0.0, atol=atol, err_msg=name)
-    names = [name for name, field in single.method.table.fields.items() if field.evolved]
+    names = [name for name, field in single.method.particles.fields.items() if field.evolved]
     for name, field, wanted in zip(names, gathered(spread, *names), gathered(single, *names)):
         np.testing.assert_allclose(field, wanted, rtol=0.0, atol=AGREEMENT * np.abs(wanted).max(), err_msg=name)
-    stress = Observables(spread.method).field("stress")
+    stress = Observables(spread.systems).field("stress")
     assert np.isfinite(stress).all() and stress.shape == (spread.method.owned, 3, 3)

@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-from solids import ONE_BRANCH, SOFT, Record, random_of, set_random_state, simulation, strains, tables
-
-from parsolid.simulation.loop import Limits, StopRequest
+from solids import ONE_BRANCH, SOFT, Record, follow, random_of, set_random_state, simulation, strains, tables
 
 PARTICLES = {2: (5, 6), 3: (4, 5, 3)}
 UPPER = {2: [1.0, 1.0], 3: [1.0, 1.0, 1.0]}
@@ -47,7 +45,7 @@ def test_it_follows_the_fastest_wave_of_the_state(dimension, branches):
 
 def test_one_crushed_particle_rules_the_step():
     sim = simulation(tables((5, 6), material={**SOFT, "branches": ONE_BRANCH}))
-    table, before = sim.method.table, sim.method.stable_step()
+    table, before = sim.method.particles, sim.method.stable_step()
     crushed = 17
     table.owned_rows("deformation_gradient")[crushed] = [0.2, 0.0, 0.0, 0.5]
     table.owned_rows("jacobian")[crushed] = 0.1
@@ -60,8 +58,7 @@ def test_the_step_found_while_advancing_is_that_of_the_new_state():
         tables((5, 6), material={**SOFT, "branches": ONE_BRANCH}, body={"velocity": ["0.5*sin(3*Y)", "-0.4*Y"]})
     )
     record = Record(lambda s: {"stable": s.method.stable_step(), "agreed": s.stable})
-    sim.run(record, Limits(steps=6), StopRequest())
-    columns = record.columns()
+    columns = follow(sim, record, 6)
     np.testing.assert_allclose(columns["agreed"], columns["stable"], rtol=1e-12)
     np.testing.assert_allclose(np.diff(columns["time"]), columns["stable"][:-1], rtol=1e-12)
     assert np.ptp(columns["stable"]) > 1e-3 * columns["stable"][0]
@@ -71,9 +68,7 @@ def test_a_largest_step_is_kept():
     data = tables((5, 6), method={"maximum_step": 1e-3}, body={"velocity": ["0.1*Y", "0"]})
     sim = simulation(data)
     assert sim.method.stable_step() > 1e-2
-    record = Record()
-    sim.run(record, Limits(steps=4), StopRequest())
-    np.testing.assert_allclose(record.columns()["time"], 1e-3 * np.arange(5), rtol=1e-13)
+    np.testing.assert_allclose(follow(sim, Record(), 4)["time"], 1e-3 * np.arange(5), rtol=1e-13)
 
 
 def test_it_does_not_depend_on_the_ranks(comm):
@@ -85,7 +80,7 @@ def test_it_does_not_depend_on_the_ranks(comm):
         box = {"box": {"lower": [3.0, 0.0], "upper": [4.0, 1.0]}}
         data["bodies"].append({"shape": box, "particles": [5, 5], "material": stiff})
         sim = simulation(data, where)
-        table = sim.method.table
+        table = sim.method.particles
         names = table.owned_rows("identifier")
         table.owned_rows("deformation_gradient")[:] += 0.1 * random_of(names, 4)
         F = table.owned_rows("deformation_gradient")

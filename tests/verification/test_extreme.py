@@ -11,7 +11,7 @@ from parsolid.commands.study.launching import arguments_of
 from parsolid.commands.study.measures import measures_of, not_finite
 from parsolid.commands.study.schema import load_study
 
-RUNS = Path(__file__).parent.parent / "runs"
+RUNS = Path(__file__).parents[2] / "runs"
 METHODS = ("tlsph", "mpm")
 STATUS = {"stable": 0, "failure": 3, "refused": 2}
 FAST = (

@@ -1,7 +1,6 @@
 """Short whole runs of the material point method against exact solutions and finite elements."""
 
 import json
-import os
 from pathlib import Path
 
 import pytest
@@ -81,7 +80,7 @@ def test_taylor_bar(errors_of):
     assert max(abs(value) for value in history["balance"]) < 0.015 * history["kinetic"][0]
 
 
-@pytest.mark.skipif("PARSOLID_SLOW_TESTS" not in os.environ, reason="half a minute; PARSOLID_SLOW_TESTS=1 runs it")
+@pytest.mark.long
 def test_vortex(errors_of):
     errors, _ = errors_of("vortex")
     assert errors["displacement@1"] < 0.012

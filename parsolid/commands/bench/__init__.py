@@ -1,8 +1,8 @@
 """`parsolid bench`: how fast a method is on this machine, as particle-steps/s a rank and nanoseconds a pair.
 
 Every figure is the best of several repetitions, because other work on the machine only ever makes a repetition slower.
-A method's module offers `kernel_tables(particles)`, tables of one core as (title, names, rows), and `scaling_scene(particles)`,
-a balanced scene whose whole steps are timed on one rank and on all.
+A method's module offers `kernel_tables(particles)`, tables of one core as (title, names, rows), and
+`scaling_scene(particles)`, a balanced scene whose whole steps are timed on one rank and on all.
 """
 
 from importlib import import_module

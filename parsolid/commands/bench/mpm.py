@@ -10,7 +10,9 @@ _PERFECT = {"kind": "linear-hardening", "yield_stress": 90e6, "hardening": 100e6
 
 
 def cube_scene(particles: int, flow: str, **method):
-    """A cube of copper of about so many particles, 8 a cell, that flows from the first step on; flow "J2" or "Johnson-Cook"."""
+    """A cube of copper of about so many particles, 8 a cell, that flows from the first step on; flow "J2" or
+    "Johnson-Cook".
+    """
     cells = max(2, round((particles / 8.0) ** (1.0 / 3.0)))
     material = {"kind": "elastic-plastic", "library": _COPPER}
     if flow == "J2":
@@ -43,8 +45,8 @@ def kernel_tables(particles: int) -> list[tuple]:
 
 def _kernel_row(particles: int, flow: str, method: dict) -> list:
     run = Steps(MPI.COMM_SELF, cube_scene(particles, flow, **method), 2)
-    points = run.simulation.method.points
-    step, material = best_time(run.advance) / run.steps, best_time(lambda: points.advance_stress(run.step))
+    points, materials = run.simulation.method.points, run.simulation.method.materials
+    step, material = best_time(run.advance) / run.steps, best_time(lambda: materials.advance(run.step))
     option = " ".join(key if value is True else str(value) for key, value in method.items() if key != "basis")
     nanoseconds = [f"{1e9 * seconds / points.owned:.0f}" for seconds in (step, material)]
     return [

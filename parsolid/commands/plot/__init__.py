@@ -19,8 +19,8 @@ STANDARD_TIMES, STANDARD_PARTICLES, STANDARD_SECONDS = 8, 1_000_000, 120.0
 def plot_run(directory: Path | str) -> None:
     """Draw the standard set of pictures of a finished run into its folder; for one rank alone.
 
-    Nothing is drawn where matplotlib or pyvista is not installed. It never raises: drawing happens in a process of its own,
-    which a fault of a graphics driver may end, and what went wrong is told in one line on the error stream.
+    Nothing is drawn where matplotlib or pyvista is not installed. It never raises: drawing happens in a process of its
+    own, which a fault of a graphics driver may end, and what went wrong is told in one line on the error stream.
     """
     if missing():
         return
@@ -86,7 +86,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run_plot(comm, options: argparse.Namespace) -> int:
     """Draw what a command line asks for, on rank 0; exit status 0. Collective.
 
-    Raises SceneError on all ranks for options or a folder that will not do, OutputError for files that cannot be written.
+    Raises SceneError on all ranks for options or a folder that will not do, OutputError for files that cannot be
+    written.
     """
     from parsolid.output.errors import OutputError, words
     from parsolid.scene import SceneError

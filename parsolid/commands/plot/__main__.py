@@ -1,4 +1,6 @@
-"""`python -m parsolid.commands.plot DIR`: the pictures at a run's end, without MPI; exit status 2 with one line when there are none."""
+"""`python -m parsolid.commands.plot DIR`: the pictures at a run's end, without MPI; exit status 2 with one line when
+there are none.
+"""
 
 import sys
 

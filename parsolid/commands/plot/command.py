@@ -17,7 +17,9 @@ _STILL, _MOVING = (".png", ".pdf", ".svg"), (".gif", ".mp4")
 
 
 def draw(options: argparse.Namespace) -> list[Path]:
-    """Draw the pictures that the options ask for; their paths. Raises SceneError before anything is drawn, and OSError."""
+    """Draw the pictures that the options ask for; their paths. Raises SceneError before anything is drawn,
+    and OSError.
+    """
     if missing():
         packages = "the packages of the extra 'plot' (pip install \"parsolid[plot]\")"
         raise SceneError([f"plot: expected {packages}, found no {' and no '.join(missing())}"])

@@ -17,7 +17,9 @@ class PlaneView:
     """The same part of the plane for all frames: lower and upper corner [m], width over height in aspect."""
 
     def __init__(self, frames: list[Frame], follow: bool, margin: float):
-        """follow: keep each frame's own middle in the middle; margin [m]: how far the body reaches beyond the particles."""
+        """follow: keep each frame's own middle in the middle; margin [m]: how far the body reaches beyond the
+        particles.
+        """
         lower = np.array([frame.position[:, :2].min(axis=0) for frame in frames])
         upper = np.array([frame.position[:, :2].max(axis=0) for frame in frames])
         if not follow:

@@ -142,7 +142,8 @@ class Results:
     def frames(self, steps: list[int], field: str, exaggeration: float = 1.0):
         """The frames of steps, one after the other; vectors are shown by their magnitude.
 
-        exaggeration: factor on the displacements of the positions. Raises SceneError when that needs a field that is not there.
+        exaggeration: factor on the displacements of the positions. Raises SceneError when that needs a field that is
+        not there.
         """
         layout = self._published[0]
         if exaggeration != 1.0 and "displacement" not in layout.varying:

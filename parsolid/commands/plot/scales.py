@@ -34,7 +34,9 @@ _SIGNED, _UNSIGNED = "RdBu_r", "viridis"
 
 @dataclass(frozen=True)
 class Scale:
-    """How values become colours and labels: limits in SI units, label with unit, factor from SI to the labelled unit."""
+    """How values become colours and labels: limits in SI units, label with unit, factor from SI to the
+    labelled unit.
+    """
 
     lower: float
     upper: float
@@ -77,8 +79,8 @@ def scale_of(
 ) -> Scale:
     """The scale of a field from its values at all times of a picture, or from given limits [SI].
 
-    Without limits 1 % of the values at either end may lie beyond the scale: a few particles in a corner must not take the
-    colours from all others. A field of both signs gets a symmetric range and diverging colours.
+    Without limits 1 % of the values at either end may lie beyond the scale: a few particles in a corner must not take
+    the colours from all others. A field of both signs gets a symmetric range and diverging colours.
     """
     values = np.concatenate([piece[np.isfinite(piece)] for piece in pieces] or [np.zeros(1)])
     values = values if len(values) else np.zeros(1)

@@ -31,9 +31,9 @@ _LARGEST = 8000
 class Look:
     """How bodies are shown; None: chosen to fit.
 
-    view: "iso", "front", "side", "top" or the direction towards the viewer; limits: of the colours, in SI units; size: of the
-    whole picture in pixels; follow: keep the body's middle in the middle; mirror: also show the images in the planes X = 0,
-    Y = 0, Z = 0 of these axes (0, 1, 2); exaggeration: factor on the displacements.
+    view: "iso", "front", "side", "top" or the direction towards the viewer; limits: of the colours, in SI units; size:
+    of the whole picture in pixels; follow: keep the body's middle in the middle; mirror: also show the images in the
+    planes X = 0, Y = 0, Z = 0 of these axes (0, 1, 2); exaggeration: factor on the displacements.
     """
 
     view: str | tuple[float, float, float] = "iso"

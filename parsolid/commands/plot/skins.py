@@ -15,9 +15,9 @@ from parsolid.scene.validation_errors import SceneError
 class Skin:
     """The faces of one body; its particles are rows first .. last-1.
 
-    patches: smooth pieces, each faces (m, 3 or 4) of point numbers counted within the body; None: no faces are known, the
-    particles are drawn one by one. shape: the lattice whose points are extrapolated from cells, None where particles are
-    themselves the points.
+    patches: smooth pieces, each faces (m, 3 or 4) of point numbers counted within the body; None: no faces are known,
+    the particles are drawn one by one. shape: the lattice whose points are extrapolated from cells, None where
+    particles are themselves the points.
     """
 
     first: int

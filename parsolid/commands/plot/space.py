@@ -26,7 +26,9 @@ class Camera:
     """
 
     def __init__(self, frames: list[Frame], view: str | tuple[float, float, float], follow: bool, margin: float):
-        """follow: keep each frame's own middle in the middle; margin [m]: how far the body reaches beyond the particles."""
+        """follow: keep each frame's own middle in the middle; margin [m]: how far the body reaches beyond the
+        particles.
+        """
         corners = [(frame.position.min(axis=0), frame.position.max(axis=0)) for frame in frames]
         lower, upper = (np.array([corner[i] for corner in corners]) for i in (0, 1))
         lower, upper = lower.min(axis=0), upper.max(axis=0)

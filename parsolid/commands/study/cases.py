@@ -125,7 +125,8 @@ def _unknown_names(study: Study, cases: list[Case]) -> list[str]:
         for key, names in (("bounds", case.bounds), ("yardstick", case.yardstick), ("orders", case.series.orders)):
             known = errors | (set(MEASURES) if key != "orders" else set())
             faults += [
-                f"{case.series.name}: {key}: expected one of {', '.join(sorted(known))}{suggestion(name, known)}, found {name!r}"
+                f"{case.series.name}: {key}: expected one of {', '.join(sorted(known))}"
+                f"{suggestion(name, known)}, found {name!r}"
                 for name in names
                 if name not in known and case.scene is not None
             ]

@@ -158,7 +158,9 @@ def _outcome(study: Study, case: Case) -> str:
 
 
 def seconds_left(cases: list[Case], todo: list[Case], repetitions: int) -> float:
-    """Estimate [s] for runs to come, from those that were made: a start-up, and a cost that grows as particles x steps."""
+    """Estimate [s] for runs to come, from those that were made: a start-up, and a cost that grows as
+    particles x steps.
+    """
     made = [case for case in cases if case.record.get("seconds")]
     if not made:
         return 0.0
@@ -185,7 +187,8 @@ def _duration(seconds: float) -> str:
 def _load_remark(cases: list[Case]) -> str:
     """In what company the times were taken."""
     loads = [min(case.record["load"]) for case in cases if case.record.get("load")]
-    return f"Load average of the machine when the runs began: {min(loads):.1f} to {max(loads):.1f} on {os.cpu_count()} cores."
+    span = f"{min(loads):.1f} to {max(loads):.1f}"
+    return f"Load average of the machine when the runs began: {span} on {os.cpu_count()} cores."
 
 
 @contextmanager

@@ -60,9 +60,10 @@ def arguments_of(case: Case, folder: Path) -> list[str]:
 def run_case(case: Case, folder: Path, repetitions: int = 1) -> dict:
     """Make a run as many times as it lacks repetitions, and return its record, which is kept in the folder.
 
-    Record: status, exit_status, message (last words of a run that did not finish), clean (one message at most), not_finite
-    (files that hold such numbers), seconds (wall, of the first), loop_seconds, processor_seconds and load (load average of
-    the machine at the start) of each, command. A KeyboardInterrupt ends the run and leaves no record that it is done.
+    Record: status, exit_status, message (last words of a run that did not finish), clean (one message at most),
+    not_finite (files that hold such numbers), seconds (wall, of the first), loop_seconds, processor_seconds and load
+    (load average of the machine at the start) of each, command. A KeyboardInterrupt ends the run and leaves no record
+    that it is done.
     """
     record = read_record(folder)
     if record.get("status") not in LASTING:

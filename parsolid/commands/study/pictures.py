@@ -1,8 +1,8 @@
 """Log-log pictures of a study: error against run time and error against spacing, one panel a kind of error."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Callable
 
 import numpy as np
 

@@ -19,7 +19,8 @@ class Demands(SceneModel):
     """What a run must show; what a setting says goes before what its series says.
 
     expect      "stable": the run ends and no number is anything but finite; "failure": it ends with exit status 3, one
-                message and no number in its files that is not finite; "refused": exit status 2 before anything is computed
+                message and no number in its files that is not finite; "refused": exit status 2 before anything is
+                computed
     shows       the same in words, for the table
     bounds      largest allowed value of a measure or an error, by name
     yardstick   what another code reached: errors, processor_seconds
@@ -101,7 +102,8 @@ class Series(Demands):
 class Study(SceneModel):
     """A set of series and how to report on them; made by `load_study`.
 
-    report      "accuracy": errors with observed orders, and pictures; "stability": how each run ended, energy drift, steps
+    report      "accuracy": errors with observed orders, and pictures; "stability": how each run ended, energy drift,
+    steps
     timeout     wall time [s] after which a run is ended
     allowed     errors may be so many times the yardstick's
     errors      names of the errors to show, in this order (default: all)

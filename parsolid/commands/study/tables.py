@@ -48,7 +48,9 @@ class Sheet:
 
 
 def sheets_of(study: Study, cases: list[Case]) -> list[Sheet]:
-    """The tables of a study: one a series for errors, one of all runs for stability; runs without a record are left out."""
+    """The tables of a study: one a series for errors, one of all runs for stability; runs without a record are left
+    out.
+    """
     done = [case for case in cases if case.record]
     if study.report == "stability":
         return [_stability_sheet(study, done)] if done else []

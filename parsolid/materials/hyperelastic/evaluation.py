@@ -86,18 +86,18 @@ def _optional(branch_sum):
 
 @register_jitable
 def _nine(a, i):
-    return a[i, 0], a[i, 1], a[i, 2], a[i, 3], a[i, 4], a[i, 5], a[i, 6], a[i, 7], a[i, 8]
+    return tensor.GeneralSpace(a[i, 0], a[i, 1], a[i, 2], a[i, 3], a[i, 4], a[i, 5], a[i, 6], a[i, 7], a[i, 8])
 
 
 @register_jitable
 def six(a, i):
     """Row i of an (n, 6) array as a symmetric tensor of `numerics.tensors`."""
-    return a[i, 0], a[i, 1], a[i, 2], a[i, 3], a[i, 4], a[i, 5]
+    return tensor.SymmetricSpace(a[i, 0], a[i, 1], a[i, 2], a[i, 3], a[i, 4], a[i, 5])
 
 
 @none_without("rows")
 def _branch_row(rows, i):
-    return rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3], rows[i, 4], rows[i, 5]
+    return six(rows, i)
 
 
 @compiled

@@ -7,8 +7,7 @@ W = xi (F:F - 3) + zeta (H:H - 3) - 2 (xi + 2 zeta) ln J + lambda_hat/2 (J - 1)^
 import math
 from typing import NamedTuple
 
-from numba import types
-from numba.extending import overload, register_jitable
+from numba.extending import register_jitable
 
 from parsolid.materials.hyperelastic.law import (
     equilibrium_energy,
@@ -17,19 +16,8 @@ from parsolid.materials.hyperelastic.law import (
     pressure_wave_tensor,
     shear_wave_tensor,
 )
-from parsolid.numerics.dispatch import field_types, is_instance, none_without
-from parsolid.numerics.tensors import (
-    add,
-    contract,
-    cross,
-    expand,
-    gram,
-    matmul,
-    plus_identity,
-    scale,
-    trace_symmetric,
-    zero_like_gram,
-)
+from parsolid.numerics.dispatch import generic, none_without
+from parsolid.numerics.tensors import I, contract, cross, gram, trace, zero_like_gram
 
 
 class MooneyRivlin(NamedTuple):
@@ -83,28 +71,23 @@ def _logarithmic(xi, zeta):
     return 2.0 * (xi + 2.0 * zeta)
 
 
-@none_without("zeta", "P")
-def _add_area_stress(P, zeta, F, H):
-    """P + Sigma_H x F with Sigma_H = 2 zeta H."""
-    return add(P, cross(scale(2.0 * zeta, H), F))
+@none_without("zeta")
+def _area_stress(zeta, F, H):
+    """Sigma_H x F with Sigma_H = 2 zeta H."""
+    return cross(2.0 * zeta * H, F)
 
 
-@none_without("branch_sum", "P")
-def _add_branch_stress(P, F, branch_sum):
-    """P + F sum_alpha mu_alpha A_alpha."""
-    return add(P, matmul(F, expand(branch_sum)))
+@none_without("branch_sum")
+def _viscous_stress(F, branch_sum):
+    """F sum_alpha mu_alpha A_alpha."""
+    return F @ branch_sum
 
 
-@none_without("factor", "Q")
-def _add_area_tensor(Q, factor, F):
-    """Q + factor (tr C I - C), whose normal component is factor (lambda_1^2 + lambda_2^2) of the surface normal to N."""
+@none_without("zeta")
+def _area_waves(zeta, F):
+    """zeta (tr C I - C), whose normal component is zeta (lambda_1^2 + lambda_2^2) of the surface normal to N."""
     C = gram(F)
-    return add(Q, plus_identity(scale(-factor, C), factor * trace_symmetric(C)))
-
-
-@none_without("branch_sum", "Q")
-def _add_symmetric(Q, branch_sum):
-    return add(Q, branch_sum)
+    return -zeta * C + zeta * trace(C) * I
 
 
 @none_without("zeta", "W")
@@ -117,66 +100,63 @@ def _twice(zeta):
     return 2.0 * zeta
 
 
-@overload(first_piola_kirchhoff_stress)
+@first_piola_kirchhoff_stress.of(MooneyRivlin)
 def _stress(law, F, H, J, branch_sum):
-    if not is_instance(law, MooneyRivlin):
-        return None
-
-    def stress(law, F, H, J, branch_sum):
-        # (A.1): P = Sigma_F + Sigma_H x F + Sigma_J H
-        sigma_J = law.lambda_hat * (J - 1.0) - (_logarithmic(law.xi, law.zeta) + _total(law.branch_moduli)) / J
-        P = add(scale(2.0 * law.xi, F), scale(sigma_J, H))
-        P = _add_area_stress(P, law.zeta, F, H)
-        return _add_branch_stress(P, F, branch_sum)
-
-    return stress
+    # (A.1): P = Sigma_F + Sigma_H x F + Sigma_J H
+    sigma_J = law.lambda_hat * (J - 1.0) - (_logarithmic(law.xi, law.zeta) + _total(law.branch_moduli)) / J
+    return 2.0 * law.xi * F + sigma_J * H + _area_stress(law.zeta, F, H) + _viscous_stress(F, branch_sum)
 
 
-@overload(shear_wave_tensor)
-def _shear(law, F, branch_sum):
-    if not is_instance(law, MooneyRivlin):
-        return None
-
-    def tensor(law, F, branch_sum):
-        # (59) averaged over both waves: 2 xi + zeta (lambda_1^2 + lambda_2^2) + N . branch_sum N
-        Q = plus_identity(_add_area_tensor(zero_like_gram(F), law.zeta, F), 2.0 * law.xi)
-        return _add_symmetric(Q, branch_sum)
-
-    return tensor
+@shear_wave_tensor.of(MooneyRivlin)
+def _shear_waves(law, F, branch_sum):
+    # (59) averaged over both waves: 2 xi + zeta (lambda_1^2 + lambda_2^2) + N . branch_sum N
+    return zero_like_gram(F) + _area_waves(law.zeta, F) + 2.0 * law.xi * I + branch_sum
 
 
-@overload(pressure_wave_tensor)
-def _pressure(law, F, H, J, branch_sum):
-    if not is_instance(law, MooneyRivlin):
-        return None
-
-    def tensor(law, F, H, J, branch_sum):
-        # (56), exact for every N: 2 xi + 2 zeta Lambda_T^2 + f'' Lambda_H^2 + sum mu_alpha (N . A N + Lambda_H^2 / J^2)
-        curvature = law.lambda_hat + (_logarithmic(law.xi, law.zeta) + _total(law.branch_moduli)) / (J * J)
-        Q = plus_identity(scale(curvature, gram(H)), 2.0 * law.xi)
-        return _add_symmetric(_add_area_tensor(Q, _twice(law.zeta), F), branch_sum)
-
-    return tensor
+@pressure_wave_tensor.of(MooneyRivlin)
+def _pressure_waves(law, F, H, J, branch_sum):
+    # (56), exact for every N: 2 xi + 2 zeta Lambda_T^2 + f'' Lambda_H^2 + sum mu_alpha (N . A N + Lambda_H^2 / J^2)
+    curvature = law.lambda_hat + (_logarithmic(law.xi, law.zeta) + _total(law.branch_moduli)) / (J * J)
+    return curvature * gram(H) + 2.0 * law.xi * I + _area_waves(_twice(law.zeta), F) + branch_sum
 
 
-@overload(isotropic_shear_modulus)
+@isotropic_shear_modulus.of(MooneyRivlin)
 def _isotropic(law):
-    if not is_instance(law, MooneyRivlin):
-        return None
-    parameters = field_types(law)
-    if isinstance(parameters["zeta"], types.NoneType) and isinstance(parameters["branch_moduli"], types.NoneType):
-        return lambda law: 2.0 * law.xi
-    return lambda law: None
+    return _without_direction(law.zeta, law.branch_moduli, law.xi)
 
 
-@overload(equilibrium_energy)
+@generic
+def _without_direction(zeta, branch_moduli, xi):
+    """2 xi [Pa] where there is neither zeta nor a branch, else None."""
+
+
+@_without_direction.of(None)
+def _without_area(zeta, branch_moduli, xi):
+    return _without_branches(branch_moduli, xi)
+
+
+@_without_direction.otherwise
+def _with_area(zeta, branch_moduli, xi):
+    return None
+
+
+@generic
+def _without_branches(branch_moduli, xi):
+    """2 xi [Pa] where there is no branch, else None."""
+
+
+@_without_branches.of(None)
+def _neo_hookean(branch_moduli, xi):
+    return 2.0 * xi
+
+
+@_without_branches.otherwise
+def _viscous(branch_moduli, xi):
+    return None
+
+
+@equilibrium_energy.of(MooneyRivlin)
 def _energy(law, F, H, J):
-    if not is_instance(law, MooneyRivlin):
-        return None
-
-    def energy(law, F, H, J):
-        # (19)
-        W = law.xi * (contract(F, F) - 3.0) - _logarithmic(law.xi, law.zeta) * math.log(J)
-        return _add_area_energy(W + 0.5 * law.lambda_hat * (J - 1.0) * (J - 1.0), law.zeta, H)
-
-    return energy
+    # (19)
+    W = law.xi * (contract(F, F) - 3.0) - _logarithmic(law.xi, law.zeta) * math.log(J)
+    return _add_area_energy(W + 0.5 * law.lambda_hat * (J - 1.0) * (J - 1.0), law.zeta, H)

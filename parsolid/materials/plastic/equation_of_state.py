@@ -3,15 +3,12 @@
 import math
 from typing import NamedTuple
 
-from numba.extending import overload
-
 from parsolid.materials.plastic.plasticity import (
     cold_pressure,
     grueneisen_coefficient,
     isentropic_bulk_modulus,
     room_to_compress,
 )
-from parsolid.numerics.dispatch import is_instance
 
 
 class MieGrueneisen(NamedTuple):
@@ -32,49 +29,49 @@ class LinearElastic(NamedTuple):
     bulk_modulus: float
 
 
-@overload(cold_pressure)
-def _cold(eos, J):
-    if is_instance(eos, MieGrueneisen):
-
-        def hugoniot(eos, J):
-            # P = P_H (1 - gamma x/2) + gamma E, P_H = rho0 C0^2 x/(1 - S x)^2, x = 1 - J
-            x = 1.0 - J
-            root = eos.sound_speed / (1.0 - eos.slope * x)
-            return eos.density * root * root * x * (1.0 - 0.5 * eos.gamma * x)
-
-        return hugoniot
-    if is_instance(eos, LinearElastic):
-        return lambda eos, J: -eos.bulk_modulus * math.log(J)
+@cold_pressure.of(MieGrueneisen)
+def _hugoniot(eos, J):
+    # P = P_H (1 - gamma x/2) + gamma E, P_H = rho0 C0^2 x/(1 - S x)^2, x = 1 - J
+    x = 1.0 - J
+    root = eos.sound_speed / (1.0 - eos.slope * x)
+    return eos.density * root * root * x * (1.0 - 0.5 * eos.gamma * x)
 
 
-@overload(grueneisen_coefficient)
+@grueneisen_coefficient.of(MieGrueneisen)
 def _gamma(eos):
-    if is_instance(eos, MieGrueneisen):
-        return lambda eos: eos.gamma
-    if is_instance(eos, LinearElastic):
-        return lambda eos: 0.0
+    return eos.gamma
 
 
-@overload(isentropic_bulk_modulus)
+@isentropic_bulk_modulus.of(MieGrueneisen)
 def _bulk(eos, J, pressure):
-    if is_instance(eos, MieGrueneisen):
-
-        def bulk(eos, J, pressure):
-            # K = -J dP/dJ at constant E; along the isentrope dE = -P dJ
-            x = 1.0 - J
-            r = 1.0 / (1.0 - eos.slope * x)
-            cold = eos.density * eos.sound_speed * eos.sound_speed * (1.0 + (eos.slope - eos.gamma) * x) * (r * r * r)
-            return J * (cold + eos.gamma * pressure)
-
-        return bulk
-    if is_instance(eos, LinearElastic):
-        return lambda eos, J, pressure: eos.bulk_modulus
+    # K = -J dP/dJ at constant E; along the isentrope dE = -P dJ
+    x = 1.0 - J
+    r = 1.0 / (1.0 - eos.slope * x)
+    cold = eos.density * eos.sound_speed * eos.sound_speed * (1.0 + (eos.slope - eos.gamma) * x) * (r * r * r)
+    return J * (cold + eos.gamma * pressure)
 
 
-@overload(room_to_compress)
+@room_to_compress.of(MieGrueneisen)
 def _room(eos, J):
-    if is_instance(eos, MieGrueneisen):
-        # at S (1 - J) = 1 the Hugoniot has no pressure left that is finite
-        return lambda eos, J: min(J, 1.0 - eos.slope * (1.0 - J))
-    if is_instance(eos, LinearElastic):
-        return lambda eos, J: J
+    # at S (1 - J) = 1 the Hugoniot has no pressure left that is finite
+    return min(J, 1.0 - eos.slope * (1.0 - J))
+
+
+@cold_pressure.of(LinearElastic)
+def _linear(eos, J):
+    return -eos.bulk_modulus * math.log(J)
+
+
+@grueneisen_coefficient.of(LinearElastic)
+def _no_heat(eos):
+    return 0.0
+
+
+@isentropic_bulk_modulus.of(LinearElastic)
+def _linear_bulk(eos, J, pressure):
+    return eos.bulk_modulus
+
+
+@room_to_compress.of(LinearElastic)
+def _any_room(eos, J):
+    return J

@@ -3,10 +3,7 @@
 import math
 from typing import NamedTuple
 
-from numba.extending import overload
-
 from parsolid.materials.plastic.plasticity import flow_stress
-from parsolid.numerics.dispatch import is_instance
 from parsolid.numerics.elementary import choose, power
 
 
@@ -26,16 +23,10 @@ class JohnsonCook(NamedTuple):
     reference_temperature: float
 
 
-@overload(flow_stress)
+@flow_stress.of(JohnsonCook)
 def _flow(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
-    if not is_instance(model, JohnsonCook):
-        return None
-
-    def stress(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
-        hardened = model.yield_stress + model.hardening * power(plastic_strain, model.exponent)
-        fast = 1.0 + model.rate_sensitivity * math.log(max(rate / model.reference_rate, 1.0))
-        warm = (temperature - model.reference_temperature) / (melting_temperature - model.reference_temperature)
-        softened = 1.0 - power(max(warm, 0.0), model.thermal_exponent)
-        return choose(melting_temperature - temperature, hardened * fast * softened, 0.0)
-
-    return stress
+    hardened = model.yield_stress + model.hardening * power(plastic_strain, model.exponent)
+    fast = 1.0 + model.rate_sensitivity * math.log(max(rate / model.reference_rate, 1.0))
+    warm = (temperature - model.reference_temperature) / (melting_temperature - model.reference_temperature)
+    softened = 1.0 - power(max(warm, 0.0), model.thermal_exponent)
+    return choose(melting_temperature - temperature, hardened * fast * softened, 0.0)

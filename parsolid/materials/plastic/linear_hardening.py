@@ -2,10 +2,7 @@
 
 from typing import NamedTuple
 
-from numba.extending import overload
-
 from parsolid.materials.plastic.plasticity import flow_stress, plastic_increment
-from parsolid.numerics.dispatch import is_instance
 from parsolid.numerics.elementary import choose
 
 
@@ -16,28 +13,14 @@ class LinearHardening(NamedTuple):
     hardening: float
 
 
-@overload(flow_stress)
+@flow_stress.of(LinearHardening)
 def _flow(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
-    if not is_instance(model, LinearHardening):
-        return None
-
-    def stress(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
-        solid = model.yield_stress + model.hardening * plastic_strain
-        return choose(melting_temperature - temperature, solid, 0.0)
-
-    return stress
+    solid = model.yield_stress + model.hardening * plastic_strain
+    return choose(melting_temperature - temperature, solid, 0.0)
 
 
-@overload(plastic_increment)
+@plastic_increment.of(LinearHardening)
 def _closed_form(flow, trial, expected, plastic_strain, step, temperature, heating, shear_modulus, melting_temperature):
-    if not is_instance(flow, LinearHardening):
-        return None
-
-    def increment(
-        flow, trial, expected, plastic_strain, step, temperature, heating, shear_modulus, melting_temperature
-    ):
-        yielding = flow_stress(flow, plastic_strain, step, temperature, shear_modulus, melting_temperature)
-        slope = choose(melting_temperature - temperature, flow.hardening, 0.0)
-        return max((trial - yielding) / (3.0 * shear_modulus + slope), 0.0)
-
-    return increment
+    yielding = flow_stress(flow, plastic_strain, step, temperature, shear_modulus, melting_temperature)
+    slope = choose(melting_temperature - temperature, flow.hardening, 0.0)
+    return max((trial - yielding) / (3.0 * shear_modulus + slope), 0.0)

@@ -3,10 +3,9 @@
 import math
 from typing import NamedTuple
 
-from numba.extending import overload, register_jitable
+from numba.extending import register_jitable
 
 from parsolid.materials.plastic.plasticity import flow_stress
-from parsolid.numerics.dispatch import is_instance
 from parsolid.numerics.elementary import choose, power, some_positive
 
 
@@ -68,24 +67,18 @@ def _hardened(alpha, strain):
     return 1.0 - math.exp(logarithm) / alpha
 
 
-@overload(flow_stress)
+@flow_stress.of(MechanicalThreshold)
 def _flow(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
-    if not is_instance(model, MechanicalThreshold):
-        return None
-
-    def stress(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
-        thermal = model.boltzmann_over_burgers * temperature / shear_modulus
-        speed = math.log(rate)
-        barrier = thermal / model.activation * max(math.log(model.activation_rate) - speed, 0.0)
-        share = power(1.0 - min(power(barrier, 1.0 / model.q), 1.0), 1.0 / model.p)
-        theta = model.hardening + model.hardening_log_rate * speed + model.hardening_root_rate * math.sqrt(rate)
-        # far below its range of rates the fit of theta is negative
-        theta = max(theta - model.hardening_temperature * temperature, 0.0)
-        saturation = model.saturation_stress * math.exp(
-            thermal / model.saturation_activation * (speed - math.log(model.saturation_rate))
-        )
-        threshold = saturation * _hardened(model.alpha, theta * plastic_strain / saturation)
-        solid = model.athermal_stress + share * threshold * shear_modulus / model.shear_modulus
-        return choose(melting_temperature - temperature, solid, 0.0)
-
-    return stress
+    thermal = model.boltzmann_over_burgers * temperature / shear_modulus
+    speed = math.log(rate)
+    barrier = thermal / model.activation * max(math.log(model.activation_rate) - speed, 0.0)
+    share = power(1.0 - min(power(barrier, 1.0 / model.q), 1.0), 1.0 / model.p)
+    theta = model.hardening + model.hardening_log_rate * speed + model.hardening_root_rate * math.sqrt(rate)
+    # far below its range of rates the fit of theta is negative
+    theta = max(theta - model.hardening_temperature * temperature, 0.0)
+    saturation = model.saturation_stress * math.exp(
+        thermal / model.saturation_activation * (speed - math.log(model.saturation_rate))
+    )
+    threshold = saturation * _hardened(model.alpha, theta * plastic_strain / saturation)
+    solid = model.athermal_stress + share * threshold * shear_modulus / model.shear_modulus
+    return choose(melting_temperature - temperature, solid, 0.0)

@@ -3,11 +3,7 @@
 import math
 from typing import NamedTuple
 
-from numba import types
-from numba.extending import overload
-
 from parsolid.materials.plastic.plasticity import melting_temperature
-from parsolid.numerics.dispatch import is_instance
 
 
 class ConstantMelting(NamedTuple):
@@ -27,17 +23,18 @@ class SteinbergMelting(NamedTuple):
     volume_coefficient: float
 
 
-@overload(melting_temperature)
-def _melting(model, J):
-    if isinstance(model, types.NoneType):
-        return lambda model, J: math.inf
-    if is_instance(model, ConstantMelting):
-        return lambda model, J: model.temperature
-    if is_instance(model, SteinbergMelting):
+@melting_temperature.of(None)
+def _never(model, J):
+    return math.inf
 
-        def steinberg(model, J):
-            exponent = 2.0 * (model.gamma - model.volume_coefficient - 1.0 / 3.0)
-            # eta^b = exp(-b ln J)
-            return model.temperature * math.exp(2.0 * model.volume_coefficient * (1.0 - J) - exponent * math.log(J))
 
-        return steinberg
+@melting_temperature.of(ConstantMelting)
+def _constant(model, J):
+    return model.temperature
+
+
+@melting_temperature.of(SteinbergMelting)
+def _steinberg(model, J):
+    exponent = 2.0 * (model.gamma - model.volume_coefficient - 1.0 / 3.0)
+    # eta^b = exp(-b ln J)
+    return model.temperature * math.exp(2.0 * model.volume_coefficient * (1.0 - J) - exponent * math.log(J))

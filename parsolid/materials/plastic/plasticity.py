@@ -1,59 +1,65 @@
 """What the parts of an elastic-plastic law offer to the particle kernels; each part is a NamedTuple type of its own.
 
-Functions are numba overloads on those types, in plain arithmetic, of floats or of four particles at once (`numerics.lanes.Lanes`).
+Functions are implementations for those types (see `numerics.dispatch.generic`), in plain arithmetic, of floats or of four particles at once (`numerics.lanes.Lanes`).
 Pressure P = -tr(sigma)/3 is positive in compression; E [J/m^3] is the internal energy per reference volume.
 """
+
+from parsolid.numerics.dispatch import generic
+from parsolid.numerics.tensors import Tensor
 
 # below this equivalent plastic strain rate [1/s] a flow stress counts as rate-independent
 SLOWEST_RATE = 1e-12
 
 
+@generic
 def flow_stress(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
     """Flow stress sigma_y [Pa] at an equivalent plastic strain and its rate [1/s]; 0 at and above the melting temperature.
 
     shear_modulus [Pa] and melting_temperature [K] are those of the current pressure and temperature.
     """
-    raise NotImplementedError
 
 
+@generic
 def shear_modulus(model, J, pressure, temperature, melting_temperature):
     """Shear modulus mu [Pa] at the Jacobian J = rho0/rho, the pressure [Pa] and the temperature [K]."""
-    raise NotImplementedError
 
 
+@generic
 def melting_temperature(model, J):
     """Melting temperature [K] at the Jacobian J = rho0/rho; infinite without a model (None)."""
-    raise NotImplementedError
 
 
+@generic
 def cold_pressure(eos, J):
     """A(J) [Pa] of P = A(J) + gamma E."""
-    raise NotImplementedError
 
 
+@generic
 def grueneisen_coefficient(eos):
     """gamma of P = A(J) + gamma E, for all states (rho gamma is constant)."""
-    raise NotImplementedError
 
 
+@generic
 def isentropic_bulk_modulus(eos, J, pressure):
     """K_s = -J dP/dJ at constant entropy [Pa]."""
-    raise NotImplementedError
 
 
+@generic
 def room_to_compress(eos, J):
     """Positive while the equation of state holds at J."""
-    raise NotImplementedError
 
 
-def deviator_update(flow, s, strain, plastic_strain, step, temperature, heating, shear_modulus, melting_temperature):
+@generic
+def deviator_update(
+    flow, s: Tensor, strain: Tensor, plastic_strain, step, temperature, heating, shear_modulus, melting_temperature
+):
     """Unrotated deviator [Pa] after a step with the deviatoric strain increment `strain`, and the plastic flow in it.
 
     heating [K/(J/m^3)] of the plastic work. Returns (s, increment of the equivalent plastic strain, plastic work per volume).
     """
-    raise NotImplementedError
 
 
+@generic
 def plastic_increment(
     flow, trial, expected, plastic_strain, step, temperature, heating, shear_modulus, melting_temperature
 ):
@@ -62,4 +68,3 @@ def plastic_increment(
     trial: von Mises stress [Pa] of the elastic trial state; expected: a guess of x, such as the step's equivalent strain;
     heating [K/(J/m^3)] of the plastic work. 0 where the trial is elastic.
     """
-    raise NotImplementedError

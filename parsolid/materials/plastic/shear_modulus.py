@@ -3,10 +3,7 @@
 import math
 from typing import NamedTuple
 
-from numba.extending import overload
-
 from parsolid.materials.plastic.plasticity import shear_modulus
-from parsolid.numerics.dispatch import is_instance
 from parsolid.numerics.elementary import power
 
 _LEAST = 0.01
@@ -61,37 +58,32 @@ class LinearSoftening(NamedTuple):
 _BOLTZMANN = 1.380649e-23
 
 
-@overload(shear_modulus)
-def _modulus(model, J, pressure, temperature, melting_temperature):
-    if is_instance(model, ConstantShearModulus):
-        return lambda model, J, pressure, temperature, melting_temperature: model.modulus
-    if is_instance(model, SteinbergShearModulus):
-
-        def steinberg(model, J, pressure, temperature, melting_temperature):
-            hardened = 1.0 + model.pressure_coefficient * pressure * power(J, 1.0 / 3.0)
-            return model.modulus * max(hardened - model.temperature_coefficient * (temperature - 300.0), _LEAST)
-
-        return steinberg
-    if is_instance(model, NadalLePoac):
-        return _nadal_le_poac
-    if is_instance(model, Varshni):
-
-        def varshni(model, J, pressure, temperature, melting_temperature):
-            drop = model.drop / (math.exp(model.temperature / temperature) - 1.0)
-            return max(model.modulus - drop, _LEAST * model.modulus)
-
-        return varshni
-    if is_instance(model, LinearSoftening):
-
-        def linear(model, J, pressure, temperature, melting_temperature):
-            return model.modulus * max(1.0 - model.softening * temperature / melting_temperature, _LEAST)
-
-        return linear
+@shear_modulus.of(ConstantShearModulus)
+def _constant(model, J, pressure, temperature, melting_temperature):
+    return model.modulus
 
 
+@shear_modulus.of(SteinbergShearModulus)
+def _steinberg(model, J, pressure, temperature, melting_temperature):
+    hardened = 1.0 + model.pressure_coefficient * pressure * power(J, 1.0 / 3.0)
+    return model.modulus * max(hardened - model.temperature_coefficient * (temperature - 300.0), _LEAST)
+
+
+@shear_modulus.of(NadalLePoac)
 def _nadal_le_poac(model, J, pressure, temperature, melting_temperature):
     homologous = min(temperature / melting_temperature, 1.0 - 1e-9)
     cold = model.modulus * (1.0 + model.pressure_coefficient * pressure * power(J, 1.0 / 3.0)) * (1.0 - homologous)
     thermal = model.density / (J * model.lindemann * model.atomic_mass) * _BOLTZMANN * temperature
     fall = 1.0 + math.exp(-(1.0 + 1.0 / model.width) / (1.0 + model.width / (1.0 - homologous)))
     return max((cold + thermal) / fall, _LEAST * model.modulus)
+
+
+@shear_modulus.of(Varshni)
+def _varshni(model, J, pressure, temperature, melting_temperature):
+    drop = model.drop / (math.exp(model.temperature / temperature) - 1.0)
+    return max(model.modulus - drop, _LEAST * model.modulus)
+
+
+@shear_modulus.of(LinearSoftening)
+def _linear(model, J, pressure, temperature, melting_temperature):
+    return model.modulus * max(1.0 - model.softening * temperature / melting_temperature, _LEAST)

@@ -3,11 +3,8 @@
 import math
 from typing import NamedTuple
 
-from numba import types
-from numba.extending import overload
-
 from parsolid.materials.plastic.plasticity import flow_stress
-from parsolid.numerics.dispatch import is_instance
+from parsolid.numerics.dispatch import generic
 from parsolid.numerics.elementary import choose, power
 
 _BOLTZMANN = 1.380649e-23
@@ -43,42 +40,35 @@ class SteinbergCochranGuinan(NamedTuple):
     activation: ThermalActivation | None
 
 
+@generic
 def _thermal_stress(activation, rate, temperature):
     """Y_T [Pa]."""
-    raise NotImplementedError
 
 
-@overload(_thermal_stress)
-def _thermal(activation, rate, temperature):
-    if isinstance(activation, types.NoneType):
-        return lambda activation, rate, temperature: 0.0
-
-    def bisected(activation, rate, temperature):
-        # the rate rises with Y_T: bisection of y = Y_T/Y_P in [0, 1], to 1e-13 of Y_P
-        low, high, barrier = (
-            0.0 * temperature,
-            1.0 + 0.0 * temperature,
-            2.0 * activation.kink_energy / (_BOLTZMANN * temperature),
-        )
-        for _ in range(44):
-            y = 0.5 * (low + high)
-            waiting = math.exp(barrier * (1.0 - y) * (1.0 - y)) / activation.frequency
-            slow = rate * (waiting + activation.drag / (y * activation.peierls_stress)) - 1.0
-            low, high = choose(slow, y, low), choose(slow, high, y)
-        return activation.peierls_stress * low
-
-    return bisected
+@_thermal_stress.of(None)
+def _none(activation, rate, temperature):
+    return 0.0
 
 
-@overload(flow_stress)
+@_thermal_stress.of(ThermalActivation)
+def _bisected(activation, rate, temperature):
+    # the rate rises with Y_T: bisection of y = Y_T/Y_P in [0, 1], to 1e-13 of Y_P
+    low, high, barrier = (
+        0.0 * temperature,
+        1.0 + 0.0 * temperature,
+        2.0 * activation.kink_energy / (_BOLTZMANN * temperature),
+    )
+    for _ in range(44):
+        y = 0.5 * (low + high)
+        waiting = math.exp(barrier * (1.0 - y) * (1.0 - y)) / activation.frequency
+        slow = rate * (waiting + activation.drag / (y * activation.peierls_stress)) - 1.0
+        low, high = choose(slow, y, low), choose(slow, high, y)
+    return activation.peierls_stress * low
+
+
+@flow_stress.of(SteinbergCochranGuinan)
 def _flow(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
-    if not is_instance(model, SteinbergCochranGuinan):
-        return None
-
-    def stress(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
-        hardened = power(1.0 + model.hardening * (plastic_strain + model.initial_strain), model.exponent)
-        athermal = min(model.yield_stress * hardened, model.greatest_yield_stress)
-        solid = (athermal + _thermal_stress(model.activation, rate, temperature)) * shear_modulus / model.shear_modulus
-        return choose(melting_temperature - temperature, solid, 0.0)
-
-    return stress
+    hardened = power(1.0 + model.hardening * (plastic_strain + model.initial_strain), model.exponent)
+    athermal = min(model.yield_stress * hardened, model.greatest_yield_stress)
+    solid = (athermal + _thermal_stress(model.activation, rate, temperature)) * shear_modulus / model.shear_modulus
+    return choose(melting_temperature - temperature, solid, 0.0)

@@ -3,10 +3,7 @@
 import math
 from typing import NamedTuple
 
-from numba.extending import overload
-
 from parsolid.materials.plastic.plasticity import flow_stress
-from parsolid.numerics.dispatch import is_instance
 from parsolid.numerics.elementary import choose
 
 
@@ -22,14 +19,8 @@ class ZerilliArmstrong(NamedTuple):
     rate_sensitivity: float
 
 
-@overload(flow_stress)
+@flow_stress.of(ZerilliArmstrong)
 def _flow(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
-    if not is_instance(model, ZerilliArmstrong):
-        return None
-
-    def stress(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
-        activation = temperature * (model.rate_sensitivity * math.log(rate) - model.softening)
-        solid = model.athermal_stress + model.hardening * math.sqrt(plastic_strain) * math.exp(activation)
-        return choose(melting_temperature - temperature, solid, 0.0)
-
-    return stress
+    activation = temperature * (model.rate_sensitivity * math.log(rate) - model.softening)
+    solid = model.athermal_stress + model.hardening * math.sqrt(plastic_strain) * math.exp(activation)
+    return choose(melting_temperature - temperature, solid, 0.0)

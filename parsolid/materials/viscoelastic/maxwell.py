@@ -10,7 +10,7 @@ import math
 from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
-from parsolid.numerics.tensors import add, contract_symmetric, determinant_symmetric, gram, inverse_symmetric, scale
+from parsolid.numerics.tensors import contract, determinant, formula, gram, inverse_symmetric
 
 
 @compiled
@@ -27,30 +27,29 @@ def relaxation_weights(step, relaxation_time):
     return decay, phi - decay, 1.0 - phi
 
 
-@register_jitable
+@formula
 def relaxed(weights, A, old_inverse, new_inverse):
     """A after a step with the given weights; symmetric tensors."""
-    return add(scale(weights[0], A), add(scale(weights[1], old_inverse), scale(weights[2], new_inverse)))
+    return weights[0] * A + (weights[1] * old_inverse + weights[2] * new_inverse)
 
 
-@register_jitable
+@formula
 def inverse_right_cauchy_green(H, J):
     """C^{-1} = H^T H / J^2."""
-    return scale(1.0 / (J * J), gram(H))
+    return (1.0 / (J * J)) * gram(H)
 
 
-@register_jitable
+@formula
 def branch_dissipation(modulus, relaxation_time, C, C_inverse, A):
     """Rate of internal dissipation of one branch [W/m^3]: (28) as mu/(2 tau) (C - A^{-1}) : (A - C^{-1}).
 
     This is -dW/dt at fixed F for any pair C, C_inverse. With F, H and J evolved apart these are inverses only to the time
     integration's error, which (28) as printed would divide by tau.
     """
-    driving = add(C, scale(-1.0, inverse_symmetric(A)))
-    return (0.5 * modulus / relaxation_time) * contract_symmetric(driving, add(A, scale(-1.0, C_inverse)))
+    return (0.5 * modulus / relaxation_time) * contract(C - inverse_symmetric(A), A - C_inverse)
 
 
 @register_jitable
 def branch_energy(modulus, C, J, A):
     """Stored energy of one branch [J/m^3] (eq (20) with y = det A)."""
-    return 0.5 * modulus * (contract_symmetric(C, A) - 3.0 - math.log(J * J * determinant_symmetric(A)))
+    return 0.5 * modulus * (contract(C, A) - 3.0 - math.log(J * J * determinant(A)))

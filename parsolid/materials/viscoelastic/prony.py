@@ -19,13 +19,13 @@ Functions take tuples of scalars (`numerics.tensors`), floats or `Lanes`. A bar 
 import math
 from typing import NamedTuple
 
-from numba import types
-from numba.extending import overload, register_jitable
+from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
 from parsolid.materials.viscoelastic.interconversion import shear_relaxation
-from parsolid.numerics.dispatch import field_types, is_instance, none_without
-from parsolid.numerics.tensors import add, contract_symmetric, gram, plus_identity, scale, trace_symmetric
+from parsolid.numerics.dispatch import generic, none_without
+from parsolid.numerics.polar import symmetric_part
+from parsolid.numerics.tensors import I, SymmetricPlane, as_tensor, contract, formula, gram, trace
 
 
 class Prony(NamedTuple):
@@ -124,81 +124,69 @@ def dissipation_weights(step, relaxation_time):
     return decayed, gone * gone / x, square
 
 
-@register_jitable
+@formula
 def relaxed_branch(weights, branch, change):
     """Branch strain e_j after a step with the given (a, A) and change of strain; symmetric tensors."""
-    return add(scale(weights[0], branch), scale(weights[1], change))
+    return weights[0] * branch + weights[1] * change
 
 
-def small_strain(gradient):
-    """Symmetric part of a displacement gradient (a general tensor)."""
-    raise NotImplementedError
+small_strain = symmetric_part
 
 
-@overload(small_strain)
-def _small_strain(gradient):
-    if len(gradient) == 5:
-        return lambda gradient: (gradient[0], gradient[3], gradient[4], 0.5 * (gradient[1] + gradient[2]))
-    return lambda gradient: (
-        gradient[0],
-        gradient[4],
-        gradient[8],
-        0.5 * (gradient[1] + gradient[3]),
-        0.5 * (gradient[2] + gradient[6]),
-        0.5 * (gradient[5] + gradient[7]),
-    )
+@formula
+def green_lagrange_strain(gradient):
+    """E = (G + G^T + G^T G)/2 of a displacement gradient G (a general tensor)."""
+    return small_strain(gradient) + 0.5 * gram(gradient)
 
 
 @register_jitable
-def green_lagrange_strain(gradient):
-    """E = (G + G^T + G^T G)/2 of a displacement gradient G (a general tensor)."""
-    return add(small_strain(gradient), scale(0.5, gram(gradient)))
-
-
 def strain_measure(law, gradient):
     """The law's strain of a displacement gradient: small, or Green-Lagrange."""
-    raise NotImplementedError
+    return _strain_of(law.finite_strain, gradient)
 
 
-@overload(strain_measure)
-def _strain_measure(law, gradient):
-    if not is_instance(law, Prony):
-        return None
-    if isinstance(field_types(law)["finite_strain"], types.NoneType):
-        return lambda law, gradient: small_strain(gradient)
-    return lambda law, gradient: green_lagrange_strain(gradient)
+@generic
+def _strain_of(finite_strain, gradient):
+    """Small strain where finite_strain is None, else Green-Lagrange strain."""
 
 
+@_strain_of.of(None)
+def _small(finite_strain, gradient):
+    return small_strain(gradient)
+
+
+@_strain_of.otherwise
+def _finite(finite_strain, gradient):
+    return green_lagrange_strain(gradient)
+
+
+@register_jitable
 def lateral_strain(law, factor, carried, strain, relaxing):
     """Strain along the free directions at which their stress vanishes; None where the law has no such history.
 
     factor = sum gamma_j A_j; carried = sum gamma_j (a_j e_j - A_j e_old) of lateral strains, at the start of the step;
     strain and relaxing have no lateral part yet (0 there), but relaxing that of the whole step's other components.
     """
-    raise NotImplementedError
+    return _condensed(law.bulk_modulus, law.free_directions, law.shear_modulus, factor, carried, strain, relaxing)
 
 
-@overload(lateral_strain)
-def _lateral_strain(law, factor, carried, strain, relaxing):
-    if not is_instance(law, Prony):
-        return None
-    if _without(law, "free_directions") or _without(law, "bulk_modulus"):
-        return lambda law, factor, carried, strain, relaxing: None
+@none_without("K")
+def _condensed(K, n, G, factor, carried, strain, relaxing):
+    return _condensed_along(n, K, G, factor, carried, strain, relaxing)
 
-    def condensed(law, factor, carried, strain, relaxing):
-        # 0 = K tr(e) + 2 G0 dev(e~) along n free directions, solved for their strain
-        n, K, G = law.free_directions, law.bulk_modulus, law.shear_modulus
-        own = 2.0 * G * (1.0 - n / 3.0)
-        driving = K * trace_symmetric(strain) - (2.0 / 3.0) * G * trace_symmetric(relaxing) + own * carried
-        return driving * (-1.0 / (n * K + own * (1.0 + factor)))
 
-    return condensed
+@none_without("n")
+def _condensed_along(n, K, G, factor, carried, strain, relaxing):
+    # 0 = K tr(e) + 2 G0 dev(e~) along n free directions, solved for their strain
+    own = 2.0 * G * (1.0 - n / 3.0)
+    driving = K * trace(strain) - (2.0 / 3.0) * G * trace(relaxing) + own * carried
+    return driving * (-1.0 / (n * K + own * (1.0 + factor)))
 
 
 @none_without("lateral", returns="strain")
 def with_lateral(strain, lateral, free_directions):
     """A plane strain tensor with its lateral components filled in: 33 in plane stress, 22 and 33 in a bar."""
-    return strain[0], strain[1] + (free_directions - 1.0) * lateral, strain[2] + lateral, strain[3]
+    return SymmetricPlane(strain[0], strain[1] + (free_directions - 1.0) * lateral, strain[2] + lateral, strain[3])
 
 
 @none_without("lateral", returns="relaxing")
@@ -207,83 +195,71 @@ def with_relaxing_lateral(relaxing, lateral, free_directions, factor, carried):
     return with_lateral(relaxing, lateral * (1.0 + factor) + carried, free_directions)
 
 
+@register_jitable
 def stress(law, strain, relaxing):
     """Stress [Pa], a symmetric tensor, from the strain and the relaxing strain, both with their lateral components.
 
     sigma at small strain, S at finite strain. Where everything relaxes `strain` is not read and may be None.
     """
-    raise NotImplementedError
+    sigma = 2.0 * law.shear_modulus * as_tensor(relaxing) + _mean_stress(law.bulk_modulus, law, strain, relaxing) * I
+    return _without_free_stress(sigma, law.free_directions)
 
 
-@overload(stress)
-def _stress(law, strain, relaxing):
-    if not is_instance(law, Prony):
-        return None
-    if _without(law, "bulk_modulus"):
+@generic
+def _mean_stress(bulk_modulus, law, strain, relaxing):
+    """What is added to 2 G e~ on the diagonal [Pa]."""
 
-        def relaxing_bulk(law, strain, relaxing):
-            sigma = plus_identity(scale(2.0 * law.shear_modulus, relaxing), law.first_lame * trace_symmetric(relaxing))
-            return _without_free_stress(sigma, law.free_directions)
 
-        return relaxing_bulk
+@_mean_stress.of(None)
+def _relaxing_bulk(bulk_modulus, law, strain, relaxing):
+    return law.first_lame * trace(relaxing)
 
-    def elastic_bulk(law, strain, relaxing):
-        mean = law.bulk_modulus * trace_symmetric(strain) - (2.0 / 3.0) * law.shear_modulus * trace_symmetric(relaxing)
-        return _without_free_stress(plus_identity(scale(2.0 * law.shear_modulus, relaxing), mean), law.free_directions)
 
-    return elastic_bulk
+@_mean_stress.otherwise
+def _elastic_bulk(bulk_modulus, law, strain, relaxing):
+    return bulk_modulus * trace(strain) - (2.0 / 3.0) * law.shear_modulus * trace(relaxing)
 
 
 @none_without("free_directions", returns="sigma")
 def _without_free_stress(sigma, free_directions):
     """Plane stress has no 33, a bar no 22 either, but for rounding."""
-    return sigma[0], (2.0 - free_directions) * sigma[1], 0.0 * sigma[2], sigma[3]
+    return SymmetricPlane(sigma[0], (2.0 - free_directions) * sigma[1], 0.0 * sigma[2], sigma[3])
 
 
+@register_jitable
 def equilibrium_form(law, a, b):
     """Bilinear energy density 1/2 a : C0 : b [J/m^3] of the equilibrium solid; a, b with their lateral components."""
-    raise NotImplementedError
+    return _add_bulk_form(branch_form(law, a, b), law.bulk_modulus, a, b)
 
 
-@overload(equilibrium_form)
-def _equilibrium_form(law, a, b):
-    if not is_instance(law, Prony):
-        return None
-    if _without(law, "bulk_modulus"):
-        return lambda law, a, b: branch_form(law, a, b)
-    return lambda law, a, b: branch_form(law, a, b) + 0.5 * law.bulk_modulus * trace_symmetric(a) * trace_symmetric(b)
+@none_without("bulk_modulus", returns="form")
+def _add_bulk_form(form, bulk_modulus, a, b):
+    return form + 0.5 * bulk_modulus * trace(a) * trace(b)
 
 
+@register_jitable
 def branch_form(law, a, b):
     """Bilinear energy density [J/m^3] of a branch over gamma_j: 1/2 a : C0 : b, or G0 dev(a) : dev(b) for an elastic bulk.
 
     The stored energy is equilibrium_form(e, e) + sum gamma_j branch_form(e_j, e_j), and the rate of dissipation
     sum 2 gamma_j/tau_j branch_form(e_j, e_j) [W/m^3]; the power of the stress is the sum of the latter and the former's rate.
     """
-    raise NotImplementedError
+    return _form_of(law.bulk_modulus, law, a, b)
 
 
-@overload(branch_form)
-def _branch_form(law, a, b):
-    if not is_instance(law, Prony):
-        return None
-    if _without(law, "bulk_modulus"):
-
-        def whole(law, a, b):
-            return law.shear_modulus * contract_symmetric(a, b) + 0.5 * law.first_lame * trace_symmetric(
-                a
-            ) * trace_symmetric(b)
-
-        return whole
-
-    def deviatoric(law, a, b):
-        return law.shear_modulus * (contract_symmetric(a, b) - trace_symmetric(a) * trace_symmetric(b) / 3.0)
-
-    return deviatoric
+@generic
+def _form_of(bulk_modulus, law, a, b):
+    """`branch_form`."""
 
 
-def _without(law, field: str) -> bool:
-    return isinstance(field_types(law)[field], types.NoneType)
+@_form_of.of(None)
+def _whole_form(bulk_modulus, law, a, b):
+    return law.shear_modulus * contract(a, b) + 0.5 * law.first_lame * trace(a) * trace(b)
+
+
+@_form_of.otherwise
+def _deviatoric_form(bulk_modulus, law, a, b):
+    return law.shear_modulus * (contract(a, b) - trace(a) * trace(b) / 3.0)
 
 
 def algorithmic_factor(law: Prony, step: float) -> float:

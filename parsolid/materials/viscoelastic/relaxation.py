@@ -12,7 +12,7 @@ import numpy as np
 from decomposition.compiled import compiled
 from parsolid.materials.hyperelastic.evaluation import six
 from parsolid.materials.viscoelastic.maxwell import relaxation_weights, relaxed
-from parsolid.numerics.tensors import add, contract, contract_symmetric, expand, inverse_symmetric, matmul, scale
+from parsolid.numerics.tensors import SymmetricSpace, contract, expand, inverse_symmetric
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(10)
 
@@ -41,12 +41,12 @@ def dissipated_energy(A, old_inverse, new_inverse, step, moduli, times):
     if step == 0.0:
         return result
     old, new = _tensor(old_inverse), _tensor(new_inverse)
-    rate = scale(1.0 / step, add(new, scale(-1.0, old)))
+    rate = (1.0 / step) * (new - old)
     for alpha in range(len(times)):
         tau, start = times[alpha], six(A, alpha)
-        excess = add(start, scale(-1.0, old))
+        excess = start - old
         # eigenvalues of C A approach 1 from no less than this, and the integrand is singular where they vanish
-        least = 1.0 / contract_symmetric(old, inverse_symmetric(start))
+        least = 1.0 / contract(old, inverse_symmetric(start))
         lower, upper = 0.0, min(step, 0.5 * tau * min(1.0, least))
         while lower < step:
             part = 0.0
@@ -63,13 +63,12 @@ def dissipated_energy(A, old_inverse, new_inverse, step, moduli, times):
 def _rate(time, tau, excess, old, rate):
     """C : D A^{-1} D at a time of the step."""
     gone = -math.expm1(-time / tau)
-    D = add(scale(1.0 - gone, excess), scale(-tau * gone, rate))
-    inverse = add(old, scale(time, rate))
-    A, C = add(inverse, D), inverse_symmetric(inverse)
-    M = matmul(expand(D), expand(inverse_symmetric(A)))
-    return contract(expand(C), matmul(M, expand(D)))
+    D = (1.0 - gone) * excess - tau * gone * rate
+    inverse = old + time * rate
+    A, C = inverse + D, inverse_symmetric(inverse)
+    return contract(expand(C), D @ inverse_symmetric(A) @ D)
 
 
 @compiled
 def _tensor(a):
-    return a[0], a[1], a[2], a[3], a[4], a[5]
+    return SymmetricSpace(a[0], a[1], a[2], a[3], a[4], a[5])

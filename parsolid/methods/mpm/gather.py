@@ -1,7 +1,7 @@
 """Grid to particle: nodal velocities, their changes and gradients gathered to the particles of a cell from a copy of its nodes.
 
 FLIP  v_p <- fraction (v_p + sum_i w_ip a_i) + (1 - fraction) sum_i w_ip v_i        a_i: change of nodal velocity in the step
-APIC  v_p <- sum_i w_ip v_i,   C_p <- sum_i v_i (x) u_ip                            u_ip: see grid_weights.store_distances
+APIC  v_p <- sum_i w_ip v_i,   C_p <- sum_i v_i (x) u_ip                            u_ip: see weights.store_distances
 both  x_p <- x_p + dt sum_i w_ip v_i,   l_p = sum_i v_i (x) grad w_ip
 """
 
@@ -9,8 +9,8 @@ from numba import types
 from numba.extending import overload, register_jitable
 
 from decomposition.compiled import compiled
-from parsolid.methods.mpm.grid import Apic, Flip
-from parsolid.methods.mpm.weights import nodes_across, store_distances, store_weights
+from parsolid.methods.mpm.grid import Apic, Flip, weigh
+from parsolid.methods.mpm.weights import nodes_across, store_distances
 from parsolid.numerics.dispatch import is_instance
 from parsolid.numerics.lanes import broadcast, from_floats, fused, lane, load, shuffle, store, transpose, without_fourth
 from parsolid.numerics.layout import Axisymmetric, Space
@@ -19,14 +19,15 @@ _fourth_from = shuffle(0, 1, 2, 7)
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
-def gather(first, last, space, basis, grid, scratch, where, nodes, motion, step, transfer, rate, remapped):
-    """Velocities, positions and velocity gradients of the particles of cells first..last-1, after `grid.update_nodes`.
+def gather(interpolation, nodes, motion, step, transfer, rate, remapped):
+    """Velocities, positions and velocity gradients of the particles of all cells, after `grid.update_nodes`.
 
-    where: see `grid_scatter.scatter`. transfer: Flip or Apic, by which motion's velocities change, or None to leave them. rate
-    (capacity, 12): velocity gradients [1/s], rows padded to 4 (in axisymmetry l33 = v_r/r), or None, and then positions do not
-    change either. remapped (nodes, 8): the nodes that gradients are taken of where momentum was mapped back (MUSL), or None.
+    transfer: Flip or Apic, by which motion's velocities change, or None to leave them. rate (capacity, 12): velocity gradients
+    [1/s], rows padded to 4 (in axisymmetry l33 = v_r/r), or None, and then positions do not change either. remapped (nodes, 8): the
+    nodes that gradients are taken of where momentum was mapped back (MUSL), or None.
     """
-    for c in range(first, last):
+    space, basis, grid, scratch = interpolation.space, interpolation.basis, interpolation.grid, interpolation.scratch
+    for c in range(len(grid.start) - 1):
         begin, end = grid.start[c], grid.start[c + 1]
         if begin == end:
             continue
@@ -34,9 +35,7 @@ def gather(first, last, space, basis, grid, scratch, where, nodes, motion, step,
         _copy_nodes(grid, c, nodes, remapped, scratch.cell)
         for n in range(begin, end):
             p = grid.order[n]
-            place = load(where, p, 0)
-            xi = fused(place - load(grid.origin, 0, 0), broadcast(grid.inverse_spacing), -base)
-            store_weights(basis, p, xi, scratch.weights)
+            place, xi = weigh(interpolation, base, p)
             if transfer is not None:
                 _prepare(transfer, basis, xi, scratch.weights)
             sums = sum_nodes(space, basis, scratch, transfer, rate, remapped)

@@ -1,6 +1,6 @@
 """The background grid of the material point method: arrays, node update, mirror planes, rigid walls.
 
-Only nodes near particles exist; they are numbered by slots in any order. Particles are listed by base cell (`grid_weights`); passes
+Only nodes near particles exist; they are numbered by slots in any order. Particles are listed by base cell (`weights`); passes
 are fast where the list is nearly in the order of storage.
 
     motion  (capacity, 8)  x y z m | vx vy vz V0    a particle's position [m], mass [kg], velocity [m/s], reference volume [m3]
@@ -11,12 +11,13 @@ In two dimensions z = 0; in plane strain masses and volumes are those of a metre
 and y along the axis.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
-from parsolid.methods.mpm.weights import nodes_across
+from parsolid.methods.mpm.weights import nodes_across, store_weights
 from parsolid.numerics.lanes import aligned_zeros, broadcast, fused, load, store, swizzle
 
 _mass = swizzle(3, 3, 3, 3)
@@ -50,6 +51,30 @@ def make_scratch(basis, dimension: int) -> Scratch:
     """Working arrays for a basis in 2 or 3 dimensions."""
     across = nodes_across(basis)
     return Scratch(aligned_zeros((across, 16)), aligned_zeros((across**dimension, 8)))
+
+
+class Interpolation(NamedTuple):
+    """How particles and nodes see one another.
+
+    space: Plane, Axisymmetric or Space; basis: one of `weights`; places (capacity, >= 4): positions [m] that the weights belong to,
+    the fourth column unused.
+    """
+
+    space: Any
+    basis: Any
+    grid: Grid
+    scratch: Scratch
+    places: np.ndarray
+
+
+@register_jitable
+def weigh(interpolation, base, p):
+    """Place of particle p [m] and that from its base node in spacings; its weights are left in the scratch."""
+    grid = interpolation.grid
+    place = load(interpolation.places, p, 0)
+    xi = fused(place - load(grid.origin, 0, 0), broadcast(grid.inverse_spacing), -base)
+    store_weights(interpolation.basis, p, xi, interpolation.scratch.weights)
+    return place, xi
 
 
 class Flip(NamedTuple):
@@ -201,13 +226,3 @@ def kinetic_energy(owned, motion):
     for p in range(owned):
         energy += motion[p, 3] * (motion[p, 4] ** 2 + motion[p, 5] ** 2 + motion[p, 6] ** 2)
     return 0.5 * energy
-
-
-@compiled
-def add_partials(first, last, stencil, partials, nodes):
-    """Add the node values of cells first..last-1, partials (cells, K**dimension, 8), to the nodes in the order of the cells."""
-    for c in range(first, last):
-        for k in range(stencil.shape[1]):
-            node = stencil[c, k]
-            for column in range(8):
-                nodes[node, column] += partials[c, k, column]

@@ -1,120 +1,113 @@
-"""Planes at which a background grid is folded, and rigid walls, from a scene's boundaries."""
+"""What a background grid obeys of a scene's boundaries: planes at which it is folded, rigid walls, driven regions, temperatures."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from decomposition.occupied import Mirror
+from parsolid.boundary.declarations import (
+    Declarations,
+    Declared,
+    PrescribedMotion,
+    RigidWall,
+    Support,
+    SurfaceHeat,
+    TemperaturePlane,
+)
+from parsolid.boundary.mirror_planes import MirrorPlane
 from parsolid.collective import SolverError, maximum, minimum
-from parsolid.methods.mpm.grid import RigidWall
+from parsolid.methods.mpm import grid as kernels
+from parsolid.scene.formulas import Formula
+from parsolid.scene.regions import NearestTo
 
 # a plane this near, in cells, to nodes or to the middle between them counts as there
 _NEAR = 1e-6
+TAKES = (Support, PrescribedMotion, RigidWall, TemperaturePlane, SurfaceHeat)
 
 
 @dataclass
-class MirrorPlane:
-    """A plane of symmetry ("roller") or rest ("fixed"); signs (8,): how its image changes the columns of nodes."""
+class FoldedPlane:
+    """A mirror plane between or on nodes; signs (1, 8): how its image changes the columns of nodes."""
+
+    plane: MirrorPlane
+    mirror: Mirror
+
+    @property
+    def signs(self) -> np.ndarray:
+        """Of velocity and of force alike."""
+        result = np.ones((1, 8))
+        result[0, 0:3] = result[0, 4:7] = self.plane.signs()
+        return result
+
+
+@dataclass
+class ThermalPlane:
+    """A plane at a temperature, formula(X, t) [K], or an insulated plane of symmetry (formula None)."""
 
     mirror: Mirror
-    signs: np.ndarray
+    axis: int
+    offset: float
+    formula: Formula | None
+
+    @property
+    def sign(self) -> float:
+        """Of the image's temperatures, less those of the plane."""
+        return 1.0 if self.formula is None else -1.0
+
+    def temperatures(self, places: np.ndarray, time: float) -> np.ndarray:
+        """Temperatures [K] at the feet of places (n, d) [m]."""
+        if self.formula is None:
+            return np.zeros(len(places))
+        feet = places.copy()
+        feet[:, self.axis] = self.offset
+        return self.formula.evaluate(feet, time)
 
 
 class MovingWall:
     """A rigid wall that starts at a plane and moves with a constant velocity [m/s]."""
 
-    def __init__(self, boundary, dimension: int):
+    def __init__(self, wall: RigidWall, dimension: int):
         self.start, self.normal, self.velocity = np.zeros((3, 4))
-        axis = boundary.plane.axis
-        self.start[axis] = boundary.plane.offset
-        self.normal[axis] = 1.0 if boundary.side == "above" else -1.0
-        if boundary.velocity is not None:
-            self.velocity[:dimension] = boundary.velocity
-        self.stick = 1.0 if boundary.contact == "sticking" else 0.0
+        axis = wall.where.plane.axis
+        self.start[axis] = wall.where.plane.offset
+        self.normal[axis] = 1.0 if wall.side == "above" else -1.0
+        if wall.velocity is not None:
+            self.velocity[:dimension] = wall.velocity
+        self.stick = 1.0 if wall.sticking else 0.0
 
-    def at(self, time: float) -> RigidWall:
+    def at(self, time: float) -> kernels.RigidWall:
         """The wall at a time [s]."""
-        return RigidWall(self.start + time * self.velocity, self.normal, self.velocity, self.stick)
-
-
-def mirror_planes(comm, scene, position: np.ndarray, origin: np.ndarray, spacing: float) -> list[MirrorPlane]:
-    """Planes of symmetry and rest of a scene, and the axis of axisymmetry; position (n, d) [m] of this rank's particles.
-
-    Raises SolverError on all ranks when a plane lies neither on nodes nor half-way between, or does not bound all bodies. Collective.
-    """
-    lower, upper = (
-        minimum(comm, position.min(axis=0, initial=np.inf)),
-        maximum(comm, position.max(axis=0, initial=-np.inf)),
-    )
-    wanted = [
-        (f"boundaries.{i}", boundary.plane.axis, boundary.plane.offset, boundary.kind)
-        for i, boundary in enumerate(scene.boundaries)
-        if boundary.kind in ("roller", "fixed")
-    ]
-    given = {(axis, offset) for _, axis, offset, _ in wanted}
-    if scene.method.geometry == "axisymmetric" and (0, 0.0) not in given and lower[0] < 4.0 * spacing:
-        wanted.append(("method.geometry", 0, 0.0, "roller"))
-    planes = []
-    for key, axis, offset, kind in wanted:
-        doubled = mirror_index(key, axis, offset, origin, spacing)
-        if lower[axis] < offset < upper[axis]:
-            raise SolverError(
-                f"{key}: expected a plane that bounds all bodies, found particles from {'XYZ'[axis]} = {lower[axis]:g} to {upper[axis]:g}"
-            )
-        signs = np.ones((1, 8))
-        reversed_ = [axis] if kind == "roller" else [0, 1, 2]
-        signs[0, reversed_], signs[0, [4 + i for i in reversed_]] = -1.0, -1.0
-        planes.append(MirrorPlane(Mirror(axis, doubled, 1 if lower[axis] >= offset else -1), signs))
-    return planes
-
-
-def mirror_index(key: str, axis: int, offset: float, origin: np.ndarray, spacing: float) -> int:
-    """Twice the index of a plane; raises SolverError, naming the scene's `key`, when it is neither on nodes nor half-way between."""
-    place = 2.0 * (offset - origin[axis]) / spacing
-    if abs(place - round(place)) > 2.0 * _NEAR:
-        raise SolverError(
-            f"{key}: expected a plane on nodes of the grid or half-way between (method.origin, method.cell), "
-            f"found {'XYZ'[axis]} = {offset:g}, {0.5 * place:.6g} cells from the origin"
-        )
-    return round(place)
-
-
-def walls(scene) -> list[MovingWall]:
-    """Rigid walls of a scene."""
-    return [MovingWall(boundary, scene.dimension) for boundary in scene.boundaries if boundary.kind == "wall"]
+        return kernels.RigidWall(self.start + time * self.velocity, self.normal, self.velocity, self.stick)
 
 
 class DrivenRegion:
     """Nodes in a region of space whose velocity components follow formulas of place and time."""
 
-    def __init__(self, boundary):
-        self.boundary, self._seen = boundary, -1
+    def __init__(self, motion: PrescribedMotion):
+        """Raises SolverError for a displacement, and for the place of a single particle, which has no meaning on a grid."""
+        if motion.quantity != "velocity":
+            raise SolverError(f"{motion.key}.kind: expected a velocity with this method, found {motion.where.kind!r}")
+        if isinstance(motion.where.region, NearestTo):
+            raise SolverError(f"{motion.key}.point: expected a plane, box or ball of grid nodes, found a point")
+        self.region, self._seen = motion.where.region, -1
+        free = motion.course.free
+        self.components = [(int(i), motion.course.component(i)) for i in np.flatnonzero(~free)]
 
     def _choose(self, tables, dimension: int) -> None:
         """The nodes in the region, anew when there are others."""
         if self._seen == tables.changes:
             return
         self._seen = tables.changes
-        place, boundary = tables.places[:, :dimension], self.boundary
-        tolerance = _NEAR * tables.spacing
-        if boundary.plane is not None:
-            inside = np.abs(place[:, boundary.plane.axis] - boundary.plane.offset) <= tolerance
-        elif boundary.box is not None:
-            lower, upper = np.array(boundary.box.lower), np.array(boundary.box.upper)
-            inside = ((lower - tolerance <= place) & (place <= upper + tolerance)).all(axis=1)
-        else:
-            inside = np.linalg.norm(place - np.array(boundary.ball.centre), axis=1) <= boundary.ball.radius + tolerance
-        self.slots = np.flatnonzero(inside)
+        place = tables.places[:, :dimension]
+        self.slots = np.flatnonzero(self.region.contains(place, _NEAR * tables.spacing))
         self.places = np.ascontiguousarray(place[self.slots])
 
     def drive(self, nodes: np.ndarray, tables, time: float, dimension: int) -> float:
         """Set the nodes' velocities to those of a time [s]; the work [J] done on the nodes that this rank counts."""
         self._choose(tables, dimension)
         work, mass = 0.0, nodes[self.slots, 3] * tables.share[self.slots]
-        for axis, formula in enumerate(self.boundary.velocity):
-            if formula is None:
-                continue
-            wanted, found = formula.evaluate(self.places, time), nodes[self.slots, axis]
+        for axis, course in self.components:
+            wanted, found = course.evaluate(self.places, time)[:, 0], nodes[self.slots, axis]
             change = np.where(nodes[self.slots, 3] > 0.0, wanted - found, 0.0)
             work += float(mass @ (change * (found + 0.5 * change - 0.5 * nodes[self.slots, 4 + axis])))
             nodes[self.slots, axis] += change
@@ -122,12 +115,84 @@ class DrivenRegion:
         return work
 
 
-def driven_regions(scene) -> list[DrivenRegion]:
-    """Regions of prescribed velocity; those at a single particle's place have no meaning on a grid."""
-    regions = []
-    for i, boundary in enumerate(scene.boundaries):
-        if boundary.kind == "velocity":
-            if boundary.point is not None:
-                raise SolverError(f"boundaries.{i}.point: expected a plane, box or ball of grid nodes, found a point")
-            regions.append(DrivenRegion(boundary))
-    return regions
+class GridConditions:
+    """Conditions of a scene on a background grid, the same on all ranks; planes include the axis of axisymmetry."""
+
+    def __init__(self, comm, scene, position: np.ndarray, origin: np.ndarray):
+        """position (n, d) [m] of this rank's particles; origin (4,) [m] of the grid. Collective.
+
+        Raises SolverError on all ranks when a plane lies neither on nodes nor half-way between, or does not bound all bodies, and
+        for a condition that a grid cannot obey.
+        """
+        self.declared = Declarations(scene, *TAKES)
+        self.origin, self.cell = origin, float(scene.method.cell)
+        self.lower = minimum(comm, position.min(axis=0, initial=np.inf))
+        self.upper = maximum(comm, position.max(axis=0, initial=-np.inf))
+        for one in self.declared.all:
+            _refuse_body(one)
+        self.planes, self.dimension = self._folded(scene), scene.dimension
+        self.walls = [MovingWall(wall, scene.dimension) for wall in self.declared.of(RigidWall)]
+        self.driven = [DrivenRegion(motion) for motion in self.declared.of(PrescribedMotion)]
+
+    def _folded(self, scene) -> list[FoldedPlane]:
+        for one in self.declared.of(Support):
+            if not one.mirrored:
+                raise SolverError(f"{one.key}.mirror: expected true with this method, found false")
+        wanted = [(one.key, one.plane) for one in self.declared.of(Support)]
+        given = {(plane.axis, plane.coordinate) for _, plane in wanted}
+        near = self.lower[0] < 4.0 * self.cell
+        if scene.method.geometry == "axisymmetric" and (0, 0.0) not in given and near:
+            wanted.append(("method.geometry", MirrorPlane(0, 0.0, "roller")))
+        return [self._fold(key, plane) for key, plane in wanted]
+
+    def _fold(self, key: str, plane: MirrorPlane) -> FoldedPlane:
+        if plane.kind == "antisymmetric":
+            raise SolverError(f"{key}.kind: expected a roller or a fixed plane with this method, found 'antisymmetric'")
+        mirror = self._mirror(key, plane.axis, plane.coordinate)
+        lower, upper = self.lower[plane.axis], self.upper[plane.axis]
+        if lower < plane.coordinate < upper:
+            raise SolverError(
+                f"{key}: expected a plane that bounds all bodies, "
+                f"found particles from {'XYZ'[plane.axis]} = {lower:g} to {upper:g}"
+            )
+        return FoldedPlane(plane, mirror)
+
+    def _mirror(self, key: str, axis: int, offset: float) -> Mirror:
+        """The plane by its index; raises SolverError, naming the scene's `key`, when it is neither on nodes nor half-way between."""
+        place = 2.0 * (offset - self.origin[axis]) / self.cell
+        if abs(place - round(place)) > 2.0 * _NEAR:
+            raise SolverError(
+                f"{key}: expected a plane on nodes of the grid or half-way between (method.origin, method.cell), "
+                f"found {'XYZ'[axis]} = {offset:g}, {0.5 * place:.6g} cells from the origin"
+            )
+        return Mirror(axis, round(place), 1 if self.lower[axis] >= offset else -1)
+
+    def obey(self, nodes, array: np.ndarray, time: float) -> tuple[float, float]:
+        """Let velocities in one of the arrays of `Nodes` obey at a time [s]; the work that this takes and what of it is lost [J]."""
+        supplied, caught = 0.0, 0.0
+        for wall in self.walls:
+            reached = wall.at(time)
+            *impulse, lost = kernels.obey_wall(0, nodes.count, array, nodes.places, nodes.share, reached)
+            supplied, caught = supplied + float(np.dot(impulse, wall.velocity[:3])), caught + lost
+        for region in self.driven:
+            supplied += region.drive(array, nodes, time, self.dimension)
+        nodes.spread(array)
+        return supplied, caught
+
+    def thermal_planes(self) -> list[ThermalPlane]:
+        """Planes at given temperatures, and insulated ones at the other mirror planes of the motion."""
+        result = []
+        for one in self.declared.of(TemperaturePlane):
+            axis, offset = one.where.plane.axis, float(one.where.plane.offset)
+            result.append(ThermalPlane(self._mirror(one.key, axis, offset), axis, offset, one.formula))
+        held = [plane.mirror for plane in result]
+        return result + [
+            ThermalPlane(one.mirror, one.mirror.axis, 0.0, None) for one in self.planes if one.mirror not in held
+        ]
+
+
+def _refuse_body(one: Declared) -> None:
+    """Nodes belong to all bodies; only heat through a plane goes to the particles of one."""
+    if one.where.body is not None and not isinstance(one, SurfaceHeat):
+        what = "a plane's temperature" if isinstance(one, TemperaturePlane) else "a condition on nodes"
+        raise SolverError(f"{one.key}.body: expected none, {what} is that of all bodies, found one")

@@ -18,18 +18,18 @@ from numba.extending import overload
 
 from decomposition.compiled import compiled
 from parsolid.methods.mpm.gather import sum_nodes
+from parsolid.methods.mpm.grid import weigh
+from parsolid.methods.mpm.layout import one_gradient
 from parsolid.methods.mpm.scatter import add_particle
-from parsolid.methods.mpm.weights import store_weights
-from parsolid.numerics.dispatch import is_instance
-from parsolid.numerics.lanes import broadcast, from_floats, fused, lane, load, store
-from parsolid.numerics.layout import Space
+from parsolid.numerics.lanes import broadcast, from_floats, lane, load, store
 from parsolid.numerics.tensors import cofactor, determinant
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
-def scatter_heat(first, last, space, basis, grid, scratch, where, thermal, nodes, partials):
-    """Add C T and C of the particles of cells first..last-1 to nodes; arguments as in `grid_scatter.scatter`."""
-    for c in range(first, last):
+def scatter_heat(interpolation, thermal, nodes, partials):
+    """Add C T and C of the particles of all cells to nodes; arguments as in `scatter.scatter`."""
+    space, basis, grid, scratch = interpolation.space, interpolation.basis, interpolation.grid, interpolation.scratch
+    for c in range(len(grid.start) - 1):
         if grid.start[c] == grid.start[c + 1]:
             continue
         cell = scratch.cell if partials is None else partials[c]
@@ -39,8 +39,7 @@ def scatter_heat(first, last, space, basis, grid, scratch, where, thermal, nodes
         base = load(grid.base, c, 0)
         for n in range(grid.start[c], grid.start[c + 1]):
             p = grid.order[n]
-            xi = fused(load(where, p, 0) - load(grid.origin, 0, 0), broadcast(grid.inverse_spacing), -base)
-            store_weights(basis, p, xi, scratch.weights)
+            weigh(interpolation, base, p)
             heat = from_floats(thermal[p, 0] * thermal[p, 1], thermal[p, 1], 0.0, 0.0)
             add_particle(space, basis, scratch.weights, cell, heat, None, None, None)
         if partials is None:
@@ -59,13 +58,14 @@ def find_temperatures(first, last, nodes):
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
-def conduct(first, last, space, basis, grid, scratch, where, deformation, thermal, nodes, partials):
-    """Add the heat flows and powers of the particles of cells first..last-1 to column 4 of nodes, from their temperatures.
+def conduct(interpolation, deformation, thermal, nodes, partials):
+    """Add the heat flows and powers of the particles of all cells to column 4 of nodes, from their temperatures.
 
-    Arguments as in `grid_scatter.scatter`; deformation: rows of F (5 or 9, capacity) where the weights are those of reference
+    Arguments as in `scatter.scatter`; deformation: rows of F (5 or 9, capacity) where the weights are those of reference
     positions, else None. With partials, columns 4..7 of a cell's are its sums and 0..3 are 0.
     """
-    for c in range(first, last):
+    space, basis, grid, scratch = interpolation.space, interpolation.basis, interpolation.grid, interpolation.scratch
+    for c in range(len(grid.start) - 1):
         if grid.start[c] == grid.start[c + 1]:
             continue
         cell = scratch.cell
@@ -75,8 +75,7 @@ def conduct(first, last, space, basis, grid, scratch, where, deformation, therma
         base = load(grid.base, c, 0)
         for n in range(grid.start[c], grid.start[c + 1]):
             p = grid.order[n]
-            xi = fused(load(where, p, 0) - load(grid.origin, 0, 0), broadcast(grid.inverse_spacing), -base)
-            store_weights(basis, p, xi, scratch.weights)
+            weigh(interpolation, base, p)
             gradient = sum_nodes(space, basis, scratch, None, thermal, None)[2]
             # the weights' derivatives are by x/h, here and in the gradient
             scale = -thermal[p, 2] * grid.inverse_spacing * grid.inverse_spacing
@@ -108,7 +107,7 @@ def _choose_referred(space, deformation, p, g):
         return lambda space, deformation, p, g: g
 
     def pulled_back(space, deformation, p, g):
-        F = _one_gradient(space, deformation, p)
+        F = one_gradient(space, deformation, p)
         C, scale = cofactor(F), 1.0 / determinant(F)
         a = scale * (C[0] * g[0] + C[1] * g[1] + C[2] * g[2])
         b = scale * (C[3] * g[0] + C[4] * g[1] + C[5] * g[2])
@@ -122,17 +121,6 @@ def _choose_referred(space, deformation, p, g):
     return pulled_back
 
 
-def _one_gradient(space, F, p):
-    raise NotImplementedError
-
-
-@overload(_one_gradient)
-def _choose_one_gradient(space, F, p):
-    if is_instance(space, Space):
-        return lambda space, F, p: (F[0, p], F[1, p], F[2, p], F[3, p], F[4, p], F[5, p], F[6, p], F[7, p], F[8, p])
-    return lambda space, F, p: (F[0, p], F[1, p], 0.0, F[2, p], F[3, p], 0.0, 0.0, 0.0, F[4, p])
-
-
 @compiled(error_model="numpy")
 def find_increments(first, last, nodes, step):
     """Changes of the nodal temperatures in a step [K] from the heat flows."""
@@ -141,17 +129,17 @@ def find_increments(first, last, nodes, step):
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
-def gather_heat(first, last, space, basis, grid, scratch, where, nodes, thermal):
-    """Add the nodal increments to the temperatures of the particles of cells first..last-1; the heat that they gained [J]."""
+def gather_heat(interpolation, nodes, thermal):
+    """Add the nodal increments to the temperatures of the particles of all cells; the heat that they gained [J]."""
+    space, basis, grid, scratch = interpolation.space, interpolation.basis, interpolation.grid, interpolation.scratch
     gained = 0.0
-    for c in range(first, last):
+    for c in range(len(grid.start) - 1):
         for k in range(grid.stencil.shape[1]):
             store(scratch.cell, k, 4, load(nodes, grid.stencil[c, k], 4))
         base = load(grid.base, c, 0)
         for n in range(grid.start[c], grid.start[c + 1]):
             p = grid.order[n]
-            xi = fused(load(where, p, 0) - load(grid.origin, 0, 0), broadcast(grid.inverse_spacing), -base)
-            store_weights(basis, p, xi, scratch.weights)
+            weigh(interpolation, base, p)
             change = lane(sum_nodes(space, basis, scratch, None, None, nodes)[1], 0)
             thermal[p, 0] += change
             gained += thermal[p, 1] * change
@@ -205,26 +193,11 @@ def fill_thermal(first, last, space, specific_heat, conductivity, deformation, t
     """
     largest = 0.0
     for p in range(first, last):
-        J = determinant(_one_gradient(space, deformation, p))
+        J = determinant(one_gradient(space, deformation, p))
         thermal[p, 0], thermal[p, 1] = temperature[0, p], specific_heat * motion[p, 3]
         thermal[p, 2], thermal[p, 3] = conductivity * J * motion[p, 7], 0.0
         largest = max(largest, thermal[p, 2] / thermal[p, 1])
     return largest
-
-
-@compiled(error_model="numpy")
-def note_plastic_rise(first, last, space, heating, deformation, deviator, plastic_strain, before, rise):
-    """Add to rise (1, capacity) [K] how far plastic flow beyond the strains `before` (capacity,) warms particles first..last-1.
-
-    heating [m3 K/J]: share of the plastic work that heats over rho0 C_v; deviator: 4 rows in two dimensions (11, 22, 33, 12), 6 in
-    three (.., 13, 23).
-    """
-    for p in range(first, last):
-        norm = deviator[0, p] ** 2 + deviator[1, p] ** 2 + deviator[2, p] ** 2
-        for k in range(3, deviator.shape[0]):
-            norm += 2.0 * deviator[k, p] ** 2
-        J = determinant(_one_gradient(space, deformation, p))
-        rise[0, p] += heating * J * math.sqrt(1.5 * norm) * (plastic_strain[0, p] - before[p])
 
 
 @compiled(error_model="numpy")

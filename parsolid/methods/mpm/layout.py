@@ -6,7 +6,7 @@ from numba.extending import overload, register_jitable
 
 from parsolid.numerics.dispatch import is_instance
 from parsolid.numerics.lanes import broadcast, lane, load, store_first
-from parsolid.numerics.layout import Plane, four_rows, load_nine, store_nine, store_rows
+from parsolid.numerics.layout import Plane, Space, four_rows, load_nine, store_nine, store_rows
 
 
 def load_general(space, array, i):
@@ -25,6 +25,18 @@ def _load_general_tensor(space, array, i):
             load(array, 4, i),
         )
     return lambda space, array, i: load_nine(array, 0, i)
+
+
+def one_gradient(space, F, p):
+    """F of one particle, its nine components."""
+    raise NotImplementedError
+
+
+@overload(one_gradient)
+def _choose_one_gradient(space, F, p):
+    if is_instance(space, Space):
+        return lambda space, F, p: (F[0, p], F[1, p], F[2, p], F[3, p], F[4, p], F[5, p], F[6, p], F[7, p], F[8, p])
+    return lambda space, F, p: (F[0, p], F[1, p], 0.0, F[2, p], F[3, p], 0.0, 0.0, 0.0, F[4, p])
 
 
 def store_general(space, array, i, values, count):

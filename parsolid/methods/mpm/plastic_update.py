@@ -26,6 +26,7 @@ from parsolid.methods.mpm.layout import (
     load_general,
     load_rate,
     load_symmetric,
+    one_gradient,
     speed_of,
     store_general,
     store_stress,
@@ -183,3 +184,18 @@ def advance_stress(space, first, last, law, step, viscosity, state, motion, rate
         if not all_positive(choose(valid, min(room_to_compress(eos, new_J), speed), 1.0)):
             sound = False
     return sound, largest_lane(fastest), total(plastic), total(viscous)
+
+
+@compiled(error_model="numpy")
+def note_plastic_rise(first, last, space, heating, state, before, rise):
+    """Add to rise (1, capacity) [K] how far plastic flow beyond the strains `before` (capacity,) warms particles first..last-1.
+
+    heating [m3 K/J]: share of the plastic work that heats over rho0 C_v; state: `MaterialState` after the step.
+    """
+    deviator, plastic_strain = state.deviator, state.plastic_strain
+    for p in range(first, last):
+        norm = deviator[0, p] ** 2 + deviator[1, p] ** 2 + deviator[2, p] ** 2
+        for k in range(3, deviator.shape[0]):
+            norm += 2.0 * deviator[k, p] ** 2
+        J = determinant(one_gradient(space, state.deformation, p))
+        rise[0, p] += heating * J * math.sqrt(1.5 * norm) * (plastic_strain[0, p] - before[p])

@@ -16,42 +16,34 @@ class ReferenceGrid:
     stretch: the smallest of this rank's particles; slowness [s/m]: the least time that waves take over a metre of the undeformed body.
     """
 
-    def __init__(self, points, space):
-        """points: `MaterialPoints` with the arrays "reference" and "nominal"; space: Plane, Axisymmetric or Space."""
-        self.points, self.space, self.stretch, self.slowness = points, space, 1.0, np.inf
+    def __init__(self, materials, nodes):
+        """materials: the particles' `StressUpdate`; nodes: `Nodes`."""
+        self.points, self.materials, self.nodes, self.space = materials.points, materials, nodes, nodes.space
+        self.stretch, self.slowness = 1.0, np.inf
 
     def resume(self) -> None:
-        """Weights and forces from fields that were put back."""
-        points, owned = self.points, self.points.owned
-        points.store["reference"][:owned, : points.dimension] = points.table.owned_rows("reference_position")
+        """Forces from fields that were put back."""
         self._finish()
 
     @property
-    def stress(self) -> FirstPiolaKirchhoffStress:
+    def on_nodes(self) -> FirstPiolaKirchhoffStress:
         """What the particles give to the nodes' forces."""
-        return FirstPiolaKirchhoffStress(self.points.store["nominal"])
+        return FirstPiolaKirchhoffStress(self.points.storage("nominal_stress_and_volume"))
 
-    def advance_stress(self, grid, step: float) -> tuple[bool, float, float, float]:
-        """As `MaterialPoints.advance_stress`, from velocity gradients by reference place; grid: `methods.mpm.grid.Grid`."""
-        points, cells = self.points, len(grid.base)
-        kernels.to_spatial_gradient(0, points.owned, self.space, points.store["deformation"], points.rate)
-        kernels.average_dilatation(0, cells, self.space, grid, points.motion, points.rate)
-        result = points.advance_stress(step)
-        kernels.average_pressure(0, cells, self.space, grid, points.motion, points.stress)
+    def advance(self, step: float) -> tuple[bool, dict[str, float]]:
+        """As `StressUpdate.advance`, from velocity gradients by reference place."""
+        points, grid, storage = self.points, self.nodes.interpolation.grid, self.points.storage
+        cells = len(grid.base)
+        rate, stress = storage("velocity_gradient"), storage("stress_and_volume")
+        kernels.to_spatial_gradient(0, points.owned, self.space, storage("deformation_gradient"), rate)
+        kernels.average_dilatation(0, cells, self.space, grid, points.motion, rate)
+        result = self.materials.advance(step)
+        kernels.average_pressure(0, cells, self.space, grid, points.motion, stress)
         self._finish()
         return result
 
     def _finish(self) -> None:
-        points, deformation = self.points, self.points.store["deformation"]
-        nominal = points.store["nominal"]
-        kernels.to_first_piola_kirchhoff(0, points.owned, self.space, deformation, points.stress, nominal)
-        self.stretch, self.slowness = kernels.smallest_stretches(
-            0, points.owned, self.space, deformation, points.stress
-        )
-
-
-def reference_rows(position: np.ndarray) -> np.ndarray:
-    """Reference positions (n, d) as rows (n, 4) for the grid's kernels."""
-    result = np.zeros((len(position), 4))
-    result[:, : position.shape[1]] = position
-    return result
+        owned, storage = self.points.owned, self.points.storage
+        tensors = storage("deformation_gradient"), storage("stress_and_volume")
+        kernels.to_first_piola_kirchhoff(0, owned, self.space, *tensors, storage("nominal_stress_and_volume"))
+        self.stretch, self.slowness = kernels.smallest_stretches(0, owned, self.space, *tensors)

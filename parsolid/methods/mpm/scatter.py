@@ -10,8 +10,8 @@ from numba import types
 from numba.extending import overload, register_jitable
 
 from decomposition.compiled import compiled
-from parsolid.methods.mpm.grid import Apic, FirstPiolaKirchhoffStress
-from parsolid.methods.mpm.weights import nodes_across, store_distances, store_weights
+from parsolid.methods.mpm.grid import Apic, FirstPiolaKirchhoffStress, weigh
+from parsolid.methods.mpm.weights import nodes_across, store_distances
 from parsolid.numerics.dispatch import is_instance, none_without
 from parsolid.numerics.lanes import broadcast, from_floats, fused, lane, load, shuffle, store, swizzle, transpose
 from parsolid.numerics.layout import Axisymmetric, Space
@@ -22,15 +22,15 @@ _fourth_from = shuffle(0, 1, 2, 7)
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
-def scatter(first, last, space, basis, grid, scratch, where, motion, transfer, stress, external, nodes, partials):
-    """Add mass, momentum and force of the particles of cells first..last-1 to nodes (see `grid`), which must be zeroed before.
+def scatter(interpolation, motion, transfer, stress, external, nodes, partials):
+    """Add mass, momentum and force of the particles of all cells to nodes (see `grid`), which must be zeroed before.
 
-    space: Plane, Axisymmetric or Space; where (capacity, >= 4): positions [m] that the weights belong to, the fourth column unused;
     transfer: Flip or Apic; stress: CauchyStress or FirstPiolaKirchhoffStress; external (capacity, 4): forces [N], fourth 0, or
     None; partials (cells, K**dimension, 8): if not None the sums of each cell are left there and nothing is added to nodes.
     motion None: forces alone; stress None: mass and momentum alone.
     """
-    for c in range(first, last):
+    space, basis, grid, scratch = interpolation.space, interpolation.basis, interpolation.grid, interpolation.scratch
+    for c in range(len(grid.start) - 1):
         begin, end = grid.start[c], grid.start[c + 1]
         if begin == end:
             continue
@@ -41,9 +41,7 @@ def scatter(first, last, space, basis, grid, scratch, where, motion, transfer, s
         base = load(grid.base, c, 0)
         for n in range(begin, end):
             p = grid.order[n]
-            place = load(where, p, 0)
-            xi = fused(place - load(grid.origin, 0, 0), broadcast(grid.inverse_spacing), -base)
-            store_weights(basis, p, xi, scratch.weights)
+            place, xi = weigh(interpolation, base, p)
             momentum = _momentum(motion, p)
             slopes = _slopes(transfer, motion, basis, grid, scratch, xi, p)
             columns = _columns(stress, grid, p)

@@ -4,7 +4,7 @@ import numpy as np
 
 from parsolid.materials.damage.bond_based import POISSONS_RATIO, BondBased, micromodulus
 from parsolid.methods.peridynamics.bond_based_kernels import add_bond_forces, bond_energy
-from parsolid.methods.peridynamics.bond_force import BondForce
+from parsolid.methods.peridynamics.bond_force import BondForce, pushed_forward
 from parsolid.methods.peridynamics.viscoelastic_history import ViscoelasticHistory
 
 
@@ -31,6 +31,7 @@ class BondBasedForce(BondForce):
 
     def evaluate(self, laws) -> np.ndarray:
         """Force (owned, d) [N] of the displacement, or under the laws of a stiffness the one linear in the field f."""
+        self.evaluations += 1
         linear, column = None, self.displacement_column
         if not any(isinstance(law, BondBased) for _, _, law in laws):
             linear, column = True, 0
@@ -49,7 +50,11 @@ class BondBasedForce(BondForce):
         energy = bond_energy(self.space, self.bond_system.inner, None, True, *what)
         return energy + sum(bond_energy(self.space, bonds, images, None, *what) for bonds, images in self._lists())
 
-    def settled_stresses(self, laws) -> np.ndarray:
+    def cauchy_stresses(self, laws, first: int, last: int, F: np.ndarray) -> np.ndarray:
+        """sigma (n, 3, 3) [Pa] of particles first..last-1; F (n, 3, 3): their deformation gradients."""
+        return pushed_forward(self.classical_stresses(laws)[first:last], F)
+
+    def classical_stresses(self, laws) -> np.ndarray:
         """Stress (owned, 3, 3) [Pa] of the classical solid with the same constants under the gradient of the displacement."""
         result, d, nu = np.zeros((self.owned, 3, 3)), self.dimension, POISSONS_RATIO[self.state]
         gradient = self.displacement_gradients()

@@ -5,7 +5,7 @@ import time as clock
 import numpy as np
 
 from parsolid.methods.peridynamics.bond_system import BondSystem
-from parsolid.methods.peridynamics.correspondence import BondedBody, relaxing_records
+from parsolid.methods.peridynamics.correspondence import BondedBody, relaxing_records, stresses
 from parsolid.numerics import layout
 from parsolid.numerics.lanes import aligned_zeros, padded
 from parsolid.pairs import layout as pairs
@@ -22,6 +22,7 @@ class BondForce:
 
     kinematics (rows, 8 or 12): f u X of `pairs.layout`, ghosts behind; field, displacement: views (rows, d) of it.
     force (capacity, 4) [N]: of the last evaluation, of the whole particle where it lies on a mirror plane.
+    evaluations: so many of the forces so far.
     sound: whether every settled Jacobian is positive; at small strain there is none to look at.
     """
 
@@ -39,7 +40,7 @@ class BondForce:
         fixed_planes (owned, d) bool: normals of the fixed planes a particle lies on.
         """
         self.bond_system, self.stabiliser = bond_system, stabiliser
-        self.communication_seconds = 0.0
+        self.communication_seconds, self.evaluations = 0.0, 0
         owned, d = bond_system.owned, bond_system.positions.shape[1]
         self.owned, self.dimension = owned, d
         self.space, self.passes = layout.LAYOUT[d], PASSES[d]
@@ -162,6 +163,7 @@ class BondForce:
 
     def evaluate(self, laws) -> np.ndarray:
         """Force (owned, d) [N] of the field f by small-strain laws that relax alike; laws: (first, last, law) each."""
+        self.evaluations += 1
         self.pass_gradient()
         for first, last, law in laws:
             relaxing_records(self.space, first, last, law, self.stabiliser, self.body, self.gradient, self.record)
@@ -192,6 +194,13 @@ class BondForce:
         columns = sums[: self.owned].reshape(self.owned, self.dimension, -1)[:, :, : self.dimension].swapaxes(1, 2)
         return columns @ self.bond_system.inverse_shape / self.bond_system.volume[: self.owned, None, None]
 
+    def cauchy_stresses(self, laws, first: int, last: int, F: np.ndarray) -> np.ndarray:
+        """sigma (n, 3, 3) [Pa] of particles first..last-1 at the last evaluation's fields; F (n, 3, 3): their deformation gradients."""
+        result = np.zeros((self.owned, 3, 3))
+        for begin, end, law in laws:
+            stresses(self.space, begin, end, law, self.body, self.gradient, result)
+        return result[first:last]
+
     def declare(self, table) -> None:
         """No fields beside the method's own."""
 
@@ -212,3 +221,8 @@ class BondForce:
         self.passes.add_gradients(0, 0, self.bond_system.inner, None, None, 0, self.kinematics, self.gradient)
         choices = (self.stabiliser, None, None, None, self.kinematics, self.record, self.force)
         self.passes.add_forces(0, 0, self.bond_system.inner, None, None, *choices)
+
+
+def pushed_forward(P: np.ndarray, F: np.ndarray) -> np.ndarray:
+    """sigma = P F^T / J (n, 3, 3) [Pa]."""
+    return P @ F.swapaxes(1, 2) / np.linalg.det(F)[:, None, None]

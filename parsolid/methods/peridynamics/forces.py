@@ -18,12 +18,12 @@ from parsolid.pairs.terms import AlongBonds, ShearScaled
 
 
 class Forces(NamedTuple):
-    """horizon (owned,) [m]; bond_system; engine: `BondForce` or one derived from it; relaxation: the history that goes with it."""
+    """horizon (owned,) [m]; bond_system; engine: `BondForce` or one derived from it; history: that of its laws."""
 
     horizon: np.ndarray
     bond_system: BondSystem
     engine: BondForce
-    relaxation: Any
+    history: Any
 
 
 def build_forces(comm, scene, particle_set, laws: list, blocks: list, loads) -> Forces:

@@ -5,9 +5,11 @@ ranks; so what a rank has found waits until the ranks have agreed, with the next
 bonds then break at the beginning of that step, at the displacement at which they were found.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
-from parsolid.collective import maximum, minimum
+from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.damage.fracture import breaking_limit
 from parsolid.methods.peridynamics.bond_damage import BondDamage, Limits
 from parsolid.methods.peridynamics.bond_damage_kernels import Energy, Stretch
@@ -18,24 +20,83 @@ from parsolid.pairs.layout import ShearScaled
 ON_CRACK = 0.35
 
 
-class Fracture:
-    """Bonds of one rank's particles that break, see `bond_damage.BondDamage`."""
+class NoFracture:
+    """All bonds are whole and stay so.
 
-    def __init__(self, comm, scene, particle_set, engine):
-        """particle_set: this rank's sorted particles; engine: `bond_force.BondForce` with all bonds whole. Collective."""
-        self.comm, self.engine, self.positions = comm, engine, particle_set.position
+    found: whether this rank has found bonds that fail in the last state it looked at; found_anywhere: whether any rank had, told
+    before the next step.
+    """
+
+    found = False
+    found_anywhere = False
+
+    def __init__(self, owned: int, dimension: int):
+        self.owned, self.dimension = owned, dimension
+
+    # --- in a step ---------------------------------------------------------------------------------------------
+
+    def before_forces(self, report: Callable[[], None]) -> None:
+        """Report on the step as soon as particles have moved, unless bonds may fail."""
+        report()
+
+    def after_forces(self, report: Callable[[], None]) -> None:
+        """Bonds that fail in the new state are part of what is reported."""
+
+    def look(self) -> None:
+        """Look for bonds that fail in the state just evaluated."""
+
+    def ranks_find(self) -> bool:
+        """Look, and tell whether any rank has found some; collective."""
+        return False
+
+    def break_what_ranks_found(self, ledger) -> None:
+        """Break what ranks have found, before the next step moves anything; collective where they have."""
+
+    def break_bonds(self, ledger) -> None:
+        """Break what any rank has found, and evaluate the forces of the state anew; collective."""
+
+    def safety(self, settings) -> float:
+        """The stable step over its limit; settings: `scene.peridynamics.Explicit`."""
+        return settings.safety
+
+    # --- for a restart and the output --------------------------------------------------------------------------
+
+    def declare(self, table) -> None:
+        """Add the fields that follow cracks."""
+
+    def pack(self) -> None:
+        """Bring what a checkpoint needs up to date."""
+
+    def resume(self) -> None:
+        """Break the bonds of a state that was put back; collective."""
+
+    def damage_of(self, first: int, last: int) -> np.ndarray:
+        """Share (n,) of the family's volume that particles first..last-1 are no longer bonded to."""
+        return np.zeros(last - first)
+
+    def broken_bonds(self) -> float:
+        """This rank's share of the bonds that have broken since the start, those of pre-cracks not among them."""
+        return 0.0
+
+    def tip(self) -> np.ndarray:
+        """Reference position (d,) [m] of the crack's tip, NaN without any; the same on all ranks. Collective."""
+        return np.full(self.dimension, np.nan)
+
+
+class PreCracks(NoFracture):
+    """Bonds that are broken from the start, and no others."""
+
+    def __init__(self, comm, scene, particle_set, forces):
+        """particle_set: this rank's sorted particles; forces: `forces.Forces` with all bonds whole. Collective."""
+        super().__init__(*particle_set.position.shape)
+        self.comm, self.engine, self.history = comm, forces.engine, forces.history
+        self.positions = particle_set.position
+        engine = self.engine
+        body, resistance = particle_set.body, _resistance(scene, particle_set)
         self.damage = BondDamage(
-            comm,
-            engine.space,
-            engine.bond_system,
-            engine.kinematics,
-            particle_set.body,
-            _resistance(scene, particle_set),
-            _limits(scene),
+            comm, engine.space, engine.bond_system, engine.kinematics, body, resistance, _limits(scene)
         )
         engine.accompany([engine.displacement, self.damage.resistance])
-        self.criterion = self._criterion(scene.method.damage)
-        self.pending = None
         lower = minimum(comm, particle_set.position.min(axis=0, initial=np.inf))
         upper = maximum(comm, particle_set.position.max(axis=0, initial=-np.inf))
         self.patches = [patch_of(crack, lower, upper) for crack in scene.method.pre_cracks]
@@ -43,34 +104,22 @@ class Fracture:
         self._initial, self._cut_at_start = self.damage.damage.copy(), self._gone()
         engine.install_shape()
 
-    def _criterion(self, settings):
-        if settings is None:
-            return None
-        engine, resistance = self.engine, self.damage.resistance
-        if settings.criterion == "stretch":
-            return Stretch(resistance)
-        control = 1.0 if isinstance(engine.stabiliser, ShearScaled) else None
-        return Energy(resistance, engine.record, control, engine.bond_system.volume)
+    def declare(self, table) -> None:
+        """Add the fields that follow cracks."""
+        self.damage.declare(table)
 
-    def look(self) -> bool:
-        """Look for bonds that fail in the state just evaluated; whether this rank found any."""
-        if self.criterion is not None:
-            self.pending = self.damage.inspect(self.criterion)
-        return self.pending is not None
-
-    def break_found(self) -> None:
-        """Break what `look` has found; forces are to be evaluated anew."""
-        if self.pending is not None:
-            self.damage.cut(self.pending)
-            self.engine.install_shape()
-            self.pending = None
+    def pack(self) -> None:
+        """Bring the bits of all broken bonds up to date."""
+        self.damage.pack()
 
     def resume(self) -> None:
-        """Break the bonds of a state that was put back into the table; collective."""
+        """Break the bonds of a state that was put back; collective."""
         self.damage.unpack()
         self.engine.install_shape()
 
-    # --- what is seen of it -----------------------------------------------------------------------------------
+    def damage_of(self, first: int, last: int) -> np.ndarray:
+        """Share (n,) of the family's volume that particles first..last-1 are no longer bonded to."""
+        return self.damage.damage[first:last]
 
     def broken_bonds(self) -> float:
         """This rank's share of the bonds that have broken since the start, those of pre-cracks not among them."""
@@ -93,6 +142,72 @@ class Fracture:
             mine = [(float(far[i]), *map(float, self.positions[rows[i]])) for i in np.flatnonzero(far == far.max())]
         found = [one for piece in self.comm.allgather(mine) for one in piece]
         return np.array(max(found)[1:]) if found else np.full(self.positions.shape[1], np.nan)
+
+
+class Fracture(PreCracks):
+    """Bonds that break where a criterion says so, see `bond_damage.BondDamage`."""
+
+    def __init__(self, comm, scene, particle_set, forces):
+        super().__init__(comm, scene, particle_set, forces)
+        self.criterion = self._criterion(scene.method.damage)
+        self.pending = None
+
+    def _criterion(self, settings):
+        engine, resistance = self.engine, self.damage.resistance
+        if settings.criterion == "stretch":
+            return Stretch(resistance)
+        control = 1.0 if isinstance(engine.stabiliser, ShearScaled) else None
+        return Energy(resistance, engine.record, control, engine.bond_system.volume)
+
+    @property
+    def found(self) -> bool:
+        """Whether this rank has found bonds that fail."""
+        return self.pending is not None
+
+    def before_forces(self, report: Callable[[], None]) -> None:
+        """Nothing is known yet."""
+
+    def after_forces(self, report: Callable[[], None]) -> None:
+        """Bonds that fail in the new state are part of what is reported."""
+        self.look()
+        report()
+
+    def look(self) -> None:
+        """Look for bonds that fail in the state just evaluated."""
+        self.pending = self.damage.inspect(self.criterion)
+
+    def ranks_find(self) -> bool:
+        """Look, and tell whether any rank has found some; collective."""
+        self.look()
+        return anywhere(self.comm, self.found)
+
+    def break_what_ranks_found(self, ledger) -> None:
+        """Break what ranks have found, before the next step moves anything; collective where they have."""
+        if self.found_anywhere:
+            self.break_bonds(ledger)
+
+    def break_bonds(self, ledger) -> None:
+        """Break what any rank has found, and evaluate the forces of the state anew; collective."""
+        stored = self.history.stored_energy()
+        if self.pending is not None:
+            self.damage.cut(self.pending)
+            self.engine.install_shape()
+            self.pending = None
+        self.history.evaluate_anew()
+        ledger.add_term("dissipation_fracture", stored - self.history.stored_energy())
+
+    def safety(self, settings) -> float:
+        """The stable step over its limit; settings: `scene.peridynamics.Explicit`."""
+        return min(settings.safety, settings.damage_safety)
+
+
+def fracture_of(comm, scene, particle_set, forces) -> NoFracture:
+    """What of fracture a scene has; as the constructor of `PreCracks`. Collective."""
+    if scene.method.damage is not None:
+        return Fracture(comm, scene, particle_set, forces)
+    if scene.method.pre_cracks:
+        return PreCracks(comm, scene, particle_set, forces)
+    return NoFracture(*particle_set.position.shape)
 
 
 def _resistance(scene, particle_set) -> np.ndarray:

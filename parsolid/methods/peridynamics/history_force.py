@@ -7,7 +7,7 @@ the stress are sums over particles. It takes two gradients and two divergences w
 import numpy as np
 
 from parsolid.materials.viscoelastic.prony import Prony
-from parsolid.methods.peridynamics.bond_force import BondForce
+from parsolid.methods.peridynamics.bond_force import BondForce, pushed_forward
 from parsolid.methods.peridynamics.correspondence import stabiliser_records
 from parsolid.methods.peridynamics.tensor_history import (
     TENSOR_ROWS,
@@ -59,6 +59,7 @@ class HistoryForce(BondForce):
         """Force (owned, d) [N] of the fields f and u."""
         if not any(has_tensor_history(law) for _, _, law in laws):
             return super().evaluate(laws)
+        self.evaluations += 1
         self._evaluate_control(laws)
         self.pass_gradient(self.displacement_column, gradient=self.displacement_gradient)
         for (first, last, law), weights in zip(laws, self.weights):
@@ -103,7 +104,13 @@ class HistoryForce(BondForce):
             mine = self.states[:, block.first : block.last]
             mine[rows:] = 0.0 if isinstance(block.law, Prony) else np.tile(mine[:rows], (len(mine) // rows - 1, 1))
 
-    def settled_stresses(self, laws) -> np.ndarray:
+    def cauchy_stresses(self, laws, first: int, last: int, F: np.ndarray) -> np.ndarray:
+        """sigma (n, 3, 3) [Pa] of particles first..last-1 in the settled state; F (n, 3, 3): their deformation gradients."""
+        P = self.nominal_stresses(laws)[first:last]
+        small = all(isinstance(law, Prony) and law.finite_strain is None for _, _, law in laws)
+        return P if small else pushed_forward(P, F)
+
+    def nominal_stresses(self, laws) -> np.ndarray:
         """First Piola-Kirchhoff stress (owned, 3, 3) [Pa] of the settled state."""
         result = np.zeros((self.owned, 3, 3))
         self.prepare(0.0)
@@ -136,25 +143,25 @@ class TensorHistory(ViscoelasticHistory):
         super().propose(step)
         self.engine.prepare(step)
 
-    def start(self, laws, instantaneous: bool) -> None:
+    def start(self, instantaneous: bool) -> None:
         """Also the histories."""
         self.engine.prepare(0.0)
-        super().start(laws, instantaneous)
+        super().start(instantaneous)
         self.engine.settle()
         if not instantaneous:
             self.engine.relax_fully()
-        self.resume(laws)
+        self.resume()
 
-    def resume(self, laws) -> None:
+    def resume(self) -> None:
         """Also the stored energy of the histories."""
         self.engine.prepare(0.0)
-        super().resume(laws)
+        super().resume()
         self.engine.settle()
 
-    def evaluate_anew(self, laws) -> None:
+    def evaluate_anew(self) -> None:
         """Also the histories, which take what changes in the gradients as a jump."""
         self.engine.prepare(0.0)
-        super().evaluate_anew(laws)
+        super().evaluate_anew()
         self.engine.settle()
 
     def settle(self, step: float) -> float:

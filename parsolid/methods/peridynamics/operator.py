@@ -1,5 +1,7 @@
 """The internal force of a material step as an operator on displacements, for solvers."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from parsolid.collective import maximum, minimum
@@ -39,6 +41,14 @@ def _undeformed(law, step: float) -> Prony:
     return solid._replace(first_lame=lame, ratios=None, relaxation_times=None)
 
 
+class Settled(NamedTuple):
+    """Displacement (owned, d) [m] and internal force (owned, d) [N] of a committed state, and the energy [J] stored in it."""
+
+    displacement: np.ndarray
+    force: np.ndarray
+    stored: float
+
+
 class Operator:
     """F(u) of one rank's particles over a step whose history is frozen, and its tangent K = -dF/du.
 
@@ -49,31 +59,22 @@ class Operator:
     """
 
     def __init__(
-        self,
-        force: BondForce,
-        blocks,
-        relaxation: ViscoelasticHistory,
-        share: np.ndarray,
-        mass: np.ndarray,
-        free: np.ndarray,
+        self, engine: BondForce, history: ViscoelasticHistory, share: np.ndarray, mass: np.ndarray, free: np.ndarray
     ):
-        self.engine, self.blocks, self.relaxation, self.share, self.free = force, blocks, relaxation, share, free
-        self.mass, self.identifier = mass * share, force.bond_system.identifier[: force.owned]
+        self.engine, self.history, self.share, self.free = engine, history, share, free
+        self.mass, self.identifier = mass * share, engine.bond_system.identifier[: engine.owned]
         self.dimension = free.shape[1]
-        self.comm = force.bond_system.halo.comm
-        self.is_linear = all(isinstance(block.law, Prony) and block.law.finite_strain is None for block in blocks)
-        self.length = minimum(self.comm, float(np.min(force.bond_system.volume[: force.owned], initial=np.inf))) ** (
-            1.0 / self.dimension
-        )
-        self.laws = [(block.first, block.last, block.law) for block in self.blocks]
+        self.comm = engine.bond_system.halo.comm
+        self.is_linear = all(isinstance(law, Prony) and law.finite_strain is None for _, _, law in history.laws)
+        least = minimum(self.comm, float(np.min(engine.bond_system.volume[: engine.owned], initial=np.inf)))
+        self.length = least ** (1.0 / self.dimension)
         self.step = None
 
     def force(self, displacement: np.ndarray, out: np.ndarray, step: float) -> None:
         """Internal force [N] at a displacement [m] at the end of a step, stabiliser included, into out."""
         d, engine = self.dimension, self.engine
         engine.displacement[: engine.owned, :d] = displacement
-        self.relaxation.propose(step)
-        np.multiply(engine.evaluate(self.laws)[:, :d], self.share[:, None], out=out)
+        np.multiply(self.history.evaluate(step)[:, :d], self.share[:, None], out=out)
 
     def linear(self, displacement: np.ndarray, change: np.ndarray, out: np.ndarray, step: float) -> None:
         """K du [N] at a displacement at the end of a step: symmetric, positive semi-definite with a self-adjoint stabiliser."""
@@ -96,10 +97,10 @@ class Operator:
         """K du [N] of the undeformed body over a step of a given length."""
         if step != self.step:
             self.step = step
-            self.tangents = [(first, last, algorithmic_law(law, step)) for first, last, law in self.laws]
+            self.tangents = [(first, last, algorithmic_law(law, step)) for first, last, law in self.history.laws]
         d, engine = self.dimension, self.engine
-        self.relaxation.begin(step)
-        engine.field[: engine.owned, :d] = self.relaxation.factor[:, None] * change
+        self.history.begin(step)
+        engine.field[: engine.owned, :d] = self.history.factor[:, None] * change
         np.multiply(engine.evaluate(self.tangents)[:, :d], -self.share[:, None], out=out)
 
     @property
@@ -111,10 +112,18 @@ class Operator:
         """Internal force (owned, d) [N] of the last committed state."""
         return self.engine.force[: self.engine.owned, : self.dimension] * self.share[:, None]
 
+    def settled_state(self) -> Settled:
+        """The last committed state, as a copy."""
+        return Settled(self.displacement.copy(), self.settled_force(), self.history.stored_energy())
+
+    def work_since(self, start: Settled) -> tuple[float, float]:
+        """Work [J] of loads and reactions, which internal forces balance at both ends of a step, and what stored energy has gained."""
+        work = -0.5 * np.vdot(start.force + self.settled_force(), self.displacement - start.displacement)
+        return float(work), self.history.stored_energy() - start.stored
+
     def commit(self, displacement: np.ndarray, step: float) -> float:
         """End a step at a displacement [m], whose force is evaluated once more: history takes it in; the energy dissipated [J]."""
         engine, d = self.engine, self.dimension
         engine.displacement[: engine.owned, :d] = displacement
-        self.relaxation.propose(step)
-        engine.evaluate(self.laws)
-        return self.relaxation.settle(step)
+        self.history.evaluate(step)
+        return self.history.settle(step)

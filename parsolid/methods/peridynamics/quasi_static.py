@@ -1,159 +1,84 @@
-"""Quasi-static material steps: at the end of each, internal and external forces balance; histories are frozen meanwhile.
+"""Quasi-static material steps: at the end of each, internal and external forces balance (see `equilibrium`).
 
-The residual is F = f_int(u) + f_ext on free components; a step has converged when |F|_2 is at most the tolerance times the
-largest |f_ext|_2 (or reaction, where only displacements are prescribed) of the run so far: after unloading there is no other
-scale. With loads that jump, a step of length 0 goes before the next one (a_j = A_j = 1 in the histories).
+With loads that jump, a step of length 0 goes before the next one (a_j = A_j = 1 in the histories).
 """
-
-from typing import NamedTuple
 
 import numpy as np
 
-from decomposition.reduction import sums
-from parsolid.solvers import conjugate_gradients, dynamic_relaxation, largest_eigenvalue, relaxation_mass, start_vector
-
-# inner solutions stop a little below the target, so that rounding does not ask for another pass
-_INNER = 0.9
-# of a residual, what conjugate gradients leave when the problem is not linear and will be linearised again
-_FORCING = 0.02
-_PASSES, _HALVINGS = 50, 8
-_HEAVIER = 6
+from parsolid.methods.peridynamics.equilibrium import Balance, Equilibrium
+from parsolid.methods.peridynamics.time_solver import TimeSolver
+from parsolid.particles.fields import Field
 
 
-class Balance(NamedTuple):
-    """A displacement (n, d) [m], the internal force (n, d) [N] there, what is not balanced, and how far from the goal that is."""
+class QuasiStatic(TimeSolver):
+    """Takes one rank's particles from balance to balance; all methods are collective."""
 
-    displacement: np.ndarray
-    internal: np.ndarray
-    residual: np.ndarray
-    norm: float
-    target: float
-    reference: float
+    setting = "step"
 
-    @property
-    def reached(self) -> bool:
-        """Whether forces balance to the tolerance."""
-        return self.norm <= self.target
-
-
-class QuasiStatic:
-    """Solves material steps on one rank; all methods are collective."""
-
-    def __init__(self, comm, operator, settings):
-        """operator: see `operator.Operator`; settings: `scene.peridynamics.QuasiStatic`."""
-        self.comm, self.operator, self.settings = comm, operator, settings
-        self.largest_load, self.fault = 0.0, ""
+    def __init__(self, body, settings):
+        """body: `system.Peridynamics`, set up but for its state; settings: `scene.peridynamics.QuasiStatic`."""
+        self.body, self.operator, self.settings = body, body.operator, settings
+        self.equilibrium = Equilibrium(body.comm, body.operator, settings)
+        # what has not moved yet meets its loads in a jump
+        self.jumps = tuple(sorted({0.0, *body.loads.jumps}))
         self.balance: Balance | None = None
         # times [s] of the states that `earlier` holds, newest first, since loads jumped last
         self.times: list[float] = []
-        self.earlier = [np.zeros(operator.free.shape) for _ in range(settings.extrapolation + 1)]
-        self.steps, self.iterations, self.most_iterations = 0, 0, 0
-        self._fictitious: dict[float, np.ndarray] = {}
+        self.earlier = [np.zeros(body.operator.free.shape) for _ in range(settings.extrapolation + 1)]
+        self.steps = 0
 
-    # --- a step ---------------------------------------------------------------------------------------------
+    def declare(self, table) -> None:
+        """The earlier displacements as fields."""
+        for k, earlier in enumerate(self.earlier):
+            name = f"earlier_displacement_{k + 1}"
+            table.add(Field(name, earlier.shape[1], "m", evolved=True, checkpointed=True), earlier)
 
-    def solve(self, start: np.ndarray, external: np.ndarray, step: float) -> Balance:
-        """Balance at the end of a step [s] under external forces (n, d) [N], from a first guess with prescribed values in place.
+    def stable_step(self) -> float:
+        """The material step [s]."""
+        return self.settings.step
 
-        Where it is not `reached`, `fault` says why. The operator's `commit` ends the step.
-        """
-        self.fault, count, self.step = "", self.iterations, step
-        improve = self._relaxed if self.settings.solver == "dynamic-relaxation" else self._corrected
-        balance = self._balance(start, external)
-        for _ in range(_PASSES):
-            if balance.reached or self.fault:
-                break
-            balance = improve(balance, external)
-        else:
-            self.fault = f"no balance after {_PASSES} passes"
-        self.largest_load = max(self.largest_load, balance.reference)
-        self.most_iterations = max(self.most_iterations, self.iterations - count)
-        return balance
+    # --- a step ------------------------------------------------------------------------------------------------
 
-    def _balance(self, u: np.ndarray, external: np.ndarray) -> Balance:
-        """What is left over at a displacement: one force evaluation."""
-        internal, free = np.empty_like(u), self.operator.free
-        self.operator.force(u, internal, self.step)
-        self.iterations += 1
-        residual = (internal + external) * free
-        squares = [_square(external), _square(internal[~free]), _square(residual)]
-        load, reaction, norm = np.sqrt(sums(self.comm, squares))
-        # reactions only where nothing is loaded: they may be large at a first guess
-        reference = load if max(load, self.largest_load) > 0.0 else reaction
-        target = self.settings.tolerance * max(self.largest_load, reference)
-        return Balance(u, internal, residual, float(norm), float(target), float(reference))
+    def advance(self, time: float, step: float, ledger, announce) -> bool:
+        """One material step [s] from a time [s]; False, with a `fault`, when balance was lost on the way."""
+        sound = self.material_step(time, step, ledger, announce)
+        while sound and self.body.fracture.ranks_find():
+            self.body.fracture.break_bonds(ledger)
+            sound = self.balance_anew(time + step, ledger)
+        self.body.place()
+        return sound and self.body.engine.sound
 
-    def _corrected(self, balance: Balance, external: np.ndarray) -> Balance:
-        """Newton's correction by conjugate gradients; the whole of it where the problem is linear."""
-        operator, target, apply = self.operator, _INNER * balance.target, self._linear(balance.displacement)
-        if not operator.is_linear:
-            target = max(target, _FORCING * balance.norm)
-        solution = conjugate_gradients(
-            self.comm, apply, balance.residual, target, operator.free, self.settings.most_iterations
-        )
-        self.iterations += solution.iterations
-        if not solution.converged:
-            self.fault = f"conjugate gradients: {solution.reason}"
-            return balance
-        factor = 1.0
-        for _ in range(_HALVINGS):
-            trial = self._balance(balance.displacement + factor * solution.value, external)
-            if operator.is_linear or trial.norm < balance.norm:
-                return trial
-            factor *= 0.5
-        self.fault = "Newton's method: no shorter step reduces what is not balanced"
-        return balance
+    def material_step(self, time: float, step: float, ledger, announce) -> bool:
+        """Balance at the end of a step, with the bonds as they are, and the histories through it."""
+        start = self.operator.settled_state()
+        guess = self.extrapolated(start.displacement, time, step)
+        # a step ends before a jump of that time, one of length 0 after it
+        self.body.loads.move(time, step, guess)
+        self.balance = self.equilibrium.solve(guess, self.body.loads.external(time + step, step > 0.0), step)
+        announce(self.balance.reached, self.settings.step)
+        lost = self.operator.commit(self.balance.displacement, step)
+        work, stored = self.operator.work_since(start)
+        # within a step strain goes linearly whatever the loads do, so that forces are out of balance; a jump is as it should be
+        ledger.add(1.0, lost, work - lost - stored if step > 0.0 else 0.0, work)
+        self.remember(self.balance.displacement, time + step, step)
+        return self.balance.reached
 
-    def _linear(self, displacement: np.ndarray):
-        """K du of the step at a displacement."""
-        return lambda du, out: self.operator.linear(displacement, du, out, self.step)
+    def balance_anew(self, time: float, ledger) -> bool:
+        """Balance at a time [s] after bonds have broken, in a jump; what loads do beyond the work of internal forces, cracks take."""
+        self.equilibrium.stiffness_changed()
+        start = self.operator.settled_state()
+        reached = self.material_step(time, 0.0, ledger, lambda *announced: None)
+        change = self.operator.displacement - start.displacement
+        # loads do more work than the forces that were out of balance take up: cracks run by it
+        mean = 0.5 * (start.force + self.operator.settled_force())
+        excess = float(np.vdot(self.body.loads.external(time) + mean, change))
+        ledger.add(1.0, 0.0, 0.0, excess)
+        ledger.add_term("dissipation_fracture", excess)
+        return reached
 
-    def _relaxed(self, balance: Balance, external: np.ndarray) -> Balance:
-        """Dynamic relaxation; with larger masses where the stiffness grows on the way and the motion diverges."""
-        operator = self.operator
+    # --- first guesses -----------------------------------------------------------------------------------------
 
-        def force(displacement, out):
-            operator.force(displacement, out, self.step)
-            out += external
-
-        mass = self._mass(balance.displacement)
-        for _ in range(1 if operator.is_linear else _HEAVIER):
-            solution = dynamic_relaxation(
-                self.comm,
-                force,
-                balance.displacement,
-                mass,
-                balance.target,
-                operator.free,
-                self.settings.most_iterations,
-            )
-            self.iterations += solution.iterations
-            if solution.converged:
-                return self._balance(solution.value, external)
-            mass = 4.0 * mass
-        self.fault = f"dynamic relaxation: {solution.reason}"
-        return balance
-
-    def _mass(self, displacement: np.ndarray) -> np.ndarray:
-        """Fictitious masses for the stiffness of a step of this length, from a power iteration the first time.
-
-        A stiffness that changes with the displacement is found anew in every step, and may double on the way.
-        """
-        key, operator = float(f"{self.step:.6e}"), self.operator
-        if key not in self._fictitious or not operator.is_linear:
-            mass = operator.mass if operator.is_linear else 2.0 * operator.mass
-            start = start_vector(operator.identifier, operator.free.shape[1])
-            largest = largest_eigenvalue(self.comm, self._linear(displacement), start, operator.mass, operator.free)
-            self._fictitious[key] = relaxation_mass(largest, mass)
-        return self._fictitious[key]
-
-    def stiffness_changed(self) -> None:
-        """Forget what was found for the old stiffness (bonds have broken)."""
-        self._fictitious.clear()
-
-    # --- from step to step ------------------------------------------------------------------------------------
-
-    def guess(self, now: np.ndarray, time: float, step: float) -> np.ndarray:
+    def extrapolated(self, now: np.ndarray, time: float, step: float) -> np.ndarray:
         """First guess (n, d) [m] for the end of a step [s] that starts at a time [s] with the displacement `now`."""
         if step == 0.0 or len(self.times) < 2:
             return now.copy()
@@ -162,8 +87,8 @@ class QuasiStatic:
             result += weight * earlier
         return result
 
-    def accept(self, balance: Balance, time: float, step: float) -> None:
-        """Remember a converged step that ended at a time [s]."""
+    def remember(self, displacement: np.ndarray, time: float, step: float) -> None:
+        """Keep the displacement (n, d) [m] of a step [s] that ended at a time [s], for the next guesses."""
         self.steps += 1
         if step == 0.0:
             # what went before the jump says nothing about what follows
@@ -171,61 +96,37 @@ class QuasiStatic:
         self.times = [time, *self.times][: len(self.earlier)]
         for k in range(len(self.earlier) - 1, 0, -1):
             self.earlier[k][:] = self.earlier[k - 1]
-        self.earlier[0][:] = balance.displacement
+        self.earlier[0][:] = displacement
 
-    def advance(self, loads, time: float, step: float, ledger, announce) -> bool:
-        """One material step [s] from a time [s]; False, with `fault`, when no balance was found. Collective.
-
-        The numerical dissipation is the work that loads do on what is not in balance between the ends of the step.
-        loads: external(time, before) (n, d) [N] and move(time, step, displacement), see `loads.PeridynamicLoads`.
-        """
-        operator, end = self.operator, time + step
-        start, force, stored = (
-            operator.displacement.copy(),
-            operator.settled_force(),
-            operator.relaxation.stored_energy(),
-        )
-        guess = self.guess(start, time, step)
-        # a step ends before a jump of that time, one of length 0 after it
-        loads.move(time, step, guess)
-        self.balance = self.solve(guess, loads.external(end, step > 0.0), step)
-        announce(self.balance.reached, self.settings.step)
-        lost = operator.commit(self.balance.displacement, step)
-        # loads and reactions together are what internal forces balance, at both ends of the step
-        work = -0.5 * np.vdot(force + operator.settled_force(), self.balance.displacement - start)
-        # within a step strain goes linearly whatever the loads do, so that forces are out of balance; a jump is as it should be
-        unbalanced = work - lost - (operator.relaxation.stored_energy() - stored) if step > 0.0 else 0.0
-        ledger.add(1.0, lost, unbalanced, work)
-        self.accept(self.balance, end, step)
-        return self.balance.reached
+    # --- what is asked of it -----------------------------------------------------------------------------------
 
     def unsound(self) -> tuple[int, str] | None:
         """This rank's particle farthest from balance, where the last step found none; and why."""
         if self.balance is None or self.balance.reached or not len(self.balance.residual):
             return None
-        return int(np.argmax(np.abs(self.balance.residual).max(axis=1))), self.fault
+        return int(np.argmax(np.abs(self.balance.residual).max(axis=1))), self.equilibrium.fault
 
     def state(self) -> dict:
         """What a restart needs besides the `earlier` displacements."""
         return {
-            "largest_load": self.largest_load,
+            "largest_load": self.equilibrium.largest_load,
             "times": self.times,
-            "counts": [self.steps, self.iterations, self.most_iterations],
+            "counts": [self.steps, self.equilibrium.iterations, self.equilibrium.most_iterations],
         }
 
     def set_state(self, state: dict) -> None:
         """Take back what `state` gave."""
-        self.largest_load, self.times = state["largest_load"], list(state["times"])
-        self.steps, self.iterations, self.most_iterations = state["counts"]
+        self.equilibrium.largest_load, self.times = state["largest_load"], list(state["times"])
+        self.steps, self.equilibrium.iterations, self.equilibrium.most_iterations = state["counts"]
 
     def summary(self) -> dict:
         """Entries of summary.json: force evaluations, those of a step on average and at most."""
-        mean = self.iterations / self.steps if self.steps else None
+        iterations = self.equilibrium.iterations
         return {
             "material_steps": self.steps,
-            "iterations": self.iterations,
-            "iterations_per_step": mean,
-            "most_iterations": self.most_iterations,
+            "iterations": iterations,
+            "iterations_per_step": iterations / self.steps if self.steps else None,
+            "most_iterations": self.equilibrium.most_iterations,
         }
 
 
@@ -235,7 +136,3 @@ def lagrange_weights(times, time: float) -> list[float]:
         float(np.prod([(time - other) / (own - other) for k, other in enumerate(times) if k != i]))
         for i, own in enumerate(times)
     ]
-
-
-def _square(values: np.ndarray) -> float:
-    return float(np.vdot(values, values))

@@ -1,60 +1,126 @@
-"""Kernels of the explicit motion of peridynamic particles: leapfrog with velocities at the ends of steps.
+"""Explicit motion of peridynamic particles: leapfrog with velocities at the ends of steps.
 
 v_h = v + dt/2 a, u_new = u + dt v_h, v_new = v_h + dt/2 a_new: the displacements of symplectic Euler ((37) of Galadima et al.), whose
 velocities are the v_h.
 """
 
-from numba.extending import register_jitable
+import numpy as np
 
-from decomposition.compiled import compiled
-
-
-@register_jitable
-def _load(loads, a, i):
-    if loads is None:
-        return 0.0
-    return loads[a, i]
+from parsolid.methods.peridynamics import velocity_verlet_kernels as kernels
+from parsolid.methods.peridynamics.time_solver import TimeSolver
+from parsolid.solvers import largest_eigenvalue, start_vector
 
 
-@register_jitable
-def _free(clamp, a, i):
-    if clamp is None:
-        return 1.0
-    return clamp[a, i]
+class VelocityVerlet(TimeSolver):
+    """Moves one rank's particles; the stable step is that of the instantaneous stiffness of the whole body."""
 
+    setting = "safety"
 
-@compiled
-def kick(dimension, time, velocity, force, mass, share, loads, clamp):
-    """v += time (F/m + load); the work [J] of the loads on this side of mirror planes.
+    def __init__(self, body, settings):
+        """body: `system.Peridynamics`, set up but for its state; settings: `scene.peridynamics.Explicit`."""
+        self.body, self.settings = body, settings
+        self.landings = tuple(time for time in body.loads.jumps if time > 0.0)
+        self.clamp = np.ones((body.owned, 4))
+        self.clamp[:, : body.dimension] = body.loads.free
+        self.largest_eigenvalue: float | None = None
 
-    velocity, force [N] (n, 4); mass (n,) [kg], of whole particles; loads (n, 4) [m/s^2] or None; clamp (n, 4): 0 where held, or None.
-    """
-    work = 0.0
-    for a in range(len(mass)):
-        for i in range(dimension):
-            v, load = velocity[a, i], _load(loads, a, i)
-            new = (v + time * (force[a, i] / mass[a] + load)) * _free(clamp, a, i)
-            work += 0.5 * time * share[a] * mass[a] * load * (v + new)
-            velocity[a, i] = new
-    return work
+    def begin(self) -> None:
+        """What is guided is where, and as fast, as it is told at time 0."""
+        body, entries = self.body, self.body.loads.entries
+        body.loads.move(0.0, 0.0, body.displacement)
+        body.velocity[entries] = body.loads.guided_velocities(0.0, 0.0, np.zeros(len(entries[0])))
 
+    def stable_step(self) -> float:
+        """Safety times 2/sqrt(lambda_max) [s]; the first call is collective."""
+        if self.largest_eigenvalue is None:
+            self.largest_eigenvalue = self._power_iteration()
+        return self.body.fracture.safety(self.settings) * 2.0 / np.sqrt(self.largest_eigenvalue)
 
-@compiled
-def drift(dimension, step, velocity, reference, displacement, position):
-    """u += step v; x = X + u of the owned particles."""
-    for a in range(len(position)):
-        for i in range(dimension):
-            displacement[a, i] += step * velocity[a, i]
-            position[a, i] = reference[a, i] + displacement[a, i]
+    def _power_iteration(self) -> float:
+        operator = self.body.operator
+        start = start_vector(operator.identifier, self.body.dimension)
+        result = largest_eigenvalue(
+            operator.comm, lambda x, y: operator.stiffness(x, y, 0.0), start, operator.mass, operator.free
+        )
+        # the field and the forces of the state, which the iteration has used
+        self.body.history.resume()
+        return result
 
+    # --- a step ------------------------------------------------------------------------------------------------
 
-@compiled
-def kinetic_energy(dimension, velocity, mass, share):
-    """Sum of 1/2 m v^2 [J]."""
-    energy = 0.0
-    for a in range(len(mass)):
-        square = 0.0
-        for i in range(dimension):
-            square += velocity[a, i] * velocity[a, i]
-        energy += 0.5 * mass[a] * share[a] * square
-    return energy
+    def advance(self, time: float, step: float, ledger, announce) -> bool:
+        """One step [s] from a time [s]; what broke in its state breaks at its start."""
+        fracture, history, engine = self.body.fracture, self.body.history, self.body.engine
+        fracture.break_what_ranks_found(ledger)
+        before = self.guided_motion()
+        work = self.half_velocity(time, step, after_jump=True)
+        self.new_positions(time, step)
+        sound = bool(np.isfinite(self.body.velocity.sum()))
+        report = lambda: announce(sound, self.stable_step())  # noqa: E731
+        fracture.before_forces(report)
+        history.evaluate(step)
+        fracture.after_forces(report)
+        lost = history.settle(step)
+        work += self.half_velocity(time + step, step, after_jump=False)
+        work += self.guided_velocity(before, time, step)
+        ledger.add(1.0, lost, 0.0, work)
+        return sound and engine.sound
+
+    def half_velocity(self, time: float, step: float, after_jump: bool) -> float:
+        """v += dt/2 a under the loads at a time [s], of a jump just after or just before it; the loads' work [J]."""
+        body = self.body
+        motion = (body.velocity, body.engine.force[: body.owned], body.mass, body.share)
+        loads = self._accelerations(time, not after_jump)
+        return kernels.kick(body.dimension, 0.5 * step, *motion, loads, self.clamp)
+
+    def new_positions(self, time: float, step: float) -> None:
+        """u += dt v_h, or as guided; x = X + u."""
+        body, rows = self.body, self.body.table.owned_rows
+        kernels.drift(
+            body.dimension, step, body.velocity, rows("reference_position"), body.engine.displacement, rows("position")
+        )
+        if len(body.loads.entries[0]):
+            body.loads.move(time, step, body.displacement)
+            body.place()
+
+    def _accelerations(self, time: float, before: bool) -> np.ndarray | None:
+        """Loads over mass (owned, 4) [m/s^2] where components are free; None without loads."""
+        body, loads = self.body, self.body.loads
+        if not loads.acting:
+            return None
+        result = np.zeros((body.owned, 4))
+        external = loads.external(time, before)
+        result[:, : body.dimension] = loads.free * external / (body.mass * body.share)[:, None]
+        return result
+
+    def guided_motion(self) -> tuple:
+        """Displacement, velocity and force of guided components before a step."""
+        body = self.body
+        return tuple(
+            array[body.loads.entries] for array in (body.engine.displacement, body.velocity, body.engine.force)
+        )
+
+    def guided_velocity(self, before: tuple, time: float, step: float) -> float:
+        """Set the velocity of guided components after a step; the work [J] of what guides them and of their loads."""
+        body, entries, particles = self.body, self.body.loads.entries, self.body.loads.entries[0]
+        displacement, velocity, force = before
+        change = body.engine.displacement[entries] - displacement
+        body.velocity[entries] = body.loads.guided_velocities(time, step, change)
+        share, mass = body.share[particles], body.mass[particles]
+        kinetic = 0.5 * mass * (body.velocity[entries] ** 2 - velocity**2)
+        return float(np.sum(share * (kinetic - 0.5 * (force + body.engine.force[entries]) * change)))
+
+    # --- what is asked of it -----------------------------------------------------------------------------------
+
+    def state(self) -> dict:
+        """The largest eigenvalue, which decides on the step."""
+        return {"largest_eigenvalue": self.largest_eigenvalue}
+
+    def set_state(self, state: dict) -> None:
+        """Take it back."""
+        self.largest_eigenvalue = state["largest_eigenvalue"]
+
+    def unsound(self) -> tuple[int, str] | None:
+        """The first particle whose velocity is not finite."""
+        bad = ~np.isfinite(self.body.velocity[:, : self.body.dimension]).all(axis=1)
+        return (int(np.argmax(bad)), "a number is no longer finite") if bad.any() else None

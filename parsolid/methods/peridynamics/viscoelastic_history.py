@@ -76,6 +76,7 @@ class ViscoelasticHistory:
         """engine: `BondForce`, whose fields are filled; blocks: their laws give the series of `terms` branches; share (owned,), on
         this side of mirror planes."""
         self.engine, self.share, self.series = engine, share, []
+        self.laws = [(block.first, block.last, block.law) for block in blocks]
         for block in blocks:
             ratios, times = series_of(block.law)
             self.series.append((block.first, block.last, np.array(ratios, float), np.array(times, float)))
@@ -103,6 +104,11 @@ class ViscoelasticHistory:
         for (first, last, ratios, _), weights in zip(self.series, self.weights):
             propose(first, last, ratios, weights, engine.displacement, self.old, self.terms, engine.field)
 
+    def evaluate(self, step: float) -> np.ndarray:
+        """Force (owned, d) [N] after a step [s] from the settled state to the engine's displacement."""
+        self.propose(step)
+        return self.engine.evaluate(self.laws)
+
     def settle(self, step: float) -> float:
         """End a step [s] at the engine's displacement, where it has evaluated the proposed field; the energy dissipated over it [J]."""
         self.begin(step)
@@ -124,38 +130,38 @@ class ViscoelasticHistory:
             )
         return dissipated
 
-    def start(self, laws, instantaneous: bool) -> None:
+    def start(self, instantaneous: bool) -> None:
         """History and forces of the engine's displacement at time 0: reached in a jump, or held for ever."""
         engine = self.engine
         u = engine.displacement[: engine.owned]
         self.old[:], self.terms[:], engine.field[: engine.owned] = u, 0.0, u
-        engine.evaluate(laws)
+        engine.evaluate(self.laws)
         self.elastic[:], self.forces[:] = engine.linear_force, 0.0
         if instantaneous:
             # branches take a jump in full
             self.terms[:], self.forces[:] = u, self.elastic
-        self._compose(laws)
+        self._compose()
 
-    def resume(self, laws) -> None:
+    def resume(self) -> None:
         """Forces of a settled state that was put back."""
-        self._compose(laws)
+        self._compose()
         if not len(self.terms):
             self.old[:], self.elastic[:] = self.engine.displacement[: self.engine.owned], self.engine.linear_force
 
-    def evaluate_anew(self, laws) -> None:
+    def evaluate_anew(self) -> None:
         """Forces of the settled state and of each part of its history, after bonds were broken."""
         engine = self.engine
         for field, force in zip((self.old, *self.terms), (self.elastic, *self.forces)):
             engine.field[: engine.owned] = field
-            engine.evaluate(laws)
+            engine.evaluate(self.laws)
             force[:] = engine.linear_force
-        self._compose(laws)
+        self._compose()
 
-    def _compose(self, laws) -> None:
+    def _compose(self) -> None:
         engine = self.engine
         for first, last, ratios, _ in self.series:
             compose(first, last, ratios, engine.displacement[: engine.owned], self.terms, engine.field)
-        engine.evaluate(laws)
+        engine.evaluate(self.laws)
 
     def stored_energy(self) -> float:
         """-1/2 u.f(u) - 1/2 sum gamma_j q_j.f(q_j) [J] of the settled state."""

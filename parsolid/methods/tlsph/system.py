@@ -2,20 +2,14 @@
 
 import numpy as np
 
-from parsolid.boundary.conditions import build_boundaries
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, material_blocks
 from parsolid.materials.registry import laws_of
 from parsolid.methods.protocol import ParticleMethod
 from parsolid.methods.tlsph import momentum as motion
 from parsolid.methods.tlsph import state
-from parsolid.methods.tlsph.deformation import (
-    Relaxation,
-    advance_strain,
-    evaluate_stress,
-    largest_wave_modulus,
-    relax_branches,
-)
+from parsolid.methods.tlsph.boundaries import build_boundaries
+from parsolid.methods.tlsph.deformation import Relaxation, advance_deformation, largest_wave_modulus
 from parsolid.methods.tlsph.stresses import deformation_gradients, first_piola_kirchhoff_stresses
 from parsolid.numerics import layout
 from parsolid.pairs.candidates import metrics
@@ -40,11 +34,11 @@ class TotalLagrangianSPH(ParticleMethod):
         self.comm, self.settings = comm, scene.method
         self.owned, self.dimension = particle_set.position.shape
         self.space = layout.LAYOUT[self.dimension]
-        self.blocks, density = material_blocks(laws_of(scene), particle_set.body)
-        self.boundaries = build_boundaries(comm, scene, particle_set, density)
-        self.share = 0.5 ** self.boundaries.plane_count(particle_set)
-        self.branches = maximum(comm, max((block.branches for block in self.blocks), default=0))
+        self.blocks, _ = material_blocks(laws_of(scene), particle_set.body)
         self.particles = Particles(particle_set.body)
+        self.boundaries = build_boundaries(comm, scene, particle_set, self.particles)
+        self.share = self.boundaries.share
+        self.branches = maximum(comm, max((block.branches for block in self.blocks), default=0))
         self.pairs = self._pair_system(particle_set)
         state.declare_constants(self.particles, particle_set)
         state.declare_motion(self.particles, particle_set.position)
@@ -72,11 +66,6 @@ class TotalLagrangianSPH(ParticleMethod):
             return None
         reconstruction = LinearReconstruction() if self.settings.reconstruction else None
         return RiemannDissipation(reconstruction, DirectionalShear() if directional else None)
-
-    @property
-    def table(self) -> Particles:
-        """The particles, as what has not yet heard of them calls them."""
-        return self.particles
 
     def begin(self, scene, particle_set) -> None:
         """Set velocity, displacement and deformation gradient at time 0 by the bodies' formulas; collective."""
@@ -111,11 +100,11 @@ class TotalLagrangianSPH(ParticleMethod):
         if self.boundaries.clamp is not None:
             rows("velocity")[:] *= self.boundaries.clamp[:, :d]
         self.boundaries.prescribe(0.0, self.kinematics)
-        self.boundaries.prescribed_energy_gain(self.kinematics, self.mass, self.share)
+        self.prescribed_energy_gain()
 
     def resume(self) -> None:
         """Continue from a state that was put back into the particles."""
-        self.boundaries.prescribed_energy_gain(self.kinematics, self.mass, self.share)
+        self.prescribed_energy_gain()
 
     def displacement_gradient(self) -> np.ndarray:
         """grad u (owned, d d) by the gradient pass, with the displacement in the velocity's place."""
@@ -153,45 +142,32 @@ class TotalLagrangianSPH(ParticleMethod):
         return body if block.branches else body._replace(branches=None)
 
     def advance(self, time: float, step: float, ledger, announce) -> bool:
-        """One step, stage by stage of the integrator; announced before the last forces."""
+        """One step, stage by stage of the integrator, as eqs (70)-(77) say."""
         sound = True
         for stage in self.stages:
             self.pairs.gradient("motion")
-            internal = self.evaluate_stress(stage, step)
-            positive = self.advance_strain(stage, step)
+            positive, internal, stable = self.advance_deformation(stage, step)
             if stage.last:
-                announce(positive, self.relax_branches(step))
+                announce(positive, stable)
             self.pairs.divergence(self.pairs.terms)
             numerical, external = self.advance_motion(stage, time, step)
             ledger.add(stage.quadrature * step, internal, numerical, external)
             sound = sound and positive
-        # the work that changed the kinetic energy of prescribed components
-        ledger.add(1.0, 0.0, 0.0, self.boundaries.prescribed_energy_gain(self.kinematics, self.mass, self.share))
+        ledger.add(1.0, 0.0, 0.0, self.prescribed_energy_gain())
         return sound
 
-    def evaluate_stress(self, stage: Stage, step: float) -> float:
-        """Stresses and waves of the state at a stage, into the records; internal dissipation rate [W]."""
-        sums, record = self.particles.storage("pair_sums"), self.particles.storage("record")
-        dissipation = 0.0
+    def advance_deformation(self, stage: Stage, step: float) -> tuple[bool, float, float]:
+        """Stress at a stage, and F, H, J after it; (sound, internal dissipation rate [W], stable step [s] after the last stage)."""
+        sound, dissipation, stable = True, 0.0, np.inf
         for block in self.blocks:
-            relaxation = Relaxation(stage.first, block.relaxation(stage.time * step))
-            dissipation += evaluate_stress(
-                *self.part(block), self.pairs.terms, relaxation, self.body_of(block), sums, record
+            to_stage = block.relaxation(stage.time * step)
+            relaxation = Relaxation(to_stage, block.relaxation(step) if stage.last else to_stage)
+            positive, rate, modulus = advance_deformation(
+                *self.part(block), self.pairs.terms, stage.update(step), relaxation, self.body_of(block)
             )
-        return dissipation
-
-    def advance_strain(self, stage: Stage, step: float) -> bool:
-        """F, H and J of a stage; False when a Jacobian is not positive."""
-        body, sums = state.body_of(self.particles), self.particles.storage("pair_sums")
-        return advance_strain(self.space, 0, self.owned, stage.update(step), body, sums)
-
-    def relax_branches(self, step: float) -> float:
-        """A at the end of a step; the stable step [s] of this rank's particles after it."""
-        stable = np.inf
-        for block in self.blocks:
-            modulus = relax_branches(*self.part(block), block.relaxation(step), self.body_of(block))
+            sound, dissipation = sound and positive, dissipation + rate
             stable = min(stable, self._group_step(block, modulus) if modulus > 0.0 else 0.0)
-        return stable
+        return sound, dissipation, stable
 
     def advance_motion(self, stage: Stage, time: float, step: float) -> tuple[float, float]:
         """v and x of a stage; (numerical dissipation rate, external power) [W]."""
@@ -205,10 +181,14 @@ class TotalLagrangianSPH(ParticleMethod):
         boundaries.prescribe(time + stage.next_time * step, self.kinematics)
         return dissipation, held + power
 
+    def prescribed_energy_gain(self) -> float:
+        """Kinetic energy [J] that prescribed components gained since the last call: the work of what moves them."""
+        return self.boundaries.prescribed_energy_gain(self.kinematics, self.mass, self.share)
+
     def evaluate_forces(self) -> None:
         """One stabilised force evaluation of the current state, which stays as it is (for measurements)."""
         sums = self.pairs.gradient("motion")
-        self.evaluate_stress(self.stages[0], 0.0)
+        self.advance_deformation(self.stages[0], 0.0)
         force = self.pairs.divergence(self.pairs.terms)
         sums[:] = 0.0
         force[:] = 0.0

@@ -1,0 +1,135 @@
+"""What the boundary conditions of a scene mean: plain things, each of one type, that methods take or refuse by type."""
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal, TypeVar
+
+from parsolid.boundary.mirror_planes import MirrorPlane
+from parsolid.collective import SolverError
+from parsolid.scene.boundaries import Condition
+from parsolid.scene.formulas import Formula
+from parsolid.scene.load_histories import LoadHistory
+
+
+@dataclass(frozen=True)
+class Declared:
+    """One thing that a condition means; key: its place in the scene; where: the condition, with its body and its region."""
+
+    name: ClassVar[str]
+    key: str
+    where: Condition
+
+
+@dataclass(frozen=True)
+class Support(Declared):
+    """A plane that holds some components of what lies on it; mirrored: with images beyond it."""
+
+    name: ClassVar[str] = "a support"
+    plane: MirrorPlane
+    mirrored: bool
+
+
+@dataclass(frozen=True)
+class PrescribedMotion(Declared):
+    """A velocity [m/s] or displacement [m] in a region; the last one holds."""
+
+    name: ClassVar[str] = "a prescribed motion"
+    quantity: Literal["velocity", "displacement"]
+    course: LoadHistory
+
+
+@dataclass(frozen=True)
+class SurfaceTraction(Declared):
+    """A traction [Pa] on a plane that bounds a body."""
+
+    name: ClassVar[str] = "a traction"
+    course: LoadHistory
+
+
+@dataclass(frozen=True)
+class RigidWall(Declared):
+    """A plane that moves with a velocity [m/s], on one side of which bodies stay."""
+
+    name: ClassVar[str] = "a wall"
+    side: Literal["above", "below"]
+    velocity: list[float] | None
+    sticking: bool
+
+
+@dataclass(frozen=True)
+class TemperaturePlane(Declared):
+    """A plane at a temperature [K]."""
+
+    name: ClassVar[str] = "a temperature"
+    formula: Formula
+
+
+@dataclass(frozen=True)
+class SurfaceHeat(Declared):
+    """Heat [W/m^2] into a body through a plane that bounds it."""
+
+    name: ClassVar[str] = "a heat flux"
+    course: LoadHistory
+
+
+Some = TypeVar("Some", bound=Declared)
+
+
+class Declarations:
+    """All that the conditions of a scene mean, in the order of the scene; conditions call its verbs.
+
+    planes that are no condition's, as an axis of symmetry, are added by methods.
+    """
+
+    def __init__(self, scene, *takes: type[Declared]):
+        """takes: the types that a method takes. Raises SolverError, the same on all ranks, for a condition that means another."""
+        self.scene, self.dimension, self.takes = scene, scene.dimension, takes
+        self.bodies = {body.name: index for index, body in enumerate(scene.bodies) if body.name is not None}
+        self.all: list[Declared] = []
+        for index, boundary in enumerate(scene.boundaries):
+            self._key = f"boundaries.{index}"
+            before = len(self.all)
+            boundary.declare(self)
+            if len(self.all) == before:
+                raise SolverError(f"{self._key}.kind: expected a condition with a meaning, found {boundary.kind!r}")
+
+    def of(self, wanted: type[Some]) -> list[Some]:
+        """All of a type."""
+        return [one for one in self.all if isinstance(one, wanted)]
+
+    def _add(self, one: Declared) -> None:
+        if not isinstance(one, self.takes):
+            known = ", ".join(kind.name for kind in self.takes)
+            raise SolverError(
+                f"{one.key}.kind: expected one that means {known} with this method, "
+                f"found {one.where.kind!r}, which means {one.name}"
+            )
+        self.all.append(one)
+
+    # --- verbs of the conditions --------------------------------------------------------------------------------
+
+    def support(self, where: Condition, kind: str, mirrored: bool = True) -> None:
+        """A mirror plane, or a clamp of the particles on it; kind: "fixed", "roller" or "antisymmetric"."""
+        plane = MirrorPlane(where.plane.axis, where.plane.offset, kind, self.bodies.get(where.body))
+        self._add(Support(self._key, where, plane, mirrored))
+
+    def prescribe(self, where: Condition, quantity: Literal["velocity", "displacement"], course: LoadHistory) -> None:
+        """Motion in the condition's region; components that are None in its formulas are free."""
+        self._add(PrescribedMotion(self._key, where, quantity, course))
+
+    def traction(self, where: Condition, course: LoadHistory) -> None:
+        """A traction on the condition's plane."""
+        self._add(SurfaceTraction(self._key, where, course))
+
+    def wall(
+        self, where: Condition, side: Literal["above", "below"], velocity: list[float] | None, sticking: bool
+    ) -> None:
+        """A rigid wall that starts at the condition's plane."""
+        self._add(RigidWall(self._key, where, side, velocity, sticking))
+
+    def temperature(self, where: Condition, formula: Formula) -> None:
+        """A temperature on the condition's plane."""
+        self._add(TemperaturePlane(self._key, where, formula))
+
+    def heat_flux(self, where: Condition, course: LoadHistory) -> None:
+        """Heat through the condition's plane."""
+        self._add(SurfaceHeat(self._key, where, course))

@@ -1,0 +1,35 @@
+"""Motion and deformation of material points at time 0, by the bodies' formulas."""
+
+import numpy as np
+
+from parsolid.scene import initial_deformation_gradient, initial_displacement, initial_velocity
+
+# of the cell, for the gradient of an initial displacement
+_DIFFERENCE = 1e-4
+
+
+def set_initial_motion(scene, particle_set, points) -> None:
+    """Velocity, position and F of `MaterialPoints` in the order of the particle_set."""
+    d, place = points.dimension, (scene, particle_set.body, particle_set.position)
+    rows = points.owned_rows
+    rows("velocity")[:] = initial_velocity(*place)
+    displacement, given = initial_displacement(*place), initial_deformation_gradient(*place)
+    F = np.tile(np.eye(d), (points.owned, 1, 1))
+    if displacement is not None:
+        rows("position")[:] += displacement
+        F += _displacement_gradient(scene, particle_set, _DIFFERENCE * scene.method.cell)
+    if given is not None:
+        gradient, where = given
+        F[where] = gradient[where]
+    rows("deformation_gradient")[:, : d * d] = F.reshape(-1, d * d)
+    if d == 2 and points.axisymmetric:
+        rows("deformation_gradient")[:, 4] = rows("position")[:, 0] / particle_set.position[:, 0]
+
+
+def _displacement_gradient(scene, particle_set, small: float) -> np.ndarray:
+    """(n, d, d) of the bodies' formulas by central differences over a length [m]."""
+    columns, body, place = [], particle_set.body, particle_set.position
+    for step in small * np.eye(place.shape[1]):
+        ahead, behind = (initial_displacement(scene, body, place + s * step) for s in (1.0, -1.0))
+        columns.append((ahead - behind) / (2.0 * small))
+    return np.stack(columns, axis=2)

@@ -1,0 +1,147 @@
+"""Arrays of a rank's nodes and cells, as the grid kernels take them, kept up with the cells that particles occupy."""
+
+import time as clock
+
+import numpy as np
+
+from parsolid.collective import minimum
+from parsolid.methods.mpm import grid as kernels
+from parsolid.numerics.lanes import aligned_zeros
+from parsolid.numerics.layout import Axisymmetric
+
+# nodes lighter than this share of the lightest particle do not move
+_LEAST_MASS = 1e-9
+
+
+class Nodes:
+    """motion (slots, 8), see `methods.mpm.grid` for the columns; again (slots, 8): the same of momentum that is mapped back.
+
+    heat (slots, 8), see `methods.mpm.heat`; again and heat only where the scene has them.
+    interpolation: `kernels.Interpolation` of the step, to be found anew when particles have been listed anew.
+    places (count, 4) [m]; share (count,): what counts of a node on this rank's side of mirror planes, if no lower rank counts it;
+    partial (cells, width**d, 8): parts of single cells, with bitwise sums, else None.
+    """
+
+    def __init__(self, ranks, points, planes: list, conducts: bool):
+        """ranks: `decomposition.RankGrid`; points: `MaterialPoints`, none on a mirror plane; planes: `FoldedPlane`s. Collective."""
+        lightest = minimum(ranks.comm, float(points.owned_rows("mass").min(initial=np.inf)))
+        self.least_mass, self._no_gravity = _LEAST_MASS * lightest, aligned_zeros((1, 4))
+        self.ranks, self.points, self.planes = ranks, points, planes
+        self.space = Axisymmetric() if points.axisymmetric else points.space
+        self.spacing = float(points.settings.cell)
+        self.twice, self.warm = points.settings.order == "musl", conducts
+        self.scratch = kernels.make_scratch(points.basis, ranks.dimension)
+        self.motion, self.again, self.heat, self.partial = aligned_zeros((0, 8)), None, None, None
+        self.changes, self.communication_seconds = 0, 0.0
+        self._seen, self._sums = None, {}
+
+    @property
+    def cells(self) -> int:
+        """Number of cells."""
+        return len(self.ranks.cells.index)
+
+    @property
+    def count(self) -> int:
+        """Number of nodes."""
+        return len(self.ranks.cells.nodes)
+
+    def follow_cells(self) -> None:
+        """Take over the cells and their particles; cheap when nothing has changed but the particles' order."""
+        cells, points = self.ranks.cells, self.points
+        if self._seen != self.ranks.version:
+            self._rebuild()
+            self._seen = self.ranks.version
+        spacing = self.spacing, 1.0 / self.spacing
+        grid = kernels.Grid(points.origin, *spacing, self._base, cells.start, cells.order, cells.stencil)
+        self.interpolation = kernels.Interpolation(self.space, points.basis, grid, self.scratch, points.places)
+
+    def _rebuild(self) -> None:
+        cells, d = self.ranks.cells, self.ranks.dimension
+        if len(self.motion) < self.count:
+            room = self.count + self.count // 4
+            self.motion = aligned_zeros((room, 8))
+            self.again = aligned_zeros((room, 8)) if self.twice else None
+            self.heat = aligned_zeros((room, 8)) if self.warm else None
+        self._base = aligned_zeros((self.cells, 4))
+        self._base[:, :d] = cells.index
+        self.places = np.zeros((self.count, 4))
+        self.places[:, :d] = self.points.origin[:d] + self.spacing * cells.nodes
+        self._find_folds()
+        self._make_sums()
+        self.changes += 1
+
+    def _find_folds(self) -> None:
+        """Nodes behind and on the mirror planes, and what counts of each node."""
+        self._folds, self.share = [], np.ones(self.count)
+        for plane in self.planes:
+            behind, images, on_plane = self.ranks.cells.mirrored(plane.mirror)
+            ghosts = np.concatenate((behind, on_plane)).astype(np.int32)
+            self._folds.append((ghosts, np.concatenate((images, on_plane)).astype(np.int32), plane.signs))
+            self.share[behind] = 0.0
+            self.share[on_plane] *= 0.5
+        for rank, shared in zip(self.ranks.sharing.neighbours, self.ranks.sharing.shared):
+            if rank < self.ranks.comm.rank:
+                self.share[shared] = 0.0
+
+    def _make_sums(self) -> None:
+        """Sums over ranks by name, of columns of an array."""
+        flat = None
+        if self.ranks.bitwise:
+            self.partial = aligned_zeros((self.cells, self.ranks.cells.stencil.shape[1], 8))
+            flat = self.partial.reshape(-1, 8)
+        wanted = {"motion": (self.motion, 0, 7)}
+        if self.twice:
+            wanted["again"] = (self.again, 0, 4)
+        if self.warm:
+            wanted |= {"capacity": (self.heat, 0, 2), "flow": (self.heat, 4, 5)}
+        self._sums = {name: self.ranks.sum(*columns, tag, flat) for tag, (name, columns) in enumerate(wanted.items())}
+
+    # --- what a step does with them ---------------------------------------------------------------------------------
+
+    def clear(self, nodes: np.ndarray) -> None:
+        """Zeros, before particles give anything to nodes."""
+        nodes[: self.count] = 0.0
+        if self.partial is not None:
+            # cells without particles are not visited
+            self.partial[~self.ranks.cells.occupied] = 0.0
+
+    def sum(self, name: str) -> None:
+        """Add up what all ranks' particles have given: "motion", "again", "capacity" or "flow"."""
+        began = clock.perf_counter()
+        self._sums[name].start()
+        self._sums[name].finish()
+        self.communication_seconds += clock.perf_counter() - began
+
+    def accelerate(self, step: float) -> None:
+        """New velocities after a step [s], and their changes, from the sums of momentum and force."""
+        self._fold(self.motion)
+        kernels.update_nodes(0, self.count, self.motion, step, self._no_gravity, self.least_mass)
+
+    def find_velocities(self) -> None:
+        """Velocities of the momentum that was mapped back."""
+        self._fold(self.again)
+        kernels.find_velocities(0, self.count, self.again, self.least_mass)
+
+    def kinetic_gain(self) -> float:
+        """What the step has added to the nodes' kinetic energy [J], on this rank."""
+        return kernels.kinetic_gain(0, self.count, self.motion, self.share)
+
+    def _fold(self, nodes: np.ndarray) -> None:
+        """Add what the body's images give."""
+        for ghosts, images, signs in self._folds:
+            kernels.fold_mirror(ghosts, images, signs, nodes)
+
+    def spread(self, nodes: np.ndarray) -> None:
+        """Give nodes behind mirror planes the reflected velocities."""
+        for ghosts, images, signs in reversed(self._folds):
+            kernels.spread_mirror(ghosts, images, signs, nodes)
+
+    @property
+    def bytes_sent(self) -> int:
+        """Bytes this rank sends in the sums of a step."""
+        return sum(each.bytes_sent for each in self._sums.values())
+
+    def arrays(self) -> list[np.ndarray]:
+        """Arrays that count as memory."""
+        named = (self.motion, self.again, self.heat, self.partial)
+        return [array for array in named if array is not None]

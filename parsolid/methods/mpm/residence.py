@@ -1,0 +1,55 @@
+"""Where particles are: listed by the cells of the grid, kept by the rank that owns their cell, stored in the order of the cells."""
+
+import time as clock
+
+# steps between looks at the order of storage and the balance of ranks, and the share of breaks that calls for a new order
+_PERIOD, _DISORDER = 16, 0.3
+
+
+class Residence:
+    """Keeps this rank's particles in the cells of its `decomposition.RankGrid`.
+
+    steps: counted, as they time the looks; rebalanced: how often cells were dealt out anew.
+    """
+
+    def __init__(self, grid, points):
+        """points: `MaterialPoints`."""
+        self.grid, self.points, self.settings = grid, points, points.settings
+        self.steps, self.rebalanced, self.communication_seconds = 0, 0, 0.0
+
+    def deal_out(self, partition=None) -> bool:
+        """Give particles to the owners of their cells under a partition, or under a balanced one; collective.
+
+        False where a particle is lost, see `RankGrid.settle`.
+        """
+        self.points.stretch_domains()
+        sound = self.grid.deal_out(self.points, partition)
+        if partition is None:
+            self._sort_storage()
+        return sound
+
+    def settle(self) -> bool:
+        """List particles by cell anew, hand over those that left; now and then re-order storage and balance the ranks."""
+        self.points.stretch_domains()
+        began = clock.perf_counter()
+        sound = self.grid.settle(self.points)
+        self.communication_seconds += clock.perf_counter() - began if self.grid.comm.size > 1 else 0.0
+        self.steps += 1
+        return self._tidy() and sound if self.steps % _PERIOD == 0 else sound
+
+    def _tidy(self) -> bool:
+        """Balance the ranks, or else re-order storage, where it is due."""
+        owned = self.points.owned
+        if self.grid.comm.size > 1 and self.grid.imbalance(owned) > self.settings.rebalance:
+            self.rebalanced += 1
+            return self.deal_out()
+        if self.grid.cells.breaks(owned) > _DISORDER * owned:
+            self._sort_storage()
+        return True
+
+    def _sort_storage(self) -> None:
+        """Bring particles into the order of the cells; in no cell are only those that end the run."""
+        cells, points = self.grid.cells, self.points
+        if cells.start[-1] == points.owned:
+            points.reorder(cells.order[: points.owned].copy())
+            cells.sort(points.bases(), points.owned, points.names() if self.settings.bitwise else None)

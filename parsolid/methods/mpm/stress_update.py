@@ -1,0 +1,148 @@
+"""Deformation, state and stress of the particles after a step: every law's by the update of its kind.
+
+A kind of law is a class with what `HyperelasticUpdate` has, and a line of `_KINDS`; a law of a known kind needs nothing here.
+"""
+
+import numpy as np
+
+from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
+from parsolid.methods.mpm.grid import CauchyStress
+from parsolid.methods.mpm.hyperelastic_update import advance_elastic_stress, elastic_energy
+from parsolid.methods.mpm.plastic_update import (
+    DEVIATOR_ROWS,
+    BulkViscosity,
+    MaterialState,
+    advance_stress,
+    note_plastic_rise,
+)
+from parsolid.particles.declaration import Columns, Field
+from parsolid.scene import initial_temperature
+
+# fields of the container in the order of MaterialState
+_STATE = ("deformation_gradient", "unrotated_deviator", "plastic_strain", "internal_energy", "temperature")
+
+
+class HyperelasticUpdate:
+    """The kind of laws whose stress follows from F alone."""
+
+    def __init__(self, scene, points):
+        self.points = points
+
+    def begin(self, scene, particle_set) -> None:
+        """There is no state but F."""
+
+    def advance(self, block, step: float) -> tuple[bool, float, float, float]:
+        """Sound, largest c + |v| [m/s], plastic and viscous work [J] of one law's particles after a step [s]."""
+        points, storage = self.points, self.points.storage
+        deformation, rate = storage("deformation_gradient"), storage("velocity_gradient")
+        arrays = (deformation, points.motion, rate, storage("stress_and_volume"))
+        sound, fastest = advance_elastic_stress(points.space, block.first, block.last, block.law, step, *arrays)
+        return sound, fastest, 0.0, 0.0
+
+    def stored_energy(self, block) -> float:
+        """W V0 [J] of one law's particles."""
+        points = self.points
+        F = points.storage("deformation_gradient")
+        return elastic_energy(points.space, block.first, block.last, block.law, F, points.motion)
+
+
+class ElasticPlasticUpdate:
+    """The kind of laws with an equation of state, plastic flow and heat."""
+
+    def __init__(self, scene, points):
+        self.points = points
+        viscosity, cell = scene.method.viscosity, float(scene.method.cell)
+        self.viscosity = BulkViscosity(float(viscosity.linear), float(viscosity.quadratic), cell)
+        kept = {"checkpointed": True, "layout": Columns()}
+        points.declare(Field("unrotated_deviator", DEVIATOR_ROWS[points.dimension], "Pa", **kept))
+        for name, unit in (("plastic_strain", "1"), ("internal_energy", "J/m^3"), ("temperature", "K")):
+            points.declare(Field(name, 1, unit, **kept))
+        # planes at a temperature take up the plastic heat of the particles beside them, see `Conduction`
+        if scene.method.conduction and any(boundary.kind == "temperature" for boundary in scene.boundaries):
+            points.declare(Field("plastic_rise", 1, "K", **kept))
+
+    def begin(self, scene, particle_set) -> None:
+        """Temperatures of the bodies' formulas and the internal energy that belongs to them."""
+        points, rows = self.points, self.points.owned_rows
+        laws = [points.laws[number] for number in points.law_of_body]
+        usual = np.array([getattr(law, "reference_temperature", 0.0) for law in laws])
+        rows("temperature")[:] = initial_temperature(scene, particle_set.body, particle_set.position, usual)
+        for block in points.warm_blocks:
+            here = slice(block.first, block.last)
+            rows("internal_energy")[here] = block.law.internal_energy(rows("temperature")[here])
+
+    def advance(self, block, step: float) -> tuple[bool, float, float, float]:
+        """See `HyperelasticUpdate.advance`."""
+        points, storage, here = self.points, self.points.storage, (block.first, block.last)
+        state = MaterialState(*(storage(name) for name in _STATE))
+        rise = points.find("plastic_rise")
+        before = None if rise is None else state.plastic_strain[0].copy()
+        arrays = (points.motion, storage("velocity_gradient"), storage("stress_and_volume"))
+        result = advance_stress(points.space, *here, block.law, step, self.viscosity, state, *arrays)
+        if rise is not None:
+            heating = block.law.taylor_quinney / (block.law.density * block.law.specific_heat)
+            note_plastic_rise(*here, points.space, heating, state, before, rise)
+        return result
+
+    def stored_energy(self, block) -> float:
+        """E V0 [J] of one law's particles."""
+        here = slice(block.first, block.last)
+        return float(self.points["internal_energy"][here] @ self.points.motion[here, 7])
+
+
+# by the class of the law; all others are hyperelastic
+_KINDS = {ElasticPlastic: ElasticPlasticUpdate}
+
+
+class StressUpdate:
+    """The updates of all laws of a scene, on one rank.
+
+    slowness [s/m]: of this rank's fastest particle, 1 / (c + |v|); plastic_work [J]: of all steps; stretch: 1, as steps are not by reference place.
+    """
+
+    stretch = 1.0
+
+    def __init__(self, scene, points):
+        """points: `MaterialPoints`, to which the updates add the fields of their laws."""
+        self.points, self.fastest, self.plastic_work = points, 0.0, 0.0
+        kinds = [_KINDS.get(type(law), HyperelasticUpdate) for law in points.laws]
+        self.updates = {kind: kind(scene, points) for kind in dict.fromkeys(kinds)}
+        self._kind_of_law = dict(zip(points.laws, kinds))
+
+    def _of(self, law):
+        return self.updates[self._kind_of_law[law]]
+
+    def begin(self, scene, particle_set) -> None:
+        """The state of all materials at time 0."""
+        for update in self.updates.values():
+            update.begin(scene, particle_set)
+
+    def advance(self, step: float) -> tuple[bool, dict[str, float]]:
+        """All particles' state and stress after a step [s] with the velocity gradients that they have.
+
+        Returns whether all are sound, and what this rank's laws tell the ledger [J].
+        """
+        sound, self.fastest, plastic, viscous = True, 0.0, 0.0, 0.0
+        for block in self.points.blocks:
+            good, speed, work, friction = self._of(block.law).advance(block, step)
+            sound, self.fastest = sound and good, max(self.fastest, speed)
+            plastic, viscous = plastic + work, viscous + friction
+        self.plastic_work += plastic
+        return sound, {"plastic_work": plastic, "viscous_work": viscous}
+
+    @property
+    def slowness(self) -> float:
+        """See above."""
+        return 1.0 / self.fastest if self.fastest > 0.0 else np.inf
+
+    @property
+    def on_nodes(self) -> CauchyStress:
+        """What the particles give to the nodes' forces."""
+        return CauchyStress(self.points.storage("stress_and_volume"))
+
+    def resume(self) -> None:
+        """The stress is among the fields that were put back."""
+
+    def stored_energy(self) -> float:
+        """Internal energy [J] of this rank's particles."""
+        return sum((self._of(block.law).stored_energy(block) for block in self.points.blocks), 0.0)

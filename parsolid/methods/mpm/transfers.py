@@ -1,0 +1,50 @@
+"""What particles and nodes give to one another in a step, in the two orders that a scene may choose."""
+
+from parsolid.methods.mpm.gather import gather
+from parsolid.methods.mpm.scatter import scatter
+
+
+class UpdateStressLast:
+    """USL: velocity gradients are those of the nodes' new velocities."""
+
+    def __init__(self, points, nodes, conditions):
+        """points: `MaterialPoints`; nodes: `Nodes`; conditions: `GridConditions`."""
+        self.points, self.nodes, self.conditions = points, nodes, conditions
+
+    def particles_to_nodes(self, stress, forces) -> None:
+        """Mass, momentum and force of all ranks' particles; stress: see `scatter`; forces (capacity, 4) [N] of loads, or None."""
+        points, nodes = self.points, self.nodes
+        nodes.clear(nodes.motion)
+        arrays = (forces, nodes.motion, nodes.partial)
+        scatter(nodes.interpolation, points.motion, points.velocity_transfer, stress, *arrays)
+        nodes.sum("motion")
+
+    def nodes_to_particles(self, time: float, step: float) -> None:
+        """Velocities, places and velocity gradients after a step [s] that ends at a time [s]."""
+        self._gather(step, self.points.velocity_transfer, self.points.storage("velocity_gradient"), None)
+
+    def _gather(self, step: float, transfer, rate, remapped) -> None:
+        nodes = self.nodes
+        gather(nodes.interpolation, nodes.motion, self.points.motion, step, transfer, rate, remapped)
+
+
+class ModifiedUpdateStressLast(UpdateStressLast):
+    """MUSL: velocity gradients are those of the particles' new velocities, mapped to the nodes once more."""
+
+    def nodes_to_particles(self, time: float, step: float) -> None:
+        """See `UpdateStressLast`."""
+        self._gather(step, self.points.velocity_transfer, None, None)
+        self._map_back(time)
+        self._gather(step, None, self.points.storage("velocity_gradient"), self.nodes.again)
+
+    def _map_back(self, time: float) -> None:
+        """Nodal velocities of the particles' momentum; what the boundaries do to them is no work."""
+        points, nodes = self.points, self.nodes
+        nodes.clear(nodes.again)
+        scatter(nodes.interpolation, points.motion, points.velocity_transfer, None, None, nodes.again, nodes.partial)
+        nodes.sum("again")
+        nodes.find_velocities()
+        self.conditions.obey(nodes, nodes.again, time)
+
+
+ORDERS = {"usl": UpdateStressLast, "musl": ModifiedUpdateStressLast}

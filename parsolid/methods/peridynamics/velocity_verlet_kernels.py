@@ -1,0 +1,56 @@
+"""Kernels of `velocity_verlet`: velocities and displacements of a rank's particles."""
+
+from numba.extending import register_jitable
+
+from decomposition.compiled import compiled
+
+
+@register_jitable
+def _load(loads, a, i):
+    if loads is None:
+        return 0.0
+    return loads[a, i]
+
+
+@register_jitable
+def _free(clamp, a, i):
+    if clamp is None:
+        return 1.0
+    return clamp[a, i]
+
+
+@compiled
+def kick(dimension, time, velocity, force, mass, share, loads, clamp):
+    """v += time (F/m + load); the work [J] of the loads on this side of mirror planes.
+
+    velocity, force [N] (n, 4); mass (n,) [kg], of whole particles; loads (n, 4) [m/s^2] or None; clamp (n, 4): 0 where held, or None.
+    """
+    work = 0.0
+    for a in range(len(mass)):
+        for i in range(dimension):
+            v, load = velocity[a, i], _load(loads, a, i)
+            new = (v + time * (force[a, i] / mass[a] + load)) * _free(clamp, a, i)
+            work += 0.5 * time * share[a] * mass[a] * load * (v + new)
+            velocity[a, i] = new
+    return work
+
+
+@compiled
+def drift(dimension, step, velocity, reference, displacement, position):
+    """u += step v; x = X + u of the owned particles."""
+    for a in range(len(position)):
+        for i in range(dimension):
+            displacement[a, i] += step * velocity[a, i]
+            position[a, i] = reference[a, i] + displacement[a, i]
+
+
+@compiled
+def kinetic_energy(dimension, velocity, mass, share):
+    """Sum of 1/2 m v^2 [J]."""
+    energy = 0.0
+    for a in range(len(mass)):
+        square = 0.0
+        for i in range(dimension):
+            square += velocity[a, i] * velocity[a, i]
+        energy += 0.5 * mass[a] * share[a] * square
+    return energy

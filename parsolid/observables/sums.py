@@ -1,0 +1,43 @@
+"""Momentum and centre of mass: sums over all particles."""
+
+import numpy as np
+
+from parsolid.observables.declared import Sampler, Watched, quantity
+
+
+@quantity("linear_momentum", "vector")
+class LinearMomentum(Sampler):
+    """sum m v [kg m/s]."""
+
+    def part(self, watched: Watched) -> np.ndarray:
+        """This rank's share."""
+        mass, v = watched.tributary_mass[:, None], watched.rows("velocity")
+        return np.asarray((mass * v).sum(axis=0))
+
+
+@quantity("angular_momentum", "rotation")
+class AngularMomentum(Sampler):
+    """sum m x cross v [kg m^2/s] about the origin: three components, or one in the plane."""
+
+    def part(self, watched: Watched) -> np.ndarray:
+        """This rank's share."""
+        mass, x, v = watched.tributary_mass[:, None], watched.rows("position"), watched.rows("velocity")
+        if watched.dimension == 1:
+            return np.zeros(1)
+        if watched.dimension == 2:
+            return np.array([mass[:, 0] @ (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0])])
+        return np.asarray((mass * np.cross(x, v)).sum(axis=0))
+
+
+@quantity("centre_of_mass", "vector")
+class CentreOfMass(Sampler):
+    """sum m x / sum m [m]."""
+
+    def part(self, watched: Watched) -> np.ndarray:
+        """This rank's first moments [kg m] and mass [kg]."""
+        mass, x = watched.tributary_mass[:, None], watched.rows("position")
+        return np.append((mass * x).sum(axis=0), mass.sum())
+
+    def values(self, joined: np.ndarray) -> np.ndarray:
+        """Moments over mass."""
+        return np.asarray(joined[:-1] / joined[-1])

@@ -1,0 +1,53 @@
+"""The angle by which a particle has turned about an axis."""
+
+from typing import Any
+
+import numpy as np
+
+from parsolid.observables.declared import Sampler, Watched, particle_sampler
+from parsolid.observables.particle_field import Place
+
+
+@particle_sampler("twist", "scalar")
+class Twist(Sampler):
+    """Accumulated angle [rad] about an axis; the particle may turn by less than half a turn between samples.
+
+    The rank that has the particle tells its direction, and every rank keeps the angle, so that the particle may change its rank.
+    """
+
+    def __init__(self, name: str, columns: list[str], place: Place, probe: Any):
+        """probe: the scene's, with its `axis` (Z unless given) and `centre` (the origin unless given)."""
+        super().__init__(name, columns)
+        self.place = place
+        self.axis = "XYZ".index(probe.axis or "Z")
+        self.centre = np.zeros(3) if probe.centre is None else np.asarray(probe.centre, float)
+        self.angle = 0.0
+        self.direction: float | None = None
+
+    def part(self, watched: Watched) -> np.ndarray:
+        """The direction [rad] of the particle from the axis, on its rank."""
+        found = self.place.find(watched)
+        if found is None:
+            return np.zeros(1)
+        system, row = found
+        position = system.particles.owned_rows("position")[row]
+        # a right-handed turn about the axis; in the plane the axis points out of it
+        second, third = ((1, 2), (2, 0), (0, 1))[self.axis]
+        x = position - self.centre[: len(position)]
+        return np.array([np.arctan2(x[third], x[second])])
+
+    def values(self, joined: np.ndarray) -> np.ndarray:
+        """The angle since the first sample."""
+        direction = float(joined[0])
+        if self.direction is not None:
+            self.angle += (direction - self.direction + np.pi) % (2.0 * np.pi) - np.pi
+        self.direction = direction
+        return np.array([self.angle])
+
+    def state(self) -> tuple[float, float | None]:
+        """The angle and the last direction."""
+        return self.angle, self.direction
+
+    def restore(self, state: Any) -> None:
+        """Go on from there."""
+        self.angle, self.direction = state

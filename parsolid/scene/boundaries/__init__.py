@@ -1,0 +1,14 @@
+"""Boundary conditions of a scene: one file a kind; a file in this folder is all that a new kind needs to be found.
+
+What a kind means it declares in verbs of `boundary.declarations`; which kinds a method takes stands in its settings.
+"""
+
+from importlib import import_module
+from pkgutil import iter_modules
+
+from parsolid.scene.boundaries.condition import Boundary, Condition, boundary_kind
+
+for _module in iter_modules(__path__):
+    import_module(f"{__name__}.{_module.name}")
+
+__all__ = ["Boundary", "Condition", "boundary_kind"]

@@ -1,0 +1,92 @@
+"""Motion prescribed over a region: velocity, displacement, a layer of fictitious particles."""
+
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from parsolid.scene.base_model import Plane, Point
+from parsolid.scene.bodies import Name
+from parsolid.scene.boundaries.condition import Condition, boundary_kind
+from parsolid.scene.formulas import Formula, FormulaVector, VectorOrFree
+from parsolid.scene.load_histories import LoadHistory, Timed
+from parsolid.scene.regions import Beside, InBall, InBox, NearestTo, OnPlane, Region
+from parsolid.scene.shapes import Box, Sphere
+
+
+class RegionCondition(Condition):
+    """A condition on a region: a plane, a box, a ball, or the particle nearest to a point."""
+
+    exactly_one: ClassVar = (("plane", "box", "ball", "point"),)
+    plane: Plane | None = None
+    box: Box | None = None
+    ball: Sphere | None = None
+    point: Point | None = None
+    body: Name | None = None
+
+    @property
+    def region(self) -> Region:
+        """The one that is given."""
+        if self.plane is not None:
+            return OnPlane(self.plane)
+        if self.box is not None:
+            return InBox(self.box.lower, self.box.upper)
+        return InBall(self.ball.centre, self.ball.radius) if self.ball is not None else NearestTo(self.point)
+
+
+@boundary_kind
+class PrescribedVelocity(RegionCondition):
+    """Velocity [m/s] prescribed over a region; components that are "free" follow the equation of motion."""
+
+    kind: Literal["velocity"]
+    velocity: VectorOrFree = Field(description="a formula in X, Y, Z, t or 'free' for each component [m/s]")
+
+    def declare(self, to) -> None:
+        """A velocity."""
+        to.prescribe(self, "velocity", LoadHistory(self.velocity))
+
+
+@boundary_kind
+class PrescribedDisplacement(RegionCondition, Timed):
+    """Displacement [m] prescribed over a region; components that are "free" follow the equation of motion."""
+
+    kind: Literal["displacement"]
+    displacement: VectorOrFree = Field(description="a formula in X, Y, Z, t or 'free' for each component [m]")
+
+    @property
+    def course(self) -> LoadHistory:
+        """The displacement in time."""
+        return LoadHistory(self.displacement, self)
+
+    def declare(self, to) -> None:
+        """A displacement."""
+        to.prescribe(self, "displacement", self.course)
+
+
+@boundary_kind
+class FictitiousLayer(Condition, Timed):
+    """A layer of fictitious particles, the part of a body on one side of a plane through it, with prescribed displacement [m].
+
+    As wide as the horizon it holds the rest of the body at the plane (Galadima et al., section 8), with an error of first order.
+    """
+
+    kind: Literal["layer"]
+    plane: Plane = Field(description="a plane such as 'Y = 0' through the body")
+    side: Literal["above", "below"] = Field(description="'above' or 'below': where along the plane's axis the layer is")
+    body: Name | None = None
+    displacement: VectorOrFree | None = Field(
+        None, description="a formula or 'free' for each component [m], zero unless given"
+    )
+
+    @property
+    def region(self) -> Region:
+        """One side of the plane."""
+        return Beside(self.plane, self.side)
+
+    @property
+    def course(self) -> LoadHistory:
+        """The displacement in time."""
+        return LoadHistory(self.displacement or FormulaVector([Formula(0.0)] * 3), self)
+
+    def declare(self, to) -> None:
+        """A displacement."""
+        to.prescribe(self, "displacement", self.course)

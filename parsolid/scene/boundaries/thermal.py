@@ -1,0 +1,41 @@
+"""Planes at a temperature, and heat that flows through planes."""
+
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from parsolid.scene.base_model import Plane
+from parsolid.scene.bodies import Name
+from parsolid.scene.boundaries.condition import Condition, boundary_kind
+from parsolid.scene.formulas import FormulaVector, Scalar
+from parsolid.scene.load_histories import LoadHistory
+
+
+@boundary_kind
+class PrescribedTemperature(Condition):
+    """Temperature [K] on a plane."""
+
+    on_particles: ClassVar[bool] = False
+    kind: Literal["temperature"]
+    plane: Plane = Field(description="a plane such as 'Y = 0'")
+    body: Name | None = None
+    temperature: Scalar = Field(description="a formula in X, Y, Z, t [K]")
+
+    def declare(self, to) -> None:
+        """A plane's temperature."""
+        to.temperature(self, self.temperature)
+
+
+@boundary_kind
+class HeatFlux(Condition):
+    """Heat [W/m^2] that flows into a body through a plane that bounds it; planes without any condition are insulated."""
+
+    on_particles: ClassVar[bool] = False
+    kind: Literal["heat_flux"]
+    plane: Plane = Field(description="a plane such as 'Y = 0' that bounds the body")
+    body: Name | None = None
+    heat_flux: Scalar = Field(description="a formula in X, Y, Z, t [W/m^2]")
+
+    def declare(self, to) -> None:
+        """Heat through an area."""
+        to.heat_flux(self, LoadHistory(FormulaVector((self.heat_flux,))))

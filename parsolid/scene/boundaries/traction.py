@@ -1,0 +1,31 @@
+"""Tractions on planes that bound a body."""
+
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from parsolid.scene.base_model import Plane
+from parsolid.scene.bodies import Name
+from parsolid.scene.boundaries.condition import Condition, boundary_kind
+from parsolid.scene.formulas import Vector
+from parsolid.scene.load_histories import LoadHistory, Timed
+
+
+@boundary_kind
+class Traction(Condition, Timed):
+    """Traction [Pa] per reference area on a plane that bounds the body."""
+
+    needs_bounding_plane: ClassVar[bool] = True
+    kind: Literal["traction"]
+    plane: Plane = Field(description="a plane such as 'Y = 0' that bounds the body")
+    body: Name | None = None
+    traction: Vector = Field(description="a formula in X, Y, Z, t for each component [Pa]")
+
+    @property
+    def course(self) -> LoadHistory:
+        """The traction in time."""
+        return LoadHistory(self.traction, self)
+
+    def declare(self, to) -> None:
+        """A force on an area."""
+        to.traction(self, self.course)

@@ -1,0 +1,30 @@
+"""Loads on all bodies."""
+
+from typing import Literal
+
+from pydantic import ValidationInfo, model_validator
+
+from parsolid.scene.base_model import method_of, reject
+from parsolid.scene.formulas import Scalar, Vector
+from parsolid.scene.load_histories import Timed
+
+
+class Loads(Timed):
+    """Loads on all bodies: a force [N/m^3] per reference volume, an acceleration [m/s^2], heat [W/m^3] per reference volume.
+
+    history and jumps are those of the force and the acceleration.
+    manufactured: also the body force under which the exact solution of the scene's reference holds.
+    """
+
+    body_force: Vector | None = None
+    acceleration: Vector | None = None
+    heat_source: Scalar | None = None
+    manufactured: Literal[True] | None = None
+
+    @model_validator(mode="after")
+    def _known_to_method(self, info: ValidationInfo) -> "Loads":
+        method = method_of(info)
+        stated = self.model_fields_set - Timed.model_fields.keys() if method else ()
+        unknown = [key for key in stated if key not in method.loads]
+        reject(*(((key,), f"one of {', '.join(method.loads)} with this method", key) for key in unknown))
+        return self

@@ -1,0 +1,56 @@
+"""What summary.json says of a run."""
+
+import time as clock
+from collections.abc import Sequence
+from typing import Any
+
+from parsolid.collective import maximum
+from parsolid.methods.protocol import ParticleSystem
+from parsolid.output.summary import peak_memory_bytes
+from parsolid.simulation.loop import Simulation
+
+
+def summary_of(
+    simulation: Simulation, status: str, balance: float | None, output_seconds: float, errors: dict[str, float]
+) -> dict[str, Any]:
+    """The summary; balance: of the last history row [J]; collective, the same on all ranks."""
+    comm, scene, spent, systems = simulation.comm, simulation.scene, simulation.clock, simulation.systems
+    steps, ranks = spent.step - simulation.first_step, comm.size
+    pairs = comm.allreduce(sum(system.directed_pairs for system in systems))
+    evaluated = comm.allreduce(sum(system.evaluations * system.directed_pairs for system in systems)) * steps
+    slowest = maximum(comm, spent.loop_seconds)
+    waited = comm.allreduce(sum(system.communication_seconds for system in systems) + spent.waiting_seconds)
+    return {
+        "scene": scene.title,
+        "method": " and ".join(dict.fromkeys(system.settings.kind for system in systems)),
+        "dimension": scene.dimension,
+        "particles": simulation.particles,
+        "pairs": pairs // 2,
+        "ranks": ranks,
+        "steps": spent.step,
+        "end_time": spent.time,
+        "wall_seconds": clock.perf_counter() - spent.began,
+        "setup_seconds": simulation.setup_seconds,
+        "loop_seconds": slowest,
+        "loop_processor_seconds": comm.allreduce(spent.loop_processor_seconds),
+        "first_step_seconds": maximum(comm, spent.first_step_seconds),
+        "first_step_processor_seconds": comm.allreduce(spent.first_step_processor_seconds),
+        "output_seconds": output_seconds,
+        "particle_steps_per_second_per_rank": simulation.particles * steps / slowest / ranks if steps else None,
+        "nanoseconds_per_pair": slowest * ranks / (evaluated / 2) * 1e9 if evaluated else None,
+        "communication_share": waited / (slowest * ranks) if steps else None,
+        "energy_balance": None if balance is None else simulation.balance.relative(balance, simulation.energy_scale),
+        "peak_memory_bytes_per_rank": maximum(comm, peak_memory_bytes()),
+        **_of_methods(systems),
+        "status": status,
+        "errors": errors,
+    }
+
+
+def _of_methods(systems: Sequence[ParticleSystem]) -> dict[str, Any]:
+    """Entries of the methods, those of a further system of the same method with its number; collective."""
+    result: dict[str, Any] = {}
+    for number, system in enumerate(systems):
+        found = system.summary()
+        result |= {f"{name}_{number}" if name in result else name: value for name, value in found.items()}
+    return result

@@ -1,0 +1,53 @@
+"""The systems of a scene: each body's particles go to the method that has the body."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from parsolid.methods import method_class
+from parsolid.methods.protocol import ParticleSystem
+from parsolid.particles.distribution import distribute, take
+from parsolid.particles.particle_set import ParticleSet
+from parsolid.scene import Scene, generate
+from parsolid.scene.systems import SystemOfScene
+from parsolid.simulation.restart import Restart
+
+
+def build_systems(comm: Any, scene: Scene, restart: Restart | None) -> tuple[list[ParticleSystem], list[ParticleSet]]:
+    """Systems in their state at time 0, or in that of a restart, and the sorted particles of each; collective.
+
+    Raises SceneError or SolverError on all ranks when the scene cannot be set up.
+    """
+    plans = scene.systems
+    drawn = restart.particle_sets if restart else _generated(comm, scene, plans)
+    systems, particle_sets, orders = [], [], []
+    for plan, particle_set in zip(plans, drawn):
+        kind, part = method_class(plan.settings.kind), scene.part(plan)
+        order = np.arange(len(particle_set))
+        if not (restart and restart.same_ranks):
+            order = kind.sort(comm, part, particle_set)
+        particle_sets.append(take(particle_set, order))
+        orders.append(order)
+        system = kind(comm, part, particle_sets[-1])
+        system.bodies = plan.bodies
+        systems.append(system)
+        if not restart:
+            system.begin(part, particle_sets[-1])
+    if restart:
+        restart.apply_state(systems, orders)
+    return systems, particle_sets
+
+
+def _generated(comm: Any, scene: Scene, plans: tuple[SystemOfScene, ...]) -> list[ParticleSet]:
+    """This rank's particles of each system, whose bodies are numbered anew from 0; collective."""
+    whole = generate(scene, comm)
+    if len(plans) == 1:
+        return [distribute(comm, whole)]
+    pieces = []
+    for plan in plans:
+        piece = take(whole, np.flatnonzero(np.isin(whole.body, plan.bodies)))
+        number = np.zeros(len(scene.bodies), whole.body.dtype)
+        number[list(plan.bodies)] = np.arange(len(plan.bodies))
+        pieces.append(distribute(comm, dataclasses.replace(piece, body=number[piece.body])))
+    return pieces

@@ -1,0 +1,74 @@
+"""How long a step is: at most the stable one, ending exactly where a run must land, of length 0 where loads jump."""
+
+from bisect import bisect_right
+from collections.abc import Iterable, Sequence
+from typing import TypeVar
+
+import numpy as np
+
+from parsolid.methods.protocol import ParticleSystem
+from parsolid.scene import Scene
+
+# landing on a time may stretch or halve steps but never makes a sliver
+SLIVER = 1e-9
+
+Self = TypeVar("Self", bound="TimeSteps")
+
+
+class TimeSteps:
+    """Chooses steps from the stable ones.
+
+    landings, jumps: times [s] at which a step must end, at which a step of length 0 is due; end: the scene's [s]; even: whether
+    steps between two landings have one length; longest, floor: the largest step, and the stable step that ends a run [s].
+    """
+
+    def __init__(
+        self,
+        landings: Iterable[float],
+        jumps: Iterable[float],
+        end: float,
+        even: bool = False,
+        longest: float = np.inf,
+        floor: float = 0.0,
+    ):
+        self.jumps = frozenset(jumps)
+        self.landings = sorted({*landings, *self.jumps, end})
+        self.end, self.even, self.longest, self.floor = end, even, longest, floor
+        # the time of the jump that the last step of length 0 was for
+        self.jumped: float | None = None
+
+    @classmethod
+    def of(cls: type[Self], scene: Scene, systems: Sequence[ParticleSystem]) -> Self:
+        """Landing on the times of field output and of comparisons, and on those of every system."""
+        landings = {*scene.fields_times, *scene.reference_times, *(t for system in systems for t in system.landings)}
+        jumps = {time for system in systems for time in system.jumps}
+        settings = [system.settings for system in systems]
+        longest = min((one.maximum_step for one in settings if one.maximum_step is not None), default=np.inf)
+        floor = max((one.minimum_step for one in settings if one.minimum_step is not None), default=None)
+        even = any(system.even_steps for system in systems)
+        return cls(landings, jumps, scene.end_time, even, longest, 1e-12 * scene.end_time if floor is None else floor)
+
+    def next(self, time: float, stable: float) -> tuple[float, float]:
+        """(step, time it leads to) [s] after a time, from the stable step of the state."""
+        if time in self.jumps and self.jumped != time:
+            self.jumped = time
+            return 0.0, time
+        return self.clip(time, min(stable, self.longest))
+
+    def clip(self, time: float, stable: float) -> tuple[float, float]:
+        """(step, time it leads to) [s]: at most the stable step, landing exactly on the next landing."""
+        target = self._next_landing(time)
+        remaining = target - time
+        if remaining <= stable * (1.0 + SLIVER):
+            return remaining, target
+        if self.even:
+            step = float(remaining / np.ceil(remaining / stable / (1.0 + SLIVER)))
+        elif remaining < 2.0 * stable:
+            step = 0.5 * remaining
+        else:
+            step = stable
+        return step, time + step
+
+    def _next_landing(self, time: float) -> float:
+        later = bisect_right(self.landings, time)
+        return min(self.landings[later], self.end) if later < len(self.landings) else self.end

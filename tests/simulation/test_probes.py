@@ -1,0 +1,141 @@
+"""Probes follow their particles from rank to rank, and a new one is a new file."""
+
+import sys
+
+import numpy as np
+import pytest
+from solids import Record, follow, punch, simulation
+
+from parsolid import observables
+from parsolid.observables import declared
+from parsolid.scene import SceneError, parse_scene
+from parsolid.simulation.observables import Observables
+from parsolid.simulation.probes import Probes
+
+SPEED = 200.0
+
+
+def spinning() -> dict:
+    """A square of soft material points that turns on the spot, with bits that do not depend on the ranks."""
+    material = {"kind": "neo-hookean", "density": 1000.0, "youngs_modulus": 1e7, "poissons_ratio": 0.3}
+    box = {"lower": [-0.2, -0.2], "upper": [0.2, 0.2]}
+    body = {"shape": {"box": box}, "spacing": [0.05], "placement": "cells", "material": material}
+    return {
+        "dimension": 2,
+        "end_time": 1.0,
+        "method": {"kind": "mpm", "cell": 0.1, "bitwise": True},
+        "bodies": [body | {"velocity": [f"-{SPEED}*Y", f"{SPEED}*X"]}],
+        "probes": [{"name": "corner", "at": [0.2, 0.2], "fields": ["position", "twist"]}],
+    }
+
+
+def sampled(data: dict, comm, steps: int, every: int = 5):
+    """Columns of a run's probes every few steps, the probes, and the simulation."""
+    sim, rows = simulation(data, comm), []
+    probes = Probes(comm, sim.scene, Observables(sim.systems))
+
+    def sample(sim) -> dict:
+        if sim.clock.step % every == 0:
+            rows.append(dict(zip(probes.columns, probes.sample())) | {"owner": owner(probes, comm)})
+        return {}
+
+    follow(sim, Record(sample), steps)
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}, probes, sim
+
+
+def owner(probes: Probes, comm) -> int:
+    """The rank that has the particle of the first probe, 0 for a probe of all."""
+    place = getattr(probes.samplers[0], "place", None)
+    here = place is not None and place.find(probes.observables) is not None
+    return comm.allreduce(comm.rank * here)
+
+
+def test_a_twist_follows_its_particle_from_rank_to_rank(comm):
+    many, probes, _ = sampled(spinning(), comm, 300)
+    one, *_ = sampled(spinning(), comm.Split(comm.rank), 300)
+    assert len(set(many.pop("owner"))) > 1 or comm.size == 1
+    for name, values in many.items():
+        np.testing.assert_array_equal(values, one[name], err_msg=name)
+    # the corner has turned more than once, always the same way, as its positions say
+    assert one["corner.twist"][-1] > 2.0 * np.pi and np.all(np.diff(one["corner.twist"]) > 0.0)
+    angle = np.unwrap(np.arctan2(one["corner.position_y"], one["corner.position_x"]))
+    np.testing.assert_allclose(one["corner.twist"], angle - angle[0], atol=1e-12)
+    # what a restart takes is the same on all ranks
+    states = comm.allgather(probes.state())
+    assert states == [states[0]] * comm.size and states[0]["corner"][0] == one["corner.twist"][-1]
+
+
+def test_a_weighted_probe_follows_its_particles(comm):
+    data = spinning() | {"probes": [{"name": "turn", "weight": "1 + 5*X", "fields": ["velocity", "pressure"]}]}
+    (many, _, sim), (one, *_) = sampled(data, comm, 100), sampled(data, comm.Split(comm.rank), 100)
+    assert sim.systems[0].summary()["migrated_particles"] > 0 or comm.size == 1
+    for name, values in one.items():
+        scale = SPEED if "velocity" in name else np.abs(values).max()
+        np.testing.assert_allclose(many[name], values, rtol=0.0, atol=1e-11 * scale, err_msg=name)
+
+
+def test_a_twist_is_restored(comm):
+    _, probes, sim = sampled(spinning(), comm, 10)
+    again = Probes(comm, sim.scene, Observables(sim.systems))
+    again.restore(probes.state())
+    before = dict(zip(probes.columns, probes.sample()))
+    assert dict(zip(again.columns, again.sample())) == before and before["corner.twist"] > 0.0
+
+
+NEW_QUANTITY = """
+import numpy as np
+from parsolid.observables.declared import Sampler, quantity
+
+@quantity("farthest_particle", "scalar")
+class FarthestParticle(Sampler):
+    reduction = "maximum"
+
+    def part(self, watched):
+        return np.array([np.linalg.norm(watched.rows("position"), axis=1).max(initial=0.0)])
+"""
+NEW_FIELD = """
+from parsolid.observables.declared import field
+
+@field("scalar")
+def kinetic_energy_density(rows):
+    return 0.5 * rows("density") * (rows("velocity") ** 2).sum(axis=1)
+"""
+
+
+@pytest.fixture
+def more_files(comm, shared_path, monkeypatch):
+    """Two further files in the folder of the observables, and nothing else."""
+    if comm.rank == 0:
+        (shared_path / "farthest.py").write_text(NEW_QUANTITY)
+        (shared_path / "energy_density.py").write_text(NEW_FIELD)
+    comm.Barrier()
+    for registry in (declared.QUANTITIES, declared.FIELDS):
+        for name in ("farthest_particle", "kinetic_energy_density"):
+            monkeypatch.delitem(registry, name, raising=False)
+    kept = dict(declared.QUANTITIES), dict(declared.FIELDS)
+    monkeypatch.setattr(observables, "__path__", [*observables.__path__, str(shared_path)])
+    observables.load()
+    yield
+    for registry, before in zip((declared.QUANTITIES, declared.FIELDS), kept):
+        registry.clear()
+        registry.update(before)
+    for module in ("farthest", "energy_density"):
+        sys.modules.pop(f"parsolid.observables.{module}")
+
+
+def test_a_new_probe_or_field_is_one_file(comm, more_files):
+    probes = [
+        {"name": "all", "quantity": "farthest_particle"},
+        {"name": "corner", "at": [0.2, 0.2], "fields": ["kinetic_energy_density"]},
+    ]
+    columns, _, sim = sampled(spinning() | {"probes": probes}, comm, 5)
+    reach = np.hypot(0.175, 0.175)
+    assert columns["all.farthest_particle"][0] == pytest.approx(reach, rel=1e-12)
+    expected = 0.5 * 1000.0 * (SPEED * reach) ** 2
+    assert columns["corner.kinetic_energy_density"][0] == pytest.approx(expected, rel=1e-12)
+    assert Observables(sim.systems).field("kinetic_energy_density").shape == (sim.systems[0].owned,)
+
+
+def test_without_the_file_the_name_is_refused():
+    with pytest.raises(SceneError, match="probes.0.quantity: expected one of .*'maximum_speed'"):
+        parse_scene(punch() | {"probes": [{"name": "all", "quantity": "farthest_particle"}]})

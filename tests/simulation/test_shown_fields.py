@@ -1,0 +1,69 @@
+"""A field that is declared as shown is written, told by `check` and can be probed, with nothing said elsewhere."""
+
+import h5py
+import numpy as np
+import pytest
+from solids import simulation, tables
+
+from parsolid.commands.report import print_report
+from parsolid.methods.tlsph import system as tlsph
+from parsolid.particles.fields import Field
+from parsolid.simulation.observables import Observables
+from parsolid.simulation.output_files import OutputFiles
+
+USUAL = ["displacement", "velocity", "pressure", "von_mises_stress", "jacobian"]
+
+
+def written(comm, sim, folder) -> dict[str, np.ndarray]:
+    """Names and values of the fields that a run writes at its start, on all ranks."""
+    OutputFiles(comm, sim.scene, folder).write_fields(Observables(sim.systems), 0.0)
+    found = None
+    if comm.rank == 0:
+        with h5py.File(folder / "fields.vtkhdf") as file:
+            found = {name: values[()] for name, values in file["VTKHDF/PointData"].items()}
+    return comm.bcast(found)
+
+
+@pytest.fixture
+def marked(monkeypatch):
+    """The method with one more declared field."""
+    declare = tlsph.TotalLagrangianSPH._declare
+
+    def more(self, particle_set):
+        declare(self, particle_set)
+        self.table.add(Field("mark", 1, "kg", shown=True), 2.0 * np.arange(self.owned) + 1.0)
+
+    monkeypatch.setattr(tlsph.TotalLagrangianSPH, "_declare", more)
+
+
+def test_a_shown_field_takes_no_more_than_its_declaration(comm, shared_path, marked, capsys):
+    sim = simulation(tables((5, 4)), comm)
+    found = written(comm, sim, shared_path)
+    assert set(found) == {*USUAL, "mark", "body", "volume"}
+    # rows are by identifier
+    marks = {}
+    for names in comm.allgather(sim.systems[0].particles.owned_rows("identifier").tolist()):
+        marks |= {name: 2.0 * row + 1.0 for row, name in enumerate(names)}
+    assert found["mark"][:20].tolist() == [marks[name] for name in range(20)]
+    print_report(comm, sim)
+    told = capsys.readouterr().out
+    if comm.rank == 0:
+        assert any(line.split() == ["mark", "1", "kg", "8", "shown"] for line in told.splitlines())
+
+
+MORE = {"peridynamics": {"damage": {"critical_stretch": 0.1}}, "mpm": {"cell": 0.5}}
+
+
+@pytest.mark.parametrize(
+    "method, first", [("tlsph", []), ("peridynamics", []), ("peridynamics", ["damage"]), ("mpm", [])]
+)
+def test_what_is_written_unless_the_scene_chooses(comm, method, first):
+    settings = {"kind": method} | (MORE[method] if first or method == "mpm" else {})
+    data = tables((6, 6), method=settings, body={"placement": "cells"})
+    data["bodies"][0]["material"] = {
+        "kind": "neo-hookean",
+        "density": 1.0,
+        "youngs_modulus": 3.0,
+        "poissons_ratio": 0.3,
+    }
+    assert Observables(simulation(data, comm).systems).usual_fields() == [*first, *USUAL]

@@ -1,0 +1,241 @@
+"""Two systems in one simulation: each is what it is alone, energies add, the step is the least, a restart has the same bits."""
+
+import h5py
+import numpy as np
+import pytest
+from solids import Record, StableSteps, follow
+from systems import BONDS, SPH, STIFF, plate, raw, two_systems
+
+from parsolid.collective import SolverError, minimum
+from parsolid.commands.report import print_report
+from parsolid.output.checkpoint import read_checkpoint
+from parsolid.output.history import read_history
+from parsolid.scene import parse_scene
+from parsolid.simulation.loop import Limits, Simulation, StopRequest
+from parsolid.simulation.observables import Observables
+from parsolid.simulation.output_files import OutputFiles
+from parsolid.simulation.probes import Probes
+from parsolid.simulation.recorder import Recorder
+from parsolid.simulation.restart import Restart
+
+LEFT, RIGHT = plate("left", 0.0), plate("right", 5.0, STIFF)
+# one step for all runs
+SHORT = {"maximum_step": 2e-5}
+METHODS = {"tlsph": SPH | SHORT, "peridynamics": BONDS | SHORT}
+
+
+def pair(second: str) -> dict:
+    """Raw tables of both plates; the second body is for another system."""
+    return raw(LEFT, RIGHT, method=METHODS["tlsph"])
+
+
+def both(second: str, comm, restart=None) -> Simulation:
+    return Simulation(comm, two_systems(pair(second), METHODS[second]), restart)
+
+
+def alone(body: dict, kind: str, comm) -> Simulation:
+    return Simulation(comm, parse_scene(raw(body, method=METHODS[kind])))
+
+
+def state(system) -> dict[str, np.ndarray]:
+    return {name: np.array(rows) for name, rows in system.particles.checkpointed().items()}
+
+
+@pytest.fixture(params=METHODS)
+def second(request):
+    """The method of the second body."""
+    return request.param
+
+
+def test_each_system_is_what_it_is_alone_and_energies_add_exactly(comm, second):
+    comm = comm.Split(comm.rank)
+    sims = [both(second, comm), alone(LEFT, "tlsph", comm), alone(RIGHT, second, comm)]
+    together, *single = (follow(sim, Record(lambda s: {"own": s.energies()}), 20) for sim in sims)
+    assert sims[0].particles == 128 and [system.bodies for system in sims[0].systems] == [(0,), (1,)]
+    for index, sim in enumerate(sims[1:]):
+        wanted = state(sim.systems[0])
+        found = state(sims[0].systems[index])
+        shift = found.pop("identifier") - wanted.pop("identifier")
+        assert np.all(shift == 64 * index) and list(found) == list(wanted)
+        assert all(found[name].tobytes() == wanted[name].tobytes() for name in wanted)
+    assert np.array_equal(together["time"], single[0]["time"])
+    assert np.array_equal(together["own"], single[0]["own"] + single[1]["own"])
+    assert np.abs(together["stored"]).max() > 0.01 * together["kinetic"][0]
+
+
+def test_the_ledger_is_the_sum_of_those_of_the_systems_alone(comm, second):
+    sims = [both(second, comm), alone(LEFT, "tlsph", comm), alone(RIGHT, second, comm)]
+    together, *single = (follow(sim, Record(), 20) for sim in sims)
+    for name, found in together.items():
+        # a method's own terms are only in its ledger
+        parts = [columns[name] for columns in single if name in columns]
+        wanted = sum(parts) if name != "time" else parts[0]
+        np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-12 * np.abs(together["kinetic"]).max())
+
+
+def test_the_step_is_the_least_of_all_systems(comm):
+    sim = Simulation(comm, two_systems(raw(LEFT, RIGHT), BONDS))
+    least = [minimum(comm, system.stable_step()) for system in sim.systems]
+    assert abs(least[0] / least[1] - 1.0) > 0.1
+    times = follow(sim, Record(), 3)["time"]
+    assert times[1] == min(least)
+    limited = Simulation(comm, two_systems(raw(LEFT, RIGHT), BONDS | {"maximum_step": 1e-6}))
+    assert follow(limited, Record(), 2)["time"].tolist() == [0.0, 1e-6, 2e-6]
+
+
+def test_a_jump_of_one_system_is_a_step_of_length_zero_for_all(comm):
+    pulled = [{"plane": "X = 5", "kind": "fixed"}, {"plane": "X = 6", "kind": "traction", "traction": ["1e4", "0"]}]
+    statics = {"kind": "peridynamics", "solution": {"kind": "quasi-static", "step": 1e-5}}
+    data = raw(LEFT, plate("right", 5.0, placement="cells") | {"velocity": [0.0, 0.0]})
+    scene = two_systems(data, statics)
+    pull = parse_scene(raw(data["bodies"][1], method=statics) | {"boundaries": pulled}).boundaries
+    named = [boundary.model_copy(update={"body": "right"}) for boundary in pull]
+    scene = type(scene).model_construct(**(dict(scene) | {"boundaries": [*scene.boundaries, *named]}))
+    sim = Simulation(comm, scene)
+    before = state(sim.systems[0])
+    columns = follow(sim, Record(), 1)
+    assert columns["time"].tolist() == [0.0, 0.0] and sim.systems[1].jumps == (0.0,)
+    # the other system has not moved, the one that is pulled has
+    for name, values in state(sim.systems[0]).items():
+        np.testing.assert_allclose(values, before[name], rtol=1e-13, atol=1e-13)
+    stretched = comm.allreduce(np.abs(sim.systems[1].particles.owned_rows("displacement")).sum())
+    assert stretched > 1e-4
+    times = follow(Simulation(comm, scene), Record(), 3)["time"]
+    assert times[1] == 0.0 and 0.0 < times[2] < times[3]
+
+
+class Push:
+    """An impulse from one system to another, as a contact would give it."""
+
+    def __init__(self, sim, impulse: float):
+        self.pair, self.impulse, self.asked = sim.systems, impulse, []
+
+    def act(self, time: float, step: float, ledger) -> None:
+        self.asked.append((time, step))
+        for sign, system in zip((1.0, -1.0), self.pair):
+            system.particles.owned_rows("velocity")[:, 0] += sign * self.impulse / 64 / system.mass[: system.owned]
+
+
+def test_interactions_are_asked_before_the_systems_advance(comm):
+    bodies = [
+        plate(name, x, placement="cells") | {"velocity": [0.0, 0.0]} for name, x in (("left", 0.0), ("right", 5.0))
+    ]
+    data = raw(*bodies, method=METHODS["tlsph"]) | {"boundaries": []}
+    sim = Simulation(comm, two_systems(data, METHODS["peridynamics"]))
+    push = Push(sim, 2.0)
+    sim.interactions.append(push)
+    times = follow(sim, Record(), 4)["time"]
+    assert push.asked == [(time, SHORT["maximum_step"]) for time in times[:-1]]
+    momenta = [
+        comm.allreduce((s.mass[: s.owned] * s.particles.owned_rows("velocity")[:, 0]).sum()) for s in sim.systems
+    ]
+    np.testing.assert_allclose(momenta, [8.0, -8.0], rtol=1e-9)
+
+
+PROBES = [
+    {"name": "right", "at": [6.0, 1.0], "fields": ["displacement", "pressure"]},
+    {"name": "all", "quantity": "centre_of_mass"},
+    {"name": "mode", "weight": "X", "fields": ["velocity"]},
+    {"name": "fastest", "quantity": "maximum_speed"},
+]
+
+
+def test_probes_see_all_systems(comm, second):
+    data = raw(LEFT, RIGHT, method=METHODS["tlsph"], probes=PROBES)
+    split, whole = two_systems(data, METHODS[second]), parse_scene(data)
+    values = []
+    for scene in (split, whole):
+        sim = Simulation(comm, scene)
+        probes = Probes(comm, scene, Observables(sim.systems))
+        values.append(dict(zip(probes.columns, probes.sample())))
+    assert list(values[0]) == list(values[1]) and values[0]["all.centre_of_mass_x"] > 3.0
+    assert all(values[0][name] == pytest.approx(value, rel=1e-12) for name, value in values[1].items())
+
+
+def run(comm, scene, folder, steps=None, restart=None) -> Simulation:
+    """A run with all its files."""
+    sim = Simulation(comm, scene, restart)
+    recorder = Recorder(sim, OutputFiles(comm, scene, folder, restart), None)
+    recorder.files.open_history(recorder.columns)
+    if restart:
+        recorder.resume(restart.header)
+    sim.run(recorder, Limits(steps), StopRequest())
+    recorder.finish()
+    sim.told = recorder.summary("finished")
+    return sim
+
+
+def test_a_restart_goes_on_with_the_same_bits(comm, second, shared_path):
+    output = {"history_steps": 1, "fields_times": [1e-4]}
+    data = pair(second) | {"probes": PROBES, "output": output, "end_time": 2e-4}
+    scene = two_systems(data, METHODS[second])
+    whole = run(comm, scene, shared_path / "whole")
+    run(comm, scene, shared_path / "pieces", steps=4)
+    file = shared_path / "pieces" / "checkpoint.h5"
+    again = run(comm, scene, shared_path / "pieces", restart=Restart(comm, file))
+    for found, wanted in zip(again.systems, whole.systems):
+        assert all(rows.tobytes() == state(wanted)[name].tobytes() for name, rows in state(found).items())
+    assert again.clock.step == whole.clock.step == 10
+    header, systems, _ = read_checkpoint(comm, file)
+    assert {"method_state", "method_state_1"} < set(header) and len(systems) == 2
+    assert [comm.allreduce(len(fields["identifier"])) for fields in systems] == [64, 64]
+    assert again.told["pairs"] == sum(comm.allreduce(s.directed_pairs) for s in whole.systems) // 2
+    assert again.told["method"] == ("tlsph" if second == "tlsph" else "tlsph and peridynamics")
+    if comm.rank == 0:
+        histories = [read_history(shared_path / name / "history.csv") for name in ("whole", "pieces")]
+        assert histories[0] == histories[1] and len(histories[0]["step"]) == 11
+        with h5py.File(shared_path / "whole" / "fields.vtkhdf") as fields:
+            points = fields["VTKHDF/PointData"]
+            # times 1e-4 and the end
+            assert len(points["pressure"]) == 2 * 128 and np.isfinite(points["pressure"][()]).all()
+            assert points["body"][()].tolist() == [0] * 64 + [1] * 64
+    with pytest.raises(SolverError, match="method: expected as many as in the checkpoint, 2, found 1"):
+        Simulation(comm, parse_scene(data), Restart(comm, file))
+
+
+def test_on_other_ranks_a_restart_deals_the_particles_out_anew(comm, second, shared_path):
+    single = comm.Split(comm.rank)
+    data = pair(second) | {"output": {"fields_times": []}, "end_time": 2e-4}
+    scene = two_systems(data, METHODS[second])
+    if comm.rank == 0:
+        run(single, scene, shared_path / "one", steps=4)
+    comm.Barrier()
+    sim = Simulation(comm, scene, Restart(comm, shared_path / "one" / "checkpoint.h5"))
+    assert sim.clock.step == 4 and sim.particles == 128
+    steps = follow(sim, Record(), 3)
+    whole = follow(Simulation(single, scene), Record(), 7)
+    for name in ("kinetic", "stored", "balance"):
+        atol = 1e-12 * whole["kinetic"][0]
+        np.testing.assert_allclose(steps[name], whole[name][4:], rtol=1e-10, atol=atol, err_msg=name)
+
+
+def test_a_field_that_one_method_lacks_is_not_a_number_there(comm):
+    data = raw(LEFT, RIGHT, method=METHODS["tlsph"])
+    sim = Simulation(comm, two_systems(data, METHODS["peridynamics"] | {"damage": {"critical_stretch": 0.5}}))
+    observables = Observables(sim.systems)
+    assert observables.usual_fields()[:2] == ["damage", "displacement"]
+    damage, owned = observables.field("damage"), sim.systems[0].owned
+    assert np.isnan(damage[:owned]).all() and not damage[owned:].any() and len(damage) == len(observables.body)
+    with pytest.raises(KeyError):
+        observables.field("temperature")
+
+
+def test_check_tells_of_all_systems(comm, capsys):
+    data = raw(LEFT, RIGHT, method=METHODS["tlsph"])
+    sim = Simulation(comm, two_systems(data, METHODS["peridynamics"]))
+    sim.time_steps = StableSteps.of(sim.scene, sim.systems)
+    print_report(comm, sim)
+    told = capsys.readouterr().out
+    if comm.rank == 0:
+        assert "scene: tlsph, 2-D" in told and "scene: peridynamics, 2-D" in told
+        assert f"{'particles':<28} {128:>14,}" in told
+
+
+def test_a_failure_names_the_particle_of_its_system(comm):
+    sim = Simulation(comm, two_systems(raw(LEFT, RIGHT), BONDS))
+    system = sim.systems[1]
+    system.particles.owned_rows("velocity")[system.particles.owned_rows("identifier") == 100] = np.nan
+    with pytest.raises(RuntimeError, match=r"particle +(6[4-9]|[7-9]\d|1[0-2]\d) on rank") as error:
+        follow(sim, Record(), 3)
+    assert "method.solution.safety" in str(error.value)
+    assert comm.allgather(str(error.value)) == [str(error.value)] * comm.size
