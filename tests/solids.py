@@ -119,6 +119,12 @@ def run_to_end(data: dict, comm=MPI.COMM_SELF, more=None) -> tuple[Simulation, d
     return sim, follow(sim, Record(more), policy=StepsToEnd)
 
 
+def evolved(particles) -> list[str]:
+    """Names of the fields that a step of total-Lagrangian SPH changes."""
+    names = ("velocity", "position", "deformation_gradient", "cofactor", "jacobian", "viscous_strain_inverse")
+    return [name for name in particles.fields if name.startswith(names)]
+
+
 def gathered(sim, *names: str) -> list[np.ndarray]:
     """Fields of all particles of all ranks in the order of their identifiers, the same on every rank; small bodies only."""
     table = sim.method.particles

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from solids import ONE_BRANCH, SOFT, column, evaluate, punch, run_to_end, simulation, supports, tables
+from solids import ONE_BRANCH, SOFT, column, evaluate, evolved, punch, run_to_end, simulation, supports, tables
 
 NUMBERS = (12, 24, 48, 96)
 
@@ -23,8 +23,7 @@ def after(branches, end: float, number: int) -> np.ndarray:
     for _ in range(number):
         sim.take_step(end / number)
     table = sim.method.particles
-    evolved = [name for name, field in table.fields.items() if field.evolved]
-    return {name: np.array(table.owned_rows(name)) for name in evolved}
+    return {name: np.array(table.owned_rows(name)) for name in evolved(table)}
 
 
 def orders(branches, end: float) -> dict[str, float]:
