@@ -19,32 +19,37 @@ def checkpoint_bytes(sim) -> int:
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_no_array_and_no_byte_on_the_wire_or_in_the_checkpoint(dimension, comm):
     without, one = built(dimension, comm), built(dimension, comm, branches=ONE_BRANCH)
-    assert without.systems[0].body.branches is None and without.systems[0].shear is None
-    assert not any("viscous" in name for name in without.systems[0].particles.fields)
-    assert [name for name in one.systems[0].particles.fields if name not in without.systems[0].particles.fields] == [
-        "viscous_strain_inverse_1"
-    ]
+    assert without.systems[0].pairs.terms.shear is None
+    mine, theirs = one.systems[0].particles, without.systems[0].particles
+    assert not any("viscous" in name for name in theirs.fields)
+    assert [name for name in mine.fields if name not in theirs.fields] == ["branches", "viscous_strain_inverse_1"]
     tensor = {2: 3, 3: 6}[dimension]
     assert checkpoint_bytes(one) - checkpoint_bytes(without) == 8 * tensor * one.systems[0].owned
     # the shear wave tensor goes with the branches; the motion is the same
     padded = {2: 4, 3: 8}[dimension]
-    assert one.systems[0].record.shape[1] - without.systems[0].record.shape[1] == padded
-    assert one.systems[0].motion_exchange.bytes_sent == without.systems[0].motion_exchange.bytes_sent
-    sent = sum(len(rows) for rows in one.systems[0].neighbour_lists.halo.send_lists)
-    assert (
-        one.systems[0].record_exchange.bytes_sent - without.systems[0].record_exchange.bytes_sent == 8 * padded * sent
-    )
+    assert mine.storage("record").shape[1] - theirs.storage("record").shape[1] == padded
+    assert mine.bytes_sent("motion") == theirs.bytes_sent("motion")
+    sent = sum(len(rows) for rows in one.systems[0].pairs.halo.send_lists)
+    assert mine.bytes_sent("record") - theirs.bytes_sent("record") == 8 * padded * sent
     assert sent > 0 or comm.size == 1
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_the_step_sends_motion_and_record_only(dimension, comm):
     sim = built(dimension, comm)
-    sent = sum(len(rows) for rows in sim.systems[0].neighbour_lists.halo.send_lists)
-    assert sim.systems[0].motion_exchange.bytes_sent == 8 * 2 * dimension * sent
-    assert sim.systems[0].record_exchange.bytes_sent == 8 * sim.systems[0].record.shape[1] * sent
-    exchanged = [name for name, field in sim.systems[0].particles.fields.items() if field.exchanged]
-    assert sorted(exchanged) == ["position", "velocity"]
+    sent = sum(len(rows) for rows in sim.systems[0].pairs.halo.send_lists)
+    particles = sim.systems[0].particles
+    assert particles.bytes_sent("motion") == 8 * 2 * dimension * sent
+    assert particles.bytes_sent("record") == 8 * particles.storage("record").shape[1] * sent
+    exchanged = {name: field.message for name, field in particles.fields.items() if field.ghosts is not None}
+    # the places are sent once, when the pairs are found
+    assert exchanged == {
+        "told": "record",
+        "velocity": "motion",
+        "position": "motion",
+        "reference_position": "reference",
+    }
+    assert sim.systems[0].bytes_a_step() == 3 * (particles.bytes_sent("motion") + particles.bytes_sent("record"))
 
 
 @pytest.mark.parametrize("scene", [punch, lambda **keys: column((4, 5, 4))], ids=["2", "3"])

@@ -22,7 +22,8 @@ def after(branches, end: float, number: int) -> np.ndarray:
     sim = simulation(smooth(branches))
     for _ in range(number):
         sim.take_step(end / number)
-    return {name: np.array(sim.systems[0].particles.owned_rows(name)) for name in evolved(sim)}
+    table = sim.systems[0].particles
+    return {name: np.array(table.owned_rows(name)) for name in evolved(table)}
 
 
 def orders(branches, end: float) -> dict[str, float]:
