@@ -122,9 +122,9 @@ def run_to_end(data: dict, comm=MPI.COMM_SELF, more=None) -> tuple[Simulation, d
 CONSTANT = ("identifier", "body", "reference_position", "volume", "spacing", "axes", "area")
 
 
-def evolved(sim) -> list[str]:
+def evolved(particles) -> list[str]:
     """Names of the fields that steps change and a restart needs."""
-    return [name for name in sim.systems[0].particles.checkpointed() if name not in CONSTANT]
+    return [name for name in particles.checkpointed() if name not in CONSTANT]
 
 
 def gathered(sim, *names: str) -> list[np.ndarray]:

@@ -10,7 +10,9 @@ from parsolid.simulation.loop import RunFailed
 
 
 def minimum_jacobian(sim) -> dict:
-    return {"jacobian": min(sim.comm.allgather(float(sim.systems[0].particles.owned_rows("jacobian").min(initial=np.inf))))}
+    return {
+        "jacobian": min(sim.comm.allgather(float(sim.systems[0].particles.owned_rows("jacobian").min(initial=np.inf))))
+    }
 
 
 def failed(data: dict, comm, checkpoint=None):

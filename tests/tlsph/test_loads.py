@@ -88,7 +88,9 @@ def test_a_traction_holds_the_stress_of_a_stretched_bar(dimension):
     sim = simulation(bar(dimension, [*rollers, pull], displacement=displacement))
     X, spacing = sim.systems[0].particles.owned_rows("reference_position"), 2.0 / ({2: 9, 3: 7}[dimension] - 1)
     np.testing.assert_allclose(
-        sim.systems[0].particles.owned_rows("deformation_gradient"), np.tile(F.ravel(), (sim.systems[0].owned, 1)), atol=1e-13
+        sim.systems[0].particles.owned_rows("deformation_gradient"),
+        np.tile(F.ravel(), (sim.systems[0].owned, 1)),
+        atol=1e-13,
     )
     share, mass = sim.systems[0].share[:, None], sim.systems[0].mass[:, None]
     forces = share * (evaluate(sim)["T"] + mass * sim.systems[0].boundaries.loads_at(0.0)[:, :dimension])

@@ -120,5 +120,8 @@ def test_small_motion_at_an_antisymmetric_plane(amplitude):
     for _ in range(12):
         part.take_step(step)
         whole.take_step(step)
-    few, many = part.systems[0].particles.owned_rows("velocity"), whole.systems[0].particles.owned_rows("velocity")[there]
+    few, many = (
+        part.systems[0].particles.owned_rows("velocity"),
+        whole.systems[0].particles.owned_rows("velocity")[there],
+    )
     assert np.abs(few - many).max() < 3.0 * amplitude * amplitude + 1e-13 * amplitude
