@@ -10,7 +10,8 @@ from parsolid.methods.mpm.grid_conditions import GridConditions
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.particles.container import Particles
-from parsolid.scene import generate, parse_scene
+from parsolid.particles.generation import generate
+from parsolid.scene import parse_scene
 
 KINDS = {
     "fixed": {"plane": "X = 0"},

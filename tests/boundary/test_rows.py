@@ -12,7 +12,8 @@ from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Field
-from parsolid.scene import generate, parse_scene
+from parsolid.particles.generation import generate
+from parsolid.scene import parse_scene
 
 
 def contained(particle_set) -> Particles:

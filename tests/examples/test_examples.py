@@ -7,6 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from parsolid.commands.point.choice import point_law
+from parsolid.commands.point.driver import drive
+from parsolid.commands.point.report import tabulate
+from parsolid.commands.point.schema import load_point
 from parsolid.materials import registry
 from parsolid.materials.plastic import plastic_evaluation
 from parsolid.scene import SceneError, dump_scene, load_scene
@@ -137,3 +141,13 @@ def test_an_edited_law_is_compiled_anew_and_an_unchanged_one_is_not(tmp_path, mo
     edited = energy(text.replace("-0.5 * law.shear_modulus", "-1.0 * law.shear_modulus"))
     assert first == again and first[1] == 1
     assert edited[1] == 2 and edited[0] - first[0] == pytest.approx(-15e6 * np.log(1.0 - 0.21 / 30.0), rel=1e-9)
+
+
+def test_a_point_is_driven_with_a_law_of_ones_own(tmp_path):
+    point = load_point(EXAMPLES / "rubber_pulled.toml", ["steps=10"], trust_code=True)
+    law = point_law(registry.law_of(point.material), **point.conditions)
+    columns = tabulate(law, drive(law, point.path, point.end_time, point.longest_step), np.eye(3))
+    assert columns["work"][-1] == pytest.approx(columns["stored"][-1] + columns["dissipated"][-1], rel=1e-5)
+    # stiffer and stiffer towards the limit: the wave along the pull is the fastest
+    assert np.all(np.diff(columns["direction_1.pressure_wave_speed"][2:]) > 0.0)
+    assert columns["largest_pressure_wave_speed"] >= pytest.approx(columns["direction_1.pressure_wave_speed"])

@@ -9,7 +9,8 @@ from parsolid.materials.registry import laws_of
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.methods.peridynamics.operator import Operator
-from parsolid.scene import generate, parse_scene
+from parsolid.particles.generation import generate
+from parsolid.scene import parse_scene
 from parsolid.solvers import conjugate_gradients
 
 SIZE = (1.0, 0.8, 0.7)
