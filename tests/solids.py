@@ -118,12 +118,20 @@ def run_to_end(data: dict, comm=MPI.COMM_SELF, more=None) -> tuple[Simulation, d
     return sim, follow(sim, Record(more), policy=StepsToEnd)
 
 
+CONSTANT = ("identifier", "body", "reference_position", "volume", "spacing", "axes", "area")
+
+
+def evolved(sim) -> list[str]:
+    """Names of the fields that steps change and a restart needs."""
+    return [name for name in sim.systems[0].particles.checkpointed() if name not in CONSTANT]
+
+
 def gathered(sim, *names: str) -> list[np.ndarray]:
     """Fields of all particles of all ranks in the order of their identifiers, the same on every rank.
 
     Small bodies only.
     """
-    table = sim.systems[0].table
+    table = sim.systems[0].particles
     order = np.argsort(np.concatenate(sim.comm.allgather(table.owned_rows("identifier").copy())))
     return [np.concatenate(sim.comm.allgather(np.array(table.owned_rows(name))))[order] for name in names]
 
@@ -141,7 +149,7 @@ def set_random_state(sim, strain: float = 0.15, consistent: bool = True, seed: i
     """Random v, x, F with H = cof F and J = det F (else also random), and A, with the symmetries of the mirror
     planes.
     """
-    table, d, owned = sim.systems[0].table, sim.systems[0].dimension, sim.systems[0].owned
+    table, d, owned = sim.systems[0].particles, sim.systems[0].dimension, sim.systems[0].owned
     names = table.owned_rows("identifier")
     free = np.ones((owned, d)) if sim.systems[0].boundaries.clamp is None else sim.systems[0].boundaries.clamp[:, :d]
     table.owned_rows("velocity")[:] = free * random_of(names, d, seed=seed)
@@ -183,7 +191,7 @@ def symmetrised(sim, tensors: np.ndarray) -> np.ndarray:
 
 def strains(sim) -> dict[str, np.ndarray]:
     """F, H (n, 3, 3), J (n,) and A (branches, n, 3, 3) of the owned particles."""
-    table, d, owned = sim.systems[0].table, sim.systems[0].dimension, sim.systems[0].owned
+    table, d, owned = sim.systems[0].particles, sim.systems[0].dimension, sim.systems[0].owned
     F = np.tile(np.eye(3), (owned, 1, 1))
     F[:, :d, :d] = table.owned_rows("deformation_gradient").reshape(owned, d, d)
     J = np.array(table.owned_rows("jacobian"))

@@ -99,14 +99,27 @@ class ByKind:
     def __get_pydantic_core_schema__(self, source, handler):
         return core_schema.with_info_plain_validator_function(self._validate)
 
+    @property
+    def instances(self) -> tuple[type, ...]:
+        """What needs no validation any more."""
+        return tuple(self.models.values())
+
+    def allowed(self, info: ValidationInfo) -> list[str]:
+        """Kinds that the scene's method knows, in the method's order."""
+        method = method_of(info)
+        stated = getattr(method, self.known) if self.known and method else self.models
+        return [kind for kind in stated if kind in self.models]
+
     def _validate(self, value: Any, info: ValidationInfo) -> SceneModel:
-        if isinstance(value, tuple(self.models.values())):
+        if isinstance(value, self.instances):
             return value
         if not isinstance(value, dict):
             raise mismatch("a table", value)
-        method = method_of(info)
-        stated = getattr(method, self.known) if self.known and method else self.models
-        allowed = [kind for kind in stated if kind in self.models]
+        return self.chosen(value, info).model_validate(value, context=info.context)
+
+    def chosen(self, value: dict, info: ValidationInfo) -> type[SceneModel]:
+        """The model for a raw table; raises ValidationError where it names none."""
+        allowed = self.allowed(info)
         kinds = ", ".join(map(repr, allowed))
         if "kind" not in value:
             reject((("kind",), f"one of {kinds}", NOTHING))
@@ -115,7 +128,7 @@ class ByKind:
             reject((("kind",), f"one of {kinds}{suggestion(value['kind'], allowed)}", value["kind"]))
         if value["kind"] not in allowed:
             reject((("kind",), f"one of {kinds}, which the method of the scene knows", value["kind"]))
-        return model.model_validate(value, context=info.context)
+        return model
 
     def choose(self, table: object) -> type[SceneModel] | None:
         """The model for a table's kind, None when there is no such kind."""

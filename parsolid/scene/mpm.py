@@ -48,7 +48,7 @@ class MaterialPoint(MethodSettings):
     rebalance       largest over mean number of particles on a rank beyond which cells are dealt out anew
     """
 
-    materials: ClassVar = ("mooney-rivlin", "neo-hookean", "elastic-plastic")
+    materials: ClassVar = ("hyperelastic", "elastic-plastic")
     boundaries: ClassVar = ("fixed", "roller", "velocity", "wall", "temperature", "heat_flux")
     loads: ClassVar = ("body_force", "acceleration", "heat_source", "manufactured")
     extra_fields: ClassVar = {

@@ -91,6 +91,7 @@ def is_coloured(image):
     return np.mean(spread > 40) > 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["plate", "ball"])
 def test_standard_set(comm, folders, kind):
     folder = folders / kind
@@ -126,6 +127,7 @@ def test_same_picture_twice_and_another_from_elsewhere(comm, folders):
         assert not np.array_equal(first, other)
 
 
+@pytest.mark.slow
 def test_single_pictures_and_small_ones(comm, folders):
     out = folders / "singles"
     draw(comm, folders / "plate", "--single", "--small", "-o", out)
@@ -233,6 +235,7 @@ def test_failing_pictures_leave_a_finished_run_alone(tmp_path, capfd):
     assert capfd.readouterr().err.startswith("no pictures: ")
 
 
+@pytest.mark.slow
 def test_without_a_display_nothing_is_said(folders, comm):
     if comm.rank == 0:
         command = [sys.executable, "-m", "parsolid.commands.plot", str(folders / "block")]

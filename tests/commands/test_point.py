@@ -144,6 +144,7 @@ def test_elastic_work_is_what_is_stored(driven, path):
     assert np.abs(columns["balance"]).max() <= 1e-13 * columns["work"].max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", ['kind = "isochoric"\nstretch = "1 + 8*t"', 'kind = "uniaxial"\nstretch = "1 + 5*t"'])
 def test_moving_paths_are_of_second_order(driven, path):
     material = MATERIAL.replace("tau = 1e-4", "tau = 0.2")
@@ -393,6 +394,7 @@ def read(*paths):
     return result
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["uniaxial", "shear", "cyclic", "relaxation"])
 def test_examples(comm, shared_path, name):
     assert run_point(comm, options(EXAMPLES / f"{name}.toml", shared_path, output__pictures="false")) == 0

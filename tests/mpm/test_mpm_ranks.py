@@ -34,6 +34,7 @@ def test_bitwise_runs_have_the_same_bits(comm, basis, dimension):
     assert np.abs(gathered(single, "plastic_strain")[0]).max() > 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [{}, {"order": "musl", "transfer": "apic"}, {"bitwise": True, "order": "musl"}])
 @pytest.mark.parametrize("cells", [(4, 3), (4, 3, 2)])
 def test_a_body_that_crosses_the_domain(comm, cells, method):
@@ -53,7 +54,7 @@ def test_a_body_that_crosses_the_domain(comm, cells, method):
 def momentum(sim) -> np.ndarray:
     """Of all particles in the first two directions [kg m/s]; collective."""
     owned = sim.systems[0].owned
-    mine = sim.systems[0].mass[:owned] @ sim.systems[0].table.owned_rows("velocity")[:, :2]
+    mine = sim.systems[0].mass[:owned] @ sim.systems[0].particles.owned_rows("velocity")[:, :2]
     return sim.comm.allreduce(mine)
 
 

@@ -77,7 +77,7 @@ def test_gradients_of_linear_fields_stay_exact(dimension, boundaries, comm):
         if boundaries
         else np.arange(1.0, 1.0 + dimension**2).reshape(dimension, dimension)
     )
-    table = sim.systems[0].table
+    table = sim.systems[0].particles
     table.owned_rows("position")[:] += table.owned_rows("reference_position") @ slope.T
     sim.systems[0].motion_exchange.start()
     sim.systems[0].motion_exchange.finish()
@@ -88,7 +88,7 @@ def test_gradients_of_linear_fields_stay_exact(dimension, boundaries, comm):
 def test_the_weights_of_a_pair_are_opposite_on_both_of_its_ranks(comm):
     sim = simulation(body(2), comm)
     neighbour_lists = sim.systems[0].neighbour_lists
-    names = neighbour_lists.halo.with_ghosts(np.array(sim.systems[0].table.owned_rows("identifier")).astype(np.int64))
+    names = neighbour_lists.halo.with_ghosts(np.array(sim.systems[0].particles.owned_rows("identifier")).astype(np.int64))
     directed = {}
     if neighbour_lists.rim is not None:
         row = np.repeat(np.arange(neighbour_lists.halo.owned), np.diff(neighbour_lists.rim.start))
@@ -134,7 +134,7 @@ def test_momentum_and_energy_are_kept():
     data["bodies"][0]["jitter"] = 0.15
 
     def momentum(sim):
-        values = sim.systems[0].mass @ sim.systems[0].table.owned_rows("velocity")
+        values = sim.systems[0].mass @ sim.systems[0].particles.owned_rows("velocity")
         return {f"p{i}": value for i, value in enumerate(values)}
 
     sim, rows = run_steps(data, 60, more=momentum)

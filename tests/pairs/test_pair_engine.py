@@ -90,7 +90,7 @@ def signs_of(sim):
 
 def set_linear_velocity(sim) -> np.ndarray:
     """v = A (X - X0) + b with the symmetries of all planes; returns A."""
-    d, table = sim.systems[0].dimension, sim.systems[0].table
+    d, table = sim.systems[0].dimension, sim.systems[0].particles
     random = np.random.default_rng(9)
     A, b, origin = random.normal(size=(d, d)), random.normal(size=d), np.zeros(d)
     seen = set()
@@ -250,7 +250,7 @@ def powers(sim) -> np.ndarray:
     L = sim.systems[0].body.correction[:, : sim.systems[0].owned].T.reshape(-1, d, d)
     P = found["PL"] @ np.linalg.inv(L)
     stress = sim.systems[0].body.tributary[0, : sim.systems[0].owned] * np.sum(P * found["gradient"], axis=(1, 2))
-    return stress, sim.systems[0].share * np.sum(sim.systems[0].table.owned_rows("velocity") * found["T"], axis=1)
+    return stress, sim.systems[0].share * np.sum(sim.systems[0].particles.owned_rows("velocity") * found["T"], axis=1)
 
 
 def skew_defect(sim) -> float:
@@ -269,7 +269,7 @@ def test_the_energy_identity(body, dimension):
     """dK/dt + dW/dt + D_int + D_num = power of the loads (Appendix B), with dW/dt from the energy's own derivatives."""
     sim = BODIES[body](dimension)
     method, solid = sim.systems[0], Solid.of(sim.systems[0].blocks[0].law)
-    velocity, weight = method.table.owned_rows("velocity"), method.body.tributary[0, : method.owned]
+    velocity, weight = method.particles.owned_rows("velocity"), method.body.tributary[0, : method.owned]
     found, strain = evaluate(sim), strains(sim)
     rate = np.zeros_like(strain["F"])
     rate[:, :dimension, :dimension] = found["gradient"]
@@ -338,8 +338,8 @@ def test_ranks_share_what_one_computes(comm, dimension, mirrored):
         )
         sim = simulation(data, where)
         set_random_state(sim)
-        sim.systems[0].table.owned_rows("velocity")[:] += random_of(
-            sim.systems[0].table.owned_rows("identifier"), dimension, seed=99
+        sim.systems[0].particles.owned_rows("velocity")[:] += random_of(
+            sim.systems[0].particles.owned_rows("identifier"), dimension, seed=99
         ) * (sim.systems[0].boundaries.clamp[:, :dimension] if mirrored else 1.0)
         found = evaluate(sim)
         order = np.argsort(np.concatenate(where.allgather(sim.particle_sets[0].identifier)))

@@ -13,15 +13,15 @@ def built(dimension, comm, **material):
 
 
 def checkpoint_bytes(sim) -> int:
-    return sum(array.nbytes for array in sim.systems[0].table.checkpointed().values())
+    return sum(array.nbytes for array in sim.systems[0].particles.checkpointed().values())
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_no_array_and_no_byte_on_the_wire_or_in_the_checkpoint(dimension, comm):
     without, one = built(dimension, comm), built(dimension, comm, branches=ONE_BRANCH)
     assert without.systems[0].body.branches is None and without.systems[0].shear is None
-    assert not any("viscous" in name for name in without.systems[0].table.fields)
-    assert [name for name in one.systems[0].table.fields if name not in without.systems[0].table.fields] == [
+    assert not any("viscous" in name for name in without.systems[0].particles.fields)
+    assert [name for name in one.systems[0].particles.fields if name not in without.systems[0].particles.fields] == [
         "viscous_strain_inverse_1"
     ]
     tensor = {2: 3, 3: 6}[dimension]
@@ -43,7 +43,7 @@ def test_the_step_sends_motion_and_record_only(dimension, comm):
     sent = sum(len(rows) for rows in sim.systems[0].neighbour_lists.halo.send_lists)
     assert sim.systems[0].motion_exchange.bytes_sent == 8 * 2 * dimension * sent
     assert sim.systems[0].record_exchange.bytes_sent == 8 * sim.systems[0].record.shape[1] * sent
-    exchanged = [name for name, field in sim.systems[0].table.fields.items() if field.exchanged]
+    exchanged = [name for name, field in sim.systems[0].particles.fields.items() if field.exchanged]
     assert sorted(exchanged) == ["position", "velocity"]
 
 
@@ -56,7 +56,7 @@ def test_branches_without_stiffness_are_none_to_the_bit(scene):
         sim = simulation(data)
         for _ in range(5):
             sim.take_step(0.5 * sim.systems[0].stable_step())
-        states.append({name: np.array(array) for name, array in sim.systems[0].table.checkpointed().items()})
+        states.append({name: np.array(array) for name, array in sim.systems[0].particles.checkpointed().items()})
     assert states[0].keys() == states[1].keys()
     for name, array in states[0].items():
         np.testing.assert_array_equal(array, states[1][name], err_msg=name)
@@ -77,7 +77,7 @@ def test_a_body_beside_one_with_branches_does_not_relax(dimension=2):
     assert {block.branches for block in sim.systems[0].blocks} == {0, 1} and alone.systems[0].branches == 0
     for _ in range(5):
         sim.take_step(0.01)
-    A = sim.systems[0].table.owned_rows("viscous_strain_inverse_1")
+    A = sim.systems[0].particles.owned_rows("viscous_strain_inverse_1")
     identity = np.array([1.0] * dimension + [0.0] * (A.shape[1] - dimension))
     elastic = sim.particle_sets[0].body == 0
     np.testing.assert_array_equal(A[elastic], np.tile(identity, (elastic.sum(), 1)))

@@ -11,6 +11,7 @@ from statistics import median
 
 from rich.console import Console
 
+from parsolid.commands.arguments import TRUST_CODE
 from parsolid.commands.study.cases import Case, cases_of
 from parsolid.commands.study.judging import judge
 from parsolid.commands.study.launching import LASTING, arguments_of, read_record, refuse_ranks, run_case
@@ -26,6 +27,7 @@ def add_arguments(parser) -> None:
     """Add the command's arguments to an argparse parser."""
     parser.add_argument("study", metavar="STUDY", help="TOML file of the study")
     parser.add_argument("-o", "--output", metavar="DIR", help="folder of the runs and reports (default: results/STUDY)")
+    parser.add_argument("--trust-code", action="store_true", help=TRUST_CODE)
     only = "run only this series, or runs whose title matches (* and ? stand for anything); may be repeated"
     parser.add_argument("--only", action="append", default=[], metavar="NAME", help=only)
     parser.add_argument("--dry-run", action="store_true", help="list the runs and what is done of them, and stop")
@@ -41,7 +43,7 @@ def run_study(comm, options) -> int:
     """
     refuse_ranks(comm)
     study = load_study(options.study)
-    cases = cases_of(study)
+    cases = cases_of(study, options.trust_code)
     folder = Path(options.output or Path("results") / Path(options.study).stem)
     chosen = _chosen(cases, options.only)
     console = Console(highlight=False, width=None if Console().is_terminal else 180)

@@ -54,7 +54,8 @@ def arguments_of(case: Case, folder: Path) -> list[str]:
     """The arguments of `parsolid` that make a run."""
     overrides = [word for override in case.overrides for word in ("--set", override)]
     scene = min(case.series.scene, os.path.relpath(case.series.scene), key=len)
-    return ["run", scene, "-o", str(folder), *overrides]
+    trust = ["--trust-code"] if case.trust_code else []
+    return ["run", scene, "-o", str(folder), *overrides, *trust]
 
 
 def run_case(case: Case, folder: Path, repetitions: int = 1) -> dict:

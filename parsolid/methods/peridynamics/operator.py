@@ -6,6 +6,7 @@ import numpy as np
 
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.damage.bond_based import BondBased
+from parsolid.materials.hyperelastic.law import elastic_moduli
 from parsolid.materials.viscoelastic.prony import Prony, algorithmic_factor
 from parsolid.methods.peridynamics.bond_force import BondForce
 from parsolid.methods.peridynamics.viscoelastic_history import ViscoelasticHistory, series_of
@@ -34,12 +35,10 @@ def algorithmic_law(law: Prony, step: float) -> Prony:
 
 
 def _undeformed(law, step: float) -> Prony:
-    """As `algorithmic_law`, of a Maxwell solid near its undeformed state; only its shear relaxes."""
-    zeta = law.zeta or 0.0
-    solid = Prony(
-        law.density, 2.0 * (law.xi + zeta), 0.0, None, None, None, *(series or None for series in series_of(law))
-    )
-    lame = (law.lambda_hat + 4.0 * zeta) / algorithmic_factor(solid, step)
+    """As `algorithmic_law`, of a hyperelastic solid near its undeformed state; only its shear relaxes."""
+    shear, lame = elastic_moduli(law)
+    solid = Prony(law.density, shear, 0.0, None, None, None, *(series or None for series in series_of(law)))
+    lame = lame / algorithmic_factor(solid, step)
     return solid._replace(first_lame=lame, ratios=None, relaxation_times=None)
 
 

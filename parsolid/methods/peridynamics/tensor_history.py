@@ -12,7 +12,6 @@ from numba.extending import overload, register_jitable
 
 from decomposition.compiled import compiled
 from parsolid.materials.hyperelastic.law import equilibrium_energy, first_piola_kirchhoff_stress
-from parsolid.materials.hyperelastic.mooney_rivlin import MooneyRivlin
 from parsolid.materials.viscoelastic.maxwell import (
     branch_dissipation,
     branch_energy,
@@ -61,7 +60,7 @@ def has_tensor_history(law) -> bool:
 def initial_state(law, dimension: int) -> np.ndarray:
     """Rows (r,) of the state of an undeformed particle."""
     rows = np.zeros((1 + len(law.relaxation_times or ()), TENSOR_ROWS[dimension]))
-    if isinstance(law, MooneyRivlin):
+    if not isinstance(law, Prony):
         rows[:, :3] = 1.0
     return rows.ravel()
 

@@ -9,6 +9,7 @@ must be evaluated anew.
 import numpy as np
 
 from decomposition.compiled import compiled
+from parsolid.materials.hyperelastic.law import elastic_moduli
 from parsolid.materials.viscoelastic.prony import Prony, branch_weights, dissipation_weights
 from parsolid.particles.declaration import Field
 
@@ -69,7 +70,10 @@ def series_of(law) -> tuple:
     times = law.relaxation_times or ()
     if isinstance(law, Prony):
         return law.ratios or (), times
-    return tuple(modulus / (2.0 * (law.xi + (law.zeta or 0.0))) for modulus in law.branch_moduli or ()), times
+    if not law.branch_moduli:
+        return (), times
+    shear = elastic_moduli(law)[0]
+    return tuple(modulus / shear for modulus in law.branch_moduli), times
 
 
 class ViscoelasticHistory:

@@ -4,6 +4,7 @@ import numpy as np
 
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, material_blocks
+from parsolid.materials.hyperelastic.law import isotropic_shear_modulus
 from parsolid.materials.registry import laws_of
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.methods.tlsph import momentum as motion
@@ -61,7 +62,7 @@ class TotalLagrangianSPH(ParticleSystem):
 
     def _terms(self) -> RiemannDissipation | None:
         """The dissipation that the scene asks for and its laws need."""
-        directional = anywhere(self.comm, any(block.law.directional_shear for block in self.blocks))
+        directional = anywhere(self.comm, any(isotropic_shear_modulus(block.law) is None for block in self.blocks))
         if not float(self.settings.dissipation) > 0.0:
             return None
         reconstruction = LinearReconstruction() if self.settings.reconstruction else None
