@@ -50,7 +50,7 @@ class PairSystem:
         self.weights, self.terms, self.codes = weights, terms, codes
         d, record = space.dimension, record_columns(space, terms)
         forces = 8 if isinstance(terms, RiemannDissipation) else 4
-        particles.declare(Field("kinematics", KINEMATICS[d].width, "", carried=False))
+        particles.declare(Field("kinematics", KINEMATICS[d].width, ""))
         particles.declare(Field("record", record.width, "", carried=False))
         told = getattr(record, "changing", record.width)
         particles.declare(Field("told", told, "", ghosts="forward", message="record", layout=Within("record", 0)))

@@ -24,11 +24,10 @@ stabiliser, their records hold (S = P K^{-1}) M and what the stabiliser needs. T
 
 from typing import NamedTuple
 
-from numba.core import types
-from numba.extending import overload
+from numba.extending import overload, register_jitable
 
 from decomposition.compiled import compiled
-from parsolid.numerics.dispatch import field_types, is_instance
+from parsolid.numerics.dispatch import generic, is_instance
 from parsolid.numerics.lanes import WIDTH, broadcast, load, store
 from parsolid.pairs.lists import images_of, mutual
 from parsolid.pairs.pair_terms import own_side, pair_forces
@@ -137,18 +136,41 @@ def _own_values_overload(fields, kinematics, a):
     )
 
 
+@generic
 def _value(field, images, k, kinematics, b):
     """The value of a neighbour or of its image."""
-    raise NotImplementedError
 
 
-@overload(_value)
-def _value_overload(field, images, k, kinematics, b):
-    if is_instance(field, Scalar):
-        return lambda field, images, k, kinematics, b: broadcast(kinematics[b, field.column])
-    if isinstance(field_types(field)["column"], types.NoneType):
-        return lambda field, images, k, kinematics, b: vector(images, k, kinematics, b, 0)
-    return lambda field, images, k, kinematics, b: vector(images, k, kinematics, b, field.column)
+@_value.of(Scalar)
+def _scalar_value(field, images, k, kinematics, b):
+    return broadcast(kinematics[b, field.column])
+
+
+@_value.of(Vector)
+def _vector_value(field, images, k, kinematics, b):
+    return vector(images, k, kinematics, b, _column(field.column))
+
+
+@register_jitable
+def _column(column):
+    if column is None:
+        return 0
+    return column
+
+
+@generic(on="field")
+def _sum(space, field, sums, a, column):
+    """The sum so far of particle a."""
+
+
+@_sum.of(Scalar)
+def _scalar_sum(space, field, sums, a, column):
+    return (load(sums, a, column),)
+
+
+@_sum.of(Vector)
+def _vector_sum(space, field, sums, a, column):
+    return matrix(space, sums, a, column)
 
 
 def _sums(space, fields, sums, a, column):
@@ -158,18 +180,11 @@ def _sums(space, fields, sums, a, column):
 
 @overload(_sums)
 def _sums_overload(space, fields, sums, a, column):
-    if is_instance(fields[0], Scalar):
-        if len(fields) == 1:
-            return lambda space, fields, sums, a, column: (load(sums, a, column),)
-        return lambda space, fields, sums, a, column: (
-            load(sums, a, column),
-            *_sums(space, fields[1:], sums, a, column + WIDTH),
-        )
     if len(fields) == 1:
-        return lambda space, fields, sums, a, column: matrix(space, sums, a, column)
-    width = matrix_columns(dimension_of(space))
+        return lambda space, fields, sums, a, column: _sum(space, fields[0], sums, a, column)
+    width = WIDTH if is_instance(fields[0], Scalar) else matrix_columns(dimension_of(space))
     return lambda space, fields, sums, a, column: (
-        *matrix(space, sums, a, column),
+        *_sum(space, fields[0], sums, a, column),
         *_sums(space, fields[1:], sums, a, column + width),
     )
 
@@ -191,49 +206,52 @@ def _differences_overload(space, fields, own, images, k, kinematics, b, g):
     )
 
 
+@generic(on="field")
 def _difference(space, field, own, images, k, kinematics, b, g):
     """(v_b - v_a) (x) g of a vector, (q_b - q_a) g of a number."""
-    raise NotImplementedError
 
 
-@overload(_difference)
-def _difference_overload(space, field, own, images, k, kinematics, b, g):
-    if is_instance(field, Scalar):
-        return lambda space, field, own, images, k, kinematics, b, g: (
-            (_value(field, images, k, kinematics, b) - own) * g,
-        )
-    return lambda space, field, own, images, k, kinematics, b, g: outer(
-        space, _value(field, images, k, kinematics, b) - own, g
-    )
+@_difference.of(Scalar)
+def _scalar_difference(space, field, own, images, k, kinematics, b, g):
+    return ((_value(field, images, k, kinematics, b) - own) * g,)
+
+
+@_difference.of(Vector)
+def _vector_difference(space, field, own, images, k, kinematics, b, g):
+    return outer(space, _value(field, images, k, kinematics, b) - own, g)
 
 
 # --- the passes --------------------------------------------------------------------------------------------------
 
 
+@generic(on="weight")
 def _weight(space, weight, images, k, kinematics, b, X):
     """g_ab with the number beside it: as stored, or weight (X_b - X_a) where the list is radial."""
-    raise NotImplementedError
 
 
-@overload(_weight)
-def _weight_overload(space, weight, images, k, kinematics, b, X):
-    if weight.ndim == 2:
-        return lambda space, weight, images, k, kinematics, b, X: load(weight, k, 0)
-    return lambda space, weight, images, k, kinematics, b, X: (
-        broadcast(weight[k]) * (reference(space, images, k, kinematics, b) - X)
-    )
+@_weight.of(2)
+def _stored_weight(space, weight, images, k, kinematics, b, X):
+    return load(weight, k, 0)
 
 
+@_weight.of(1)
+def _radial_weight(space, weight, images, k, kinematics, b, X):
+    return broadcast(weight[k]) * (reference(space, images, k, kinematics, b) - X)
+
+
+@generic
 def _forces(terms, force, a):
     """(T,) or (T, D) so far of particle a."""
-    raise NotImplementedError
 
 
-@overload(_forces)
-def _forces_overload(terms, force, a):
-    if is_instance(terms, RiemannDissipation):
-        return lambda terms, force, a: (load(force, a, 0), load(force, a, WIDTH))
-    return lambda terms, force, a: (load(force, a, 0),)
+@_forces.of(RiemannDissipation)
+def _stress_and_dissipation(terms, force, a):
+    return load(force, a, 0), load(force, a, WIDTH)
+
+
+@_forces.otherwise
+def _forces_alone(terms, force, a):
+    return (load(force, a, 0),)
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")

@@ -1,10 +1,13 @@
 """What the settings of all methods have in common."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from pydantic import Field, model_validator
 
 from parsolid.scene.base_model import Positive, SceneModel, reject
+
+# place, what was expected, what was found
+Detail = tuple[tuple[str | int, ...], str, object]
 
 
 class MethodSettings(SceneModel):
@@ -28,7 +31,7 @@ class MethodSettings(SceneModel):
     maximum_step: Positive | None = Field(None, description="the largest time step [s]")
     minimum_step: Positive | None = Field(None, description="the time step [s] below which the run stops")
 
-    def scene_faults(self, scene) -> list[tuple[tuple, str, object]]:
+    def scene_faults(self, scene: Any) -> list[Detail]:
         """What the method cannot make of a scene's other tables: (location, expected, found)."""
         return []
 

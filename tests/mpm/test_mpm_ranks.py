@@ -54,7 +54,7 @@ def test_a_body_that_crosses_the_domain(comm, cells, method):
 def momentum(sim) -> np.ndarray:
     """Of all particles in the first two directions [kg m/s]; collective."""
     owned = sim.systems[0].owned
-    mine = sim.systems[0].mass[:owned] @ sim.systems[0].table.owned_rows("velocity")[:, :2]
+    mine = sim.systems[0].mass[:owned] @ sim.systems[0].particles.owned_rows("velocity")[:, :2]
     return sim.comm.allreduce(mine)
 
 

@@ -31,7 +31,7 @@ def axis_aligned_error(cells: int, basis: str, comm) -> float:
     while sim.clock.time < 0.02:
         step = comm.allreduce(sim.systems[0].stable_step(), MPI.MIN)
         sim.take_step(min(step, 0.02 - sim.clock.time))
-        rows = sim.systems[0].table.owned_rows
+        rows = sim.systems[0].particles.owned_rows
         error = (
             rows("position")
             - rows("reference_position")

@@ -166,10 +166,10 @@ class MaterialPoint(ParticleSystem):
 
     def measure(self, name: str) -> tuple[str, np.ndarray]:
         """This rank's part of a quantity of the whole body."""
-        rows, d = self.table.owned_rows, self.dimension
+        rows, d = self.points.owned_rows, self.dimension
         if name.startswith("maximum_"):
             field = name.removeprefix("maximum_")
-            values = rows(field) if field in self.table else np.zeros(0)
+            values = rows(field) if field in self.points else np.zeros(0)
             return "maximum", np.array([values.max(initial=0.0)])
         if name == "plastic_work":
             return "sum", np.array([self.materials.plastic_work])

@@ -95,14 +95,16 @@ class VelocityVerlet(TimeSolver):
 
     def guided_motion(self) -> tuple:
         """Displacement, velocity and force of guided components before a step."""
-        body = self.body
-        return tuple(
-            array[body.loads.entries] for array in (body.engine.displacement, body.velocity, body.engine.force)
-        )
+        body, entries = self.body, self.body.loads.entries
+        if not len(entries[0]):
+            return ()
+        return tuple(array[entries] for array in (body.engine.displacement, body.velocity, body.engine.force))
 
     def guided_velocity(self, before: tuple, time: float, step: float) -> float:
         """Set the velocity of guided components after a step; the work [J] of what guides them and of their loads."""
         body, entries, particles = self.body, self.body.loads.entries, self.body.loads.entries[0]
+        if not before:
+            return 0.0
         displacement, velocity, force = before
         change = body.engine.displacement[entries] - displacement
         body.velocity[entries] = body.loads.guided_velocities(time, step, change)
