@@ -1,4 +1,6 @@
-"""What the registry finds, and what holds for every hyperelastic law in it and in examples/: stress, objectivity, moduli, waves."""
+"""What the registry finds, and what holds for every hyperelastic law in it and in examples/: stress, objectivity,
+moduli, waves.
+"""
 
 from pathlib import Path
 

@@ -11,5 +11,7 @@ POINT_LAWS = {MooneyRivlin: MooneyRivlinPoint, ElasticPlastic: PlasticPoint, Pro
 
 
 def point_law(parameters, **conditions) -> PointLaw:
-    """The law of a material point with the given parameters, hyperelastic if of no other kind; conditions are keywords of its class."""
+    """The law of a material point with the given parameters, hyperelastic if of no other kind; conditions are keywords
+    of its class.
+    """
     return POINT_LAWS.get(type(parameters), MaxwellPoint)(parameters, **conditions)

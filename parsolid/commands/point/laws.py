@@ -1,6 +1,7 @@
 """Laws at one material point: what the driver asks of a law, and the laws that answer.
 
-A new law is one class more with the methods of `PointLaw`, entered in `point.choice` under the type of its parameters; every hyperelastic law is one already.
+A new law is one class more with the methods of `PointLaw`, entered in `point.choice` under the type of its parameters;
+every hyperelastic law is one already.
 """
 
 from typing import Any, NamedTuple, Protocol
@@ -19,7 +20,7 @@ class PathLost(ArithmeticError):
 
 
 class PointLaw(Protocol):
-    """A law whose state is advanced along a deformation gradient. A state is whatever the law wants, but never changed."""
+    """A law whose state is advanced along a deformation gradient. A state is what the law wants, but never changed."""
 
     def virgin(self) -> Any:
         """The state before time 0, at F = I."""

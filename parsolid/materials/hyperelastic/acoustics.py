@@ -1,7 +1,8 @@
-"""Acoustic tensor and wave speeds of any hyperelastic law with Maxwell branches, from its stress; `waves` has closed forms of one.
+"""Acoustic tensor and wave speeds of any hyperelastic law with Maxwell branches, from its stress; `waves` has closed
+forms of one.
 
-States and shapes as in `materials.hyperelastic.conjugates`: arrays have a common leading shape `...`. Derivatives are central
-differences, exact to about 1e-9; extremes over directions are searched for, to about 1e-6.
+States and shapes as in `materials.hyperelastic.conjugates`: arrays have a common leading shape `...`. Derivatives are
+central differences, exact to about 1e-9; extremes over directions are searched for, to about 1e-6.
 """
 
 import numpy as np
@@ -14,7 +15,9 @@ _DIRECTIONS, _ROUNDS, _SHRINK = 64, 24, 0.6
 
 
 def acoustic_tensor(law, state: PolyconvexState, N) -> np.ndarray:
-    """Q(N) [Pa] (..., 3, 3), Q_ik = dP_iJ/dF_kL N_J N_L at fixed A, with eigenvalues rho c^2; N (..., 3) of unit length."""
+    """Q(N) [Pa] (..., 3, 3), Q_ik = dP_iJ/dF_kL N_J N_L at fixed A, with eigenvalues rho c^2; N (..., 3) of unit
+    length.
+    """
     N, viscous = np.asarray(N, dtype=np.float64), branch_sum(law, state)
     result = np.empty(np.shape(state.F))
     for k in range(3):
