@@ -5,6 +5,7 @@ import numpy as np
 from decomposition.compiled import compiled
 
 from .cells import (
+    Cells,
     build_cells,
     cell_coordinate,
     checked_bounds,
@@ -18,7 +19,7 @@ from .cells import (
 
 
 @compiled
-def _spread(value, dimension):
+def _spread(value: int, dimension: int) -> np.int64:
     """The bits of a cell number, `dimension` places apart."""
     result = np.int64(0)
     bit = 0
@@ -29,7 +30,7 @@ def _spread(value, dimension):
 
 
 @compiled
-def _morton_keys(points, lower, inverse, shape):
+def _morton_keys(points: np.ndarray, lower: np.ndarray, inverse: np.ndarray, shape: np.ndarray) -> np.ndarray:
     n, dimension = points.shape
     key = np.zeros(n, np.int64)
     for axis in range(dimension):
@@ -57,7 +58,7 @@ def order_along_cells(points: np.ndarray, cell: float) -> np.ndarray:
 
 
 @compiled
-def _count(cells, points, reach):
+def _count(cells: Cells, points: np.ndarray, reach: float) -> np.ndarray:
     """How many later points are within reach of each point of the cells, in the order of the cells."""
     count = np.zeros(len(cells.order), np.int32)
     square = reach * reach
@@ -83,7 +84,7 @@ def _count(cells, points, reach):
 
 
 @compiled
-def _fill(cells, points, reach, cursor, neighbour):
+def _fill(cells: Cells, points: np.ndarray, reach: float, cursor: np.ndarray, neighbour: np.ndarray) -> None:
     """Append b, in rising order, to the row of every earlier point within reach; cursor is where each row goes on."""
     square = reach * reach
     place = np.full(3, -9)
@@ -114,7 +115,7 @@ def _fill(cells, points, reach, cursor, neighbour):
 
 
 @compiled
-def _row_starts(order, count):
+def _row_starts(order: np.ndarray, count: np.ndarray) -> np.ndarray:
     start = np.zeros(len(order) + 1, np.int64)
     for i in range(len(order)):
         start[order[i] + 1] = count[i]

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 from mpi4py import MPI
+from properties import list_of_properties
 
 WORLD = MPI.COMM_WORLD
 # a rank that failed waits this long for the others, and every phase of a test may take that long, in seconds
@@ -53,6 +54,7 @@ _step = None
 
 def pytest_addoption(parser):
     parser.addoption("--long", action="store_true", help="also run tests that take minutes")
+    parser.addoption("--properties", metavar="FILE", help="write what the tests check and in which sets")
 
 
 _MARKERS = (
@@ -60,7 +62,7 @@ _MARKERS = (
     "serial: runs on one rank only, for no rank talks to another in what it checks",
     "ranks(*numbers): runs on these numbers of ranks only",
     "slow: more than two seconds on one processor with warm kernels; the fast set is -m 'not slow'",
-    "verification: against exact solutions, other codes or published results (set for two folders: verification, exact)",
+    "verification: against exact solutions, other codes or published results (set in verification and exact)",
     "long: takes minutes; runs only with --long",
 )
 
@@ -79,8 +81,8 @@ def pytest_configure(config):
         reporter._tw._file = open(os.devnull, "w")
 
 
-# rooms of which every test compares with a solution from elsewhere
-_VERIFYING = ("verification", "exact")
+# rooms of which every test compares with a solution from elsewhere, and those that start whole runs
+_VERIFYING, _SLOW = ("verification", "exact"), ("verification", "end_to_end")
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -90,9 +92,10 @@ def pytest_collection_modifyitems(config, items):
     for item in items:
         if {"comm", "shared_path"} & set(item.fixturenames) and not item.get_closest_marker("serial"):
             item.add_marker(pytest.mark.mpi)
-        if item.path.relative_to(Path(__file__).parent).parts[0] in _VERIFYING:
+        room = item.path.relative_to(Path(__file__).parent).parts[0]
+        if room in _VERIFYING:
             item.add_marker(pytest.mark.verification)
-        if item.get_closest_marker("long"):
+        if room in _SLOW or item.get_closest_marker("long"):
             item.add_marker(pytest.mark.slow)
         (kept if _runs(config, item) else left).append(item)
     if left:
@@ -102,6 +105,8 @@ def pytest_collection_modifyitems(config, items):
 
 def _runs(config, item) -> bool:
     ranks = item.get_closest_marker("ranks")
+    if config.getoption("properties"):
+        return True
     if item.get_closest_marker("long") and not config.getoption("long"):
         return False
     if ranks is not None and WORLD.size not in ranks.args:
@@ -110,6 +115,8 @@ def _runs(config, item) -> bool:
 
 
 def pytest_collection_finish(session):
+    if session.config.getoption("properties"):
+        Path(session.config.getoption("properties")).write_text(list_of_properties(session.items))
     if _step is None:
         return
     found = zlib.crc32("\n".join(item.nodeid for item in session.items).encode())

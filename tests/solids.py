@@ -119,15 +119,20 @@ def run_to_end(data: dict, comm=MPI.COMM_SELF, more=None) -> tuple[Simulation, d
     return sim, follow(sim, Record(more), policy=StepsToEnd)
 
 
+CONSTANT = ("identifier", "body", "reference_position", "volume", "spacing", "axes", "area")
+
+
 def evolved(particles) -> list[str]:
-    """Names of the fields that a step of total-Lagrangian SPH changes."""
-    names = ("velocity", "position", "deformation_gradient", "cofactor", "jacobian", "viscous_strain_inverse")
-    return [name for name in particles.fields if name.startswith(names)]
+    """Names of the fields that steps change and a restart needs."""
+    return [name for name in particles.checkpointed() if name not in CONSTANT]
 
 
 def gathered(sim, *names: str) -> list[np.ndarray]:
-    """Fields of all particles of all ranks in the order of their identifiers, the same on every rank; small bodies only."""
-    table = sim.method.particles
+    """Fields of all particles of all ranks in the order of their identifiers, the same on every rank.
+
+    Small bodies only.
+    """
+    table = sim.systems[0].particles
     order = np.argsort(np.concatenate(sim.comm.allgather(table.owned_rows("identifier").copy())))
     return [np.concatenate(sim.comm.allgather(np.array(table.owned_rows(name))))[order] for name in names]
 
@@ -142,10 +147,12 @@ def random_of(identifier: np.ndarray, *shape: int, seed: int = 0) -> np.ndarray:
 
 
 def set_random_state(sim, strain: float = 0.15, consistent: bool = True, seed: int = 0) -> None:
-    """Random v, x, F with H = cof F and J = det F (else also random), and A, with the symmetries of the mirror planes."""
-    table, d, owned = sim.method.particles, sim.method.dimension, sim.method.owned
+    """Random v, x, F with H = cof F and J = det F (else also random), and A, with the symmetries of the mirror
+    planes.
+    """
+    table, d, owned = sim.systems[0].particles, sim.systems[0].dimension, sim.systems[0].owned
     names = table.owned_rows("identifier")
-    free = np.ones((owned, d)) if sim.method.boundaries.clamp is None else sim.method.boundaries.clamp[:, :d]
+    free = np.ones((owned, d)) if sim.systems[0].boundaries.clamp is None else sim.systems[0].boundaries.clamp[:, :d]
     table.owned_rows("velocity")[:] = free * random_of(names, d, seed=seed)
     table.owned_rows("position")[:] = table.owned_rows("reference_position") + 0.03 * free * random_of(
         names, d, seed=seed + 1
@@ -160,7 +167,7 @@ def set_random_state(sim, strain: float = 0.15, consistent: bool = True, seed: i
     table.owned_rows("jacobian")[:] = J
     if d == 3:
         table.owned_rows("cofactor")[:] = H.reshape(owned, 9)
-    for alpha in range(sim.method.branches):
+    for alpha in range(sim.systems[0].branches):
         root = strain * random_of(names, d, d, seed=seed + 5 + alpha)
         A = np.eye(d) + symmetrised(sim, root + root.swapaxes(1, 2) + 3.0 * root @ root.swapaxes(1, 2))
         rows = [A[:, i, i] for i in range(d)] + [A[:, i, j] for i in range(d) for j in range(i + 1, d)]
@@ -168,12 +175,14 @@ def set_random_state(sim, strain: float = 0.15, consistent: bool = True, seed: i
 
 
 def symmetrised(sim, tensors: np.ndarray) -> np.ndarray:
-    """Tensors (n, d, d), displacement gradients or strains, made X = R X R on rollers, X = -R X R on antisymmetric planes."""
-    d, result = sim.method.dimension, tensors.copy()
-    for plane in sim.method.boundaries.planes:
+    """Tensors (n, d, d), displacement gradients or strains, made X = R X R on rollers, X = -R X R on antisymmetric
+    planes.
+    """
+    d, result = sim.systems[0].dimension, tensors.copy()
+    for plane in sim.systems[0].boundaries.planes:
         if plane.kind == "fixed":
             continue
-        on = plane.contains(sim.particle_set)
+        on = plane.contains(sim.particle_sets[0])
         R = np.eye(d)
         R[plane.axis, plane.axis] = -1.0
         sign = -1.0 if plane.kind == "antisymmetric" else 1.0
@@ -183,7 +192,7 @@ def symmetrised(sim, tensors: np.ndarray) -> np.ndarray:
 
 def strains(sim) -> dict[str, np.ndarray]:
     """F, H (n, 3, 3), J (n,) and A (branches, n, 3, 3) of the owned particles."""
-    table, d, owned = sim.method.particles, sim.method.dimension, sim.method.owned
+    table, d, owned = sim.systems[0].particles, sim.systems[0].dimension, sim.systems[0].owned
     F = np.tile(np.eye(3), (owned, 1, 1))
     F[:, :d, :d] = table.owned_rows("deformation_gradient").reshape(owned, d, d)
     J = np.array(table.owned_rows("jacobian"))
@@ -194,8 +203,8 @@ def strains(sim) -> dict[str, np.ndarray]:
         H = np.zeros_like(F)
         H[:, 0, 0], H[:, 0, 1], H[:, 1, 0], H[:, 1, 1] = F[:, 1, 1], -F[:, 1, 0], -F[:, 0, 1], F[:, 0, 0]
         H[:, 2, 2] = J
-    A = np.tile(np.eye(3), (sim.method.branches, owned, 1, 1))
-    for alpha in range(sim.method.branches):
+    A = np.tile(np.eye(3), (sim.systems[0].branches, owned, 1, 1))
+    for alpha in range(sim.systems[0].branches):
         rows = np.array(table.owned_rows(f"viscous_strain_inverse_{alpha + 1}"))
         A[alpha][:, range(d), range(d)] = rows[:, :d]
         for column, (i, j) in zip(rows[:, d:].T, [(i, j) for i in range(d) for j in range(i + 1, d)]):
@@ -206,10 +215,10 @@ def strains(sim) -> dict[str, np.ndarray]:
 def evaluate(sim) -> dict[str, np.ndarray | float]:
     """One semi-discrete evaluation of the current state, which stays as it is; collective.
 
-    gradient (n, d, d) [1/s], P L (n, d, d) [Pa], T, D (n, d) [N], internal and numerical dissipation and the loads' power of
-    this rank [W].
+    gradient (n, d, d) [1/s], P L (n, d, d) [Pa], T, D (n, d) [N], internal and numerical dissipation and the loads'
+    power of this rank [W].
     """
-    method, d = sim.method, sim.method.dimension
+    method, d = sim.systems[0], sim.systems[0].dimension
     strain, kept = method.particles.storage("strain"), method.particles.storage("strain").copy()
     method.pairs.gradient("motion")
     # a step of 1 s changes F by grad v

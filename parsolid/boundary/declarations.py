@@ -5,18 +5,29 @@ from typing import ClassVar, Literal, TypeVar
 
 from parsolid.boundary.mirror_planes import MirrorPlane
 from parsolid.collective import SolverError
+from parsolid.scene.base_model import Plane
 from parsolid.scene.boundaries import Condition
 from parsolid.scene.formulas import Formula
 from parsolid.scene.load_histories import LoadHistory
+from parsolid.scene.schema import Scene
 
 
 @dataclass(frozen=True)
 class Declared:
-    """One thing that a condition means; key: its place in the scene; where: the condition, with its body and its region."""
+    """One thing that a condition means.
+
+    key: the condition's place in the scene; where: the condition itself, with its body and its region; sort: which of
+    several of its type it is.
+    """
 
     name: ClassVar[str]
     key: str
     where: Condition
+
+    @property
+    def sort(self) -> str:
+        """The kind of a plane, the quantity of a motion."""
+        return ""
 
 
 @dataclass(frozen=True)
@@ -27,6 +38,10 @@ class Support(Declared):
     plane: MirrorPlane
     mirrored: bool
 
+    @property
+    def sort(self) -> str:
+        return self.plane.kind
+
 
 @dataclass(frozen=True)
 class PrescribedMotion(Declared):
@@ -36,12 +51,17 @@ class PrescribedMotion(Declared):
     quantity: Literal["velocity", "displacement"]
     course: LoadHistory
 
+    @property
+    def sort(self) -> str:
+        return self.quantity
+
 
 @dataclass(frozen=True)
 class SurfaceTraction(Declared):
     """A traction [Pa] on a plane that bounds a body."""
 
     name: ClassVar[str] = "a traction"
+    plane: Plane
     course: LoadHistory
 
 
@@ -50,6 +70,7 @@ class RigidWall(Declared):
     """A plane that moves with a velocity [m/s], on one side of which bodies stay."""
 
     name: ClassVar[str] = "a wall"
+    plane: Plane
     side: Literal["above", "below"]
     velocity: list[float] | None
     sticking: bool
@@ -60,6 +81,7 @@ class TemperaturePlane(Declared):
     """A plane at a temperature [K]."""
 
     name: ClassVar[str] = "a temperature"
+    plane: Plane
     formula: Formula
 
 
@@ -68,6 +90,7 @@ class SurfaceHeat(Declared):
     """Heat [W/m^2] into a body through a plane that bounds it."""
 
     name: ClassVar[str] = "a heat flux"
+    plane: Plane
     course: LoadHistory
 
 
@@ -75,13 +98,13 @@ Some = TypeVar("Some", bound=Declared)
 
 
 class Declarations:
-    """All that the conditions of a scene mean, in the order of the scene; conditions call its verbs.
+    """All that the conditions of a scene mean, in the order of the scene; conditions call its verbs."""
 
-    planes that are no condition's, as an axis of symmetry, are added by methods.
-    """
+    def __init__(self, scene: Scene, *takes: type[Declared]):
+        """takes: the types that a method takes.
 
-    def __init__(self, scene, *takes: type[Declared]):
-        """takes: the types that a method takes. Raises SolverError, the same on all ranks, for a condition that means another."""
+        Raises SolverError, the same on all ranks, for a condition that means another, or nothing.
+        """
         self.scene, self.dimension, self.takes = scene, scene.dimension, takes
         self.bodies = {body.name: index for index, body in enumerate(scene.bodies) if body.name is not None}
         self.all: list[Declared] = []
@@ -92,9 +115,19 @@ class Declarations:
             if len(self.all) == before:
                 raise SolverError(f"{self._key}.kind: expected a condition with a meaning, found {boundary.kind!r}")
 
-    def of(self, wanted: type[Some]) -> list[Some]:
-        """All of a type."""
-        return [one for one in self.all if isinstance(one, wanted)]
+    def of(self, wanted: type[Some], *sorts: str) -> list[Some]:
+        """All of a type; raises SolverError for one of another sort than these, where any are given."""
+        found = [one for one in self.all if isinstance(one, wanted)]
+        for one in found:
+            if sorts and one.sort not in sorts:
+                known = " or ".join(map(repr, sorts))
+                raise SolverError(f"{one.key}.kind: expected {known} with this method, found {one.where.kind!r}")
+        return found
+
+    def _plane(self, where: Condition) -> Plane:
+        if where.plane is None:
+            raise SolverError(f"{self._key}.plane: expected a plane, found nothing")
+        return where.plane
 
     def _add(self, one: Declared) -> None:
         if not isinstance(one, self.takes):
@@ -109,8 +142,9 @@ class Declarations:
 
     def support(self, where: Condition, kind: str, mirrored: bool = True) -> None:
         """A mirror plane, or a clamp of the particles on it; kind: "fixed", "roller" or "antisymmetric"."""
-        plane = MirrorPlane(where.plane.axis, where.plane.offset, kind, self.bodies.get(where.body))
-        self._add(Support(self._key, where, plane, mirrored))
+        plane, body = self._plane(where), None if where.body is None else self.bodies[where.body]
+        mirror = MirrorPlane(plane.axis, plane.offset, kind, body)
+        self._add(Support(self._key, where, mirror, mirrored))
 
     def prescribe(self, where: Condition, quantity: Literal["velocity", "displacement"], course: LoadHistory) -> None:
         """Motion in the condition's region; components that are None in its formulas are free."""
@@ -118,18 +152,18 @@ class Declarations:
 
     def traction(self, where: Condition, course: LoadHistory) -> None:
         """A traction on the condition's plane."""
-        self._add(SurfaceTraction(self._key, where, course))
+        self._add(SurfaceTraction(self._key, where, self._plane(where), course))
 
     def wall(
         self, where: Condition, side: Literal["above", "below"], velocity: list[float] | None, sticking: bool
     ) -> None:
         """A rigid wall that starts at the condition's plane."""
-        self._add(RigidWall(self._key, where, side, velocity, sticking))
+        self._add(RigidWall(self._key, where, self._plane(where), side, velocity, sticking))
 
     def temperature(self, where: Condition, formula: Formula) -> None:
         """A temperature on the condition's plane."""
-        self._add(TemperaturePlane(self._key, where, formula))
+        self._add(TemperaturePlane(self._key, where, self._plane(where), formula))
 
     def heat_flux(self, where: Condition, course: LoadHistory) -> None:
         """Heat through the condition's plane."""
-        self._add(SurfaceHeat(self._key, where, course))
+        self._add(SurfaceHeat(self._key, where, self._plane(where), course))

@@ -1,12 +1,11 @@
 """Heat that a scene supplies to particles: sources in bodies, and heat through planes that bound them."""
 
-from typing import Any
-
 import numpy as np
 
 from parsolid.boundary.declarations import Declarations, SurfaceHeat
 from parsolid.boundary.loads import InTime, Load
 from parsolid.boundary.rows import Chosen, Everywhere
+from parsolid.particles.container import Particles
 from parsolid.scene.formulas import FormulaVector
 from parsolid.scene.load_histories import LoadHistory
 
@@ -17,12 +16,12 @@ _REACH = 0.51
 class HeatSupply:
     """Heat of a rank's particles.
 
-    Heat through a plane goes to the particles there, not to the plane itself: then what they store has the gradient that the flow
-    needs (measured: half the error).
+    Heat through a plane goes to the particles there, not to the plane itself: then what they store has the gradient
+    that the flow needs (measured: half the error).
     """
 
-    def __init__(self, declared: Declarations, particles: Any, per_radian: bool):
-        """particles: what has `layout`, `owned` and `owned_rows`; per_radian: areas are multiplied with the radius."""
+    def __init__(self, declared: Declarations, particles: Particles, per_radian: bool):
+        """per_radian: areas are multiplied with the radius."""
         self.particles, self.per_radian, formula = particles, per_radian, declared.scene.loads.heat_source
         ones, course = lambda rows: np.ones(particles.owned), None
         if formula is not None:
@@ -32,18 +31,18 @@ class HeatSupply:
 
     def _surface(self, declared: Declarations, one: SurfaceHeat) -> Load:
         body = None if one.where.body is None else declared.bodies[one.where.body]
-        particles, plane = self.particles, one.where.plane
+        particles, plane = self.particles, one.plane
 
         def at_plane() -> np.ndarray:
             rows = particles.owned_rows
             beyond = plane.offset - rows("reference_position")[:, plane.axis]
             here = np.abs(beyond) <= _REACH * rows("spacing")[:, plane.axis]
             here &= rows("area")[:, plane.axis] * beyond > 0.0
-            return here if body is None else here & (rows("body") == body)
+            return here if body is None else np.asarray(here & (rows("body") == body))
 
-        def area(rows) -> np.ndarray:
+        def area(rows: np.ndarray | slice) -> np.ndarray:
             radius = particles.owned_rows("reference_position")[rows, 0] if self.per_radian else 1.0
-            return np.abs(particles.owned_rows("area")[rows, plane.axis]) * radius
+            return np.asarray(np.abs(particles.owned_rows("area")[rows, plane.axis]) * radius)
 
         return Load(particles, Chosen(particles, at_plane), area, one.course)
 

@@ -1,15 +1,28 @@
 """Values in time: loads on particles, and what is prescribed; what is constant is evaluated once."""
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
-from parsolid.boundary.rows import Everywhere, HasRows
+from parsolid.boundary.rows import Everywhere, HasRows, OfRows
 from parsolid.materials.registry import laws_of
+from parsolid.particles.container import Particles
 from parsolid.scene.base_model import Plane
 from parsolid.scene.load_histories import LoadHistory
+from parsolid.scene.schema import Scene
+
+
+class Course(Protocol):
+    """Values of place and time."""
+
+    @property
+    def depends_on_time(self) -> bool:
+        """Whether they change."""
+
+    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
+        """(n, components) at points (n, d) [m] and a time [s], of a jump just after, or just before it."""
 
 
 class Part(Protocol):
@@ -29,8 +42,8 @@ class Part(Protocol):
 class InTime:
     """The sum of parts at a time: constant ones are evaluated once for every layout of the particles."""
 
-    def __init__(self, particles: Any, parts: list, width: int):
-        """particles: `Particles` or `rows.FixedParticles`; result: (owned, width)."""
+    def __init__(self, particles: Particles, parts: Sequence[Part], width: int):
+        """result: (owned, width)."""
         self.particles, self.width = particles, width
         self.constant = [part for part in parts if not part.depends_on_time]
         self.changing = [part for part in parts if part.depends_on_time]
@@ -60,37 +73,36 @@ class InTime:
 class Load:
     """scale * course(X, t) on some particles, or on all.
 
-    particles: as in `InTime`; scale: (k,) at rows, from fields that travel with the particles; onto: a plane onto which places are
-    moved before the course is evaluated there.
+    particles: as in `InTime`; scale: (k,) at rows, from fields that travel with the particles; onto: a plane onto
+    which places are moved before the course is evaluated there.
     """
 
-    particles: Any
+    particles: Particles
     chosen: HasRows | Everywhere
-    scale: Callable[[Any], np.ndarray]
-    course: LoadHistory
+    scale: OfRows
+    course: Course
     onto: Plane | None = None
-
-    def __post_init__(self) -> None:
-        self.forget()
+    _layout: int = -1
+    _at: tuple[np.ndarray, np.ndarray] | None = None
+    _constant: np.ndarray | None = None
 
     @property
     def depends_on_time(self) -> bool:
         """Whether it changes."""
         return self.course.depends_on_time
 
-    def _places(self, rows) -> np.ndarray:
+    def _places(self, rows: np.ndarray | slice) -> np.ndarray:
         places = self.particles.owned_rows("reference_position")[rows]
         if self.onto is not None:
             places = places.copy()
             places[:, self.onto.axis] = self.onto.offset
-        return places
+        return np.ascontiguousarray(places)
 
     def put(self, result: np.ndarray, time: float, before: bool = False) -> None:
         """Add its values to the first columns of result (owned, any)."""
-        rows = self.chosen.rows
-        if self._layout != self.particles.layout:
-            self._layout, self._at, self._constant = self.particles.layout, (self._places(rows), self.scale(rows)), None
-        values = self._constant
+        rows, values = self.chosen.rows, self._constant
+        if self._layout != self.particles.layout or self._at is None:
+            self._layout, self._at, values = self.particles.layout, (self._places(rows), self.scale(rows)), None
         if values is None:
             places, scale = self._at
             values = scale[:, None] * self.course.evaluate(places, time, before)
@@ -106,21 +118,29 @@ class Load:
 class ExactBodyForce:
     """The acceleration [m/s^2] under which an exact solution holds, as a course."""
 
-    depends_on_time = True
+    @property
+    def depends_on_time(self) -> bool:
+        """Always."""
+        return True
 
-    def __init__(self, scene):
+    def __init__(self, scene: Scene):
         # scipy takes half a second to import, which a run without it is spared
         from parsolid.exact import SOLUTIONS
 
-        self.solution = SOLUTIONS[scene.reference.exact].of_scene(scene)
+        assert scene.reference is not None and scene.reference.exact is not None
+        solutions: dict[str, Any] = SOLUTIONS
+        self.solution = solutions[scene.reference.exact].of_scene(scene)
 
-    def evaluate(self, points: np.ndarray, time: float, before: bool = False) -> np.ndarray:
+    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
         """(n, d) at reference positions (n, d) [m] and a time [s]."""
-        return self.solution.body_force(points, time)
+        return np.asarray(self.solution.body_force(points, time))
 
 
-def body_loads(scene, particles: Any, per_volume: Callable, per_mass: Callable) -> list[Load]:
-    """Loads of a scene on all bodies; per_volume, per_mass: what a force per volume and an acceleration are multiplied with, at rows."""
+def body_loads(scene: Scene, particles: Particles, per_volume: OfRows, per_mass: OfRows) -> list[Load]:
+    """Loads of a scene on all bodies.
+
+    per_volume, per_mass: what a force per volume and an acceleration are multiplied with, (k,) at rows.
+    """
     loads, everything, result = scene.loads, Everywhere(), []
     for formulas, scale in ((loads.body_force, per_volume), (loads.acceleration, per_mass)):
         if formulas is not None:
@@ -130,19 +150,19 @@ def body_loads(scene, particles: Any, per_volume: Callable, per_mass: Callable) 
     return result
 
 
-def area_along(particles: Any, axis: int) -> Callable[[Any], np.ndarray]:
+def area_along(particles: Particles, axis: int) -> OfRows:
     """Areas (k,) [m^2] with which particles at rows bound their body along an axis."""
     return lambda rows: np.abs(particles.owned_rows("area")[rows, axis])
 
 
-def densities(scene, particles: Any) -> Callable[[Any], np.ndarray]:
+def densities(scene: Scene, particles: Particles) -> OfRows:
     """Densities (k,) [kg/m^3] of particles at rows."""
     of_body = np.array([law.density for law in laws_of(scene)])
     return lambda rows: of_body[particles.owned_rows("body")[rows]]
 
 
-def accelerations(scene, particles: Any, *more: Load) -> InTime:
+def accelerations(scene: Scene, particles: Particles, *more: Load) -> InTime:
     """Accelerations (owned, 4) [m/s^2] of a scene's loads on all bodies, and of more loads before them."""
     density = densities(scene, particles)
-    per_mass = lambda rows: np.ones(particles.owned)  # noqa: E731
-    return InTime(particles, [*more, *body_loads(scene, particles, lambda rows: 1.0 / density(rows), per_mass)], 4)
+    loads = body_loads(scene, particles, lambda rows: 1.0 / density(rows), lambda rows: np.ones(particles.owned))
+    return InTime(particles, [*more, *loads], 4)

@@ -1,17 +1,19 @@
 """Mirror planes, of particles and of grids, and the tables of images that pairs need.
 
-Rollers and fixed walls are planes with mirror images: v' = Q v at X' = R X + T, with Q = R at a roller (symmetry), Q = -1 at
-a fixed wall and Q = -R where only normal motion is free (antisymmetry, exact for small strain: the stress of the image has
-the other sign). Particles on a plane are held as well.
+Rollers and fixed walls are planes with mirror images: v' = Q v at X' = R X + T, with Q = R at a roller (symmetry), Q =
+-1 at a fixed wall and Q = -R where only normal motion is free (antisymmetry, exact for small strain: the stress of the
+image has the other sign). Particles on a plane are held as well.
 """
 
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from mpi4py import MPI
 
 from parsolid.collective import anywhere, minimum, raise_together
 from parsolid.pairs.lists import image_table
+from parsolid.particles.particle_set import ParticleSet
 
 # a particle within this fraction of its spacing of a plane lies on it
 ON_PLANE = 1e-6
@@ -19,7 +21,7 @@ ON_PLANE = 1e-6
 
 @dataclass(frozen=True)
 class MirrorPlane:
-    """The plane X[axis] = coordinate; kind is "roller", "fixed" or "antisymmetric"; body is an index, None means all."""
+    """The plane X[axis] = coordinate; kind: "roller", "fixed" or "antisymmetric"; body: an index, None means all."""
 
     axis: int
     coordinate: float
@@ -35,23 +37,25 @@ class MirrorPlane:
     def held(self, dimension: int) -> np.ndarray:
         """Which components (d,) of a particle on the plane do not move."""
         normal = np.arange(dimension) == self.axis
-        return {"roller": normal, "fixed": np.ones(dimension, bool), "antisymmetric": ~normal}[self.kind]
+        return np.array({"roller": normal, "fixed": np.ones(dimension, bool), "antisymmetric": ~normal}[self.kind])
 
     def concerns(self, body: np.ndarray) -> np.ndarray:
         """Which particles, by their body (n,), the plane is meant for."""
-        return np.ones(len(body), bool) if self.body is None else body == self.body
+        return np.ones(len(body), bool) if self.body is None else np.asarray(body == self.body)
 
-    def contains(self, particle_set) -> np.ndarray:
+    def contains(self, particle_set: ParticleSet) -> np.ndarray:
         """Which particles it is meant for lie on the plane."""
         offset = np.abs(particle_set.position[:, self.axis] - self.coordinate)
-        return self.concerns(particle_set.body) & (offset <= ON_PLANE * particle_set.spacing.min(axis=1))
+        near = offset <= ON_PLANE * particle_set.spacing.min(axis=1)
+        return np.asarray(self.concerns(particle_set.body) & near)
 
 
 @dataclass
 class MirrorCodes:
     """Every reflection a rank may need: in one plane, or in two or three at their common edge or corner.
 
-    signs Q, reflections R, shifts T: (codes, 3); stress_signs s: (codes,); planes: the planes of each code; tolerance [m] for "on the plane".
+    signs Q, reflections R, shifts T: (codes, 3); stress_signs s: (codes,); planes: the planes of each code; tolerance
+    [m] for "on the plane".
     """
 
     signs: np.ndarray
@@ -112,24 +116,27 @@ class MirrorCodes:
 
     def table(self, dimension: int) -> np.ndarray:
         """Rows for `pairs.layout.Images`."""
-        places = (array[:, :dimension] for array in (self.signs, self.reflections, self.shifts))
-        return image_table(dimension, *places, self.stress_signs)
+        signs, reflections, shifts = (array[:, :dimension] for array in (self.signs, self.reflections, self.shifts))
+        return image_table(dimension, signs, reflections, shifts, self.stress_signs)
 
 
-def mirror_codes(comm, planes: list[MirrorPlane], particle_set) -> MirrorCodes | None:
+def mirror_codes(comm: MPI.Comm, planes: list[MirrorPlane], particle_set: ParticleSet) -> MirrorCodes | None:
     """Every reflection that mirror planes need, None without planes; collective."""
     return MirrorCodes.of(planes, ON_PLANE * minimum(comm, float(particle_set.spacing.min(initial=np.inf))))
 
 
-def check_sides(comm, plane: MirrorPlane, particle_set, key: str) -> None:
+def check_sides(comm: MPI.Comm, plane: MirrorPlane, particle_set: ParticleSet, key: str) -> None:
     """All particles that a mirror plane is meant for must lie on one side of it; collective."""
     meant = plane.concerns(particle_set.body)
     offset = particle_set.position[meant, plane.axis] - plane.coordinate
     slack = ON_PLANE * particle_set.spacing[meant].min(axis=1, initial=np.inf)
-    below = anywhere(comm, np.any(offset < -slack))
-    above = anywhere(comm, np.any(offset > slack))
+    below = anywhere(comm, bool(np.any(offset < -slack)))
+    above = anywhere(comm, bool(np.any(offset > slack)))
     letter = "XYZ"[plane.axis]
     fault = None
     if below and above:
-        fault = f"{key}.plane: expected a plane that bounds the bodies, found particles on both sides of {letter} = {plane.coordinate:g}"
+        fault = (
+            f"{key}.plane: expected a plane that bounds the bodies, "
+            f"found particles on both sides of {letter} = {plane.coordinate:g}"
+        )
     raise_together(comm, fault)

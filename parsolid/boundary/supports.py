@@ -1,26 +1,29 @@
 """Supports of a scene on a rank's particles: mirror planes and clamps."""
 
 import numpy as np
+from mpi4py import MPI
 
-from parsolid.boundary.declarations import Declarations, Support
+from parsolid.boundary.declarations import Support
 from parsolid.boundary.mirror_planes import MirrorCodes, MirrorPlane, check_sides, mirror_codes
+from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.regions import selected
+from parsolid.scene.schema import Scene
 
 
 class Supports:
     """Supports at the start, in the order of the particle_set; they hold the same particles later on.
 
-    planes: mirror planes; held (n, d) bool: components at rest; codes: every reflection, None without; share (n,): the part of a
-    particle on this side of mirror planes.
+    planes: mirror planes; held (n, d) bool: components at rest; codes: every reflection, None without; share (n,): the
+    part of a particle on this side of mirror planes.
     """
 
-    def __init__(self, comm, declared: Declarations, particle_set):
+    def __init__(self, comm: MPI.Comm, scene: Scene, supports: list[Support], particle_set: ParticleSet):
         """Raises SolverError on all ranks when a mirror plane cuts a body. Collective."""
         dimension = particle_set.position.shape[1]
         self.planes: list[MirrorPlane] = []
         self.held = np.zeros((len(particle_set), dimension), bool)
-        for one in declared.of(Support):
-            chosen = selected(declared.scene, one.where, particle_set, comm)
+        for one in supports:
+            chosen = selected(scene, one.where, particle_set, comm)
             if one.mirrored:
                 check_sides(comm, one.plane, particle_set, one.key)
                 self.planes.append(one.plane)

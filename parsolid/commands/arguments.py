@@ -2,6 +2,8 @@
 
 import argparse
 
+TRUST_CODE = "run the Python files of laws that the scene names"
+
 
 def whole_number(text: str) -> int:
     """A whole number of at least 1; raises argparse.ArgumentTypeError."""

@@ -8,12 +8,13 @@ import argparse
 import sys
 import traceback
 from importlib import import_module
+from typing import NoReturn
 
 from mpi4py import MPI
 
 from parsolid import __version__
 from parsolid.collective import SolverError
-from parsolid.commands.arguments import whole_number
+from parsolid.commands.arguments import TRUST_CODE, whole_number
 from parsolid.output.errors import OutputError
 from parsolid.scene.validation_errors import SceneError
 
@@ -25,7 +26,7 @@ class _BadArguments(Exception):
 
 
 class _Parser(argparse.ArgumentParser):
-    def error(self, message):
+    def error(self, message: str) -> NoReturn:
         raise _BadArguments(f"{message}\n{self.format_usage().rstrip()}")
 
 
@@ -44,6 +45,7 @@ def _scene_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--set", action="append", default=[], metavar="KEY.PATH=VALUE", help="override a key of the scene"
     )
+    parser.add_argument("--trust-code", action="store_true", help=TRUST_CODE)
     parser.add_argument("--end-time", type=_seconds, metavar="T", help="simulated time to stop at [s]")
     parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
     parser.add_argument("-v", "--verbose", action="store_true", help="say more")
@@ -145,17 +147,18 @@ def _headline(error: Exception) -> str:
     return str(error)
 
 
-def _say(comm, text: str) -> None:
+def _say(comm: MPI.Intracomm, text: str) -> None:
     if comm.rank == 0:
         print(text, file=sys.stderr, flush=True)
 
 
-def _dispatch(comm, arguments: list[str]) -> int:
+def _dispatch(comm: MPI.Intracomm, arguments: list[str]) -> int:
     if comm.rank > 0 and any(argument in ("-h", "--help", "--version") for argument in arguments):
         return DONE
     options = parse(arguments)
     if options.command in _MODULES:
-        return getattr(import_module(_MODULES[options.command][0]), f"run_{options.command}")(comm, options)
+        command = getattr(import_module(_MODULES[options.command][0]), f"run_{options.command}")
+        return int(command(comm, options))
     if options.command == "bench":
         from parsolid.commands.bench import bench
 

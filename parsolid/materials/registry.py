@@ -1,20 +1,141 @@
-"""Material laws of a scene's bodies."""
+"""Laws found by role and kind: those of this package, those of installed packages, and those of a file that a scene names.
 
+Nothing is imported before a scene asks for it: laws of this package are found by the line of their decorator `@law("role", "kind")`,
+those of other packages by entry points of the group "parsolid.laws" named "role.kind".
+"""
+
+import hashlib
+import re
+import sys
+from functools import cache
 from importlib import import_module
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
+from typing import Any
 
-# the module of each kind of material, loaded only when a scene has it; its `of_material` makes the law
-_MODULES = {
-    "mooney-rivlin": "parsolid.materials.hyperelastic.mooney_rivlin",
-    "neo-hookean": "parsolid.materials.hyperelastic.mooney_rivlin",
-    "elastic-plastic": "parsolid.materials.plastic.elastic_plastic",
-    "prony": "parsolid.materials.viscoelastic.prony",
-    "linear-elastic": "parsolid.materials.viscoelastic.prony",
-    "bond-based": "parsolid.materials.damage.bond_based",
+from parsolid.materials.declaration import declared_as
+
+_LINE = re.compile(r'^@law\("([a-z-]+)", "([a-z0-9-]+)"\)', re.MULTILINE)
+# what the kernels ask of the laws of a role
+_FUNCTIONS = {
+    "hyperelastic": (
+        "parsolid.materials.hyperelastic.law",
+        ("equilibrium_energy", "elastic_moduli"),
+        ("first_piola_kirchhoff_stress", "equilibrium_stress"),
+        ("pressure_wave_tensor", "equilibrium_wave_tensor"),
+    ),
+    "flow-stress": ("parsolid.materials.plastic.plasticity", ("flow_stress",)),
+    "shear-modulus": ("parsolid.materials.plastic.plasticity", ("shear_modulus",)),
+    "melting": ("parsolid.materials.plastic.plasticity", ("melting_temperature",)),
+    "equation-of-state": (
+        "parsolid.materials.plastic.plasticity",
+        ("cold_pressure", "grueneisen_coefficient", "isentropic_bulk_modulus", "room_to_compress"),
+    ),
 }
 
 
-# laws of the small strains that a body can have, made for the state of strain
-_BY_STATE = ("prony", "linear-elastic")
+class LawError(Exception):
+    """A law cannot be had; the message says what was expected."""
+
+
+@cache
+def _found() -> dict[tuple[str, str], str]:
+    """(role, kind) -> module, of this package."""
+    root, result = Path(__file__).parent, {}
+    for source in sorted(root.glob("*/*.py")):
+        for role, kind in _LINE.findall(source.read_text(encoding="utf-8")):
+            result[role, kind] = f"parsolid.materials.{source.parent.name}.{source.stem}"
+    return result
+
+
+@cache
+def _installed() -> dict[tuple[str, str], Any]:
+    """(role, kind) -> entry point, of other packages."""
+    result = {}
+    for point in entry_points(group="parsolid.laws"):
+        role, _, kind = point.name.partition(".")
+        result[role, kind] = point
+    return result
+
+
+def kinds(role: str) -> tuple[str, ...]:
+    """Kinds of a role, those of this package first."""
+    return tuple(dict.fromkeys(kind for known in (_found(), _installed()) for r, kind in known if r == role))
+
+
+def declared(role: str, kind: str) -> type:
+    """The class declared under a name. Raises KeyError where there is none, LawError where it cannot be loaded."""
+    if (role, kind) in _found():
+        import_module(_found()[role, kind])
+        return declared_as(role, kind)
+    try:
+        result = _installed()[role, kind].load()
+    except KeyError:
+        raise
+    except Exception as error:
+        raise LawError(f"an installed law that can be loaded ({error})") from error
+    _complete(result)
+    return result
+
+
+_of_files: dict[tuple[str, str], type] = {}
+
+
+def loaded(path: str, name: str) -> type | None:
+    """A law of a file that this process has loaded already."""
+    return _of_files.get((path, name))
+
+
+def loaded_texts() -> str:
+    """The texts of all files of laws that this process has loaded."""
+    return "".join(law.source[2] for _, law in sorted(_of_files.items(), key=lambda item: item[0]))
+
+
+def text_of(path: str) -> str:
+    """The text of a file of laws. Raises LawError."""
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise LawError(f"a file that can be read ({getattr(error, 'strerror', None) or error})") from error
+
+
+def from_text(path: str, name: str, text: str) -> type:
+    """The law `name` of a file whose text is given, which is run: the same on all ranks, whatever their disks hold.
+
+    The module is named after the text, so that kernels compiled with another text are never taken for it. Raises LawError.
+    """
+    module = (
+        f"parsolid_law_{re.sub(r'[^0-9a-zA-Z]', '_', Path(path).stem)}_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+    )
+    if module not in sys.modules:
+        new = ModuleType(module)
+        new.__file__ = path
+        sys.modules[module] = new
+        try:
+            exec(compile(text, path, "exec"), new.__dict__)
+        except Exception as error:
+            del sys.modules[module]
+            raise LawError(f"a file that can be run ({type(error).__name__}: {error})") from error
+    result = getattr(sys.modules[module], name, None)
+    if not (isinstance(result, type) and hasattr(result, "role")):
+        raise LawError(f'a class {name} with the decorator @law("role", "kind")')
+    _complete(result)
+    _of_files[path, name] = result
+    result.source = (path, name, text)
+    return result
+
+
+def _complete(declared: type) -> None:
+    """Raise LawError where the law lacks a function that kernels ask for; each group needs one of its names, the first all."""
+    if not hasattr(declared, "_fields"):
+        return
+    module, needed, *either = _FUNCTIONS[declared.role]
+    room = import_module(module)
+    lacking = [name for name in needed if not getattr(room, name).table.has(declared)]
+    lacking += [names[-1] for names in either if not any(getattr(room, name).table.has(declared) for name in names)]
+    if lacking:
+        raise LawError(f"a law with {' and '.join(lacking)} (see docs/laws.md)")
 
 
 def laws_of(scene) -> list:
@@ -25,5 +146,4 @@ def laws_of(scene) -> list:
 
 def law_of(material, state: str = "space"):
     """The parameters, a NamedTuple, of a material as a scene states it; state: see `MethodSettings.state`."""
-    make = import_module(_MODULES[material.kind]).of_material
-    return make(material, state) if material.kind in _BY_STATE else make(material)
+    return material.build(state)

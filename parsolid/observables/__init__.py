@@ -1,6 +1,7 @@
-"""What can be watched of a run: fields of particles and quantities of bodies, each declared once, in the file that computes it.
+"""What can be watched of a run: fields of particles and quantities, each declared once, in the file that computes it.
 
-The reader of scenes takes their names from here, and so do probes, field output and exact solutions. A new one is a new file.
+The reader of scenes takes their names from here, and so do probes, field output and exact solutions. A new one is a new
+file.
 """
 
 from importlib import import_module

@@ -39,7 +39,7 @@ Compute = Callable[["Rows"], np.ndarray]
 
 @dataclass(frozen=True)
 class FieldOfState:
-    """A field that every method shows: its kind, whether it is written unless the scene chooses, whether probes take it.
+    """A field of all methods: its kind, whether it is written unless the scene chooses, whether probes take it.
 
     compute(rows) gives it from other fields where the method has none of this name; None where every method has it.
     """
@@ -96,7 +96,10 @@ class Rows:
 
 
 def field_of(system: System, name: str, first: int = 0, last: int | None = None) -> np.ndarray | None:
-    """A field of particles first..last-1 (all of this rank by default), (n,), (n, d) or (n, 3, 3); None where there is none."""
+    """A field of particles first..last-1 (all of this rank by default), (n,), (n, d) or (n, 3, 3).
+
+    None where there is none.
+    """
     try:
         return Rows(system, first, system.owned if last is None else last)(name)
     except KeyError:
@@ -125,7 +128,7 @@ class Watched(Protocol):
 
 
 class Sampler:
-    """One thing that a probe watches; a rank gives its part, the parts are joined by `reduction`, and columns made of the result.
+    """One thing that a probe watches: each rank gives its part, `reduction` joins the parts, columns are made of that.
 
     name: of the probe; columns: names of what it fills in the history. One is made for each run, on every rank.
     reduction: "sum", "minimum" or "maximum", the same on all ranks at the latest when `part` returns.
@@ -174,11 +177,11 @@ def quantity(name: str, kind: str) -> Callable[[type[Sampler]], type[Sampler]]:
 
 
 # fields of a probe at a particle that need more than the particle's present state: name -> (kind, sampler class)
-PARTICLE_SAMPLERS: dict[str, tuple[str, type[Sampler]]] = {}
+PARTICLE_SAMPLERS: dict[str, tuple[str, Callable[..., Sampler]]] = {}
 
 
 def particle_sampler(name: str, kind: str) -> Callable[[type[Sampler]], type[Sampler]]:
-    """Declare a class of samplers, made as `Sampler(name, columns, place, probe)`, for a field of a probe at a particle."""
+    """Declare samplers, made as `Sampler(name, columns, place, probe)`, for a field of a probe at a particle."""
 
     def declare(sampler: type[Sampler]) -> type[Sampler]:
         PARTICLE_SAMPLERS[name] = (kind, sampler)

@@ -8,7 +8,10 @@ from parsolid.observables.declared import Sampler, Watched, field_of
 
 
 class Place:
-    """Where a particle is: of which system and in which row, if it is on this rank; found anew when rows have changed."""
+    """Where a particle is: of which system and in which row, if it is on this rank.
+
+    Found anew when rows have changed.
+    """
 
     def __init__(self, identifier: int):
         self.identifier = identifier
@@ -34,7 +37,10 @@ class ParticleField(Sampler):
         self.place, self.field = place, field
 
     def part(self, watched: Watched) -> np.ndarray:
-        """The values on the rank that has the particle, zeros elsewhere; not numbers where its method has no such field."""
+        """The values on the rank that has the particle, zeros elsewhere.
+
+        Not numbers where its method has no such field.
+        """
         found = self.place.find(watched)
         if found is None:
             return np.zeros(len(self.columns))

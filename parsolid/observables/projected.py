@@ -8,7 +8,7 @@ from parsolid.observables.declared import Sampler, Watched
 
 
 class Projected(Sampler):
-    """sum V w f / sum V w^2 over all particles, for the components of some fields and a weight w of the reference position."""
+    """sum V w f / sum V w^2 over all particles, for the components of fields f and a weight w(X)."""
 
     def __init__(self, name: str, columns: list[str], weight: Any, fields: list[str]):
         super().__init__(name, columns)

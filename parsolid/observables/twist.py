@@ -12,7 +12,8 @@ from parsolid.observables.particle_field import Place
 class Twist(Sampler):
     """Accumulated angle [rad] about an axis; the particle may turn by less than half a turn between samples.
 
-    The rank that has the particle tells its direction, and every rank keeps the angle, so that the particle may change its rank.
+    The rank that has the particle tells its direction, and every rank keeps the angle, so that the particle may change
+    its rank.
     """
 
     def __init__(self, name: str, columns: list[str], place: Place, probe: Any):

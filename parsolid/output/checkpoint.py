@@ -14,6 +14,7 @@ import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -25,6 +26,8 @@ from parsolid.output.slabs import SlabWriter, create_slab, flush_to_disk, open_s
 FORMAT = "parsolid checkpoint"
 VERSION = 1
 DEFAULT_NAME = "checkpoint.h5"
+Header = dict[str, Any]
+Fields = dict[str, np.ndarray]
 _KINDS = ("float64", "int64", "int32", "uint8")
 
 
@@ -46,10 +49,10 @@ def numbered(name: str, system: int) -> str:
 
 
 def write_checkpoint(
-    comm: MPI.Comm,
+    comm: MPI.Intracomm,
     path: Path | str,
-    header: dict,
-    systems: Sequence[dict[str, np.ndarray]],
+    header: Header,
+    systems: Sequence[Fields],
     per_rank: np.ndarray | None = None,
     method: str | None = None,
 ) -> None:
@@ -87,13 +90,14 @@ def write_checkpoint(
             _put_in_place(path)
 
 
-def read_header(path: Path | str) -> dict:
+def read_header(path: Path | str) -> Header:
     """The header of a checkpoint; one rank alone may call it. Raises OutputError when the file is not whole."""
     with _open_whole(path) as file:
-        return json.loads(file["header"][()])
+        header: Header = json.loads(file["header"][()])
+        return header
 
 
-def read_checkpoint(comm: MPI.Comm, path: Path | str) -> tuple[dict, list[dict[str, np.ndarray]], np.ndarray]:
+def read_checkpoint(comm: MPI.Intracomm, path: Path | str) -> tuple[Header, list[Fields], np.ndarray]:
     """Read a checkpoint: header, fields of each system, per-rank rows. Collective.
 
     On as many ranks as wrote it, every rank gets the rows that it wrote, in the same order; on another
@@ -110,14 +114,13 @@ def read_checkpoint(comm: MPI.Comm, path: Path | str) -> tuple[dict, list[dict[s
                 offsets = [file["ranks"][numbered("offset", i)][()] for i in range(_count_systems(file))]
                 layout = json.loads(file["header"][()]), offsets, file["ranks/values"][()]
     header, offsets, values = comm.bcast(layout)
-    systems: list[dict[str, np.ndarray]] = []
-    with together(comm, doing):
-        with open_serial(path, "r") as file:
-            for number, offset in enumerate(offsets):
-                if len(offset) - 1 != comm.size:
-                    offset = np.array([offset[-1] * rank // comm.size for rank in range(comm.size + 1)])
-                here = slice(offset[comm.rank], offset[comm.rank + 1])
-                systems.append({name: rows[here] for name, rows in file[numbered("particles", number)].items()})
+    systems: list[Fields] = []
+    with together(comm, doing), open_serial(path, "r") as file:
+        for number, offset in enumerate(offsets):
+            if len(offset) - 1 != comm.size:
+                offset = np.array([offset[-1] * rank // comm.size for rank in range(comm.size + 1)])
+            here = slice(offset[comm.rank], offset[comm.rank + 1])
+            systems.append({name: rows[here] for name, rows in file[numbered("particles", number)].items()})
     return header, systems, values
 
 
@@ -128,18 +131,18 @@ def _count_systems(file: h5py.File) -> int:
     return count
 
 
-def find_checkpoint(directory: Path | str, comm: MPI.Comm | None = None, name: str = DEFAULT_NAME) -> Path:
+def find_checkpoint(directory: Path | str, comm: MPI.Intracomm | None = None, name: str = DEFAULT_NAME) -> Path:
     """The newest whole checkpoint of a directory. With comm collective, else for one rank alone.
 
     Raises OutputError (on all ranks) that says of each candidate why it will not do.
     """
     if comm is None:
         return _find(Path(directory), name)
-    found = None
+    found = Path()
     with together(comm, f"cannot look for a checkpoint in {directory}"):
         if comm.rank == 0:
             found = _find(Path(directory), name)
-    return comm.bcast(found)
+    return Path(comm.bcast(found))
 
 
 def _find(directory: Path, name: str) -> Path:
@@ -177,7 +180,7 @@ def _open_whole(path: Path | str) -> h5py.File:
     raise OutputError(f"{path.name}: {fault}")
 
 
-def _row_count(comm: MPI.Comm, fields: dict, values: np.ndarray, doing: str) -> int:
+def _row_count(comm: MPI.Intracomm, fields: Fields, values: np.ndarray, doing: str) -> int:
     """This rank's number of rows; checks that the arrays fit together on and across ranks."""
     signature = [(name, array.shape[1:], array.dtype.name) for name, array in fields.items()] + [values.shape]
     expected = comm.bcast(signature)
@@ -197,7 +200,7 @@ def _row_count(comm: MPI.Comm, fields: dict, values: np.ndarray, doing: str) -> 
     return counts.pop()
 
 
-def _lay_out(partial: Path, header: dict, systems: Sequence[dict], offsets: np.ndarray, values: int) -> None:
+def _lay_out(partial: Path, header: Header, systems: Sequence[Fields], offsets: np.ndarray, values: int) -> None:
     text = json.dumps(header, default=_plain).encode()
     size = len(text) + 8 * offsets.size + 8 * offsets.shape[1] * values
     for fields, rows in zip(systems, offsets[:, -1]):
@@ -218,7 +221,7 @@ def _lay_out(partial: Path, header: dict, systems: Sequence[dict], offsets: np.n
         create_slab(ranks, "values", (offsets.shape[1] - 1, values), np.float64)
 
 
-def _plain(value):
+def _plain(value: object) -> object:
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
     raise TypeError(f"header: expected what JSON can hold, found {type(value).__name__}")

@@ -13,7 +13,8 @@ from parsolid.collective import maximum, raise_together
 from parsolid.pairs.candidates import coincident, common_metric, mirror_candidates, plain_candidates, reach_of
 from parsolid.pairs.lists import Images, InnerList, OneSidedList, Places, empty_list, images_of, mutual
 from parsolid.pairs.passes import Vector, add_forces, add_gradients, sum_columns
-from parsolid.pairs.terms import KINEMATICS, RiemannDissipation, record_columns
+from parsolid.pairs.smoothed_weights import SmoothedWeights
+from parsolid.pairs.terms import KINEMATICS, record_columns
 from parsolid.pairs.weights import select_pairs
 from parsolid.particles.declaration import Columns, Field, Rows, Within
 
@@ -49,8 +50,9 @@ class PairSystem:
         self.comm, self.particles, self.space = comm, particles, space
         self.weights, self.terms, self.codes = weights, terms, codes
         d, record = space.dimension, record_columns(space, terms)
-        forces = 8 if isinstance(terms, RiemannDissipation) else 4
-        particles.declare(Field("kinematics", KINEMATICS[d].width, "", carried=False))
+        # whoever moves particles by smoothed weights reads what dissipates apart, also where nothing does
+        forces = 8 if isinstance(weights, SmoothedWeights) else 4
+        particles.declare(Field("kinematics", KINEMATICS[d].width, ""))
         particles.declare(Field("record", record.width, "", carried=False))
         told = getattr(record, "changing", record.width)
         particles.declare(Field("told", told, "", ghosts="forward", message="record", layout=Within("record", 0)))

@@ -107,7 +107,8 @@ class Particles:
                 result[:] = np.array(field.padding)[:, None]
             return result
         width = field.layout.width if isinstance(field.layout, Rows) else None
-        shape = (rows,) if field.components == 1 and width is None else (rows, width or field.components)
+        single = field.components == 1 and field.mirror == "scalar" and width is None
+        shape = (rows,) if single else (rows, width or field.components)
         result = aligned_zeros(shape, field.dtype)
         if field.padding:
             result[:] = field.padding
@@ -117,15 +118,18 @@ class Particles:
         return name in self.fields
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """All rows of a field, (rows,) or (rows, components), a view; KeyError for one that is not declared."""
+        """All rows of a field, a view, (rows,) of a scalar of one component, else (rows, components).
+
+        Raises KeyError for one that is not declared.
+        """
         field = self.fields[name]
         if isinstance(field.layout, Within):
             whole, first = self._by_particle(field.layout.record), field.layout.first
-            return whole[:, first] if field.components == 1 else whole[:, first : first + field.components]
-        array = self._by_particle(name)
-        if array.ndim == 1 or isinstance(field.layout, Columns) and field.components > 1:
-            return array
-        return array[:, 0] if field.components == 1 else array[:, : field.components]
+            array = whole[:, first : first + field.components]
+        else:
+            array = self._by_particle(name)
+            array = array[:, None] if array.ndim == 1 else array[:, : field.components]
+        return array[:, 0] if field.components == 1 and field.mirror == "scalar" else array
 
     def owned_rows(self, name: str) -> np.ndarray:
         """The owned particles' values of a field, a view."""
@@ -134,11 +138,6 @@ class Particles:
     def storage(self, name: str) -> np.ndarray:
         """The array that a field or record is kept in, as kernels take it; another one after particles came."""
         return self._storage[name]
-
-    @property
-    def arrays(self) -> dict[str, np.ndarray]:
-        """All fields by name, for what still takes a `FieldTable`."""
-        return {name: self[name] for name in self.fields}
 
     def _by_particle(self, name: str) -> np.ndarray:
         """The array with particles along its first axis."""

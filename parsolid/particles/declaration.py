@@ -10,7 +10,7 @@ import numpy as np
 class Rows:
     """An array (capacity, width) of its own, a row a particle: what neighbours or nodes read; width: the components unless given.
 
-    A field of one component without a width is (capacity,).
+    A scalar of one component without a width is (capacity,).
     """
 
     width: int | None = None

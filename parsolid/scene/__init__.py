@@ -1,6 +1,5 @@
 """Scenes: what a TOML file may say, and the particles, fields and regions that it means."""
 
-from parsolid.particles.generation import generate
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.initial import (
     initial_deformation_gradient,
@@ -19,7 +18,6 @@ __all__ = [
     "SceneError",
     "agree",
     "dump_scene",
-    "generate",
     "initial_deformation_gradient",
     "initial_displacement",
     "initial_temperature",

@@ -20,7 +20,7 @@ class ClippedFilling:
     particles.
     """
 
-    def __init__(self, body: FilledShape, dimension: int):
+    def __init__(self, body: FilledShape, dimension: int) -> None:
         self.body = body
         self.dimension = dimension
         shape = body.shape.model

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -41,7 +41,7 @@ class Line:
     @classmethod
     def of(
         cls, lower: float, upper: float, number: int | None, spacing: float | None, nodes: bool, closed: bool = False
-    ):
+    ) -> Any:
         """The line with a number of particles, or with about the given spacing."""
         if number is None:
             # the upper limit keeps an absurd spacing countable, so that it can be refused
@@ -114,7 +114,7 @@ def counted(lines: list[Line]) -> int:
 class Lattice:
     """The product of lines; ids run fastest along the last."""
 
-    def __init__(self, lines: list[Line]):
+    def __init__(self, lines: list[Line]) -> None:
         self.lines = lines
         self.shape = tuple(line.count for line in lines)
         self.count = counted(lines)
@@ -135,7 +135,7 @@ class Lattice:
 class BoxFilling(Lattice):
     """A box filled with nodes (trapezoid volumes) or cells; ids run fastest along the last axis."""
 
-    def __init__(self, body: FilledShape, dimension: int):
+    def __init__(self, body: FilledShape, dimension: int) -> None:
         box = body.shape.model
         numbers, spacings = numbers_and_spacings(body, dimension)
         nodes = body.placed_on == "nodes"

@@ -18,7 +18,8 @@ _NEAR = 1e-13
 class FactorHistory(SceneModel):
     """A factor that is linear in time between rows of (time [s], factor); a repeated time is a jump.
 
-    It is 0 before the first row and constant after the last. Rows stand in the scene or in a CSV file with a line of names.
+    It is 0 before the first row and constant after the last. Rows stand in the scene or in a CSV file with a line of
+    names.
     """
 
     exactly_one: ClassVar = (("rows", "file"),)
@@ -45,6 +46,7 @@ class FactorHistory(SceneModel):
         """The rows, wherever they stand."""
         if self.rows is not None:
             return self.rows
+        assert self.file is not None
         with open(self.file, newline="", encoding="utf-8") as file:
             return [[float(time), float(factor)] for time, factor in list(csv.reader(file))[1:]]
 
@@ -92,7 +94,7 @@ class Timed(SceneModel):
 
 
 class LoadHistory:
-    """Formulas with the history and the jumps of a `Timed` table, if they have any, evaluated as a `FormulaVector` is."""
+    """Formulas with the history and jumps of a `Timed` table, if they have any, evaluated as a `FormulaVector` is."""
 
     def __init__(self, formulas: FormulaVector, timed: Timed | None = None):
         self.formulas, self.timed = formulas, timed

@@ -45,10 +45,10 @@ def packaged_scene(name: str = "twisting_column") -> Path:
     return Path(str(files("parsolid") / "scenes" / f"{name}.toml"))
 
 
-def load_scene(path: str | os.PathLike, overrides: list[str] | tuple[str, ...] = ()) -> Scene:
+def load_scene(path: str | os.PathLike, overrides: list[str] | tuple[str, ...] = (), trust_code: bool = False) -> Scene:
     """Read a scene; `overrides` are "key.path=value" with TOML values, applied before validation.
 
-    Files named in the scene are relative to its folder. Raises SceneError with every fault.
+    Files named in the scene are relative to its folder; trust_code: laws in them are run. Raises SceneError with every fault.
     """
     path = Path(path)
     data = read_tables(path, "scene")
@@ -56,7 +56,7 @@ def load_scene(path: str | os.PathLike, overrides: list[str] | tuple[str, ...] =
     if isinstance(output := data.setdefault("output", {}), dict):
         output.setdefault("directory", os.path.join("results", path.stem))
     try:
-        scene = parse_scene(data, path.resolve().parent)
+        scene = parse_scene(data, path.resolve().parent, trust_code)
     except SceneError as error:
         raise SceneError(faults + error.faults) from None
     if faults:
@@ -74,12 +74,16 @@ def read_tables(path: Path, what: str) -> dict[str, Any]:
         raise SceneError([f"{path}: expected TOML, found a fault: {error}"]) from None
 
 
-def parse_scene(data: dict[str, Any], folder: str | os.PathLike = ".") -> Scene:
-    """A scene from plain tables; files are relative to `folder`. Raises SceneError with every fault."""
+def parse_scene(data: dict[str, Any], folder: str | os.PathLike = ".", trust_code: bool = False) -> Scene:
+    """A scene from plain tables; files are relative to `folder`; trust_code: laws in files are run, else refused.
+
+    Raises SceneError with every fault.
+    """
     dimension = data.get("dimension")
     method = settings_class(data.get("method"))
     known = isinstance(dimension, int) and dimension in (method.dimensions if method else (1, 2, 3))
     context = {"dimension": dimension if known else None, "method": method, "folder": os.path.abspath(folder)}
+    context["trust_code"] = trust_code
     scene, faults = None, []
     try:
         scene = Scene.model_validate(data, context=context)
@@ -168,7 +172,7 @@ def _section_at(place: tuple, data: Any, model: type[SceneModel]) -> type[SceneM
 
 
 def _model_of(annotation: Any, value: Any) -> type[SceneModel] | None:
-    """The model within an annotation (of a field, a list, an optional), chosen by the value's kind where that decides."""
+    """The model within an annotation (of a field, a list, an optional), by the value's kind where that decides."""
     if isinstance(annotation, FieldInfo):
         candidates = [*annotation.metadata, annotation.annotation]
     elif isinstance(annotation, ByKind):

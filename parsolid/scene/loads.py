@@ -10,7 +10,7 @@ from parsolid.scene.load_histories import Timed
 
 
 class Loads(Timed):
-    """Loads on all bodies: a force [N/m^3] per reference volume, an acceleration [m/s^2], heat [W/m^3] per reference volume.
+    """Loads on all bodies: force [N/m^3] and heat [W/m^3] per reference volume, acceleration [m/s^2].
 
     history and jumps are those of the force and the acceleration.
     manufactured: also the body force under which the exact solution of the scene's reference holds.
@@ -24,7 +24,8 @@ class Loads(Timed):
     @model_validator(mode="after")
     def _known_to_method(self, info: ValidationInfo) -> "Loads":
         method = method_of(info)
-        stated = self.model_fields_set - Timed.model_fields.keys() if method else ()
-        unknown = [key for key in stated if key not in method.loads]
-        reject(*(((key,), f"one of {', '.join(method.loads)} with this method", key) for key in unknown))
+        known: tuple[str, ...] = getattr(method, "loads", ())
+        stated = self.model_fields_set - Timed.model_fields.keys() if method else set()
+        unknown = [key for key in stated if key not in known]
+        reject(*(((key,), f"one of {', '.join(known)} with this method", key) for key in unknown))
         return self

@@ -1,6 +1,6 @@
 """Methods as a scene states them; a new method is one class more, told apart by its `kind`."""
 
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -13,7 +13,7 @@ from parsolid.scene.peridynamics import Peridynamics
 class TotalLagrangianSPH(MethodSettings):
     """Upwind total-Lagrangian smoothed particle hydrodynamics (Lee et al.)."""
 
-    materials: ClassVar = ("mooney-rivlin", "neo-hookean")
+    materials: ClassVar = ("hyperelastic",)
     boundaries: ClassVar = ("fixed", "roller", "antisymmetric", "velocity", "traction")
     kind: Literal["tlsph"]
     kernel: Literal["wendland-c2", "cubic-spline", "quintic-spline"] = "wendland-c2"
@@ -33,4 +33,6 @@ Method = by_kind(*_SETTINGS)
 
 def settings_class(table: object) -> type[MethodSettings] | None:
     """The class of a raw table's settings; None when it names no method."""
-    return ByKind(_SETTINGS).choose(table)
+    kinds: Any = ByKind(_SETTINGS)
+    chosen: type[MethodSettings] | None = kinds.choose(table)
+    return chosen

@@ -48,7 +48,7 @@ class MaterialPoint(MethodSettings):
     rebalance       largest over mean number of particles on a rank beyond which cells are dealt out anew
     """
 
-    materials: ClassVar = ("mooney-rivlin", "neo-hookean", "elastic-plastic")
+    materials: ClassVar = ("hyperelastic", "elastic-plastic")
     boundaries: ClassVar = ("fixed", "roller", "velocity", "wall", "temperature", "heat_flux")
     loads: ClassVar = ("body_force", "acceleration", "heat_source", "manufactured")
     extra_fields: ClassVar = {
@@ -98,11 +98,15 @@ class MaterialPoint(MethodSettings):
         return self
 
     def scene_faults(self, scene) -> list[tuple[tuple, str, object]]:
-        """Particles on the surface; bodies beyond the axis; heat without conductivity; fields that no body has."""
+        """Particles on the surface; Maxwell branches; bodies beyond the axis; heat without conductivity; fields that no
+        body has.
+        """
         details = []
         for i, body in enumerate(scene.bodies):
             if body.shape.kind != "mesh" and body.placed_on == "nodes":
                 details.append((("bodies", i, "placement"), "'cells' with this method", "nodes"))
+            if getattr(body.material, "branch_moduli", None):
+                details.append((("bodies", i, "material", "branches"), "none with this method", body.material.branches))
             lower = getattr(body.shape.model, "lower", None)
             if self.geometry == "axisymmetric" and lower is not None and lower[0] < 0.0:
                 details.append((("bodies", i, "shape", "box", "lower", 0), "a radius of at least 0", lower[0]))

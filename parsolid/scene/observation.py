@@ -3,17 +3,18 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
+from parsolid.materials.declaration import Phrase
 from parsolid.observables.declared import field_kinds, quantity_kinds, shown_kinds
 from parsolid.scene.base_model import NotNegative, Point, Positive, SceneModel, method_of, mismatch, reject
 from parsolid.scene.bodies import Name
 from parsolid.scene.formulas import InitialScalar
-from parsolid.scene.method_settings import MethodSettings
+from parsolid.scene.method_settings import Detail, MethodSettings
 from parsolid.scene.shapes import AxisName, ExistingFile
-from parsolid.scene.validation_errors import NOTHING, Phrase, suggestion
+from parsolid.scene.validation_errors import NOTHING, suggestion
 
 HISTORY_COLUMNS = ("kinetic", "stored", "dissipation_internal", "dissipation_numerical", "work_external", "balance")
 
@@ -54,8 +55,8 @@ def component_names(field: str, dimension: int, *settings: MethodSettings) -> li
 class Probe(SceneModel):
     """Values written to the history: fields of the particle nearest to `at`, or one quantity of all particles.
 
-    With a `weight` w(X, Y, Z) in place of `at` fields are projected on it, sum V w f / sum V w^2 over all particles: the
-    amplitude of a mode w.
+    With a `weight` w(X, Y, Z) in place of `at` fields are projected on it, sum V w f / sum V w^2 over all particles:
+    the amplitude of a mode w.
     twist is the angle [rad], accumulated over turns, by which the particle has turned about `axis` through `centre`.
     """
 
@@ -73,10 +74,11 @@ class Probe(SceneModel):
         wanted = "twist" in (self.fields or ())
         if wanted and self.at is None:
             reject((("fields",), "no twist without at", self.fields))
-        details = []
-        if wanted and self.axis is None and len(self.at) == 3:
+        details: list[Detail] = []
+        dimension = len(self.at or ())
+        if wanted and self.axis is None and dimension == 3:
             details.append((("axis",), "the axis 'X', 'Y' or 'Z' of the twist", NOTHING))
-        if wanted and self.axis in ("X", "Y") and len(self.at) == 2:
+        if wanted and self.axis in ("X", "Y") and dimension == 2:
             details.append((("axis",), "'Z' or nothing in 2-D", self.axis))
         for key in ("axis", "centre"):
             if not wanted and getattr(self, key) is not None:
@@ -142,19 +144,23 @@ SOLUTIONS_KNOWN = {
 # those that come with a body force
 MANUFACTURED = ("axis-aligned", "generalised-vortex")
 
+# the type checker does not know what literals a table holds
+KnownSolution: Any = Literal[tuple(SOLUTIONS_KNOWN)]
+
 
 class Reference(SceneModel):
     """What the results are compared with.
 
-    Either a JSON file `series` with "t", "E0" and a table "series" of equally long lists, and `columns` from a column of the
-    history to a name in that table; or an `exact` solution with its `parameters`, compared at `times` [s], at each step, or with
-    what probes have written to the history (of solutions that say so); or the `final` values of columns of the history.
+    Either a JSON file `series` with "t", "E0" and a table "series" of equally long lists, and `columns` from a column
+    of the history to a name in that table; or an `exact` solution with its `parameters`, compared at `times` [s], at
+    each step, or with what probes have written to the history (of solutions that say so); or the `final` values of
+    columns of the history.
     """
 
     exactly_one: ClassVar = (("series", "exact", "final"), ("columns", "times", "each_step", "history", "final"))
     series: ExistingFile | None = None
     columns: Annotated[dict[str, str], Field(min_length=1)] | None = None
-    exact: Literal[tuple(SOLUTIONS_KNOWN)] | None = None
+    exact: KnownSolution | None = None
     parameters: dict[str, float] = {}
     times: Annotated[list[NotNegative], Field(min_length=1)] | None = None
     each_step: Literal[True] | None = Field(None, description="true: the largest error over all steps")
@@ -180,6 +186,6 @@ class Reference(SceneModel):
                 float(data["E0"])
             except (ValueError, TypeError, LookupError, AttributeError):
                 reject((("series",), "JSON with t, E0 and a table series", self.series))
-            unknown = [(column, name) for column, name in self.columns.items() if name not in known]
+            unknown = [(column, name) for column, name in (self.columns or {}).items() if name not in known]
             reject(*((("columns", column), f"one of {', '.join(known)}", name) for column, name in unknown))
         return self

@@ -16,7 +16,7 @@ class PerforatedFilling:
     makes more than its own particles.
     """
 
-    def __init__(self, body: FilledShape, dimension: int):
+    def __init__(self, body: FilledShape, dimension: int) -> None:
         self.body, self.dimension = body, dimension
         shape = body.shape.model
         self.lower, self.upper = np.array(shape.lower, float), np.array(shape.upper, float)

@@ -161,7 +161,7 @@ class Peridynamics(MethodSettings):
     """
 
     dimensions: ClassVar = (1, 2, 3)
-    materials: ClassVar = ("prony", "linear-elastic", "bond-based", "mooney-rivlin", "neo-hookean")
+    materials: ClassVar = ("hyperelastic", "prony", "bond-based")
     boundaries: ClassVar = ("fixed", "roller", "velocity", "displacement", "layer", "traction")
     pictured_fields: ClassVar = ("damage", "pressure")
     ledger_terms: ClassVar = {"dissipation_fracture": 1}

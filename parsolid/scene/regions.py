@@ -21,7 +21,10 @@ NOBODY = np.iinfo(np.int64).max
 def nearest_particles(
     comm: MPI.Comm, identifier: np.ndarray, position: np.ndarray, points: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Global id (m,) and distance (m,) [m] of the particle nearest to each point (m, d); the lowest id of equals (collective)."""
+    """Global id (m,) and distance (m,) [m] of the particle nearest to each point (m, d); the lowest id of equals.
+
+    Collective.
+    """
     points = np.asarray(points, float).reshape(-1, position.shape[1])
     squared = np.full(len(points), np.inf)
     names = np.full(len(points), NOBODY)
@@ -61,14 +64,17 @@ class _Geometric:
 
 @dataclass(frozen=True)
 class OnPlane:
-    """A plane: the particles on it; where particles sit in cells, those whose cell it touches; where these cells are jittered or
-    a mesh's, only those with a face on the surface of the body."""
+    """A plane: the particles on it.
+
+    Where particles sit in cells, those whose cell it touches; where these cells are jittered or a mesh's, only those
+    with a face on the surface of the body.
+    """
 
     plane: Plane
 
     def contains(self, places: np.ndarray, tolerance: np.ndarray | float) -> np.ndarray:
         """Which places (n, d) [m] are on it."""
-        return np.abs(places[:, self.plane.axis] - self.plane.offset) <= tolerance
+        return np.asarray(np.abs(places[:, self.plane.axis] - self.plane.offset) <= tolerance)
 
     def particles(self, scene: Scene, particle_set: ParticleSet, comm: MPI.Comm, meant: np.ndarray) -> np.ndarray:
         """Nodes within a rounding error, cells within their own half width."""
@@ -98,7 +104,7 @@ class Beside(_Geometric):
     def contains(self, places: np.ndarray, tolerance: np.ndarray | float) -> np.ndarray:
         """Which places (n, d) [m] are there."""
         above = places[:, self.plane.axis] - self.plane.offset
-        return (above if self.side == "above" else -above) >= -tolerance
+        return np.asarray((above if self.side == "above" else -above) >= -tolerance)
 
 
 @dataclass(frozen=True)
@@ -112,7 +118,7 @@ class InBox(_Geometric):
         """Which places (n, d) [m] are in it."""
         slack = np.broadcast_to(tolerance, len(places))[:, None]
         inside = (places >= np.array(self.lower) - slack) & (places <= np.array(self.upper) + slack)
-        return inside.all(axis=1)
+        return np.asarray(inside.all(axis=1))
 
 
 @dataclass(frozen=True)
@@ -124,7 +130,7 @@ class InBall(_Geometric):
 
     def contains(self, places: np.ndarray, tolerance: np.ndarray | float) -> np.ndarray:
         """Which places (n, d) [m] are in it."""
-        return np.linalg.norm(places - np.array(self.centre), axis=1) <= self.radius + tolerance
+        return np.asarray(np.linalg.norm(places - np.array(self.centre), axis=1) <= self.radius + tolerance)
 
 
 @dataclass(frozen=True)
@@ -135,13 +141,13 @@ class NearestTo:
 
     def contains(self, places: np.ndarray, tolerance: np.ndarray | float) -> np.ndarray:
         """Places that are the point."""
-        return np.linalg.norm(places - np.array(self.point), axis=1) <= tolerance
+        return np.asarray(np.linalg.norm(places - np.array(self.point), axis=1) <= tolerance)
 
     def particles(self, scene: Scene, particle_set: ParticleSet, comm: MPI.Comm, meant: np.ndarray) -> np.ndarray:
         """The nearest of those that are meant."""
         identifier = particle_set.identifier
         winner, _ = nearest_particles(comm, identifier[meant], particle_set.position[meant], np.array([self.point]))
-        return identifier == winner[0]
+        return np.asarray(identifier == winner[0])
 
 
 def selected(scene: Scene, boundary: Condition, particle_set: ParticleSet, comm: MPI.Comm) -> np.ndarray:
@@ -149,4 +155,4 @@ def selected(scene: Scene, boundary: Condition, particle_set: ParticleSet, comm:
     meant = np.ones(len(particle_set), bool)
     if boundary.body is not None:
         meant = particle_set.body == [body.name for body in scene.bodies].index(boundary.body)
-    return meant & boundary.region.particles(scene, particle_set, comm, meant)
+    return np.asarray(meant & boundary.region.particles(scene, particle_set, comm, meant))

@@ -6,11 +6,13 @@ from collections.abc import Iterable
 
 from mpi4py import MPI
 
+from parsolid.materials.declaration import Phrase
+
 
 class SceneError(Exception):
     """A scene cannot be run; `faults` lists every reason as "key.path: expected ..., found ..."."""
 
-    def __init__(self, faults: Iterable[str]):
+    def __init__(self, faults: Iterable[str]) -> None:
         self.faults = list(faults)
         super().__init__(self.faults)
 
@@ -27,13 +29,6 @@ def agree(comm: MPI.Comm, faults: list[str]) -> None:
         return
     every = [fault for piece in comm.allgather(faults[:50]) for fault in piece]
     raise SceneError(dict.fromkeys(every))
-
-
-class Phrase(str):
-    """Text that a message shows as it is, without quotation marks."""
-
-    def __repr__(self) -> str:
-        return str(self)
 
 
 NOTHING = Phrase("nothing")

@@ -1,5 +1,6 @@
 """Linear elastic and viscoelastic solids of the peridynamic method, as a scene states them."""
 
+from importlib import import_module
 from typing import Annotated, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, ValidationInfo, model_validator
@@ -84,6 +85,10 @@ class PronySolid(SceneModel):
             return elastic_constants(None, known.shear_modulus * factor, None, known.bulk_modulus)
         return elastic_constants(known.youngs_modulus * factor, None, None, known.bulk_modulus)
 
+    def build(self, state: str):
+        """The law, made for the state of strain."""
+        return import_module("parsolid.materials.viscoelastic.prony").of_material(self, state)
+
     @model_validator(mode="after")
     def _stable(self, info: ValidationInfo) -> "PronySolid":
         details, bar = [], dimension_of(info) == 1
@@ -128,6 +133,10 @@ class BondBased(SceneModel):
         return elastic_constants(self.youngs_modulus, None, 0.25, None)
 
     instantaneous = equilibrium
+
+    def build(self, state: str):
+        """The law, the same in every state of strain."""
+        return import_module("parsolid.materials.damage.bond_based").of_material(self)
 
 
 def elastic_constants(E: float | None, G: float | None, nu: float | None, K: float | None) -> ElasticConstants:

@@ -62,7 +62,10 @@ def _fastest_particle(simulation: "Simulation") -> Found | None:
 
 
 def _most_crushed_particle(simulation: "Simulation") -> Found | None:
-    """The particle with the least evolved Jacobian, on its rank alone: sound now, but not within the step; collective."""
+    """The particle with the least evolved Jacobian, on its rank alone: sound now, but not within the step.
+
+    Collective.
+    """
     systems = [system for system in simulation.systems if "jacobian" in system.particles.fields]
     if not systems:
         return None
@@ -71,7 +74,8 @@ def _most_crushed_particle(simulation: "Simulation") -> Found | None:
     worst = int(np.argmin(least))
     if least[worst] > minimum(simulation.comm, least[worst]):
         return None
-    what = f"a Jacobian was not positive within the step (the least is now {least[worst]:.4g}): matter is turned inside out"
+    now = f"the least is now {least[worst]:.4g}"
+    what = f"a Jacobian was not positive within the step ({now}): matter is turned inside out"
     return {"what": what} | _named(systems[worst], int(np.argmin(jacobians[worst])))
 
 

@@ -13,8 +13,8 @@ _ROUND_OFF = 1e-12
 class EnergyBalance:
     """Judges rows of the ledger.
 
-    largest: the largest kinetic or stored energy or external work so far [J]; broken: the first balance [J] that was beyond
-    what any stable run shows, None while there was none.
+    largest: the largest kinetic or stored energy or external work so far [J]; broken: the first balance [J] that was
+    beyond what any stable run shows, None while there was none.
     """
 
     def __init__(self) -> None:
@@ -29,6 +29,9 @@ class EnergyBalance:
             self.broken = row["balance"]
 
     def relative(self, balance: float, scale: float) -> float | None:
-        """A balance [J] over the largest energy, over the scale where that is round-off of it; None where there is neither."""
+        """A balance [J] over the largest energy, over the scale where that is round-off of it.
+
+        None where there is neither.
+        """
         over = self.largest if self.largest > _ROUND_OFF * scale else scale
         return balance / over if over > 0.0 else None

@@ -44,8 +44,8 @@ class Ledger:
     def row(self, comm: Any, kinetic: float, stored: float) -> dict[str, float]:
         """The ledger over all ranks from this rank's kinetic and stored energy [J]; collective.
 
-        balance = kinetic + stored + dissipation - external work - initial total, with the method's own terms by their signs: zero
-        but for the time integration.
+        balance = kinetic + stored + dissipation - external work - initial total, with the method's own terms by their
+        signs: zero but for the time integration.
         """
         total = np.empty(2 + len(self.values))
         comm.Allreduce(np.concatenate(([kinetic, stored], self.values)), total)

@@ -1,7 +1,7 @@
 """The loop: choose a step, advance, look, judge."""
 
 import time as clock
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -64,7 +64,7 @@ class Watch(Protocol):
 class Simulation:
     """One scene on all ranks of a communicator, from its particles to its last step.
 
-    systems: methods with their bodies, see `setup`; interactions: what acts between pairs of them, none in any scene yet.
+    systems: methods with their bodies, see `setup`; interactions: what acts between pairs of them, none in scenes yet.
     """
 
     def __init__(self, comm: Any, scene: Scene, restart: Restart | None = None):
@@ -90,16 +90,6 @@ class Simulation:
         self.particles: int = comm.allreduce(sum(system.owned for system in self.systems))
         self.setup_seconds = clock.perf_counter() - self.clock.began
 
-    @property
-    def method(self) -> ParticleSystem:
-        """The first system; until the tests of all rooms ask for systems."""
-        return self.systems[0]
-
-    @property
-    def particle_set(self) -> Any:
-        """Its particles."""
-        return self.particle_sets[0]
-
     def energies(self) -> tuple[float, float]:
         """Kinetic and stored energy [J] of this rank's particles."""
         kinetic, stored = self.systems[0].energies()
@@ -114,15 +104,15 @@ class Simulation:
         return sum(system.energy_scale for system in self.systems)
 
     def energy_row(self) -> dict[str, float]:
-        """The ledger of the present state over all ranks [J], by its columns; judged before the next step. Collective."""
+        """The ledger's row [J] of the present state over all ranks; judged before the next step. Collective."""
         row = self.ledger.row(self.comm, *self.energies())
         self.balance.judge(row, self.energy_scale)
         return row
 
     def run(self, watch: Watch, limits: Limits, stop: StopRequest) -> str:
-        """Advance to the scene's end (FINISHED), a number of steps (STOPPED), a signal or a wall time (INTERRUPTED). Collective.
+        """Advance to the scene's end (FINISHED), a number of steps (STOPPED), a signal or a wall time (INTERRUPTED).
 
-        `watch` is told of every step. Raises RunFailed on all ranks.
+        `watch` is told of every step. Collective. Raises RunFailed on all ranks.
         """
         end = self.scene.end_time
         self.first_step = self.clock.step

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from parsolid.observables.declared import FIELDS, field_of
 from parsolid.methods.protocol import ParticleSystem
+from parsolid.observables.declared import FIELDS, field_of
 
 # what a file of fields has in any case
 _ALWAYS = ("identifier", "body", "volume")
@@ -42,7 +42,10 @@ class Observables:
         return _joined([system.particles.owned_rows(name) for system in self.systems])
 
     def field(self, name: str) -> np.ndarray:
-        """Values of all particles of this rank, not numbers where a method has no such field. Raises KeyError if none has it."""
+        """Values of all particles of this rank, not numbers where a method has no such field.
+
+        Raises KeyError if none has it.
+        """
         pieces = [field_of(system, name) for system in self.systems]
         shape = next((piece.shape[1:] for piece in pieces if piece is not None), None)
         if shape is None:

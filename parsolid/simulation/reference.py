@@ -1,18 +1,18 @@
 """Errors against a scene's reference: a series over time, an exact solution, or values at the end.
 
 Against a series: for energies max |error| / E0, for anything else max |error| / max |reference|, over the common times.
-Against values at the end: |value / expected - 1|. Against an exact solution: its own measure (see `exact.solution`), at given
-times, as the largest over all steps, or of the history.
+Against values at the end: |value / expected - 1|. Against an exact solution: its own measure (see `exact.solution`), at
+given times, as the largest over all steps, or of the history.
 """
 
 import json
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from parsolid.collective import SolverError
 from parsolid.scene import Scene
-from parsolid.scene.observation import Reference
 from parsolid.simulation.ledger import COLUMNS
 from parsolid.simulation.observables import Observables
 
@@ -31,14 +31,19 @@ class Errors:
         self.found: dict[str, float] = {}
         self.times: tuple[float, ...] = ()
         self.solution: Any = None
+        self.series: tuple[str, dict[str, str]] | None = None
         self.columns: tuple[str, ...] = ()
-        if self.reference is not None and self.reference.series is not None:
+        if self.reference is None:
+            return
+        if self.reference.series is not None and self.reference.columns is not None:
+            self.series = self.reference.series, self.reference.columns
             self.columns = ("time", *self.reference.columns)
-        if self.reference is not None and self.reference.exact is not None:
+        if self.reference.exact is not None:
             # scipy takes half a second to import, which a run without a reference is spared
             from parsolid.exact import SOLUTIONS
 
-            self.solution = SOLUTIONS[self.reference.exact].of_scene(scene)
+            kind: Any = SOLUTIONS[self.reference.exact]
+            self.solution = kind.of_scene(scene)
             if self.reference.history:
                 self.columns = ("time", "dt", *_judged(scene, self.solution))
             self.times = scene.reference_times
@@ -58,7 +63,7 @@ class Errors:
 
     def look(self, simulation: "Simulation", observables: Observables) -> None:
         """Compare with the exact solution when its time has come; collective then."""
-        if self.solution is None:
+        if self.solution is None or self.reference is None:
             return
         from parsolid.exact.solution import View
 
@@ -71,12 +76,12 @@ class Errors:
             self.found |= {f"{name}@{time:.6g}": error for name, error in self.solution.errors(view, time).items()}
 
     def result(self) -> dict[str, float]:
-        """Errors by name: a history column, field@time, largest_field over all steps, or what a solution finds in the history."""
+        """Errors by name: a history column, field@time, largest_field, or what a solution finds in the history."""
         if self.rows and self.solution is not None:
             history = {name: np.array([row[name] for row in self.rows]) for name in self.columns}
             self.found |= self.solution.history_errors(history)
-        elif self.rows:
-            self.found |= series_errors(self.rows, self.reference)
+        elif self.rows and self.series is not None:
+            self.found |= series_errors(self.rows, *self.series)
         return self.found
 
 
@@ -92,17 +97,16 @@ def _judged(scene: Scene, solution: Any) -> list[str]:
     return wanted
 
 
-def series_errors(rows: list[Row], reference: Reference) -> dict[str, float]:
-    """Errors of history rows against a reference series; rows hold "time" and the reference's columns."""
+def series_errors(rows: list[Row], file: str, names: dict[str, str]) -> dict[str, float]:
+    """Errors of history rows against series in a JSON file; names: column -> series, rows hold "time" besides."""
     from scipy.interpolate import CubicSpline
 
-    with open(reference.series) as file:
-        data = json.load(file)
+    data = json.loads(Path(file).read_text())
     times = np.asarray(data["t"], float)
     time = np.array([row["time"] for row in rows])
     common = (time >= times[0]) & (time <= times[-1])
     errors = {}
-    for column, name in reference.columns.items():
+    for column, name in names.items():
         wanted = np.asarray(data["series"][name], float)
         found = np.array([row[column] for row in rows])[common]
         scale = data["E0"] if column in COLUMNS else np.abs(wanted).max()

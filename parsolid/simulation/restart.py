@@ -54,9 +54,8 @@ class Restart:
             for key in ("shape", "particles", "spacing", "placement", "jitter", "seed"):
                 # as JSON, because the header has been through it
                 if json.dumps(old.get(key)) != json.dumps(new.get(key)):
-                    raise SolverError(
-                        f"bodies.{index}.{key}: expected {old.get(key)} as in the checkpoint {self.path}, found {new.get(key)}"
-                    )
+                    expected = f"{old.get(key)} as in the checkpoint {self.path}"
+                    raise SolverError(f"bodies.{index}.{key}: expected {expected}, found {new.get(key)}")
 
     def apply_state(self, systems: list[ParticleSystem], orders: list[np.ndarray]) -> None:
         """Put the systems' state back; orders: (n,) of the particles of each on this rank. Collective.

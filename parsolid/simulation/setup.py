@@ -8,8 +8,9 @@ import numpy as np
 from parsolid.methods import method_class
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.distribution import distribute, take
+from parsolid.particles.generation import generate
 from parsolid.particles.particle_set import ParticleSet
-from parsolid.scene import Scene, generate
+from parsolid.scene import Scene
 from parsolid.scene.systems import SystemOfScene
 from parsolid.simulation.restart import Restart
 

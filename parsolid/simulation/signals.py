@@ -1,4 +1,7 @@
-"""Signals that ask a run to stop with a checkpoint; light to import, so that they are caught while the rest still loads."""
+"""Signals that ask a run to stop with a checkpoint.
+
+Light to import, so that they are caught while the rest still loads.
+"""
 
 import signal
 

@@ -18,8 +18,9 @@ Self = TypeVar("Self", bound="TimeSteps")
 class TimeSteps:
     """Chooses steps from the stable ones.
 
-    landings, jumps: times [s] at which a step must end, at which a step of length 0 is due; end: the scene's [s]; even: whether
-    steps between two landings have one length; longest, floor: the largest step, and the stable step that ends a run [s].
+    landings, jumps: times [s] at which a step must end, at which a step of length 0 is due; end: the scene's [s]; even:
+    whether steps between two landings have one length; longest, floor: the largest step, and the stable step that ends
+    a run [s].
     """
 
     def __init__(

@@ -10,6 +10,7 @@ from typing import Any
 from mpi4py import MPI
 
 from decomposition.compiled import folder
+from parsolid.materials.registry import loaded_texts
 from parsolid.methods import method_class
 from parsolid.observables.declared import field_of
 from parsolid.scene import Scene, parse_scene
@@ -60,7 +61,7 @@ def compile_kernels(tables: Tables) -> None:
 
 
 def _mark(tables: Tables) -> Path:
-    text = source_digest() + json.dumps(tables, sort_keys=True)
+    text = source_digest() + loaded_texts() + json.dumps(tables, sort_keys=True)
     return folder() / f"warm-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
 

@@ -44,6 +44,8 @@ fields = ["displacement", "pressure"]
 pictures = false
 fields_times = [0, 1e-4]
 """
+# one rank draws, and tells the others of an error
+pytestmark = pytest.mark.serial
 SHAPES = {
     "plate": (2, "{ box = { lower = [0, 0], upper = [1, 1] } }", [7, 7], '"0", "-30*Y"', [1, 1]),
     "block": (3, "{ box = { lower = [0, 0, 0], upper = [1, 2, 1] } }", [4, 7, 4], '"0", "-30*Y", "0"', [1, 2, 1]),
@@ -89,6 +91,7 @@ def is_coloured(image):
     return np.mean(spread > 40) > 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["plate", "ball"])
 def test_standard_set(comm, folders, kind):
     folder = folders / kind
@@ -124,6 +127,7 @@ def test_same_picture_twice_and_another_from_elsewhere(comm, folders):
         assert not np.array_equal(first, other)
 
 
+@pytest.mark.slow
 def test_single_pictures_and_small_ones(comm, folders):
     out = folders / "singles"
     draw(comm, folders / "plate", "--single", "--small", "-o", out)
@@ -133,6 +137,7 @@ def test_single_pictures_and_small_ones(comm, folders):
         assert all(Image.open(out / name).mode == "P" for name in names)
 
 
+@pytest.mark.mpi
 def test_curves_along_an_axis(comm, folders):
     out = folders / "along.png"
     draw(comm, folders / "plate", "--along", "Y", "--field", "velocity_x", "--size", "640x320", "-o", out)
@@ -152,6 +157,7 @@ def test_animation_shows_every_time(comm, folders):
         assert image.format == "GIF" and image.n_frames == 3 and image.size == (240, 240)
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize(
     "arguments, expected",
     [
@@ -218,6 +224,7 @@ def test_scales_have_units_and_signs(name, largest, label):
     assert (fixed.lower, fixed.upper) == (-1.0, 2.0)
 
 
+@pytest.mark.mpi
 def test_a_folder_without_a_run(comm, shared_path):
     with pytest.raises(SceneError, match="expected the folder of a run"):
         run_plot(comm, options_of(shared_path))
@@ -228,6 +235,7 @@ def test_failing_pictures_leave_a_finished_run_alone(tmp_path, capfd):
     assert capfd.readouterr().err.startswith("no pictures: ")
 
 
+@pytest.mark.slow
 def test_without_a_display_nothing_is_said(folders, comm):
     if comm.rank == 0:
         command = [sys.executable, "-m", "parsolid.commands.plot", str(folders / "block")]

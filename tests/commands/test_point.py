@@ -22,6 +22,8 @@ from parsolid.output.errors import OutputError
 from parsolid.scene.validation_errors import SceneError
 from parsolid.simulation.loop import RunFailed
 
+# one rank does it all, and tells the others of an error
+pytestmark = pytest.mark.serial
 EXAMPLES = Path(__file__).parents[2] / "runs" / "point"
 TENSOR = ("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz")
 MATERIAL = """
@@ -142,6 +144,7 @@ def test_elastic_work_is_what_is_stored(driven, path):
     assert np.abs(columns["balance"]).max() <= 1e-13 * columns["work"].max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", ['kind = "isochoric"\nstretch = "1 + 8*t"', 'kind = "uniaxial"\nstretch = "1 + 5*t"'])
 def test_moving_paths_are_of_second_order(driven, path):
     material = MATERIAL.replace("tau = 1e-4", "tau = 0.2")
@@ -391,6 +394,7 @@ def read(*paths):
     return result
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["uniaxial", "shear", "cyclic", "relaxation"])
 def test_examples(comm, shared_path, name):
     assert run_point(comm, options(EXAMPLES / f"{name}.toml", shared_path, output__pictures="false")) == 0
@@ -404,6 +408,7 @@ def test_examples(comm, shared_path, name):
     assert np.diff(columns["dissipation"]).min() >= 0.0
 
 
+@pytest.mark.mpi
 def test_table_holds_the_numbers_to_the_last_bit(write, comm, shared_path, driven):
     path = write(f"end_time = 0.1\nsteps = 40\n{MATERIAL}[path]\n{HOLDS['shear']}\n", "first.toml")
     run_point(comm, options(path, shared_path / "out", output__pictures="false"))
@@ -429,6 +434,7 @@ def test_without_matplotlib_the_table_is_still_written(comm, shared_path, monkey
     assert "parsolid[plot]" in json.loads((shared_path / "point_summary.json").read_text())["picture"]
 
 
+@pytest.mark.mpi
 def test_bad_input_is_raised_on_all_ranks(write, comm, shared_path):
     path = write("end_time = 1\n")
     with pytest.raises(SceneError) as caught:
@@ -436,6 +442,7 @@ def test_bad_input_is_raised_on_all_ranks(write, comm, shared_path):
     assert len(caught.value.faults) >= 3
 
 
+@pytest.mark.mpi
 def test_a_path_that_collapses_on_its_way_is_a_failed_run(write, comm, shared_path):
     # with free sides, what becomes of J is known only on the way
     text = f"end_time = 1\nsteps = 100\n{MATERIAL}[path]\nkind = 'uniaxial'\nstretch = '1 - 2*t'\n"

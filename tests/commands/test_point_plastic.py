@@ -14,6 +14,7 @@ from parsolid.commands.point.schema import load_point
 from parsolid.materials.registry import law_of
 from parsolid.scene.validation_errors import SceneError
 
+pytestmark = pytest.mark.serial
 EXAMPLES = Path(__file__).parents[2] / "runs" / "point"
 COPPER = '[material]\nkind = "elastic-plastic"\nlibrary = "OFHC copper, Johnson-Cook"\n'
 STEEL = """[material]

@@ -16,6 +16,7 @@ from parsolid.exact.prony import PronySeries
 from parsolid.materials.registry import law_of
 from parsolid.scene import SceneError
 
+pytestmark = pytest.mark.serial
 EXAMPLES = Path(__file__).resolve().parents[2] / "runs" / "point"
 MATERIAL = {"kind": "prony", "density": 1000.0, "youngs_modulus": 7e6, "poissons_ratio": 0.3}
 ELASTIC_BULK = {"bulk": "elastic", "poissons_ratio": None, "bulk_modulus": 30e6}

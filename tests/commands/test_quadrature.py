@@ -75,6 +75,7 @@ def test_exact_integrals_against_one_dimensional_ones(kind, degree):
     assert quadrature.acceleration_error(kind, points, solution, time, cells) == pytest.approx(wanted, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", quadrature.POINTWISE)
 def test_nearly_all_of_the_error_is_quadrature(kind):
     error, exact = quadrature.errors(kind, 64, 2)

@@ -182,6 +182,7 @@ def test_without_neighbours_an_exchange_costs_nothing(comm):
     assert exchange.start is exchange.finish and exchange.bytes_sent == 0
 
 
+@pytest.mark.slow
 def test_many_plans_leave_no_requests_behind(comm):
     place, numbers = distribute(comm, point_set("random", 2), "dealt")
     for _ in range(20):

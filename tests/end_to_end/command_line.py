@@ -72,7 +72,10 @@ def parsolid(*arguments, ranks: int = 2, folder: Path | None = None, expect: int
 
 
 def many(commands: list[list], ranks: int, folder: Path) -> list[list[Result]]:
-    """Run commands one after the other in one job, which starts only once; for each command the results of all ranks."""
+    """Run commands one after the other in one job, which starts only once.
+
+    For each command the results of all ranks.
+    """
     folder.mkdir(parents=True)
     (folder / "commands.json").write_text(json.dumps([[str(word) for word in command] for command in commands]))
     job = finish(start([folder], ranks, folder, (Path(__file__).with_name("many_commands.py"),)))

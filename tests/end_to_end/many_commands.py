@@ -1,4 +1,6 @@
-"""mpirun -n 2 python many_commands.py FOLDER: runs the command lines of FOLDER/commands.json, keeping what each rank prints."""
+"""mpirun -n 2 python many_commands.py FOLDER: runs the command lines of FOLDER/commands.json, keeping what each rank
+prints.
+"""
 
 import json
 import os

@@ -33,9 +33,9 @@ def summary(folder: Path) -> dict:
 def natural_scales(columns: dict[str, np.ndarray]) -> dict[str, float]:
     """What a difference in each column is measured against.
 
-    It is the column's greatest magnitude, but a column that is zero but for rounding has no such measure: for energies it
-    is at least a thousandth of the greatest energy, and for a component of a probe's vector or tensor a thousandth of its
-    greatest one.
+    It is the column's greatest magnitude, but a column that is zero but for rounding has no such measure: for energies
+    it is at least a thousandth of the greatest energy, and for a component of a probe's vector or tensor a thousandth
+    of its greatest one.
     """
     scales = {name: np.abs(values).max() for name, values in columns.items()}
     energy = max(scales[name] for name in ENERGIES)

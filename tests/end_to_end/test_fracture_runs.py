@@ -1,4 +1,6 @@
-"""Whole runs in which bonds break: the same on any number of ranks, restarted anywhere, with all energy accounted for."""
+"""Whole runs in which bonds break: the same on any number of ranks, restarted anywhere, with all energy accounted
+for.
+"""
 
 import shutil
 

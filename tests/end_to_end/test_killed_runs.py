@@ -1,4 +1,6 @@
-"""Killed with SIGKILL at random instants while it writes a checkpoint every other step, a run always goes on from there."""
+"""Killed with SIGKILL at random instants while it writes a checkpoint every other step, a run always goes on from
+there.
+"""
 
 import random
 import time
@@ -56,7 +58,10 @@ def seconds_until_killed(job, output, lifetime: float, starting: bool) -> float 
 
 
 def kill_often(whole, folder, times: int, seed: int) -> int:
-    """Kill runs at random instants, restarting each time, until so many kills are done; number of runs that came to their end."""
+    """Kill runs at random instants, restarting each time, until so many kills are done.
+
+    Number of runs that came to their end.
+    """
     scene, expected, seconds = whole
     chance = random.Random(seed)
     kills, finished, output = 0, 0, folder / "run-0"

@@ -1,4 +1,6 @@
-"""Bad input on two ranks: exit status 2, one message that names the key, no traceback, nothing created or overwritten."""
+"""Bad input on two ranks: exit status 2, one message that names the key, no traceback, nothing created or
+overwritten.
+"""
 
 import pytest
 from command_line import many, parsolid

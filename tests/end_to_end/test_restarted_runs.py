@@ -19,7 +19,9 @@ def restarts(paths, folder, *more):
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """Results of every scene: whole, in pieces on the same ranks, and restarted on 1 and 3 ranks from the first pieces."""
+    """Results of every scene: whole, in pieces on the same ranks, and restarted on 1 and 3 ranks from the first
+    pieces.
+    """
     folder = tmp_path_factory.mktemp("restarts")
     paths = {name: write(scene, folder / f"{name}.toml") for name, scene in SCENES.items()}
     whole = [[path, "-q", "-o", folder / "whole" / name] for name, path in paths.items()]

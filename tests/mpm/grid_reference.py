@@ -1,4 +1,6 @@
-"""The grid's transfers once more, in plain numpy, node by node from the formulas: what the kernels are tested against."""
+"""The grid's transfers once more, in plain numpy, node by node from the formulas: what the kernels are
+tested against.
+"""
 
 from typing import NamedTuple
 
@@ -103,7 +105,9 @@ def make_cloud(name, dimension, count=60, seed=3, lower=0.5):
 
 
 def weights_of(particle_set, name):
-    """All weights (particles, nodes) and their gradients (particles, nodes, 3), and positions of nodes less particles."""
+    """All weights (particles, nodes) and their gradients (particles, nodes, 3), and positions of nodes less
+    particles.
+    """
     count = particle_set.grid.start[-1]
     x = particle_set.motion[:count, :3]
     apart = particle_set.places[None, :, :3] - x[:, None]
@@ -123,7 +127,8 @@ def space_of(dimension):
 
 
 def mirror(particle_set, direction, index, side):
-    """Slots (ghost, image) of the nodes on and behind the plane at node `index` of a direction, which the body lies beyond.
+    """Slots (ghost, image) of the nodes on and behind the plane at node `index` of a direction, which the body lies
+    beyond.
 
     side 1: the body lies above the plane, -1: below. index may be a half.
     """
@@ -138,7 +143,9 @@ def mirror(particle_set, direction, index, side):
 
 
 def line(kind, cells, per_cell, height=1):
-    """Particles of a strip 0..1 of so many cells and particles a cell and direction, in 2-D, on a grid with nodes at its ends."""
+    """Particles of a strip 0..1 of so many cells and particles a cell and direction, in 2-D, on a grid with nodes at
+    its ends.
+    """
     spacing, count = 1.0 / cells, cells * per_cell
     x, y = np.meshgrid((np.arange(count) + 0.5) / count, (np.arange(height * per_cell) + 0.5) / count, indexing="ij")
     n = x.size

@@ -18,7 +18,9 @@ INVISCID = {"linear": 0.0, "quadratic": 0.0}
 
 
 def scene(lower, upper, spacing, cell, *, material=COPPER, end_time=1.0, method=None, body=None, **rest) -> dict:
-    """Raw tables of one box of particles in the middles of equal cells; `method` and `body` add keys, `rest` are further tables."""
+    """Raw tables of one box of particles in the middles of equal cells; `method` and `body` add keys, `rest` are
+    further tables.
+    """
     box = {"lower": list(lower), "upper": list(upper)}
     data = {
         "dimension": len(lower),
@@ -61,4 +63,4 @@ def final_shape(simulation) -> np.ndarray:
     """Largest coordinates (d,) of all particles; collective."""
     from parsolid.collective import maximum
 
-    return maximum(simulation.comm, simulation.method.table.owned_rows("position").max(axis=0, initial=-np.inf))
+    return maximum(simulation.comm, simulation.systems[0].particles.owned_rows("position").max(axis=0, initial=-np.inf))

@@ -1,4 +1,6 @@
-"""What whole passes must keep: momentum, angular momentum, power; mirror planes against a doubled body; rigid walls; MUSL; partial sums."""
+"""What whole passes must keep: momentum, angular momentum, power; mirror planes against a doubled body; rigid walls;
+MUSL; partial sums.
+"""
 
 import numpy as np
 import pytest
@@ -116,7 +118,9 @@ def test_partial_sums_of_cells_add_up_to_the_same_bits(name, dimension):
 
 @pytest.mark.parametrize("name, dimension", FEW)
 def test_velocities_mapped_back_move_nothing_else(name, dimension):
-    """MUSL: positions go with the new nodal velocities, gradients are those of the particles' velocities on the grid."""
+    """MUSL: positions go with the new nodal velocities, gradients are those of the particles' velocities on
+    the grid.
+    """
     particle_set = make_cloud(name, dimension)
     n, step = particles(particle_set), 0.01
     w, gradient, _ = weights_of(particle_set, name)
@@ -141,7 +145,9 @@ def test_velocities_mapped_back_move_nothing_else(name, dimension):
 
 
 def half_body(name, planes):
-    """Particles in two directions above planes of indices (x, y) or None, and the same with their mirror images: two clouds."""
+    """Particles in two directions above planes of indices (x, y) or None, and the same with their mirror images: two
+    clouds.
+    """
     random = np.random.default_rng(4)
     count = 40
     motion, stress, halves = (
@@ -227,7 +233,9 @@ def test_light_nodes_stand_still_and_gravity_adds_to_all_others(dimension):
 
 @pytest.mark.parametrize("sticking", [0.0, 1.0])
 def test_a_rigid_wall(sticking):
-    """Nodes behind the wall take its normal velocity if they approach it, all of it if they stick; the impulse is what they got."""
+    """Nodes behind the wall take its normal velocity if they approach it, all of it if they stick; the impulse is what
+    they got.
+    """
     random = np.random.default_rng(1)
     places, nodes = random.uniform(-1.0, 1.0, (200, 4)), random.normal(size=(200, 8))
     nodes[:, 3] = random.uniform(0.0, 1.0, 200)

@@ -1,4 +1,6 @@
-"""Scatter and gather for every basis against plain sums over all particles and nodes, and the identities they must obey."""
+"""Scatter and gather for every basis against plain sums over all particles and nodes, and the identities they must
+obey.
+"""
 
 import numpy as np
 import pytest

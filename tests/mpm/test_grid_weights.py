@@ -1,4 +1,6 @@
-"""Weights of every basis: partition of unity, reproduction of linear fields, gradients, continuity at the ends of base cells."""
+"""Weights of every basis: partition of unity, reproduction of linear fields, gradients, continuity at the ends of base
+cells.
+"""
 
 import numpy as np
 import pytest
@@ -34,7 +36,9 @@ def evaluate(name, xi, half):
 
 
 def samples(name):
-    """Places in the base cell and half widths: random ones, the ends of the cell, domains whose ends lie on nodes, stretched ones."""
+    """Places in the base cell and half widths: random ones, the ends of the cell, domains whose ends lie on nodes,
+    stretched ones.
+    """
     random = np.random.default_rng(1)
     start, widest = base_cell(name), {"cpgimp": 1.0}.get(name, 0.5)
     for _ in range(20):

@@ -1,4 +1,6 @@
-"""Runs of the material point method that go wrong stop on all ranks with one message; scenes that do not suit the grid are refused."""
+"""Runs of the material point method that go wrong stop on all ranks with one message; scenes that do not suit the grid
+are refused.
+"""
 
 import numpy as np
 import pytest
@@ -6,6 +8,7 @@ from points import SOFT, crossing, scene, taylor_bar
 from solids import Record, follow, run_to_end, simulation
 
 from parsolid.collective import SolverError
+from parsolid.scene import SceneError
 from parsolid.simulation.loop import RunFailed
 
 
@@ -30,15 +33,16 @@ def test_a_step_too_large(comm):
 def test_a_particle_that_is_lost(comm, place, what):
     def lose(sim):
         if comm.rank == comm.size - 1:
-            sim.method.table.owned_rows("position")[3, 0] = place
+            sim.systems[0].particles.owned_rows("position")[3, 0] = place
         # its cell is looked up before the weights of a step are
-        assert sim.method.grid.settle(sim.method.points) == (comm.rank != comm.size - 1)
+        assert sim.systems[0].grid.settle(sim.systems[0].points) == (comm.rank != comm.size - 1)
 
     text = message_of(crossing(), comm, lose)
     assert what in text and f"on rank {comm.size - 1}" in text
 
 
 ROLLER = [{"plane": "X = 0", "kind": "roller"}]
+AT_A_POINT = {"point": [0.0, 0.0], "kind": "velocity", "velocity": [1.0, "free"]}
 
 
 @pytest.mark.parametrize(
@@ -46,7 +50,9 @@ ROLLER = [{"plane": "X = 0", "kind": "roller"}]
     [
         ({"boundaries": ROLLER, "method": {"origin": [0.013, 0.0]}}, "boundaries.0: expected a plane on nodes"),
         ({"boundaries": ROLLER, "beside": True}, "boundaries.0: expected a plane that bounds all bodies"),
-        ({"material": SOFT | {"branches": [{"beta": 1.0, "tau": 1.0}]}}, "bodies.material.branches: expected none"),
+        ({"boundaries": [ROLLER[0] | {"mirror": False}]}, "boundaries.0.mirror: expected true with this method"),
+        ({"boundaries": [ROLLER[0] | {"body": "a"}], "body": {"name": "a"}}, "boundaries.0.body: expected none"),
+        ({"boundaries": [AT_A_POINT]}, "boundaries.0.point: expected a plane, box or ball of grid nodes"),
     ],
 )
 def test_what_does_not_suit_the_grid_is_refused(comm, changes, words):
@@ -58,6 +64,14 @@ def test_what_does_not_suit_the_grid_is_refused(comm, changes, words):
         simulation(data, comm)
 
 
+def test_branches_are_refused_where_the_scene_is_read(comm):
+    branches = [{"beta": 1.0, "tau": 1.0}]
+    data = scene([0.0, 0.0], [0.4, 0.3], 0.05, 0.1, material=SOFT | {"branches": branches})
+    with pytest.raises(SceneError, match="bodies.0.material.branches: expected none with this method, found"):
+        simulation(data, comm)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("order, transfer", [("usl", "flip"), ("musl", "flip"), ("usl", "apic"), ("musl", "apic")])
 def test_the_balance_is_zero_but_for_the_time_integration(comm, order, transfer):
     """An oscillating block between mirror planes: the balance swings, and half as far with half the step."""

@@ -1,4 +1,6 @@
-"""Conduction in the material point method: a mode, a face at a temperature, a heated face, sources, against exact solutions and sums."""
+"""Conduction in the material point method: a mode, a face at a temperature, a heated face, sources, against exact
+solutions and sums.
+"""
 
 import numpy as np
 import pytest
@@ -49,7 +51,7 @@ def slab(end_time, temperature=START, basis="quadratic-spline", boundaries=(), c
         "boundaries": [*boundaries, *planes],
     }
     simulation = Simulation(WORLD, parse_scene(tables | more))
-    step = WORLD.allreduce(simulation.method.stable_step(), MPI.MIN)
+    step = WORLD.allreduce(simulation.systems[0].stable_step(), MPI.MIN)
     count = int(np.ceil(end_time / step))
     for _ in range(count):
         simulation.take_step(end_time / count)
@@ -58,7 +60,7 @@ def slab(end_time, temperature=START, basis="quadratic-spline", boundaries=(), c
 
 def state(simulation):
     """X, temperature and heat capacity (n,) of this rank's particles."""
-    rows = simulation.method.table.owned_rows
+    rows = simulation.systems[0].particles.owned_rows
     return rows("reference_position"), rows("temperature"), rows("volume") * HEAT_CAPACITY
 
 
@@ -91,7 +93,9 @@ def test_a_face_at_a_temperature_converges():
 
 
 def test_a_face_whose_temperature_rises_takes_the_body_along():
-    """T = T0 + b t at the face: the quasi-steady profile T0 + b [t - x (2 L - x) / (2 alpha)] after the start has died away."""
+    """T = T0 + b t at the face: the quasi-steady profile T0 + b [t - x (2 L - x) / (2 alpha)] after the start has died
+    away.
+    """
     time, rate = 6.0, 10.0
     held = {"kind": "temperature", "plane": "X = 0", "temperature": f"300 + {rate}*t"}
     simulation = slab(time, boundaries=[held], cells=10)
@@ -109,7 +113,7 @@ def test_heat_flux_and_sources_are_supplied_whole():
     height = 2 * LENGTH / CELLS
     supplied = time * (flux * height + source * LENGTH * height)
     assert total(capacity * (temperature - START)) == pytest.approx(supplied, rel=1e-10)
-    energy = simulation.method.energies()[1]
+    energy = simulation.systems[0].energies()[1]
     row = simulation.ledger.row(WORLD, 0.0, energy)
     assert row["heat_supplied"] == pytest.approx(supplied, rel=1e-10)
     assert row["stored"] == pytest.approx(supplied, rel=1e-10)
@@ -124,11 +128,11 @@ def test_the_summary_says_how_many_particles_have_melted():
     time, melting = 1e-5, {"melting": {"kind": "constant", "temperature": 1400.0}}
     rise = {"heat_source": 50.0 * HEAT_CAPACITY / time}
     simulation = slab(time, f"1300 + 200*X/{LENGTH}", material=MATERIAL | melting, loads=rise)
-    summary = simulation.method.summary()
+    summary = simulation.systems[0].summary()
     # 1350 + 200 X/L reaches 1400 at a quarter of the length; 40 columns of four particles
     assert summary["melted_particles"] == 30 * 4
     assert summary["largest_temperature_over_melting"] == pytest.approx((1550.0 - 200.0 / 80) / 1400.0, rel=1e-4)
-    assert "melted_particles" not in slab(time, loads=rise).method.summary()
+    assert "melted_particles" not in slab(time, loads=rise).systems[0].summary()
 
 
 def test_faces_take_up_plastic_heat_alike_on_all_ranks(comm):

@@ -34,26 +34,27 @@ def test_bitwise_runs_have_the_same_bits(comm, basis, dimension):
     assert np.abs(gathered(single, "plastic_strain")[0]).max() > 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [{}, {"order": "musl", "transfer": "apic"}, {"bitwise": True, "order": "musl"}])
 @pytest.mark.parametrize("cells", [(4, 3), (4, 3, 2)])
 def test_a_body_that_crosses_the_domain(comm, cells, method):
     data = crossing(cells=cells, **method)
-    (spread, _), (single, one) = run_steps(data, 250, comm), run_steps(data, 250, comm.Split(comm.rank))
+    (spread, _), (single, _) = run_steps(data, 250, comm), run_steps(data, 250, comm.Split(comm.rank))
     moved = gathered(single, "position")[0] - gathered(single, "reference_position")[0]
     # farther than the block is long: every particle is in cells that none was in at first
     assert moved[:, 0].min() > 1.5 * 0.1 * cells[0]
     tolerance = 0.0 if method.get("bitwise") else 1e-10
     for name, found, wanted in zip(FIELDS, gathered(spread, *FIELDS), gathered(single, *FIELDS)):
         np.testing.assert_allclose(found, wanted, rtol=0.0, atol=tolerance * np.abs(wanted).max(), err_msg=name)
-    assert (spread.method.summary()["migrated_particles"] > 0) == (comm.size > 1)
+    assert (spread.systems[0].summary()["migrated_particles"] > 0) == (comm.size > 1)
     # forces on nodes lighter than a thousand-millionth of a particle are left out
     np.testing.assert_allclose(momentum(spread), momentum(simulation(data, comm)), rtol=1e-9)
 
 
 def momentum(sim) -> np.ndarray:
     """Of all particles in the first two directions [kg m/s]; collective."""
-    owned = sim.method.owned
-    mine = sim.method.mass[:owned] @ sim.method.table.owned_rows("velocity")[:, :2]
+    owned = sim.systems[0].owned
+    mine = sim.systems[0].mass[:owned] @ sim.systems[0].particles.owned_rows("velocity")[:, :2]
     return sim.comm.allreduce(mine)
 
 
@@ -64,6 +65,6 @@ def test_cells_are_dealt_out_anew_when_the_load_drifts(comm):
         found, wanted = gathered(sim, "position")[0], gathered(single, "position")[0]
         np.testing.assert_allclose(found, wanted, atol=1e-10 * np.abs(wanted).max())
     if comm.size > 1:
-        assert even.method.summary()["rebalanced"] > 0 == drifted.method.summary()["rebalanced"]
-        loads = [sim.method.grid.imbalance(sim.method.owned) for sim in (even, drifted)]
+        assert even.systems[0].summary()["rebalanced"] > 0 == drifted.systems[0].summary()["rebalanced"]
+        loads = [sim.systems[0].grid.imbalance(sim.systems[0].owned) for sim in (even, drifted)]
         assert loads[0] < 1.1 < 1.5 < loads[1]

@@ -63,7 +63,9 @@ class Particles:
 
 @compiled
 def many_steps(count, first, last, space, law, step, state, motion, rate, record):
-    """Equal steps of some particles; whether they stayed sound. A number in the call would be a type, and compile the kernel anew."""
+    """Equal steps of some particles; whether they stayed sound. A number in the call would be a type, and compile the
+    kernel anew.
+    """
     for _ in range(count):
         if not advance_stress(space, first, last, law, step, None, state, motion, rate, record)[0]:
             return False
@@ -81,7 +83,9 @@ def sheared(law, rate, steps, shear=1.0, temperature=300.0, dimension=3):
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_elastic_shear_follows_green_and_naghdi(dimension):
-    """At a shear of 1 with G = 45 GPa s12 39.140, s11 18.716 GPa (37.866, 20.686 with Jaumann's rate); of second order."""
+    """At a shear of 1 with G = 45 GPa s12 39.140, s11 18.716 GPa (37.866, 20.686 with Jaumann's rate); of
+    second order.
+    """
     exact = _green_naghdi()
     errors = [
         np.abs(sheared(ELASTIC, 1e3, steps, dimension=dimension).stress()[0, :2, 0] - exact) for steps in (20, 40)
@@ -112,7 +116,9 @@ def test_perfect_plasticity():
 
 
 def test_linear_hardening_is_integrated_exactly():
-    """Along a fixed direction the return ends on sigma_y(ep), and what is not plastic strain is elastic, whatever the step."""
+    """Along a fixed direction the return ends on sigma_y(ep), and what is not plastic strain is elastic, whatever the
+    step.
+    """
     particles, mu = Particles(LINEAR), LINEAR.shear_modulus.modulus
     for _ in range(3):
         particles.advance(1e-5, np.diag([200.0, -100.0, -100.0]))
@@ -131,7 +137,8 @@ def test_johnson_cook_shear_beside_the_rate_form():
     assert particles.stress()[0, 0, 1] == pytest.approx(217.1357e6, rel=3e-5)
     assert particles.state.temperature[0, 0] == pytest.approx(341.7201, abs=0.02)
     assert particles.state.plastic_strain[0, 0] == pytest.approx(0.574718, abs=1e-6)
-    # the rate form keeps what it overshoots by, and needs a hundred times the steps for the error of the return's hundred
+    # the rate form keeps what it overshoots by, and needs a hundred times the steps for the error of the return's
+    # hundred
     law = JOHNSON_COOK._replace(flow_stress=RateForm(JOHNSON_COOK.flow_stress))
     errors = [
         sheared(law, 1e3, steps, temperature=294.0).stress()[0, 0, 1] / 217.1357e6 - 1.0 for steps in (100, 1000, 10000)

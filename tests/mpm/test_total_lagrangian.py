@@ -29,9 +29,9 @@ def axis_aligned_error(cells: int, basis: str, comm) -> float:
     sim, worst = simulation(data, comm), 0.0
     exact = AxisAligned.of_scene(sim.scene)
     while sim.clock.time < 0.02:
-        step = comm.allreduce(sim.method.stable_step(), MPI.MIN)
+        step = comm.allreduce(sim.systems[0].stable_step(), MPI.MIN)
         sim.take_step(min(step, 0.02 - sim.clock.time))
-        rows = sim.method.table.owned_rows
+        rows = sim.systems[0].particles.owned_rows
         error = (
             rows("position")
             - rows("reference_position")
@@ -42,6 +42,7 @@ def axis_aligned_error(cells: int, basis: str, comm) -> float:
     return worst
 
 
+@pytest.mark.slow
 # of the formulation's prototype
 @pytest.mark.parametrize("basis, published", [("linear", {8: 0.098, 16: 0.0243})])
 def test_the_manufactured_solution_converges_with_second_order(comm, basis, published):
@@ -50,10 +51,11 @@ def test_the_manufactured_solution_converges_with_second_order(comm, basis, publ
     assert np.log2(errors[8] / errors[16]) > 1.9
 
 
+@pytest.mark.slow
 def test_a_taylor_bar_neither_locks_nor_loses_energy(comm):
     data = taylor_bar(1.6e-3, order="musl", end_time=80e-6, **TOTAL)
     sim, history = run_to_end(data, comm)
-    radius, length = maximum(comm, sim.method.points.bounds_of_domains()[1])
+    radius, length = maximum(comm, sim.systems[0].points.bounds_of_domains()[1])
     # converged finite elements, met to 1.1 % by two cells over the radius (0.5 % by four); without mean dilatations 5 mm
     assert radius == pytest.approx(7.22e-3, rel=0.012) and length == pytest.approx(21.42e-3, rel=0.012)
     energy = history["kinetic"][0]

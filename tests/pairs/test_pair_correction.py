@@ -25,7 +25,7 @@ def body(dimension, correction="closure", boundaries=(), **keys) -> dict:
 
 def forces_of(sim, stress) -> np.ndarray:
     """sum_b (P_a L_a + P_b L_b) g_ab (n, d) [N] of a stress that is the same at all particles, through the pair engine."""
-    method = sim.method
+    method = sim.systems[0]
     d, owned = method.dimension, method.owned
     L = method.particles.owned_rows("correction").reshape(owned, d, d)
     width, record = {2: 2, 3: 4}[d], method.particles.storage("record")
@@ -40,10 +40,10 @@ def forces_of(sim, stress) -> np.ndarray:
 
 def left_over(sim) -> np.ndarray:
     """Force of a unit pressure inside, over the face of a particle."""
-    method, d = sim.method, sim.method.dimension
+    method, d = sim.systems[0], sim.systems[0].dimension
     share = method.share
-    inside = (sim.particle_set.area == 0.0).all(axis=1) & (share == 1.0)
-    return forces_of(sim, np.eye(d))[inside] / (sim.particle_set.volume / share)[inside, None] ** (1 - 1 / d)
+    inside = (sim.particle_sets[0].area == 0.0).all(axis=1) & (share == 1.0)
+    return forces_of(sim, np.eye(d))[inside] / (sim.particle_sets[0].volume / share)[inside, None] ** (1 - 1 / d)
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -62,7 +62,7 @@ def test_a_constant_stress_has_almost_no_force_inside(dimension, boundaries):
 def test_on_the_surface_it_has_the_force_of_its_traction(dimension):
     sim = simulation(body(dimension))
     stress = np.arange(1.0, 1.0 + dimension**2).reshape(dimension, dimension)
-    found, wanted = forces_of(sim, stress), -sim.particle_set.area @ stress.T
+    found, wanted = forces_of(sim, stress), -sim.particle_sets[0].area @ stress.T
     assert np.abs(found - wanted).max() < 0.1 * np.abs(wanted).max()
     # pairwise: nothing is lost, whatever is left over
     assert np.abs(found.sum(axis=0)).max() < 1e-12 * np.abs(found).sum()
@@ -78,18 +78,18 @@ def test_gradients_of_linear_fields_stay_exact(dimension, boundaries, comm):
         if boundaries
         else np.arange(1.0, 1.0 + dimension**2).reshape(dimension, dimension)
     )
-    table = sim.method.particles
+    table = sim.systems[0].particles
     table.owned_rows("position")[:] += table.owned_rows("reference_position") @ slope.T
-    sim.method.particles.send("motion")
-    sim.method.particles.receive("motion")
-    found = sim.method.displacement_gradient()
+    sim.systems[0].particles.send("motion")
+    sim.systems[0].particles.receive("motion")
+    found = sim.systems[0].displacement_gradient()
     assert np.abs(found - slope.ravel()).max(initial=0.0) < 1e-10
 
 
 def test_the_weights_of_a_pair_are_opposite_on_both_of_its_ranks(comm):
     sim = simulation(body(2), comm)
-    system = sim.method.pairs
-    names = system.halo.with_ghosts(np.array(sim.method.particles.owned_rows("identifier")))
+    system = sim.systems[0].pairs
+    names = system.halo.with_ghosts(np.array(sim.systems[0].particles.owned_rows("identifier")))
     directed = {}
     if system.rim is not None:
         row = np.repeat(np.arange(system.halo.owned), np.diff(system.rim.start))
@@ -135,11 +135,11 @@ def test_momentum_and_energy_are_kept():
     data["bodies"][0]["jitter"] = 0.15
 
     def momentum(sim):
-        values = sim.method.mass @ sim.method.particles.owned_rows("velocity")
+        values = sim.systems[0].mass @ sim.systems[0].particles.owned_rows("velocity")
         return {f"p{i}": value for i, value in enumerate(values)}
 
     sim, rows = run_steps(data, 60, more=momentum)
-    scale = float(np.sum(sim.method.mass)) * 50.0
+    scale = float(np.sum(sim.systems[0].mass)) * 50.0
     assert max(np.ptp(rows[f"p{i}"]) for i in range(3)) < 1e-12 * scale
     assert np.abs(rows["balance"]).max() < 1e-3 * rows["kinetic"][0]
 

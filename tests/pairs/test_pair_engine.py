@@ -81,8 +81,8 @@ every_dimension = pytest.mark.parametrize("dimension", [2, 3])
 
 def signs_of(sim):
     """(axis, coordinate, Q, R) of each plane of a simulation, matrices (d, d)."""
-    d = sim.method.dimension
-    for plane in sim.method.boundaries.planes:
+    d = sim.systems[0].dimension
+    for plane in sim.systems[0].boundaries.planes:
         R = np.eye(d)
         R[plane.axis, plane.axis] = -1.0
         yield plane.axis, plane.coordinate, {"roller": R, "fixed": -np.eye(d), "antisymmetric": -R}[plane.kind], R
@@ -90,7 +90,7 @@ def signs_of(sim):
 
 def set_linear_velocity(sim) -> np.ndarray:
     """v = A (X - X0) + b with the symmetries of all planes; returns A."""
-    d, table = sim.method.dimension, sim.method.particles
+    d, table = sim.systems[0].dimension, sim.systems[0].particles
     random = np.random.default_rng(9)
     A, b, origin = random.normal(size=(d, d)), random.normal(size=d), np.zeros(d)
     seen = set()
@@ -111,7 +111,7 @@ def set_linear_velocity(sim) -> np.ndarray:
 @every_dimension
 @every_body
 def test_weights_are_antisymmetric_to_the_bit(body, dimension):
-    system = BODIES[body](dimension).method.pairs
+    system = BODIES[body](dimension).systems[0].pairs
     inner = system.inner
     first = np.repeat(np.arange(system.owned), np.diff(inner.start))
     order = np.argsort(inner.neighbour, kind="stable")
@@ -128,9 +128,9 @@ def test_weights_are_antisymmetric_to_the_bit(body, dimension):
 @pytest.mark.parametrize("body", [name for name in BODIES if name not in ("box", "shell")])
 def test_weights_of_images_reflect_each_other(body, dimension):
     sim = BODIES[body](dimension)
-    mirror, R = sim.method.pairs.mirror, sim.method.boundaries.codes.reflections
+    mirror, R = sim.systems[0].pairs.mirror, sim.systems[0].boundaries.codes.reflections
     images = mirror.images
-    first = np.repeat(np.arange(sim.method.owned), np.diff(mirror.start))
+    first = np.repeat(np.arange(sim.systems[0].owned), np.diff(mirror.start))
     row = {key: k for k, key in enumerate(zip(first, mirror.neighbour, images.code))}
     both = [(k, row[b, a, c]) for (a, b, c), k in row.items() if (b, a, c) in row]
     assert len(both) > 10
@@ -146,7 +146,7 @@ def test_weights_of_images_reflect_each_other(body, dimension):
 @pytest.mark.parametrize("body", ["box", "shell"])
 def test_the_inner_list_as_two_one_sided_lists_gives_the_same(body, dimension):
     sim = BODIES[body](dimension)
-    method = sim.method
+    method = sim.systems[0]
     inner = evaluate(sim)
     half = method.pairs.inner
     first = np.repeat(np.arange(method.owned), np.diff(half.start)).astype(np.int32)
@@ -193,7 +193,7 @@ def test_the_gradient_of_a_linear_field_is_exact(body, dimension):
     A = set_linear_velocity(sim)
     assert np.abs(A).max() > 0.1
     np.testing.assert_allclose(
-        evaluate(sim)["gradient"], np.broadcast_to(A, (sim.method.owned, *A.shape)), atol=ROUND_OFF
+        evaluate(sim)["gradient"], np.broadcast_to(A, (sim.systems[0].owned, *A.shape)), atol=ROUND_OFF
     )
 
 
@@ -203,7 +203,7 @@ def test_the_gradient_of_a_linear_field_is_exact_at_a_fixed_wall(dimension):
     A = set_linear_velocity(sim)
     assert np.abs(A[:, 1]).max() > 0.1
     np.testing.assert_allclose(
-        evaluate(sim)["gradient"], np.broadcast_to(A, (sim.method.owned, *A.shape)), atol=ROUND_OFF
+        evaluate(sim)["gradient"], np.broadcast_to(A, (sim.systems[0].owned, *A.shape)), atol=ROUND_OFF
     )
 
 
@@ -233,11 +233,11 @@ def test_gradient_and_divergence_are_skew_adjoint_for_small_strains_at_an_antisy
 
 def powers(sim) -> np.ndarray:
     """Each particle's stress power V P : grad v and power of T [W], with tributary weights."""
-    d, found = sim.method.dimension, evaluate(sim)
-    L = sim.method.particles.owned_rows("correction").reshape(-1, d, d)
+    d, found = sim.systems[0].dimension, evaluate(sim)
+    L = sim.systems[0].particles.owned_rows("correction").reshape(-1, d, d)
     P = found["PL"] @ np.linalg.inv(L)
-    stress = sim.method.particles.owned_rows("volume") * np.sum(P * found["gradient"], axis=(1, 2))
-    return stress, sim.method.share * np.sum(sim.method.particles.owned_rows("velocity") * found["T"], axis=1)
+    stress = sim.systems[0].particles.owned_rows("volume") * np.sum(P * found["gradient"], axis=(1, 2))
+    return stress, sim.systems[0].share * np.sum(sim.systems[0].particles.owned_rows("velocity") * found["T"], axis=1)
 
 
 def skew_defect(sim) -> float:
@@ -255,7 +255,7 @@ def skew_defect(sim) -> float:
 def test_the_energy_identity(body, dimension):
     """dK/dt + dW/dt + D_int + D_num = power of the loads (Appendix B), with dW/dt from the energy's own derivatives."""
     sim = BODIES[body](dimension)
-    method, solid = sim.method, Solid.of(sim.method.blocks[0].law)
+    method, solid = sim.systems[0], Solid.of(sim.systems[0].blocks[0].law)
     velocity, weight = method.particles.owned_rows("velocity"), method.particles.owned_rows("volume")
     found, strain = evaluate(sim), strains(sim)
     rate = np.zeros_like(strain["F"])
@@ -271,9 +271,9 @@ def test_the_energy_identity(body, dimension):
 @every_dimension
 def test_the_stored_energy_and_its_rate_belong_together(dimension):
     sim = box(dimension)
-    solid, strain, rate = Solid.of(sim.method.blocks[0].law), strains(sim), evaluate(sim)["gradient"]
-    weight = sim.method.particles.owned_rows("volume")
-    assert sim.method.energies()[1] == pytest.approx(
+    solid, strain, rate = Solid.of(sim.systems[0].blocks[0].law), strains(sim), evaluate(sim)["gradient"]
+    weight = sim.systems[0].particles.owned_rows("volume")
+    assert sim.systems[0].energies()[1] == pytest.approx(
         np.sum(weight * solid.energy(*(strain[name] for name in "FHJA"))), rel=1e-13
     )
 
@@ -325,11 +325,11 @@ def test_ranks_share_what_one_computes(comm, dimension, mirrored):
         )
         sim = simulation(data, where)
         set_random_state(sim)
-        sim.method.particles.owned_rows("velocity")[:] += random_of(
-            sim.method.particles.owned_rows("identifier"), dimension, seed=99
-        ) * (sim.method.boundaries.clamp[:, :dimension] if mirrored else 1.0)
+        sim.systems[0].particles.owned_rows("velocity")[:] += random_of(
+            sim.systems[0].particles.owned_rows("identifier"), dimension, seed=99
+        ) * (sim.systems[0].boundaries.clamp[:, :dimension] if mirrored else 1.0)
         found = evaluate(sim)
-        order = np.argsort(np.concatenate(where.allgather(sim.particle_set.identifier)))
+        order = np.argsort(np.concatenate(where.allgather(sim.particle_sets[0].identifier)))
         values = [np.concatenate(where.allgather(found[name]))[order] for name in ("gradient", "PL", "T", "D")]
         sums = [where.allreduce(found[name]) for name in ("internal", "numerical")]
         results.append((values, sums, gathered(sim, "volume")[0]))

@@ -1,4 +1,6 @@
-"""Jittered, partly broken bodies of correspondence peridynamics with mirror planes, on any number of ranks, and random fields."""
+"""Jittered, partly broken bodies of correspondence peridynamics with mirror planes, on any number of ranks, and random
+fields.
+"""
 
 import numpy as np
 from mpi4py import MPI
@@ -38,12 +40,12 @@ def scene(
 
 def body_of(dimension, planes="free", placement="cells", broken=False, comm=MPI.COMM_SELF, **more):
     """The method of such a scene."""
-    return simulation(scene(dimension, planes, placement, broken, **more), comm).method
+    return simulation(scene(dimension, planes, placement, broken, **more), comm).systems[0]
 
 
 def random_field(method, seed=0) -> np.ndarray:
     """Normal numbers (owned, d) on free components, by identifier."""
-    return random_of(method.table.owned_rows("identifier"), method.dimension, seed=seed) * method.operator.free
+    return random_of(method.particles.owned_rows("identifier"), method.dimension, seed=seed) * method.operator.free
 
 
 def stiffness(method, field: np.ndarray, step: float = 0.0) -> np.ndarray:
@@ -57,13 +59,12 @@ def gradients(method, field: np.ndarray) -> np.ndarray:
     """The scheme's gradient (owned, d, d) of a field (owned, d)."""
     d, engine = method.dimension, method.engine
     engine.displacement[: engine.owned, :d] = field
-    engine.field_exchange.start()
-    engine.field_exchange.finish()
+    engine.particles.update("motion")
     return engine.displacement_gradients()[:, :d, :d]
 
 
 def gathered(method, values: np.ndarray) -> np.ndarray:
     """Values (owned, ...) of all ranks in the order of identifiers."""
     comm = method.comm
-    order = np.argsort(np.concatenate(comm.allgather(method.table.owned_rows("identifier").copy())))
+    order = np.argsort(np.concatenate(comm.allgather(method.particles.owned_rows("identifier").copy())))
     return np.concatenate(comm.allgather(values))[order]

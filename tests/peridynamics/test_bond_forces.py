@@ -6,6 +6,7 @@ from bonded_body import BondedBody
 
 from parsolid.methods.peridynamics.bond_based_kernels import add_bond_forces, bond_energy
 from parsolid.methods.peridynamics.bond_damage_kernels import Stretch
+from parsolid.pairs.lists import mutual
 
 bodies = pytest.mark.parametrize("dimension, mirror", [(2, False), (3, False), (2, True), (3, True)])
 
@@ -14,17 +15,14 @@ def crumple(X):
     return 0.1 * np.sin(1.7 * X + 0.4 * X[:, ::-1])
 
 
-COLUMN = {2: 2, 3: 4}
-
-
 def forces(body, linear=None):
     """Forces (owned, d) [N] and the energy of all ranks [J]."""
     d = body.dimension
     c, share = 2.0 + 0.1 * body.identifier, np.ones(body.owned)
     force, energy = np.zeros((len(body.positions), 4)), 0.0
-    for pairs, images, both in body.bonds:
-        add_bond_forces(body.space, pairs, images, both, linear, COLUMN[d], c, body.kinematics, force)
-        energy += bond_energy(body.space, pairs, images, both, COLUMN[d], c, share, body.kinematics)
+    for pairs in body.bonds:
+        add_bond_forces(body.space, pairs, linear, body.columns.position, c, body.kinematics, force)
+        energy += bond_energy(body.space, pairs, body.columns.position, c, share, body.kinematics)
     return force[: body.owned, :d], body.comm.allreduce(energy)
 
 
@@ -36,7 +34,7 @@ def test_force_is_minus_the_derivative_of_the_energy(comm, dimension, mirror):
     change = np.cos(2.3 * body.positions + body.positions[:, ::-1])
     step, energy = 1e-5, {}
     for sign in (-1.0, 1.0):
-        body.displace(lambda X: crumple(X) + sign * step * change)
+        body.displace(lambda X, move=sign * step: crumple(X) + move * change)
         energy[sign] = forces(body)[1]
     power = comm.allreduce(np.sum(force * change[: body.owned]))
     assert power == pytest.approx(-(energy[1.0] - energy[-1.0]) / (2.0 * step), rel=1e-7)
@@ -91,9 +89,9 @@ def test_uniform_stretch_stores_the_energy_of_the_micromodulus(comm):
     body.displace(lambda X: 0.01 * X)
     _, energy = forces(body)
     expected = 0.0
-    for pairs, _, both in body.bonds:
+    for pairs in body.bonds:
         row = np.repeat(np.arange(body.owned), np.diff(pairs.start))
         distance = np.linalg.norm(body.positions[pairs.neighbour] - body.positions[row], axis=1)
         c = 2.0 + 0.05 * (body.identifier[row] + body.identifier[pairs.neighbour])
-        expected += (0.5 if both is None else 1.0) * np.sum(0.5 * c * pairs.weight * distance) * 1e-4
+        expected += (1.0 if mutual(pairs) else 0.5) * np.sum(0.5 * c * pairs.weight * distance) * 1e-4
     assert energy == pytest.approx(comm.allreduce(expected), rel=1e-9)

@@ -1,14 +1,16 @@
-"""Loads and prescribed motion of peridynamics: a uniform stress is exact under consistent tractions, on any number of ranks."""
+"""Loads and prescribed motion of peridynamics: a uniform stress is exact under consistent tractions, on any number of
+ranks.
+"""
 
 import numpy as np
 import pytest
 
-from parsolid.materials.blocks import material_blocks
 from parsolid.materials.registry import laws_of
-from parsolid.methods.peridynamics.forces import build_forces
+from parsolid.methods.peridynamics.forces import build_forces, particles_of
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.methods.peridynamics.operator import Operator
-from parsolid.scene import generate, parse_scene
+from parsolid.particles.generation import generate
+from parsolid.scene import parse_scene
 from parsolid.solvers import conjugate_gradients
 
 SIZE = (1.0, 0.8, 0.7)
@@ -19,7 +21,9 @@ MATERIAL = {"kind": "prony", "density": 1000.0, "youngs_modulus": 7e6, "poissons
 
 
 class Body:
-    """A bar, plate or block pulled along X, on rollers, or pulled at both ends, with everything a static solution needs."""
+    """A bar, plate or block pulled along X, on rollers, or pulled at both ends, with everything a static solution
+    needs.
+    """
 
     def __init__(self, comm, dimension, both=False, boundaries=(), loads=(), end_time=1.0, filling=(), **method):
         pull = [STRESS, 0.0, 0.0][:dimension]
@@ -42,13 +46,11 @@ class Body:
         )
         particle_set = self.particle_set = generate(self.scene, comm)
         laws = laws_of(self.scene)
-        blocks, density = material_blocks(laws, particle_set.body)
         self.comm, self.law = comm, laws[0]
-        self.loads = PeridynamicLoads(comm, self.scene, particle_set)
-        forces = build_forces(comm, self.scene, particle_set, laws, blocks, self.loads)
+        self.loads = PeridynamicLoads(comm, self.scene, particle_set, particles_of(self.scene, particle_set))
+        forces = build_forces(comm, self.scene, particle_set, self.loads)
         self.loads.install_tractions(forces.engine, forces.horizon)
-        mass = density * particle_set.volume / self.loads.share
-        self.operator = Operator(forces.engine, forces.history, self.loads.share, mass, self.loads.free)
+        self.operator = Operator(forces.engine, forces.history, self.loads.free)
 
     def stretched(self, pinned=None):
         """The displacement (n, d) under the loads just after time 0; `pinned` (n, d) bool: more components at rest."""

@@ -8,6 +8,7 @@ import pytest
 from parsolid.exact.prony import PronySeries
 from parsolid.methods.peridynamics.equilibrium import Equilibrium
 from parsolid.methods.peridynamics.quasi_static import QuasiStatic, lagrange_weights
+from parsolid.particles.container import Particles
 
 _POINTS = 12
 RATIO, TIME = 9.0, 1.0
@@ -64,11 +65,15 @@ def settings(**changes):
 
 def solver_of(chain, chosen):
     """The time solver on a chain without prescribed motion."""
-    return QuasiStatic(SimpleNamespace(comm=chain.comm, operator=chain, loads=SimpleNamespace(jumps=())), chosen)
+    points = Particles(np.zeros(len(chain.identifier), np.int64))
+    body = SimpleNamespace(comm=chain.comm, operator=chain, loads=SimpleNamespace(jumps=()), particles=points)
+    return QuasiStatic(body, chosen)
 
 
 def run(chain, chosen, steps, pull):
-    """Displacements of all points after each of the steps (lengths [s]) under a pull [N] at the last point, by step number."""
+    """Displacements of all points after each of the steps (lengths [s]) under a pull [N] at the last point, by step
+    number.
+    """
     solver, time, found = solver_of(chain, chosen), 0.0, []
     u = np.zeros(chain.free.shape)
     for number, step in enumerate(steps):

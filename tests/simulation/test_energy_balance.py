@@ -4,7 +4,7 @@ import pytest
 
 from parsolid.simulation.energy_balance import EnergyBalance
 
-pytestmark = pytest.mark.mpi(ranks=[1])
+pytestmark = pytest.mark.serial
 
 
 def row(balance: float, kinetic: float = 1.0, stored: float = 0.0, work: float = 0.0) -> dict[str, float]:

@@ -1,4 +1,6 @@
-"""Two systems in one simulation: each is what it is alone, energies add, the step is the least, a restart has the same bits."""
+"""Two systems in one simulation: each is what it is alone, energies add, the step is the least, a restart has the
+same bits.
+"""
 
 import h5py
 import numpy as np

@@ -32,12 +32,12 @@ def test_free_fall(dimension, load):
     g = np.array([1.5, -9.81, 0.7])[:dimension]
     scale = 1.0 if load == "acceleration" else SOFT["density"]
     sim = advanced(bar(dimension, loads={load: list(scale * g)}), 0.02, 25)
-    table, t = sim.method.particles, 0.5
-    np.testing.assert_allclose(table.owned_rows("velocity"), np.tile(g * t, (sim.method.owned, 1)), rtol=1e-12)
+    table, t = sim.systems[0].particles, 0.5
+    np.testing.assert_allclose(table.owned_rows("velocity"), np.tile(g * t, (sim.systems[0].owned, 1)), rtol=1e-12)
     fallen = table.owned_rows("position") - table.owned_rows("reference_position")
-    np.testing.assert_allclose(fallen, np.tile(0.5 * g * t * t, (sim.method.owned, 1)), rtol=1e-12)
-    mass = sim.method.mass @ sim.method.share
-    row = sim.ledger.row(sim.comm, *sim.method.energies())
+    np.testing.assert_allclose(fallen, np.tile(0.5 * g * t * t, (sim.systems[0].owned, 1)), rtol=1e-12)
+    mass = sim.systems[0].mass @ sim.systems[0].share
+    row = sim.ledger.row(sim.comm, *sim.systems[0].energies())
     assert row["kinetic"] == pytest.approx(0.5 * mass * t * t * g @ g, rel=1e-12)
     assert row["work_external"] == pytest.approx(row["kinetic"], rel=1e-12)
     assert abs(row["stored"]) < 1e-12 * row["kinetic"]
@@ -47,7 +47,7 @@ def test_a_force_cubic_in_time_gives_the_exact_velocity():
     # the stages are at 0, 1 and 1/2 of the step with Simpson's weights
     sim = advanced(bar(2, loads={"acceleration": ["4*t**3", "1 - t"]}), 0.05, 20)
     np.testing.assert_allclose(
-        sim.method.particles.owned_rows("velocity"), np.tile([1.0, 0.5], (sim.method.owned, 1)), rtol=1e-12
+        sim.systems[0].particles.owned_rows("velocity"), np.tile([1.0, 0.5], (sim.systems[0].owned, 1)), rtol=1e-12
     )
 
 
@@ -61,13 +61,13 @@ def test_the_momentum_of_a_free_bar_is_traction_times_area_times_time(dimension)
     )
     sim = advanced(data, 0.01, 30)
     area = 1.0 if dimension == 2 else 0.8
-    momentum = (sim.method.mass * sim.method.share) @ sim.method.particles.owned_rows("velocity")
+    momentum = (sim.systems[0].mass * sim.systems[0].share) @ sim.systems[0].particles.owned_rows("velocity")
     np.testing.assert_allclose(momentum, np.array(traction) * area * 0.3, rtol=1e-12)
 
 
 def stretched(dimension, stretch: float, sim) -> tuple[float, np.ndarray]:
     """(P_11, F) of uniaxial stress in a neo-Hookean bar."""
-    law = sim.method.blocks[0].law
+    law = sim.systems[0].blocks[0].law
 
     def stress(side, across):
         F = np.diag([stretch, side, side if dimension == 3 else 1.0])
@@ -86,12 +86,14 @@ def test_a_traction_holds_the_stress_of_a_stretched_bar(dimension):
     displacement = [f"{float(F[i, i] - 1.0)!r}*{'XYZ'[i]}" for i in range(dimension)]
     pull = {"plane": "X = 2", "kind": "traction", "traction": [float(P), 0, 0][:dimension]}
     sim = simulation(bar(dimension, [*rollers, pull], displacement=displacement))
-    X, spacing = sim.method.particles.owned_rows("reference_position"), 2.0 / ({2: 9, 3: 7}[dimension] - 1)
+    X, spacing = sim.systems[0].particles.owned_rows("reference_position"), 2.0 / ({2: 9, 3: 7}[dimension] - 1)
     np.testing.assert_allclose(
-        sim.method.particles.owned_rows("deformation_gradient"), np.tile(F.ravel(), (sim.method.owned, 1)), atol=1e-13
+        sim.systems[0].particles.owned_rows("deformation_gradient"),
+        np.tile(F.ravel(), (sim.systems[0].owned, 1)),
+        atol=1e-13,
     )
-    share, mass = sim.method.share[:, None], sim.method.mass[:, None]
-    forces = share * (evaluate(sim)["T"] + mass * sim.method.boundaries.loads_at(0.0)[:, :dimension])
+    share, mass = sim.systems[0].share[:, None], sim.systems[0].mass[:, None]
+    forces = share * (evaluate(sim)["T"] + mass * sim.systems[0].boundaries.loads_at(0.0)[:, :dimension])
     # the pairs across a cut carry the stress times the area, as long as the end is two particles away
     area = 1.0 if dimension == 2 else 0.8
     for cut in (0.1, 0.9, 1.1):
@@ -112,10 +114,10 @@ def balances(boundaries, loads, steps, branches=()) -> list[float]:
     result = []
     for number in steps:
         sim = simulation(bar(2, boundaries, loads, material={**SOFT, "branches": list(branches)}))
-        sim.ledger.row(sim.comm, *sim.method.energies())
+        sim.ledger.row(sim.comm, *sim.systems[0].energies())
         for _ in range(number):
             sim.take_step(0.8 / number)
-        row = sim.ledger.row(sim.comm, *sim.method.energies())
+        row = sim.ledger.row(sim.comm, *sim.systems[0].energies())
         assert abs(row["work_external"]) > 1e-3
         result.append(abs(row["balance"]) / abs(row["work_external"]))
     return result
@@ -138,7 +140,7 @@ def test_regions_that_overlap_are_counted_once_and_the_last_one_holds():
     coarse, fine = balances(overlapping, {"acceleration": ["0.0", "1.0"]}, (40, 80))
     assert coarse > 5.0 * fine
     sim = advanced(bar(2, overlapping), 0.05, 4)
-    X, v = sim.method.particles.owned_rows("reference_position"), sim.method.particles.owned_rows("velocity")
+    X, v = sim.systems[0].particles.owned_rows("reference_position"), sim.systems[0].particles.owned_rows("velocity")
     boxed = (X[:, 0] > 0.99) & (X[:, 1] < 0.31)
     np.testing.assert_allclose(v[boxed, 0], 0.06, rtol=1e-14)
     np.testing.assert_allclose(v[(X[:, 0] > 1.99) & ~boxed], [[0.1, 0.2]] * 3, rtol=1e-14)
@@ -147,7 +149,7 @@ def test_regions_that_overlap_are_counted_once_and_the_last_one_holds():
 def test_a_prescribed_motion_is_followed_exactly():
     pull = {"plane": "X = 2", "kind": "velocity", "velocity": ["0.3*t**2", "0"]}
     sim = advanced(bar(2, [{"plane": "X = 0", "kind": "fixed"}, pull]), 0.05, 10)
-    table = sim.method.particles
+    table = sim.systems[0].particles
     end = table.owned_rows("reference_position")[:, 0] > 1.99
     np.testing.assert_allclose(table.owned_rows("velocity")[end], [[0.3 * 0.25, 0.0]] * 5, atol=1e-15)
     moved = (table.owned_rows("position") - table.owned_rows("reference_position"))[end]

@@ -40,7 +40,7 @@ def differences(sim, planes, **options) -> dict[str, float]:
     """Largest differences from the reference, relative to the largest value."""
     method = sim.scene.method
     given = Options(dissipation=method.dissipation, reconstruct=method.reconstruction, **options)
-    d, found, wanted = sim.method.dimension, evaluate(sim), reference_of(sim, strains(sim), planes, given)
+    d, found, wanted = sim.systems[0].dimension, evaluate(sim), reference_of(sim, strains(sim), planes, given)
     pairs = {
         "gradient": (found["gradient"], wanted.gradient[:, :d, :d]),
         "stress": (found["PL"], (wanted.P @ wanted.L)[:, :d, :d]),
@@ -77,7 +77,9 @@ def test_without_reconstruction_and_without_dissipation(dimension):
     sim, planes = built(dimension, material, {"dissipation": 0.0}, ROLLERS[dimension])
     found = differences(sim, planes)
     assert max(found[name] for name in ("gradient", "stress", "T")) < 1e-12
-    assert not evaluate(sim)["D"].any() and sim.method.particles.storage("record").shape[1] == {2: 4, 3: 12}[dimension]
+    assert (
+        not evaluate(sim)["D"].any() and sim.systems[0].particles.storage("record").shape[1] == {2: 4, 3: 12}[dimension]
+    )
 
 
 def test_a_factor_scales_the_dissipation():
@@ -121,7 +123,7 @@ def test_two_materials_in_contact():
     sim = simulation(data)
     set_random_state(sim, consistent=False)
     # neither block fills its last four lanes
-    assert [(block.first, block.last) for block in sim.method.blocks] == [(0, 15), (15, 30)]
+    assert [(block.first, block.last) for block in sim.systems[0].blocks] == [(0, 15), (15, 30)]
     agrees(sim, [])
 
 

@@ -22,7 +22,7 @@ def after(branches, end: float, number: int) -> np.ndarray:
     sim = simulation(smooth(branches))
     for _ in range(number):
         sim.take_step(end / number)
-    table = sim.method.particles
+    table = sim.systems[0].particles
     return {name: np.array(table.owned_rows(name)) for name in evolved(table)}
 
 
@@ -81,7 +81,7 @@ def test_the_ledger_adds_up_what_it_says():
 
 def test_a_step_of_nothing_changes_nothing():
     sim = simulation(smooth(ONE_BRANCH))
-    table = sim.method.particles
+    table = sim.systems[0].particles
     sim.take_step(0.05)
     before = {name: np.array(array) for name, array in table.checkpointed().items()}
     found = evaluate(sim)

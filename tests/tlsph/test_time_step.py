@@ -10,7 +10,7 @@ UPPER = {2: [1.0, 1.0], 3: [1.0, 1.0, 1.0]}
 
 def greatest_speed(sim) -> float:
     """Largest c_p over particles and directions of space, rho c_p^2(N) = mu + N . M N for zeta = 0 (formulation, section 1)."""
-    law, strain, rho = sim.method.blocks[0].law, strains(sim), sim.method.blocks[0].law.density
+    law, strain, rho = sim.systems[0].blocks[0].law, strains(sim), sim.systems[0].blocks[0].law.density
     moduli, mu = law.branch_moduli or (), 2.0 * law.xi
     M = (
         (law.lambda_hat + (mu + sum(moduli)) / strain["J"] ** 2)[:, None, None]
@@ -28,7 +28,7 @@ def test_at_rest_it_is_that_of_linear_elasticity(dimension, branches):
     E, nu, beta = SOFT["youngs_modulus"], SOFT["poissons_ratio"], sum(branch["beta"] for branch in branches)
     mu, lame = E / (2.0 * (1.0 + nu)), E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))
     speed = np.sqrt((lame + 2.0 * mu * (1.0 + beta)) / SOFT["density"])
-    assert sim.method.stable_step() == pytest.approx(
+    assert sim.systems[0].stable_step() == pytest.approx(
         0.6 * min(1.0 / (n - 1) for n in PARTICLES[dimension]) / speed, rel=1e-13
     )
 
@@ -40,24 +40,24 @@ def test_it_follows_the_fastest_wave_of_the_state(dimension, branches):
     for seed in range(5):
         set_random_state(sim, seed=20 * seed)
         expected = 0.7 * min(1.0 / (n - 1) for n in PARTICLES[dimension]) / greatest_speed(sim)
-        assert sim.method.stable_step() == pytest.approx(expected, rel=1e-12)
+        assert sim.systems[0].stable_step() == pytest.approx(expected, rel=1e-12)
 
 
 def test_one_crushed_particle_rules_the_step():
     sim = simulation(tables((5, 6), material={**SOFT, "branches": ONE_BRANCH}))
-    table, before = sim.method.particles, sim.method.stable_step()
+    table, before = sim.systems[0].particles, sim.systems[0].stable_step()
     crushed = 17
     table.owned_rows("deformation_gradient")[crushed] = [0.2, 0.0, 0.0, 0.5]
     table.owned_rows("jacobian")[crushed] = 0.1
-    assert sim.method.stable_step() < 0.5 * before
-    assert sim.method.stable_step() == pytest.approx(0.7 * 0.2 / greatest_speed(sim), rel=1e-12)
+    assert sim.systems[0].stable_step() < 0.5 * before
+    assert sim.systems[0].stable_step() == pytest.approx(0.7 * 0.2 / greatest_speed(sim), rel=1e-12)
 
 
 def test_the_step_found_while_advancing_is_that_of_the_new_state():
     sim = simulation(
         tables((5, 6), material={**SOFT, "branches": ONE_BRANCH}, body={"velocity": ["0.5*sin(3*Y)", "-0.4*Y"]})
     )
-    record = Record(lambda s: {"stable": s.method.stable_step(), "agreed": s.stable})
+    record = Record(lambda s: {"stable": s.systems[0].stable_step(), "agreed": s.stable})
     columns = follow(sim, record, 6)
     np.testing.assert_allclose(columns["agreed"], columns["stable"], rtol=1e-12)
     np.testing.assert_allclose(np.diff(columns["time"]), columns["stable"][:-1], rtol=1e-12)
@@ -67,7 +67,7 @@ def test_the_step_found_while_advancing_is_that_of_the_new_state():
 def test_a_largest_step_is_kept():
     data = tables((5, 6), method={"maximum_step": 1e-3}, body={"velocity": ["0.1*Y", "0"]})
     sim = simulation(data)
-    assert sim.method.stable_step() > 1e-2
+    assert sim.systems[0].stable_step() > 1e-2
     np.testing.assert_allclose(follow(sim, Record(), 4)["time"], 1e-3 * np.arange(5), rtol=1e-13)
 
 
@@ -80,10 +80,10 @@ def test_it_does_not_depend_on_the_ranks(comm):
         box = {"box": {"lower": [3.0, 0.0], "upper": [4.0, 1.0]}}
         data["bodies"].append({"shape": box, "particles": [5, 5], "material": stiff})
         sim = simulation(data, where)
-        table = sim.method.particles
+        table = sim.systems[0].particles
         names = table.owned_rows("identifier")
         table.owned_rows("deformation_gradient")[:] += 0.1 * random_of(names, 4)
         F = table.owned_rows("deformation_gradient")
         table.owned_rows("jacobian")[:] = F[:, 0] * F[:, 3] - F[:, 1] * F[:, 2]
-        steps.append(min(where.allgather(sim.method.stable_step())))
+        steps.append(min(where.allgather(sim.systems[0].stable_step())))
     assert steps[0] == pytest.approx(steps[1], rel=1e-13)

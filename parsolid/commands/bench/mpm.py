@@ -1,5 +1,7 @@
 """Speed of the material point method."""
 
+from typing import Any
+
 from mpi4py import MPI
 
 from parsolid.commands.bench.timing import Steps, best_time
@@ -9,7 +11,7 @@ _COPPER = "OFHC copper, Johnson-Cook"
 _PERFECT = {"kind": "linear-hardening", "yield_stress": 90e6, "hardening": 100e6}
 
 
-def cube_scene(particles: int, flow: str, **method):
+def cube_scene(particles: int, flow: str, **method: Any) -> Any:
     """A cube of copper of about so many particles, 8 a cell, that flows from the first step on; flow "J2" or
     "Johnson-Cook".
     """
@@ -28,7 +30,7 @@ def cube_scene(particles: int, flow: str, **method):
     return parse_scene({"title": "bench", "dimension": 3, "end_time": 1.0, "method": settings, "bodies": [body]})
 
 
-def scaling_scene(particles: int):
+def scaling_scene(particles: int) -> Any:
     """The usual basis and transfer with linear hardening."""
     return cube_scene(particles, "J2")
 
@@ -45,7 +47,7 @@ def kernel_tables(particles: int) -> list[tuple]:
 
 def _kernel_row(particles: int, flow: str, method: dict) -> list:
     run = Steps(MPI.COMM_SELF, cube_scene(particles, flow, **method), 2)
-    points, materials = run.simulation.method.points, run.simulation.method.materials
+    points, materials = run.simulation.systems[0].points, run.simulation.systems[0].materials
     step, material = best_time(run.advance) / run.steps, best_time(lambda: materials.advance(run.step))
     option = " ".join(key if value is True else str(value) for key, value in method.items() if key != "basis")
     nanoseconds = [f"{1e9 * seconds / points.owned:.0f}" for seconds in (step, material)]

@@ -1,5 +1,7 @@
 """Speed of total-Lagrangian SPH."""
 
+from typing import Any
+
 import numpy as np
 from mpi4py import MPI
 
@@ -7,7 +9,7 @@ from parsolid.commands.bench.timing import Steps, best_time
 from parsolid.scene import parse_scene
 
 
-def cube_scene(particles: int, smoothing: float, branches: int):
+def cube_scene(particles: int, smoothing: float, branches: int) -> Any:
     """A cube of about so many particles with a gentle motion and nothing at its boundary."""
     side = max(2, round(particles ** (1.0 / 3.0)))
     return parse_scene(
@@ -34,7 +36,7 @@ def cube_scene(particles: int, smoothing: float, branches: int):
     )
 
 
-def scaling_scene(particles: int):
+def scaling_scene(particles: int) -> Any:
     """A cube at the usual smoothing with one branch."""
     return cube_scene(particles, 0.85, 1)
 
@@ -48,7 +50,7 @@ def kernel_tables(particles: int) -> list[tuple]:
 
 def _kernel_row(particles: int, smoothing: float, branches: int) -> list:
     run = Steps(MPI.COMM_SELF, cube_scene(particles, smoothing, branches), 2)
-    method = run.simulation.method
+    method = run.simulation.systems[0]
     step, evaluation = best_time(run.advance) / run.steps, best_time(method.evaluate_forces)
     inner = method.pairs.inner
     degree = np.diff(inner.start) + np.bincount(inner.neighbour, minlength=method.owned)

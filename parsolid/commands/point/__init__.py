@@ -1,5 +1,7 @@
 """The command `point`: a material point driven along a prescribed deformation; no particles, one rank does it all."""
 
+from parsolid.commands.arguments import TRUST_CODE
+
 
 def add_arguments(parser) -> None:
     """Give the arguments of `point` to an argparse parser."""
@@ -12,6 +14,7 @@ def add_arguments(parser) -> None:
     parser.add_argument(
         "--set", action="append", default=[], metavar="KEY.PATH=VALUE", help="override a key of the file"
     )
+    parser.add_argument("--trust-code", action="store_true", help=TRUST_CODE)
     parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
 
 

@@ -23,7 +23,7 @@ def drive_and_report(options) -> dict:
 
     Raises SceneError, OutputError, or RunFailed when the path cannot be followed.
     """
-    point = load_point(options.path, options.set)
+    point = load_point(options.path, options.set, options.trust_code)
     directory = _prepared(Path(options.output or point.output.directory), point, options.path)
     began = clock.perf_counter()
     law = point_law(law_of(point.material), **point.conditions)

@@ -88,10 +88,12 @@ class MaterialPoint(SceneModel):
         return self.model_dump(exclude_none=True)
 
 
-def load_point(path: str | os.PathLike, overrides: list[str] | tuple[str, ...] = ()) -> MaterialPoint:
+def load_point(
+    path: str | os.PathLike, overrides: list[str] | tuple[str, ...] = (), trust_code: bool = False
+) -> MaterialPoint:
     """Read a material point; `overrides` are "key.path=value" with TOML values, applied before validation.
 
-    Files named in it are relative to its folder. Raises SceneError with every fault.
+    Files named in it are relative to its folder; trust_code: laws in them are run. Raises SceneError with every fault.
     """
     path = Path(path)
     data = read_tables(path, "material point")
@@ -99,7 +101,8 @@ def load_point(path: str | os.PathLike, overrides: list[str] | tuple[str, ...] =
     if isinstance(output := data.setdefault("output", {}), dict):
         output.setdefault("directory", os.path.join("results", path.stem))
     try:
-        point = MaterialPoint.model_validate(data, context={"dimension": 3, "folder": str(path.resolve().parent)})
+        context = {"dimension": 3, "folder": str(path.resolve().parent), "trust_code": trust_code}
+        point = MaterialPoint.model_validate(data, context=context)
     except ValidationError as error:
         raise SceneError(dict.fromkeys(faults + told_faults(error, data, MaterialPoint))) from None
     if faults:

@@ -7,11 +7,13 @@ import os
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from parsolid.commands.study.measures import MEASURES
 from parsolid.commands.study.schema import Series, Setting, Study
 from parsolid.exact import SOLUTIONS
 from parsolid.scene import Scene, SceneError, load_scene
+from parsolid.scene.declared import law_files
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.validation_errors import suggestion
 from parsolid.sources import source_digest
@@ -32,6 +34,7 @@ class Case:
     shows: str | None
     bounds: dict[str, float]
     yardstick: dict[str, float]
+    trust_code: bool = False
     scene: Scene | None = None
     digest: str = ""
     particles: int = 0
@@ -59,13 +62,14 @@ class Case:
         return f"{words[:60].strip('-')}-{self.digest}"
 
 
-def cases_of(study: Study) -> list[Case]:
-    """All runs of a study in its order, their scenes read. Raises SceneError with the faults of all scenes."""
+def cases_of(study: Study, trust_code: bool = False) -> list[Case]:
+    """All runs of a study in its order, their scenes read, with the laws they name where these are trusted. Raises SceneError with the faults of all scenes."""
     cases, faults = [], []
     for series in study.series:
         axes = [axis.places for axis in series.axes]
         for places in zip(*axes) if series.combine == "zip" and axes else itertools.product(*axes):
             case = _case(study, series, places)
+            case.trust_code = trust_code
             faults += _complete(case)
             cases.append(case)
     faults += _unknown_names(study, cases)
@@ -81,7 +85,7 @@ def cases_of(study: Study) -> list[Case]:
 
 
 def _case(study: Study, series: Series, places: tuple[Setting, ...]) -> Case:
-    def chosen(name: str):
+    def chosen(name: str) -> Any:
         return next((value for place in (*places, series) if (value := getattr(place, name)) is not None), None)
 
     resolution = next((i for i, place in enumerate(places) if place.spacing is not None), None)
@@ -104,7 +108,7 @@ def _case(study: Study, series: Series, places: tuple[Setting, ...]) -> Case:
 def _complete(case: Case) -> list[str]:
     """Read a case's scene; the faults of one that is not expected to have any."""
     try:
-        case.scene = load_scene(case.series.scene, case.overrides)
+        case.scene = load_scene(case.series.scene, case.overrides, case.trust_code)
     except SceneError as error:
         if case.expect != "refused":
             return [f"{case.title}: {fault}" for fault in error.faults]
@@ -171,4 +175,4 @@ def digest_of(case: Case) -> str:
 def files_of(scene: Scene) -> list[str]:
     """Files that a scene reads."""
     series = [scene.reference.series] if scene.reference is not None and scene.reference.series is not None else []
-    return series + [body.shape.mesh.file for body in scene.bodies if body.shape.mesh is not None]
+    return series + law_files(scene) + [body.shape.mesh.file for body in scene.bodies if body.shape.mesh is not None]

@@ -8,9 +8,11 @@ from contextlib import contextmanager
 from fnmatch import fnmatchcase
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 from rich.console import Console
 
+from parsolid.commands.arguments import TRUST_CODE
 from parsolid.commands.study.cases import Case, cases_of
 from parsolid.commands.study.judging import judge
 from parsolid.commands.study.launching import LASTING, arguments_of, read_record, refuse_ranks, run_case
@@ -22,10 +24,11 @@ from parsolid.scene.validation_errors import SceneError, suggestion, told
 DONE, NOT_AS_STATED, TO_BE_CONTINUED = 0, 3, 75
 
 
-def add_arguments(parser) -> None:
+def add_arguments(parser: Any) -> None:
     """Add the command's arguments to an argparse parser."""
     parser.add_argument("study", metavar="STUDY", help="TOML file of the study")
     parser.add_argument("-o", "--output", metavar="DIR", help="folder of the runs and reports (default: results/STUDY)")
+    parser.add_argument("--trust-code", action="store_true", help=TRUST_CODE)
     only = "run only this series, or runs whose title matches (* and ? stand for anything); may be repeated"
     parser.add_argument("--only", action="append", default=[], metavar="NAME", help=only)
     parser.add_argument("--dry-run", action="store_true", help="list the runs and what is done of them, and stop")
@@ -33,7 +36,7 @@ def add_arguments(parser) -> None:
     parser.add_argument("--repetitions", type=int, default=1, metavar="N", help=repetitions)
 
 
-def run_study(comm, options) -> int:
+def run_study(comm: Any, options: Any) -> int:
     """Make the runs of a study that are lacking and report; the exit status.
 
     0: every run there is did what the study states; 3: some did not; 75: interrupted, the same command goes on.
@@ -41,7 +44,7 @@ def run_study(comm, options) -> int:
     """
     refuse_ranks(comm)
     study = load_study(options.study)
-    cases = cases_of(study)
+    cases = cases_of(study, options.trust_code)
     folder = Path(options.output or Path("results") / Path(options.study).stem)
     chosen = _chosen(cases, options.only)
     console = Console(highlight=False, width=None if Console().is_terminal else 180)
@@ -192,10 +195,10 @@ def _load_remark(cases: list[Case]) -> str:
 
 
 @contextmanager
-def _interruptible():
+def _interruptible() -> Any:
     """SIGTERM, which batch systems send, ends the study as the keyboard does."""
 
-    def interrupt(number, frame):
+    def interrupt(number: Any, frame: Any) -> None:
         raise KeyboardInterrupt
 
     before = signal.signal(signal.SIGTERM, interrupt)

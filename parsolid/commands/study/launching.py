@@ -27,7 +27,7 @@ _RANK_MARKS = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK", "MPI_LOCALRANKID
 _GRACE = 10.0
 
 
-def refuse_ranks(comm) -> None:
+def refuse_ranks(comm: MPI.Comm) -> None:
     """Raise SceneError on all ranks when the study itself was started by an MPI launcher."""
     if comm.size > 1 or any(mark in os.environ for mark in _RANK_MARKS):
         expected = "expected to be started without mpirun (it starts its runs on ranks itself)"
@@ -54,7 +54,8 @@ def arguments_of(case: Case, folder: Path) -> list[str]:
     """The arguments of `parsolid` that make a run."""
     overrides = [word for override in case.overrides for word in ("--set", override)]
     scene = min(case.series.scene, os.path.relpath(case.series.scene), key=len)
-    return ["run", scene, "-o", str(folder), *overrides]
+    trust = ["--trust-code"] if case.trust_code else []
+    return ["run", scene, "-o", str(folder), *overrides, *trust]
 
 
 def run_case(case: Case, folder: Path, repetitions: int = 1) -> dict:

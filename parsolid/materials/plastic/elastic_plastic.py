@@ -6,22 +6,10 @@ P follows from the full internal energy, and the temperature enters flow stress,
 
 from typing import Any, NamedTuple
 
-from parsolid.materials.plastic.equation_of_state import LinearElastic, MieGrueneisen
-from parsolid.materials.plastic.johnson_cook import JohnsonCook
-from parsolid.materials.plastic.linear_hardening import LinearHardening
-from parsolid.materials.plastic.mechanical_threshold import MechanicalThreshold
-from parsolid.materials.plastic.melting import ConstantMelting, SteinbergMelting
-from parsolid.materials.plastic.preston_tonks_wallace import PrestonTonksWallace
 from parsolid.materials.plastic.rate_form import RateForm
-from parsolid.materials.plastic.shear_modulus import (
-    ConstantShearModulus,
-    LinearSoftening,
-    NadalLePoac,
-    SteinbergShearModulus,
-    Varshni,
-)
-from parsolid.materials.plastic.steinberg_cochran_guinan import SteinbergCochranGuinan, ThermalActivation
-from parsolid.materials.plastic.zerilli_armstrong import ZerilliArmstrong
+
+# parts, each told apart by its kind or found in a file of its own
+PARTS = ("equation_of_state", "shear_modulus", "flow_stress", "melting")
 
 
 class ElasticPlastic(NamedTuple):
@@ -47,50 +35,14 @@ class ElasticPlastic(NamedTuple):
         return self.density * self.specific_heat * (temperature - self.reference_temperature)
 
 
-_PARTS = {
-    "equation_of_state": {"mie-grueneisen": MieGrueneisen, "linear": LinearElastic},
-    "shear_modulus": {
-        "constant": ConstantShearModulus,
-        "steinberg-cochran-guinan": SteinbergShearModulus,
-        "nadal-le-poac": NadalLePoac,
-        "varshni": Varshni,
-        "linear-softening": LinearSoftening,
-    },
-    "flow_stress": {
-        "linear-hardening": LinearHardening,
-        "johnson-cook": JohnsonCook,
-        "zerilli-armstrong": ZerilliArmstrong,
-        "steinberg-cochran-guinan-lund": SteinbergCochranGuinan,
-        "preston-tonks-wallace": PrestonTonksWallace,
-        "mechanical-threshold": MechanicalThreshold,
-    },
-    "melting": {"constant": ConstantMelting, "steinberg-cochran-guinan": SteinbergMelting},
-}
-_ATOMIC_MASS_UNIT = 1.66053906660e-27
-
-
 def of_material(material) -> ElasticPlastic:
     """The law of a material of kind "elastic-plastic" as a scene states it."""
     stated = material.parts
-    parts = {key: _part(kinds, stated[key], stated["density"]) for key, kinds in _PARTS.items()}
+    density = float(stated["density"])
+    parts = {key: None if stated[key] is None else stated[key].part_of(density=density) for key in PARTS}
     if material.integration == "rate-form":
         parts["flow_stress"] = RateForm(parts["flow_stress"])
     numbers = ("density", "specific_heat", "reference_temperature", "taylor_quinney")
     conductivity = stated["conductivity"]
     numbers = {key: float(stated[key]) for key in numbers}
     return ElasticPlastic(conductivity=None if conductivity is None else float(conductivity), **numbers, **parts)
-
-
-def _part(kinds: dict, stated, density: float):
-    """The NamedTuple of one part; the material's density where it wants one."""
-    if stated is None:
-        return None
-    kind, values = kinds[stated.kind], {"density": float(density)}
-    for key in kind._fields:
-        if key == "activation" and kind is SteinbergCochranGuinan:
-            values[key] = None if stated.activation is None else ThermalActivation(**stated.activation.model_dump())
-        elif key != "density":
-            values[key] = float(getattr(stated, key))
-    if "atomic_mass" in values:
-        values["atomic_mass"] *= _ATOMIC_MASS_UNIT
-    return kind(**{key: values[key] for key in kind._fields})

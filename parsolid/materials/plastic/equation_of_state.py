@@ -1,8 +1,9 @@
 """Equations of state P = A(J) + gamma E: Mie-Grueneisen about a linear Hugoniot, and linear elasticity."""
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
+from parsolid.materials.declaration import OfMaterial, Parameter, law
 from parsolid.materials.plastic.plasticity import (
     cold_pressure,
     grueneisen_coefficient,
@@ -11,22 +12,24 @@ from parsolid.materials.plastic.plasticity import (
 )
 
 
+@law("equation-of-state", "mie-grueneisen")
 class MieGrueneisen(NamedTuple):
     """U_s = C0 + S u_p, rho gamma = rho0 gamma0 (Banerjee, eq (4), with the full gamma in the place of 2 Gamma_0).
 
     density rho0 [kg/m^3], sound_speed C0 [m/s], slope S, gamma (the full Grueneisen coefficient, 2.02 for copper).
     """
 
-    density: float
-    sound_speed: float
-    slope: float
-    gamma: float
+    density: Annotated[float, OfMaterial()]
+    sound_speed: Annotated[float, Parameter("m/s", "C0", above=0.0)]
+    slope: Annotated[float, Parameter("1", "S", at_least=1.0)]
+    gamma: Annotated[float, Parameter("1", "the full Grueneisen coefficient, 2.02 for copper", at_least=0.0)]
 
 
+@law("equation-of-state", "linear")
 class LinearElastic(NamedTuple):
     """P = -K ln J, the rate form dP/dt = -K tr d; nothing of heat. bulk_modulus K [Pa]."""
 
-    bulk_modulus: float
+    bulk_modulus: Annotated[float, Parameter("Pa", "K", above=0.0)]
 
 
 @cold_pressure.of(MieGrueneisen)

@@ -1,12 +1,14 @@
 """Flow stress of Johnson & Cook (7th Int. Symp. Ballistics, 1983; Eng. Fract. Mech. 21 (1985) 31)."""
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
+from parsolid.materials.declaration import Parameter, law
 from parsolid.materials.plastic.plasticity import flow_stress
 from parsolid.numerics.elementary import choose, power
 
 
+@law("flow-stress", "johnson-cook")
 class JohnsonCook(NamedTuple):
     """sigma_y = (A + B ep^n) (1 + C ln edot*) (1 - T*^m), edot* = rate/reference_rate >= 1, T* in [0, 1] up to melting.
 
@@ -14,13 +16,14 @@ class JohnsonCook(NamedTuple):
     reference_temperature [K] where T* = 0. The shear modulus does not scale it.
     """
 
-    yield_stress: float
-    hardening: float
-    exponent: float
-    rate_sensitivity: float
-    thermal_exponent: float
-    reference_rate: float
-    reference_temperature: float
+    needs_melting = True
+    yield_stress: Annotated[float, Parameter("Pa", "A", above=0.0)]
+    hardening: Annotated[float, Parameter("Pa", "B", at_least=0.0)]
+    exponent: Annotated[float, Parameter("1", "n", above=0.0)]
+    rate_sensitivity: Annotated[float, Parameter("1", "C", at_least=0.0)]
+    thermal_exponent: Annotated[float, Parameter("1", "m", above=0.0)]
+    reference_rate: Annotated[float, Parameter("1/s", above=0.0, default=1.0)]
+    reference_temperature: Annotated[float, Parameter("K", "where T* = 0", above=0.0)]
 
 
 @flow_stress.of(JohnsonCook)

@@ -1,16 +1,20 @@
 """Rate-independent von Mises plasticity with linear hardening; perfect plasticity with H = 0."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
+from parsolid.materials.declaration import Parameter, law
 from parsolid.materials.plastic.plasticity import flow_stress, plastic_increment
 from parsolid.numerics.elementary import choose
 
 
+@law("flow-stress", "linear-hardening")
 class LinearHardening(NamedTuple):
     """sigma_y = yield_stress + hardening ep, both in Pa."""
 
-    yield_stress: float
-    hardening: float
+    yield_stress: Annotated[float, Parameter("Pa", "the yield stress", above=0.0)]
+    hardening: Annotated[
+        float, Parameter("Pa", "the slope over the equivalent plastic strain", at_least=0.0, default=0.0)
+    ]
 
 
 @flow_stress.of(LinearHardening)

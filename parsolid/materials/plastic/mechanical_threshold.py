@@ -1,14 +1,16 @@
 """Mechanical threshold stress (Follansbee & Kocks, Acta Metall. 36 (1988) 81; Chen & Gray, Metall. Trans. A 27 (1996) 2994)."""
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from numba.extending import register_jitable
 
+from parsolid.materials.declaration import Parameter, law
 from parsolid.materials.plastic.plasticity import flow_stress
 from parsolid.numerics.elementary import choose, power, some_positive
 
 
+@law("flow-stress", "mechanical-threshold")
 class MechanicalThreshold(NamedTuple):
     """sigma_y = sigma_a + S(rate, T) sigma_e(ep) mu/mu0; the threshold stress sigma_e hardens at a fixed rate and temperature.
 
@@ -19,21 +21,21 @@ class MechanicalThreshold(NamedTuple):
     Stresses and a0..a2 [Pa], a3 [Pa/K], boltzmann_over_burgers k/b^3 [Pa/K], rates [1/s]. mu scales the thermal part alone.
     """
 
-    athermal_stress: float
-    shear_modulus: float
-    boltzmann_over_burgers: float
-    activation: float
-    activation_rate: float
-    p: float
-    q: float
-    hardening: float
-    hardening_log_rate: float
-    hardening_root_rate: float
-    hardening_temperature: float
-    alpha: float
-    saturation_stress: float
-    saturation_activation: float
-    saturation_rate: float
+    athermal_stress: Annotated[float, Parameter("Pa", "sigma_a", at_least=0.0)]
+    shear_modulus: Annotated[float, Parameter("Pa", "mu0", above=0.0)]
+    boltzmann_over_burgers: Annotated[float, Parameter("Pa/K", "k/b^3", above=0.0)]
+    activation: Annotated[float, Parameter("1", "g0", above=0.0)]
+    activation_rate: Annotated[float, Parameter("1/s", "edot0", above=0.0)]
+    p: Annotated[float, Parameter("1", above=0.0)]
+    q: Annotated[float, Parameter("1", above=0.0)]
+    hardening: Annotated[float, Parameter("Pa", "a0", above=0.0)]
+    hardening_log_rate: Annotated[float, Parameter("Pa", "a1", default=0.0)]
+    hardening_root_rate: Annotated[float, Parameter("Pa", "a2", default=0.0)]
+    hardening_temperature: Annotated[float, Parameter("Pa/K", "a3", default=0.0)]
+    alpha: Annotated[float, Parameter("1", above=0.0)]
+    saturation_stress: Annotated[float, Parameter("Pa", "sigma_es0", above=0.0)]
+    saturation_activation: Annotated[float, Parameter("1", "g0s", above=0.0)]
+    saturation_rate: Annotated[float, Parameter("1/s", "edot_s", above=0.0)]
 
 
 @register_jitable

@@ -1,31 +1,29 @@
 """Melting temperatures."""
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
+from parsolid.materials.declaration import Parameter, law
 from parsolid.materials.plastic.plasticity import melting_temperature
 
 
+@law("melting", "constant")
 class ConstantMelting(NamedTuple):
     """temperature [K] at every pressure."""
 
-    temperature: float
+    temperature: Annotated[float, Parameter("K", above=0.0)]
 
 
+@law("melting", "steinberg-cochran-guinan")
 class SteinbergMelting(NamedTuple):
     """T_m = T_m0 exp(2 a (1 - 1/eta)) eta^(2 (gamma0 - a - 1/3)), eta = 1/J (Steinberg, Cochran & Guinan 1980).
 
     temperature T_m0 [K], gamma0 and its volume coefficient a.
     """
 
-    temperature: float
-    gamma: float
-    volume_coefficient: float
-
-
-@melting_temperature.of(None)
-def _never(model, J):
-    return math.inf
+    temperature: Annotated[float, Parameter("K", "T_m0", above=0.0)]
+    gamma: Annotated[float, Parameter("1", "the Grueneisen coefficient", above=0.0)]
+    volume_coefficient: Annotated[float, Parameter("1", "a", at_least=0.0)]
 
 
 @melting_temperature.of(ConstantMelting)

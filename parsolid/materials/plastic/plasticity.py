@@ -4,6 +4,8 @@ Functions are implementations for those types (see `numerics.dispatch.generic`),
 Pressure P = -tr(sigma)/3 is positive in compression; E [J/m^3] is the internal energy per reference volume.
 """
 
+import math
+
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.tensors import Tensor
 
@@ -27,6 +29,11 @@ def shear_modulus(model, J, pressure, temperature, melting_temperature):
 @generic
 def melting_temperature(model, J):
     """Melting temperature [K] at the Jacobian J = rho0/rho; infinite without a model (None)."""
+
+
+@melting_temperature.of(None)
+def _never(model, J):
+    return math.inf
 
 
 @generic

@@ -1,12 +1,14 @@
 """Flow stress of Preston, Tonks & Wallace (J. Appl. Phys. 93 (2003) 211) from thermal activation to overdriven shocks."""
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
+from parsolid.materials.declaration import ATOMIC_MASS_UNIT, OfMaterial, Parameter, law
 from parsolid.materials.plastic.plasticity import flow_stress
 from parsolid.numerics.elementary import choose
 
 
+@law("flow-stress", "preston-tonks-wallace")
 class PrestonTonksWallace(NamedTuple):
     """sigma_y = 2 tau(ep, rate, T/T_m) mu; all parameters are numbers but atomic_mass [kg] and density [kg/m^3].
 
@@ -14,19 +16,20 @@ class PrestonTonksWallace(NamedTuple):
     yield_cold y_0, yield_hot y_inf, medium_yield y_1, medium_exponent y_2, overdriven_exponent beta.
     """
 
-    hardening: float
-    hardening_exponent: float
-    saturation_cold: float
-    saturation_hot: float
-    activation: float
-    rate_scale: float
-    yield_cold: float
-    yield_hot: float
-    medium_yield: float
-    medium_exponent: float
-    overdriven_exponent: float
-    atomic_mass: float
-    density: float
+    needs_melting = True
+    hardening: Annotated[float, Parameter("1", "theta", above=0.0)]
+    hardening_exponent: Annotated[float, Parameter("1", "p", above=0.0)]
+    saturation_cold: Annotated[float, Parameter("1", "s_0", above=0.0)]
+    saturation_hot: Annotated[float, Parameter("1", "s_inf", above=0.0)]
+    activation: Annotated[float, Parameter("1", "kappa", above=0.0)]
+    rate_scale: Annotated[float, Parameter("1", "gamma", above=0.0)]
+    yield_cold: Annotated[float, Parameter("1", "y_0", above=0.0)]
+    yield_hot: Annotated[float, Parameter("1", "y_inf", above=0.0)]
+    medium_yield: Annotated[float, Parameter("1", "y_1", above=0.0)]
+    medium_exponent: Annotated[float, Parameter("1", "y_2", above=0.0)]
+    overdriven_exponent: Annotated[float, Parameter("1", "beta", above=0.0)]
+    atomic_mass: Annotated[float, Parameter("u", "the mass of an atom", above=0.0, factor=ATOMIC_MASS_UNIT)]
+    density: Annotated[float, OfMaterial()]
 
 
 @flow_stress.of(PrestonTonksWallace)

@@ -1,58 +1,66 @@
 """Shear moduli mu(P, T); none falls below a hundredth of its value at P = 0, T = 0, where the waves need some stiffness."""
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
+from parsolid.materials.declaration import ATOMIC_MASS_UNIT, OfMaterial, Parameter, law
 from parsolid.materials.plastic.plasticity import shear_modulus
 from parsolid.numerics.elementary import power
 
 _LEAST = 0.01
 
 
+@law("shear-modulus", "constant")
 class ConstantShearModulus(NamedTuple):
     """modulus mu [Pa]."""
 
-    modulus: float
+    modulus: Annotated[float, Parameter("Pa", "mu", above=0.0)]
 
 
+@law("shear-modulus", "steinberg-cochran-guinan")
 class SteinbergShearModulus(NamedTuple):
     """mu = mu0 [1 + A P J^(1/3) - B (T - 300)] (Steinberg, Cochran & Guinan 1980), 1/J = eta.
 
     modulus mu0 [Pa] at 300 K, pressure_coefficient A [1/Pa], temperature_coefficient B [1/K].
     """
 
-    modulus: float
-    pressure_coefficient: float
-    temperature_coefficient: float
+    modulus: Annotated[float, Parameter("Pa", "mu0 at 300 K", above=0.0)]
+    pressure_coefficient: Annotated[float, Parameter("1/Pa", "A", at_least=0.0)]
+    temperature_coefficient: Annotated[float, Parameter("1/K", "B", at_least=0.0)]
 
 
+@law("shear-modulus", "nadal-le-poac")
 class NadalLePoac(NamedTuple):
     """mu of Nadal & Le Poac 2003, with a fall to zero at melting.
 
     modulus mu0 [Pa], pressure_coefficient d(mu)/dP / mu0 [1/Pa], width zeta, lindemann C, atomic_mass [kg], density [kg/m^3].
     """
 
-    modulus: float
-    pressure_coefficient: float
-    width: float
-    lindemann: float
-    atomic_mass: float
-    density: float
+    needs_melting = True
+    modulus: Annotated[float, Parameter("Pa", "mu0", above=0.0)]
+    pressure_coefficient: Annotated[float, Parameter("1/Pa", "d(mu)/dP / mu0", at_least=0.0)]
+    width: Annotated[float, Parameter("1", "zeta, of the fall to zero", above=0.0)]
+    lindemann: Annotated[float, Parameter("1", "C", above=0.0)]
+    atomic_mass: Annotated[float, Parameter("u", "the mass of an atom", above=0.0, factor=ATOMIC_MASS_UNIT)]
+    density: Annotated[float, OfMaterial()]
 
 
+@law("shear-modulus", "varshni")
 class Varshni(NamedTuple):
     """mu = mu0 - D / (exp(T0/T) - 1) (Varshni 1970; Chen & Gray 1996): modulus mu0, drop D [Pa], temperature T0 [K]."""
 
-    modulus: float
-    drop: float
-    temperature: float
+    modulus: Annotated[float, Parameter("Pa", "mu0 at 0 K", above=0.0)]
+    drop: Annotated[float, Parameter("Pa", "D", at_least=0.0)]
+    temperature: Annotated[float, Parameter("K", "T0", above=0.0)]
 
 
+@law("shear-modulus", "linear-softening")
 class LinearSoftening(NamedTuple):
     """mu = G0 (1 - alpha T/T_m) (Preston, Tonks & Wallace 2003, eq (12)): modulus G0 [Pa], softening alpha."""
 
-    modulus: float
-    softening: float
+    needs_melting = True
+    modulus: Annotated[float, Parameter("Pa", "G0 at 0 K", above=0.0)]
+    softening: Annotated[float, Parameter("1", "alpha", at_least=0.0, below=1.0)]
 
 
 _BOLTZMANN = 1.380649e-23

@@ -1,8 +1,9 @@
 """Flow stress of Steinberg, Cochran & Guinan (J. Appl. Phys. 51 (1980) 1498), with the rate term of Steinberg & Lund."""
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
+from parsolid.materials.declaration import Parameter, law
 from parsolid.materials.plastic.plasticity import flow_stress
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.elementary import choose, power
@@ -18,12 +19,13 @@ class ThermalActivation(NamedTuple):
     frequency C1 [1/s], kink_energy U_k [J], peierls_stress Y_P [Pa], drag C2 [Pa s].
     """
 
-    frequency: float
-    kink_energy: float
-    peierls_stress: float
-    drag: float
+    frequency: Annotated[float, Parameter("1/s", "C1", above=0.0)]
+    kink_energy: Annotated[float, Parameter("J", "U_k", above=0.0)]
+    peierls_stress: Annotated[float, Parameter("Pa", "Y_P", above=0.0)]
+    drag: Annotated[float, Parameter("Pa s", "C2", at_least=0.0)]
 
 
+@law("flow-stress", "steinberg-cochran-guinan-lund")
 class SteinbergCochranGuinan(NamedTuple):
     """sigma_y = (Y_T(rate, T) + min(sigma_0 [1 + beta (ep + ep_i)]^n, Y_max)) mu/mu0.
 
@@ -31,13 +33,20 @@ class SteinbergCochranGuinan(NamedTuple):
     activation: a ThermalActivation, or None for the rate-independent model of 1980 (rates above 1e5/s).
     """
 
-    yield_stress: float
-    greatest_yield_stress: float
-    shear_modulus: float
-    hardening: float
-    exponent: float
-    initial_strain: float
-    activation: ThermalActivation | None
+    yield_stress: Annotated[float, Parameter("Pa", "sigma_0", above=0.0)]
+    greatest_yield_stress: Annotated[float, Parameter("Pa", "Y_max", above=0.0)]
+    shear_modulus: Annotated[float, Parameter("Pa", "mu0", above=0.0)]
+    hardening: Annotated[float, Parameter("1", "beta", at_least=0.0)]
+    exponent: Annotated[float, Parameter("1", "n", above=0.0)]
+    initial_strain: Annotated[float, Parameter("1", "ep_i", at_least=0.0, default=0.0)]
+    activation: Annotated[ThermalActivation | None, Parameter(default=None)]
+
+    def faults(self) -> list[tuple[tuple, str, object]]:
+        """Yield stresses that are not in order."""
+        if self.greatest_yield_stress >= self.yield_stress:
+            return []
+        bound = f"at least yield_stress = {self.yield_stress:g}"
+        return [(("greatest_yield_stress",), bound, self.greatest_yield_stress)]
 
 
 @generic

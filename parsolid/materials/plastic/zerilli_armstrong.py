@@ -1,22 +1,24 @@
 """Flow stress of Zerilli & Armstrong for face-centred cubic metals (J. Appl. Phys. 61 (1987) 1816)."""
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
+from parsolid.materials.declaration import Parameter, law
 from parsolid.materials.plastic.plasticity import flow_stress
 from parsolid.numerics.elementary import choose
 
 
+@law("flow-stress", "zerilli-armstrong")
 class ZerilliArmstrong(NamedTuple):
     """sigma_y = sigma_a + B0 sqrt(ep) exp(-a0 T + a1 T ln rate), the rate in 1/s.
 
     athermal_stress sigma_a (grain size included), hardening B0 [Pa], softening a0 [1/K], rate_sensitivity a1 [1/K].
     """
 
-    athermal_stress: float
-    hardening: float
-    softening: float
-    rate_sensitivity: float
+    athermal_stress: Annotated[float, Parameter("Pa", "sigma_a, grain size included", above=0.0)]
+    hardening: Annotated[float, Parameter("Pa", "B0", at_least=0.0)]
+    softening: Annotated[float, Parameter("1/K", "a0", at_least=0.0)]
+    rate_sensitivity: Annotated[float, Parameter("1/K", "a1", at_least=0.0)]
 
 
 @flow_stress.of(ZerilliArmstrong)

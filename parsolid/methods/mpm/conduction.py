@@ -1,7 +1,8 @@
-"""Heat conduction between the particles of a background grid: sources, planes at given temperatures, heat through surfaces.
+"""Heat conduction between the particles of a background grid: sources, planes at given temperatures, heat through
+surfaces.
 
-The step of the conduction comes before that of the motion, with the particles where they are. Heat that a particle gains raises its
-temperature and its internal energy alike.
+The step of the conduction comes before that of the motion, with the particles where they are. Heat that a particle
+gains raises its temperature and its internal energy alike.
 """
 
 import numpy as np
@@ -62,13 +63,16 @@ class Conduction:
             self._folds.append((plane, ghosts.astype(np.int32), images.astype(np.int32), places))
 
     def advance(self, time: float, step: float) -> float:
-        """Conduct for a step [s] from `time`; the heat [J] that this rank's particles gained, in sum that which was supplied."""
+        """Conduct for a step [s] from `time`; the heat [J] that this rank's particles gained, in sum that which was
+        supplied.
+        """
         self.refresh()
         self._update_folds()
         self._supply(time + 0.5 * step)
         passed = self._pass_plastic_heat(step)
         held = [plane.temperatures(places, time) for plane, _, _, places in self._folds]
-        # a plane that is not at the particles' temperature at the start takes them along, as nodes of finite elements on it would
+        # a plane that is not at the particles' temperature at the start takes them along, as nodes of finite elements
+        # on it would
         jumps = self._jumps(held) if time == 0.0 else [0.0] * len(held)
         self._find_temperatures(held)
         self._find_flows()
@@ -112,9 +116,11 @@ class Conduction:
         return gained
 
     def _pass_plastic_heat(self, step: float) -> float:
-        """Let the grid spread what plastic flow has warmed since the last step, where planes hold temperatures; that heat [J].
+        """Let the grid spread what plastic flow has warmed since the last step, where planes hold temperatures; that
+        heat [J].
 
-        Particles beside a held plane would keep it otherwise: nodes on the plane have no increments that could take it up.
+        Particles beside a held plane would keep it otherwise: nodes on the plane have no increments that could take it
+        up.
         """
         rise = self.points.find("plastic_rise")
         if rise is None or step == 0.0:
@@ -140,7 +146,8 @@ class Conduction:
     def _jumps(self, held: list) -> list:
         """Temperatures of the planes less those of the particles beside them [K], at the rows of the folds.
 
-        The latter are those of the line on the plane that fits the particles around an image node best, by capacity and weight.
+        The latter are those of the line on the plane that fits the particles around an image node best, by capacity and
+        weight.
         """
         result = []
         for (plane, _, images, _), wanted in zip(self._folds, held):

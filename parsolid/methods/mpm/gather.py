@@ -1,6 +1,8 @@
-"""Grid to particle: nodal velocities, their changes and gradients gathered to the particles of a cell from a copy of its nodes.
+"""Grid to particle: nodal velocities, their changes and gradients gathered to the particles of a cell from a copy of
+its nodes.
 
-FLIP  v_p <- fraction (v_p + sum_i w_ip a_i) + (1 - fraction) sum_i w_ip v_i        a_i: change of nodal velocity in the step
+FLIP  v_p <- fraction (v_p + sum_i w_ip a_i) + (1 - fraction) sum_i w_ip v_i        a_i: change of nodal velocity in the
+step
 APIC  v_p <- sum_i w_ip v_i,   C_p <- sum_i v_i (x) u_ip                            u_ip: see weights.store_distances
 both  x_p <- x_p + dt sum_i w_ip v_i,   l_p = sum_i v_i (x) grad w_ip
 """
@@ -11,7 +13,7 @@ from numba.extending import overload, register_jitable
 from decomposition.compiled import compiled
 from parsolid.methods.mpm.grid import Apic, Flip, weigh
 from parsolid.methods.mpm.weights import nodes_across, store_distances
-from parsolid.numerics.dispatch import is_instance
+from parsolid.numerics.dispatch import generic, is_instance
 from parsolid.numerics.lanes import broadcast, from_floats, fused, lane, load, shuffle, store, transpose, without_fourth
 from parsolid.numerics.layout import Axisymmetric, Space
 
@@ -22,18 +24,17 @@ _fourth_from = shuffle(0, 1, 2, 7)
 def gather(interpolation, nodes, motion, step, transfer, rate, remapped):
     """Velocities, positions and velocity gradients of the particles of all cells, after `grid.update_nodes`.
 
-    transfer: Flip or Apic, by which motion's velocities change, or None to leave them. rate (capacity, 12): velocity gradients
-    [1/s], rows padded to 4 (in axisymmetry l33 = v_r/r), or None, and then positions do not change either. remapped (nodes, 8): the
-    nodes that gradients are taken of where momentum was mapped back (MUSL), or None.
+    transfer: Flip or Apic, by which motion's velocities change, or None to leave them. rate (capacity, 12): velocity
+    gradients [1/s], rows padded to 4 (in axisymmetry l33 = v_r/r), or None, and then positions do not change either.
+    remapped (nodes, 8): the nodes that gradients are taken of where momentum was mapped back (MUSL), or None.
     """
     space, basis, grid, scratch = interpolation.space, interpolation.basis, interpolation.grid, interpolation.scratch
     for c in range(len(grid.start) - 1):
-        begin, end = grid.start[c], grid.start[c + 1]
-        if begin == end:
+        if grid.start[c] == grid.start[c + 1]:
             continue
         base = load(grid.base, c, 0)
         _copy_nodes(grid, c, nodes, remapped, scratch.cell)
-        for n in range(begin, end):
+        for n in range(grid.start[c], grid.start[c + 1]):
             p = grid.order[n]
             place, xi = weigh(interpolation, base, p)
             if transfer is not None:
@@ -60,37 +61,37 @@ def _copy_nodes(grid, c, nodes, remapped, cell):
             store(cell, k, 4, load(remapped, node, 0))
 
 
+@generic
 def _prepare(transfer, basis, xi, weights):
-    raise NotImplementedError
+    """What a transfer needs beside the weights."""
 
 
-@overload(_prepare)
-def _choose_prepare(transfer, basis, xi, weights):
-    if is_instance(transfer, Apic):
-        return lambda transfer, basis, xi, weights: store_distances(basis, xi, weights)
-    return lambda transfer, basis, xi, weights: None
+@_prepare.of(Apic)
+def _prepare_slopes(transfer, basis, xi, weights):
+    store_distances(basis, xi, weights)
 
 
+@_prepare.otherwise
+def _prepare_nothing(transfer, basis, xi, weights):
+    pass
+
+
+@generic
 def _move_velocity(transfer, motion, p, sums, inverse_spacing):
-    raise NotImplementedError
+    """New velocity of a particle, and its slope."""
 
 
-@overload(_move_velocity)
-def _choose_move_velocity(transfer, motion, p, sums, inverse_spacing):
-    if is_instance(transfer, Apic):
+@_move_velocity.of(Apic)
+def _take_nodal(transfer, motion, p, sums, inverse_spacing):
+    store(motion, p, 4, _fourth_from(sums[0], load(motion, p, 4)))
+    _store_rows(transfer.affine, p, sums[3], inverse_spacing, 0.0)
 
-        def affine(transfer, motion, p, sums, inverse_spacing):
-            store(motion, p, 4, _fourth_from(sums[0], load(motion, p, 4)))
-            _store_rows(transfer.affine, p, sums[3], inverse_spacing, 0.0)
 
-        return affine
-
-    def flip(transfer, motion, p, sums, inverse_spacing):
-        moved = load(motion, p, 4) + sums[1]
-        nodal = _fourth_from(sums[0], moved)
-        store(motion, p, 4, fused(moved - nodal, broadcast(transfer.fraction), nodal))
-
-    return flip
+@_move_velocity.of(Flip)
+def _add_change(transfer, motion, p, sums, inverse_spacing):
+    moved = load(motion, p, 4) + sums[1]
+    nodal = _fourth_from(sums[0], moved)
+    store(motion, p, 4, fused(moved - nodal, broadcast(transfer.fraction), nodal))
 
 
 @register_jitable
@@ -102,18 +103,21 @@ def _store_rows(array, p, columns, scale, corner):
     store(array, p, 8, rows[2] + from_floats(0.0, 0.0, corner, 0.0))
 
 
+@generic
 def _hoop_rate(space, remapped, sums, place):
     """v_r/r in axisymmetry."""
-    raise NotImplementedError
 
 
-@overload(_hoop_rate)
-def _choose_hoop_rate(space, remapped, sums, place):
-    if not is_instance(space, Axisymmetric):
-        return lambda space, remapped, sums, place: 0.0
-    if isinstance(remapped, types.NoneType):
-        return lambda space, remapped, sums, place: lane(sums[0], 0) / lane(place, 0)
-    return lambda space, remapped, sums, place: lane(sums[1], 0) / lane(place, 0)
+@_hoop_rate.of(Axisymmetric)
+def _hoop_rate_of_radius(space, remapped, sums, place):
+    if remapped is None:
+        return lane(sums[0], 0) / lane(place, 0)
+    return lane(sums[1], 0) / lane(place, 0)
+
+
+@_hoop_rate.otherwise
+def _no_hoop_rate(space, remapped, sums, place):
+    return 0.0
 
 
 @register_jitable
@@ -128,8 +132,8 @@ def _row(basis, weights, offset, cell, row, column):
 def sum_nodes(space, basis, scratch, transfer, rate, remapped):
     """Sums over scratch.cell, v its columns 0..3: (sum w v, sum w of columns 4..7, sums of v dw/dxi_d, sums of v u_d).
 
-    The second only for Flip or where remapped is not None, and then the third is of columns 4..7; the third only where rate is
-    not None, the fourth only for Apic. What is not asked for is 0.
+    The second only for Flip or where remapped is not None, and then the third is of columns 4..7; the third only where
+    rate is not None, the fourth only for Apic. What is not asked for is 0.
     """
     raise NotImplementedError
 
@@ -139,9 +143,11 @@ def _choose_sums(space, basis, scratch, transfer, rate, remapped):
     # constants of the compiled code, which drops what the transfer, the rate or remapped momentum does not need
     source = 0 if isinstance(remapped, types.NoneType) else 4
     with_second = source == 4 or is_instance(transfer, Flip)
-    with_rate = not isinstance(rate, types.NoneType)
-    with_slope = is_instance(transfer, Apic)
+    sums = _sums_in_space if is_instance(space, Space) else _sums_in_plane
+    return sums(source, with_second, not isinstance(rate, types.NoneType), is_instance(transfer, Apic))
 
+
+def _sums_in_space(source, with_second, with_rate, with_slope):
     def in_space(space, basis, scratch, transfer, rate, remapped):
         zero = broadcast(0.0)
         across, weights, cell = nodes_across(basis), scratch.weights, scratch.cell
@@ -166,6 +172,10 @@ def _choose_sums(space, basis, scratch, transfer, rate, remapped):
                     Cx, Cy, Cz = fused(first, ux * wy, Cx), fused(first, wx * uy, Cy), fused(along, w, Cz)
         return v, second, (Gx, Gy, Gz), (Cx, Cy, Cz)
 
+    return in_space
+
+
+def _sums_in_plane(source, with_second, with_rate, with_slope):
     def in_plane(space, basis, scratch, transfer, rate, remapped):
         zero = broadcast(0.0)
         across, weights, cell = nodes_across(basis), scratch.weights, scratch.cell
@@ -188,4 +198,4 @@ def _choose_sums(space, basis, scratch, transfer, rate, remapped):
                 Cx, Cy = fused(first, ux, Cx), fused(along, wx, Cy)
         return v, second, (Gx, Gy, zero), (Cx, Cy, zero)
 
-    return in_space if is_instance(space, Space) else in_plane
+    return in_plane

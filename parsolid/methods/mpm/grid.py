@@ -1,14 +1,16 @@
 """The background grid of the material point method: arrays, node update, mirror planes, rigid walls.
 
-Only nodes near particles exist; they are numbered by slots in any order. Particles are listed by base cell (`weights`); passes
-are fast where the list is nearly in the order of storage.
+Only nodes near particles exist; they are numbered by slots in any order. Particles are listed by base cell (`weights`);
+passes are fast where the list is nearly in the order of storage.
 
-    motion  (capacity, 8)  x y z m | vx vy vz V0    a particle's position [m], mass [kg], velocity [m/s], reference volume [m3]
+    motion  (capacity, 8)  x y z m | vx vy vz V0    a particle's position [m], mass [kg], velocity [m/s], reference
+    volume [m3]
     nodes   (nodes, 8)     px py pz m | fx fy fz 0  after a scatter: momentum [kg m/s], mass, force [N]
-                           vx vy vz m | ax ay az 0  after `update_nodes`: new velocity [m/s], and its change in the step [m/s]
+                           vx vy vz m | ax ay az 0  after `update_nodes`: new velocity [m/s], and its change in the step
+                           [m/s]
 
-In two dimensions z = 0; in plane strain masses and volumes are those of a metre of thickness, in axisymmetry of a radian, with x = r
-and y along the axis.
+In two dimensions z = 0; in plane strain masses and volumes are those of a metre of thickness, in axisymmetry of a
+radian, with x = r and y along the axis.
 """
 
 from typing import Any, NamedTuple
@@ -26,9 +28,9 @@ _mass = swizzle(3, 3, 3, 3)
 class Grid(NamedTuple):
     """Base cells with their particles and nodes.
 
-    origin (4,) [m]: a node; spacing [m] and its inverse; base (cells, 4): base nodes' indices as floats, unused columns 0;
-    start (cells + 1,), order (capacity,) int64: particles order[start[c]]..order[start[c+1]-1] lie in cell c; stencil
-    (cells, K**dimension) int32: node slots, the last direction fastest.
+    origin (4,) [m]: a node; spacing [m] and its inverse; base (cells, 4): base nodes' indices as floats, unused columns
+    0; start (cells + 1,), order (capacity,) int64: particles order[start[c]]..order[start[c+1]-1] lie in cell c;
+    stencil (cells, K**dimension) int32: node slots, the last direction fastest.
     """
 
     origin: np.ndarray
@@ -56,8 +58,8 @@ def make_scratch(basis, dimension: int) -> Scratch:
 class Interpolation(NamedTuple):
     """How particles and nodes see one another.
 
-    space: Plane, Axisymmetric or Space; basis: one of `weights`; places (capacity, >= 4): positions [m] that the weights belong to,
-    the fourth column unused.
+    space: Plane, Axisymmetric or Space; basis: one of `weights`; places (capacity, >= 4): positions [m] that the
+    weights belong to, the fourth column unused.
     """
 
     space: Any
@@ -77,6 +79,14 @@ def weigh(interpolation, base, p):
     return place, xi
 
 
+@register_jitable
+def clear_cell(cell):
+    """Zeros for the sums of a cell."""
+    for k in range(cell.shape[0]):
+        store(cell, k, 0, broadcast(0.0))
+        store(cell, k, 4, broadcast(0.0))
+
+
 class Flip(NamedTuple):
     """Particles add the change of the nodal velocity; `fraction` below 1 blends in the nodal velocity itself.
 
@@ -87,7 +97,8 @@ class Flip(NamedTuple):
 
 
 class Apic(NamedTuple):
-    """Particles take the nodal velocity and its slope. affine (capacity, 12): rows of the slope [1/s], each padded to 4.
+    """Particles take the nodal velocity and its slope. affine (capacity, 12): rows of the slope [1/s], each padded to
+    4.
 
     Jiang et al., ACM Trans. Graph. 34 (2015) 51.
     """
@@ -108,7 +119,8 @@ class FirstPiolaKirchhoffStress(NamedTuple):
 
 
 class RigidWall(NamedTuple):
-    """Nodes at or behind a moving plane follow it: point (4,) [m], normal (4,) into the body, velocity (4,) [m/s], fourth 0.
+    """Nodes at or behind a moving plane follow it: point (4,) [m], normal (4,) into the body, velocity (4,) [m/s],
+    fourth 0.
 
     sticking 1.0: they take the wall's velocity; 0.0: they may slide, and leave in the direction of the normal.
     """
@@ -123,9 +135,9 @@ class RigidWall(NamedTuple):
 def fold_mirror(ghost, image, signs, nodes):
     """Add what the mirror image of the body gives to the nodes before a mirror plane; before `update_nodes`.
 
-    ghost, image (n,) int32: slots of the nodes on and behind the plane, and of their mirror images (a node on the plane is its
-    own); signs (1, 8): of each column of nodes, -1 for the momentum and force that the mirror reverses. Exact for every basis when
-    the plane lies on nodes or halfway between. Where planes meet, fold them one after the other.
+    ghost, image (n,) int32: slots of the nodes on and behind the plane, and of their mirror images (a node on the plane
+    is its own); signs (1, 8): of each column of nodes, -1 for the momentum and force that the mirror reverses. Exact
+    for every basis when the plane lies on nodes or halfway between. Where planes meet, fold them one after the other.
     """
     first, second = load(signs, 0, 0), load(signs, 0, 4)
     for k in range(ghost.size):
@@ -136,7 +148,9 @@ def fold_mirror(ghost, image, signs, nodes):
 
 @compiled
 def spread_mirror(ghost, image, signs, nodes):
-    """Give the nodes behind a mirror plane the reflected values of their images; after `update_nodes`, planes in reverse order."""
+    """Give the nodes behind a mirror plane the reflected values of their images; after `update_nodes`, planes in
+    reverse order.
+    """
     first, second = load(signs, 0, 0), load(signs, 0, 4)
     for k in range(ghost.size):
         here, there = ghost[k], image[k]
@@ -146,7 +160,9 @@ def spread_mirror(ghost, image, signs, nodes):
 
 @compiled(error_model="numpy")
 def update_nodes(first, last, nodes, step, gravity, least_mass):
-    """Nodal velocities from momentum, force and gravity (4,) [m/s2, fourth 0]; nodes lighter than least_mass [kg] stand still."""
+    """Nodal velocities from momentum, force and gravity (4,) [m/s2, fourth 0]; nodes lighter than least_mass [kg] stand
+    still.
+    """
     g = step * load(gravity, 0, 0)
     for i in range(first, last):
         p = load(nodes, i, 0)
@@ -164,7 +180,9 @@ def update_nodes(first, last, nodes, step, gravity, least_mass):
 
 @compiled(error_model="numpy")
 def find_velocities(first, last, nodes, least_mass):
-    """Nodal velocities from momentum alone, as when momentum is mapped back to the grid (MUSL); columns 4..7 become 0."""
+    """Nodal velocities from momentum alone, as when momentum is mapped back to the grid (MUSL); columns
+    4..7 become 0.
+    """
     for i in range(first, last):
         mass = nodes[i, 3]
         scale = 1.0 / mass if mass > least_mass else 0.0
@@ -175,11 +193,12 @@ def find_velocities(first, last, nodes, least_mass):
 
 @compiled
 def obey_wall(first, last, nodes, places, share, wall):
-    """Let nodes at or behind a rigid wall move with it; after `update_nodes`. Gives the impulse [N s] on the body and a loss [J].
+    """Let nodes at or behind a rigid wall move with it; after `update_nodes`. Gives the impulse [N s] on the body and a
+    loss [J].
 
-    places (nodes, 4): positions [m]; share (nodes,): what counts of a node, see `kinetic_gain`. The wall's work on the body is
-    impulse . wall.velocity. Lost is m/2 of the square of what the whole step changes in the velocity that the wall sets: all of it
-    when a body is caught, nothing while it stays.
+    places (nodes, 4): positions [m]; share (nodes,): what counts of a node, see `kinetic_gain`. The wall's work on the
+    body is impulse . wall.velocity. Lost is m/2 of the square of what the whole step changes in the velocity that the
+    wall sets: all of it when a body is caught, nothing while it stays.
     """
     impulse, lost = np.zeros(3), 0.0
     for i in range(first, last):
@@ -208,7 +227,8 @@ def obey_wall(first, last, nodes, places, share, wall):
 def kinetic_gain(first, last, nodes, share):
     """Change of the nodes' kinetic energy [J] in a step; after `update_nodes` and walls.
 
-    share (nodes,): 1, but 0 for nodes behind mirror planes and those that another rank counts, 1/2 on each mirror plane.
+    share (nodes,): 1, but 0 for nodes behind mirror planes and those that another rank counts, 1/2 on each mirror
+    plane.
     """
     gain = 0.0
     for i in range(first, last):

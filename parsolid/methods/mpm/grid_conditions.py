@@ -1,8 +1,10 @@
-"""What a background grid obeys of a scene's boundaries: planes at which it is folded, rigid walls, driven regions, temperatures."""
+"""What a background grid obeys of a scene's boundaries: folds at mirror planes, walls, driven regions, temperatures."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from decomposition.occupied import Mirror
 from parsolid.boundary.declarations import (
@@ -19,6 +21,7 @@ from parsolid.collective import SolverError, maximum, minimum
 from parsolid.methods.mpm import grid as kernels
 from parsolid.scene.formulas import Formula
 from parsolid.scene.regions import NearestTo
+from parsolid.scene.schema import Scene
 
 # a plane this near, in cells, to nodes or to the middle between them counts as there
 _NEAR = 1e-6
@@ -68,8 +71,8 @@ class MovingWall:
 
     def __init__(self, wall: RigidWall, dimension: int):
         self.start, self.normal, self.velocity = np.zeros((3, 4))
-        axis = wall.where.plane.axis
-        self.start[axis] = wall.where.plane.offset
+        axis = wall.plane.axis
+        self.start[axis] = wall.plane.offset
         self.normal[axis] = 1.0 if wall.side == "above" else -1.0
         if wall.velocity is not None:
             self.velocity[:dimension] = wall.velocity
@@ -84,16 +87,14 @@ class DrivenRegion:
     """Nodes in a region of space whose velocity components follow formulas of place and time."""
 
     def __init__(self, motion: PrescribedMotion):
-        """Raises SolverError for a displacement, and for the place of a single particle, which has no meaning on a grid."""
-        if motion.quantity != "velocity":
-            raise SolverError(f"{motion.key}.kind: expected a velocity with this method, found {motion.where.kind!r}")
+        """Raises SolverError for the place of a single particle, which has no meaning on a grid."""
         if isinstance(motion.where.region, NearestTo):
             raise SolverError(f"{motion.key}.point: expected a plane, box or ball of grid nodes, found a point")
         self.region, self._seen = motion.where.region, -1
         free = motion.course.free
-        self.components = [(int(i), motion.course.component(i)) for i in np.flatnonzero(~free)]
+        self.components = [(int(i), motion.course.component(int(i))) for i in np.flatnonzero(~free)]
 
-    def _choose(self, tables, dimension: int) -> None:
+    def _choose(self, tables: Any, dimension: int) -> None:
         """The nodes in the region, anew when there are others."""
         if self._seen == tables.changes:
             return
@@ -102,7 +103,7 @@ class DrivenRegion:
         self.slots = np.flatnonzero(self.region.contains(place, _NEAR * tables.spacing))
         self.places = np.ascontiguousarray(place[self.slots])
 
-    def drive(self, nodes: np.ndarray, tables, time: float, dimension: int) -> float:
+    def drive(self, nodes: np.ndarray, tables: Any, time: float, dimension: int) -> float:
         """Set the nodes' velocities to those of a time [s]; the work [J] done on the nodes that this rank counts."""
         self._choose(tables, dimension)
         work, mass = 0.0, nodes[self.slots, 3] * tables.share[self.slots]
@@ -118,11 +119,11 @@ class DrivenRegion:
 class GridConditions:
     """Conditions of a scene on a background grid, the same on all ranks; planes include the axis of axisymmetry."""
 
-    def __init__(self, comm, scene, position: np.ndarray, origin: np.ndarray):
+    def __init__(self, comm: MPI.Comm, scene: Scene, position: np.ndarray, origin: np.ndarray):
         """position (n, d) [m] of this rank's particles; origin (4,) [m] of the grid. Collective.
 
-        Raises SolverError on all ranks when a plane lies neither on nodes nor half-way between, or does not bound all bodies, and
-        for a condition that a grid cannot obey.
+        Raises SolverError on all ranks when a plane lies neither on nodes nor half-way between, or does not bound all
+        bodies, and for a condition that a grid cannot obey.
         """
         self.declared = Declarations(scene, *TAKES)
         self.origin, self.cell = origin, float(scene.method.cell)
@@ -132,13 +133,14 @@ class GridConditions:
             _refuse_body(one)
         self.planes, self.dimension = self._folded(scene), scene.dimension
         self.walls = [MovingWall(wall, scene.dimension) for wall in self.declared.of(RigidWall)]
-        self.driven = [DrivenRegion(motion) for motion in self.declared.of(PrescribedMotion)]
+        self.driven = [DrivenRegion(motion) for motion in self.declared.of(PrescribedMotion, "velocity")]
 
-    def _folded(self, scene) -> list[FoldedPlane]:
-        for one in self.declared.of(Support):
+    def _folded(self, scene: Scene) -> list[FoldedPlane]:
+        supports = self.declared.of(Support, "roller", "fixed")
+        for one in supports:
             if not one.mirrored:
                 raise SolverError(f"{one.key}.mirror: expected true with this method, found false")
-        wanted = [(one.key, one.plane) for one in self.declared.of(Support)]
+        wanted = [(one.key, one.plane) for one in supports]
         given = {(plane.axis, plane.coordinate) for _, plane in wanted}
         near = self.lower[0] < 4.0 * self.cell
         if scene.method.geometry == "axisymmetric" and (0, 0.0) not in given and near:
@@ -146,8 +148,6 @@ class GridConditions:
         return [self._fold(key, plane) for key, plane in wanted]
 
     def _fold(self, key: str, plane: MirrorPlane) -> FoldedPlane:
-        if plane.kind == "antisymmetric":
-            raise SolverError(f"{key}.kind: expected a roller or a fixed plane with this method, found 'antisymmetric'")
         mirror = self._mirror(key, plane.axis, plane.coordinate)
         lower, upper = self.lower[plane.axis], self.upper[plane.axis]
         if lower < plane.coordinate < upper:
@@ -158,7 +158,7 @@ class GridConditions:
         return FoldedPlane(plane, mirror)
 
     def _mirror(self, key: str, axis: int, offset: float) -> Mirror:
-        """The plane by its index; raises SolverError, naming the scene's `key`, when it is neither on nodes nor half-way between."""
+        """The plane by its index; raises SolverError, naming the scene's `key`, when it is not on or between nodes."""
         place = 2.0 * (offset - self.origin[axis]) / self.cell
         if abs(place - round(place)) > 2.0 * _NEAR:
             raise SolverError(
@@ -167,8 +167,8 @@ class GridConditions:
             )
         return Mirror(axis, round(place), 1 if self.lower[axis] >= offset else -1)
 
-    def obey(self, nodes, array: np.ndarray, time: float) -> tuple[float, float]:
-        """Let velocities in one of the arrays of `Nodes` obey at a time [s]; the work that this takes and what of it is lost [J]."""
+    def obey(self, nodes: Any, array: np.ndarray, time: float) -> tuple[float, float]:
+        """Let velocities in an array of `Nodes` obey at a time [s]; the work this takes, and what of it is lost [J]."""
         supplied, caught = 0.0, 0.0
         for wall in self.walls:
             reached = wall.at(time)
@@ -183,7 +183,7 @@ class GridConditions:
         """Planes at given temperatures, and insulated ones at the other mirror planes of the motion."""
         result = []
         for one in self.declared.of(TemperaturePlane):
-            axis, offset = one.where.plane.axis, float(one.where.plane.offset)
+            axis, offset = one.plane.axis, float(one.plane.offset)
             result.append(ThermalPlane(self._mirror(one.key, axis, offset), axis, offset, one.formula))
         held = [plane.mirror for plane in result]
         return result + [

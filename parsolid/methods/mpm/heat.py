@@ -1,26 +1,26 @@
-"""Heat conduction on the background grid: lumped capacities, particle temperatures changed by the increments of the nodes.
+"""Heat conduction on the background grid: lumped capacities, particle temperatures changed by the increments of the
+nodes.
 
     C_i = sum_p w_ip C_p    T_i = sum_p w_ip C_p T_p / C_i    Q_i = sum_p [w_ip q_p - V_p kappa (grad T)_p . grad w_ip]
     T_p <- T_p + dt sum_i w_ip Q_i / C_i
 
-so that sum_p C_p T_p changes by the powers q_p alone. A transfer of temperatures instead of increments would smooth them at every
-step, whatever the spacing.
+so that sum_p C_p T_p changes by the powers q_p alone. A transfer of temperatures instead of increments would smooth
+them at every step, whatever the spacing.
 
     thermal (capacity, 4)  T [K], C = m c [J/K], V kappa [W m/K], q [W]     of a particle
     nodes   (nodes, 8)     C T, C, 0, 0 | Q, 0, 0, 0                        after `scatter_heat` and `conduct`
-                           T, C, 0, 0 | change of T, 0, 0, 0                after `find_temperatures` and `find_increments`
+                           T, C, 0, 0 | change of T, 0, 0, 0                after `find_temperatures` and
+                           `find_increments`
 """
 
 import math
 
-from numba import types
-from numba.extending import overload
-
 from decomposition.compiled import compiled
 from parsolid.methods.mpm.gather import sum_nodes
-from parsolid.methods.mpm.grid import weigh
+from parsolid.methods.mpm.grid import clear_cell, weigh
 from parsolid.methods.mpm.layout import one_gradient
 from parsolid.methods.mpm.scatter import add_particle
+from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import broadcast, from_floats, lane, load, store
 from parsolid.numerics.tensors import cofactor, determinant
 
@@ -33,9 +33,7 @@ def scatter_heat(interpolation, thermal, nodes, partials):
         if grid.start[c] == grid.start[c + 1]:
             continue
         cell = scratch.cell if partials is None else partials[c]
-        for k in range(cell.shape[0]):
-            store(cell, k, 0, broadcast(0.0))
-            store(cell, k, 4, broadcast(0.0))
+        clear_cell(cell)
         base = load(grid.base, c, 0)
         for n in range(grid.start[c], grid.start[c + 1]):
             p = grid.order[n]
@@ -61,8 +59,8 @@ def find_temperatures(first, last, nodes):
 def conduct(interpolation, deformation, thermal, nodes, partials):
     """Add the heat flows and powers of the particles of all cells to column 4 of nodes, from their temperatures.
 
-    Arguments as in `scatter.scatter`; deformation: rows of F (5 or 9, capacity) where the weights are those of reference
-    positions, else None. With partials, columns 4..7 of a cell's are its sums and 0..3 are 0.
+    Arguments as in `scatter.scatter`; deformation: rows of F (5 or 9, capacity) where the weights are those of
+    reference positions, else None. With partials, columns 4..7 of a cell's are its sums and 0..3 are 0.
     """
     space, basis, grid, scratch = interpolation.space, interpolation.basis, interpolation.grid, interpolation.scratch
     for c in range(len(grid.start) - 1):
@@ -96,29 +94,28 @@ def conduct(interpolation, deformation, thermal, nodes, partials):
                 store(partials[c], k, 4, load(cell, k, 4))
 
 
+@generic(on="deformation")
 def _referred(space, deformation, p, g):
     """F^-1 F^-T g of a gradient by reference place; g where deformation is None."""
-    raise NotImplementedError
 
 
-@overload(_referred)
-def _choose_referred(space, deformation, p, g):
-    if isinstance(deformation, types.NoneType):
-        return lambda space, deformation, p, g: g
+@_referred.of(None)
+def _as_it_is(space, deformation, p, g):
+    return g
 
-    def pulled_back(space, deformation, p, g):
-        F = one_gradient(space, deformation, p)
-        C, scale = cofactor(F), 1.0 / determinant(F)
-        a = scale * (C[0] * g[0] + C[1] * g[1] + C[2] * g[2])
-        b = scale * (C[3] * g[0] + C[4] * g[1] + C[5] * g[2])
-        c = scale * (C[6] * g[0] + C[7] * g[1] + C[8] * g[2])
-        return (
-            scale * (C[0] * a + C[3] * b + C[6] * c),
-            scale * (C[1] * a + C[4] * b + C[7] * c),
-            scale * (C[2] * a + C[5] * b + C[8] * c),
-        )
 
-    return pulled_back
+@_referred.otherwise
+def _pulled_back(space, deformation, p, g):
+    F = one_gradient(space, deformation, p)
+    C, scale = cofactor(F), 1.0 / determinant(F)
+    a = scale * (C[0] * g[0] + C[1] * g[1] + C[2] * g[2])
+    b = scale * (C[3] * g[0] + C[4] * g[1] + C[5] * g[2])
+    c = scale * (C[6] * g[0] + C[7] * g[1] + C[8] * g[2])
+    return (
+        scale * (C[0] * a + C[3] * b + C[6] * c),
+        scale * (C[1] * a + C[4] * b + C[7] * c),
+        scale * (C[2] * a + C[5] * b + C[8] * c),
+    )
 
 
 @compiled(error_model="numpy")
@@ -150,8 +147,8 @@ def gather_heat(interpolation, nodes, thermal):
 def fold_capacity(ghost, image, sign, temperature, nodes):
     """Add what the mirror image of the body gives to C T and C at a mirror plane; before `find_temperatures`.
 
-    ghost, image: as in `grid.fold_mirror`. sign 1.0: an insulated plane, the image has the same temperatures; -1.0: a plane at
-    the given temperatures (n,) [K], the image has 2 temperature - T.
+    ghost, image: as in `grid.fold_mirror`. sign 1.0: an insulated plane, the image has the same temperatures; -1.0: a
+    plane at the given temperatures (n,) [K], the image has 2 temperature - T.
     """
     for k in range(ghost.size):
         here, there = ghost[k], image[k]
@@ -175,7 +172,9 @@ def fold_flow(ghost, image, sign, nodes):
 
 @compiled
 def spread_increment(ghost, image, sign, change, nodes):
-    """Increments behind and on a mirror plane whose temperature changes by (n,) [K] in the step; after `find_increments`."""
+    """Increments behind and on a mirror plane whose temperature changes by (n,) [K] in the step; after
+    `find_increments`.
+    """
     for k in range(ghost.size):
         here, there = ghost[k], image[k]
         if here != there:
@@ -188,8 +187,8 @@ def spread_increment(ghost, image, sign, change, nodes):
 def fill_thermal(first, last, space, specific_heat, conductivity, deformation, temperature, motion, thermal):
     """T, C and V kappa of particles first..last-1 of one law, in the present configuration; q becomes 0.
 
-    specific_heat [J/(kg K)], conductivity [W/(m K)]; deformation: 5 rows of F in two dimensions or 9 in three; temperature
-    (1, capacity). Gives the largest diffusivity V kappa / C [m2/s].
+    specific_heat [J/(kg K)], conductivity [W/(m K)]; deformation: 5 rows of F in two dimensions or 9 in three;
+    temperature (1, capacity). Gives the largest diffusivity V kappa / C [m2/s].
     """
     largest = 0.0
     for p in range(first, last):
@@ -202,7 +201,8 @@ def fill_thermal(first, last, space, specific_heat, conductivity, deformation, t
 
 @compiled(error_model="numpy")
 def hand_over_rise(first, last, thermal, rise, step, spacing):
-    """Make a share of the rises (1, capacity) [K] of particles first..last-1 powers of a step [s] instead; its heat [J].
+    """Make a share of the rises (1, capacity) [K] of particles first..last-1 powers of a step [s] instead; its heat
+    [J].
 
     Differences within a cell die away by exp(-pi^2 alpha t / h^2), as the shortest waves of the grid do; spacing h [m].
     """

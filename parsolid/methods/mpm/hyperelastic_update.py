@@ -1,4 +1,6 @@
-"""Particle kernel of the material point method for hyperelastic laws: the step's rate advances F, and the stress follows from it."""
+"""Particle kernel of the material point method for hyperelastic laws: the step's rate advances F, and the stress
+follows from it.
+"""
 
 import math
 
@@ -11,24 +13,14 @@ from parsolid.numerics.elementary import choose
 from parsolid.numerics.lanes import WIDTH, all_positive, broadcast, from_floats, lane
 from parsolid.numerics.layout import four_rows
 from parsolid.numerics.polar import congruence, symmetric_part
-from parsolid.numerics.tensors import (
-    add,
-    cofactor,
-    contract_symmetric,
-    determinant,
-    lane_of_general,
-    matmul,
-    matmul_transposed,
-    scale,
-    trace_symmetric,
-)
+from parsolid.numerics.tensors import cofactor, contract, determinant, lane_of_general, trace
 
 
 @register_jitable
 def _eigenvalue_bound(q):
     """No less than the largest eigenvalue of a symmetric tensor; equal to it where the two others are equal."""
-    mean = trace_symmetric(q) * (1.0 / 3.0)
-    deviator = contract_symmetric(q, q) - 3.0 * mean * mean
+    mean = trace(q) * (1.0 / 3.0)
+    deviator = contract(q, q) - 3.0 * mean * mean
     return mean + math.sqrt(max(deviator, 0.0) * (2.0 / 3.0))
 
 
@@ -36,13 +28,14 @@ def _eigenvalue_bound(q):
 def advance_elastic_stress(space, first, last, law, step, deformation, motion, rate, stress):
     """Advance F of particles first..last-1 by a step [s] with the velocity gradients `rate`, and write V sigma.
 
-    Arrays as for `plastic_update.advance_stress`. Returns (sound, largest c + |v| [m/s]): c of the present configuration; sound is False when a Jacobian is not positive.
+    Arrays as for `plastic_update.advance_stress`. Returns (sound, largest c + |v| [m/s]): c of the present
+    configuration; sound is False when a Jacobian is not positive.
     """
     sound, fastest = True, broadcast(0.0)
     for i in range(first, last, WIDTH):
         count = min(WIDTH, last - i)
         F = load_general(space, deformation, i)
-        F = add(F, scale(step, matmul(load_rate(space, rate, i), F)))
+        F = F + step * (load_rate(space, rate, i) @ F)
         H, J = cofactor(F), determinant(F)
         P = first_piola_kirchhoff_stress(law, F, H, J, None)
         velocity = four_rows(motion, i, 4)
@@ -52,7 +45,7 @@ def advance_elastic_stress(space, first, last, law, step, deformation, motion, r
         valid = float(count) - from_floats(0.5, 1.5, 2.5, 3.5)
         speed = math.sqrt(waves * (1.0 / law.density)) + speed_of(velocity)
         # V sigma = V0 P F^T
-        store_stress(space, stress, i, symmetric_part(scale(velocity[3], matmul_transposed(P, F))), speed)
+        store_stress(space, stress, i, symmetric_part(velocity[3] * (P @ F.T)), speed)
         fastest = choose(valid, max(speed, fastest), fastest)
         if not all_positive(choose(valid, min(J, speed), 1.0)):
             sound = False

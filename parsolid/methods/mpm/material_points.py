@@ -1,4 +1,6 @@
-"""Material points of one rank: the container of their fields, and the particles of a `decomposition.RankGrid` at once."""
+"""Material points of one rank: the container of their fields, and the particles of a
+`decomposition.RankGrid` at once.
+"""
 
 import numpy as np
 
@@ -19,7 +21,8 @@ _IDENTITY = {2: (1.0, 0.0, 0.0, 1.0, 1.0), 3: (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0
 class MaterialPoints(Particles):
     """What all particles carry, see `methods.mpm.grid` for the records; laws declare what theirs carry besides.
 
-    origin (4,) [m]: of the grid; where: name of the record whose first columns are the places [m] that weights belong to.
+    origin (4,) [m]: of the grid; where: name of the record whose first columns are the places [m] that weights belong
+    to.
     """
 
     def __init__(self, scene, particle_set):

@@ -14,16 +14,19 @@ _LEAST_MASS = 1e-9
 
 
 class Nodes:
-    """motion (slots, 8), see `methods.mpm.grid` for the columns; again (slots, 8): the same of momentum that is mapped back.
+    """motion (slots, 8), see `methods.mpm.grid` for the columns; again (slots, 8): the same of momentum that is mapped
+    back.
 
     heat (slots, 8), see `methods.mpm.heat`; again and heat only where the scene has them.
     interpolation: `kernels.Interpolation` of the step, to be found anew when particles have been listed anew.
-    places (count, 4) [m]; share (count,): what counts of a node on this rank's side of mirror planes, if no lower rank counts it;
-    partial (cells, width**d, 8): parts of single cells, with bitwise sums, else None.
+    places (count, 4) [m]; share (count,): what counts of a node on this rank's side of mirror planes, if no lower rank
+    counts it; partial (cells, width**d, 8): parts of single cells, with bitwise sums, else None.
     """
 
     def __init__(self, ranks, points, planes: list, conducts: bool):
-        """ranks: `decomposition.RankGrid`; points: `MaterialPoints`, none on a mirror plane; planes: `FoldedPlane`s. Collective."""
+        """ranks: `decomposition.RankGrid`; points: `MaterialPoints`, none on a mirror plane; planes: `FoldedPlane`s.
+        Collective.
+        """
         lightest = minimum(ranks.comm, float(points.owned_rows("mass").min(initial=np.inf)))
         self.least_mass, self._no_gravity = _LEAST_MASS * lightest, aligned_zeros((1, 4))
         self.ranks, self.points, self.planes = ranks, points, planes

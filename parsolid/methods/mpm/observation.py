@@ -6,7 +6,7 @@ from parsolid.materials.plastic.plastic_evaluation import melting_temperature
 
 
 def shown(points, name: str, first: int, last: int) -> np.ndarray | None:
-    """See `protocol.ParticleMethod.shown`; points: `MaterialPoints`."""
+    """See `protocol.ParticleSystem.shown`; points: `MaterialPoints`."""
     here = slice(first, last)
     if name == "deformation_gradient":
         return points.deformation_gradients(first, last)
@@ -37,7 +37,7 @@ def homologous_temperatures(points) -> np.ndarray:
 
 
 def first_unsound(points, listed: np.ndarray) -> tuple[int, str] | None:
-    """See `protocol.ParticleMethod.unsound`; listed: rows of the particles that are in a cell."""
+    """See `protocol.ParticleSystem.unsound`; listed: rows of the particles that are in a cell."""
     rows, jacobian = points.owned_rows, points.jacobian(0, points.owned)
     numbers = (rows("velocity"), rows("position"), rows("stress_and_volume"), jacobian[:, None])
     finite = np.all([np.isfinite(values).all(axis=1) for values in numbers], axis=0)

@@ -1,14 +1,15 @@
-"""Particle kernel of the material point method: kinematics, equation of state, radial return, energy and heat of a step.
+"""Particle kernel of the material point method: kinematics, equation of state, radial return, energy and heat of a
+step.
 
-Four particles at a time (`numerics.lanes.Lanes`); a range first..last-1 of particles shares one law. Every lane's result depends on
-that lane alone, so that it is the same whatever particles are its neighbours.
+Four particles at a time (`numerics.lanes.Lanes`); a range first..last-1 of particles shares one law. Every lane's
+result depends on that lane alone, so that it is the same whatever particles are its neighbours.
 """
 
 import math
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import overload, register_jitable
+from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
 from parsolid.materials.plastic import radial_return, rate_form  # noqa: F401  (their overloads)
@@ -32,31 +33,20 @@ from parsolid.methods.mpm.layout import (
     store_stress,
     store_symmetric,
 )
-from parsolid.numerics.dispatch import is_instance
+from parsolid.numerics.dispatch import generic
 from parsolid.numerics.elementary import choose
 from parsolid.numerics.lanes import WIDTH, aligned_zeros, all_positive, broadcast, from_floats, load, store_first, total
 from parsolid.numerics.layout import four_rows
-from parsolid.numerics.polar import congruence, plus_one, rotation, rotation_near, symmetric_part
-from parsolid.numerics.tensors import (
-    add,
-    cofactor,
-    contract_symmetric,
-    determinant,
-    matmul,
-    matmul_transposed,
-    plus_identity,
-    scale,
-    trace_symmetric,
-    transposed,
-)
+from parsolid.numerics.polar import congruence, rotation, rotation_near, symmetric_part
+from parsolid.numerics.tensors import I, cofactor, contract, determinant, trace
 
 
 class MaterialState(NamedTuple):
     """What the particles of elastic-plastic laws carry from step to step, rows of (rows, capacity) arrays.
 
     deformation: F, 9 rows in space (11, 12, 13, 21...), 5 in plane strain and axisymmetry (11, 12, 21, 22, 33);
-    deviator: unrotated s [Pa], 6 rows (11, 22, 33, 12, 13, 23) or 4 (11, 22, 33, 12); one row each: plastic_strain (equivalent),
-    energy E [J/m^3] per reference volume, temperature [K].
+    deviator: unrotated s [Pa], 6 rows (11, 22, 33, 12, 13, 23) or 4 (11, 22, 33, 12); one row each: plastic_strain
+    (equivalent), energy E [J/m^3] per reference volume, temperature [K].
     """
 
     deformation: np.ndarray
@@ -86,21 +76,20 @@ def new_state(dimension: int, capacity: int) -> MaterialState:
     return MaterialState(deformation, deviator, *(aligned_zeros((1, capacity)) for _ in range(3)))
 
 
+@generic
 def _viscous_pressure(viscosity, density, rate, sound_speed):
     """q [Pa] at the rate of volume change tr d [1/s] and the current density [kg/m^3]."""
-    raise NotImplementedError
 
 
-@overload(_viscous_pressure)
+@_viscous_pressure.of(BulkViscosity)
 def _bulk_viscosity(viscosity, density, rate, sound_speed):
-    if is_instance(viscosity, BulkViscosity):
+    jump = max(-rate, 0.0) * viscosity.spacing
+    return density * jump * (viscosity.quadratic * jump + viscosity.linear * sound_speed)
 
-        def viscous(viscosity, density, rate, sound_speed):
-            jump = max(-rate, 0.0) * viscosity.spacing
-            return density * jump * (viscosity.quadratic * jump + viscosity.linear * sound_speed)
 
-        return viscous
-    return lambda viscosity, density, rate, sound_speed: 0.0
+@_viscous_pressure.of(None)
+def _inviscid(viscosity, density, rate, sound_speed):
+    return 0.0
 
 
 @register_jitable
@@ -111,72 +100,80 @@ def _sound_speed(law, J, pressure, mu):
 
 
 @register_jitable
-def _kinematics(step, l, F):
-    """F+ = (1 + dt l) F, R at its end, and the stretching D at half the step in unrotated axes."""
-    new_F = add(F, scale(step, matmul(l, F)))
+def _kinematics(step, rate, F):
+    """F+ = (1 + dt l) F with the velocity gradient l, R at its end, and the stretching D at half the step in unrotated
+    axes.
+    """
+    new_F = F + step * (rate @ F)
     R = rotation(new_F)
     # the rate at half the step, l (1 + dt l/2)^-1: of a rotation it has no symmetric part, however large the step
-    M = plus_one(scale(0.5 * step, l))
-    half_rate = symmetric_part(scale(1.0 / determinant(M), matmul_transposed(l, cofactor(M))))
-    half_R = rotation_near(R, add(F, new_F))
-    return new_F, R, congruence(transposed(half_R), half_rate)
+    M = I + (0.5 * step) * rate
+    half_rate = symmetric_part((1.0 / determinant(M)) * (rate @ cofactor(M).T))
+    half_R = rotation_near(R, F + new_F)
+    return new_F, R, congruence(half_R.T, half_rate)
+
+
+@register_jitable
+def _load_state(space, state, i):
+    """F, s, ep, E and T of particles i..i+3."""
+    F, s = load_general(space, state.deformation, i), load_symmetric(space, state.deviator, i)
+    return F, s, load(state.plastic_strain, 0, i), load(state.energy, 0, i), load(state.temperature, 0, i)
+
+
+@register_jitable
+def _store_state(space, state, i, values, count):
+    """The same of the first `count` of particles i..i+3."""
+    store_general(space, state.deformation, i, values[0], count)
+    store_symmetric(space, state.deviator, i, values[1], count)
+    store_first(state.plastic_strain, 0, i, values[2], count)
+    store_first(state.energy, 0, i, values[3], count)
+    store_first(state.temperature, 0, i, values[4], count)
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
 def advance_stress(space, first, last, law, step, viscosity, state, motion, rate, stress):
     """Advance F, s, ep, E and T of particles first..last-1 by one step [s] with the velocity gradients `rate`.
 
-    motion (capacity, 8): x y z m | vx vy vz V0; rate (capacity, 12): rows of l, each padded to 4; stress (capacity, 8): V sigma
-    is written, artificial viscosity included, xx yy zz 0 | yz xz xy c + |v| (up to three records beyond `last` are overwritten).
-    viscosity is a BulkViscosity or None. Returns (sound, largest c + |v| [m/s], plastic work [J], viscous work [J]);
-    sound is False when a particle has J <= 0, is compressed beyond its equation of state, or is not a number.
+    motion (capacity, 8): x y z m | vx vy vz V0; rate (capacity, 12): rows of l, each padded to 4; stress (capacity, 8):
+    V sigma is written, artificial viscosity included, xx yy zz 0 | yz xz xy c + |v| (up to three records beyond `last`
+    are overwritten). viscosity is a BulkViscosity or None. Returns (sound, largest c + |v| [m/s], plastic work [J],
+    viscous work [J]); sound is False when a particle has J <= 0, is compressed beyond its equation of state, or is not
+    a number.
     """
     sound, fastest, plastic, viscous = True, broadcast(0.0), broadcast(0.0), broadcast(0.0)
-    eos, gamma, capacity = (
-        law.equation_of_state,
-        grueneisen_coefficient(law.equation_of_state),
-        law.density * law.specific_heat,
-    )
+    eos, capacity = law.equation_of_state, law.density * law.specific_heat
+    gamma = grueneisen_coefficient(eos)
     for i in range(first, last, WIDTH):
         count = min(WIDTH, last - i)
-        F, s = load_general(space, state.deformation, i), load_symmetric(space, state.deviator, i)
-        ep, energy, temperature = (
-            load(state.plastic_strain, 0, i),
-            load(state.energy, 0, i),
-            load(state.temperature, 0, i),
-        )
+        F, s, ep, energy, temperature = _load_state(space, state, i)
         new_F, R, D = _kinematics(step, load_rate(space, rate, i), F)
-        J, new_J, volume_rate = determinant(F), determinant(new_F), trace_symmetric(D)
+        J, new_J, volume_rate = determinant(F), determinant(new_F), trace(D)
         change, half_J = new_J - J, 0.5 * (J + new_J)
         pressure = cold_pressure(eos, J) + gamma * energy
         melting = melting_temperature(law.melting, J)
         mu = shear_modulus(law.shear_modulus, J, pressure, temperature, melting)
-        strain = scale(step, plus_identity(D, volume_rate * (-1.0 / 3.0)))
+        strain = step * (D + (volume_rate * (-1.0 / 3.0)) * I)
         heating = law.taylor_quinney * new_J / capacity
         new_s, increment, plastic_work = deviator_update(
             law.flow_stress, s, strain, ep, step, temperature, heating, mu, melting
         )
         plastic_work = new_J * plastic_work
         q = _viscous_pressure(viscosity, law.density / half_J, volume_rate, _sound_speed(law, J, pressure, mu))
-        # closed form of E+ = E + W - [(P + P+)/2 + q] (J+ - J) with P+ = A(J+) + gamma E+; T dS and -gamma T tr d likewise
+        # closed form of E+ = E + W - [(P + P+)/2 + q] (J+ - J) with P+ = A(J+) + gamma E+; T dS and -gamma T tr d
+        # likewise
         cold, part = cold_pressure(eos, new_J), 0.5 * gamma * change
-        work = 0.5 * half_J * contract_symmetric(add(s, new_s), strain)
+        work = 0.5 * half_J * contract(s + new_s, strain)
         energy = (energy + work - (0.5 * (pressure + cold) + q) * change) / (1.0 + part)
         heat = law.taylor_quinney * plastic_work - q * change
         temperature = (temperature * (1.0 - part) + heat / capacity) / (1.0 + part)
         pressure = cold + gamma * energy
-        store_general(space, state.deformation, i, new_F, count)
-        store_symmetric(space, state.deviator, i, new_s, count)
-        store_first(state.plastic_strain, 0, i, ep + increment, count)
-        store_first(state.energy, 0, i, energy, count)
-        store_first(state.temperature, 0, i, temperature, count)
+        _store_state(space, state, i, (new_F, new_s, ep + increment, energy, temperature), count)
         velocity = four_rows(motion, i, 4)
         volume = velocity[3]
         valid = float(count) - from_floats(0.5, 1.5, 2.5, 3.5)
         speed = _sound_speed(law, new_J, pressure, mu) + speed_of(velocity)
-        store_stress(
-            space, stress, i, scale(volume * new_J, plus_identity(congruence(R, new_s), -(pressure + q))), speed
-        )
+        sigma = congruence(R, new_s) - (pressure + q) * I
+        store_stress(space, stress, i, (volume * new_J) * sigma, speed)
         fastest = choose(valid, max(speed, fastest), fastest)
         plastic = plastic + choose(valid, volume * plastic_work, 0.0)
         viscous = viscous + choose(valid, -volume * q * change, 0.0)
@@ -188,7 +185,8 @@ def advance_stress(space, first, last, law, step, viscosity, state, motion, rate
 
 @compiled(error_model="numpy")
 def note_plastic_rise(first, last, space, heating, state, before, rise):
-    """Add to rise (1, capacity) [K] how far plastic flow beyond the strains `before` (capacity,) warms particles first..last-1.
+    """Add to rise (1, capacity) [K] how far plastic flow beyond the strains `before` (capacity,) warms particles
+    first..last-1.
 
     heating [m3 K/J]: share of the plastic work that heats over rho0 C_v; state: `MaterialState` after the step.
     """

@@ -1,7 +1,9 @@
-"""The total-Lagrangian form of the material point method: a grid on the undeformed body, so that weights and cells never change.
+"""The total-Lagrangian form of the material point method: a grid on the undeformed body, so that weights and cells
+never change.
 
-Accurate where the updated form's quadrature is not, up to moderate strain. Against locking, the dilatation rate of the particles of a
-cell is their mean, and so is, adjointly, the pressure of the internal force (see `methods.mpm.lagrangian`).
+Accurate where the updated form's quadrature is not, up to moderate strain. Against locking, the dilatation rate of the
+particles of a cell is their mean, and so is, adjointly, the pressure of the internal force (see
+`methods.mpm.lagrangian`).
 """
 
 import numpy as np
@@ -13,7 +15,8 @@ from parsolid.methods.mpm.grid import FirstPiolaKirchhoffStress
 class ReferenceGrid:
     """What the total-Lagrangian form adds to a step.
 
-    stretch: the smallest of this rank's particles; slowness [s/m]: the least time that waves take over a metre of the undeformed body.
+    stretch: the smallest of this rank's particles; slowness [s/m]: the least time that waves take over a metre of the
+    undeformed body.
     """
 
     def __init__(self, materials, nodes):

@@ -1,8 +1,11 @@
-"""Where particles are: listed by the cells of the grid, kept by the rank that owns their cell, stored in the order of the cells."""
+"""Where particles are: listed by the cells of the grid, kept by the rank that owns their cell, stored in the order of
+the cells.
+"""
 
 import time as clock
 
-# steps between looks at the order of storage and the balance of ranks, and the share of breaks that calls for a new order
+# steps between looks at the order of storage and the balance of ranks, and the share of breaks that calls for a new
+# order
 _PERIOD, _DISORDER = 16, 0.3
 
 
@@ -29,7 +32,9 @@ class Residence:
         return sound
 
     def settle(self) -> bool:
-        """List particles by cell anew, hand over those that left; now and then re-order storage and balance the ranks."""
+        """List particles by cell anew, hand over those that left; now and then re-order storage and balance
+        the ranks.
+        """
         self.points.stretch_domains()
         began = clock.perf_counter()
         sound = self.grid.settle(self.points)

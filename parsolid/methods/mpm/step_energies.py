@@ -6,7 +6,9 @@ from parsolid.methods.mpm.grid import kinetic_energy
 
 
 class StepEnergies:
-    """Made before the particles move, booked after. forces (capacity, 4): of the loads on the particles [N], or None."""
+    """Made before the particles move, booked after. forces (capacity, 4): of the loads on the particles
+    [N], or None.
+    """
 
     def __init__(self, points, nodes, forces: np.ndarray | None):
         """points: `MaterialPoints`; nodes: `Nodes`."""
@@ -18,7 +20,9 @@ class StepEnergies:
         self.before = None if forces is None else points.motion[: points.owned].copy()
 
     def book(self, ledger, step: float, boundaries: tuple[float, float], materials: dict[str, float]) -> None:
-        """boundaries: work of walls and driven regions and what of it is lost [J]; materials: further terms of the ledger [J]."""
+        """boundaries: work of walls and driven regions and what of it is lost [J]; materials: further terms of the
+        ledger [J].
+        """
         supplied, caught = boundaries
         if self.forces is not None:
             supplied += self._work_of_loads(step)

@@ -1,10 +1,12 @@
 """Deformation, state and stress of the particles after a step: every law's by the update of its kind.
 
-A kind of law is a class with what `HyperelasticUpdate` has, and a line of `_KINDS`; a law of a known kind needs nothing here.
+A kind of law is a class with what `HyperelasticUpdate` has, and a line of `_KINDS`; a law of a known kind needs nothing
+here.
 """
 
 import numpy as np
 
+from parsolid.boundary.declarations import Declarations, Declared, TemperaturePlane
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.methods.mpm.grid import CauchyStress
 from parsolid.methods.mpm.hyperelastic_update import advance_elastic_stress, elastic_energy
@@ -58,7 +60,7 @@ class ElasticPlasticUpdate:
         for name, unit in (("plastic_strain", "1"), ("internal_energy", "J/m^3"), ("temperature", "K")):
             points.declare(Field(name, 1, unit, **kept))
         # planes at a temperature take up the plastic heat of the particles beside them, see `Conduction`
-        if scene.method.conduction and any(boundary.kind == "temperature" for boundary in scene.boundaries):
+        if scene.method.conduction and Declarations(scene, Declared).of(TemperaturePlane):
             points.declare(Field("plastic_rise", 1, "K", **kept))
 
     def begin(self, scene, particle_set) -> None:
@@ -97,7 +99,8 @@ _KINDS = {ElasticPlastic: ElasticPlasticUpdate}
 class StressUpdate:
     """The updates of all laws of a scene, on one rank.
 
-    slowness [s/m]: of this rank's fastest particle, 1 / (c + |v|); plastic_work [J]: of all steps; stretch: 1, as steps are not by reference place.
+    slowness [s/m]: of this rank's fastest particle, 1 / (c + |v|); plastic_work [J]: of all steps; stretch: 1, as steps
+    are not by reference place.
     """
 
     stretch = 1.0

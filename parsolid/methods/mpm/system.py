@@ -1,8 +1,8 @@
 """Material point method: particles carry the state, a background grid the momentum of each step.
 
-A step: particles give mass, momentum and force to the nodes (summed over ranks); nodes move and obey the boundaries; particles take
-velocity, place and velocity gradient; stress; particles are listed by cell anew and handed to other ranks. No ghost particles, no
-collective but the loop's.
+A step: particles give mass, momentum and force to the nodes (summed over ranks); nodes move and obey the boundaries;
+particles take velocity, place and velocity gradient; stress; particles are listed by cell anew and handed to other
+ranks. No ghost particles, no collective but the loop's.
 """
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from decomposition.cell_partition import CellPartition
 from decomposition.grid import RankGrid
 from parsolid.boundary.loads import accelerations
-from parsolid.collective import SolverError, maximum
+from parsolid.collective import maximum
 from parsolid.methods.mpm.conduction import Conduction, conducts
 from parsolid.methods.mpm.grid import kinetic_energy
 from parsolid.methods.mpm.grid_conditions import GridConditions
@@ -24,18 +24,21 @@ from parsolid.methods.mpm.step_energies import StepEnergies
 from parsolid.methods.mpm.stress_update import StressUpdate
 from parsolid.methods.mpm.transfers import ORDERS
 from parsolid.methods.mpm.weights import nodes_across
-from parsolid.methods.protocol import ParticleMethod
+from parsolid.methods.protocol import ParticleSystem
 from parsolid.numerics.lanes import aligned_zeros
 
 
-class MaterialPoint(ParticleMethod):
-    """The method on one rank: its particles are `points`, its cells and shared nodes `grid`, the arrays of nodes `nodes`."""
+class MaterialPoint(ParticleSystem):
+    """The method on one rank: its particles are `points`, its cells and shared nodes `grid`, the arrays of nodes
+    `nodes`.
+    """
 
     def __init__(self, comm, scene, particle_set):
-        """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when planes do not suit the grid. Collective."""
+        """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when planes do not suit
+        the grid. Collective.
+        """
         self.comm, self.settings, self.dimension = comm, scene.method, scene.dimension
         self.points = self.particles = points = MaterialPoints(scene, particle_set)
-        _refuse_branches(points.laws)
         self.materials = StressUpdate(scene, points)
         self.conditions = GridConditions(comm, scene, particle_set.position, points.origin)
         conducting = conducts(scene, points.laws)
@@ -54,7 +57,9 @@ class MaterialPoint(ParticleMethod):
         self.partition = None
 
     def begin(self, scene, particle_set) -> None:
-        """Set the state at time 0, deal particles out to the owners of their cells, and find the first stress; collective."""
+        """Set the state at time 0, deal particles out to the owners of their cells, and find the first stress;
+        collective.
+        """
         set_initial_motion(scene, particle_set, self.points)
         self.materials.begin(scene, particle_set)
         self.residence.deal_out()
@@ -161,10 +166,10 @@ class MaterialPoint(ParticleMethod):
 
     def measure(self, name: str) -> tuple[str, np.ndarray]:
         """This rank's part of a quantity of the whole body."""
-        rows, d = self.table.owned_rows, self.dimension
+        rows, d = self.points.owned_rows, self.dimension
         if name.startswith("maximum_"):
             field = name.removeprefix("maximum_")
-            values = rows(field) if field in self.table else np.zeros(0)
+            values = rows(field) if field in self.points else np.zeros(0)
             return "maximum", np.array([values.max(initial=0.0)])
         if name == "plastic_work":
             return "sum", np.array([self.materials.plastic_work])
@@ -174,7 +179,9 @@ class MaterialPoint(ParticleMethod):
         return ("minimum", lower[:d]) if name == "lower_bounds" else ("maximum", upper[:d])
 
     def unsound(self) -> tuple[int, str] | None:
-        """The rank's first particle that is inside out, compressed beyond its equation of state, lost, or not a number."""
+        """The rank's first particle that is inside out, compressed beyond its equation of state, lost, or
+        not a number.
+        """
         cells = self.grid.cells
         return first_unsound(self.points, cells.order[: cells.start[-1]])
 
@@ -194,7 +201,7 @@ class MaterialPoint(ParticleMethod):
 
     def arrays(self) -> list[np.ndarray]:
         """Arrays besides those of the table."""
-        return [*self.points.storages(), *self.nodes.arrays(), *self.grid.cells.arrays()]
+        return [*self.nodes.arrays(), *self.grid.cells.arrays()]
 
     def bytes_a_step(self) -> int:
         """Bytes of the sums over nodes; particles that are handed over come on top."""
@@ -202,7 +209,9 @@ class MaterialPoint(ParticleMethod):
         return self.nodes.bytes_sent
 
     def summary(self) -> dict:
-        """Particles that changed their rank, how often cells were dealt out anew, and particles that have melted if any can."""
+        """Particles that changed their rank, how often cells were dealt out anew, and particles that have melted if any
+        can.
+        """
         result = {
             "migrated_particles": self.comm.allreduce(self.grid.migrated),
             "rebalanced": self.residence.rebalanced,
@@ -220,9 +229,3 @@ class MaterialPoint(ParticleMethod):
         tables["method"] = method | {"cell": 1.0, "origin": [0.0] * tables["dimension"]}
         tables["bodies"] = [body | {"placement": "cells"} for body in tables["bodies"]]
         return tables
-
-
-def _refuse_branches(laws: list) -> None:
-    for law in laws:
-        if getattr(law, "branch_moduli", None):
-            raise SolverError("bodies.material.branches: expected none with the material point method, found some")

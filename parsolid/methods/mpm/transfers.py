@@ -12,7 +12,9 @@ class UpdateStressLast:
         self.points, self.nodes, self.conditions = points, nodes, conditions
 
     def particles_to_nodes(self, stress, forces) -> None:
-        """Mass, momentum and force of all ranks' particles; stress: see `scatter`; forces (capacity, 4) [N] of loads, or None."""
+        """Mass, momentum and force of all ranks' particles; stress: see `scatter`; forces (capacity, 4) [N] of loads,
+        or None.
+        """
         points, nodes = self.points, self.nodes
         nodes.clear(nodes.motion)
         arrays = (forces, nodes.motion, nodes.partial)

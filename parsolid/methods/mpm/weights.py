@@ -1,15 +1,16 @@
 """Weights of a particle on the background grid, by type of basis.
 
 Nodes lie at origin + k h. A particle's stencil is the K consecutive nodes of each direction that its weights may reach;
-the first of them is its base node, and the particles with one base node form a base cell. All three directions are worked
-out at once, one in each lane. With xi = (x - origin)/h - base and node i = 0..K-1:
+the first of them is its base node, and the particles with one base node form a base cell. All three directions are
+worked out at once, one in each lane. With xi = (x - origin)/h - base and node i = 0..K-1:
 
     Linear           w_i = N(xi - i), N the hat function
     UniformGimp      w_i = mean of N over the interval xi +- l, l the half width of the particle over h, at most 1/2
     ConvectedGimp    the same with l stretched with the particle, at most 1
     QuadraticSpline  w_i = centred B-spline of degree 2;   CubicSpline  of degree 3
 
-Bardenhagen and Kober, CMES 5 (2004) 477, for the GIMP weights; Steffen, Kirby and Berzins, IJNME 76 (2008) 922, for the splines.
+Bardenhagen and Kober, CMES 5 (2004) 477, for the GIMP weights; Steffen, Kirby and Berzins, IJNME 76 (2008) 922, for the
+splines.
 """
 
 from typing import NamedTuple
@@ -18,6 +19,7 @@ import numpy as np
 from numba.extending import overload
 
 from decomposition.compiled import compiled
+from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import broadcast, fused, load, store
 
 
@@ -30,7 +32,8 @@ class Linear(NamedTuple):
 class UniformGimp(NamedTuple):
     """Hat functions averaged over a particle's undeformed domain: 3 nodes a direction.
 
-    halves: (capacity, 4) half widths of the particles' domains over the grid spacing, above 0 and at most 1/2; fourth column 1/2.
+    halves: (capacity, 4) half widths of the particles' domains over the grid spacing, above 0 and at most 1/2; fourth
+    column 1/2.
     """
 
     halves: np.ndarray
@@ -40,8 +43,8 @@ class UniformGimp(NamedTuple):
 class ConvectedGimp(NamedTuple):
     """Hat functions averaged over a particle's stretched domain: 4 nodes a direction.
 
-    halves: (capacity, 4) current half widths over the grid spacing, above 0; those above 1 count as 1, which keeps the partition
-    of unity. Fourth column 1/2.
+    halves: (capacity, 4) current half widths over the grid spacing, above 0; those above 1 count as 1, which keeps the
+    partition of unity. Fourth column 1/2.
     """
 
     halves: np.ndarray
@@ -95,32 +98,23 @@ def base_offset(basis) -> float:
 def find_bases(first, last, where, origin, inverse_spacing, offset, base):
     """Base nodes of particles first..last-1, base[p, d] = floor((x_d - origin_d)/h - offset).
 
-    where (capacity, >= 3): positions [m] in the first columns; origin (4,) [m]; base (capacity, dimension) of any integer type.
+    where (capacity, >= 3): positions [m] in the first columns; origin (4,) [m]; base (capacity, dimension) of any
+    integer type.
     """
     for p in range(first, last):
         for d in range(base.shape[1]):
             base[p, d] = np.floor((where[p, d] - origin[d]) * inverse_spacing - offset)
 
 
+@generic
 def store_weights(basis, p, xi, weights):
     """Weights and their derivatives with respect to xi of particle p into weights (K, 16).
 
     xi: Lanes, position less base node in grid spacings. Columns 0..2 of row i: w_i along x, y, z; 4..6: dw_i/dxi.
     """
-    raise NotImplementedError
 
 
-@overload(store_weights)
-def _store_weights(basis, p, xi, weights):
-    return {
-        Linear: _linear,
-        UniformGimp: _uniform_gimp,
-        ConvectedGimp: _convected_gimp,
-        QuadraticSpline: _quadratic_spline,
-        CubicSpline: _cubic_spline,
-    }[basis.instance_class]
-
-
+@store_weights.of(Linear)
 def _linear(basis, p, xi, weights):
     store(weights, 0, 0, 1.0 - xi)
     store(weights, 1, 0, xi)
@@ -128,6 +122,7 @@ def _linear(basis, p, xi, weights):
     store(weights, 1, 4, broadcast(1.0))
 
 
+@store_weights.of(UniformGimp)
 def _uniform_gimp(basis, p, xi, weights):
     half = load(basis.halves, p, 0)
     scale = 0.5 / half
@@ -145,6 +140,7 @@ def _uniform_gimp(basis, p, xi, weights):
     store(weights, 2, 4, after)
 
 
+@store_weights.of(ConvectedGimp)
 def _convected_gimp(basis, p, xi, weights):
     half = min(load(basis.halves, p, 0), 1.0)
     scale = 0.5 / half
@@ -164,6 +160,7 @@ def _convected_gimp(basis, p, xi, weights):
     store(weights, 3, 4, after)
 
 
+@store_weights.of(QuadraticSpline)
 def _quadratic_spline(basis, p, xi, weights):
     left, middle, right = 1.5 - xi, xi - 1.0, xi - 0.5
     store(weights, 0, 0, 0.5 * left * left)
@@ -174,6 +171,7 @@ def _quadratic_spline(basis, p, xi, weights):
     store(weights, 2, 4, right)
 
 
+@store_weights.of(CubicSpline)
 def _cubic_spline(basis, p, xi, weights):
     # with t the place in the middle cell and s = 1 - t
     t, s = xi - 1.0, 2.0 - xi
@@ -189,37 +187,32 @@ def _cubic_spline(basis, p, xi, weights):
     store(weights, 3, 4, tt)
 
 
+@generic
 def store_distances(basis, xi, weights):
     """What the affine transfer needs beside the weights, which must be there: node distances and moment weights.
 
-    Columns 8..10 of row i: i - xi; 12..14: u_i = w_i (i - xi)/D with D = sum_i w_i (i - xi)^2, so that sum_i u_i v_i is the slope
-    of the nodal velocities (Jiang et al., ACM Trans. Graph. 34 (2015) 51, eq 8). D vanishes at a node for hat functions, for
-    which u_i is dw_i/dxi.
+    Columns 8..10 of row i: i - xi; 12..14: u_i = w_i (i - xi)/D with D = sum_i w_i (i - xi)^2, so that sum_i u_i v_i is
+    the slope of the nodal velocities (Jiang et al., ACM Trans. Graph. 34 (2015) 51, eq 8). D vanishes at a node for hat
+    functions, for which u_i is dw_i/dxi.
     """
-    raise NotImplementedError
 
 
-@overload(store_distances)
-def _store_distances(basis, xi, weights):
-    if basis.instance_class is Linear:
+@store_distances.of(Linear)
+def _gradients(basis, xi, weights):
+    for i in range(2):
+        store(weights, i, 8, float(i) - xi)
+        store(weights, i, 12, load(weights, i, 4))
 
-        def gradients(basis, xi, weights):
-            for i in range(2):
-                store(weights, i, 8, float(i) - xi)
-                store(weights, i, 12, load(weights, i, 4))
 
-        return gradients
-
-    def moments(basis, xi, weights):
-        spread = broadcast(0.0)
-        for i in range(nodes_across(basis)):
-            distance = float(i) - xi
-            first = load(weights, i, 0) * distance
-            store(weights, i, 8, distance)
-            store(weights, i, 12, first)
-            spread = fused(first, distance, spread)
-        scale = 1.0 / spread
-        for i in range(nodes_across(basis)):
-            store(weights, i, 12, scale * load(weights, i, 12))
-
-    return moments
+@store_distances.otherwise
+def _moments(basis, xi, weights):
+    spread = broadcast(0.0)
+    for i in range(nodes_across(basis)):
+        distance = float(i) - xi
+        first = load(weights, i, 0) * distance
+        store(weights, i, 8, distance)
+        store(weights, i, 12, first)
+        spread = fused(first, distance, spread)
+    scale = 1.0 / spread
+    for i in range(nodes_across(basis)):
+        store(weights, i, 12, scale * load(weights, i, 12))

@@ -1,28 +1,32 @@
-"""Bond-based peridynamics on the bonds of the correspondence method: forces of `methods.peridynamics.bond_based_kernels`, without a stabiliser."""
+"""Bond-based peridynamics on the bonds of the correspondence method: forces of
+`methods.peridynamics.bond_based_kernels`, without a stabiliser.
+"""
 
 import numpy as np
 
-from parsolid.materials.damage.bond_based import POISSONS_RATIO, BondBased, micromodulus
+from parsolid.materials.damage.bond_based import POISSONS_RATIO, micromodulus
 from parsolid.methods.peridynamics.bond_based_kernels import add_bond_forces, bond_energy
 from parsolid.methods.peridynamics.bond_force import BondForce, pushed_forward
 from parsolid.methods.peridynamics.viscoelastic_history import ViscoelasticHistory
+from parsolid.particles.container import Particles
+from parsolid.particles.declaration import Field
 
 
 class BondBasedForce(BondForce):
     """As `BondForce`, of bodies whose laws are all bond-based."""
 
     def __init__(
-        self, bond_system, fixed_planes, blocks, share: np.ndarray, horizon: np.ndarray, settings, dimension: int
+        self, particles: Particles, bond_system, settings, blocks, horizon: np.ndarray, fixed_planes: np.ndarray
     ):
-        """share, horizon [m] (owned,); settings: scene.method; dimension: the scene's. Collective."""
-        super().__init__(bond_system, None, None, fixed_planes)
-        self.share, self.state = share, settings.state(dimension)
+        """horizon (owned,) [m]; settings: `scene.peridynamics.Peridynamics`. Collective."""
+        super().__init__(particles, bond_system, None, fixed_planes)
+        self.state = settings.state(particles["displacement"].shape[1])
         modulus = np.zeros(self.owned)
         for block in blocks:
             rows = slice(block.first, block.last)
             modulus[rows] = micromodulus(block.law.youngs_modulus, self.state, settings.influence, horizon[rows])
-        self.micromodulus = bond_system.halo.with_ghosts(modulus)
-        self.accompany([self.displacement])
+        particles.declare(Field("micromodulus", 1, "N/m^6", ghosts="forward", message="stiffness"), modulus)
+        particles.update("stiffness")
 
     @property
     def linear_force(self) -> np.ndarray:
@@ -30,32 +34,40 @@ class BondBasedForce(BondForce):
         return np.zeros((self.owned, self.dimension))
 
     def evaluate(self, laws) -> np.ndarray:
-        """Force (owned, d) [N] of the displacement, or under the laws of a stiffness the one linear in the field f."""
+        """Force (owned, d) [N] of the displacement."""
+        return self._forces(None, self.columns.position)
+
+    def evaluate_stiffness(self, laws) -> np.ndarray:
+        """Force (owned, d) [N] to first order in the field f."""
+        return self._forces(True, self.columns.field)
+
+    def _forces(self, linear: bool | None, column: int) -> np.ndarray:
         self.evaluations += 1
-        linear, column = None, self.displacement_column
-        if not any(isinstance(law, BondBased) for _, _, law in laws):
-            linear, column = True, 0
         self.force[:] = 0.0
-        what = (linear, column, self.micromodulus, self.kinematics, self.force)
-        self.timed(self.field_exchange.start)
-        add_bond_forces(self.space, self.bond_system.inner, None, True, *what)
-        self.timed(self.field_exchange.finish)
-        for bonds, images in self._lists():
-            add_bond_forces(self.space, bonds, images, None, *what)
+        what = (linear, column, self.particles.storage("micromodulus"), self.kinematics, self.force)
+        self.bond_system.sweep(lambda pairs: add_bond_forces(self.space, pairs, *what), "motion")
         return self.force[: self.owned, : self.dimension]
 
     def stored_energy(self) -> float:
         """Energy [J] of the bonds at the displacement of the last evaluation."""
-        what = (self.displacement_column, self.micromodulus, self.share, self.kinematics)
-        energy = bond_energy(self.space, self.bond_system.inner, None, True, *what)
-        return energy + sum(bond_energy(self.space, bonds, images, None, *what) for bonds, images in self._lists())
+        what = (
+            self.columns.position,
+            self.particles.storage("micromodulus"),
+            self.particles.storage("share"),
+            self.kinematics,
+        )
+        energies: list[float] = []
+        self.bond_system.sweep(lambda pairs: energies.append(bond_energy(self.space, pairs, *what)))
+        return sum(energies[1:], energies[0])
 
     def cauchy_stresses(self, laws, first: int, last: int, F: np.ndarray) -> np.ndarray:
         """sigma (n, 3, 3) [Pa] of particles first..last-1; F (n, 3, 3): their deformation gradients."""
         return pushed_forward(self.classical_stresses(laws)[first:last], F)
 
     def classical_stresses(self, laws) -> np.ndarray:
-        """Stress (owned, 3, 3) [Pa] of the classical solid with the same constants under the gradient of the displacement."""
+        """Stress (owned, 3, 3) [Pa] of the classical solid with the same constants under the gradient of the
+        displacement.
+        """
         result, d, nu = np.zeros((self.owned, 3, 3)), self.dimension, POISSONS_RATIO[self.state]
         gradient = self.displacement_gradients()
         strain = 0.5 * (gradient + gradient.swapaxes(1, 2))

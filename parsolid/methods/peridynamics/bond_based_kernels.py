@@ -12,6 +12,7 @@ from numba.extending import overload, register_jitable
 
 from decomposition.compiled import compiled
 from parsolid.methods.peridynamics.bonds import field_jump, reference_bond
+from parsolid.pairs.lists import images_of, mutual
 
 
 @register_jitable
@@ -20,7 +21,7 @@ def _length(vector):
 
 
 def pull(linear, x, u):
-    """Force of a bond xi = x that changes by u, over weight c: s y/|y|, or with `linear` not None to first order in u."""
+    """Force of a bond xi = x that changes by u, over weight c: s y/|y|, or with `linear` to first order in u."""
     raise NotImplementedError
 
 
@@ -41,11 +42,13 @@ def _pull(linear, x, u):
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
-def add_bond_forces(space, pairs, images, both, linear, column, micromodulus, kinematics, force):
-    """Add the force [N] of a list's bonds under the field in columns `column`... of kinematics to a, and with `both` to b.
+def add_bond_forces(space, pairs, linear, column, micromodulus, kinematics, force):
+    """Add the force [N] of a list's bonds under the field in columns `column`... of kinematics to the particles that
+    receive.
 
     micromodulus (n,); force (n, 4 or more) [N]; linear: see `pull`.
     """
+    images = images_of(pairs)
     for a in range(len(pairs.start) - 1):
         f0, f1, f2 = 0.0, 0.0, 0.0
         for k in range(pairs.start[a], pairs.start[a + 1]):
@@ -54,7 +57,7 @@ def add_bond_forces(space, pairs, images, both, linear, column, micromodulus, ki
             p = pull(linear, x, field_jump(space, images, k, kinematics, column, a, b))
             factor = 0.5 * pairs.weight[k] * (micromodulus[a] + micromodulus[b])
             f0, f1, f2 = f0 + factor * p[0], f1 + factor * p[1], f2 + factor * p[2]
-            if both is not None:
+            if mutual(pairs):
                 force[b, 0] -= factor * p[0]
                 force[b, 1] -= factor * p[1]
                 force[b, 2] -= factor * p[2]
@@ -64,16 +67,16 @@ def add_bond_forces(space, pairs, images, both, linear, column, micromodulus, ki
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
-def bond_energy(space, pairs, images, both, column, micromodulus, share, kinematics):
+def bond_energy(space, pairs, column, micromodulus, share, kinematics):
     """Energy [J] of a list's bonds, half for each end that receives it, times that particle's share (owned,)."""
-    total = 0.0
+    total, images = 0.0, images_of(pairs)
     for a in range(len(pairs.start) - 1):
         for k in range(pairs.start[a], pairs.start[a + 1]):
             b = pairs.neighbour[k]
             x = reference_bond(space, images, k, kinematics, a, b)
             u = field_jump(space, images, k, kinematics, column, a, b)
             reference, parts = _length(x), share[a]
-            if both is not None:
+            if mutual(pairs):
                 parts += share[b]
             stretch = (_length((x[0] + u[0], x[1] + u[1], x[2] + u[2])) - reference) / reference
             total += (

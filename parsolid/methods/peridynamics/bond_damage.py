@@ -1,33 +1,26 @@
 """Damage of a rank's bonds: pre-cracks, failing bonds, dying particles, and the bits of all that for a restart.
 
-Both ends of a bond decide alike (see `methods.peridynamics.bonds`), so that nothing is sent but each particle's resistance, with its
-motion. A particle whose shape tensor has nearly degenerated, or that has lost most of its family, dies: it bears no stress from
-then on, and its remaining bonds break, on all ranks, at the next inspection. Which bonds are broken is all of the state:
-what else is here follows from it, to the bit.
+Both ends of a bond decide alike (see `methods.peridynamics.bonds`), so that nothing is sent but each particle's
+resistance, with its motion. A particle whose shape tensor has nearly degenerated, or that has lost most of its family,
+dies: it bears no stress from then on, and its remaining bonds break, on all ranks, at the next inspection. Which bonds
+are broken is all of the state: what else is here follows from it, to the bit.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from parsolid.collective import maximum
 from parsolid.methods.peridynamics import bond_damage_kernels as bond_damage
 from parsolid.methods.peridynamics import bond_state
-from parsolid.pairs.layout import Images, PairList
-from parsolid.particles.fields import Field
+from parsolid.pairs.lists import mutual
+from parsolid.particles.container import Particles
+from parsolid.particles.declaration import Field, Rows
 
 _DEAD = -1.0
 # on a lattice a damage may be the limit itself; sums in another order must not decide then
 _SLACK = 1e-9
-
-
-class BondList(NamedTuple):
-    """A pair list with what the passes want to know of it; `both` is None for one-sided lists."""
-
-    pairs: PairList
-    images: Images | None
-    both: bool | None
 
 
 class Failed(NamedTuple):
@@ -46,32 +39,27 @@ class Limits:
 
 
 class BondDamage:
-    """Damage on one rank; local = owned and ghosts.
+    """Damage on one rank. It declares, for every particle,
 
-    resistance (local,): the limit of the criterion, negative for the dead; to be exchanged with the motion.
-    damage (owned,): share of the family's volume that a particle is no longer bonded to.
+    damage        share of the family's volume that it is no longer bonded to
+    resistance    the limit of the criterion, negative for the dead; told to ghosts with the motion
+    broken_bonds  words of bits for a restart, as of the last `pack`
     """
 
-    def __init__(self, comm, space, bond_system, kinematics, body, resistance, limits: Limits):
-        """bond_system: `bond_system.BondSystem`; body (owned,); resistance (owned,) of particles as they are made. Collective."""
-        self.comm, self.space, self.bond_system, self.kinematics, self.limits = (
-            comm,
-            space,
-            bond_system,
-            kinematics,
-            limits,
-        )
-        self.lists = [
-            BondList(pairs, images, True if both else None) for pairs, images, both, *_ in bond_system.lists()
-        ]
-        self.owned, local = bond_system.owned, len(bond_system.volume)
-        self.whole = _largest_of_body(comm, bond_system.determinant, body)
-        self.damage, self.resistance = np.zeros(self.owned), np.zeros(local)
-        self.resistance[: self.owned] = resistance
-        bond_system.halo.update([self.resistance])
+    def __init__(self, comm, particles: Particles, bond_system: Any, resistance: np.ndarray, limits: Limits):
+        """bond_system: a `PairSystem` with all bonds whole; resistance (owned,) of particles as they are made.
+        Collective.
+        """
+        self.comm, self.particles, self.bond_system, self.limits = comm, particles, bond_system, limits
+        self.lists = [pairs for pairs, _ in bond_system.lists()]
+        self.owned = particles.owned
+        self.whole = _largest_of_body(comm, bond_system.weights.determinant, particles.owned_rows("body"))
         self.family = self._families(np.arange(self.owned))
-        self.words = np.zeros((self.owned, self._word_count()), np.int64)
         self._room = [np.empty((64, 2), np.int64) for _ in self.lists]
+        particles.declare(Field("damage", 1, "1", shown=True))
+        particles.declare(Field("resistance", 1, "1", ghosts="forward", message="motion"), resistance)
+        words = self._word_count()
+        particles.declare(Field("broken_bonds", words, "bits", checkpointed=True, whole=True, layout=Rows(words)))
 
     def _word_count(self) -> int:
         """Words of bits a particle, for the largest family on any rank."""
@@ -79,11 +67,20 @@ class BondDamage:
         self._count(self._slots(np.arange(self.owned)), count)
         return -(-int(maximum(self.comm, int(count.max(initial=1)))) // bond_state.BITS)
 
-    def declare(self, table) -> None:
-        """Add the fields that a restart needs, and the damage."""
-        table.add(Field("damage", 1, "1", evolved=True, shown=True), self.damage)
-        table.add(Field("resistance", 1, "1", evolved=True, exchanged=True), self.resistance)
-        table.add(Field("broken_bonds", self.words.shape[1], "bits", evolved=True, checkpointed=True), self.words)
+    @property
+    def damage(self) -> np.ndarray:
+        """Damage (owned,)."""
+        return self.particles.owned_rows("damage")
+
+    @property
+    def resistance(self) -> np.ndarray:
+        """Resistance (rows,), ghosts behind."""
+        return self.particles["resistance"]
+
+    @property
+    def words(self) -> np.ndarray:
+        """Bits (owned, words) of the broken bonds."""
+        return self.particles.storage("broken_bonds")[: self.owned]
 
     def introduce(self, patches: list) -> None:
         """Break the bonds that cross cracks, `methods.peridynamics.bond_damage_kernels.Patch`."""
@@ -93,46 +90,47 @@ class BondDamage:
                 self.cut(failed)
 
     def inspect(self, criterion) -> Failed | None:
-        """The bonds that fail a criterion (see `methods.peridynamics.bond_damage_kernels`); None when there are none on this rank."""
+        """The bonds that fail a criterion (see `methods.peridynamics.bond_damage_kernels`); None when there are none on
+        this rank.
+        """
         return self._collect(bond_damage.find_failed, criterion)
 
     def _collect(self, find, what) -> Failed | None:
-        rows, touched = [], []
-        for number, (pairs, images, both) in enumerate(self.lists):
-            count = find(self.space, pairs, images, self.kinematics, what, self._room[number])
+        rows, touched, kinematics = [], [], self.particles.storage("kinematics")
+        for number, pairs in enumerate(self.lists):
+            count = find(self.bond_system.space, pairs, kinematics, what, self._room[number])
             if count > len(self._room[number]):
                 self._room[number] = np.empty((2 * count, 2), np.int64)
-                find(self.space, pairs, images, self.kinematics, what, self._room[number])
+                find(self.bond_system.space, pairs, kinematics, what, self._room[number])
             rows.append(self._room[number][:count])
             touched.append(rows[-1][:, 0])
-            if both is not None:
+            if mutual(pairs):
                 touched.append(pairs.neighbour[rows[-1][:, 1]].astype(np.int64))
         particles = np.unique(np.concatenate(touched))
         return Failed(rows, particles) if len(particles) else None
 
     def cut(self, failed: Failed) -> None:
         """Break bonds, let particles die of it, and bring the shape tensors up to date."""
-        for found, bonds in zip(failed.rows, self.lists):
-            bond_damage.cut(found, bonds.pairs)
+        for found, pairs in zip(failed.rows, self.lists):
+            bond_damage.cut(found, pairs)
         self._refresh(failed.particles)
 
     def _refresh(self, particles: np.ndarray) -> None:
         """What follows from the bonds of some owned particles."""
-        self.bond_system.refresh_shape(particles)
+        weights = self.bond_system.weights
+        weights.refresh(self.bond_system, particles)
         self.damage[particles] = 1.0 - self._families(particles) / self.family[particles]
-        dies = (
-            self.bond_system.determinant[particles] < (1.0 - _SLACK) * self.limits.determinant * self.whole[particles]
-        )
+        dies = weights.determinant[particles] < (1.0 - _SLACK) * self.limits.determinant * self.whole[particles]
         dies |= self.damage[particles] > self.limits.damage + _SLACK
         self.resistance[particles[dies]] = _DEAD
-        self.bond_system.inverse_shape[particles[self.resistance[particles] < 0.0]] = 0.0
+        weights.inverse_shape[particles[self.resistance[particles] < 0.0]] = 0.0
 
     def _families(self, particles: np.ndarray) -> np.ndarray:
         """Volume [m^3] of the neighbours that owned particles are bonded to, summed in an order that never changes."""
-        chosen, family = np.zeros(len(self.resistance), bool), np.zeros(len(self.resistance))
+        chosen, family = np.zeros(self._local, bool), np.zeros(self._local)
         chosen[particles] = True
-        for pairs, _, both in self.lists:
-            bond_damage.add_families(pairs, both, chosen, self.bond_system.volume, family)
+        for pairs in self.lists:
+            bond_damage.add_families(pairs, chosen, self.bond_system.volume, family)
         return family[particles]
 
     # --- for a restart ----------------------------------------------------------------------------------------
@@ -142,33 +140,37 @@ class BondDamage:
         particles = np.flatnonzero(self.damage > 0.0)
         start, source = self._neighbourhoods(particles)
         broken = np.zeros(len(source), bool)
-        for number, bonds in enumerate(self.lists):
+        for number, pairs in enumerate(self.lists):
             mine = source[:, 0] == number
-            broken[mine] = bonds.pairs.weight[source[mine, 1]] == 0.0
+            broken[mine] = pairs.weight[source[mine, 1]] == 0.0
         words = np.zeros((len(particles), self.words.shape[1]), np.int64)
         bond_state.write_bits(start, broken, words)
         self.words[particles] = words
 
     def unpack(self) -> None:
-        """Break the bonds whose bits are set, after the words were put back; collective."""
+        """Break the bonds whose bits are set, after the words were put back; ghosts are told with the next motion."""
         particles = np.flatnonzero(self.words.any(axis=1))
         start, source = self._neighbourhoods(particles)
         broken = np.zeros(len(source), bool)
         bond_state.read_bits(start, self.words[particles], broken)
-        for number, bonds in enumerate(self.lists):
+        for number, pairs in enumerate(self.lists):
             mine = broken & (source[:, 0] == number)
-            bonds.pairs.weight[source[mine, 1]] = 0.0
+            pairs.weight[source[mine, 1]] = 0.0
         self._refresh(particles)
-        self.bond_system.halo.update([self.resistance])
+
+    @property
+    def _local(self) -> int:
+        """Owned particles and ghosts."""
+        return len(self.bond_system.volume)
 
     def _slots(self, particles: np.ndarray) -> np.ndarray:
-        slot = np.full(len(self.resistance), -1, np.int64)
+        slot = np.full(self._local, -1, np.int64)
         slot[particles] = np.arange(len(particles))
         return slot
 
     def _count(self, slot: np.ndarray, count: np.ndarray) -> None:
-        for pairs, _, both in self.lists:
-            bond_state.count_neighbours(pairs, both, slot, count)
+        for pairs in self.lists:
+            bond_state.count_neighbours(pairs, slot, count)
 
     def _neighbourhoods(self, particles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Neighbours of some particles in the order of the bits: row starts (n + 1,), sources (m, 2) list and pair."""
@@ -176,9 +178,9 @@ class BondDamage:
         self._count(slot, count)
         start = np.concatenate(([0], np.cumsum(count)))
         key, source, cursor = np.empty(start[-1], np.int64), np.empty((start[-1], 2), np.int64), start[:-1].copy()
-        identifier = self.bond_system.identifier
-        for number, (pairs, images, both) in enumerate(self.lists):
-            bond_state.list_neighbours(pairs, images, both, number, slot, identifier, cursor, key, source)
+        identifier = self.particles.storage("identifier")
+        for number, pairs in enumerate(self.lists):
+            bond_state.list_neighbours(pairs, number, slot, identifier, cursor, key, source)
         bond_state.sort_neighbours(start, key, source)
         return start, source
 

@@ -1,8 +1,8 @@
 """Breaking of bonds: which have failed or are crossed by a crack, what particles lose with them (see `bonds`).
 
-Critical stretch: Silling and Askari, "A meshfree method based on the peridynamic model of solid mechanics", 2005, eqs (23)
-to (27). Critical bond energy: Foster, Silling and Chen, "An energy based failure criterion for use with peridynamic
-states", 2011, eq (11).
+Critical stretch: Silling and Askari, "A meshfree method based on the peridynamic model of solid mechanics", 2005, eqs
+(23) to (27). Critical bond energy: Foster, Silling and Chen, "An energy based failure criterion for use with
+peridynamic states", 2011, eq (11).
 """
 
 import math
@@ -12,8 +12,10 @@ import numpy as np
 from numba.extending import overload, register_jitable
 
 from decomposition.compiled import compiled
-from parsolid.methods.peridynamics.bonds import displacement_column, field_jump, place, reference_bond
+from parsolid.methods.peridynamics.bonds import field_jump, place, reference_bond
 from parsolid.numerics.dispatch import is_instance
+from parsolid.pairs.lists import images_of, mutual
+from parsolid.pairs.terms import kinematic_columns
 
 
 class Stretch(NamedTuple):
@@ -23,10 +25,11 @@ class Stretch(NamedTuple):
 
 
 class Energy(NamedTuple):
-    """A stretched bond fails when t . eta / 2 exceeds the lesser of its ends' `resistance` (n,) [J/m^6, in the plane J/m^4].
+    """A stretched bond fails when t . eta / 2 exceeds the lesser of its ends' `resistance` (n,) [J/m^6, in the plane
+    J/m^4].
 
-    eta is the change of the bond's vector and t = w [(M_a + M_b) xi + (C1_a + C1_b)(f_b - f_a)] its force density from the
-    latest `record` (see `pairs`), without the second part where `control` is None; volume (n,) [m^3].
+    eta is the change of the bond's vector and t = w [(M_a + M_b) xi + (C1_a + C1_b)(f_b - f_a)] its force density from
+    the latest `record` (see `pairs`), without the second part where `control` is None; volume (n,) [m^3].
     """
 
     resistance: np.ndarray
@@ -47,7 +50,7 @@ class Patch(NamedTuple):
 def _squares(space, images, k, kinematics, a, b):
     """|y|^2 and |xi|^2 of the bond from a."""
     x = reference_bond(space, images, k, kinematics, a, b)
-    u = field_jump(space, images, k, kinematics, displacement_column(space), a, b)
+    u = field_jump(space, images, k, kinematics, kinematic_columns(space).position, a, b)
     y0, y1, y2 = x[0] + u[0], x[1] + u[1], x[2] + u[2]
     return y0 * y0 + y1 * y1 + y2 * y2, x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
 
@@ -80,17 +83,19 @@ def _exceeds(space, criterion, weight, images, k, kinematics, a, b, limit):
 def _work(space, criterion, images, k, kinematics, a, b):
     """t . eta of a bond over its influence and volumes."""
     x = reference_bond(space, images, k, kinematics, a, b)
-    u = field_jump(space, images, k, kinematics, displacement_column(space), a, b)
+    u = field_jump(space, images, k, kinematics, kinematic_columns(space).position, a, b)
     work = _product(space, criterion.record, 0, images, k, a, b, u, x, False)
     if criterion.control is not None:
-        f = field_jump(space, images, k, kinematics, 0, a, b)
+        f = field_jump(space, images, k, kinematics, kinematic_columns(space).field, a, b)
         work += _product(space, criterion.record, 1, images, k, a, b, u, f, True)
     return work
 
 
 @register_jitable
 def _product(space, record, number, images, k, a, b, left, right, vectors):
-    """left . (A_a + A_b) right with matrix `number` of the records; A_b of an image is Q A_b Q for vectors, else Q A_b R."""
+    """left . (A_a + A_b) right with matrix `number` of the records; A_b of an image is Q A_b Q for vectors, else Q A_b
+    R.
+    """
     d = space.dimension
     stride = 4 if d == 3 else 2
     result = 0.0
@@ -119,12 +124,13 @@ def fails(space, criterion, weight, images, k, kinematics, a, b):
 
 
 @compiled(error_model="numpy")
-def find_failed(space, pairs, images, kinematics, criterion, found):
-    """List the intact bonds that are to break as rows (particle a, pair k) of found (capacity, 2) int64; returns how many.
+def find_failed(space, pairs, kinematics, criterion, found):
+    """List the intact bonds that are to break as rows (particle a, pair k) of found (capacity, 2) int64; returns how
+    many.
 
     When they are more than the capacity, the first that fit are listed.
     """
-    count = 0
+    count, images = 0, images_of(pairs)
     for a in range(len(pairs.start) - 1):
         for k in range(pairs.start[a], pairs.start[a + 1]):
             if pairs.weight[k] == 0.0:
@@ -144,7 +150,7 @@ def cut(found, pairs):
 
 
 @compiled
-def add_families(pairs, both, chosen, volume, family):
+def add_families(pairs, chosen, volume, family):
     """Add the volumes [m^3] of the neighbours that the chosen (n,) particles are still bonded to, to family (n,)."""
     for a in range(len(pairs.start) - 1):
         for k in range(pairs.start[a], pairs.start[a + 1]):
@@ -152,14 +158,16 @@ def add_families(pairs, both, chosen, volume, family):
             if pairs.weight[k] != 0.0:
                 if chosen[a]:
                     family[a] += volume[b]
-                if both is not None and chosen[b]:
+                if mutual(pairs) and chosen[b]:
                     family[b] += volume[a]
 
 
 @compiled(error_model="numpy")
-def find_crossing(space, pairs, images, kinematics, patch, found):
-    """List, as `find_failed`, the intact bonds that a crack crosses; through a mirror plane the crack's image counts too."""
-    count = 0
+def find_crossing(space, pairs, kinematics, patch, found):
+    """List, as `find_failed`, the intact bonds that a crack crosses; through a mirror plane the crack's image counts
+    too.
+    """
+    count, images = 0, images_of(pairs)
     for a in range(len(pairs.start) - 1):
         for k in range(pairs.start[a], pairs.start[a + 1]):
             if pairs.weight[k] == 0.0:

@@ -5,36 +5,47 @@ Only particles that have broken bonds are looked at: `slot` (n,) holds their row
 """
 
 import numpy as np
+from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
+from parsolid.pairs.lists import images_of, mutual
 
 BITS = 63
 _IDENTIFIERS = np.int64(1) << 52
 
 
 @compiled
-def count_neighbours(pairs, both, slot, count):
+def count_neighbours(pairs, slot, count):
     """Add the number of neighbours, broken or not, of the particles with a slot to count (slots,)."""
     for a in range(len(pairs.start) - 1):
         if slot[a] >= 0:
             count[slot[a]] += pairs.start[a + 1] - pairs.start[a]
-        if both is not None:
+        if mutual(pairs):
             for k in range(pairs.start[a], pairs.start[a + 1]):
                 if slot[pairs.neighbour[k]] >= 0:
                     count[slot[pairs.neighbour[k]]] += 1
 
 
+@register_jitable
+def _code(images, k):
+    """0 of a neighbour, more of its images."""
+    if images is None:
+        return 0
+    return images.code[k] + 1
+
+
 @compiled
-def list_neighbours(pairs, images, both, number, slot, identifier, cursor, key, source):
-    """Append each neighbour's key (m,) and source (m, 2), the number of the list and the pair in it, at cursor (slots,)."""
+def list_neighbours(pairs, number, slot, identifier, cursor, key, source):
+    """Append each neighbour's key (m,) and source (m, 2), the number of the list and the pair in it, at cursor
+    (slots,).
+    """
+    images = images_of(pairs)
     for a in range(len(pairs.start) - 1):
         for k in range(pairs.start[a], pairs.start[a + 1]):
-            b, code = pairs.neighbour[k], 0
-            if images is not None:
-                code = images.code[k] + 1
+            b, code = pairs.neighbour[k], _code(images, k)
             if slot[a] >= 0:
                 _append(slot[a], code, identifier[b], number, k, cursor, key, source)
-            if both is not None and slot[b] >= 0:
+            if mutual(pairs) and slot[b] >= 0:
                 _append(slot[b], code, identifier[a], number, k, cursor, key, source)
 
 

@@ -1,14 +1,16 @@
-"""Bonds of a scalar-weighted pair list: the vector of a bond in the reference and its change (see `pairs` for the arrays).
+"""Bonds of a scalar-weighted pair list: the vector of a bond in the reference and its change (see `pairs` for the
+arrays).
 
-A weight of 0.0 is a broken bond. Vectors have three components, the third 0 in the plane. The vectors of a bond seen from
-its two ends differ by their sign alone, to the bit, so that two ranks decide alike about a bond across their border. That
-does not hold for a bond with a mirror image; whoever decides about one looks at both, (a, b') and (b, a').
+A weight of 0.0 is a broken bond. Vectors have three components, the third 0 in the plane. The vectors of a bond seen
+from its two ends differ by their sign alone, to the bit, so that two ranks decide alike about a bond across their
+border. That does not hold for a bond with a mirror image; whoever decides about one looks at both, (a, b') and (b, a').
 """
 
 from numba.extending import overload, register_jitable
 
 from parsolid.numerics.dispatch import is_instance
 from parsolid.numerics.layout import Plane
+from parsolid.pairs.terms import kinematic_columns
 
 
 def place(space, images, k, kinematics, b):
@@ -21,7 +23,8 @@ def _place(space, images, k, kinematics, b):
     if is_instance(space, Plane):
 
         def plane(space, images, k, kinematics, b):
-            x, y = kinematics[b, 4], kinematics[b, 5]
+            X = kinematic_columns(space).reference
+            x, y = kinematics[b, X], kinematics[b, X + 1]
             if images is not None:
                 row = images.table[images.code[k]]
                 x, y = row[4] * x + row[6], row[5] * y + row[7]
@@ -30,7 +33,8 @@ def _place(space, images, k, kinematics, b):
         return plane
 
     def solid(space, images, k, kinematics, b):
-        x, y, z = kinematics[b, 8], kinematics[b, 9], kinematics[b, 10]
+        X = kinematic_columns(space).reference
+        x, y, z = kinematics[b, X], kinematics[b, X + 1], kinematics[b, X + 2]
         if images is not None:
             row = images.table[images.code[k]]
             x, y, z = row[4] * x + row[8], row[5] * y + row[9], row[6] * z + row[10]
@@ -47,7 +51,9 @@ def reference_bond(space, images, k, kinematics, a, b):
 
 
 def field_jump(space, images, k, kinematics, column, a, b):
-    """v_b - v_a of the vector field in columns `column`... of the kinematics, with b the particle or its image in pair k."""
+    """v_b - v_a of the vector field in columns `column`... of the kinematics, with b the particle or its image in pair
+    k.
+    """
     raise NotImplementedError
 
 
@@ -72,14 +78,3 @@ def _field_jump(space, images, k, kinematics, column, a, b):
         return x - kinematics[a, column], y - kinematics[a, column + 1], z - kinematics[a, column + 2]
 
     return solid
-
-
-def displacement_column(space):
-    """First column of the displacement in the kinematics."""
-    raise NotImplementedError
-
-
-@overload(displacement_column)
-def _displacement_column(space):
-    column = 2 if is_instance(space, Plane) else 4
-    return lambda space: column

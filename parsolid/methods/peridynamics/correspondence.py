@@ -1,6 +1,7 @@
 """Particle kernels of correspondence peridynamics: what a particle tells its neighbours, from gradients of the fields.
 
-Four particles at a time (`numerics.lanes.Lanes`); a range first..last-1 shares one law. With the sums of the gradient pass,
+Four particles at a time (`numerics.lanes.Lanes`); a range first..last-1 shares one law. With the sums of the gradient
+pass,
     G = [sum_b w V_a V_b (f_b - f_a) (x) xi] K_a^{-1} / V_a,   S = P K_a^{-1},   M = S - C1 G  (see `pairs.layout`).
 """
 
@@ -15,14 +16,14 @@ from parsolid.numerics.dispatch import is_instance
 from parsolid.numerics.lanes import WIDTH, broadcast, load
 from parsolid.numerics.layout import Plane, load_correction, load_gradient, store_matrix
 from parsolid.numerics.tensors import add, expand, lane_of_symmetric, matmul, matmul_transposed, scale
-from parsolid.pairs.layout import ShearScaled
+from parsolid.pairs.terms import AlongBonds, ShearScaled, record_columns
 
 
 class BondedBody(NamedTuple):
     """Arrays of a rank's particles, columns over particles, see `numerics.layout`.
 
-    inverse_shape: K^{-1}, (9 or 4, capacity); stiffness: C1 of `ShearScaled`, as 11, 22, 33, 12, 13, 23 or 11, 22, 12, else one
-    row of c for `AlongBonds`, else None; volume: (1, capacity), the volume in the pair sums.
+    inverse_shape: K^{-1}, (9 or 4, capacity); stiffness: C1 of `ShearScaled`, as 11, 22, 33, 12, 13, 23 or 11, 22, 12,
+    else one row of c for `AlongBonds`, else None; volume: (1, capacity), the volume in the pair sums.
     """
 
     inverse_shape: np.ndarray
@@ -69,24 +70,18 @@ def _store_record(space, stabiliser, body, record, i, S, G):
 
         def shear_scaled(space, stabiliser, body, record, i, S, G):
             product = matmul(load_symmetric(space, body.stiffness, i), G)
-            store_matrix(space, record, i, 0, add(S, scale(-1.0, product)))
+            store_matrix(space, record, i, record_columns(space, stabiliser).stress, add(S, scale(-1.0, product)))
 
         return shear_scaled
-    if is_instance(space, Plane):
+    if is_instance(stabiliser, AlongBonds):
 
-        def plane(space, stabiliser, body, record, i, S, G):
-            store_matrix(space, record, i, 0, S)
-            if stabiliser is not None:
-                store_matrix(space, record, i, 4, scale(load(body.stiffness, 0, i), G))
+        def along_bonds(space, stabiliser, body, record, i, S, G):
+            columns = record_columns(space, stabiliser)
+            store_matrix(space, record, i, columns.stress, S)
+            store_matrix(space, record, i, columns.gradient, scale(load(body.stiffness, 0, i), G))
 
-        return plane
-
-    def solid(space, stabiliser, body, record, i, S, G):
-        store_matrix(space, record, i, 0, S)
-        if stabiliser is not None:
-            store_matrix(space, record, i, 12, scale(load(body.stiffness, 0, i), G))
-
-    return solid
+        return along_bonds
+    return lambda space, stabiliser, body, record, i, S, G: store_matrix(space, record, i, 0, S)
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")

@@ -1,8 +1,8 @@
 """Balance of internal and external forces at the end of a material step, while histories are frozen.
 
-The residual is F = f_int(u) + f_ext on free components; a step has converged when |F|_2 is at most the tolerance times the
-largest |f_ext|_2 (or reaction, where only displacements are prescribed) of the run so far: after unloading there is no other
-scale.
+The residual is F = f_int(u) + f_ext on free components; a step has converged when |F|_2 is at most the tolerance times
+the largest |f_ext|_2 (or reaction, where only displacements are prescribed) of the run so far: after unloading there is
+no other scale.
 """
 
 from typing import NamedTuple
@@ -21,7 +21,9 @@ _HEAVIER = 6
 
 
 class Balance(NamedTuple):
-    """A displacement (n, d) [m], the internal force (n, d) [N] there, what is not balanced, and how far from the goal that is."""
+    """A displacement (n, d) [m], the internal force (n, d) [N] there, what is not balanced, and how far from the goal
+    that is.
+    """
 
     displacement: np.ndarray
     internal: np.ndarray
@@ -39,8 +41,8 @@ class Balance(NamedTuple):
 class Equilibrium:
     """Solves for balance on one rank; all methods are collective.
 
-    largest_load [N]: of the run so far; fault: why the last solution is not in balance; iterations: force evaluations of the run so
-    far, most_iterations: of a step at most.
+    largest_load [N]: of the run so far; fault: why the last solution is not in balance; iterations: force evaluations
+    of the run so far, most_iterations: of a step at most.
     """
 
     def __init__(self, comm, operator, settings):
@@ -51,7 +53,8 @@ class Equilibrium:
         self._fictitious: dict[float, np.ndarray] = {}
 
     def solve(self, start: np.ndarray, external: np.ndarray, step: float) -> Balance:
-        """Balance at the end of a step [s] under external forces (n, d) [N], from a first guess with prescribed values in place.
+        """Balance at the end of a step [s] under external forces (n, d) [N], from a first guess with prescribed values
+        in place.
 
         Where it is not `reached`, `fault` says why. The operator's `commit` ends the step.
         """

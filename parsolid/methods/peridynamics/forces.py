@@ -1,60 +1,79 @@
 """From a peridynamic scene to bonds, the engine of their forces, and the history of its laws."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from parsolid.collective import raise_together
+from parsolid.materials.blocks import block_numbers, material_blocks
 from parsolid.materials.damage.bond_based import BondBased, micromodulus
+from parsolid.materials.registry import laws_of
 from parsolid.methods.peridynamics.bond_based import BondBasedForce, BondBasedHistory
 from parsolid.methods.peridynamics.bond_force import BondForce
-from parsolid.methods.peridynamics.bond_system import BondSystem, build_bond_system
+from parsolid.methods.peridynamics.bond_system import build_bond_system, horizons
 from parsolid.methods.peridynamics.history_force import HistoryForce, TensorHistory
 from parsolid.methods.peridynamics.operator import algorithmic_law
 from parsolid.methods.peridynamics.tensor_history import has_tensor_history
 from parsolid.methods.peridynamics.viscoelastic_history import ViscoelasticHistory, series_of
-from parsolid.pairs.radial_weights import INFLUENCES
+from parsolid.pairs.pair_system import PairSystem
 from parsolid.pairs.terms import AlongBonds, ShearScaled
+from parsolid.particles.container import Particles
+from parsolid.particles.declaration import Field
 
 
 class Forces(NamedTuple):
-    """horizon (owned,) [m]; bond_system; engine: `BondForce` or one derived from it; history: that of its laws."""
+    """particles: the container, all but what the motion declares; horizon (owned,) [m]; bond_system; engine; history:
+    of its laws.
+    """
 
+    particles: Particles
     horizon: np.ndarray
-    bond_system: BondSystem
+    bond_system: PairSystem
     engine: BondForce
-    history: Any
+    history: ViscoelasticHistory
 
 
-def build_forces(comm, scene, particle_set, laws: list, blocks: list, loads) -> Forces:
-    """Bonds of this rank's particle_set and the forces of its laws; laws: one a body; loads: `PeridynamicLoads`. Collective.
+def particles_of(scene, particle_set) -> Particles:
+    """The container of a rank's particles, sorted by law, without any field."""
+    laws = laws_of(scene)
+    return Particles(particle_set.body, block_numbers(laws, np.arange(len(laws)))[1])
+
+
+def build_forces(comm, scene, particle_set, loads) -> Forces:
+    """Bonds of this rank's particle_set, sorted by law, and the forces of the scene's laws; loads: `PeridynamicLoads`.
+    Collective.
 
     Raises SolverError on all ranks when particles cannot be bonded or bodies relax differently.
     """
+    laws = laws_of(scene)
     raise_together(comm, _unlike_series(laws))
+    blocks, density = material_blocks(laws, particle_set.body)
     settings, share, dimension = scene.method, loads.share, particle_set.position.shape[1]
-    horizon = np.array([settings.horizon(spacing) for spacing in particle_set.spacing.max(axis=1)])
-    bond_system = build_bond_system(
-        comm, INFLUENCES[settings.influence], horizon, particle_set, particle_set.volume / share, loads.codes
-    )
-    terms, fixed_planes = (
-        len(series_of(laws[0])[0]),
-        _fixed_planes(particle_set, loads.planes, bond_system.positions.shape[1]),
-    )
-    if isinstance(laws[0], BondBased):
-        engine = BondBasedForce(bond_system, fixed_planes, blocks, share, horizon, settings, dimension)
-        return Forces(horizon, bond_system, engine, BondBasedHistory(engine, blocks, terms, share))
+    particles = loads.particles
+    particles.declare(Field("mass", 1, "kg"), density * particle_set.volume / share)
+    particles.declare(Field("share", 1, "1"), share)
+    horizon, bond_based = horizons(settings, particle_set), isinstance(laws[0], BondBased)
     materials = {law: body.material for law, body in zip(laws, scene.bodies)}
-    stabiliser, scale = _stabiliser(settings, dimension, blocks, materials, horizon)
+    stabiliser, scale = None, None
+    if not bond_based:
+        stabiliser, scale = _stabiliser(settings, dimension, blocks, materials, horizon)
+    bond_system = build_bond_system(comm, particles, settings, particle_set, share, stabiliser, loads.codes)
+    fixed_planes = _fixed_planes(particle_set, loads.planes, bond_system.space.dimension)
+    branches = len(series_of(laws[0])[0])
+    if bond_based:
+        engine = BondBasedForce(particles, bond_system, settings, blocks, horizon, fixed_planes)
+        return Forces(particles, horizon, bond_system, engine, BondBasedHistory(engine, blocks, branches))
     if any(has_tensor_history(law) for law in laws):
-        engine = HistoryForce(bond_system, stabiliser, scale, fixed_planes, blocks, terms, share)
-        return Forces(horizon, bond_system, engine, TensorHistory(engine, blocks, terms, share))
-    engine = BondForce(bond_system, stabiliser, scale, fixed_planes)
-    return Forces(horizon, bond_system, engine, ViscoelasticHistory(engine, blocks, terms, share))
+        engine = HistoryForce(particles, bond_system, scale, fixed_planes, blocks, branches)
+        return Forces(particles, horizon, bond_system, engine, TensorHistory(engine, blocks, branches))
+    engine = BondForce(particles, bond_system, scale, fixed_planes)
+    return Forces(particles, horizon, bond_system, engine, ViscoelasticHistory(engine, blocks, branches))
 
 
 def _stabiliser(settings, dimension: int, blocks: list, materials: dict, horizon: np.ndarray) -> tuple:
-    """The stabiliser and its scale (owned,): coefficient times G [Pa], or c of eq (39), the micromodulus of the state of strain."""
+    """The stabiliser and its scale (owned,): coefficient times G [Pa], or c of eq (39), the micromodulus of the state
+    of strain.
+    """
     control = settings.stabilisation
     if control.kind == "none":
         return None, None
@@ -85,7 +104,7 @@ def _unlike_series(laws: list) -> str | None:
             return f"bodies.{index}.material.kind: expected all bodies or none to be bond-based, found both kinds"
         if series_of(law) != series_of(laws[0]):
             return (
-                f"bodies.{index}.material.terms: expected the ratios and times of bodies.0 (the relaxing displacement is one field), "
-                "found others"
+                f"bodies.{index}.material.terms: expected the ratios and times of bodies.0 (the relaxing "
+                "displacement is one field), found others"
             )
     return None

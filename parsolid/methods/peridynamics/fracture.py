@@ -1,8 +1,8 @@
 """Fracture of a peridynamic body: from the scene's damage settings to bonds that break at the end of a step.
 
-Bonds are looked at in every settled state. Breaking them changes the forces everywhere near, and evaluating those anew takes all
-ranks; so what a rank has found waits until the ranks have agreed, with the next time step, that some rank found something. The
-bonds then break at the beginning of that step, at the displacement at which they were found.
+Bonds are looked at in every settled state. Breaking them changes the forces everywhere near, and evaluating those anew
+takes all ranks; so what a rank has found waits until the ranks have agreed, with the next time step, that some rank
+found something. The bonds then break at the beginning of that step, at the displacement at which they were found.
 """
 
 from collections.abc import Callable
@@ -14,17 +14,19 @@ from parsolid.materials.damage.fracture import breaking_limit
 from parsolid.methods.peridynamics.bond_damage import BondDamage, Limits
 from parsolid.methods.peridynamics.bond_damage_kernels import Energy, Stretch
 from parsolid.methods.peridynamics.cracks import distance, patch_of
-from parsolid.pairs.layout import ShearScaled
+from parsolid.pairs.lists import mutual
+from parsolid.pairs.terms import ShearScaled
 
-# a particle with this share of its bonds broken is on a crack: the two sides of a plane cut are damaged by less than a half
+# a particle with this share of its bonds broken is on a crack: the two sides of a plane cut are damaged by less than a
+# half
 ON_CRACK = 0.35
 
 
 class NoFracture:
     """All bonds are whole and stay so.
 
-    found: whether this rank has found bonds that fail in the last state it looked at; found_anywhere: whether any rank had, told
-    before the next step.
+    found: whether this rank has found bonds that fail in the last state it looked at; found_anywhere: whether any rank
+    had, told before the next step.
     """
 
     found = False
@@ -61,9 +63,6 @@ class NoFracture:
 
     # --- for a restart and the output --------------------------------------------------------------------------
 
-    def declare(self, table) -> None:
-        """Add the fields that follow cracks."""
-
     def pack(self) -> None:
         """Bring what a checkpoint needs up to date."""
 
@@ -91,22 +90,14 @@ class PreCracks(NoFracture):
         super().__init__(*particle_set.position.shape)
         self.comm, self.engine, self.history = comm, forces.engine, forces.history
         self.positions = particle_set.position
-        engine = self.engine
-        body, resistance = particle_set.body, _resistance(scene, particle_set)
-        self.damage = BondDamage(
-            comm, engine.space, engine.bond_system, engine.kinematics, body, resistance, _limits(scene)
-        )
-        engine.accompany([engine.displacement, self.damage.resistance])
+        bonds, resistance = forces.engine.bond_system, _resistance(scene, particle_set)
+        self.damage = BondDamage(comm, forces.engine.particles, bonds, resistance, _limits(scene))
         lower = minimum(comm, particle_set.position.min(axis=0, initial=np.inf))
         upper = maximum(comm, particle_set.position.max(axis=0, initial=-np.inf))
         self.patches = [patch_of(crack, lower, upper) for crack in scene.method.pre_cracks]
         self.damage.introduce(self.patches)
         self._initial, self._cut_at_start = self.damage.damage.copy(), self._gone()
-        engine.install_shape()
-
-    def declare(self, table) -> None:
-        """Add the fields that follow cracks."""
-        self.damage.declare(table)
+        self.engine.install_shape()
 
     def pack(self) -> None:
         """Bring the bits of all broken bonds up to date."""
@@ -127,12 +118,14 @@ class PreCracks(NoFracture):
 
     def _gone(self) -> float:
         lists = self.damage.lists
-        return sum((1.0 if bonds.both else 0.5) * np.count_nonzero(bonds.pairs.weight == 0.0) for bonds in lists)
+        return sum((1.0 if mutual(pairs) else 0.5) * np.count_nonzero(pairs.weight == 0.0) for pairs in lists)
 
     def tip(self) -> np.ndarray:
-        """Reference position (d,) [m] of the crack's tip, of the particles on grown cracks the farthest from all pre-cracks.
+        """Reference position (d,) [m] of the crack's tip, of the particles on grown cracks the farthest from all
+        pre-cracks.
 
-        Of several equally far the last by its coordinates; NaN without any. Collective, the same on any number of ranks.
+        Of several equally far the last by its coordinates; NaN without any. Collective, the same on any number of
+        ranks.
         """
         damage = self.damage.damage
         rows = np.flatnonzero((damage > ON_CRACK) & (damage > self._initial))
@@ -149,12 +142,14 @@ class Fracture(PreCracks):
 
     def __init__(self, comm, scene, particle_set, forces):
         super().__init__(comm, scene, particle_set, forces)
-        self.criterion = self._criterion(scene.method.damage)
+        self.settings = scene.method.damage
         self.pending = None
 
-    def _criterion(self, settings):
+    @property
+    def criterion(self):
+        """What makes a bond fail, over the present arrays."""
         engine, resistance = self.engine, self.damage.resistance
-        if settings.criterion == "stretch":
+        if self.settings.criterion == "stretch":
             return Stretch(resistance)
         control = 1.0 if isinstance(engine.stabiliser, ShearScaled) else None
         return Energy(resistance, engine.record, control, engine.bond_system.volume)

@@ -1,7 +1,8 @@
 """Forces and history of bodies with at least one law of `tensor_history`: stress and stabiliser are evaluated apart.
 
-The stabiliser's force is linear in the relaxing displacement, so that its energies follow as for linear bodies (`relaxing`); those of
-the stress are sums over particles. It takes two gradients and two divergences where `BondForce` takes one of each.
+The stabiliser's force is linear in the relaxing displacement, so that its energies follow as for linear bodies
+(`relaxing`); those of the stress are sums over particles. It takes two gradients and two divergences where `BondForce`
+takes one of each.
 """
 
 import numpy as np
@@ -11,7 +12,6 @@ from parsolid.methods.peridynamics.bond_force import BondForce, pushed_forward
 from parsolid.methods.peridynamics.correspondence import stabiliser_records
 from parsolid.methods.peridynamics.tensor_history import (
     TENSOR_ROWS,
-    has_tensor_history,
     initial_state,
     nominal_records,
     nominal_stresses,
@@ -19,31 +19,50 @@ from parsolid.methods.peridynamics.tensor_history import (
     step_weights,
 )
 from parsolid.methods.peridynamics.viscoelastic_history import ViscoelasticHistory
-from parsolid.numerics.lanes import aligned_zeros
-from parsolid.particles.fields import Field
+from parsolid.pairs.terms import matrix_columns
+from parsolid.particles.declaration import Columns, Field
 
 
 class HistoryForce(BondForce):
-    """As `BondForce`, with the histories of all blocks.
+    """As `BondForce`, with the histories of all blocks. It declares
 
-    control (owned, d) [N]: force of the stabiliser in the last evaluation of the laws; stored [J]: energy of the settled states.
+    tensor_history         see `tensor_history`: as many rows for all particles, as all laws have as many branches
+    stabiliser_force       `control` (owned, d) [N] in the last evaluation of the laws
+    displacement_sums      sums of the gradient pass of u
+    tributary_volume       volume [m^3] on this side of mirror planes
+
+    stored [J]: energy of the settled states.
     """
 
-    def __init__(self, bond_system, stabiliser, stiffness_scale, fixed_planes, blocks, terms: int, share: np.ndarray):
-        super().__init__(bond_system, stabiliser, stiffness_scale, fixed_planes)
-        capacity = self.body.inverse_shape.shape[1]
-        # one row for all, for all laws have as many branches
-        self.states = aligned_zeros((TENSOR_ROWS[self.dimension] * (1 + terms), capacity))
-        for block in blocks:
-            self.states[:, block.first :] = initial_state(block.law, self.dimension)[:, None]
-        self.tributary = np.zeros(capacity)
-        self.tributary[: self.owned] = bond_system.volume[: self.owned] * share
-        self.control = np.zeros((self.owned, self.dimension))
-        self.displacement_gradient = aligned_zeros(self.gradient.shape)
+    def __init__(self, particles, bond_system, scale, fixed_planes, blocks, branches: int):
+        super().__init__(particles, bond_system, scale, fixed_planes)
+        d, declare = self.dimension, particles.declare
+        rows = TENSOR_ROWS[d] * (1 + branches)
+        fresh = [initial_state(block.law, d) for block in blocks]
+        padding = tuple(map(float, fresh[-1])) if fresh else ()
+        declare(
+            Field("tensor_history", rows, "1", checkpointed=True, mirror="tensor", layout=Columns(), padding=padding)
+        )
+        for block, state in zip(blocks, fresh):
+            self.states[:, block.first : block.last] = state[:, None]
+        volume = bond_system.volume[: self.owned] * particles.owned_rows("share")
+        declare(Field("tributary_volume", 1, "m^3"), volume)
+        declare(Field("stabiliser_force", d, "N", mirror="vector"))
+        declare(Field("displacement_sums", matrix_columns(d), "m"))
         self.stored = 0.0
         self.step: float | None = None
         self.blocks = blocks
         self.prepare(0.0)
+
+    @property
+    def states(self) -> np.ndarray:
+        """Histories (rows, capacity)."""
+        return self.particles.storage("tensor_history")
+
+    @property
+    def control(self) -> np.ndarray:
+        """Force (owned, d) [N] of the stabiliser."""
+        return self.particles.owned_rows("stabiliser_force")
 
     def prepare(self, step: float) -> None:
         """The next evaluations are of the end of a step [s] from the settled states."""
@@ -57,27 +76,24 @@ class HistoryForce(BondForce):
 
     def evaluate(self, laws) -> np.ndarray:
         """Force (owned, d) [N] of the fields f and u."""
-        if not any(has_tensor_history(law) for _, _, law in laws):
-            return super().evaluate(laws)
         self.evaluations += 1
-        self._evaluate_control(laws)
-        self.pass_gradient(self.displacement_column, gradient=self.displacement_gradient)
+        told = self.evaluate_control(laws)
+        sums = self.displacement_gradient(None if told else "motion", self.particles.storage("displacement_sums"))
         for (first, last, law), weights in zip(laws, self.weights):
-            nominal_records(
-                self.space, first, last, law, weights, self.body, self.states, self.displacement_gradient, self.record
-            )
-        self.pass_force(stabiliser=None)
-        self.force[: self.owned, : self.dimension] += self.control
-        return self.force[: self.owned, : self.dimension]
+            nominal_records(self.space, first, last, law, weights, self.body, self.states, sums, self.record)
+        force = self.divergence(None)
+        force += self.control
+        return force
 
-    def _evaluate_control(self, laws) -> None:
+    def evaluate_control(self, laws) -> bool:
+        """The stabiliser's force; whether that has told ghosts of the motion."""
         if self.stabiliser is None:
-            return
-        self.pass_gradient()
+            return False
+        sums = self.field_gradient()
         for first, last, _ in laws:
-            stabiliser_records(self.space, first, last, self.stabiliser, self.body, self.gradient, self.record)
-        self.pass_force()
-        self.control[:] = self.force[: self.owned, : self.dimension]
+            stabiliser_records(self.space, first, last, self.stabiliser, self.body, sums, self.record)
+        self.control[:] = self.divergence(self.stabiliser)
+        return True
 
     def settle(self) -> float:
         """Take all histories through the step to the displacement of the last evaluation; the energy dissipated [J]."""
@@ -91,8 +107,8 @@ class HistoryForce(BondForce):
                 weights,
                 self.body,
                 self.states,
-                self.displacement_gradient,
-                self.tributary,
+                self.particles.storage("displacement_sums"),
+                self.particles.storage("tributary_volume"),
             )
             self.stored, lost, self.sound = self.stored + stored, lost + loss, self.sound and sound
         return lost
@@ -105,34 +121,20 @@ class HistoryForce(BondForce):
             mine[rows:] = 0.0 if isinstance(block.law, Prony) else np.tile(mine[:rows], (len(mine) // rows - 1, 1))
 
     def cauchy_stresses(self, laws, first: int, last: int, F: np.ndarray) -> np.ndarray:
-        """sigma (n, 3, 3) [Pa] of particles first..last-1 in the settled state; F (n, 3, 3): their deformation gradients."""
+        """sigma (n, 3, 3) [Pa] of particles first..last-1 in the settled state; F (n, 3, 3): their deformation
+        gradients.
+        """
         P = self.nominal_stresses(laws)[first:last]
         small = all(isinstance(law, Prony) and law.finite_strain is None for _, _, law in laws)
         return P if small else pushed_forward(P, F)
 
     def nominal_stresses(self, laws) -> np.ndarray:
         """First Piola-Kirchhoff stress (owned, 3, 3) [Pa] of the settled state."""
-        result = np.zeros((self.owned, 3, 3))
+        result, sums = np.zeros((self.owned, 3, 3)), self.particles.storage("displacement_sums")
         self.prepare(0.0)
         for (first, last, law), weights in zip(laws, self.weights):
-            nominal_stresses(
-                self.space, first, last, law, weights, self.body, self.states, self.displacement_gradient, result
-            )
+            nominal_stresses(self.space, first, last, law, weights, self.body, self.states, sums, result)
         return result
-
-    def declare(self, table) -> None:
-        """The histories as fields."""
-        rows = TENSOR_ROWS[self.dimension]
-        for number in range(len(self.states) // rows):
-            name = f"branch_tensor_{number}" if number else "settled_tensor"
-            table.add(
-                Field(name, rows, "1", evolved=True, checkpointed=True),
-                self.states[number * rows : (number + 1) * rows].T,
-            )
-
-    def arrays(self) -> list[np.ndarray]:
-        """Work arrays, bond lists and histories."""
-        return [*super().arrays(), self.control, self.displacement_gradient, self.states]
 
 
 class TensorHistory(ViscoelasticHistory):

@@ -3,34 +3,39 @@
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from parsolid.boundary.declarations import Declarations, PrescribedMotion, Support, SurfaceTraction
-from parsolid.boundary.loads import InTime, body_loads, densities
+from parsolid.boundary.loads import InTime, Load, body_loads, densities
 from parsolid.boundary.prescribed import PrescribedRows
-from parsolid.boundary.rows import FixedParticles
 from parsolid.boundary.supports import Supports
 from parsolid.methods.peridynamics.tractions import Tractions
+from parsolid.particles.container import Particles
+from parsolid.particles.particle_set import ParticleSet
+from parsolid.scene.schema import Scene
 
 
 class PeridynamicLoads:
-    """What a scene's boundaries and loads mean for peridynamics; arrays are of this rank's owned particles, d = dimension.
+    """What a scene's boundaries and loads mean for peridynamics; arrays are of this rank's particles, d = dimension.
 
-    planes, codes, share, held: see `boundary.supports.Supports`; free (owned, d) bool: components that are neither held nor guided;
-    entries: particles and components (k,) of everything guided; jumps: times [s] before the end at which loads or prescribed
-    displacements jump, with 0 where anything is loaded. Forces [N] are those on the part of a particle on this side of mirror planes.
+    planes, codes, share, held: see `boundary.supports.Supports`; free (owned, d) bool: components that are neither
+    held nor guided; entries: particles and components (k,) of everything guided; jumps: times [s] before the end at
+    which loads or prescribed displacements jump, with 0 where anything is loaded. Forces [N] are those on the part of
+    a particle on this side of mirror planes.
     """
 
-    def __init__(self, comm, scene, particle_set, particles: Any = None):
-        """particle_set: this rank's sorted particles; collective. Raises SolverError on all ranks.
+    def __init__(self, comm: MPI.Comm, scene: Scene, particle_set: ParticleSet, particles: Particles):
+        """particle_set: this rank's sorted particles, of which the particles are made; collective.
 
-        particles: the `Particles` made of the particle_set; rows stay as they are unless given.
+        Raises SolverError on all ranks.
         """
-        self.scene, self.particles = scene, particles or FixedParticles(particle_set)
+        self.scene, self.particles = scene, particles
         self.declared = Declarations(scene, Support, PrescribedMotion, SurfaceTraction)
-        supports = Supports(comm, self.declared, particle_set)
+        supports = Supports(comm, scene, self.declared.of(Support, "roller", "fixed"), particle_set)
         self.planes, self.held = supports.planes, supports.held
         self.codes, self.share = supports.codes, supports.share
-        self.prescribed = PrescribedRows(comm, self.declared, particle_set, self.particles)
+        motions = self.declared.of(PrescribedMotion, "velocity", "displacement")
+        self.prescribed = PrescribedRows(comm, scene, motions, particle_set, self.particles)
         self.free = ~self.held
         self.free[self.entries] = False
         self.jumps = self._jump_times()
@@ -39,20 +44,25 @@ class PeridynamicLoads:
         self.loads = InTime(self.particles, self._body_loads, self.free.shape[1])
         self.move, self.guided_velocities = self.prescribed.move, self.prescribed.velocities
 
-    def _loads_of_bodies(self) -> list:
-        density, volume = densities(self.scene, self.particles), lambda rows: self.particles.owned_rows("volume")[rows]
+    def _loads_of_bodies(self) -> list[Load]:
+        density = densities(self.scene, self.particles)
+
+        def volume(rows: np.ndarray | slice) -> np.ndarray:
+            return self.particles.owned_rows("volume")[rows]
+
         return body_loads(self.scene, self.particles, volume, lambda rows: density(rows) * volume(rows))
 
     def _jump_times(self) -> tuple[float, ...]:
         motions = (one for one in self.declared.of(PrescribedMotion) if one.quantity == "displacement")
-        acting = [one.course.jump_times for one in (*motions, *self.declared.of(SurfaceTraction))]
+        acting = [one.course.jump_times for one in motions]
+        acting += [one.course.jump_times for one in self.declared.of(SurfaceTraction)]
         loads = self.scene.loads
         if loads.body_force is not None or loads.acceleration is not None:
             acting.append(loads.jump_times)
         times = {0.0} if acting else set()
         return tuple(sorted(time for time in times.union(*acting) if time < self.scene.end_time))
 
-    def install_tractions(self, force, horizon: np.ndarray) -> None:
+    def install_tractions(self, force: Any, horizon: np.ndarray) -> None:
         """Find the forces of tractions; force: `BondForce` with all bonds whole; horizon (owned,) [m]; collective."""
         parts = [*self._body_loads, *self._tractions.forces(force, horizon)]
         self.loads = InTime(self.particles, parts, self.free.shape[1])
@@ -68,5 +78,5 @@ class PeridynamicLoads:
         return self.loads.acting
 
     def external(self, time: float, before: bool = False) -> np.ndarray:
-        """Forces (owned, d) [N] of all loads at a time [s], of a jump just after, or just before it; not to be changed."""
+        """Forces (owned, d) [N] of all loads at a time [s], after or before a jump of that time; not to be changed."""
         return self.loads.at(time, before)

@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parsolid.collective import maximum, minimum
+from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.damage.bond_based import BondBased
+from parsolid.materials.hyperelastic.law import elastic_moduli
 from parsolid.materials.viscoelastic.prony import Prony, algorithmic_factor
 from parsolid.methods.peridynamics.bond_force import BondForce
 from parsolid.methods.peridynamics.viscoelastic_history import ViscoelasticHistory, series_of
@@ -14,7 +15,9 @@ _SHIFT = 1e-6
 
 
 def algorithmic_law(law: Prony, step: float) -> Prony:
-    """The elastic law of a step [s] over 1 + sum gamma_j A_j, the factor by which `Operator.linear` multiplies the field."""
+    """The elastic law of a step [s] over 1 + sum gamma_j A_j, the factor by which `Operator.linear` multiplies the
+    field.
+    """
     if isinstance(law, BondBased):
         # its engine needs no constants to be linear
         return Prony(law.density, 0.0, 0.0, None, None, None, None, None)
@@ -32,17 +35,17 @@ def algorithmic_law(law: Prony, step: float) -> Prony:
 
 
 def _undeformed(law, step: float) -> Prony:
-    """As `algorithmic_law`, of a Maxwell solid near its undeformed state; only its shear relaxes."""
-    zeta = law.zeta or 0.0
-    solid = Prony(
-        law.density, 2.0 * (law.xi + zeta), 0.0, None, None, None, *(series or None for series in series_of(law))
-    )
-    lame = (law.lambda_hat + 4.0 * zeta) / algorithmic_factor(solid, step)
+    """As `algorithmic_law`, of a hyperelastic solid near its undeformed state; only its shear relaxes."""
+    shear, lame = elastic_moduli(law)
+    solid = Prony(law.density, shear, 0.0, None, None, None, *(series or None for series in series_of(law)))
+    lame = lame / algorithmic_factor(solid, step)
     return solid._replace(first_lame=lame, ratios=None, relaxation_times=None)
 
 
 class Settled(NamedTuple):
-    """Displacement (owned, d) [m] and internal force (owned, d) [N] of a committed state, and the energy [J] stored in it."""
+    """Displacement (owned, d) [m] and internal force (owned, d) [N] of a committed state, and the energy [J] stored in
+    it.
+    """
 
     displacement: np.ndarray
     force: np.ndarray
@@ -52,20 +55,20 @@ class Settled(NamedTuple):
 class Operator:
     """F(u) of one rank's particles over a step whose history is frozen, and its tangent K = -dF/du.
 
-    Vectors are (owned, d), d the scene's dimension; forces [N] are those on the part of a particle on this side of mirror planes,
-    so that K is symmetric in the plain inner product. free (owned, d) bool: components that are not prescribed;
-    mass (owned,) [kg], likewise of this side's part; identifier (owned,). All calls are collective; `step` [s] is the length of
-    the material step that starts at the last committed state, 0.0 a jump.
+    Vectors are (owned, d), d the scene's dimension; forces [N] are those on the part of a particle on this side of
+    mirror planes, so that K is symmetric in the plain inner product. free (owned, d) bool: components that are not
+    prescribed; mass (owned,) [kg], likewise of this side's part; identifier (owned,). All calls are collective; `step`
+    [s] is the length of the material step that starts at the last committed state, 0.0 a jump.
     """
 
-    def __init__(
-        self, engine: BondForce, history: ViscoelasticHistory, share: np.ndarray, mass: np.ndarray, free: np.ndarray
-    ):
-        self.engine, self.history, self.share, self.free = engine, history, share, free
-        self.mass, self.identifier = mass * share, engine.bond_system.identifier[: engine.owned]
-        self.dimension = free.shape[1]
-        self.comm = engine.bond_system.halo.comm
-        self.is_linear = all(isinstance(law, Prony) and law.finite_strain is None for _, _, law in history.laws)
+    def __init__(self, engine: BondForce, history: ViscoelasticHistory, free: np.ndarray):
+        self.engine, self.history, self.free = engine, history, free
+        rows = engine.particles.owned_rows
+        self.share, self.identifier = rows("share"), rows("identifier")
+        self.mass = rows("mass") * self.share
+        self.dimension, self.comm = free.shape[1], engine.bond_system.comm
+        linear = all(isinstance(law, Prony) and law.finite_strain is None for _, _, law in history.laws)
+        self.is_linear = not anywhere(self.comm, not linear)
         least = minimum(self.comm, float(np.min(engine.bond_system.volume[: engine.owned], initial=np.inf)))
         self.length = least ** (1.0 / self.dimension)
         self.step = None
@@ -77,7 +80,9 @@ class Operator:
         np.multiply(self.history.evaluate(step)[:, :d], self.share[:, None], out=out)
 
     def linear(self, displacement: np.ndarray, change: np.ndarray, out: np.ndarray, step: float) -> None:
-        """K du [N] at a displacement at the end of a step: symmetric, positive semi-definite with a self-adjoint stabiliser."""
+        """K du [N] at a displacement at the end of a step: symmetric, positive semi-definite with a self-adjoint
+        stabiliser.
+        """
         if self.is_linear:
             self.stiffness(change, out, step)
             return
@@ -101,7 +106,7 @@ class Operator:
         d, engine = self.dimension, self.engine
         self.history.begin(step)
         engine.field[: engine.owned, :d] = self.history.factor[:, None] * change
-        np.multiply(engine.evaluate(self.tangents)[:, :d], -self.share[:, None], out=out)
+        np.multiply(engine.evaluate_stiffness(self.tangents)[:, :d], -self.share[:, None], out=out)
 
     @property
     def displacement(self) -> np.ndarray:
@@ -117,12 +122,16 @@ class Operator:
         return Settled(self.displacement.copy(), self.settled_force(), self.history.stored_energy())
 
     def work_since(self, start: Settled) -> tuple[float, float]:
-        """Work [J] of loads and reactions, which internal forces balance at both ends of a step, and what stored energy has gained."""
+        """Work [J] of loads and reactions, which internal forces balance at both ends of a step, and what stored energy
+        has gained.
+        """
         work = -0.5 * np.vdot(start.force + self.settled_force(), self.displacement - start.displacement)
         return float(work), self.history.stored_energy() - start.stored
 
     def commit(self, displacement: np.ndarray, step: float) -> float:
-        """End a step at a displacement [m], whose force is evaluated once more: history takes it in; the energy dissipated [J]."""
+        """End a step at a displacement [m], whose force is evaluated once more: history takes it in; the energy
+        dissipated [J].
+        """
         engine, d = self.engine, self.dimension
         engine.displacement[: engine.owned, :d] = displacement
         self.history.evaluate(step)

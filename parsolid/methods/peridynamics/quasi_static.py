@@ -7,7 +7,7 @@ import numpy as np
 
 from parsolid.methods.peridynamics.equilibrium import Balance, Equilibrium
 from parsolid.methods.peridynamics.time_solver import TimeSolver
-from parsolid.particles.fields import Field
+from parsolid.particles.declaration import Field
 
 
 class QuasiStatic(TimeSolver):
@@ -24,14 +24,15 @@ class QuasiStatic(TimeSolver):
         self.balance: Balance | None = None
         # times [s] of the states that `earlier` holds, newest first, since loads jumped last
         self.times: list[float] = []
-        self.earlier = [np.zeros(body.operator.free.shape) for _ in range(settings.extrapolation + 1)]
+        self.names = [f"earlier_displacement_{k + 1}" for k in range(settings.extrapolation + 1)]
+        for name in self.names:
+            body.particles.declare(Field(name, body.operator.free.shape[1], "m", checkpointed=True, mirror="vector"))
         self.steps = 0
 
-    def declare(self, table) -> None:
-        """The earlier displacements as fields."""
-        for k, earlier in enumerate(self.earlier):
-            name = f"earlier_displacement_{k + 1}"
-            table.add(Field(name, earlier.shape[1], "m", evolved=True, checkpointed=True), earlier)
+    @property
+    def earlier(self) -> list[np.ndarray]:
+        """Displacements (owned, d) [m] of earlier states."""
+        return [self.body.particles.owned_rows(name) for name in self.names]
 
     def stable_step(self) -> float:
         """The material step [s]."""
@@ -58,13 +59,16 @@ class QuasiStatic(TimeSolver):
         announce(self.balance.reached, self.settings.step)
         lost = self.operator.commit(self.balance.displacement, step)
         work, stored = self.operator.work_since(start)
-        # within a step strain goes linearly whatever the loads do, so that forces are out of balance; a jump is as it should be
+        # within a step strain goes linearly whatever the loads do, so that forces are out of balance; a jump is as it
+        # should be
         ledger.add(1.0, lost, work - lost - stored if step > 0.0 else 0.0, work)
         self.remember(self.balance.displacement, time + step, step)
         return self.balance.reached
 
     def balance_anew(self, time: float, ledger) -> bool:
-        """Balance at a time [s] after bonds have broken, in a jump; what loads do beyond the work of internal forces, cracks take."""
+        """Balance at a time [s] after bonds have broken, in a jump; what loads do beyond the work of internal forces,
+        cracks take.
+        """
         self.equilibrium.stiffness_changed()
         start = self.operator.settled_state()
         reached = self.material_step(time, 0.0, ledger, lambda *announced: None)
@@ -93,10 +97,11 @@ class QuasiStatic(TimeSolver):
         if step == 0.0:
             # what went before the jump says nothing about what follows
             self.times = []
-        self.times = [time, *self.times][: len(self.earlier)]
-        for k in range(len(self.earlier) - 1, 0, -1):
-            self.earlier[k][:] = self.earlier[k - 1]
-        self.earlier[0][:] = displacement
+        earlier = self.earlier
+        self.times = [time, *self.times][: len(earlier)]
+        for k in range(len(earlier) - 1, 0, -1):
+            earlier[k][:] = earlier[k - 1]
+        earlier[0][:] = displacement
 
     # --- what is asked of it -----------------------------------------------------------------------------------
 

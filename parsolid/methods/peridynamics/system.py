@@ -1,89 +1,60 @@
-"""Non-ordinary state-based (correspondence) peridynamics (Galadima et al.; checked in docs/peridynamics.md), on one rank.
+"""Non-ordinary state-based (correspondence) peridynamics (Galadima et al.; checked in docs/peridynamics.md), on one
+rank.
 
-State: displacement, velocity, and of viscoelastic bodies one vector a Prony term (`viscoelastic_history`). A time solver,
-`velocity_verlet` or `quasi_static`, takes it from step to step; `fracture` breaks bonds.
+State: displacement, velocity, and of viscoelastic bodies one vector a Prony term (`viscoelastic_history`). A time
+solver, `velocity_verlet` or `quasi_static`, takes it from step to step; `fracture` breaks bonds.
 """
 
 import numpy as np
 
-from parsolid.materials.blocks import material_blocks
-from parsolid.materials.registry import laws_of
-from parsolid.methods.peridynamics.forces import build_forces
+from parsolid.methods.peridynamics.forces import build_forces, particles_of
 from parsolid.methods.peridynamics.fracture import fracture_of
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.methods.peridynamics.operator import Operator
 from parsolid.methods.peridynamics.quasi_static import QuasiStatic
 from parsolid.methods.peridynamics.velocity_verlet import VelocityVerlet
 from parsolid.methods.peridynamics.velocity_verlet_kernels import kinetic_energy
-from parsolid.methods.protocol import ParticleMethod
-from parsolid.numerics.lanes import aligned_zeros, padded
-from parsolid.particles.fields import Field, FieldTable
+from parsolid.methods.protocol import ParticleSystem
+from parsolid.particles.declaration import Field, Rows
 from parsolid.scene import initial_displacement, initial_velocity
 
 TIME_SOLVERS = {"explicit": VelocityVerlet, "quasi-static": QuasiStatic}
 
 
-class Peridynamics(ParticleMethod):
+class Peridynamics(ParticleSystem):
     """The method on one rank. Arrays are laid out as `pairs.layout` says; bars lie in the plane."""
 
     even_steps = True
 
     def __init__(self, comm, scene, particle_set):
-        """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when particles cannot be bonded. Collective."""
-        self.comm, self.settings, self.scene = comm, scene.method, scene
-        laws = laws_of(scene)
-        blocks, density = material_blocks(laws, particle_set.body)
-        self.loads = PeridynamicLoads(comm, scene, particle_set)
+        """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when particles cannot be
+        bonded. Collective.
+        """
+        self.comm, self.settings = comm, scene.method
+        self.loads = PeridynamicLoads(comm, scene, particle_set, particles_of(scene, particle_set))
+        forces = build_forces(comm, scene, particle_set, self.loads)
+        self.particles, self.bond_system, self.engine, self.history = forces.particles, *forces[2:]
         self.owned, self.dimension = particle_set.position.shape
-        self.share = self.loads.share
-        self.mass = density * particle_set.volume / self.share
-        forces = build_forces(comm, scene, particle_set, laws, blocks, self.loads)
-        self.bond_system, self.engine, self.history = forces.bond_system, forces.engine, forces.history
         self.laws = self.history.laws
         self.loads.install_tractions(self.engine, forces.horizon)
         self.fracture = fracture_of(comm, scene, particle_set, forces)
-        self.operator = Operator(self.engine, self.history, self.share, self.mass, self.loads.free)
-        self.velocity = aligned_zeros((padded(self.owned) + 4, 4))[: self.owned]
+        self.operator = Operator(self.engine, self.history, self.loads.free)
+        motion = {"shown": True, "mirror": "vector"}
+        self.particles.declare(Field("position", self.dimension, "m", mirror="vector"), particle_set.position)
+        self.particles.declare(Field("velocity", self.dimension, "m/s", checkpointed=True, layout=Rows(4), **motion))
         self.solver = TIME_SOLVERS[self.settings.solution.kind](self, self.settings.solution)
         self.jumps, self.landings = self.solver.jumps, self.solver.landings
-        self.particles = FieldTable(self.owned)
-        self._declare(particle_set)
         self._gradients, self._evaluation = None, -1
-
-    def _declare(self, particle_set) -> None:
-        d, add, owned = self.dimension, self.table.add, self.owned
-        add(Field("identifier", 1, "1", checkpointed=True, shown=True), particle_set.identifier)
-        add(Field("body", 1, "1", checkpointed=True, shown=True), particle_set.body)
-        add(Field("reference_position", d, "m", checkpointed=True), particle_set.position)
-        add(Field("volume", 1, "m^3", checkpointed=True), particle_set.volume)
-        add(Field("spacing", d, "m", checkpointed=True), particle_set.spacing)
-        if particle_set.axes is not None:
-            add(Field("axes", d * d, "1", checkpointed=True), particle_set.axes.reshape(owned, d * d))
-        add(Field("area", d, "m^2", checkpointed=True), particle_set.area)
-        add(Field("position", d, "m", evolved=True), particle_set.position.copy())
-        moving = {"evolved": True, "checkpointed": True, "shown": True}
-        add(Field("velocity", d, "m/s", **moving), self.velocity[:, :d])
-        add(Field("displacement", d, "m", exchanged=True, **moving), self.engine.displacement[:, :d])
-        history, kept = self.history, {"evolved": True, "checkpointed": True}
-        if len(history.terms):
-            add(Field("settled_displacement", history.old.shape[1], "m", **kept), history.old)
-            add(Field("elastic_force", history.old.shape[1], "N", **kept), history.elastic)
-        for j in range(len(history.terms)):
-            add(Field(f"relaxing_displacement_{j + 1}", history.old.shape[1], "m", **kept), history.terms[j])
-            add(Field(f"relaxing_force_{j + 1}", history.old.shape[1], "N", **kept), history.forces[j])
-        self.solver.declare(self.table)
-        self.engine.declare(self.table)
-        self.fracture.declare(self.table)
 
     # --- state -------------------------------------------------------------------------------------------------
 
     def begin(self, scene, particle_set) -> None:
         """Velocity and displacement by the bodies' formulas, and what is stored in the branches; collective."""
         place = (scene, particle_set.body, particle_set.position)
-        self.table.owned_rows("velocity")[:] = initial_velocity(*place)
+        self.particles.owned_rows("velocity")[:] = initial_velocity(*place)
         displacement = initial_displacement(*place)
         if displacement is not None:
-            self.table.owned_rows("displacement")[:] = displacement
+            self.particles.owned_rows("displacement")[:] = displacement
         self.velocity[:, : self.dimension][self.loads.held], self.displacement[self.loads.held] = 0.0, 0.0
         self.solver.begin()
         self.place()
@@ -98,13 +69,28 @@ class Peridynamics(ParticleMethod):
         self.fracture.look()
 
     @property
+    def mass(self) -> np.ndarray:
+        """Mass (owned,) [kg], of the whole particle where it lies on a mirror plane."""
+        return self.particles.owned_rows("mass")
+
+    @property
+    def share(self) -> np.ndarray:
+        """The part (owned,) of a particle on this side of mirror planes."""
+        return self.particles.owned_rows("share")
+
+    @property
+    def velocity(self) -> np.ndarray:
+        """Velocity (owned, 4) [m/s] as kernels take it."""
+        return self.particles.storage("velocity")[: self.owned]
+
+    @property
     def displacement(self) -> np.ndarray:
         """Displacement (owned, d) [m], a view."""
-        return self.table.owned_rows("displacement")
+        return self.particles.owned_rows("displacement")
 
     def place(self) -> None:
         """x = X + u."""
-        rows = self.table.owned_rows
+        rows = self.particles.owned_rows
         np.add(rows("reference_position"), self.displacement, out=rows("position"))
 
     def state(self) -> dict:
@@ -150,7 +136,7 @@ class Peridynamics(ParticleMethod):
     @property
     def communication_seconds(self) -> float:
         """Seconds spent on sending and receiving."""
-        return self.engine.communication_seconds
+        return self.particles.communication_seconds
 
     @property
     def directed_pairs(self) -> int:
@@ -209,8 +195,8 @@ class Peridynamics(ParticleMethod):
         return {"second-pass record": self.engine.record.shape[1], "relaxing displacement": self.dimension}
 
     def arrays(self) -> list[np.ndarray]:
-        """Work arrays and bond lists."""
-        return [*self.engine.arrays(), self.mass, self.share]
+        """Bond lists."""
+        return self.bond_system.arrays()
 
     def bytes_a_step(self) -> int:
         """Fields and records."""

@@ -1,8 +1,9 @@
 """Particle kernels of laws whose stress depends on the displacement gradient with tensors as history.
 
-Those are Prony solids with an elastic bulk or of finite strain, and the hyperelastic Maxwell solids of the foundation. The rows
-of a state (rows, capacity) are symmetric tensors of particles (11, 22, 33, 12, 13, 23; in the plane 11, 22, 33, 12): first what the law
-remembers of the deformation (the strain; C^{-1} of a Maxwell solid), then the branches' e_j, or A_j.
+Those are Prony solids with an elastic bulk or of finite strain, and the hyperelastic Maxwell solids of the foundation.
+The rows of a state (rows, capacity) are symmetric tensors of particles (11, 22, 33, 12, 13, 23; in the plane 11, 22,
+33, 12): first what the law remembers of the deformation (the strain; C^{-1} of a Maxwell solid), then the branches'
+e_j, or A_j.
 """
 
 import numpy as np
@@ -11,7 +12,6 @@ from numba.extending import overload, register_jitable
 
 from decomposition.compiled import compiled
 from parsolid.materials.hyperelastic.law import equilibrium_energy, first_piola_kirchhoff_stress
-from parsolid.materials.hyperelastic.mooney_rivlin import MooneyRivlin
 from parsolid.materials.viscoelastic.maxwell import (
     branch_dissipation,
     branch_energy,
@@ -60,13 +60,15 @@ def has_tensor_history(law) -> bool:
 def initial_state(law, dimension: int) -> np.ndarray:
     """Rows (r,) of the state of an undeformed particle."""
     rows = np.zeros((1 + len(law.relaxation_times or ()), TENSOR_ROWS[dimension]))
-    if isinstance(law, MooneyRivlin):
+    if not isinstance(law, Prony):
         rows[:, :3] = 1.0
     return rows.ravel()
 
 
 def step_weights(law, step: float) -> np.ndarray:
-    """What a step [s] does to each branch: of a Prony solid a, A and `dissipation_weights`, else `relaxation_weights` and the step."""
+    """What a step [s] does to each branch: of a Prony solid a, A and `dissipation_weights`, else `relaxation_weights`
+    and the step.
+    """
     if isinstance(law, Prony):
         rows = [(*branch_weights(step, time), *dissipation_weights(step, time)) for time in law.relaxation_times or ()]
         return np.array(rows).reshape(-1, 5)
@@ -152,7 +154,9 @@ def _relaxing_strain_of(space, law, weights, state, i, change, strain):
 
 
 def _with_lateral_strains(law, factor, strain, relaxing):
-    """Both strains with their lateral components, where these are history; relaxing holds what is carried over in its 33."""
+    """Both strains with their lateral components, where these are history; relaxing holds what is carried over in its
+    33.
+    """
     raise NotImplementedError
 
 
@@ -220,7 +224,7 @@ def _branch_sum_of(space, law, weights, state, i, inverse):
 
 
 def nominal_stress(space, law, weights, state, i, G):
-    """First Piola-Kirchhoff stress [Pa] after a step, from the displacement gradient there; the state stays as it is."""
+    """First Piola-Kirchhoff stress [Pa] after a step, from the displacement gradient; the state stays as it is."""
     raise NotImplementedError
 
 
@@ -244,7 +248,7 @@ def _nominal_stress(space, law, weights, state, i, G):
 
 
 def settle_state(space, law, weights, state, i, count, G):
-    """Take the state of the first `count` of particles i..i+3 through a step; stored energy and loss [J/m^3], as lanes."""
+    """Take the state of the first `count` of particles i..i+3 through a step; stored energy and loss [J/m^3]."""
     raise NotImplementedError
 
 
@@ -340,8 +344,8 @@ def _lane_of_general_of(a, k):
     )
 
 
-# without contraction of products and sums, so that stresses before and after a restart have the same bits: histories are stored by
-# one kernel and read by the other
+# without contraction of products and sums, so that stresses before and after a restart have the same bits: histories
+# are stored by one kernel and read by the other
 @compiled(error_model="numpy")
 def nominal_records(space, first, last, law, weights, body, state, gradient, record):
     """Records P K^{-1} after a step with the weights of `step_weights`, from the gradient sums of u."""

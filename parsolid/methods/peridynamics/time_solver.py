@@ -4,15 +4,13 @@
 class TimeSolver:
     """Moves one rank's particles from step to step.
 
-    jumps, landings: see `methods.protocol.ParticleMethod`; setting: the key of method.solution whose smaller value makes steps milder.
+    jumps, landings: see `methods.protocol.ParticleSystem`; setting: the key of method.solution whose smaller value
+    makes steps milder.
     """
 
     jumps: tuple[float, ...] = ()
     landings: tuple[float, ...] = ()
     setting: str
-
-    def declare(self, table) -> None:
-        """Add the solver's own fields."""
 
     def begin(self) -> None:
         """What the solver changes in the bodies' initial displacement and velocity."""
@@ -22,7 +20,9 @@ class TimeSolver:
         raise NotImplementedError
 
     def advance(self, time: float, step: float, ledger, announce) -> bool:
-        """One step [s] from a time [s], see `methods.protocol.ParticleMethod`; False when the state is not sound. Collective."""
+        """One step [s] from a time [s], see `methods.protocol.ParticleSystem`; False when the state is not sound.
+        Collective.
+        """
         raise NotImplementedError
 
     def state(self) -> dict:

@@ -1,14 +1,15 @@
 """Tractions on peridynamic bodies.
 
-A traction t on a plane with normal n acts as the forces that balance a uniform stress, f = -f_int(t (x) n), kept near the
-plane ("consistent"): then a uniform stress is an exact solution on a lattice, which it is not under forces on the particles
-at the face ("single-layer") or spread over the horizon ("horizon"). Irregular particles carry a uniform stress only under
-small forces inside, too ("consistent-everywhere").
+A traction t on a plane with normal n acts as the forces that balance a uniform stress, f = -f_int(t (x) n), kept near
+the plane ("consistent"): then a uniform stress is an exact solution on a lattice, which it is not under forces on the
+particles at the face ("single-layer") or spread over the horizon ("horizon"). Irregular particles carry a uniform
+stress only under small forces inside, too ("consistent-everywhere").
 """
 
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from decomposition.reduction import ordered_sum
 from parsolid.boundary.declarations import Declarations, SurfaceTraction
@@ -16,18 +17,27 @@ from parsolid.boundary.loads import Load, area_along
 from parsolid.boundary.rows import keep
 from parsolid.boundary.supports import Supports
 from parsolid.collective import maximum, minimum
+from parsolid.particles.container import Particles
+from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.regions import selected
 
 
 class Tractions:
     """Makes the forces of a scene's tractions on a rank's particles; all methods are collective."""
 
-    def __init__(self, comm, declared: Declarations, supports: Supports, particle_set, particles: Any):
-        """particles: `Particles` or `FixedParticles` of the particle_set."""
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        declared: Declarations,
+        supports: Supports,
+        particle_set: ParticleSet,
+        particles: Particles,
+    ):
+        """particles: those of the particle_set."""
         self.comm, self.declared, self.supports = comm, declared, supports
         self.particle_set, self.particles = particle_set, particles
 
-    def forces(self, engine, horizon: np.ndarray) -> list[Load]:
+    def forces(self, engine: Any, horizon: np.ndarray) -> list[Load]:
         """Forces [N] on the particles; engine: `BondForce` with all bonds whole; horizon (owned,) [m]."""
         tractions = self.declared.of(SurfaceTraction)
         reach = maximum(self.comm, float(horizon.max(initial=0.0)))
@@ -38,29 +48,27 @@ class Tractions:
             return [self._at_face(one) for one in tractions]
         if not tractions:
             return []
-        unit_stress = np.tile(np.eye(engine.bond_system.positions.shape[1]), (len(self.particle_set), 1, 1))
+        unit_stress = np.tile(np.eye(engine.dimension), (len(self.particle_set), 1, 1))
         unit = engine.of_stress(unit_stress) * self.supports.share[:, None]
         depth = 2.0 * reach if kind == "consistent" else np.inf
-        return [self._consistent(one, unit[:, one.where.plane.axis], depth) for one in tractions]
+        return [self._consistent(one, unit[:, one.plane.axis], depth) for one in tractions]
 
     def _at_face(self, one: SurfaceTraction) -> Load:
         """Traction times area on the particles of the face."""
         chosen = self.particles.selection(selected(self.declared.scene, one.where, self.particle_set, self.comm))
-        return Load(self.particles, chosen, area_along(self.particles, one.where.plane.axis), one.course)
+        return Load(self.particles, chosen, area_along(self.particles, one.plane.axis), one.course)
 
     def _area(self, one: SurfaceTraction) -> float:
         """Area [m^2] of the face on all ranks."""
         face = selected(self.declared.scene, one.where, self.particle_set, self.comm)
-        return ordered_sum(self.comm, np.abs(self.particle_set.area[face, one.where.plane.axis]))
+        return float(ordered_sum(self.comm, np.abs(self.particle_set.area[face, one.plane.axis])))
 
     def _spread(self, one: SurfaceTraction, reach: float) -> Load:
         """The face's force on the volume within the horizon."""
         particles, beneath = self.particles, self._beneath(one)[0] <= reach
         depth = ordered_sum(self.comm, self.particle_set.volume[beneath]) / self._area(one)
         chosen = particles.selection(beneath)
-        return Load(
-            particles, chosen, lambda rows: particles.owned_rows("volume")[rows] / depth, one.course, one.where.plane
-        )
+        return Load(particles, chosen, lambda rows: particles.owned_rows("volume")[rows] / depth, one.course, one.plane)
 
     def _consistent(self, one: SurfaceTraction, unit: np.ndarray, depth: float) -> Load:
         """Forces that balance the uniform stress t (x) n down to a depth [m]; unit (owned,): those of n (x) n."""
@@ -74,11 +82,11 @@ class Tractions:
             # where particles are irregular the force of the face's area is not quite met
             scale *= self._area(one) / ordered_sum(self.comm, scale[within])
         kept = keep(self.particles, f"force_per_traction_{one.key}", scale)
-        return Load(self.particles, self.particles.selection(within), kept, one.course, one.where.plane)
+        return Load(self.particles, self.particles.selection(within), kept, one.course, one.plane)
 
     def _beneath(self, one: SurfaceTraction) -> tuple[np.ndarray, float]:
-        """Distance (owned,) [m] of the particles meant from the face, infinite for others; direction of the normal, -1 or 1."""
-        particle_set, plane = self.particle_set, one.where.plane
+        """Distance (owned,) [m] of particles meant from the face, infinite for others; sign of its normal."""
+        particle_set, plane = self.particle_set, one.plane
         meant = np.ones(len(particle_set), bool)
         if one.where.body is not None:
             meant = particle_set.body == self.declared.bodies[one.where.body]
@@ -89,7 +97,7 @@ class Tractions:
 
     def _middle(self, one: SurfaceTraction, distance: np.ndarray) -> float:
         """How deep consistent forces may go: to the middle of a body, beyond which they belong to the face across."""
-        axis, offset = one.where.plane.axis, one.where.plane.offset
+        axis, offset = one.plane.axis, one.plane.offset
         if any(plane.axis == axis and plane.coordinate != offset for plane in self.supports.planes):
             return np.inf
         inside = distance[np.isfinite(distance)]

@@ -1,7 +1,7 @@
 """Explicit motion of peridynamic particles: leapfrog with velocities at the ends of steps.
 
-v_h = v + dt/2 a, u_new = u + dt v_h, v_new = v_h + dt/2 a_new: the displacements of symplectic Euler ((37) of Galadima et al.), whose
-velocities are the v_h.
+v_h = v + dt/2 a, u_new = u + dt v_h, v_new = v_h + dt/2 a_new: the displacements of symplectic Euler ((37) of Galadima
+et al.), whose velocities are the v_h.
 """
 
 import numpy as np
@@ -75,7 +75,7 @@ class VelocityVerlet(TimeSolver):
 
     def new_positions(self, time: float, step: float) -> None:
         """u += dt v_h, or as guided; x = X + u."""
-        body, rows = self.body, self.body.table.owned_rows
+        body, rows = self.body, self.body.particles.owned_rows
         kernels.drift(
             body.dimension, step, body.velocity, rows("reference_position"), body.engine.displacement, rows("position")
         )
@@ -95,14 +95,16 @@ class VelocityVerlet(TimeSolver):
 
     def guided_motion(self) -> tuple:
         """Displacement, velocity and force of guided components before a step."""
-        body = self.body
-        return tuple(
-            array[body.loads.entries] for array in (body.engine.displacement, body.velocity, body.engine.force)
-        )
+        body, entries = self.body, self.body.loads.entries
+        if not len(entries[0]):
+            return ()
+        return tuple(array[entries] for array in (body.engine.displacement, body.velocity, body.engine.force))
 
     def guided_velocity(self, before: tuple, time: float, step: float) -> float:
         """Set the velocity of guided components after a step; the work [J] of what guides them and of their loads."""
         body, entries, particles = self.body, self.body.loads.entries, self.body.loads.entries[0]
+        if not before:
+            return 0.0
         displacement, velocity, force = before
         change = body.engine.displacement[entries] - displacement
         body.velocity[entries] = body.loads.guided_velocities(time, step, change)

@@ -23,7 +23,8 @@ def _free(clamp, a, i):
 def kick(dimension, time, velocity, force, mass, share, loads, clamp):
     """v += time (F/m + load); the work [J] of the loads on this side of mirror planes.
 
-    velocity, force [N] (n, 4); mass (n,) [kg], of whole particles; loads (n, 4) [m/s^2] or None; clamp (n, 4): 0 where held, or None.
+    velocity, force [N] (n, 4); mass (n,) [kg], of whole particles; loads (n, 4) [m/s^2] or None; clamp (n, 4): 0 where
+    held, or None.
     """
     work = 0.0
     for a in range(len(mass)):

@@ -1,35 +1,40 @@
 """The relaxing displacement u~ = u + sum_j gamma_j q_j: history of a linear viscoelastic body, one vector a Prony term.
 
-q_j <- a_j q_j + A_j (u_new - u_old), and gradients of u~ are relaxing strains (see `materials.viscoelastic.prony`). As the force is linear,
-f(u~) = f(u) + sum_j gamma_j f(q_j), the forces f(u) and f(q_j) follow by the same recursion from f(u~) alone; they give the stored
-energy, stabiliser included, and what the branches dissipate. When bonds break they must be evaluated anew.
+q_j <- a_j q_j + A_j (u_new - u_old), and gradients of u~ are relaxing strains (see `materials.viscoelastic.prony`). As
+the force is linear, f(u~) = f(u) + sum_j gamma_j f(q_j), the forces f(u) and f(q_j) follow by the same recursion from
+f(u~) alone; they give the stored energy, stabiliser included, and what the branches dissipate. When bonds break they
+must be evaluated anew.
 """
 
 import numpy as np
 
 from decomposition.compiled import compiled
+from parsolid.materials.hyperelastic.law import elastic_moduli
 from parsolid.materials.viscoelastic.prony import Prony, branch_weights, dissipation_weights
+from parsolid.particles.declaration import Field
 
 
 @compiled
 def propose(first, last, ratios, weights, new, old, terms, field):
     """Fill field = u~ after a step to the displacement `new`, to the bits of `compose` after `settle`."""
+    d = old.shape[1]
     for a in range(first, last):
-        for i in range(old.shape[1]):
+        for i in range(d):
             change, total = new[a, i] - old[a, i], new[a, i]
             for j in range(len(ratios)):
-                total += ratios[j] * (weights[j, 0] * terms[j, a, i] + weights[j, 1] * change)
+                total += ratios[j] * (weights[j, 0] * terms[a, j * d + i] + weights[j, 1] * change)
             field[a, i] = total
 
 
 @compiled
 def compose(first, last, ratios, new, terms, field):
     """Fill field = u + sum gamma_j q_j."""
+    d = new.shape[1]
     for a in range(first, last):
-        for i in range(new.shape[1]):
+        for i in range(d):
             total = new[a, i]
             for j in range(len(ratios)):
-                total += ratios[j] * terms[j, a, i]
+                total += ratios[j] * terms[a, j * d + i]
             field[a, i] = total
 
 
@@ -39,22 +44,22 @@ def settle(first, last, ratios, weights, shares, share, new, old, terms, force, 
 
     weights (terms, 2) = (a, A), shares (terms, 3) of `dissipation_weights`; elastic = f(u), forces = f(q_j).
     """
-    dissipated, factor = 0.0, 1.0
+    d, dissipated, factor = old.shape[1], 0.0, 1.0
     for j in range(len(ratios)):
         factor += ratios[j] * weights[j, 1]
     for a in range(first, last):
-        for i in range(old.shape[1]):
+        for i in range(d):
             known = 0.0
             for j in range(len(ratios)):
-                known += ratios[j] * (weights[j, 0] * forces[j, a, i] - weights[j, 1] * elastic[a, i])
+                known += ratios[j] * (weights[j, 0] * forces[a, j * d + i] - weights[j, 1] * elastic[a, i])
             now = (force[a, i] - known) / factor
             change, more = new[a, i] - old[a, i], now - elastic[a, i]
             for j in range(len(ratios)):
-                q, f = terms[j, a, i], forces[j, a, i]
+                q, f = terms[a, j * d + i], forces[a, j * d + i]
                 lost = shares[j, 0] * f * q + shares[j, 1] * f * change + shares[j, 2] * more * change
                 dissipated -= share[a] * ratios[j] * lost
-                terms[j, a, i] = weights[j, 0] * q + weights[j, 1] * change
-                forces[j, a, i] = weights[j, 0] * f + weights[j, 1] * more
+                terms[a, j * d + i] = weights[j, 0] * q + weights[j, 1] * change
+                forces[a, j * d + i] = weights[j, 0] * f + weights[j, 1] * more
             elastic[a, i] = now
             old[a, i] = new[a, i]
     return dissipated
@@ -65,27 +70,65 @@ def series_of(law) -> tuple:
     times = law.relaxation_times or ()
     if isinstance(law, Prony):
         return law.ratios or (), times
-    return tuple(modulus / (2.0 * (law.xi + (law.zeta or 0.0))) for modulus in law.branch_moduli or ()), times
+    if not law.branch_moduli:
+        return (), times
+    shear = elastic_moduli(law)[0]
+    return tuple(modulus / shear for modulus in law.branch_moduli), times
 
 
 class ViscoelasticHistory:
-    """History of a rank's particles: old (owned, d) = u [m] and elastic (owned, d) = f(u) [N] of the last settled state,
-    terms (terms, owned, d) = q_j [m] and forces = f(q_j) [N]."""
+    """History of a rank's particles, d = 2 for bars, too. It declares, for restarts where there are branches,
 
-    def __init__(self, engine, blocks, terms: int, share: np.ndarray):
-        """engine: `BondForce`, whose fields are filled; blocks: their laws give the series of `terms` branches; share (owned,), on
-        this side of mirror planes."""
-        self.engine, self.share, self.series = engine, share, []
+    settled_displacement, elastic_force   old (owned, d) = u [m], elastic (owned, d) = f(u) [N] of the settled state
+    branch_displacements, branch_forces   terms (owned, branches d) = q_j [m], forces = f(q_j) [N], branch after branch
+    """
+
+    def __init__(self, engine, blocks, branches: int):
+        """engine: `BondForce`, whose fields are filled; blocks: their laws give the series of so many branches, alike
+        for all particles.
+        """
+        self.engine, self.particles, self.branches, self.series = engine, engine.particles, branches, []
         self.laws = [(block.first, block.last, block.law) for block in blocks]
-        for block in blocks:
-            ratios, times = series_of(block.law)
-            self.series.append((block.first, block.last, np.array(ratios, float), np.array(times, float)))
-        owned, d = engine.owned, engine.dimension
-        self.old, self.elastic = np.zeros((owned, d)), np.zeros((owned, d))
-        self.terms, self.forces = np.zeros((terms, owned, d)), np.zeros((terms, owned, d))
-        self.factor = np.ones(owned)
+        for first, last, law in self.laws:
+            ratios, times = series_of(law)
+            self.series.append((first, last, np.array(ratios, float), np.array(times, float)))
+        d, declare, kept = engine.dimension, self.particles.declare, {"checkpointed": branches > 0, "mirror": "vector"}
+        declare(Field("settled_displacement", d, "m", **kept))
+        declare(Field("elastic_force", d, "N", **kept))
+        if branches:
+            declare(Field("branch_displacements", branches * d, "m", **kept))
+            declare(Field("branch_forces", branches * d, "N", **kept))
+        self.factor = np.ones(engine.owned)
         self.step: float | None = None
         self.begin(0.0)
+
+    @property
+    def old(self) -> np.ndarray:
+        """Displacement (owned, d) [m] of the last settled state."""
+        return self.particles.owned_rows("settled_displacement")
+
+    @property
+    def elastic(self) -> np.ndarray:
+        """f(u) (owned, d) [N] there."""
+        return self.particles.owned_rows("elastic_force")
+
+    @property
+    def terms(self) -> np.ndarray:
+        """q_j (owned, branches d) [m]."""
+        return self._of_branches("branch_displacements")
+
+    @property
+    def forces(self) -> np.ndarray:
+        """f(q_j) (owned, branches d) [N]."""
+        return self._of_branches("branch_forces")
+
+    def _of_branches(self, name: str) -> np.ndarray:
+        return self.particles.owned_rows(name) if self.branches else np.zeros((self.engine.owned, 0))
+
+    def _branch(self, values: np.ndarray, number: int) -> np.ndarray:
+        """The columns (owned, d) of a branch in `terms` or `forces`."""
+        d = self.engine.dimension
+        return values[:, number * d : (number + 1) * d]
 
     def begin(self, step: float) -> None:
         """Weights of a step [s], unless they are those of the last call; `factor` (owned,) = 1 + sum gamma_j A_j."""
@@ -110,7 +153,9 @@ class ViscoelasticHistory:
         return self.engine.evaluate(self.laws)
 
     def settle(self, step: float) -> float:
-        """End a step [s] at the engine's displacement, where it has evaluated the proposed field; the energy dissipated over it [J]."""
+        """End a step [s] at the engine's displacement, where it has evaluated the proposed field; the energy dissipated
+        over it [J].
+        """
         self.begin(step)
         engine, dissipated = self.engine, 0.0
         for (first, last, ratios, _), weights, shares in zip(self.series, self.weights, self.shares):
@@ -120,7 +165,7 @@ class ViscoelasticHistory:
                 ratios,
                 weights,
                 shares,
-                self.share,
+                self.particles.storage("share"),
                 engine.displacement,
                 self.old,
                 self.terms,
@@ -139,22 +184,22 @@ class ViscoelasticHistory:
         self.elastic[:], self.forces[:] = engine.linear_force, 0.0
         if instantaneous:
             # branches take a jump in full
-            self.terms[:], self.forces[:] = u, self.elastic
+            self.terms[:], self.forces[:] = np.tile(u, self.branches), np.tile(self.elastic, self.branches)
         self._compose()
 
     def resume(self) -> None:
         """Forces of a settled state that was put back."""
         self._compose()
-        if not len(self.terms):
+        if not self.branches:
             self.old[:], self.elastic[:] = self.engine.displacement[: self.engine.owned], self.engine.linear_force
 
     def evaluate_anew(self) -> None:
         """Forces of the settled state and of each part of its history, after bonds were broken."""
-        engine = self.engine
-        for field, force in zip((self.old, *self.terms), (self.elastic, *self.forces)):
-            engine.field[: engine.owned] = field
-            engine.evaluate(self.laws)
-            force[:] = engine.linear_force
+        branches = [(self._branch(self.terms, j), self._branch(self.forces, j)) for j in range(self.branches)]
+        for field, force in [(self.old, self.elastic), *branches]:
+            self.engine.field[: self.engine.owned] = field
+            self.engine.evaluate(self.laws)
+            force[:] = self.engine.linear_force
         self._compose()
 
     def _compose(self) -> None:
@@ -165,8 +210,11 @@ class ViscoelasticHistory:
 
     def stored_energy(self) -> float:
         """-1/2 u.f(u) - 1/2 sum gamma_j q_j.f(q_j) [J] of the settled state."""
-        energy = -0.5 * np.einsum("n,ni,ni->", self.share, self.old, self.elastic)
+        share = self.particles.owned_rows("share")
+        energy = -0.5 * np.einsum("n,ni,ni->", share, self.old, self.elastic)
         for first, last, ratios, _ in self.series:
-            for ratio, q, f in zip(ratios, self.terms, self.forces):
-                energy -= 0.5 * ratio * np.einsum("n,ni,ni->", self.share[first:last], q[first:last], f[first:last])
+            rows = slice(first, last)
+            for j, ratio in enumerate(ratios):
+                q, f = self._branch(self.terms, j)[rows], self._branch(self.forces, j)[rows]
+                energy -= 0.5 * ratio * np.einsum("n,ni,ni->", share[rows], q, f)
         return float(energy)

@@ -4,8 +4,9 @@ import numpy as np
 
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, material_blocks
+from parsolid.materials.hyperelastic.law import isotropic_shear_modulus
 from parsolid.materials.registry import laws_of
-from parsolid.methods.protocol import ParticleMethod
+from parsolid.methods.protocol import ParticleSystem
 from parsolid.methods.tlsph import momentum as motion
 from parsolid.methods.tlsph import state
 from parsolid.methods.tlsph.boundaries import build_boundaries
@@ -23,7 +24,7 @@ from parsolid.scene import initial_deformation_gradient, initial_displacement, i
 from parsolid.solvers.runge_kutta import SSP_RK3, Stage
 
 
-class TotalLagrangianSPH(ParticleMethod):
+class TotalLagrangianSPH(ParticleSystem):
     """The method on one rank. Arrays are laid out as `numerics.layout` and `pairs.passes` say."""
 
     stages = SSP_RK3
@@ -61,7 +62,7 @@ class TotalLagrangianSPH(ParticleMethod):
 
     def _terms(self) -> RiemannDissipation | None:
         """The dissipation that the scene asks for and its laws need."""
-        directional = anywhere(self.comm, any(block.law.directional_shear for block in self.blocks))
+        directional = anywhere(self.comm, any(isotropic_shear_modulus(block.law) is None for block in self.blocks))
         if not float(self.settings.dissipation) > 0.0:
             return None
         reconstruction = LinearReconstruction() if self.settings.reconstruction else None

@@ -8,7 +8,13 @@ from pkgutil import iter_modules
 
 from parsolid.scene.boundaries.condition import Boundary, Condition, boundary_kind
 
-for _module in iter_modules(__path__):
-    import_module(f"{__name__}.{_module.name}")
 
-__all__ = ["Boundary", "Condition", "boundary_kind"]
+def find_kinds() -> None:
+    """Import every file of this folder, which enters its kinds."""
+    for module in iter_modules(__path__):
+        import_module(f"{__name__}.{module.name}")
+
+
+find_kinds()
+
+__all__ = ["Boundary", "Condition", "boundary_kind", "find_kinds"]

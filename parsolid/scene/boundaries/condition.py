@@ -19,14 +19,15 @@ Boundary = Annotated[Any, BOUNDARY_KINDS]
 class Condition(SceneModel):
     """A boundary condition with a literal field `kind`; its keys are those of its table in the scene.
 
-    on_particles: it is about particles of a region, else about nodes of a grid, wherever particles are; needs_bounding_plane: its
-    plane must bound a body.
+    on_particles: it is about particles of a region, else about nodes of a grid, wherever particles are;
+    needs_bounding_plane: its plane must bound a body.
     """
 
     on_particles: ClassVar[bool] = True
     needs_bounding_plane: ClassVar[bool] = False
     if TYPE_CHECKING:
         # fields of the kinds, in the order of their tables
+        kind: str
         plane: Plane | None
         body: str | None
 
@@ -48,10 +49,10 @@ class Condition(SceneModel):
         raise NotImplementedError
 
 
-Kind = TypeVar("Kind", bound=type[Condition])
+Kind = TypeVar("Kind", bound=Condition)
 
 
-def boundary_kind(model: Kind) -> Kind:
+def boundary_kind(model: type[Kind]) -> type[Kind]:
     """Enter a kind in the table; raises ValueError for one that is there."""
     for kind in get_args(model.model_fields["kind"].annotation):
         if kind in BOUNDARY_KINDS.models:

@@ -1,6 +1,6 @@
 """Motion prescribed over a region: velocity, displacement, a layer of fictitious particles."""
 
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import Field
 
@@ -11,6 +11,9 @@ from parsolid.scene.formulas import Formula, FormulaVector, VectorOrFree
 from parsolid.scene.load_histories import LoadHistory, Timed
 from parsolid.scene.regions import Beside, InBall, InBox, NearestTo, OnPlane, Region
 from parsolid.scene.shapes import Box, Sphere
+
+if TYPE_CHECKING:
+    from parsolid.boundary.declarations import Declarations
 
 
 class RegionCondition(Condition):
@@ -30,7 +33,10 @@ class RegionCondition(Condition):
             return OnPlane(self.plane)
         if self.box is not None:
             return InBox(self.box.lower, self.box.upper)
-        return InBall(self.ball.centre, self.ball.radius) if self.ball is not None else NearestTo(self.point)
+        if self.ball is not None:
+            return InBall(self.ball.centre, self.ball.radius)
+        assert self.point is not None
+        return NearestTo(self.point)
 
 
 @boundary_kind
@@ -40,7 +46,7 @@ class PrescribedVelocity(RegionCondition):
     kind: Literal["velocity"]
     velocity: VectorOrFree = Field(description="a formula in X, Y, Z, t or 'free' for each component [m/s]")
 
-    def declare(self, to) -> None:
+    def declare(self, to: "Declarations") -> None:
         """A velocity."""
         to.prescribe(self, "velocity", LoadHistory(self.velocity))
 
@@ -57,16 +63,17 @@ class PrescribedDisplacement(RegionCondition, Timed):
         """The displacement in time."""
         return LoadHistory(self.displacement, self)
 
-    def declare(self, to) -> None:
+    def declare(self, to: "Declarations") -> None:
         """A displacement."""
         to.prescribe(self, "displacement", self.course)
 
 
 @boundary_kind
 class FictitiousLayer(Condition, Timed):
-    """A layer of fictitious particles, the part of a body on one side of a plane through it, with prescribed displacement [m].
+    """A layer of fictitious particles, the part of a body on one side of a plane, with prescribed displacement.
 
-    As wide as the horizon it holds the rest of the body at the plane (Galadima et al., section 8), with an error of first order.
+    As wide as the horizon it holds the rest of the body at the plane (Galadima et al., section 8), with an error of
+    first order.
     """
 
     kind: Literal["layer"]
@@ -87,6 +94,6 @@ class FictitiousLayer(Condition, Timed):
         """The displacement in time."""
         return LoadHistory(self.displacement or FormulaVector([Formula(0.0)] * 3), self)
 
-    def declare(self, to) -> None:
+    def declare(self, to: "Declarations") -> None:
         """A displacement."""
         to.prescribe(self, "displacement", self.course)

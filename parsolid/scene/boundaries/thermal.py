@@ -1,6 +1,6 @@
 """Planes at a temperature, and heat that flows through planes."""
 
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import Field
 
@@ -9,6 +9,9 @@ from parsolid.scene.bodies import Name
 from parsolid.scene.boundaries.condition import Condition, boundary_kind
 from parsolid.scene.formulas import FormulaVector, Scalar
 from parsolid.scene.load_histories import LoadHistory
+
+if TYPE_CHECKING:
+    from parsolid.boundary.declarations import Declarations
 
 
 @boundary_kind
@@ -21,14 +24,14 @@ class PrescribedTemperature(Condition):
     body: Name | None = None
     temperature: Scalar = Field(description="a formula in X, Y, Z, t [K]")
 
-    def declare(self, to) -> None:
+    def declare(self, to: "Declarations") -> None:
         """A plane's temperature."""
         to.temperature(self, self.temperature)
 
 
 @boundary_kind
 class HeatFlux(Condition):
-    """Heat [W/m^2] that flows into a body through a plane that bounds it; planes without any condition are insulated."""
+    """Heat [W/m^2] into a body through a plane that bounds it; planes without any condition are insulated."""
 
     on_particles: ClassVar[bool] = False
     kind: Literal["heat_flux"]
@@ -36,6 +39,6 @@ class HeatFlux(Condition):
     body: Name | None = None
     heat_flux: Scalar = Field(description="a formula in X, Y, Z, t [W/m^2]")
 
-    def declare(self, to) -> None:
+    def declare(self, to: "Declarations") -> None:
         """Heat through an area."""
         to.heat_flux(self, LoadHistory(FormulaVector((self.heat_flux,))))

@@ -1,6 +1,6 @@
 """Tractions on planes that bound a body."""
 
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import Field
 
@@ -9,6 +9,9 @@ from parsolid.scene.bodies import Name
 from parsolid.scene.boundaries.condition import Condition, boundary_kind
 from parsolid.scene.formulas import Vector
 from parsolid.scene.load_histories import LoadHistory, Timed
+
+if TYPE_CHECKING:
+    from parsolid.boundary.declarations import Declarations
 
 
 @boundary_kind
@@ -26,6 +29,6 @@ class Traction(Condition, Timed):
         """The traction in time."""
         return LoadHistory(self.traction, self)
 
-    def declare(self, to) -> None:
+    def declare(self, to: "Declarations") -> None:
         """A force on an area."""
         to.traction(self, self.course)

@@ -1,11 +1,14 @@
 """Rigid walls that bodies run into."""
 
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import Field
 
 from parsolid.scene.base_model import Plane, Point
 from parsolid.scene.boundaries.condition import Condition, boundary_kind
+
+if TYPE_CHECKING:
+    from parsolid.boundary.declarations import Declarations
 
 
 @boundary_kind
@@ -17,7 +20,7 @@ class Wall(Condition):
     """
 
     on_particles: ClassVar[bool] = False
-    body: ClassVar[None] = None  # type: ignore[assignment,misc]
+    body: ClassVar[None] = None  # type: ignore[misc]
     kind: Literal["wall"]
     plane: Plane = Field(description="a plane such as 'Y = 0': where the wall is at time 0")
     side: Literal["above", "below"] = Field(
@@ -27,6 +30,6 @@ class Wall(Condition):
     contact: Literal["frictionless", "sticking"] = "frictionless"
     separation: Literal[True] = Field(True, description="true")
 
-    def declare(self, to) -> None:
+    def declare(self, to: "Declarations") -> None:
         """A wall."""
         to.wall(self, self.side, self.velocity, self.contact == "sticking")

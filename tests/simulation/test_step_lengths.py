@@ -6,7 +6,7 @@ import pytest
 
 from parsolid.simulation.time_step import TimeSteps
 
-pytestmark = pytest.mark.mpi(ranks=[1])
+pytestmark = pytest.mark.serial
 
 
 def walk(steps: TimeSteps, stable: float, time: float = 0.0) -> list[tuple[float, float]]:

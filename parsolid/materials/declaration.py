@@ -1,0 +1,102 @@
+"""How a law says what it is and what a scene states for it: its role, its kind, and its parameters with units and bounds.
+
+    @law("flow-stress", "voce")
+    class Voce(NamedTuple):
+        yield_stress: Annotated[float, Parameter("Pa", "sigma_0", above=0.0)]
+
+A declared NamedTuple is the law itself. Where a scene states other constants than the law keeps, the declared class is a plain one
+with the same annotations and a method `equilibrium_law(self)` that makes the NamedTuple. Either may have `faults(self)`, which lists
+(key, what was expected, what was found), `exactly_one` and `at_most_one` (keys that exclude each other), and properties.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
+
+Role = Literal["hyperelastic", "equation-of-state", "shear-modulus", "flow-stress", "melting"]
+ROLES: tuple[str, ...] = get_args(Role)
+NEEDED = object()
+ATOMIC_MASS_UNIT = 1.66053906660e-27
+
+
+class Phrase(str):
+    """Text that a message shows as it is, without quotation marks."""
+
+    def __repr__(self) -> str:
+        return str(self)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """What a scene states: unit ("1" of a pure number), description, bounds, default (none: it must be given).
+
+    factor: from the stated unit to the SI unit that the law keeps.
+    """
+
+    unit: str = "1"
+    description: str = ""
+    above: float | None = None
+    at_least: float | None = None
+    below: float | None = None
+    default: Any = NEEDED
+    factor: float = 1.0
+
+    @property
+    def told(self) -> str | None:
+        """The description with the unit, for messages."""
+        unit = "" if self.unit == "1" else f"[{self.unit}]"
+        return f"{self.description} {unit}".strip() or None
+
+
+@dataclass(frozen=True)
+class OfMaterial:
+    """A number that a part takes from the material it is part of."""
+
+
+Density = Annotated[float, Parameter("kg/m^3", "the density", above=0.0)]
+_declared: dict[tuple[str, str], type] = {}
+
+
+def law(role: Role, kind: str):
+    """Decorator: declare a law under the name by which a scene asks for it. ValueError for an unknown role."""
+    if role not in ROLES:
+        raise ValueError(f"role: expected one of {', '.join(map(repr, ROLES))}, found {role!r}")
+
+    def declare(declared: type) -> type:
+        declared.role, declared.kind = role, kind
+        _declared[role, kind] = declared
+        return declared
+
+    return declare
+
+
+def declared_as(role: str, kind: str) -> type:
+    """The class declared under a name; KeyError where its module was not imported."""
+    return _declared[role, kind]
+
+
+def parameters_of(declared: type) -> dict[str, tuple[Any, Parameter | OfMaterial]]:
+    """Name -> (plain type, Parameter or OfMaterial) of what a class annotates so."""
+    result = {}
+    for name, hint in get_type_hints(declared, include_extras=True).items():
+        if get_origin(hint) is Annotated:
+            plain, *notes = get_args(hint)
+            result |= {name: (plain, note) for note in notes if isinstance(note, Parameter | OfMaterial)}
+    return result
+
+
+def built(declared: type, stated: Any, **of_material: Any) -> Any:
+    """The NamedTuple of a declared one from an object with the stated parameters as attributes, in SI units.
+
+    of_material: what the material gives, by the names of the remaining fields.
+    """
+    values, parameters = dict(of_material), parameters_of(declared)
+    for name, (_, parameter) in parameters.items():
+        if isinstance(parameter, OfMaterial):
+            continue
+        value = getattr(stated, name)
+        if hasattr(type(value), "declared"):
+            value = built(type(value).declared, value)
+        elif isinstance(value, float | int) and not isinstance(value, bool):
+            value = float(value) * parameter.factor if parameter.factor != 1.0 else float(value)
+        values[name] = value
+    return declared(**{name: values[name] for name in declared._fields})

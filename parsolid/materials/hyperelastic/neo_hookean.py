@@ -1,0 +1,13 @@
+"""The neo-Hookean solid: Mooney-Rivlin with zeta = 0, of which nothing is computed."""
+
+from typing import Annotated, Literal
+
+from parsolid.materials.declaration import Parameter, law
+from parsolid.materials.hyperelastic.mooney_rivlin import StatedMooneyRivlin
+
+
+@law("hyperelastic", "neo-hookean")
+class StatedNeoHookean(StatedMooneyRivlin):
+    """Mooney-Rivlin with zeta = 0."""
+
+    zeta: Annotated[Literal[0, 0.0], Parameter(default=0.0)]

@@ -1,0 +1,29 @@
+"""The fields that every particle has from its generation on, whatever the method."""
+
+import numpy as np
+
+from parsolid.particles.container import Particles
+from parsolid.particles.declaration import Field, Rows, Within
+
+
+def declare_generated(
+    particles: Particles, particle_set, place: Rows | Within | None = None, told: tuple[str, ...] = ()
+) -> None:
+    """Declare identifier, reference position, volume, spacing, axes where there are some, and area of a rank's
+    `ParticleSet`.
+
+    place: layout of the reference position; told: names of the fields that ghosts have, in the message "reference".
+    """
+    count, d = particle_set.position.shape
+
+    def declare(name: str, components: int, unit: str, values: np.ndarray, **more) -> None:
+        ghosts = {"ghosts": "forward", "message": "reference"} if name in told else {}
+        particles.declare(Field(name, components, unit, checkpointed=True, **ghosts, **more), values)
+
+    declare("identifier", 1, "1", particle_set.identifier, shown=True, whole=True)
+    declare("reference_position", d, "m", particle_set.position, mirror="vector", layout=place or Rows())
+    declare("volume", 1, "m^3", particle_set.volume)
+    declare("spacing", d, "m", particle_set.spacing, mirror="vector")
+    if particle_set.axes is not None:
+        declare("axes", d * d, "1", particle_set.axes.reshape(count, d * d), mirror="tensor")
+    declare("area", d, "m^2", particle_set.area, mirror="vector")

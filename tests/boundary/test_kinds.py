@@ -1,0 +1,138 @@
+"""Every boundary kind with every method: taken, or refused by its name and by what it means; a new kind is one file."""
+
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from kinds import KINDS, table, tables_of, translated
+from solids import gathered, simulation
+
+from parsolid.boundary.declarations import Declarations, Support
+from parsolid.collective import SolverError
+from parsolid.scene import SceneError, boundaries, parse_scene
+from parsolid.scene.boundaries.condition import BOUNDARY_KINDS
+from parsolid.scene.methods import settings_class
+
+ROOT = Path(__file__).parents[2]
+METHODS = ("tlsph", "peridynamics", "mpm")
+TAKEN = {method: settings_class({"kind": method}).boundaries for method in METHODS}
+
+
+def test_these_are_all_kinds():
+    assert set(KINDS) == set(BOUNDARY_KINDS.models) == {kind for kinds in TAKEN.values() for kind in kinds}
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_method_takes_a_kind_or_refuses_it(method, kind, comm):
+    data = tables_of(method, table(kind))
+    if kind in TAKEN[method]:
+        translated(comm, data)
+        return
+    with pytest.raises(SceneError) as found:
+        parse_scene(data)
+    known = ", ".join(map(repr, TAKEN[method]))
+    assert found.value.faults == [
+        f"boundaries.0.kind: expected one of {known}, which the method of the scene knows, found {kind!r}"
+    ]
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_kind_is_taken_for_another(method, kind, comm, monkeypatch):
+    """Were a kind in a method's list by mistake, what it means would be refused."""
+    if kind in TAKEN[method]:
+        return
+    monkeypatch.setattr(settings_class({"kind": method}), "boundaries", tuple(KINDS))
+    with pytest.raises(SolverError, match="boundaries.0.kind: expected .* with this method, found " + repr(kind)):
+        translated(comm, tables_of(method, table(kind)))
+
+
+def test_the_table_in_the_documents_is_that_of_the_methods():
+    text = (ROOT / "docs" / "boundary.md").read_text(encoding="utf-8")
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:3] == "| `"]
+    assert [cells[0].strip("`") for cells in rows] == list(KINDS)
+    for kind, *marks, file in rows:
+        kind = kind.strip("`")
+        assert dict(zip(METHODS, marks)) == {one: "yes" if kind in TAKEN[one] else "" for one in METHODS}, kind
+        model = BOUNDARY_KINDS.models[kind]
+        assert model.__module__ == "parsolid.scene.boundaries." + re.fullmatch(r"`(\w+)\.py`", file)[1]
+
+
+PRESSURE = '''
+"""Pressure on planes that bound a body."""
+
+from typing import ClassVar, Literal
+
+from parsolid.scene.base_model import Plane
+from parsolid.scene.bodies import Name
+from parsolid.scene.boundaries.condition import Condition, boundary_kind
+from parsolid.scene.formulas import Formula, FormulaVector
+from parsolid.scene.load_histories import LoadHistory
+
+
+@boundary_kind
+class Pressure(Condition):
+    """A constant pressure [Pa] on a plane; outward: along its axis, 1.0 or -1.0."""
+
+    needs_bounding_plane: ClassVar[bool] = True
+    kind: Literal["pressure"]
+    plane: Plane
+    body: Name | None = None
+    pressure: float
+    outward: float
+
+    def declare(self, to) -> None:
+        force = [-self.outward * self.pressure * (axis == self.plane.axis) for axis in range(to.dimension)]
+        to.traction(self, LoadHistory(FormulaVector(map(Formula, force))))
+'''
+
+
+@pytest.fixture
+def new_kind(tmp_path, monkeypatch):
+    """A folder whose files are kinds, too, for the time of a test."""
+    monkeypatch.setattr(boundaries, "__path__", [*boundaries.__path__, str(tmp_path)])
+    models = dict(BOUNDARY_KINDS.models)
+
+    def write(text: str) -> None:
+        (tmp_path / "brand_new.py").write_text(text, encoding="utf-8")
+        boundaries.find_kinds()
+
+    yield write
+    sys.modules.pop(f"{boundaries.__name__}.brand_new", None)
+    BOUNDARY_KINDS.models.clear()
+    BOUNDARY_KINDS.models.update(models)
+
+
+def test_a_new_kind_is_one_file_and_a_word_in_the_methods_list(new_kind, monkeypatch):
+    new_kind(PRESSURE)
+    pressed = tables_of("tlsph", {"kind": "pressure", "plane": "X = 1", "pressure": 0.1, "outward": 1.0})
+    with pytest.raises(SceneError, match="which the method of the scene knows, found 'pressure'"):
+        parse_scene(pressed)
+    monkeypatch.setattr(settings_class({"kind": "tlsph"}), "boundaries", (*TAKEN["tlsph"], "pressure"))
+    pulled = tables_of("tlsph", {"kind": "traction", "plane": "X = 1", "traction": [-0.1, 0.0]})
+    motions = []
+    for data in (pressed, pulled):
+        sim = simulation(data)
+        for _ in range(3):
+            sim.take_step(0.02)
+        motions.append(gathered(sim, "velocity")[0])
+    assert np.array_equal(*motions) and motions[0].min() < -1e-3
+    pressed["boundaries"][0]["plane"] = "X = 0.5"
+    with pytest.raises(SceneError, match="boundaries.0.plane: expected a plane that bounds a body"):
+        parse_scene(pressed)
+
+
+def test_a_kind_that_means_nothing_is_refused(new_kind, monkeypatch):
+    new_kind(re.sub(r"        force = .*\n        to.traction.*", "        pass", PRESSURE))
+    monkeypatch.setattr(settings_class({"kind": "tlsph"}), "boundaries", ("pressure",))
+    data = tables_of("tlsph", {"kind": "pressure", "plane": "X = 1", "pressure": 0.1, "outward": 1.0})
+    with pytest.raises(SolverError, match="boundaries.0.kind: expected a condition with a meaning, found 'pressure'"):
+        Declarations(parse_scene(data), Support)
+
+
+def test_two_kinds_of_one_name_are_refused(new_kind):
+    with pytest.raises(ValueError, match="expected one of the name 'traction', found two"):
+        new_kind(PRESSURE.replace('Literal["pressure"]', 'Literal["traction"]'))

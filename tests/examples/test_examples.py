@@ -1,0 +1,153 @@
+"""Laws in files of a user's own: run by every method, checked against their energy, refused unless trusted, never stale."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from parsolid.commands.point.choice import point_law
+from parsolid.commands.point.driver import drive
+from parsolid.commands.point.report import tabulate
+from parsolid.commands.point.schema import load_point
+from parsolid.materials import registry
+from parsolid.materials.plastic import plastic_evaluation
+from parsolid.scene import SceneError, dump_scene, load_scene
+from parsolid.simulation.loop import Simulation
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+BLOCK, BAR = EXAMPLES / "rubber_block.toml", EXAMPLES / "voce_bar.toml"
+METHODS = {
+    "tlsph": [],
+    "peridynamics": ["method.kind=peridynamics"],
+    "mpm": ['method={kind = "mpm", cell = 0.25, formulation = "total-lagrangian"}', "bodies.0.placement=cells"],
+}
+
+
+def ran(comm, scene, steps: int = 10):
+    simulation = Simulation(comm, scene)
+    for _ in range(steps):
+        stable = comm.allreduce(min(system.stable_step() for system in simulation.systems), min)
+        simulation.take_step(0.5 * stable)
+    return simulation
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_block_with_a_law_of_ones_own_runs_with_every_method(comm, method):
+    simulation = ran(comm, load_scene(BLOCK, METHODS[method], trust_code=True))
+    kinetic, stored = (comm.allreduce(sum(s.energies()[i] for s in simulation.systems)) for i in (0, 1))
+    assert stored > 0.0
+    # no more than it had: (5 Z, 0, 2 Z) over 2 m of 1100 kg/m^3
+    start = 0.5 * 1100.0 * (25.0 + 4.0) * 8.0 / 3.0
+    assert kinetic + stored < 1.03 * start and kinetic > 0.5 * start
+
+
+def test_a_bar_with_a_flow_stress_of_ones_own_flows(comm):
+    simulation = ran(comm, load_scene(BAR, ["bodies.0.velocity=['0', '-2000*Y/0.016']"], trust_code=True))
+    strain = simulation.systems[0].particles.owned_rows("plastic_strain")
+    assert comm.allreduce(float(strain.max(initial=0.0)), max) > 1e-3
+
+
+def test_the_flow_stress_is_the_formula_of_the_file():
+    law = registry.law_of(load_scene(BAR, trust_code=True).bodies[0].material)
+    strain = np.array([0.0, 0.1, 0.5])
+    expected = 3e8 + 3e8 * (1.0 - np.exp(-strain / 0.2))
+    assert plastic_evaluation.flow_stress(law, strain, 1.0, 300.0) == pytest.approx(expected, rel=1e-12)
+
+
+def test_code_is_run_only_where_it_is_trusted(tmp_path):
+    ran_at = tmp_path / "ran"
+    (tmp_path / "law.py").write_text(f"open({str(ran_at)!r}, 'w').close()\n")
+    scene = tmp_path / "scene.toml"
+    scene.write_text(BLOCK.read_text().replace("gent.py:Gent", "law.py:Law"))
+    with pytest.raises(SceneError, match="bodies.0.material.law: expected --trust-code .*found 'law.py:Law'"):
+        load_scene(scene)
+    assert not ran_at.exists()
+    with pytest.raises(SceneError, match="bodies.0.material.law: expected a class Law with the decorator"):
+        load_scene(scene, trust_code=True)
+    assert ran_at.exists()
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        (("gent.py:Gent", "gent.py"), "expected a file and the class in it"),
+        (("gent.py:Gent", "nowhere.py:Gent"), "expected a file that can be read .No such file"),
+        (("gent.py:Gent", "voce.py:Voce"), "expected a law with the role 'hyperelastic', found 'flow-stress'"),
+        (("limit = 30.0", "limit = -1.0"), "material.limit: expected a number > 0, found -1.0"),
+        (("limit = 30.0", ""), "material.limit: expected J_m, found nothing"),
+        (("limit = 30.0", "limits = 30.0"), "unknown key 'limits' .did you mean 'limit'"),
+        (
+            ('law = "gent.py:Gent"', 'law = "gent.py:Gent"\nkind = "gent"'),
+            "material.kind: expected no such key with law",
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_law_in_a_file_is_told(tmp_path, change, message):
+    for name in ("gent.py", "voce.py"):
+        (tmp_path / name).write_text((EXAMPLES / name).read_text())
+    scene = tmp_path / "scene.toml"
+    scene.write_text(BLOCK.read_text().replace(*change))
+    with pytest.raises(SceneError, match=message):
+        load_scene(scene, trust_code=True)
+
+
+def test_a_law_that_lacks_a_function_is_refused(tmp_path):
+    text = (EXAMPLES / "gent.py").read_text()
+    (tmp_path / "gent.py").write_text(text[: text.index("@elastic_moduli")])
+    scene = tmp_path / "scene.toml"
+    scene.write_text(BLOCK.read_text())
+    with pytest.raises(SceneError, match="expected a law with elastic_moduli"):
+        load_scene(scene, trust_code=True)
+
+
+def test_the_scene_that_a_run_writes_names_the_law(tmp_path):
+    scene = load_scene(BLOCK, trust_code=True)
+    dump_scene(scene, tmp_path / "scene.toml")
+    assert load_scene(tmp_path / "scene.toml", trust_code=True).bodies == scene.bodies
+    assert f"{EXAMPLES / 'gent.py'}:Gent" in (tmp_path / "scene.toml").read_text()
+
+
+def test_a_part_of_a_law_checks_itself():
+    with pytest.raises(SceneError, match="flow_stress.saturation: expected at least yield_stress = 3e.08, found 100.0"):
+        load_scene(BAR, ["bodies.0.material.flow_stress.saturation=100.0"], trust_code=True)
+
+
+_ENERGY = """
+import sys, numpy as np
+from parsolid.materials.hyperelastic import evaluation
+from parsolid.materials.registry import law_of
+from parsolid.scene import load_scene
+law = law_of(load_scene(sys.argv[1], trust_code=True).bodies[0].material)
+F = np.diag([1.1, 1.0, 1.0])
+print(float(evaluation.equilibrium_energy(law, F, evaluation.cofactor(F), 1.1)))
+"""
+
+
+@pytest.mark.mpi(ranks=[1])
+def test_an_edited_law_is_compiled_anew_and_an_unchanged_one_is_not(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
+    scene = tmp_path / "scene.toml"
+    scene.write_text(BLOCK.read_text())
+    text = (EXAMPLES / "gent.py").read_text()
+
+    def energy(law: str) -> tuple[float, int]:
+        (tmp_path / "gent.py").write_text(law)
+        done = subprocess.run([sys.executable, "-c", _ENERGY, scene], capture_output=True, text=True, check=True)
+        return float(done.stdout), len(list((tmp_path / "kernels").glob("*_energies*")))
+
+    first, again = energy(text), energy(text)
+    edited = energy(text.replace("-0.5 * law.shear_modulus", "-1.0 * law.shear_modulus"))
+    assert first == again and first[1] == 1
+    assert edited[1] == 2 and edited[0] - first[0] == pytest.approx(-15e6 * np.log(1.0 - 0.21 / 30.0), rel=1e-9)
+
+
+def test_a_point_is_driven_with_a_law_of_ones_own(tmp_path):
+    point = load_point(EXAMPLES / "rubber_pulled.toml", ["steps=10"], trust_code=True)
+    law = point_law(registry.law_of(point.material), **point.conditions)
+    columns = tabulate(law, drive(law, point.path, point.end_time, point.longest_step), np.eye(3))
+    assert columns["work"][-1] == pytest.approx(columns["stored"][-1] + columns["dissipated"][-1], rel=1e-5)
+    # stiffer and stiffer towards the limit: the wave along the pull is the fastest
+    assert np.all(np.diff(columns["direction_1.pressure_wave_speed"][2:]) > 0.0)
+    assert columns["largest_pressure_wave_speed"] >= pytest.approx(columns["direction_1.pressure_wave_speed"])
