@@ -20,6 +20,28 @@ class Images(NamedTuple):
     table: np.ndarray
 
 
+class PlaneImage(NamedTuple):
+    """Columns of `Images.table` in the plane: Q twice; R and T; of a matrix s Q_i Q_j, and Q_i R_j."""
+
+    signs: int
+    reflection: int
+    stress: int
+    gradient: int
+
+
+class SpaceImage(NamedTuple):
+    """Columns of `Images.table` in space: Q, R, T, R_i R_j of the off-diagonal part of a symmetric tensor, s."""
+
+    signs: int
+    reflection: int
+    shift: int
+    off_diagonal: int
+    stress_sign: int
+
+
+PLANE_IMAGE, SPACE_IMAGE = PlaneImage(0, 4, 8, 12), SpaceImage(0, 4, 8, 12, 15)
+
+
 class InnerList(NamedTuple):
     """Each pair of owned particles once, both receive. Pairs of particle a stand in rows start[a] : start[a+1] (int64).
 
@@ -81,15 +103,18 @@ def image_table(dimension: int, signs, reflections, shifts, stress_signs) -> np.
     """Rows of `Images.table` from Q, R (+-1) and T [m], each (codes, dimension), and s (codes,)."""
     table = np.zeros((len(signs), 16))
     if dimension == 3:
-        table[:, 0:3], table[:, 4:7], table[:, 8:11] = signs, reflections, shifts
-        table[:, 12] = reflections[:, 0] * reflections[:, 1]
-        table[:, 13] = reflections[:, 0] * reflections[:, 2]
-        table[:, 14] = reflections[:, 1] * reflections[:, 2]
-        table[:, 15] = stress_signs
+        at = SPACE_IMAGE
+        for first, values in ((at.signs, signs), (at.reflection, reflections), (at.shift, shifts)):
+            table[:, first : first + 3] = values
+        for column, (i, j) in enumerate(((0, 1), (0, 2), (1, 2)), at.off_diagonal):
+            table[:, column] = reflections[:, i] * reflections[:, j]
+        table[:, at.stress_sign] = stress_signs
     else:
-        table[:, 0:2], table[:, 2:4] = signs, signs
-        table[:, 4:6], table[:, 6:8] = reflections, shifts
+        of = PLANE_IMAGE
+        table[:, of.signs : of.signs + 4] = np.tile(signs, 2)
+        table[:, of.reflection : of.reflection + 4] = np.concatenate((reflections, shifts), axis=1)
         # columns of a matrix: s Q_i Q_j for P L and Q_i R_j for grad v
-        table[:, 8:12] = stress_signs[:, None] * np.tile(signs, 2) * np.repeat(signs, 2, axis=1)
-        table[:, 12:16] = np.tile(signs, 2) * np.repeat(reflections, 2, axis=1)
+        stress = stress_signs[:, None] * np.tile(signs, 2) * np.repeat(signs, 2, axis=1)
+        table[:, of.stress : of.stress + 4] = stress
+        table[:, of.gradient : of.gradient + 4] = np.tile(signs, 2) * np.repeat(reflections, 2, axis=1)
     return table

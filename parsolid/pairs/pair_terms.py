@@ -29,7 +29,9 @@ from parsolid.pairs.primitives import (
     vector,
     within,
 )
-from parsolid.pairs.terms import AlongBonds, RiemannDissipation, ShearScaled, record_columns
+from parsolid.pairs.terms import KINEMATICS, AlongBonds, RiemannDissipation, ShearScaled, record_columns
+
+_FIELD = KINEMATICS[3].field
 
 
 @generic(on="terms")
@@ -58,14 +60,14 @@ def _own_waves(space, terms, kinematics, record, a):
 @own_side.of(ShearScaled)
 def _own_stiffness(space, terms, kinematics, record, a):
     at, X = record_columns(space, terms), reference(space, None, a, kinematics, a)
-    return matrix(space, record, a, at.stress), X, load(kinematics, a, 0), matrix(space, record, a, at.stiffness)
+    return matrix(space, record, a, at.stress), X, load(kinematics, a, _FIELD), matrix(space, record, a, at.stiffness)
 
 
 @own_side.of(AlongBonds)
 def _own_modulus(space, terms, kinematics, record, a):
     at, X = record_columns(space, terms), reference(space, None, a, kinematics, a)
     P, G = matrix(space, record, a, at.stress), matrix(space, record, a, at.gradient)
-    return P, X, load(kinematics, a, 0), G, load(record, a, at.modulus)
+    return P, X, load(kinematics, a, _FIELD), G, load(record, a, at.modulus)
 
 
 @generic(on="terms")
@@ -87,7 +89,7 @@ def _stress_and_riemann(space, terms, own, images, k, weight, kinematics, record
 @pair_forces.of(ShearScaled)
 def _stress_and_shear(space, terms, own, images, k, weight, kinematics, record, b, g):
     t = _stress_force(space, own[0], weight, images, k, record, b, g)
-    jump = broadcast(weight[k]) * (vector(images, k, kinematics, b, 0) - own[2])
+    jump = broadcast(weight[k]) * (vector(images, k, kinematics, b, _FIELD) - own[2])
     there = stiffness_of(space, images, k, record, b, record_columns(space, terms).stiffness)
     return (t + sum_times(space, own[3], there, jump),)
 
@@ -118,7 +120,7 @@ def _force_along_bond(space, terms, own, images, k, kinematics, record, b, g):
     """xi/(2 |xi|^3) xi . [(c_a + c_b)(f_b - f_a) - (c_a G_a + c_b G_b) xi] times the weight."""
     at = record_columns(space, terms)
     xi = reference(space, images, k, kinematics, b) - own[1]
-    jump = (own[4] + load(record, b, at.modulus)) * (vector(images, k, kinematics, b, 0) - own[2])
+    jump = (own[4] + load(record, b, at.modulus)) * (vector(images, k, kinematics, b, _FIELD) - own[2])
     jump = jump - sum_times(space, own[3], gradient_of(space, images, k, record, b, at.gradient), xi)
     length = dot(space, xi, xi)
     return broadcast(0.5 * dot(space, jump, xi) / (length * math.sqrt(length))) * g

@@ -99,6 +99,7 @@ class AlongBondsRecord(NamedTuple):
     width: int
 
 
+# the field comes first in both
 KINEMATICS = {2: Kinematics(0, 2, 4, 8), 3: Kinematics(0, 4, 8, 12)}
 # columns that a matrix and a symmetric tensor take
 _MATRIX, _SYMMETRIC = {2: 4, 3: 12}, {2: 4, 3: 8}
@@ -128,17 +129,6 @@ def _record_columns(space, terms):
         directional = not isinstance(field_types(terms)["shear"], types.NoneType)
     columns = _columns(dimension_of(space), kind, directional)
     return lambda space, terms: columns
-
-
-def kinematic_columns(space):
-    """Columns of a particle's vectors; a constant in kernels."""
-    return KINEMATICS[space.dimension]
-
-
-@overload(kinematic_columns)
-def _kinematic_columns(space):
-    columns = KINEMATICS[dimension_of(space)]
-    return lambda space: columns
 
 
 def dimension_of(space) -> int:
