@@ -113,7 +113,9 @@ class Output(SceneModel):
     history_steps: Annotated[int, Field(ge=1)] | None = Field(default=None, description="every step unless given")
     fields_interval: Positive | None = Field(default=None, description="a twentieth of end_time unless given")
     fields_times: list[NotNegative] | None = None
-    fields: list[ShownField] | None = Field(default=None, description="the fields to write, the usual ones unless given")
+    fields: list[ShownField] | None = Field(
+        default=None, description="the fields to write, the usual ones unless given"
+    )
     checkpoint_interval: Positive | None = None
     checkpoint_steps: Annotated[int, Field(ge=1)] | None = None
     checkpoint_wall: Positive = Field(default=600.0, description="wall time between checkpoints [s]")
