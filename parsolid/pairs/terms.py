@@ -131,6 +131,17 @@ def _record_columns(space, terms):
     return lambda space, terms: columns
 
 
+def kinematic_columns(space):
+    """Columns of a particle's vectors; a constant in kernels."""
+    return KINEMATICS[space.dimension]
+
+
+@overload(kinematic_columns)
+def _kinematic_columns(space):
+    columns = KINEMATICS[dimension_of(space)]
+    return lambda space: columns
+
+
 def dimension_of(space) -> int:
     """Dimension of the numba type of a `numerics.layout` space."""
     return 2 if is_instance(space, Plane) else 3
