@@ -63,7 +63,8 @@ class History:
                 file.flush()
                 os.fsync(file.fileno())
             os.replace(partial, self.path)
-            self._file = open(self.path, "a", newline="")
+            # stays open between rows
+            self._file = open(self.path, "a", newline="")  # noqa: SIM115
             return self._file
         except OSError as error:
             raise OutputError(f"cannot write {self.path}: {words(error)}") from error

@@ -88,7 +88,8 @@ def provenance() -> dict[str, Any]:
 
 def _git(directory: Path, *arguments: str) -> str | None:
     try:
-        result = subprocess.run(["git", "-C", directory, *arguments], capture_output=True, text=True, timeout=10)
+        command = ["git", "-C", str(directory), *arguments]
+        result = subprocess.run(command, check=False, capture_output=True, text=True, timeout=10)
     except (OSError, subprocess.TimeoutExpired):
         return None
     return result.stdout.strip() if result.returncode == 0 else None

@@ -1,6 +1,7 @@
 """What a pair adds to the forces of its particles, by the type of the terms (see `pairs.terms`).
 
-`own` is what a pair needs of the first particle; a contribution is a tuple (T,), or (T, D) with D the force that dissipates.
+`own` is what a pair needs of the first particle; a contribution is a tuple (T,), or (T, D) with D the force that
+dissipates.
 """
 
 import math
@@ -10,26 +11,24 @@ from numba.extending import register_jitable
 from parsolid.numerics.dispatch import generic, none_without
 from parsolid.numerics.lanes import broadcast, fused, horizontal_sums, lane, last_two_roots, load
 from parsolid.pairs.primitives import (
-    along,
     dot,
-    dyad,
-    free_lane,
     gradient_of,
     jump_factor,
     less_sum_times,
     matrix,
     motion,
     reference,
-    square,
     steps,
     stiffness_of,
     stress_of,
     sum_times,
-    symmetric_of,
     vector,
     within,
 )
-from parsolid.pairs.terms import AlongBonds, RiemannDissipation, ShearScaled, record_columns
+from parsolid.pairs.symmetric_tensors import along, dyad, free_lane, square, symmetric_of
+from parsolid.pairs.terms import KINEMATICS, AlongBonds, RiemannDissipation, ShearScaled, record_columns
+
+_FIELD = KINEMATICS[3].field
 
 
 @generic(on="terms")
@@ -58,14 +57,14 @@ def _own_waves(space, terms, kinematics, record, a):
 @own_side.of(ShearScaled)
 def _own_stiffness(space, terms, kinematics, record, a):
     at, X = record_columns(space, terms), reference(space, None, a, kinematics, a)
-    return matrix(space, record, a, at.stress), X, load(kinematics, a, 0), matrix(space, record, a, at.stiffness)
+    return matrix(space, record, a, at.stress), X, load(kinematics, a, _FIELD), matrix(space, record, a, at.stiffness)
 
 
 @own_side.of(AlongBonds)
 def _own_modulus(space, terms, kinematics, record, a):
     at, X = record_columns(space, terms), reference(space, None, a, kinematics, a)
     P, G = matrix(space, record, a, at.stress), matrix(space, record, a, at.gradient)
-    return P, X, load(kinematics, a, 0), G, load(record, a, at.modulus)
+    return P, X, load(kinematics, a, _FIELD), G, load(record, a, at.modulus)
 
 
 @generic(on="terms")
@@ -87,7 +86,7 @@ def _stress_and_riemann(space, terms, own, images, k, weight, kinematics, record
 @pair_forces.of(ShearScaled)
 def _stress_and_shear(space, terms, own, images, k, weight, kinematics, record, b, g):
     t = _stress_force(space, own[0], weight, images, k, record, b, g)
-    jump = broadcast(weight[k]) * (vector(images, k, kinematics, b, 0) - own[2])
+    jump = broadcast(weight[k]) * (vector(images, k, kinematics, b, _FIELD) - own[2])
     there = stiffness_of(space, images, k, record, b, record_columns(space, terms).stiffness)
     return (t + sum_times(space, own[3], there, jump),)
 
@@ -118,7 +117,7 @@ def _force_along_bond(space, terms, own, images, k, kinematics, record, b, g):
     """xi/(2 |xi|^3) xi . [(c_a + c_b)(f_b - f_a) - (c_a G_a + c_b G_b) xi] times the weight."""
     at = record_columns(space, terms)
     xi = reference(space, images, k, kinematics, b) - own[1]
-    jump = (own[4] + load(record, b, at.modulus)) * (vector(images, k, kinematics, b, 0) - own[2])
+    jump = (own[4] + load(record, b, at.modulus)) * (vector(images, k, kinematics, b, _FIELD) - own[2])
     jump = jump - sum_times(space, own[3], gradient_of(space, images, k, record, b, at.gradient), xi)
     length = dot(space, xi, xi)
     return broadcast(0.5 * dot(space, jump, xi) / (length * math.sqrt(length))) * g

@@ -1,14 +1,15 @@
-"""What differs between the plane and space in the passes: how vectors, matrices and symmetric tensors lie in lanes.
+"""What differs between the plane and space in the passes: how vectors and matrices lie in lanes.
 
-A vector is one `Lanes` value. In the plane a matrix is one value, column by column, and (v, x) of a particle are another; in space a matrix
-has three values, its columns. Matrices, symmetric tensors and dyads are tuples of lanes. `images`, `k` and `b` name a neighbour: the
-particle in row b, or the image of it that the pair k has; see `lists.Images`.
+A vector is one `Lanes` value. In the plane a matrix is one value, column by column, and (v, x) of a particle are
+another; in space a matrix has three values, its columns. Matrices are tuples of lanes. `images`, `k` and `b` name a
+neighbour: the particle in row b, or the image of it that the pair k has; see `lists.Images`.
 """
 
 from numba.extending import register_jitable
 
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import (
+    WIDTH,
     broadcast,
     from_floats,
     fused,
@@ -16,10 +17,12 @@ from parsolid.numerics.lanes import (
     load,
     swizzle,
     total,
-    without_fourth,
 )
 from parsolid.numerics.layout import Plane
+from parsolid.pairs.lists import PLANE_IMAGE, SPACE_IMAGE
+from parsolid.pairs.terms import KINEMATICS
 
+_PLANE, _SPACE = KINEMATICS[2], KINEMATICS[3]
 _rows = swizzle(0, 1, 0, 1)
 _columns = swizzle(0, 0, 1, 1)
 _swap = swizzle(2, 3, 0, 1)
@@ -27,8 +30,6 @@ _x = swizzle(0, 0, 0, 0)
 _y = swizzle(1, 1, 1, 1)
 _z = swizzle(2, 2, 2, 2)
 _fourth = swizzle(3, 3, 3, 3)
-_cross_first = swizzle(0, 0, 1, 3)
-_cross_second = swizzle(1, 2, 2, 3)
 
 
 # --- vectors -----------------------------------------------------------------------------------------------------
@@ -41,19 +42,23 @@ def reference(space, images, k, kinematics, b):
 
 @reference.of(Plane)
 def _reference_plane(space, images, k, kinematics, b):
-    X = load(kinematics, b, 4)
+    X = load(kinematics, b, _PLANE.reference)
     if images is None:
         return X
-    reflection = load(images.table, images.code[k], 4)
+    reflection = load(images.table, images.code[k], PLANE_IMAGE.reflection)
     return fused(reflection, X, _swap(reflection))
 
 
 @reference.otherwise
 def _reference_space(space, images, k, kinematics, b):
-    X = load(kinematics, b, 8)
+    X = load(kinematics, b, _SPACE.reference)
     if images is None:
         return X
-    return fused(load(images.table, images.code[k], 4), X, load(images.table, images.code[k], 8))
+    return fused(
+        load(images.table, images.code[k], SPACE_IMAGE.reflection),
+        X,
+        load(images.table, images.code[k], SPACE_IMAGE.shift),
+    )
 
 
 @register_jitable
@@ -61,7 +66,7 @@ def vector(images, k, kinematics, b, column):
     """A vector of a neighbour, Q times it for an image."""
     if images is None:
         return load(kinematics, b, column)
-    return load(images.table, images.code[k], 0) * load(kinematics, b, column)
+    return load(images.table, images.code[k], SPACE_IMAGE.signs) * load(kinematics, b, column)
 
 
 @generic
@@ -71,21 +76,25 @@ def motion(space, images, k, kinematics, b):
 
 @motion.of(Plane)
 def _motion_plane(space, images, k, kinematics, b):
-    motion, X = load(kinematics, b, 0), load(kinematics, b, 4)
+    motion, X = load(kinematics, b, _PLANE.field), load(kinematics, b, _PLANE.reference)
     if images is None:
         return motion, X
     image = reference(space, images, k, kinematics, b)
     shifted = motion - from_floats(0.0, 0.0, lane(X, 0), lane(X, 1))
-    mirrored = fused(load(images.table, images.code[k], 0), shifted, broadcast(0.0))
+    mirrored = fused(load(images.table, images.code[k], PLANE_IMAGE.signs), shifted, broadcast(0.0))
     return mirrored + from_floats(0.0, 0.0, lane(image, 0), lane(image, 1)), image
 
 
 @motion.otherwise
 def _motion_space(space, images, k, kinematics, b):
-    v, x, X = load(kinematics, b, 0), load(kinematics, b, 4), load(kinematics, b, 8)
+    v, x, X = (
+        load(kinematics, b, _SPACE.field),
+        load(kinematics, b, _SPACE.position),
+        load(kinematics, b, _SPACE.reference),
+    )
     if images is None:
         return v, x, X
-    Q = load(images.table, images.code[k], 0)
+    Q = load(images.table, images.code[k], SPACE_IMAGE.signs)
     image = reference(space, images, k, kinematics, b)
     return Q * v, fused(Q, x - X, image), image
 
@@ -166,7 +175,7 @@ def _matrix_plane(space, array, row, column):
 
 @matrix.otherwise
 def _matrix_space(space, array, row, column):
-    return load(array, row, column), load(array, row, column + 4), load(array, row, column + 8)
+    return load(array, row, column), load(array, row, column + WIDTH), load(array, row, column + 2 * WIDTH)
 
 
 @generic
@@ -178,7 +187,7 @@ def stress_of(space, images, k, record, b, column):
 def _stress_plane(space, images, k, record, b, column):
     if images is None:
         return (load(record, b, column),)
-    return (load(images.table, images.code[k], 8) * load(record, b, column),)
+    return (load(images.table, images.code[k], PLANE_IMAGE.stress) * load(record, b, column),)
 
 
 @stress_of.otherwise
@@ -186,8 +195,8 @@ def _stress_space(space, images, k, record, b, column):
     P = matrix(space, record, b, column)
     if images is None:
         return P
-    Q = load(images.table, images.code[k], 0)
-    signed = Q * images.table[images.code[k], 15]
+    Q = load(images.table, images.code[k], SPACE_IMAGE.signs)
+    signed = Q * images.table[images.code[k], SPACE_IMAGE.stress_sign]
     return signed * P[0] * _x(Q), signed * P[1] * _y(Q), signed * P[2] * _z(Q)
 
 
@@ -200,7 +209,7 @@ def gradient_of(space, images, k, record, b, column):
 def _gradient_plane(space, images, k, record, b, column):
     if images is None:
         return (load(record, b, column),)
-    return (load(images.table, images.code[k], 12) * load(record, b, column),)
+    return (load(images.table, images.code[k], PLANE_IMAGE.gradient) * load(record, b, column),)
 
 
 @gradient_of.otherwise
@@ -208,7 +217,10 @@ def _gradient_space(space, images, k, record, b, column):
     G = matrix(space, record, b, column)
     if images is None:
         return G
-    Q, R = load(images.table, images.code[k], 0), load(images.table, images.code[k], 4)
+    Q, R = (
+        load(images.table, images.code[k], SPACE_IMAGE.signs),
+        load(images.table, images.code[k], SPACE_IMAGE.reflection),
+    )
     return Q * G[0] * _x(R), Q * G[1] * _y(R), Q * G[2] * _z(R)
 
 
@@ -222,7 +234,7 @@ def _stiffness_plane(space, images, k, record, b, column):
     C = load(record, b, column)
     if images is None:
         return (C,)
-    Q = load(images.table, images.code[k], 0)
+    Q = load(images.table, images.code[k], PLANE_IMAGE.signs)
     return (Q * _columns(Q) * C,)
 
 
@@ -231,7 +243,7 @@ def _stiffness_space(space, images, k, record, b, column):
     C = matrix(space, record, b, column)
     if images is None:
         return C
-    Q = load(images.table, images.code[k], 0)
+    Q = load(images.table, images.code[k], SPACE_IMAGE.signs)
     return Q * C[0] * _x(Q), Q * C[1] * _y(Q), Q * C[2] * _z(Q)
 
 
@@ -284,82 +296,3 @@ def _outer_plane(space, step, g):
 @outer.otherwise
 def _outer_space(space, step, g):
     return _x(g) * step, _y(g) * step, _z(g) * step
-
-
-# --- symmetric tensors -------------------------------------------------------------------------------------------
-
-
-@generic
-def symmetric_of(space, images, k, record, b, column):
-    """A symmetric tensor of a neighbour, R S R of an image; the free lane stays."""
-
-
-@symmetric_of.of(Plane)
-def _symmetric_plane(space, images, k, record, b, column):
-    tensor = load(record, b, column)
-    if images is None:
-        return (tensor,)
-    reflection = load(images.table, images.code[k], 4)
-    return (tensor * from_floats(1.0, 1.0, lane(reflection, 0) * lane(reflection, 1), 1.0),)
-
-
-@symmetric_of.otherwise
-def _symmetric_space(space, images, k, record, b, column):
-    diagonal, off_diagonal = load(record, b, column), load(record, b, column + 4)
-    if images is None:
-        return diagonal, off_diagonal
-    return diagonal, load(images.table, images.code[k], 12) * off_diagonal
-
-
-@generic
-def dyad(space, g):
-    """g (x) g, the off-diagonal part twice, as `along` takes it."""
-
-
-@dyad.of(Plane)
-def _dyad_plane(space, g):
-    g0, g1 = lane(g, 0), lane(g, 1)
-    return (from_floats(g0 * g0, g1 * g1, 2.0 * g0 * g1, 0.0),)
-
-
-@dyad.otherwise
-def _dyad_space(space, g):
-    direction = without_fourth(g)
-    cross = _cross_first(direction) * _cross_second(direction)
-    return direction * direction, cross + cross
-
-
-@generic
-def along(space, A, B, squares):
-    """Lanes that add up to g . (A + B) g."""
-
-
-@along.of(Plane)
-def _along_plane(space, A, B, squares):
-    return (A[0] + B[0]) * squares[0]
-
-
-@along.otherwise
-def _along_space(space, A, B, squares):
-    return fused(A[1] + B[1], squares[1], (A[0] + B[0]) * squares[0])
-
-
-@generic
-def square(space, squares):
-    """Lanes that add up to g . g."""
-
-
-@square.of(Plane)
-def _square_plane(space, squares):
-    return from_floats(lane(squares[0], 0), lane(squares[0], 1), 0.0, 0.0)
-
-
-@square.otherwise
-def _square_space(space, squares):
-    return squares[0]
-
-
-@register_jitable
-def free_lane(tensor):
-    """The number that stands beside a symmetric tensor."""
-    return lane(tensor[0], 3)

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -80,9 +81,9 @@ class Probe(SceneModel):
             details.append((("axis",), "the axis 'X', 'Y' or 'Z' of the twist", NOTHING))
         if wanted and self.axis in ("X", "Y") and dimension == 2:
             details.append((("axis",), "'Z' or nothing in 2-D", self.axis))
-        for key in ("axis", "centre"):
-            if not wanted and getattr(self, key) is not None:
-                details.append(((key,), "no such key without the field twist", getattr(self, key)))
+        given = {key: getattr(self, key) for key in ("axis", "centre") if getattr(self, key) is not None}
+        if not wanted:
+            details += [((key,), "no such key without the field twist", value) for key, value in given.items()]
         reject(*details)
         return self
 
@@ -107,22 +108,24 @@ class Output(SceneModel):
         ("fields_interval", "fields_times"),
         ("checkpoint_interval", "checkpoint_steps"),
     )
-    directory: str = Field("results", description="the folder of the results, relative to the working folder")
+    directory: str = Field(default="results", description="the folder of the results, relative to the working folder")
     history_interval: Positive | None = None
-    history_steps: Annotated[int, Field(ge=1)] | None = Field(None, description="every step unless given")
-    fields_interval: Positive | None = Field(None, description="a twentieth of end_time unless given")
+    history_steps: Annotated[int, Field(ge=1)] | None = Field(default=None, description="every step unless given")
+    fields_interval: Positive | None = Field(default=None, description="a twentieth of end_time unless given")
     fields_times: list[NotNegative] | None = None
-    fields: list[ShownField] | None = Field(None, description="the fields to write, the usual ones unless given")
+    fields: list[ShownField] | None = Field(
+        default=None, description="the fields to write, the usual ones unless given"
+    )
     checkpoint_interval: Positive | None = None
     checkpoint_steps: Annotated[int, Field(ge=1)] | None = None
-    checkpoint_wall: Positive = Field(600.0, description="wall time between checkpoints [s]")
+    checkpoint_wall: Positive = Field(default=600.0, description="wall time between checkpoints [s]")
     pictures: bool = True
 
     @field_validator("fields_times")
     @classmethod
     def _in_order(cls, times: list[float] | None) -> list[float] | None:
         if times is not None:
-            late = [(i, b) for i, (a, b) in enumerate(zip(times, times[1:]), 1) if b <= a]
+            late = [(i, b) for i, (a, b) in enumerate(pairwise(times), 1) if b <= a]
             reject(*(((i,), "a time later than the one before", b) for i, b in late))
         return times
 

@@ -24,7 +24,7 @@ def build_systems(comm: Any, scene: Scene, restart: Restart | None) -> tuple[lis
     drawn = restart.particle_sets if restart else _generated(comm, scene, plans)
     systems, particle_sets, orders = [], [], []
     for plan, particle_set in zip(plans, drawn):
-        kind, part = method_class(plan.settings.kind), scene.part(plan)
+        kind, part = method_class(plan.settings), scene.part(plan)
         order = np.arange(len(particle_set))
         if not (restart and restart.same_ranks):
             order = kind.sort(comm, part, particle_set)

@@ -67,3 +67,19 @@ def test_what_is_written_unless_the_scene_chooses(comm, method, first):
         "poissons_ratio": 0.3,
     }
     assert Observables(simulation(data, comm).systems).usual_fields() == [*first, *USUAL]
+
+
+def test_what_a_plastic_body_carries_is_written_where_the_scene_names_it(comm, shared_path):
+    copper = {
+        "kind": "elastic-plastic",
+        "density": 8930.0,
+        "specific_heat": 383.0,
+        "equation_of_state": {"kind": "linear", "bulk_modulus": 130e9},
+        "shear_modulus": {"kind": "constant", "modulus": 43e9},
+        "flow_stress": {"kind": "linear-hardening", "yield_stress": 400e6, "hardening": 100e6},
+    }
+    data = tables((6, 6), material=copper, method={"kind": "mpm", "cell": 0.5}, body={"placement": "cells"})
+    assert Observables(simulation(data, comm).systems).usual_fields() == USUAL
+    data["output"] = {"fields": ["temperature", "velocity_gradient"]}
+    found = written(comm, simulation(data, comm), shared_path)
+    assert set(found) == {"temperature", "velocity_gradient", "body", "volume"}
