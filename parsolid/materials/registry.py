@@ -123,9 +123,10 @@ def from_text(path: str, name: str, text: str) -> Declared:
         except Exception as error:
             del sys.modules[module]
             raise LawError(f"a file that can be run ({type(error).__name__}: {error})") from error
-    result: Declared = getattr(sys.modules[module], name, None)
-    if not (isinstance(result, type) and hasattr(result, "role")):
+    found = getattr(sys.modules[module], name, None)
+    if not (isinstance(found, type) and hasattr(found, "role")):
         raise LawError(f'a class {name} with the decorator @law("role", "kind")')
+    result: Declared = found
     _complete(result)
     _of_files[path, name] = result
     result.source = (path, name, text)
@@ -133,9 +134,7 @@ def from_text(path: str, name: str, text: str) -> Declared:
 
 
 def _complete(declared: Declared) -> None:
-    """Raise LawError where the law lacks a function that kernels ask for; each group needs one of its names, the first
-    all.
-    """
+    """Raise LawError where the law lacks a function that kernels ask for, one of the names of each group."""
     if not hasattr(declared, "_fields"):
         return
     module, groups = _FUNCTIONS[declared.role]
