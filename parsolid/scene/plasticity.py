@@ -78,7 +78,7 @@ class ElasticPlastic(SceneModel):
         reject(*details)
         return self
 
-    def build(self, state: str):
+    def build(self, state: str) -> Any:
         """The law, the same in every state of strain."""
         return import_module("parsolid.materials.plastic.elastic_plastic").of_material(self)
 

@@ -1,7 +1,7 @@
 """Linear elastic and viscoelastic solids of the peridynamic method, as a scene states them."""
 
 from importlib import import_module
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, ValidationInfo, model_validator
 
@@ -88,7 +88,7 @@ class PronySolid(SceneModel):
             return elastic_constants(None, known.shear_modulus * factor, None, known.bulk_modulus)
         return elastic_constants(known.youngs_modulus * factor, None, None, known.bulk_modulus)
 
-    def build(self, state: str):
+    def build(self, state: str) -> Any:
         """The law, made for the state of strain."""
         return import_module("parsolid.materials.viscoelastic.prony").of_material(self, state)
 
@@ -137,7 +137,7 @@ class BondBased(SceneModel):
 
     instantaneous = equilibrium
 
-    def build(self, state: str):
+    def build(self, state: str) -> Any:
         """The law, the same in every state of strain."""
         return import_module("parsolid.materials.damage.bond_based").of_material(self)
 
