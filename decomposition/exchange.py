@@ -59,43 +59,24 @@ def _add(typingctx: Any, address: Any, source: Any) -> Any:
 
 
 @compiled
-def _pack(table: np.ndarray) -> None:
-    """Copy rows into the messages, column by column within a message."""
+def _copy(table: np.ndarray, received: bool | None, added: bool | None) -> None:
+    """Copy rows into the messages, column by column within a message; messages into rows where `received` is not None.
+
+    added: not None to add them to the rows, one neighbour after the other.
+    """
     columns, messages, row, message = table[0], table[1], table[2], table[3]
     for m in range(messages):
         rows = table[_HEADER + 2 * columns + m]
         for c in range(columns):
             base, stride = table[_HEADER + 2 * c], table[_HEADER + 2 * c + 1]
             for i in range(rows):
-                _store(message + 8 * i, _load(base + stride * _load(row + 8 * i)))
-            message += 8 * rows
-        row += 8 * rows
-
-
-@compiled
-def _unpack(table: np.ndarray) -> None:
-    """Copy messages into rows."""
-    columns, messages, row, message = table[0], table[1], table[2], table[3]
-    for m in range(messages):
-        rows = table[_HEADER + 2 * columns + m]
-        for c in range(columns):
-            base, stride = table[_HEADER + 2 * c], table[_HEADER + 2 * c + 1]
-            for i in range(rows):
-                _store(base + stride * _load(row + 8 * i), _load(message + 8 * i))
-            message += 8 * rows
-        row += 8 * rows
-
-
-@compiled
-def _unpack_add(table: np.ndarray) -> None:
-    """Add messages to rows, one neighbour after the other."""
-    columns, messages, row, message = table[0], table[1], table[2], table[3]
-    for m in range(messages):
-        rows = table[_HEADER + 2 * columns + m]
-        for c in range(columns):
-            base, stride = table[_HEADER + 2 * c], table[_HEADER + 2 * c + 1]
-            for i in range(rows):
-                _add(base + stride * _load(row + 8 * i), message + 8 * i)
+                place = base + stride * _load(row + 8 * i)
+                if received is None:
+                    _store(message + 8 * i, _load(place))
+                elif added is None:
+                    _store(place, _load(message + 8 * i))
+                else:
+                    _add(place, message + 8 * i)
             message += 8 * rows
         row += 8 * rows
 
@@ -169,7 +150,7 @@ class Exchange:
         self.bytes_sent, self.bytes_received = (buffer.nbytes for buffer in self._buffers)
         self._pack_table = _table(self._arrays, outgoing[2], outgoing[1], self._buffers[0])
         self._unpack_table = _table(self._arrays, incoming[2], incoming[1], self._buffers[1])
-        self._scatter = _unpack_add if accumulate else _unpack
+        self._added = True if accumulate else None
         self._receives = self._requests(comm.Recv_init, incoming, self._buffers[1], width, tag)
         self._sends = self._requests(comm.Send_init, outgoing, self._buffers[0], width, tag)
         self._all = self._receives + self._sends
@@ -195,13 +176,13 @@ class Exchange:
     def start(self) -> None:
         """Pack and send; returns while the messages travel."""
         MPI.Prequest.Startall(self._receives)
-        _pack(self._pack_table)
+        _copy(self._pack_table, None, None)
         MPI.Prequest.Startall(self._sends)
 
     def finish(self) -> None:
         """Wait for the messages and unpack them."""
         MPI.Prequest.Waitall(self._all)
-        self._scatter(self._unpack_table)
+        _copy(self._unpack_table, True, self._added)
 
     def progress(self) -> bool:
         """Let MPI move large messages along during long work between start and finish; True when all have arrived."""

@@ -11,8 +11,8 @@ from parsolid.numerics.dispatch import is_instance
 class Images(NamedTuple):
     """Which reflection makes each pair's neighbour: code (m,) int8 into the rows of table (codes, 16).
 
-    With signs Q of a mirrored vector, signs R of the reflected place, the shift T of the planes and a sign s of the stress,
-    v' = Q v,  X' = R X + T,  x' = X' + Q (x - X),  (P L)' = s Q P L Q,  (grad v)' = Q grad v R; scalars stay.
+    With signs Q of a mirrored vector, signs R of the reflected place, the shift T of the planes and a sign s of the
+    stress, v' = Q v,  X' = R X + T,  x' = X' + Q (x - X),  (P L)' = s Q P L Q,  (grad v)' = Q grad v R; scalars stay.
     In radial lists M' = Q M R and C1' = Q C1 Q, for which the passes are adjoint at every kind of plane.
     """
 
@@ -63,7 +63,8 @@ class OneSidedList(NamedTuple):
 
 
 class Places(NamedTuple):
-    """Where each pair's neighbour stands, R X_b + T, for set-up: code (m,) int8 into reflections R, shifts T (codes, 3)."""
+    """Where each pair's neighbour stands, R X_b + T, for set-up: code (m,) int8 into reflections R, shifts T (codes,
+    3)."""
 
     code: np.ndarray
     reflections: np.ndarray

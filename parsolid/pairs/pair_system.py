@@ -1,4 +1,5 @@
-"""The pairs of a rank's particles: their lists, weights and corrections, and the two passes with the messages they need.
+"""The pairs of a rank's particles: their lists, weights and corrections, and the two passes with the messages they
+need.
 
 Pairs of owned particles are swept while the ghosts' values travel, pairs with ghosts and with mirror images after that.
 """
@@ -26,9 +27,9 @@ _AS_THEY_STAND = np.ones((1, 3)), np.zeros((1, 3))
 class PairSystem:
     """Lists of a rank's pairs over the particles' container, and the passes over them; d = dimension of the space.
 
-    It declares `kinematics` (in which the method declares its vectors, at `KINEMATICS[d]`; those of the message "reference" reach the
-    ghosts with every rebuild), `record` (sent as the message "record"), `pair_sums`, `pair_force` [N], `correction`, `pair_volume`.
-    Passes add to pair_sums and pair_force: whoever reads them sets them to zero.
+    It declares `kinematics` (in which the method declares its vectors, at `KINEMATICS[d]`; those of the message
+    "reference" reach the ghosts with every rebuild), `record` (sent as the message "record"), `pair_sums`, `pair_force`
+    [N], `correction`, `pair_volume`. Passes add to pair_sums and pair_force: whoever reads them sets them to zero.
 
     inner, rim, mirror: lists of pairs of owned particles, with ghosts, with images; rim and mirror may be None.
     With ghosts behind: positions (n, d) [m], volume (n,) [m^3], metric (n or 1, 6) of `pairs.weights`.
@@ -66,8 +67,8 @@ class PairSystem:
     def rebuild(self, positions: np.ndarray, body: np.ndarray, metric: np.ndarray, volume: np.ndarray) -> None:
         """Plan ghosts and make every list anew; collective.
 
-        Of owned particles: positions (n, d) [m], body (n,), metric (n, 6) [1/m^2], volume (n,) [m^3] that counts in the sums.
-        Raises SolverError, on all ranks, for coincident particles and for particles with too few neighbours.
+        Of owned particles: positions (n, d) [m], body (n,), metric (n, 6) [1/m^2], volume (n,) [m^3] that counts in the
+        sums. Raises SolverError, on all ranks, for coincident particles and for particles with too few neighbours.
         """
         metric, uniform = common_metric(self.comm, metric)
         reach = reach_of(self.comm, metric, self.weights.support, positions.shape[1])
@@ -99,7 +100,8 @@ class PairSystem:
         raise_together(self.comm, self.fault)
 
     def _weighed(self, candidates, first: int, last: int, reflections, shifts) -> tuple[tuple, np.ndarray]:
-        """(start, neighbour, weight) of the candidates in reach whose neighbours have rows first..last-1, and their codes."""
+        """(start, neighbour, weight) of the candidates in reach whose neighbours have rows first..last-1, and their
+        codes."""
         start, neighbour, code = candidates
         place, support = (self.positions, self.metric), self.weights.support
         start, neighbour, code, fault = select_pairs(
@@ -141,7 +143,8 @@ class PairSystem:
     # --- passes -----------------------------------------------------------------------------------------------
 
     def sweep(self, apply: Callable[[Any], None], message: str | None = None) -> None:
-        """apply(list) to inner pairs while a message of the particles travels, then to pairs with ghosts and with images."""
+        """apply(list) to inner pairs while a message of the particles travels, then to pairs with ghosts and with
+        images."""
         if message is not None:
             self.particles.send(message)
         apply(self.inner)
@@ -151,9 +154,11 @@ class PairSystem:
             apply(pairs)
 
     def gradient(self, message: str | None, fields: tuple = FIELD, sums: np.ndarray | None = None) -> np.ndarray:
-        """Add sum_b (v_b - v_a) (x) g_ab of vectors, sum_b (q_b - q_a) g_ab of numbers, to `sums` (`pair_sums` unless given).
+        """Add sum_b (v_b - v_a) (x) g_ab of vectors, sum_b (q_b - q_a) g_ab of numbers, to `sums` (`pair_sums` unless
+        given).
 
-        message: what the ghosts are sent before, None where they have it; fields: `Vector` and `Scalar` columns of the kinematics.
+        message: what the ghosts are sent before, None where they have it; fields: `Vector` and `Scalar` columns of the
+        kinematics.
         """
         kinematics = self.particles.storage("kinematics")
         result = self.particles.storage("pair_sums") if sums is None else sums

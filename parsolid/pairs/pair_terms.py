@@ -1,6 +1,7 @@
 """What a pair adds to the forces of its particles, by the type of the terms (see `pairs.terms`).
 
-`own` is what a pair needs of the first particle; a contribution is a tuple (T,), or (T, D) with D the force that dissipates.
+`own` is what a pair needs of the first particle; a contribution is a tuple (T,), or (T, D) with D the force that
+dissipates.
 """
 
 import math
@@ -10,25 +11,21 @@ from numba.extending import register_jitable
 from parsolid.numerics.dispatch import generic, none_without
 from parsolid.numerics.lanes import broadcast, fused, horizontal_sums, lane, last_two_roots, load
 from parsolid.pairs.primitives import (
-    along,
     dot,
-    dyad,
-    free_lane,
     gradient_of,
     jump_factor,
     less_sum_times,
     matrix,
     motion,
     reference,
-    square,
     steps,
     stiffness_of,
     stress_of,
     sum_times,
-    symmetric_of,
     vector,
     within,
 )
+from parsolid.pairs.symmetric_tensors import along, dyad, free_lane, square, symmetric_of
 from parsolid.pairs.terms import KINEMATICS, AlongBonds, RiemannDissipation, ShearScaled, record_columns
 
 _FIELD = KINEMATICS[3].field

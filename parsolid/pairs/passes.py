@@ -4,7 +4,8 @@ With an antisymmetric weight g_ab and one matrix L_a a particle, the two passes 
     gradient    (grad v)_a = [sum_b (v_b - v_a) (x) g_ab] L_a^T / V_a
     divergence  T_a        =  sum_b (P_a L_a + P_b L_b) g_ab              [N]
 and the dissipation of the upwinding is, eqs (74), (75) with linear reconstruction,
-    D_a = sum_b k_ab [c_s u + (c_p - c_s) (u.n) n],  u = v_b - v_a - 1/2 (grad v_a + grad v_b)(X_b - X_a),  n = x_ab/|x_ab|.
+    D_a = sum_b k_ab [c_s u + (c_p - c_s) (u.n) n],  u = v_b - v_a - 1/2 (grad v_a + grad v_b)(X_b - X_a),  n =
+    x_ab/|x_ab|.
 
 Arrays (rows are particles, owned first; columns by name in `pairs.terms`):
     kinematics  d=3: (n, 12) v|0 x|0 X|0;  d=2: (n, 8) v x X 0 0
@@ -12,12 +13,12 @@ Arrays (rows are particles, owned first; columns by name in `pairs.terms`):
     sums        of each field in turn: of a vector the columns of sum (v_b - v_a) (x) g, d=3 padded to 4 each;
                 of a scalar sum (q_b - q_a) g, padded to 4
     force       (n, 8) T padded to 4, D padded to 4; (n, 4) T alone where nothing dissipates apart
-Pair weights (m, 4) are rows: d=3: (g1, g2, g3, k); d=2: (g1, g2, k, 0), where k is 1/2 |C_skew| / |g| times the factor on
-the dissipation, and C_skew = (L_a + L_b) g.
+Pair weights (m, 4) are rows: d=3: (g1, g2, g3, k); d=2: (g1, g2, k, 0), where k is 1/2 |C_skew| / |g| times the factor
+on the dissipation, and C_skew = (L_a + L_b) g.
 
-Radial lists (peridynamics) hold one number a pair, weight (m,) = w(|xi|) V_a V_b, and g_ab = weight xi with xi = X_b - X_a is
-formed as it is needed: 12 bytes a pair; 0 is a broken bond. Their kinematics are f u X, f the field that drives stress and
-stabiliser, their records hold (S = P K^{-1}) M and what the stabiliser needs. The stabiliser adds to T_a
+Radial lists (peridynamics) hold one number a pair, weight (m,) = w(|xi|) V_a V_b, and g_ab = weight xi with xi = X_b -
+X_a is formed as it is needed: 12 bytes a pair; 0 is a broken bond. Their kinematics are f u X, f the field that drives
+stress and stabiliser, their records hold (S = P K^{-1}) M and what the stabiliser needs. The stabiliser adds to T_a
     ShearScaled   sum_b weight (C1_a + C1_b) (f_b - f_a),     M = S - C1 G
     AlongBonds    sum_b weight xi/(2 |xi|^3) xi . [(c_a + c_b)(f_b - f_a) - (c_a G_a + c_b G_b) xi],     M = S
 """

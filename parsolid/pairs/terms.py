@@ -1,10 +1,11 @@
-"""What acts between two particles beside their stresses, chosen by type, and the named columns of the arrays that the passes read.
+"""What acts between two particles beside their stresses, chosen by type, and the named columns of the arrays that the
+passes read.
 
-Terms of the divergence pass: None for the stresses alone, `RiemannDissipation`, `ShearScaled` or `AlongBonds`. Kernels take them as
-arguments; columns are constants when a kernel is compiled.
+Terms of the divergence pass: None for the stresses alone, `RiemannDissipation`, `ShearScaled` or `AlongBonds`. Kernels
+take them as arguments; columns are constants when a kernel is compiled.
 
-Columns of a matrix stand one after the other, padded to 4 in space; a symmetric tensor stands as its diagonal (11, 22, 33, free) and its
-off-diagonal part (12, 13, 23, 0) in space, as (11, 22, 12, free) in the plane.
+Columns of a matrix stand one after the other, padded to 4 in space; a symmetric tensor stands as its diagonal (11, 22,
+33, free) and its off-diagonal part (12, 13, 23, 0) in space, as (11, 22, 12, free) in the plane.
 """
 
 from typing import NamedTuple
@@ -52,7 +53,8 @@ class AlongBonds(NamedTuple):
 
 
 class Kinematics(NamedTuple):
-    """First columns of a particle's vectors: `field` (velocity, or what drives a stress), `position` (or displacement), `reference`."""
+    """First columns of a particle's vectors: `field` (velocity, or what drives a stress), `position` (or displacement),
+    `reference`."""
 
     field: int
     position: int
@@ -129,6 +131,17 @@ def _record_columns(space, terms):
         directional = not isinstance(field_types(terms)["shear"], types.NoneType)
     columns = _columns(dimension_of(space), kind, directional)
     return lambda space, terms: columns
+
+
+def kinematic_columns(space):
+    """Columns of a particle's vectors; a constant in kernels."""
+    return KINEMATICS[space.dimension]
+
+
+@overload(kinematic_columns)
+def _kinematic_columns(space):
+    columns = KINEMATICS[dimension_of(space)]
+    return lambda space: columns
 
 
 def dimension_of(space) -> int:

@@ -111,6 +111,30 @@ def counted(lines: list[Line]) -> int:
     return number
 
 
+def staircase(filling: Any, identifier: np.ndarray, index: list[np.ndarray], face: np.ndarray) -> ParticleSet:
+    """Particles at places of a lattice of which a filling holds some, with a face towards each neighbour that it lacks.
+
+    filling: has `holds`; index: d arrays (n,); face (d,) [m^2]: area of a particle's face across each axis.
+    """
+    count, dimension = len(identifier), len(index)
+    area = np.zeros((count, dimension))
+    for i in range(dimension):
+        for side in (-1, 1):
+            beyond = [one + side if k == i else one for k, one in enumerate(index)]
+            area[:, i] += side * face[i] * ~filling.holds(beyond)
+    offset = jitter_offsets(filling.body, identifier, np.ones(count, bool), dimension)
+    coordinates = [line.coordinate(one, offset[:, k]) for k, (line, one) in enumerate(zip(filling.lines, index))]
+    return ParticleSet(
+        identifier=identifier,
+        position=np.stack(coordinates, axis=1),
+        volume=np.full(count, filling.volume),
+        spacing=np.tile(filling.step, (count, 1)),
+        axes=None,
+        body=np.zeros(count, np.int32),
+        area=area,
+    )
+
+
 class Lattice:
     """The product of lines; ids run fastest along the last."""
 

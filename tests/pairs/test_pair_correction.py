@@ -24,7 +24,8 @@ def body(dimension, correction="closure", boundaries=(), **keys) -> dict:
 
 
 def forces_of(sim, stress) -> np.ndarray:
-    """sum_b (P_a L_a + P_b L_b) g_ab (n, d) [N] of a stress that is the same at all particles, through the pair engine."""
+    """sum_b (P_a L_a + P_b L_b) g_ab (n, d) [N] of a stress that is the same at all particles, through the pair
+    engine."""
     method = sim.systems[0]
     d, owned = method.dimension, method.owned
     L = method.particles.owned_rows("correction").reshape(owned, d, d)

@@ -1,4 +1,5 @@
-"""What the pair engine promises, to round-off: antisymmetry, exactness for linear fields, skew-adjointness, energy identity."""
+"""What the pair engine promises, to round-off: antisymmetry, exactness for linear fields, skew-adjointness, energy
+identity."""
 
 import numpy as np
 import pytest
@@ -67,11 +68,11 @@ def shell(dimension, planes=FREE, method=None):
 
 SHELL_PLANES = {2: {"X0": (0.0, "roller"), "Y0": (0.0, "roller")}, 3: {"X0": (0.0, "roller"), "Z0": (0.0, "roller")}}
 BODIES = {
-    "box": lambda d: box(d),
+    "box": box,
     "mirrored corner": lambda d: box(d, CORNERS[d]),
     "two sides": lambda d: box(d, SIDES[d]),
     "antisymmetric": lambda d: box(d, {"X0": (0.0, "antisymmetric"), "Y0": (0.0, "antisymmetric")}),
-    "shell": lambda d: shell(d),
+    "shell": shell,
     "mirrored shell": lambda d: shell(d, SHELL_PLANES[d]),
 }
 every_body = pytest.mark.parametrize("body", BODIES)

@@ -1,4 +1,5 @@
-"""A pair system against sums over all pairs: lists, passes, images, ghosts, several fields at once, and lists made anew."""
+"""A pair system against sums over all pairs: lists, passes, images, ghosts, several fields at once, and lists made
+anew."""
 
 import numpy as np
 import pytest
@@ -26,8 +27,7 @@ def weights_of(kind: str):
 def metric_of(kind: str, place: np.ndarray) -> np.ndarray:
     if kind == "smoothed":
         return even_metric(place)
-    result = even_metric(place, HORIZON)
-    return result
+    return even_metric(place, HORIZON)
 
 
 def planes_of(place: np.ndarray) -> MirrorCodes:

@@ -46,7 +46,8 @@ from parsolid.pairs.terms import RiemannDissipation, record_columns
 
 
 class Relaxation(NamedTuple):
-    """Weights (branches, 3) of A_0, C_0^{-1}, C_1^{-1}: `to_stage` from the start of the step to the stage, `to_end` over the step."""
+    """Weights (branches, 3) of A_0, C_0^{-1}, C_1^{-1}: `to_stage` from the start of the step to the stage, `to_end`
+    over the step."""
 
     to_stage: np.ndarray
     to_end: np.ndarray
@@ -164,11 +165,12 @@ def _largest_speed(largest, rho_c2, first, last):
 
 @compiled(fastmath={"contract"}, error_model="numpy")
 def advance_deformation(space, first, last, law, terms, update, relaxation, body):
-    """One stage of F, H, J (eqs (72b)-(72d)) with the stress and waves of the state it starts from put into the records.
+    """One stage of F, H, J (eqs (72b)-(72d)) with the stress and waves of the state it starts from put into the
+    records.
 
-    update: `runge_kutta.Update`, in one sweep with the stress because a sweep of its own takes 2 to 19 % of a step. Returns (sound,
-    internal dissipation rate [W], greatest rho c_max^2 [Pa] of the state at the end of the last stage); sound is False when a
-    Jacobian is not positive, or not a number.
+    update: `runge_kutta.Update`, in one sweep with the stress because a sweep of its own takes 2 to 19 % of a step.
+    Returns (sound, internal dissipation rate [W], greatest rho c_max^2 [Pa] of the state at the end of the last stage);
+    sound is False when a Jacobian is not positive, or not a number.
     """
     sound, largest, dissipation = True, 0.0, 0.0
     for i in range(first, last, WIDTH):

@@ -84,8 +84,8 @@ def _load_power(loads, a, mass, v):
 def advance_motion(space, owned, update, kinematics, start, force, sums, mass, share, loads, clamp):
     """One stage of v and x; sets the pair forces and pair sums to zero for the next.
 
-    mass (n,): rho V [kg]; share (n,): tributary over pair volume; loads (n, 4): acceleration of body forces and tractions
-    [m/s^2] or None; clamp (n, 4): 0 for held components, else 1, or None.
+    mass (n,): rho V [kg]; share (n,): tributary over pair volume; loads (n, 4): acceleration of body forces and
+    tractions [m/s^2] or None; clamp (n, 4): 0 for held components, else 1, or None.
     Returns (numerical dissipation rate, power of the loads) [W].
     """
     dissipation, power = 0.0, 0.0

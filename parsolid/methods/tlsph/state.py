@@ -17,7 +17,8 @@ _UNSTRAINED_BRANCH = {2: (1.0, 1.0, 0.0), 3: (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)}
 class Body(NamedTuple):
     """Arrays of a rank's particles, see `numerics.layout`; branches is None without Maxwell branches.
 
-    volume, tributary: (1, capacity), the particle's volume in the pair sums and its share of the body; sums, record: `pairs.passes`.
+    volume, tributary: (1, capacity), the particle's volume in the pair sums and its share of the body; sums, record:
+    `pairs.passes`.
     """
 
     deformation: np.ndarray

@@ -31,7 +31,8 @@ class TotalLagrangianSPH(ParticleSystem):
     evaluations = len(SSP_RK3)
 
     def __init__(self, comm, scene, particle_set):
-        """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when particles cannot be paired. Collective."""
+        """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when particles cannot be
+        paired. Collective."""
         self.comm, self.settings = comm, scene.method
         self.owned, self.dimension = particle_set.position.shape
         self.space = layout.LAYOUT[self.dimension]
@@ -158,7 +159,8 @@ class TotalLagrangianSPH(ParticleSystem):
         return sound
 
     def advance_deformation(self, stage: Stage, step: float) -> tuple[bool, float, float]:
-        """Stress at a stage, and F, H, J after it; (sound, internal dissipation rate [W], stable step [s] after the last stage)."""
+        """Stress at a stage, and F, H, J after it; (sound, internal dissipation rate [W], stable step [s] after the
+        last stage)."""
         sound, dissipation, stable = True, 0.0, np.inf
         for block in self.blocks:
             to_stage = block.relaxation(stage.time * step)
