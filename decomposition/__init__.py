@@ -12,6 +12,7 @@ The public names below are loaded when they are first used.
 """
 
 from importlib import import_module
+from typing import Any
 
 _HOME = {
     "bisect": "partition",
@@ -30,7 +31,7 @@ _HOME = {
 __all__ = list(_HOME)
 
 
-def __getattr__(name: str):
+def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)

@@ -5,23 +5,26 @@ Times are the slowest rank's, best of several. "Beyond the messages" is packing,
 """
 
 import argparse
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
 from . import Halo, bisect, half_pairs, migrate, order_along_cells, ordered_sum
+from .exchange import Exchange
 
 _REACH = 2.4
 
 
-def _slice(comm, points_per_rank: int) -> np.ndarray:
+def _slice(comm: MPI.Comm, points_per_rank: int) -> np.ndarray:
     """This rank's share of a cubic lattice of about points_per_rank * ranks points: (n, 3)."""
     edge = round((points_per_rank * comm.size) ** (1 / 3))
     first, last = edge**3 * comm.rank // comm.size, edge**3 * (comm.rank + 1) // comm.size
     return np.stack(np.unravel_index(np.arange(first, last), (edge,) * 3), axis=1).astype(float)
 
 
-def _timed(comm, work, repeats: int = 3):
+def _timed(comm: MPI.Comm, work: Callable[[], Any], repeats: int = 3) -> tuple[float, Any]:
     """Seconds of the slowest rank, best of several, and the last result."""
     work()
     best = np.inf
@@ -33,21 +36,21 @@ def _timed(comm, work, repeats: int = 3):
     return best, result
 
 
-def _exchange_seconds(comm, exchange, repeats: int) -> tuple[float, float]:
+def _exchange_seconds(comm: MPI.Comm, exchange: Exchange, repeats: int) -> tuple[float, float]:
     """Seconds of one start and finish, and of its bare messages, best of five series."""
 
-    def bare():
+    def bare() -> None:
         MPI.Prequest.Startall(exchange._receives)
         # fresh data must travel between the processors' caches, as in earnest
         exchange._buffers[0].fill(1.0)
         MPI.Prequest.Startall(exchange._sends)
         MPI.Prequest.Waitall(exchange._all)
 
-    def whole():
+    def whole() -> None:
         exchange.start()
         exchange.finish()
 
-    def series(work):
+    def series(work: Callable[[], None]) -> None:
         for _ in range(repeats):
             work()
 
@@ -69,7 +72,7 @@ def main() -> None:
     n = len(points)
     say(f"{comm.size} ranks, {n} points on rank 0")
 
-    def report(name, work):
+    def report(name: str, work: Callable[[], Any]) -> Any:
         seconds, result = _timed(comm, work)
         say(f"{name:20s} {seconds * 1e3:9.2f} ms {seconds / n * 1e9:7.0f} ns a point")
         return result

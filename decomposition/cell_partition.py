@@ -4,6 +4,8 @@ A cut sends a cell left when its index, read as a word with the cut's axis first
 one step in it, so that parts can be as equal as whole cells allow. Source of the bisection: see `partition`.
 """
 
+from typing import Any
+
 import numpy as np
 from mpi4py import MPI
 
@@ -12,9 +14,12 @@ from decomposition.compiled import compiled
 # bounds of parts that reach to infinity
 _FAR = np.int64(1) << 40
 
+# first rank, the one after the last, and where the number of this cut goes: row and side of the children
+_Range = tuple[int, int, tuple[int, int] | None]
+
 
 @compiled
-def _before(cell, axes, cut):
+def _before(cell: np.ndarray, axes: np.ndarray, cut: np.ndarray) -> bool:
     """Whether a cell's index comes before the cut's, axis by axis."""
     for k in range(len(cut)):
         if cell[axes[k]] != cut[k]:
@@ -23,7 +28,7 @@ def _before(cell, axes, cut):
 
 
 @compiled
-def owners_of(axes, cuts, children, cells):
+def owners_of(axes: np.ndarray, cuts: np.ndarray, children: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """Owner of each cell; children < 0 stand for rank -1 - child."""
     result = np.zeros(len(cells), np.int32)
     if len(cuts) == 0:
@@ -37,7 +42,9 @@ def owners_of(axes, cuts, children, cells):
 
 
 @compiled
-def _touching(axes, cuts, children, nodes, width, here):
+def _touching(
+    axes: np.ndarray, cuts: np.ndarray, children: np.ndarray, nodes: np.ndarray, width: int, here: int
+) -> np.ndarray:
     """Pairs (row of a node, other rank) for ranks that may own one of the cells node - width + 1 .. node."""
     found = np.empty((64, 2), np.int64)
     count, stack, d = 0, np.empty(128, np.int64), nodes.shape[1]
@@ -73,7 +80,7 @@ class CellPartition:
     right, in that order; children (parts - 1, 2): the next cut, or -1 - rank. Part 0 is the root.
     """
 
-    def __init__(self, axes, cuts, children):
+    def __init__(self, axes: np.ndarray, cuts: np.ndarray, children: np.ndarray) -> None:
         self.axes = np.asarray(axes, np.int64)
         self.cuts = np.asarray(cuts, np.int64)
         self.children = np.asarray(children, np.int64)
@@ -84,12 +91,12 @@ class CellPartition:
         """All cells to rank 0."""
         return cls(np.zeros((0, dimension)), np.zeros((0, dimension)), np.zeros((0, 2)))
 
-    def state(self) -> dict:
+    def state(self) -> dict[str, Any]:
         """As plain lists, for a file."""
         return {"axes": self.axes.tolist(), "cuts": self.cuts.tolist(), "children": self.children.tolist()}
 
     @classmethod
-    def from_state(cls, state: dict, dimension: int) -> "CellPartition":
+    def from_state(cls, state: dict[str, Any], dimension: int) -> "CellPartition":
         """The partition of a `state`."""
         shapes = {"axes": (-1, dimension), "cuts": (-1, dimension), "children": (-1, 2)}
         return cls(**{name: np.array(state[name], np.int64).reshape(shape) for name, shape in shapes.items()})
@@ -135,7 +142,7 @@ class CellPartition:
         return np.flatnonzero(near).tolist()
 
 
-def balanced(comm, cells: np.ndarray, weights: np.ndarray) -> CellPartition:
+def balanced(comm: MPI.Comm, cells: np.ndarray, weights: np.ndarray) -> CellPartition:
     """Cuts that give each rank about the same weight of cells. Collective; no rank holds all cells.
 
     cells (n, d) int64, d = 2 or 3: this rank's occupied cells, which others may list too; weights (n,) int64, none
@@ -144,11 +151,13 @@ def balanced(comm, cells: np.ndarray, weights: np.ndarray) -> CellPartition:
     dimension, parts = cells.shape[1], comm.size
     axes, cuts = np.zeros((parts - 1, dimension), np.int64), np.zeros((parts - 1, dimension), np.int64)
     children = np.zeros((parts - 1, 2), np.int64)
-    part, level, made = np.zeros(len(cells), np.int64), [(0, parts, None)] if parts > 1 else [], 0
+    part, made = np.zeros(len(cells), np.int64), 0
+    level: list[_Range] = [(0, parts, None)] if parts > 1 else []
     while level:
         wanted = [(last - first) // 2 / (last - first) for first, last, _ in level]
         order, cut = _cut_level(comm, cells, weights, part, np.array(wanted))
-        following, child_part = [], np.full((len(level), 2), -1, np.int64)
+        following: list[_Range] = []
+        child_part = np.full((len(level), 2), -1, np.int64)
         for p, (first, last, parent) in enumerate(level):
             axes[made], cuts[made] = order[p], cut[p]
             if parent is not None:
@@ -166,7 +175,9 @@ def balanced(comm, cells: np.ndarray, weights: np.ndarray) -> CellPartition:
     return CellPartition(axes, cuts, children)
 
 
-def _cut_level(comm, cells, weights, part, wanted) -> tuple[np.ndarray, np.ndarray]:
+def _cut_level(
+    comm: MPI.Comm, cells: np.ndarray, weights: np.ndarray, part: np.ndarray, wanted: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Axis orders and cuts (parts, d) of all parts of a level; wanted (parts,): the share of the left sides."""
     parts, d = len(wanted), cells.shape[1]
     bounds = np.full((parts, 2, d), _FAR, np.int64)
@@ -176,7 +187,8 @@ def _cut_level(comm, cells, weights, part, wanted) -> tuple[np.ndarray, np.ndarr
     comm.Allreduce(MPI.IN_PLACE, bounds, MPI.MIN)
     lower, extent = bounds[:, 0], np.maximum(-bounds[:, 1] - bounds[:, 0] + 1, 1)
     order = np.argsort(-extent, axis=1, kind="stable")
-    cut, tied, target = np.zeros((parts, d), np.int64), part >= 0, None
+    cut, tied = np.zeros((parts, d), np.int64), part >= 0
+    target = np.zeros(parts, np.int64)
     for turn in range(d):
         axis = order[:, turn]
         length = extent[np.arange(parts), axis]
@@ -186,8 +198,8 @@ def _cut_level(comm, cells, weights, part, wanted) -> tuple[np.ndarray, np.ndarr
         np.add.at(histogram, first[p] + cells[rows, axis[p]] - lower[p, axis[p]], weights[rows])
         comm.Allreduce(MPI.IN_PLACE, histogram, MPI.SUM)
         pieces = [histogram[first[q] : first[q + 1]] for q in range(parts)]
-        if target is None:
-            target = np.array([int(round(share * int(piece.sum()))) for share, piece in zip(wanted, pieces)])
+        if turn == 0:
+            target = np.array([round(share * int(piece.sum())) for share, piece in zip(wanted, pieces)])
         for q, piece in enumerate(pieces):
             k = _place(piece, target[q], nearest=turn == d - 1)
             cut[q, turn] = lower[q, axis[q]] + k
@@ -206,7 +218,9 @@ def _place(weight: np.ndarray, target: int, nearest: bool) -> int:
     return k if nearest else min(k, len(weight) - 1)
 
 
-def _descend(cells, part, order, cut, child_part) -> np.ndarray:
+def _descend(
+    cells: np.ndarray, part: np.ndarray, order: np.ndarray, cut: np.ndarray, child_part: np.ndarray
+) -> np.ndarray:
     """Part of each cell in the next level, -1 when its rank is settled."""
     result = np.full(len(part), -1, np.int64)
     for p in range(len(cut)):

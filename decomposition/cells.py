@@ -51,7 +51,7 @@ def checked_length(length: float, name: str) -> float:
 
 
 @compiled
-def bounds(points):
+def bounds(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Lower and upper corner (d,), inf and -inf without points; NaN where a coordinate is not finite."""
     dimension = points.shape[1]
     lower = np.full(dimension, np.inf)
@@ -77,7 +77,7 @@ def checked_bounds(points: np.ndarray, name: str = "points") -> tuple[np.ndarray
 
 
 @compiled
-def stable_order(key):
+def stable_order(key: np.ndarray) -> np.ndarray:
     """Order (int32) that sorts non-negative int64 keys, equal ones as they came; a radix sort. Overwrites the keys."""
     n = len(key)
     order = np.arange(n).astype(np.int32)
@@ -107,20 +107,20 @@ def stable_order(key):
 
 
 @compiled
-def cell_coordinate(x, lower, inverse, shape):
+def cell_coordinate(x: float, lower: float, inverse: float, shape: int) -> np.int64:
     """Cell number along one axis; -2 or shape + 1 when it is farther out than that."""
     return np.int64(min(max(np.floor((x - lower) * inverse), -2.0), shape + 1.0))
 
 
 @compiled
-def _slot(key, mask):
+def _slot(key: int, mask: int) -> np.int64:
     """First place to look for a cell's key in the hash table."""
     mixed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
     return np.int64(mixed >> np.uint64(32)) & mask
 
 
 @compiled
-def _find(cells, key):
+def _find(cells: Cells, key: int) -> int:
     """Which stored cell has this key, or -1."""
     mask = len(cells.table) - 1
     slot = _slot(key, mask)
@@ -132,7 +132,7 @@ def _find(cells, key):
 
 
 @compiled
-def _keys(points, lower, inverse, shape):
+def _keys(points: np.ndarray, lower: np.ndarray, inverse: np.ndarray, shape: np.ndarray) -> np.ndarray:
     key = np.empty(len(points), np.int64)
     for i in range(len(points)):
         k = np.int64(0)
@@ -143,7 +143,7 @@ def _keys(points, lower, inverse, shape):
 
 
 @compiled
-def _coordinate(points, order, axis):
+def _coordinate(points: np.ndarray, order: np.ndarray, axis: int) -> np.ndarray:
     result = np.zeros(len(order))
     if axis < points.shape[1]:
         for i in range(len(order)):
@@ -152,7 +152,7 @@ def _coordinate(points, order, axis):
 
 
 @compiled
-def _occupied(key, order):
+def _occupied(key: np.ndarray, order: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Keys of cells that hold points, where each begins in the order, and the hash table over them."""
     n = len(order)
     found = 0
@@ -180,7 +180,7 @@ def _occupied(key, order):
 
 
 @compiled
-def _build(points, lower, inverse, shape):
+def _build(points: np.ndarray, lower: np.ndarray, inverse: np.ndarray, shape: np.ndarray) -> Cells:
     key = _keys(points, lower, inverse, shape)
     order = stable_order(key.copy())
     cell_key, begin, table = _occupied(key, order)
@@ -209,7 +209,7 @@ def build_cells(points: np.ndarray, reach: float) -> Cells:
 
 
 @compiled
-def locate(cells, point, place):
+def locate(cells: Cells, point: np.ndarray, place: np.ndarray) -> bool:
     """Put a point's cell coordinates into `place` (3,); True if they changed."""
     changed = False
     for axis in range(len(point)):
@@ -220,7 +220,7 @@ def locate(cells, point, place):
 
 
 @compiled
-def surround(cells, place, near):
+def surround(cells: Cells, place: np.ndarray, near: np.ndarray) -> int:
     """Fill near (27, 2) with [begin, end) in the order of the occupied cells that touch `place`; return how many."""
     found = 0
     nx, ny, nz = cells.shape
@@ -236,7 +236,7 @@ def surround(cells, place, near):
 
 
 @compiled
-def _within(cells, points, reach):
+def _within(cells: Cells, points: np.ndarray, reach: float) -> np.ndarray:
     result = np.zeros(len(points), np.bool_)
     place = np.full(3, -9)
     place[points.shape[1] :] = 0

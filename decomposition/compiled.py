@@ -16,16 +16,19 @@ import re
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from numba import __version__ as numba_version
 from numba import njit
-from numba.core import config, types
+from numba.core import config
 from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.serialize import dumps
+from numba.core.types import BaseNamedTuple, BaseTuple, Optional  # type: ignore[attr-defined]
 
 _IMPORT = re.compile(
     r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)|import[ \t]+([\w., \t]+))", re.MULTILINE
@@ -37,7 +40,7 @@ _KEPT, _NOTED = 90 * 86400.0, 86400.0
 _PATIENCE, _GLANCE = 600.0, 0.02
 
 
-def compiled(function=None, **options):
+def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     """`numba.njit` with the cache of this module; used as `@compiled` or with options of `njit`,
     `@compiled(error_model="numpy")`.
     """
@@ -52,7 +55,7 @@ def compiled(function=None, **options):
     return dispatcher
 
 
-def _compile(compile_as_numba, signature):
+def _compile(compile_as_numba: Callable[[Any], Any], signature: Any) -> Any:
     """Compile, or wait for the process that does; what was reserved is free again afterwards, also after an error."""
     with global_compiler_lock:
         before = len(_RESERVED)
@@ -93,7 +96,7 @@ def _text(module: str) -> tuple[bytes, tuple[str, ...]]:
 def _source(module: str) -> Path | None:
     loaded = sys.modules.get(module)
     if loaded is not None and getattr(loaded, "__file__", None):
-        path = Path(loaded.__file__)
+        path = Path(str(loaded.__file__))
         return path if path.suffix == ".py" and path.exists() else None
     # not loaded: beside the modules of the same package
     top, *rest = module.split(".")
@@ -108,7 +111,7 @@ def _source(module: str) -> Path | None:
 
 def _imported(module: str, text: str) -> set[str]:
     """Names of modules that a text imports, of this project or beside the module itself."""
-    found = set()
+    found: set[str] = set()
     for start, names, plain in _IMPORT.findall(text):
         if start:
             parts = [name.split()[0] for name in re.sub(r"#[^\n]*|[()\\]", " ", names).split(",") if name.strip()]
@@ -146,14 +149,14 @@ def _digest(module: str) -> bytes:
     return digest.digest()
 
 
-def _modules_of(kind) -> set[str]:
+def _modules_of(kind: Any) -> set[str]:
     """Modules of the classes in an argument type, whose functions a kernel may have compiled in."""
-    if isinstance(kind, types.BaseNamedTuple):
+    if isinstance(kind, BaseNamedTuple):
         inner = set().union(*map(_modules_of, kind.types)) if kind.types else set()
         return {kind.instance_class.__module__} | inner
-    if isinstance(kind, types.BaseTuple):
+    if isinstance(kind, BaseTuple):
         return set().union(*map(_modules_of, kind)) if len(kind) else set()
-    if isinstance(kind, types.Optional):
+    if isinstance(kind, Optional):
         return _modules_of(kind.type)
     return set()
 
@@ -197,14 +200,16 @@ def _reserve(path: Path) -> bool:
 
 
 def _release(place: int) -> None:
-    with suppress(OSError):
-        fcntl.lockf(_lock_file(folder()), fcntl.LOCK_UN, 1, place)
+    file = _lock_file(folder())
+    if file is not None:
+        with suppress(OSError):
+            fcntl.lockf(file, fcntl.LOCK_UN, 1, place)
 
 
-class KernelCache(_Cache):
+class KernelCache(_Cache):  # type: ignore[misc]
     """The files of one function's machine code, one for each signature."""
 
-    def __init__(self, function):
+    def __init__(self, function: Any) -> None:
         self.function, self.enabled = function, True
 
     @property
@@ -223,7 +228,7 @@ class KernelCache(_Cache):
     def flush(self) -> None:
         """Nothing: a file never becomes wrong."""
 
-    def load_overload(self, sig, target_context):
+    def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
         """The compiled function of a signature, waiting for a process that compiles it; None for this one to compile
         it.
         """
@@ -237,7 +242,7 @@ class KernelCache(_Cache):
             found = _load(path, target_context)
         return found
 
-    def save_overload(self, sig, data) -> None:
+    def save_overload(self, sig: Any, data: Any) -> None:
         """Keep what was compiled; a folder that is full or not writable only costs time."""
         if not self.enabled or data.lifted or data.library.has_dynamic_globals:
             return
@@ -249,7 +254,7 @@ class KernelCache(_Cache):
             os.replace(file.name, path)
             _forget_unused(path.parent)
 
-    def path(self, sig, codegen) -> Path:
+    def path(self, sig: Any, codegen: Any) -> Path:
         """The file of a signature."""
         function = self.function
         code, digest = function.__code__, hashlib.sha256()
@@ -272,7 +277,7 @@ class KernelCache(_Cache):
         )
 
 
-def _load(path: Path, target_context) -> CompileResult | None:
+def _load(path: Path, target_context: Any) -> CompileResult | None:
     # a file that cannot be read is as good as none
     with suppress(OSError, EOFError, pickle.UnpicklingError, ValueError):
         content = path.read_bytes()

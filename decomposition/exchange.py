@@ -5,6 +5,8 @@ rows that go to or come from each neighbour, and the message buffer. A start is 
 """
 
 import weakref
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from llvmlite import ir
@@ -19,36 +21,36 @@ _TAGS = 1 << 14
 _HEADER = 4
 
 
-def _pointer(builder, address, kind):
+def _pointer(builder: Any, address: Any, kind: Any) -> Any:
     return builder.inttoptr(address, kind.as_pointer())
 
 
-@intrinsic
-def _load(typingctx, address):
+@intrinsic  # type: ignore[untyped-decorator]
+def _load(typingctx: Any, address: Any) -> Any:
     """The 8 bytes at an address, as an integer."""
 
-    def generate(context, builder, signature, arguments):
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.load(_pointer(builder, arguments[0], ir.IntType(64)))
 
     return types.int64(types.int64), generate
 
 
-@intrinsic
-def _store(typingctx, address, value):
+@intrinsic  # type: ignore[untyped-decorator]
+def _store(typingctx: Any, address: Any, value: Any) -> Any:
     """Put 8 bytes at an address."""
 
-    def generate(context, builder, signature, arguments):
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         builder.store(arguments[1], _pointer(builder, arguments[0], ir.IntType(64)))
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64), generate
 
 
-@intrinsic
-def _add(typingctx, address, source):
+@intrinsic  # type: ignore[untyped-decorator]
+def _add(typingctx: Any, address: Any, source: Any) -> Any:
     """Add the float64 at address `source` to that at `address`."""
 
-    def generate(context, builder, signature, arguments):
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         target, source = (_pointer(builder, argument, ir.DoubleType()) for argument in arguments)
         builder.store(builder.fadd(builder.load(target), builder.load(source)), target)
         return context.get_dummy_value()
@@ -57,43 +59,24 @@ def _add(typingctx, address, source):
 
 
 @compiled
-def _pack(table):
-    """Copy rows into the messages, column by column within a message."""
+def _copy(table: np.ndarray, received: bool | None, added: bool | None) -> None:
+    """Copy rows into the messages, column by column within a message; messages into rows where `received` is not None.
+
+    added: not None to add them to the rows, one neighbour after the other.
+    """
     columns, messages, row, message = table[0], table[1], table[2], table[3]
     for m in range(messages):
         rows = table[_HEADER + 2 * columns + m]
         for c in range(columns):
             base, stride = table[_HEADER + 2 * c], table[_HEADER + 2 * c + 1]
             for i in range(rows):
-                _store(message + 8 * i, _load(base + stride * _load(row + 8 * i)))
-            message += 8 * rows
-        row += 8 * rows
-
-
-@compiled
-def _unpack(table):
-    """Copy messages into rows."""
-    columns, messages, row, message = table[0], table[1], table[2], table[3]
-    for m in range(messages):
-        rows = table[_HEADER + 2 * columns + m]
-        for c in range(columns):
-            base, stride = table[_HEADER + 2 * c], table[_HEADER + 2 * c + 1]
-            for i in range(rows):
-                _store(base + stride * _load(row + 8 * i), _load(message + 8 * i))
-            message += 8 * rows
-        row += 8 * rows
-
-
-@compiled
-def _unpack_add(table):
-    """Add messages to rows, one neighbour after the other."""
-    columns, messages, row, message = table[0], table[1], table[2], table[3]
-    for m in range(messages):
-        rows = table[_HEADER + 2 * columns + m]
-        for c in range(columns):
-            base, stride = table[_HEADER + 2 * c], table[_HEADER + 2 * c + 1]
-            for i in range(rows):
-                _add(base + stride * _load(row + 8 * i), message + 8 * i)
+                place = base + stride * _load(row + 8 * i)
+                if received is None:
+                    _store(message + 8 * i, _load(place))
+                elif added is None:
+                    _store(place, _load(message + 8 * i))
+                else:
+                    _add(place, message + 8 * i)
             message += 8 * rows
         row += 8 * rows
 
@@ -107,13 +90,13 @@ def _columns(array: np.ndarray) -> list[int]:
     return [number for offset in offsets for number in (base + int(offset), stride)]
 
 
-def _table(arrays: list[np.ndarray], rows: np.ndarray, counts: list[int], buffer: np.ndarray) -> np.ndarray:
+def _table(arrays: list[np.ndarray], rows: np.ndarray, counts: Sequence[int], buffer: np.ndarray) -> np.ndarray:
     columns = [number for array in arrays for number in _columns(array)]
     header = [len(columns) // 2, len(counts), rows.ctypes.data, buffer.ctypes.data]
-    return np.array(header + columns + counts, np.int64)
+    return np.array(header + columns + list(counts), np.int64)
 
 
-def _release(requests: list) -> None:
+def _release(requests: list[MPI.Prequest]) -> None:
     """Give the persistent requests back to MPI."""
     if not MPI.Is_finalized():
         for request in requests:
@@ -121,7 +104,7 @@ def _release(requests: list) -> None:
     requests.clear()
 
 
-def _checked(array, index: int, capacity: int, accumulate: bool) -> None:
+def _checked(array: np.ndarray, index: int, capacity: int, accumulate: bool) -> None:
     name = f"arrays[{index}]"
     if not isinstance(array, np.ndarray) or array.ndim == 0 or not array.flags.writeable:
         raise ValueError(f"{name}: expected a writeable array of shape (capacity, ...), found {type(array).__name__}")
@@ -131,6 +114,10 @@ def _checked(array, index: int, capacity: int, accumulate: bool) -> None:
         raise ValueError(f"{name}: expected a type of 8 bytes, found {array.dtype}")
     if accumulate and array.dtype != np.float64:
         raise ValueError(f"{name}: expected float64 to add up, found {array.dtype}")
+
+
+# ranks, counts and rows of messages, rows int64 in the order of the messages
+Side = tuple[Sequence[int], Sequence[int], np.ndarray]
 
 
 class Exchange:
@@ -143,7 +130,16 @@ class Exchange:
     bytes_sent, bytes_received: of one start on this rank.
     """
 
-    def __init__(self, comm, arrays, outgoing, incoming, capacity: int, tag: int, accumulate: bool):
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        arrays: Sequence[np.ndarray],
+        outgoing: Side,
+        incoming: Side,
+        capacity: int,
+        tag: int,
+        accumulate: bool,
+    ) -> None:
         """outgoing, incoming: (ranks, counts, rows), rows int64 in the order of the messages."""
         self._arrays = list(arrays)
         for index, array in enumerate(self._arrays):
@@ -154,16 +150,18 @@ class Exchange:
         self.bytes_sent, self.bytes_received = (buffer.nbytes for buffer in self._buffers)
         self._pack_table = _table(self._arrays, outgoing[2], outgoing[1], self._buffers[0])
         self._unpack_table = _table(self._arrays, incoming[2], incoming[1], self._buffers[1])
-        self._scatter = _unpack_add if accumulate else _unpack
+        self._added = True if accumulate else None
         self._receives = self._requests(comm.Recv_init, incoming, self._buffers[1], width, tag)
         self._sends = self._requests(comm.Send_init, outgoing, self._buffers[0], width, tag)
         self._all = self._receives + self._sends
         self._finalizer = weakref.finalize(self, _release, self._all.copy())
         if not self._all:
-            self.start = self.finish = _nothing
+            self._turn_into(_nothing)
 
     @staticmethod
-    def _requests(make, side, buffer, width, tag) -> list:
+    def _requests(
+        make: Callable[..., MPI.Prequest], side: Side, buffer: np.ndarray, width: int, tag: int
+    ) -> list[MPI.Prequest]:
         requests, at = [], 0
         for rank, count in zip(side[0], side[1]):
             if width * count:
@@ -171,16 +169,20 @@ class Exchange:
             at += width * count
         return requests
 
+    def _turn_into(self, action: Callable[[], None]) -> None:
+        """Let start and finish do something else from now on; both are called in every step, so they ask nothing."""
+        vars(self).update(start=action, finish=action)
+
     def start(self) -> None:
         """Pack and send; returns while the messages travel."""
         MPI.Prequest.Startall(self._receives)
-        _pack(self._pack_table)
+        _copy(self._pack_table, None, None)
         MPI.Prequest.Startall(self._sends)
 
     def finish(self) -> None:
         """Wait for the messages and unpack them."""
         MPI.Prequest.Waitall(self._all)
-        self._scatter(self._unpack_table)
+        _copy(self._unpack_table, True, self._added)
 
     def progress(self) -> bool:
         """Let MPI move large messages along during long work between start and finish; True when all have arrived."""
@@ -189,8 +191,8 @@ class Exchange:
     def free(self) -> None:
         """Give the requests back to MPI now; garbage collection does so otherwise. No start may follow."""
         self._finalizer()
-        self._all = self._receives = self._sends = ()
-        self.start = self.finish = _freed
+        self._all = self._receives = self._sends = []
+        self._turn_into(_freed)
 
 
 def _nothing() -> None:

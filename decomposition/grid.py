@@ -5,6 +5,8 @@ Each rank sums what its own particles give to the nodes; `NodeSum` adds these pa
 node, in the order of ranks, so that all of them go on with the same numbers. There are no ghost particles.
 """
 
+from typing import Any
+
 import numpy as np
 from mpi4py import MPI
 
@@ -33,7 +35,9 @@ class RankGrid:
     lexicographic order, and whole cells travel instead of nodes.
     """
 
-    def __init__(self, comm, dimension: int, width: int, mirrors: tuple[Mirror, ...] = (), bitwise: bool = False):
+    def __init__(
+        self, comm: MPI.Comm, dimension: int, width: int, mirrors: tuple[Mirror, ...] = (), bitwise: bool = False
+    ) -> None:
         """dimension 2 or 3; width: nodes of a stencil along one direction; mirrors: planes that the grid is
         folded at.
         """
@@ -57,7 +61,7 @@ class RankGrid:
         """Changes whenever cells, nodes or what is shared change: then stencils and sums must be fetched anew."""
         return self.cells.version, self.sharing.version
 
-    def deal_out(self, particles, partition: CellPartition | None = None) -> bool:
+    def deal_out(self, particles: Any, partition: CellPartition | None = None) -> bool:
         """Give every particle to the owner of its cell under a partition, or under a balanced one; then `settle`."""
         bases = np.array(particles.bases()[: particles.owned], np.int64)
         inside = (np.abs(bases) < FARTHEST).all(axis=1)
@@ -82,7 +86,7 @@ class RankGrid:
         counts = np.array(self.comm.allgather(owned))
         return float(counts.max() / max(counts.mean(), 1e-300))
 
-    def settle(self, particles) -> bool:
+    def settle(self, particles: Any) -> bool:
         """List particles by cell, hand those that left to their new owners, and agree on the shared nodes.
 
         Talks to neighbours only. False when a particle of this rank is beyond the lattice, is not a number, or went
@@ -107,10 +111,10 @@ class RankGrid:
             self._agree()
         return sound
 
-    def _sort(self, particles, bases: np.ndarray) -> np.ndarray:
+    def _sort(self, particles: Any, bases: np.ndarray) -> np.ndarray:
         return self.cells.sort(bases, particles.owned, particles.names() if self.bitwise else None)
 
-    def _migrate(self, particles, bases: np.ndarray, strays: np.ndarray) -> tuple[np.ndarray, bool]:
+    def _migrate(self, particles: Any, bases: np.ndarray, strays: np.ndarray) -> tuple[np.ndarray, bool]:
         """Send particles in cells of others to their owners and list new cells of this rank's own.
 
         Returns the cells of all particles, and whether none was left between ranks that are no neighbours.
@@ -213,5 +217,6 @@ class RankGrid:
         rank.
         """
         if self.bitwise:
+            assert partial is not None, "expected what each cell gives"
             return CellSum(self.comm, self.sharing, self.cells, partial, nodes, (first, last), _SUM_TAG + tag)
         return NodeSum(self.comm, self.sharing, nodes, (first, last), _SUM_TAG + tag)

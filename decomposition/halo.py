@@ -12,7 +12,7 @@ _PLAN_TAG = _TAGS
 _KEEP_TAG = _TAGS + 1
 
 
-def _boxes(comm, points: np.ndarray, reach: float) -> np.ndarray:
+def _boxes(comm: MPI.Comm, points: np.ndarray, reach: float) -> np.ndarray:
     """Bounding box of each rank's points (ranks, 2, d); all raise if a coordinate, d or reach of one is wrong."""
     d = points.shape[1]
     mine = np.full(8, np.nan)
@@ -34,7 +34,7 @@ def _boxes(comm, points: np.ndarray, reach: float) -> np.ndarray:
 
 
 @compiled
-def _near_box(points, lower, upper, reach):
+def _near_box(points: np.ndarray, lower: np.ndarray, upper: np.ndarray, reach: float) -> np.ndarray:
     """Rows of points closer than reach to a box; rounding is monotonic:, none that close to a point in it is missed."""
     found = 0
     for turn in range(2):
@@ -65,7 +65,7 @@ def _overlapping(boxes: np.ndarray, here: int, reach: float) -> list[int]:
     return np.flatnonzero(near).tolist()
 
 
-def _swap(comm, ranks: list[int], outgoing: list[np.ndarray], tag: int) -> list[np.ndarray]:
+def _swap(comm: MPI.Comm, ranks: list[int], outgoing: list[np.ndarray], tag: int) -> list[np.ndarray]:
     """Send each rank its array (rows of one shape and type) and return theirs, whose lengths are not known before."""
     sizes = [np.array([len(array)], np.int64) for array in outgoing]
     theirs = [np.empty(1, np.int64) for _ in ranks]
@@ -91,7 +91,15 @@ class Halo:
     Exchanges must be made, started and finished in the same order on all ranks.
     """
 
-    def __init__(self, comm, owned: int, ghost_positions: np.ndarray, ranks, send_lists, receive_counts):
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        owned: int,
+        ghost_positions: np.ndarray,
+        ranks: list[int],
+        send_lists: list[np.ndarray],
+        receive_counts: list[int],
+    ) -> None:
         """Use `Halo.plan`."""
         used = [k for k in range(len(ranks)) if len(send_lists[k]) or receive_counts[k]]
         self.comm = comm
@@ -107,7 +115,7 @@ class Halo:
         self._ghost_side = self.neighbours, self.receive_counts, np.arange(owned, owned + self.ghosts)
 
     @classmethod
-    def plan(cls, comm, points: np.ndarray, reach: float) -> "Halo":
+    def plan(cls, comm: MPI.Comm, points: np.ndarray, reach: float) -> "Halo":
         """Find the ghosts: all points of other ranks closer than `reach` to one of this rank's points, and no others.
 
         points (n, d) [m], d = 1, 2 or 3, this rank's own, which may be none; reach [m]. Collective. Ghosts are ordered

@@ -9,7 +9,7 @@ from decomposition.compiled import compiled
 
 
 @compiled
-def _order_by_owner(owner, counts):
+def _order_by_owner(owner: np.ndarray, counts: np.ndarray) -> np.ndarray:
     """Rows in the order of their owner, then as they came."""
     cursor = np.zeros(len(counts), np.int64)
     cursor[1:] = np.cumsum(counts)[:-1]
@@ -20,7 +20,7 @@ def _order_by_owner(owner, counts):
     return order
 
 
-def _fault(comm, owner: np.ndarray, arrays: dict) -> str | None:
+def _fault(comm: MPI.Comm, owner: np.ndarray, arrays: dict[str, np.ndarray]) -> str | None:
     if owner.ndim != 1 or owner.dtype.kind not in "iu":
         return f"owner: expected integers of shape (n,), found {owner.dtype} of shape {owner.shape}"
     if len(owner) and not 0 <= owner.min() <= owner.max() < comm.size:
@@ -33,7 +33,7 @@ def _fault(comm, owner: np.ndarray, arrays: dict) -> str | None:
     return None
 
 
-def _counts(comm, owner: np.ndarray, arrays: dict) -> tuple[np.ndarray, np.ndarray]:
+def _counts(comm: MPI.Comm, owner: np.ndarray, arrays: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Rows to and from each rank; every rank raises ValueError when the arrays of one are wrong or differ in kind."""
     fault = _fault(comm, owner, arrays)
     kinds = [(name, array.dtype.str, array.shape[1:]) for name, array in arrays.items()]
@@ -51,7 +51,7 @@ def _counts(comm, owner: np.ndarray, arrays: dict) -> tuple[np.ndarray, np.ndarr
     return outgoing[:, 0].copy(), incoming[:, 0].copy()
 
 
-def migrate(comm, owner: np.ndarray, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def migrate(comm: MPI.Comm, owner: np.ndarray, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Send row i of every array to rank owner[i]; collective.
 
     owner (n,) integers; arrays: name -> (n, ...) of any plain type and strides, the same names, types and row shapes in
@@ -77,7 +77,16 @@ def migrate(comm, owner: np.ndarray, arrays: dict[str, np.ndarray]) -> dict[str,
     return {name: _move(comm, array, *route) for name, array in arrays.items()}
 
 
-def _move(comm, array, leaving, staying, to, incoming, received_before, kept_at) -> np.ndarray:
+def _move(
+    comm: MPI.Comm,
+    array: np.ndarray,
+    leaving: np.ndarray,
+    staying: np.ndarray,
+    to: np.ndarray,
+    incoming: np.ndarray,
+    received_before: np.ndarray,
+    kept_at: slice,
+) -> np.ndarray:
     result = np.empty((received_before[-1], *array.shape[1:]), array.dtype)
     result[kept_at] = array[staying]
     packed = np.ascontiguousarray(array[leaving])

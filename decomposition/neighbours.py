@@ -5,6 +5,7 @@ import numpy as np
 from decomposition.compiled import compiled
 
 from .cells import (
+    Cells,
     build_cells,
     cell_coordinate,
     checked_bounds,
@@ -18,7 +19,7 @@ from .cells import (
 
 
 @compiled
-def _spread(value, dimension):
+def _spread(value: int, dimension: int) -> np.int64:
     """The bits of a cell number, `dimension` places apart."""
     result = np.int64(0)
     bit = 0
@@ -29,7 +30,7 @@ def _spread(value, dimension):
 
 
 @compiled
-def _morton_keys(points, lower, inverse, shape):
+def _morton_keys(points: np.ndarray, lower: np.ndarray, inverse: np.ndarray, shape: np.ndarray) -> np.ndarray:
     n, dimension = points.shape
     key = np.zeros(n, np.int64)
     for axis in range(dimension):
@@ -57,52 +58,66 @@ def order_along_cells(points: np.ndarray, cell: float) -> np.ndarray:
 
 
 @compiled
-def _count(cells, points, reach):
+def _nowhere(dimension: int) -> tuple[np.ndarray, np.ndarray]:
+    """The cell of no point yet, and room for the ranges of points in the cells around one."""
+    place = np.full(3, -9)
+    place[dimension:] = 0
+    return place, np.empty((27, 2), np.int64)
+
+
+@compiled
+def _around(cells: Cells, point: np.ndarray, place: np.ndarray, near: np.ndarray, found: int) -> int:
+    """How many cells surround a point; `near` is what it was where the point is in the same cell as the one before."""
+    return surround(cells, place, near) if locate(cells, point, place) else found
+
+
+@compiled
+def _coordinates(points: np.ndarray, b: int) -> tuple[float, float, float]:
+    """Three coordinates in any dimension."""
+    y = points[b, 1] if points.shape[1] > 1 else 0.0
+    z = points[b, 2] if points.shape[1] > 2 else 0.0
+    return points[b, 0], y, z
+
+
+@compiled
+def _earlier(cells: Cells, span: np.ndarray, b: int) -> tuple[np.uintp, np.uintp]:
+    """The points of a cell that may be earlier than b; none when its first is later, for they are in input order."""
+    first = np.uintp(span[0])
+    return first, first if cells.order[first] >= b else np.uintp(span[1])
+
+
+@compiled
+def _count(cells: Cells, points: np.ndarray, reach: float) -> np.ndarray:
     """How many later points are within reach of each point of the cells, in the order of the cells."""
     count = np.zeros(len(cells.order), np.int32)
     square = reach * reach
-    place = np.full(3, -9)
-    place[points.shape[1] :] = 0
-    near = np.empty((27, 2), np.int64)
+    place, near = _nowhere(points.shape[1])
     found = 0
     for b in range(len(points)):
-        if locate(cells, points[b], place):
-            found = surround(cells, place, near)
-        x = points[b, 0]
-        y = points[b, 1] if points.shape[1] > 1 else 0.0
-        z = points[b, 2] if points.shape[1] > 2 else 0.0
+        found = _around(cells, points[b], place, near, found)
+        x, y, z = _coordinates(points, b)
         for s in range(found):
-            first = np.uintp(near[s, 0])
-            # points of a cell are in input order: if its first is later than b, so are all
-            if cells.order[first] >= b:
-                continue
-            for i in range(first, np.uintp(near[s, 1])):
+            first, last = _earlier(cells, near[s], b)
+            for i in range(first, last):
                 dx, dy, dz = x - cells.x[i], y - cells.y[i], z - cells.z[i]
                 count[i] += (dx * dx + dy * dy + dz * dz < square) & (cells.order[i] < b)
     return count
 
 
 @compiled
-def _fill(cells, points, reach, cursor, neighbour):
+def _fill(cells: Cells, points: np.ndarray, reach: float, cursor: np.ndarray, neighbour: np.ndarray) -> None:
     """Append b, in rising order, to the row of every earlier point within reach; cursor is where each row goes on."""
     square = reach * reach
-    place = np.full(3, -9)
-    place[points.shape[1] :] = 0
-    near = np.empty((27, 2), np.int64)
+    place, near = _nowhere(points.shape[1])
     hits = np.empty(np.diff(cells.begin).max() if len(cells.begin) > 1 else 1, np.int32)
     found = 0
     for b in range(len(points)):
-        if locate(cells, points[b], place):
-            found = surround(cells, place, near)
-        x = points[b, 0]
-        y = points[b, 1] if points.shape[1] > 1 else 0.0
-        z = points[b, 2] if points.shape[1] > 2 else 0.0
+        found = _around(cells, points[b], place, near, found)
+        x, y, z = _coordinates(points, b)
         for s in range(found):
-            first = np.uintp(near[s, 0])
-            if cells.order[first] >= b:
-                continue
             hit = np.uintp(0)
-            for i in range(first, np.uintp(near[s, 1])):
+            first, last = _earlier(cells, near[s], b)
+            for i in range(first, last):
                 dx, dy, dz = x - cells.x[i], y - cells.y[i], z - cells.z[i]
                 # without a branch, for most are misses
                 hits[hit] = cells.order[i]
@@ -114,7 +129,7 @@ def _fill(cells, points, reach, cursor, neighbour):
 
 
 @compiled
-def _row_starts(order, count):
+def _row_starts(order: np.ndarray, count: np.ndarray) -> np.ndarray:
     start = np.zeros(len(order) + 1, np.int64)
     for i in range(len(order)):
         start[order[i] + 1] = count[i]

@@ -1,6 +1,7 @@
 """Sums over ranks of what they give to shared nodes: one message a neighbour, with persistent requests."""
 
 import weakref
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,7 +34,7 @@ class Sharing:
 
 
 @compiled
-def _pack(nodes, first, last, slots, buffer):
+def _pack(nodes: np.ndarray, first: int, last: int, slots: np.ndarray, buffer: np.ndarray) -> None:
     width = last - first
     for n in range(len(slots)):
         for c in range(width):
@@ -41,7 +42,16 @@ def _pack(nodes, first, last, slots, buffer):
 
 
 @compiled
-def _add_in_rank_order(nodes, first, last, own_slots, own, slots, lower, buffer):
+def _add_in_rank_order(
+    nodes: np.ndarray,
+    first: int,
+    last: int,
+    own_slots: np.ndarray,
+    own: np.ndarray,
+    slots: np.ndarray,
+    lower: np.ndarray,
+    buffer: np.ndarray,
+) -> None:
     """Rows of lower ranks, this rank's, rows of higher ranks; `lower` counts the rows that come before this rank's."""
     width = last - first
     for n in range(len(own_slots)):
@@ -61,7 +71,9 @@ def _add_in_rank_order(nodes, first, last, own_slots, own, slots, lower, buffer)
 class _Messages:
     """Persistent requests between neighbours for buffers of known sizes."""
 
-    def __init__(self, comm, neighbours, tag, sent: list[int], received: list[int]):
+    def __init__(
+        self, comm: MPI.Comm, neighbours: Sequence[int], tag: int, sent: list[int], received: list[int]
+    ) -> None:
         self.outgoing, self.incoming = np.empty(sum(sent)), np.empty(sum(received))
         self._receives = self._requests(comm.Recv_init, neighbours, received, self.incoming, tag)
         self._sends = self._requests(comm.Send_init, neighbours, sent, self.outgoing, tag)
@@ -69,7 +81,13 @@ class _Messages:
         self._finalizer = weakref.finalize(self, _release, self._all.copy())
 
     @staticmethod
-    def _requests(make, neighbours, counts, buffer, tag) -> list:
+    def _requests(
+        make: Callable[..., MPI.Prequest],
+        neighbours: Sequence[int],
+        counts: Sequence[int],
+        buffer: np.ndarray,
+        tag: int,
+    ) -> list[MPI.Prequest]:
         requests, at = [], 0
         for rank, count in zip(neighbours, counts):
             if count:
@@ -90,7 +108,7 @@ class _Messages:
 class NodeSum:
     """Partial sums of nodes added up over the ranks that have them, in the order of ranks. Made by `RankGrid.sum`."""
 
-    def __init__(self, comm, sharing: Sharing, nodes: np.ndarray, columns: tuple[int, int], tag: int):
+    def __init__(self, comm: MPI.Comm, sharing: Sharing, nodes: np.ndarray, columns: tuple[int, int], tag: int) -> None:
         self._nodes, self._columns = nodes, columns
         width, counts = columns[1] - columns[0], [len(slots) for slots in sharing.shared]
         self._slots = np.concatenate([np.zeros(0, np.int32), *sharing.shared])
@@ -125,7 +143,7 @@ class NodeSum:
 
 
 @compiled
-def _pack_cells(partial, first, last, rows, size, buffer):
+def _pack_cells(partial: np.ndarray, first: int, last: int, rows: np.ndarray, size: int, buffer: np.ndarray) -> None:
     width = last - first
     for n in range(len(rows)):
         for k in range(size):
@@ -134,7 +152,16 @@ def _pack_cells(partial, first, last, rows, size, buffer):
 
 
 @compiled
-def _add_cells(nodes, first, last, partial, stencil, received_stencil, buffer, sequence):
+def _add_cells(
+    nodes: np.ndarray,
+    first: int,
+    last: int,
+    partial: np.ndarray,
+    stencil: np.ndarray,
+    received_stencil: np.ndarray,
+    buffer: np.ndarray,
+    sequence: np.ndarray,
+) -> None:
     """Add cells to nodes one after the other; sequence: a row of the own cells, or -1 - a row of the received."""
     width, size = last - first, stencil.shape[1]
     for n in range(len(nodes)):
@@ -155,8 +182,15 @@ class CellSum:
     """As `NodeSum`, from what each cell alone gives to its nodes: the same bits on any number of ranks."""
 
     def __init__(
-        self, comm, sharing: Sharing, cells: OccupiedCells, partial, nodes, columns: tuple[int, int], tag: int
-    ):
+        self,
+        comm: MPI.Comm,
+        sharing: Sharing,
+        cells: OccupiedCells,
+        partial: np.ndarray,
+        nodes: np.ndarray,
+        columns: tuple[int, int],
+        tag: int,
+    ) -> None:
         self._partial, self._nodes, self._columns, self._stencil = partial, nodes, columns, cells.stencil
         self._size = cells.stencil.shape[1]
         own = words(cells.index)

@@ -5,7 +5,7 @@ and nodes have whole-number indices; a word of 63 bits made of an index orders t
 first.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -45,16 +45,18 @@ def indices_of(word: np.ndarray, dimension: int) -> np.ndarray:
 
 
 @compiled
-def _locate(bases, owned, cells, cell, start):
+def _locate(bases: np.ndarray, owned: int, cells: np.ndarray, cell: np.ndarray, start: np.ndarray) -> int:
     """Cell number of each particle and how many each cell has, in start[1:]; returns how many particles have no cell.
 
     cell: a guess of each particle's cell on entry, as of the step before; -1 where its cell is not listed, -2 where its
     index is beyond the lattice.
     """
     start[:] = 0
-    missing, c, count = 0, 0, len(cells)
+    missing, count = 0, len(cells)
+    c: Any = 0
     for p in range(owned):
-        word, inside = np.int64(0), True
+        word = np.int64(0)
+        inside: Any = True
         for k in range(bases.shape[1]):
             shifted = np.int64(bases[p, k]) + FARTHEST
             inside = inside and 0 <= shifted < 2 * FARTHEST
@@ -80,7 +82,7 @@ def _locate(bases, owned, cells, cell, start):
 
 
 @compiled
-def _fill(cell, owned, start, cursor, order):
+def _fill(cell: np.ndarray, owned: int, start: np.ndarray, cursor: np.ndarray, order: np.ndarray) -> None:
     """Turn counts into starts and list the particles of each cell, in the order of storage."""
     for c in range(len(start) - 1):
         start[c + 1] += start[c]
@@ -92,7 +94,7 @@ def _fill(cell, owned, start, cursor, order):
 
 
 @compiled
-def _order_by_name(start, order, names):
+def _order_by_name(start: np.ndarray, order: np.ndarray, names: np.ndarray) -> None:
     """Order the particles within each cell by their names."""
     for c in range(len(start) - 1):
         for n in range(start[c] + 1, start[c + 1]):
@@ -122,7 +124,7 @@ class OccupiedCells:
     slot. Cells stay when their particles have left, until `compact`. `version` counts changes of cells or nodes.
     """
 
-    def __init__(self, dimension: int, width: int, mirrors: tuple[Mirror, ...] = ()):
+    def __init__(self, dimension: int, width: int, mirrors: tuple[Mirror, ...] = ()) -> None:
         self.dimension, self.width, self.mirrors = dimension, width, mirrors
         offsets = np.meshgrid(*[np.arange(width)] * dimension, indexing="ij")
         self._offsets = np.stack([axis.ravel() for axis in offsets], axis=1)

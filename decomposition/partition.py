@@ -21,7 +21,7 @@ _TIED, _LEFT, _RIGHT = np.int8(0), np.int8(1), np.int8(2)
 
 
 @compiled
-def _sortable(bits):
+def _sortable(bits: np.uint64) -> np.uint64:
     """Unsigned integer in the order of the double that has these bits; the zeros of both signs are one."""
     sign = np.uint64(1) << np.uint64(63)
     if bits == sign:
@@ -30,7 +30,7 @@ def _sortable(bits):
 
 
 @compiled
-def _part_bounds(points, part, parts):
+def _part_bounds(points: np.ndarray, part: np.ndarray, parts: int) -> np.ndarray:
     """Lower and negated upper corner of each part's points: (parts, 2, d)."""
     result = np.full((parts, 2, points.shape[1]), np.inf)
     for i in range(len(points)):
@@ -43,7 +43,16 @@ def _part_bounds(points, part, parts):
 
 
 @compiled
-def _histogram(bits, weights, part, side, axis, low, shift, bins):
+def _histogram(
+    bits: np.ndarray,
+    weights: np.ndarray,
+    part: np.ndarray,
+    side: np.ndarray,
+    axis: np.ndarray,
+    low: np.ndarray,
+    shift: np.ndarray,
+    bins: int,
+) -> np.ndarray:
     """Weight of the tied points of each part in each bin of width 2**shift from `low`.
 
     bits (n, d) uint64: those of the coordinates; points beyond the bins at either end are left out.
@@ -62,7 +71,7 @@ def _histogram(bits, weights, part, side, axis, low, shift, bins):
 
 
 @compiled
-def _split_tied(bits, part, side, axis, cut):
+def _split_tied(bits: np.ndarray, part: np.ndarray, side: np.ndarray, axis: np.ndarray, cut: np.ndarray) -> None:
     """Send tied points beside the cut to their side; those on it stay tied."""
     for i in range(len(bits)):
         p = part[i]
@@ -73,7 +82,7 @@ def _split_tied(bits, part, side, axis, cut):
 
 
 @compiled
-def _tied_weight(weights, part, side, parts):
+def _tied_weight(weights: np.ndarray, part: np.ndarray, side: np.ndarray, parts: int) -> np.ndarray:
     result = np.zeros(parts, np.int64)
     for i in range(len(part)):
         if part[i] >= 0 and side[i] == _TIED:
@@ -82,7 +91,9 @@ def _tied_weight(weights, part, side, parts):
 
 
 @compiled
-def _split_by_row(weights, part, side, before, target):
+def _split_by_row(
+    weights: np.ndarray, part: np.ndarray, side: np.ndarray, before: np.ndarray, target: np.ndarray
+) -> None:
     """Send points at one place left until the target is met, to the nearest particle."""
     before = before.copy()
     for i in range(len(part)):
@@ -94,18 +105,18 @@ def _split_by_row(weights, part, side, before, target):
 
 
 @compiled
-def _descend(part, side, child):
+def _descend(part: np.ndarray, side: np.ndarray, child: np.ndarray) -> None:
     for i in range(len(part)):
         if part[i] >= 0:
             part[i] = child[part[i], side[i] - 1]
 
 
-def _reduced(comm, local: np.ndarray, operation) -> np.ndarray:
+def _reduced(comm: MPI.Intracomm, local: np.ndarray, operation: MPI.Op) -> np.ndarray:
     comm.Allreduce(MPI.IN_PLACE, local, operation)
     return local
 
 
-def _integer_weights(comm, n: int, weights) -> np.ndarray:
+def _integer_weights(comm: MPI.Intracomm, n: int, weights: np.ndarray | None) -> np.ndarray:
     """Weights as integers whose sum over all ranks fits; ones where none are given. Raises ValueError on all ranks."""
     if weights is None:
         return np.ones(n, np.int64)
@@ -123,7 +134,9 @@ def _integer_weights(comm, n: int, weights) -> np.ndarray:
 class _Level:
     """The cut of all parts of one level; every array has one row a part."""
 
-    def __init__(self, comm, points, weights, part, ranks):
+    def __init__(
+        self, comm: MPI.Intracomm, points: np.ndarray, weights: np.ndarray, part: np.ndarray, ranks: np.ndarray
+    ) -> None:
         self.comm, self.points, self.weights, self.part, self.ranks = comm, points, weights, part, ranks
         self.parts = len(ranks)
         self.bits = points.view(np.uint64)
@@ -180,10 +193,10 @@ class _Level:
         self.target -= below
 
 
-def _halves(ranks: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _halves(ranks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Rank ranges of the next level that still need cuts, each part's children (-1 - rank when done), in that order."""
     child = np.empty((len(ranks), 2), np.int32)
-    following = []
+    following: list[tuple[int, int]] = []
     for p, (first, last) in enumerate(ranks):
         middle = first + (last - first) // 2
         for side, (lower, upper) in enumerate(((first, middle), (middle, last))):
@@ -195,7 +208,7 @@ def _halves(ranks: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.array(following, np.int64).reshape(-1, 2), child
 
 
-def bisect(comm, points: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:
+def bisect(comm: MPI.Intracomm, points: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:
     """New owner of each point, (n,) int32: parts of about equal weight, compact, near ones on near ranks. Collective.
 
     points (n, d) [m], d = 1, 2 or 3, this rank's share, which may be empty; weights (n,), none negative, or None on all

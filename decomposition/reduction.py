@@ -2,6 +2,7 @@
 
 import numpy as np
 from mpi4py import MPI
+from numpy.typing import ArrayLike
 
 from decomposition.compiled import compiled
 
@@ -14,7 +15,7 @@ _BETWEEN_CARRIES = 1 << 29
 _NAN, _POSITIVE, _NEGATIVE = _LIMBS, _LIMBS + 1, _LIMBS + 2
 
 
-def sums(comm, values) -> np.ndarray:
+def sums(comm: MPI.Comm, values: ArrayLike) -> np.ndarray:
     """Sum of each value over all ranks, the same on all, in an array of the same shape; one Allreduce. Collective."""
     values = np.array(values)
     result = np.empty_like(values)
@@ -23,7 +24,7 @@ def sums(comm, values) -> np.ndarray:
 
 
 @compiled
-def _carry(limbs):
+def _carry(limbs: np.ndarray) -> None:
     """Bring all limbs but the last into 0 .. 2**32 - 1."""
     for k in range(_LIMBS - 1):
         limbs[k + 1] += limbs[k] >> _LIMB_BITS
@@ -31,7 +32,7 @@ def _carry(limbs):
 
 
 @compiled
-def _accumulate(values, limbs):
+def _accumulate(values: np.ndarray, limbs: np.ndarray) -> None:
     """Add doubles exactly; values that are not finite are counted behind the limbs."""
     bits = values.view(np.int64)
     pending = 0
@@ -72,7 +73,7 @@ def _rounded(limbs: np.ndarray) -> float:
         return float("inf") if total > 0 else float("-inf")
 
 
-def ordered_sum(comm, values: np.ndarray) -> float | np.ndarray:
+def ordered_sum(comm: MPI.Comm, values: np.ndarray) -> float | np.ndarray:
     """The double nearest to the exact sum over all ranks: the same bits for any order and number of ranks. Collective.
 
     values (n,) float64, n may differ between ranks and be 0: returns a float. values (n, c), the same c on all ranks:
@@ -97,18 +98,18 @@ class MinimumAhead:
     comm: an intracommunicator; length: how many minima at once. Every begin needs its result before the next begin.
     """
 
-    def __init__(self, comm, length: int):
+    def __init__(self, comm: MPI.Comm, length: int) -> None:
         self._comm = comm
         self._values = np.empty(length)
         self._minima = np.empty(length)
-        self._request = None
+        self._request: MPI.Request | None = None
 
     @property
     def pending(self) -> bool:
         """True between begin and result."""
         return self._request is not None
 
-    def begin(self, values) -> None:
+    def begin(self, values: ArrayLike) -> None:
         """Start the reduction of this rank's values (length,); collective. NaN counts as -inf, so none misses it."""
         if self._request is not None:
             raise RuntimeError("MinimumAhead.begin: expected the last result to be fetched first, found it pending")

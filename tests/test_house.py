@@ -22,7 +22,7 @@ ROWS = (
     ("parsolid.methods",),
     ("parsolid.particles", "parsolid.boundary", "parsolid.output"),
     ("parsolid.scene", "parsolid.exact"),
-    ("parsolid.pairs", "parsolid.solvers", "parsolid.particles.particle_set"),
+    ("parsolid.pairs", "parsolid.solvers", "parsolid.observables", "parsolid.particles.particle_set"),
     ("parsolid.materials",),
     ("parsolid.numerics",),
     ("parsolid", "decomposition"),
@@ -242,3 +242,12 @@ def test_every_test_is_in_the_list_and_none_else():
         if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")
     }
     none_of(f"{file}: {name}" for file, name in sorted(there ^ wanted))
+
+
+@pending
+def test_pages_of_the_api_say_what_the_docstrings_say():
+    """docs/api, made by `python docs/make_api.py`."""
+    made = subprocess.run(
+        [sys.executable, ROOT / "docs" / "make_api.py", "--check"], capture_output=True, text=True, check=False
+    )
+    assert made.returncode == 0, made.stdout + made.stderr

@@ -6,9 +6,10 @@ with V_j(0) = T(0) when the stretch had been held for ever ("relaxed"), 0 when i
 ("instantaneous").
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
 from parsolid.exact.prony import PronySeries
@@ -38,7 +39,7 @@ class BarVibration(Solution):
 
     def __init__(
         self, modulus: PronySeries, density: float, length: float, stretch: float, relaxed: bool, modes: int = 2000
-    ):
+    ) -> None:
         """length [m], density [kg/m^3], stretch of the start; relaxed: whether it had been held for ever."""
         self.length, self.stretch, self.relaxed = length, stretch, relaxed
         self.modulus, self.density, self.modes = modulus, density, modes
@@ -55,7 +56,7 @@ class BarVibration(Solution):
         self.rates, self.weights = rates, weights * vectors[:, 0, :]
 
     @classmethod
-    def of_scene(cls, scene) -> "BarVibration":
+    def of_scene(cls, scene: Any) -> "BarVibration":
         """The solution for a scene's first body, a bar from X = 0, and its reference's stretch."""
         body = scene.bodies[0]
         modulus, relaxed = PronySeries.youngs_of(body.material), scene.systems[0].settings.initial_state == "relaxed"
@@ -83,7 +84,7 @@ class BarVibration(Solution):
         creep = np.sort(-roots[np.abs(roots.imag) < 1e-9 * abs(pair)].real)
         return Oscillation(float(pair.imag), float(-pair.real), creep)
 
-    def modal(self, time, mode: int = 1) -> np.ndarray:
+    def modal(self, time: ArrayLike, mode: int = 1) -> np.ndarray:
         """T(t)/T(0) of a mode at times [s] of any shape."""
         phases = np.exp(np.asarray(time, float)[..., None] * self.rates[mode - 1])
         return (phases @ self.weights[mode - 1]).real
@@ -135,7 +136,7 @@ def fitted_oscillation(time: np.ndarray, values: np.ndarray, guess: Oscillation)
     so that the phase is never off by half a turn.
     """
 
-    def remainder(parameters, time, values):
+    def remainder(parameters: Any, time: float, values: np.ndarray) -> Any:
         frequency, decay = parameters[0] * guess.frequency, parameters[1] * guess.frequency
         wave = np.exp((1j * frequency - decay) * time)
         basis = np.column_stack((wave.real, wave.imag, np.exp(-np.outer(time, guess.creep))))

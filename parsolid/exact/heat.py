@@ -4,6 +4,8 @@ III).
 Positions count along X (a mode, a slab) or Y (a sheared layer); T is the absolute temperature, T0 that at the start.
 """
 
+from typing import Any
+
 import numpy as np
 
 from parsolid.exact.solution import Solution
@@ -15,7 +17,7 @@ _TERMS = 250
 class _Conduction(Solution):
     """A temperature; its error is relative to the rise over T0."""
 
-    def __init__(self, start: float, diffusivity: float):
+    def __init__(self, start: float, diffusivity: float) -> None:
         """start T0 [K], diffusivity alpha [m^2/s]."""
         self.start, self.diffusivity = start, diffusivity
         self.offsets = {"temperature": start}
@@ -29,7 +31,7 @@ class _Conduction(Solution):
         raise NotImplementedError
 
 
-def diffusivity_of(material) -> float:
+def diffusivity_of(material: Any) -> float:
     """alpha = k / (rho0 c) [m^2/s] of a scene's material."""
     parts = material.parts
     return parts["conductivity"] / (parts["density"] * parts["specific_heat"])
@@ -38,18 +40,18 @@ def diffusivity_of(material) -> float:
 class CosineMode(_Conduction):
     """T0 + A cos(pi X / L) exp(-alpha (pi / L)^2 t) in a slab with insulated faces X = 0 and X = L."""
 
-    def __init__(self, start: float, diffusivity: float, amplitude: float, length: float):
+    def __init__(self, start: float, diffusivity: float, amplitude: float, length: float) -> None:
         """amplitude A [K], length L [m]."""
         super().__init__(start, diffusivity)
         self.amplitude, self.length = amplitude, length
 
     @classmethod
-    def of_scene(cls, scene) -> "CosineMode":
+    def of_scene(cls, scene: Any) -> "CosineMode":
         """The solution for a scene's first body, a box from X = 0, and the reference's start and amplitude [K]."""
         given, body = scene.reference.parameters, scene.bodies[0]
         return cls(given["start"], diffusivity_of(body.material), given["amplitude"], body.shape.model.upper[0])
 
-    def rise(self, positions, time):
+    def rise(self, positions: np.ndarray, time: float) -> Any:
         wave = np.pi / self.length
         return self.amplitude * np.cos(wave * positions[:, 0]) * np.exp(-self.diffusivity * wave**2 * time)
 
@@ -57,13 +59,15 @@ class CosineMode(_Conduction):
 class HeatedSlab(_Conduction):
     """A slab at T0 whose face X = 0 is held at T0 + rise, or takes a heat flux q, from t = 0 on; X = L is insulated."""
 
-    def __init__(self, start: float, diffusivity: float, length: float, face_rise: float | None = None, gradient=None):
+    def __init__(
+        self, start: float, diffusivity: float, length: float, face_rise: float | None = None, gradient: Any = None
+    ) -> None:
         """face_rise [K] of the face that is held, or gradient q / k [K/m] of the one that is heated."""
         super().__init__(start, diffusivity)
         self.length, self.face_rise, self.gradient = length, face_rise, gradient
 
     @classmethod
-    def of_scene(cls, scene) -> "HeatedSlab":
+    def of_scene(cls, scene: Any) -> "HeatedSlab":
         """The solution for a scene's first body, a box from X = 0, and the reference's start and face_rise [K] or
         heat_flux.
         """
@@ -73,7 +77,7 @@ class HeatedSlab(_Conduction):
         alpha = diffusivity_of(body.material)
         return cls(given["start"], alpha, body.shape.model.upper[0], given.get("face_rise"), gradient)
 
-    def rise(self, positions, time):
+    def rise(self, positions: np.ndarray, time: float) -> Any:
         share, fourier = positions[:, 0] / self.length, self.diffusivity * time / self.length**2
         n = np.arange(_TERMS)[:, None]
         if self.gradient is None:
@@ -92,13 +96,13 @@ class PlasticLayer(_Conduction):
     Rigid until the elastic shear strain tau / mu is spent; then zeta tau rate [W/m^3], tau = yield stress / sqrt(3).
     """
 
-    def __init__(self, start: float, diffusivity: float, height: float, heating: float, delay: float):
+    def __init__(self, start: float, diffusivity: float, height: float, heating: float, delay: float) -> None:
         """height H [m], heating [K/s] without conduction, delay [s] until the layer yields."""
         super().__init__(start, diffusivity)
         self.height, self.heating, self.delay = height, heating, delay
 
     @classmethod
-    def of_scene(cls, scene) -> "PlasticLayer":
+    def of_scene(cls, scene: Any) -> "PlasticLayer":
         """The solution for a scene's first body, a box from Y = 0, and the reference's start [K] and rate [1/s].
 
         The flow stress does not change and neither does the shear modulus.
@@ -110,7 +114,7 @@ class PlasticLayer(_Conduction):
         delay = shear / (parts["shear_modulus"].modulus * given["rate"])
         return cls(given["start"], diffusivity_of(body.material), body.shape.model.upper[1], heating, delay)
 
-    def rise(self, positions, time):
+    def rise(self, positions: np.ndarray, time: float) -> Any:
         after = time - self.delay
         if after <= 0.0:
             return np.zeros(len(positions))

@@ -5,12 +5,18 @@ Points at (i + 1/2) dx with gradient G_i = sum_j w_ij (u_j - u_i) j dx / sum_j w
 force.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.linalg import eigsh
 
+# of the distance over the horizon
+Weight = Callable[[np.ndarray], np.ndarray]
 
-def lattice_frequency(angle, reach: int, weight=lambda ratio: np.ones_like(ratio)) -> np.ndarray:
+
+def lattice_frequency(angle: Any, reach: int, weight: Weight = np.ones_like) -> np.ndarray:
     """omega dx/c = |sum_j w_j j sin(j theta)| / sum_j w_j j^2 of a wave of `angle` theta a point in an infinite
     lattice.
 
@@ -21,7 +27,7 @@ def lattice_frequency(angle, reach: int, weight=lambda ratio: np.ones_like(ratio
     return np.abs(np.sin(np.multiply.outer(np.asarray(angle, float), j)) @ (w * j)) / np.sum(w * j**2)
 
 
-def _gradient(points: int, reach: int, clamp: str, weight) -> csr_matrix:
+def _gradient(points: int, reach: int, clamp: str, weight: Weight) -> csr_matrix:
     """The gradient matrix times dx, (points + layer, points): of the points, and of a layer of resting points that has
     stresses.
     """
@@ -43,9 +49,7 @@ def _gradient(points: int, reach: int, clamp: str, weight) -> csr_matrix:
     return coo_matrix((values, (rows, columns)), (points + layer, points)).tocsr()
 
 
-def fundamental_period(
-    points: int, reach: int, clamp: str = "mirror", weight=lambda ratio: np.ones_like(ratio)
-) -> float:
+def fundamental_period(points: int, reach: int, clamp: str = "mirror", weight: Weight = np.ones_like) -> float:
     """Period of mode 1 of a clamped and free elastic bar over that of the continuum, 4 L/c.
 
     points: lattice points along the bar; clamp: "mirror" (odd images at the end X = 0) or "layer" (`reach` resting

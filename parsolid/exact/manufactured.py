@@ -5,6 +5,8 @@ Both are plane strain in a neo-Hookean solid, P = mu (F - F^-T) + U'(J) J F^-T, 
 Guilkey, J. Comput. Phys. 227 (2008) 9628) or lambda (J - 1) J (the project's own law).
 """
 
+from typing import Any
+
 import numpy as np
 
 from parsolid.exact.solution import Solution
@@ -13,11 +15,11 @@ from parsolid.exact.solution import Solution
 class Solid:
     """Density [kg/m^3], Lame constants [Pa] and the volumetric part of a compressible neo-Hookean solid."""
 
-    def __init__(self, density: float, shear_modulus: float, first_lame: float, logarithmic: bool = False):
+    def __init__(self, density: float, shear_modulus: float, first_lame: float, logarithmic: bool = False) -> None:
         self.density, self.mu, self.first_lame, self.logarithmic = density, shear_modulus, first_lame, logarithmic
 
     @classmethod
-    def of_scene(cls, scene) -> "Solid":
+    def of_scene(cls, scene: Any) -> "Solid":
         """The first body's material; it must be neo-Hookean."""
         material = scene.bodies[0].material
         return cls(float(material.density), material.moduli.shear_modulus, material.moduli.lambda_hat)
@@ -36,7 +38,7 @@ class AxisAligned(Solution):
     c is the speed of waves in a bar, sqrt(E / rho); the period is 2 / c.
     """
 
-    def __init__(self, amplitude: float, solid: Solid):
+    def __init__(self, amplitude: float, solid: Solid) -> None:
         """amplitude A [m]."""
         self.solid = solid
         # the second phase of pi is a change of sign
@@ -47,7 +49,7 @@ class AxisAligned(Solution):
         self.scales = {"displacement": amplitude, "velocity": amplitude * self.frequency}
 
     @classmethod
-    def of_scene(cls, scene) -> "AxisAligned":
+    def of_scene(cls, scene: Any) -> "AxisAligned":
         """The solution for a scene's first material and its reference's amplitude."""
         return cls(scene.reference.parameters["amplitude"], Solid.of_scene(scene))
 
@@ -89,13 +91,13 @@ class GeneralisedVortex(Solution):
     Neither surface moves or bears traction; J = 1 throughout. Kamojjala et al., Eng. Comput. 31 (2015) 1.
     """
 
-    def __init__(self, amplitude: float, solid: Solid):
+    def __init__(self, amplitude: float, solid: Solid) -> None:
         """amplitude A [rad]."""
         self.amplitude, self.solid = amplitude, solid
         self.scales = {"displacement": 1.0, "velocity": np.pi * amplitude}
 
     @classmethod
-    def of_scene(cls, scene) -> "GeneralisedVortex":
+    def of_scene(cls, scene: Any) -> "GeneralisedVortex":
         """The solution for a scene's first material and its reference's amplitude."""
         return cls(scene.reference.parameters["amplitude"], Solid.of_scene(scene))
 

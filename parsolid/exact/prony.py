@@ -1,5 +1,8 @@
 """Relaxation functions E(t) = E_0 + sum_j E_j exp(-t/tau_j) and their exact inverses, the creep compliances."""
 
+from itertools import pairwise
+from typing import Any
+
 import numpy as np
 from scipy.optimize import brentq
 
@@ -11,7 +14,7 @@ class PronySeries:
     of the terms.
     """
 
-    def __init__(self, equilibrium: float, moduli=(), times=()):
+    def __init__(self, equilibrium: float, moduli: Any = (), times: Any = ()) -> None:
         self.equilibrium = float(equilibrium)
         moduli, times = np.atleast_1d(np.asarray(moduli, float)), np.atleast_1d(np.asarray(times, float))
         present = moduli > 0.0
@@ -20,14 +23,14 @@ class PronySeries:
         self.moduli = np.array([moduli[present & (times == time)].sum() for time in self.times])
 
     @classmethod
-    def youngs_of(cls, material) -> "PronySeries":
+    def youngs_of(cls, material: Any) -> "PronySeries":
         """E(t) of a `scene.viscoelastic.PronySolid` whose moduli all relax alike."""
         modulus = material.equilibrium.youngs_modulus
         factor = modulus / (material.youngs_modulus or material.shear_modulus)
         return cls(modulus, factor * np.array(material.term_moduli), material.relaxation_times)
 
     @classmethod
-    def shear_of(cls, material) -> "PronySeries":
+    def shear_of(cls, material: Any) -> "PronySeries":
         """G(t) of a `scene.viscoelastic.PronySolid` whose bulk modulus does not relax."""
         known = material.equilibrium
         if material.youngs_modulus is not None and material.conversion != "paper":
@@ -43,12 +46,12 @@ class PronySeries:
         """E(0) [Pa]."""
         return self.equilibrium + float(self.moduli.sum())
 
-    def relaxation(self, time) -> np.ndarray:
+    def relaxation(self, time: float) -> np.ndarray:
         """E(t) [Pa] at times [s] of any shape."""
         decay = np.exp(-np.asarray(time, float)[..., None] / self.times)
         return self.equilibrium + decay @ self.moduli
 
-    def operational(self, s):
+    def operational(self, s: Any) -> Any:
         """s times the Laplace transform of E(t) [Pa] at s [1/s]."""
         return self.equilibrium + float(np.sum(self.moduli * s * self.times / (1.0 + s * self.times)))
 
@@ -58,7 +61,7 @@ class PronySeries:
         """
         poles = [*(-1.0 / self.times), 0.0]
         rates, amplitudes = [], []
-        for lower, upper in zip(poles, poles[1:]):
+        for lower, upper in pairwise(poles):
             # in between, s E(s) rises from minus infinity; at 0 it is E_0, so that the last zero is 0 for a fluid
             margin = 1e-15 * abs(lower)
             end = upper if upper == 0.0 else upper - 1e-15 * abs(upper)
@@ -75,7 +78,7 @@ class Compliance:
     final [1/Pa]; amplitudes d (n,) [1/Pa]; rates r (n,) [1/s].
     """
 
-    def __init__(self, final: float, amplitudes=(), rates=()):
+    def __init__(self, final: float, amplitudes: Any = (), rates: Any = ()) -> None:
         self.final = float(final)
         self.amplitudes, self.rates = np.asarray(amplitudes, float), np.asarray(rates, float)
 
@@ -93,7 +96,7 @@ class Compliance:
         """constant + factor D(t)."""
         return Compliance(constant + factor * self.final, factor * self.amplitudes, self.rates)
 
-    def strain(self, history, time: float) -> float:
+    def strain(self, history: Any, time: float) -> float:
         """Strain under a stress that is linear between knots, just after the jumps of that time (Boltzmann's
         superposition).
 
@@ -102,7 +105,7 @@ class Compliance:
         """
         first, stress = history[0]
         result = stress * self(time - first)
-        for (begin, before), (end, after) in zip(history, history[1:]):
+        for (begin, before), (end, after) in pairwise(history):
             if end == begin:
                 result += (after - before) * self(time - begin)
             else:

@@ -5,6 +5,8 @@ T dS = dE + P dJ = rho0 Cv (dT + gamma0 T dJ) along the Hugoniot, for a Mie-Grue
 E_H).
 """
 
+from typing import Any
+
 import numpy as np
 
 from parsolid.exact.solution import Solution, View
@@ -13,7 +15,16 @@ from parsolid.exact.solution import Solution, View
 class Hugoniot:
     """The state behind a shock that brings matter from rest to the particle speed u_p."""
 
-    def __init__(self, density, sound_speed, slope, gamma, specific_heat, start, particle_speed):
+    def __init__(
+        self,
+        density: float,
+        sound_speed: float,
+        slope: float,
+        gamma: float,
+        specific_heat: float,
+        start: np.ndarray,
+        particle_speed: float,
+    ) -> None:
         """rho0 [kg/m^3], C0 [m/s], S, gamma0 (the full Grueneisen gamma), Cv [J/(kg K)], T0 [K], u_p [m/s]."""
         self.density, self.start, self.particle_speed = density, start, particle_speed
         self.shock_speed = sound_speed + slope * particle_speed
@@ -41,12 +52,12 @@ class SteadyShock(Solution):
 
     behind = (0.3, 0.85)
 
-    def __init__(self, state: Hugoniot, length: float):
+    def __init__(self, state: Hugoniot, length: float) -> None:
         """length [m] of the bar along X."""
         self.state, self.length = state, length
 
     @classmethod
-    def of_scene(cls, scene) -> "SteadyShock":
+    def of_scene(cls, scene: Any) -> "SteadyShock":
         """The shock in a scene's first body, a box from X = 0, at the reference's particle_speed [m/s] and
         start [K].
         """

@@ -1,6 +1,8 @@
 """What exact solutions have in common: how a run is compared with them."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -46,8 +48,8 @@ class Solution:
     scale
     """
 
-    offsets: dict[str, float] = {}
-    scales: dict[str, float] = {}
+    offsets: Mapping[str, float] = MappingProxyType({})
+    scales: Mapping[str, float] = MappingProxyType({})
 
     def fields(self, positions: np.ndarray, time: float) -> dict[str, np.ndarray]:
         """Fields by name at reference positions (n, d) [m] and a time [s]."""

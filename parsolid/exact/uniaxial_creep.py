@@ -6,6 +6,8 @@ ratio is constant and the lateral strain is -nu times the axial one. Cross-secti
 stress, 3-D).
 """
 
+from typing import Any
+
 import numpy as np
 
 from parsolid.exact.prony import Compliance, PronySeries
@@ -19,7 +21,7 @@ class UniaxialCreep(Solution):
     Of a run are judged, at every row of its history, the displacements of probes that show position and displacement.
     """
 
-    def __init__(self, axial: Compliance, lateral: Compliance, history, origin):
+    def __init__(self, axial: Compliance, lateral: Compliance, history: Any, origin: Any) -> None:
         """axial, lateral: strains over stress; history: see `Compliance.strain`; origin (d,) [m]: the point
         that rests.
         """
@@ -28,7 +30,7 @@ class UniaxialCreep(Solution):
         self.probes: list[str] = []
 
     @classmethod
-    def of_scene(cls, scene) -> "UniaxialCreep":
+    def of_scene(cls, scene: Any) -> "UniaxialCreep":
         """The solution for a scene's first body, its traction along X, and its supports; what they leave free is
         centred.
         """
@@ -53,13 +55,13 @@ class UniaxialCreep(Solution):
         return result
 
     @classmethod
-    def complete(cls, modulus: PronySeries, poissons_ratio: float, history, origin) -> "UniaxialCreep":
+    def complete(cls, modulus: PronySeries, poissons_ratio: float, history: Any, origin: Any) -> "UniaxialCreep":
         """All moduli relax alike: Young's modulus E(t) and a constant Poisson's ratio."""
         axial = modulus.compliance()
         return cls(axial, axial.combined(0.0, -poissons_ratio), history, origin)
 
     @classmethod
-    def deviatoric(cls, shear: PronySeries, bulk_modulus: float, history, origin) -> "UniaxialCreep":
+    def deviatoric(cls, shear: PronySeries, bulk_modulus: float, history: Any, origin: Any) -> "UniaxialCreep":
         """Only the shear modulus G(t) relaxes; bulk modulus [Pa]."""
         inverse, volumetric = shear.compliance(), 1.0 / (9.0 * bulk_modulus)
         return cls(inverse.combined(volumetric, 1.0 / 3.0), inverse.combined(volumetric, -1.0 / 6.0), history, origin)

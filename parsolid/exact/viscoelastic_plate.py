@@ -6,6 +6,8 @@ g = (sin(pi X/2) cos(pi Y/2), -cos(pi X/2) sin(pi Y/2)) has no divergence and La
 The paper's (80), (82) is not a solution: it has no memory, and (82) is not the rate of (80).
 """
 
+from typing import Any
+
 import numpy as np
 from scipy.linalg import expm
 
@@ -15,7 +17,9 @@ from parsolid.exact.solution import Solution
 class ViscoelasticPlate(Solution):
     """Exact velocity and stress of a material with Maxwell branches in small strain."""
 
-    def __init__(self, amplitude: float, density: float, shear_modulus: float, branch_moduli, relaxation_times):
+    def __init__(
+        self, amplitude: float, density: float, shear_modulus: float, branch_moduli: Any, relaxation_times: Any
+    ) -> None:
         """amplitude [m], density [kg/m^3], moduli [Pa], times [s]."""
         self.amplitude, self.shear_modulus = amplitude, shear_modulus
         self.branch_moduli = np.asarray(branch_moduli, float)
@@ -29,7 +33,7 @@ class ViscoelasticPlate(Solution):
             self.rates[branch, 0], self.rates[branch, branch] = 1.0 / time, -1.0 / time
 
     @classmethod
-    def of_scene(cls, scene) -> "ViscoelasticPlate":
+    def of_scene(cls, scene: Any) -> "ViscoelasticPlate":
         """The solution for a scene's first material and its reference's amplitude."""
         material = scene.bodies[0].material
         return cls(

@@ -1,12 +1,14 @@
-"""How a law says what it is and what a scene states for it: its role, its kind, and its parameters with units and bounds.
+"""How a law says what it is and what a scene states for it: its role, its kind, and its parameters with units and
+bounds.
 
     @law("flow-stress", "voce")
     class Voce(NamedTuple):
         yield_stress: Annotated[float, Parameter("Pa", "sigma_0", above=0.0)]
 
-A declared NamedTuple is the law itself. Where a scene states other constants than the law keeps, the declared class is a plain one
-with the same annotations and a method `equilibrium_law(self)` that makes the NamedTuple. Either may have `faults(self)`, which lists
-(key, what was expected, what was found), `exactly_one` and `at_most_one` (keys that exclude each other), and properties.
+A declared NamedTuple is the law itself. Where a scene states other constants than the law keeps, the declared class is
+a plain one with the same annotations and a method `equilibrium_law(self)` that makes the NamedTuple. Either may have
+`faults(self)`, which lists (key, what was expected, what was found), `exactly_one` and `at_most_one` (keys that exclude
+each other), and properties.
 """
 
 from dataclasses import dataclass
@@ -80,7 +82,7 @@ def parameters_of(declared: type) -> dict[str, tuple[Any, Parameter | OfMaterial
     for name, hint in get_type_hints(declared, include_extras=True).items():
         if get_origin(hint) is Annotated:
             plain, *notes = get_args(hint)
-            result |= {name: (plain, note) for note in notes if isinstance(note, Parameter | OfMaterial)}
+            result.update((name, (plain, note)) for note in notes if isinstance(note, Parameter | OfMaterial))
     return result
 
 

@@ -1,7 +1,8 @@
-"""Laws found by role and kind: those of this package, those of installed packages, and those of a file that a scene names.
+"""Laws found by role and kind: those of this package, those of installed packages, and those of a file that a scene
+names.
 
-Nothing is imported before a scene asks for it: laws of this package are found by the line of their decorator `@law("role", "kind")`,
-those of other packages by entry points of the group "parsolid.laws" named "role.kind".
+Nothing is imported before a scene asks for it: laws of this package are found by the line of their decorator
+`@law("role", "kind")`, those of other packages by entry points of the group "parsolid.laws" named "role.kind".
 """
 
 import hashlib
@@ -103,7 +104,8 @@ def text_of(path: str) -> str:
 def from_text(path: str, name: str, text: str) -> type:
     """The law `name` of a file whose text is given, which is run: the same on all ranks, whatever their disks hold.
 
-    The module is named after the text, so that kernels compiled with another text are never taken for it. Raises LawError.
+    The module is named after the text, so that kernels compiled with another text are never taken for it. Raises
+    LawError.
     """
     module = (
         f"parsolid_law_{re.sub(r'[^0-9a-zA-Z]', '_', Path(path).stem)}_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
@@ -127,7 +129,9 @@ def from_text(path: str, name: str, text: str) -> type:
 
 
 def _complete(declared: type) -> None:
-    """Raise LawError where the law lacks a function that kernels ask for; each group needs one of its names, the first all."""
+    """Raise LawError where the law lacks a function that kernels ask for; each group needs one of its names, the first
+    all.
+    """
     if not hasattr(declared, "_fields"):
         return
     module, needed, *either = _FUNCTIONS[declared.role]

@@ -1,5 +1,6 @@
 """What all tables of a scene share: strictness, exclusive keys, a kind that chooses the model, points and planes."""
 
+from math import isfinite
 from typing import Annotated, Any, ClassVar, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
@@ -66,7 +67,7 @@ class SceneModel(BaseModel):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _every_fault(cls, value: Any, handler) -> "SceneModel":
+    def _every_fault(cls, value: Any, handler: Any) -> "SceneModel":
         """Report excluding keys together with the faults of the single keys, not after them."""
         conflicts = cls._conflicts(value) if isinstance(value, dict) else []
         try:
@@ -92,11 +93,11 @@ class ByKind:
     known: the attribute of a method's settings that lists the kinds which the method knows, "" where all will do.
     """
 
-    def __init__(self, models: tuple[type[SceneModel], ...], known: str = ""):
+    def __init__(self, models: tuple[type[SceneModel], ...], known: str = "") -> None:
         self.known = known
         self.models = {kind: model for model in models for kind in get_args(model.model_fields["kind"].annotation)}
 
-    def __get_pydantic_core_schema__(self, source, handler):
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         return core_schema.with_info_plain_validator_function(self._validate)
 
     @property
@@ -105,9 +106,10 @@ class ByKind:
         return tuple(self.models.values())
 
     def allowed(self, info: ValidationInfo) -> list[str]:
-        """Kinds that the scene's method knows."""
+        """Kinds that the scene's method knows, in the method's order."""
         method = method_of(info)
-        return [kind for kind in self.models if not (self.known and method) or kind in getattr(method, self.known)]
+        stated = getattr(method, self.known) if self.known and method else self.models
+        return [kind for kind in stated if kind in self.models]
 
     def _validate(self, value: Any, info: ValidationInfo) -> SceneModel:
         if isinstance(value, self.instances):
@@ -135,7 +137,7 @@ class ByKind:
         return self.models.get(kind) if isinstance(kind, str) else None
 
 
-def by_kind(*models: type[SceneModel], known: str = ""):
+def by_kind(*models: type[SceneModel], known: str = "") -> Any:
     """The type of a field that holds one of the models; each has a literal field `kind`; known as in `ByKind`."""
     return Annotated[Any, ByKind(models, known)]
 
@@ -154,7 +156,7 @@ Point = Annotated[list[float], OnePerDimension]
 class Plane:
     """An axis-aligned plane, "Y = 0": `axis` (0, 1, 2) and `offset` [m]."""
 
-    def __init__(self, axis: int, offset: float):
+    def __init__(self, axis: int, offset: float) -> None:
         self.axis = axis
         self.offset = offset
 
@@ -182,13 +184,13 @@ class Plane:
             offset = float(number)
         except ValueError:
             raise mismatch(expected, text) from None
-        if offset != offset or abs(offset) == float("inf"):
+        if not isfinite(offset):
             raise mismatch(expected, text)
         return cls(axes.index(name.strip()), offset)
 
     @classmethod
-    def __get_pydantic_core_schema__(cls, source, handler):
-        def validate(value, info):
+    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
+        def validate(value: Any, info: Any) -> Any:
             return value if isinstance(value, cls) else cls.parse(value, dimension_of(info))
 
         return core_schema.with_info_plain_validator_function(

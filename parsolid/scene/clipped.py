@@ -6,7 +6,7 @@ import numpy as np
 
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.bodies import FilledShape
-from parsolid.scene.lattice import Line, counted, jitter_offsets, numbers_and_spacings
+from parsolid.scene.lattice import Line, counted, numbers_and_spacings, staircase
 
 _HALVINGS = {"whole": 0, "half": 1, "quarter": 2}
 
@@ -20,7 +20,7 @@ class ClippedFilling:
     particles.
     """
 
-    def __init__(self, body: FilledShape, dimension: int):
+    def __init__(self, body: FilledShape, dimension: int) -> None:
         self.body = body
         self.dimension = dimension
         shape = body.shape.model
@@ -85,7 +85,7 @@ class ClippedFilling:
         )
         self.face = np.prod(sides) / sides
 
-    def _holds(self, index: list[np.ndarray]) -> np.ndarray:
+    def holds(self, index: list[np.ndarray]) -> np.ndarray:
         """Which lattice places carry a particle."""
         cross = [index[i] for i in self.across]
         inside = np.ones(len(cross[0]), bool)
@@ -105,19 +105,4 @@ class ClippedFilling:
         index = [along] * self.dimension
         for i, cross in zip(self.across, np.unravel_index(column, self.cross_shape)):
             index[i] = cross
-        offset = jitter_offsets(self.body, identifier, np.ones(len(identifier), bool), self.dimension)
-        area = np.zeros((len(identifier), self.dimension))
-        for i in range(self.dimension):
-            for side in (-1, 1):
-                beyond = [one + side if k == i else one for k, one in enumerate(index)]
-                area[:, i] += side * self.face[i] * ~self._holds(beyond)
-        coordinates = [line.coordinate(one, offset[:, k]) for k, (line, one) in enumerate(zip(self.lines, index))]
-        return ParticleSet(
-            identifier=identifier,
-            position=np.stack(coordinates, axis=1),
-            volume=np.full(len(identifier), self.volume),
-            spacing=np.tile(self.step, (len(identifier), 1)),
-            axes=None,
-            body=np.zeros(len(identifier), np.int32),
-            area=area,
-        )
+        return staircase(self, identifier, index, self.face)

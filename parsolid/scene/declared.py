@@ -97,8 +97,8 @@ def law_files(scene: Any) -> list[str]:
 class ByLaw(ByKind):
     """Annotation of a field whose table names a law: by its `kind`, or by `law`, a file and a class in it.
 
-    roles: those of declared laws; static: kind -> (role, model) of tables that are no declared laws; known: the attribute of a
-    method's settings that lists the roles which the method takes, "" where all will do.
+    roles: those of declared laws; static: kind -> (role, model) of tables that are no declared laws; known: the
+    attribute of a method's settings that lists the roles which the method takes, "" where all will do.
     """
 
     def __init__(self, roles: tuple[str, ...], static: dict[str, tuple[str, type[SceneModel]]], known: str = ""):

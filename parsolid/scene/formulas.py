@@ -62,10 +62,10 @@ def _objection(node: ast.AST, names: tuple[str, ...]) -> str | None:
 
 
 class _AsReals(ast.NodeTransformer):
-    def visit_Constant(self, node):
+    def visit_Constant(self, node: Any) -> Any:
         return ast.copy_location(ast.Constant(float(node.value)), node)
 
-    def visit_Name(self, node):
+    def visit_Name(self, node: Any) -> Any:
         return ast.copy_location(ast.Constant(CONSTANTS[node.id]), node) if node.id in CONSTANTS else node
 
 
@@ -75,7 +75,7 @@ class Formula:
     Raises ValueError with what is wrong when the text is no formula in the given names.
     """
 
-    def __init__(self, source: str | float, names: tuple[str, ...] = (*AXES, "t")):
+    def __init__(self, source: str | float, names: tuple[str, ...] = (*AXES, "t")) -> None:
         self.source = source
         try:
             tree = ast.parse(str(source).strip(), mode="eval")
@@ -187,7 +187,7 @@ def _or_free(value: Any, info: ValidationInfo) -> Formula | None:
     return None if value is None or value == "free" else _formula(value, info, time=True)
 
 
-def _vector_of(validate):
+def _vector_of(validate: Any) -> Any:
     """A list of formulas, one per dimension, that becomes a FormulaVector and is written as a list again."""
     component = Annotated[Any, PlainValidator(validate)]
     return Annotated[
@@ -195,7 +195,7 @@ def _vector_of(validate):
     ]
 
 
-def _scalar_of(validate):
+def _scalar_of(validate: Any) -> Any:
     """A Formula that is written as the text that it came from."""
     return Annotated[Any, PlainValidator(validate), PlainSerializer(lambda formula: formula.source)]
 

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -41,7 +41,7 @@ class Line:
     @classmethod
     def of(
         cls, lower: float, upper: float, number: int | None, spacing: float | None, nodes: bool, closed: bool = False
-    ):
+    ) -> Any:
         """The line with a number of particles, or with about the given spacing."""
         if number is None:
             # the upper limit keeps an absurd spacing countable, so that it can be refused
@@ -111,10 +111,34 @@ def counted(lines: list[Line]) -> int:
     return number
 
 
+def staircase(filling: Any, identifier: np.ndarray, index: list[np.ndarray], face: np.ndarray) -> ParticleSet:
+    """Particles at places of a lattice of which a filling holds some, with a face towards each neighbour that it lacks.
+
+    filling: has `holds`; index: d arrays (n,); face (d,) [m^2]: area of a particle's face across each axis.
+    """
+    count, dimension = len(identifier), len(index)
+    area = np.zeros((count, dimension))
+    for i in range(dimension):
+        for side in (-1, 1):
+            beyond = [one + side if k == i else one for k, one in enumerate(index)]
+            area[:, i] += side * face[i] * ~filling.holds(beyond)
+    offset = jitter_offsets(filling.body, identifier, np.ones(count, bool), dimension)
+    coordinates = [line.coordinate(one, offset[:, k]) for k, (line, one) in enumerate(zip(filling.lines, index))]
+    return ParticleSet(
+        identifier=identifier,
+        position=np.stack(coordinates, axis=1),
+        volume=np.full(count, filling.volume),
+        spacing=np.tile(filling.step, (count, 1)),
+        axes=None,
+        body=np.zeros(count, np.int32),
+        area=area,
+    )
+
+
 class Lattice:
     """The product of lines; ids run fastest along the last."""
 
-    def __init__(self, lines: list[Line]):
+    def __init__(self, lines: list[Line]) -> None:
         self.lines = lines
         self.shape = tuple(line.count for line in lines)
         self.count = counted(lines)
@@ -135,7 +159,7 @@ class Lattice:
 class BoxFilling(Lattice):
     """A box filled with nodes (trapezoid volumes) or cells; ids run fastest along the last axis."""
 
-    def __init__(self, body: FilledShape, dimension: int):
+    def __init__(self, body: FilledShape, dimension: int) -> None:
         box = body.shape.model
         numbers, spacings = numbers_and_spacings(body, dimension)
         nodes = body.placed_on == "nodes"

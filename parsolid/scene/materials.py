@@ -1,4 +1,6 @@
-"""Materials as a scene states them; a new law is one file in `materials`, told apart by its `kind`, or a file of the user's."""
+"""Materials as a scene states them; a new law is one file in `materials`, told apart by its `kind`, or a file of the
+user's.
+"""
 
 from importlib import import_module
 from typing import ClassVar

@@ -59,7 +59,7 @@ class MeshFilling:
     out.
     """
 
-    def __init__(self, body: FilledShape, dimension: int):
+    def __init__(self, body: FilledShape, dimension: int) -> None:
         self.body = body
         points, blocks = read_mesh(body.shape.model.file, body.shape.model.scale, dimension)
         lumped = [self._sound_volumes(kind, points[cells]) for kind, cells in blocks]
@@ -83,7 +83,9 @@ class MeshFilling:
             raise SceneError([f"expected elements of positive volume, found {found}"])
         return volumes
 
-    def _on_nodes(self, points, blocks, lumped, facets, used) -> None:
+    def _on_nodes(
+        self, points: np.ndarray, blocks: np.ndarray, lumped: np.ndarray, facets: np.ndarray, used: np.ndarray
+    ) -> None:
         total = len(points)
         volume = np.zeros(total)
         for (_, cells), shares in zip(blocks, lumped):
@@ -100,7 +102,7 @@ class MeshFilling:
         self.movable = self.movable[used]
         self.spacing = _mean_edge(points, blocks)[used]
 
-    def _in_cells(self, points, blocks, lumped, facets) -> None:
+    def _in_cells(self, points: np.ndarray, blocks: np.ndarray, lumped: np.ndarray, facets: np.ndarray) -> None:
         self.position = np.concatenate([points[cells].mean(axis=1) for _, cells in blocks])
         self.volume = np.concatenate([shares.sum(axis=1) for shares in lumped])
         self.area = np.zeros_like(self.position)
@@ -126,7 +128,7 @@ class MeshFilling:
         )
 
 
-def _boundary_facets(points, blocks) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def _boundary_facets(points: np.ndarray, blocks: np.ndarray) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """(owning element, nodes, outward area vector) of the facets that belong to one element only, by number
     of nodes.
     """
@@ -147,7 +149,7 @@ def _boundary_facets(points, blocks) -> list[tuple[np.ndarray, np.ndarray, np.nd
     return result
 
 
-def _mean_edge(points, blocks) -> np.ndarray:
+def _mean_edge(points: np.ndarray, blocks: np.ndarray) -> np.ndarray:
     """Mean length [m] of the edges that meet in each node; 0 for nodes of no element."""
     total = len(points)
     pairs = np.concatenate([np.sort(cells[:, edge], axis=1) for kind, cells in blocks for edge in ELEMENTS[kind].edges])

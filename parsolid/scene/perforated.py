@@ -6,7 +6,7 @@ import numpy as np
 
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.bodies import FilledShape
-from parsolid.scene.lattice import Line, counted, jitter_offsets, numbers_and_spacings
+from parsolid.scene.lattice import Line, counted, numbers_and_spacings, staircase
 
 
 class PerforatedFilling:
@@ -16,7 +16,7 @@ class PerforatedFilling:
     makes more than its own particles.
     """
 
-    def __init__(self, body: FilledShape, dimension: int):
+    def __init__(self, body: FilledShape, dimension: int) -> None:
         self.body, self.dimension = body, dimension
         shape = body.shape.model
         self.lower, self.upper = np.array(shape.lower, float), np.array(shape.upper, float)
@@ -46,7 +46,7 @@ class PerforatedFilling:
         self.missing = np.where(half > 0.0, np.maximum(last - self.start, 0), 0)
         self.ends = np.cumsum(along.count - self.missing)
 
-    def _holds(self, index: list[np.ndarray]) -> np.ndarray:
+    def holds(self, index: list[np.ndarray]) -> np.ndarray:
         """Which lattice places carry a particle."""
         inside = np.ones(len(index[0]), bool)
         for i, line in zip(index, self.lines):
@@ -61,19 +61,4 @@ class PerforatedFilling:
         along = identifier - self.ends[column] + self.lines[-1].count - self.missing[column]
         along += np.where(along >= self.start[column], self.missing[column], 0)
         index = [*np.unravel_index(column, self.cross_shape), along]
-        area = np.zeros((len(identifier), self.dimension))
-        for i in range(self.dimension):
-            for side in (-1, 1):
-                beyond = [one + side if k == i else one for k, one in enumerate(index)]
-                area[:, i] += side * self.volume / self.step[i] * ~self._holds(beyond)
-        offset = jitter_offsets(self.body, identifier, np.ones(len(identifier), bool), self.dimension)
-        coordinates = [line.coordinate(one, offset[:, k]) for k, (line, one) in enumerate(zip(self.lines, index))]
-        return ParticleSet(
-            identifier=identifier,
-            position=np.stack(coordinates, axis=1),
-            volume=np.full(len(identifier), self.volume),
-            spacing=np.tile(self.step, (len(identifier), 1)),
-            axes=None,
-            body=np.zeros(len(identifier), np.int32),
-            area=area,
-        )
+        return staircase(self, identifier, index, self.volume / self.step)

@@ -1,7 +1,7 @@
 """Shapes of bodies as a scene states them; lengths in m, angles in degrees."""
 
 import os
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
@@ -135,7 +135,7 @@ class Shape(SceneModel):
         return next(key for key in self.exactly_one[0] if getattr(self, key) is not None)
 
     @property
-    def model(self) -> Box | PerforatedBox | Cylinder | CylindricalShell | Sphere | MeshFile:
+    def model(self) -> Any:
         """The table of the shape that is given."""
         return getattr(self, self.kind)
 

@@ -22,7 +22,7 @@ class ShellFilling(Lattice):
     on nodes, the midpoint rule on cells: both sum to the exact volume. A closed ring has no particle twice.
     """
 
-    def __init__(self, body: FilledShape, dimension: int):
+    def __init__(self, body: FilledShape, dimension: int) -> None:
         shape = body.shape.model
         self.body = body
         self.dimension = dimension
@@ -54,7 +54,7 @@ class ShellFilling(Lattice):
             upper[self.axis] += length
         return lower, upper
 
-    def _place(self, radius, cosine, sine, axial) -> np.ndarray:
+    def _place(self, radius: np.ndarray, cosine: np.ndarray, sine: np.ndarray, axial: np.ndarray) -> np.ndarray:
         position = np.empty((len(cosine), self.dimension))
         position[:, (self.axis + 1) % 3] = radius * cosine
         position[:, (self.axis + 2) % 3] = radius * sine

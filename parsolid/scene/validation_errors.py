@@ -12,7 +12,7 @@ from parsolid.materials.declaration import Phrase
 class SceneError(Exception):
     """A scene cannot be run; `faults` lists every reason as "key.path: expected ..., found ..."."""
 
-    def __init__(self, faults: Iterable[str]):
+    def __init__(self, faults: Iterable[str]) -> None:
         self.faults = list(faults)
         super().__init__(self.faults)
 

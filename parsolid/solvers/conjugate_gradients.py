@@ -1,6 +1,9 @@
 """Conjugate gradients: the default of quasi-static steps, because the correspondence operator is symmetric."""
 
+from collections.abc import Callable
+
 import numpy as np
+from mpi4py import MPI
 
 from decomposition.compiled import compiled
 from decomposition.reduction import sums
@@ -8,7 +11,9 @@ from parsolid.solvers.solution import Solution
 
 
 @compiled
-def _advance(factor, direction, product, solution, residual):
+def _advance(
+    factor: float, direction: np.ndarray, product: np.ndarray, solution: np.ndarray, residual: np.ndarray
+) -> float:
     """u += a p, r -= a K p; gives r . r of this rank."""
     square = 0.0
     for i in range(residual.size):
@@ -19,14 +24,14 @@ def _advance(factor, direction, product, solution, residual):
 
 
 @compiled
-def _turn(factor, residual, direction):
+def _turn(factor: float, residual: np.ndarray, direction: np.ndarray) -> None:
     """p = r + b p."""
     for i in range(residual.size):
         direction[i] = residual[i] + factor * direction[i]
 
 
 @compiled
-def _masked_product(product, direction, free):
+def _masked_product(product: np.ndarray, direction: np.ndarray, free: np.ndarray) -> float:
     """Zero K p where a component is prescribed; gives p . K p of this rank."""
     total = 0.0
     for i in range(product.size):
@@ -37,7 +42,12 @@ def _masked_product(product, direction, free):
 
 
 def conjugate_gradients(
-    comm, apply, load: np.ndarray, target: float, free: np.ndarray | None = None, limit: int | None = None
+    comm: MPI.Comm,
+    apply: Callable[[np.ndarray, np.ndarray], None],
+    load: np.ndarray,
+    target: float,
+    free: np.ndarray | None = None,
+    limit: int | None = None,
 ) -> Solution:
     """Solve K u = load on free components for a symmetric positive definite K; collective.
 

@@ -4,7 +4,10 @@ Source: B. Kilic, E. Madenci, "An adaptive dynamic relaxation method for quasi-s
 theory", Theoretical and Applied Fracture Mechanics 53 (2010) 194; the fictitious time step is 1.
 """
 
+from collections.abc import Callable
+
 import numpy as np
+from mpi4py import MPI
 
 from decomposition.compiled import compiled
 from decomposition.reduction import sums
@@ -27,7 +30,9 @@ def relaxation_mass(largest_eigenvalue: float, mass: np.ndarray) -> np.ndarray:
 
 
 @compiled
-def _measure(force, before, velocity, displacement, mass):
+def _measure(
+    force: np.ndarray, before: np.ndarray, velocity: np.ndarray, displacement: np.ndarray, mass: np.ndarray
+) -> tuple[float, float, float]:
     """This rank's (F . F, sum k u^2, sum u^2) with k = -(F/L - F_before/L)/v, nothing where v = 0."""
     square, stiffness, weight = 0.0, 0.0, 0.0
     for a in range(force.shape[0]):
@@ -41,7 +46,15 @@ def _measure(force, before, velocity, displacement, mass):
 
 
 @compiled
-def _move(first, damping, force, before, velocity, displacement, mass):
+def _move(
+    first: int,
+    damping: float,
+    force: np.ndarray,
+    before: np.ndarray,
+    velocity: np.ndarray,
+    displacement: np.ndarray,
+    mass: np.ndarray,
+) -> None:
     """Advance v and u by one fictitious step and remember F."""
     for a in range(force.shape[0]):
         for i in range(force.shape[1]):
@@ -55,8 +68,8 @@ def _move(first, damping, force, before, velocity, displacement, mass):
 
 
 def dynamic_relaxation(
-    comm,
-    force,
+    comm: MPI.Comm,
+    force: Callable[[np.ndarray, np.ndarray], None],
     start: np.ndarray,
     mass: np.ndarray,
     target: float,

@@ -1,6 +1,10 @@
 """The largest eigenvalue of M^-1 K by power iteration."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
+from mpi4py import MPI
 
 from decomposition.reduction import sums
 
@@ -13,7 +17,9 @@ def start_vector(identifier: np.ndarray, dimension: int) -> np.ndarray:
 
     Source: the finaliser of SplitMix64 (Steele, Lea, Flood, OOPSLA 2014).
     """
-    keys = identifier.astype(np.uint64)[:, None] * np.uint64(dimension) + np.arange(1, dimension + 1, dtype=np.uint64)
+    keys: Any = identifier.astype(np.uint64)[:, None] * np.uint64(dimension) + np.arange(
+        1, dimension + 1, dtype=np.uint64
+    )
     with np.errstate(over="ignore"):
         keys *= np.uint64(0x9E3779B97F4A7C15)
         keys = (keys ^ (keys >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -23,8 +29,8 @@ def start_vector(identifier: np.ndarray, dimension: int) -> np.ndarray:
 
 
 def largest_eigenvalue(
-    comm,
-    apply,
+    comm: MPI.Comm,
+    apply: Callable[[np.ndarray, np.ndarray], None],
     start: np.ndarray,
     mass: np.ndarray | None = None,
     free: np.ndarray | None = None,
@@ -62,7 +68,7 @@ def largest_eigenvalue(
     return estimates[-1]
 
 
-def _norm(comm, vector: np.ndarray, weight: np.ndarray | None) -> float:
+def _norm(comm: MPI.Comm, vector: np.ndarray, weight: np.ndarray | None) -> float:
     """sqrt(x . M x) over all ranks."""
     square = np.vdot(vector, vector if weight is None else weight * vector)
     return float(np.sqrt(sums(comm, [square])[0]))

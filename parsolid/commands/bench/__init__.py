@@ -6,6 +6,7 @@ A method's module offers `kernel_tables(particles)`, tables of one core as (titl
 """
 
 from importlib import import_module
+from typing import Any
 
 from mpi4py import MPI
 
@@ -14,7 +15,7 @@ from parsolid.commands.console_table import show_table
 from parsolid.simulation.warmup import wait_quietly
 
 
-def bench(comm, method: str, particles: int, scaling: int | None) -> int:
+def bench(comm: MPI.Comm, method: str, particles: int, scaling: int | None) -> int:
     """Print a method's tables on rank 0; exit status 0. Collective."""
     module = import_module(f"parsolid.commands.bench.{method}")
     if comm.rank == 0:
@@ -28,7 +29,7 @@ def bench(comm, method: str, particles: int, scaling: int | None) -> int:
     return 0
 
 
-def _scaling_rows(comm, scene) -> list[list]:
+def _scaling_rows(comm: MPI.Comm, scene: Any) -> list[list]:
     """Whole steps on one rank while the others wait, then on all ranks."""
     alone = None
     if comm.rank == 0:

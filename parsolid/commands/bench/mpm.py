@@ -1,5 +1,7 @@
 """Speed of the material point method."""
 
+from typing import Any
+
 from mpi4py import MPI
 
 from parsolid.commands.bench.timing import Steps, best_time
@@ -9,7 +11,7 @@ _COPPER = "OFHC copper, Johnson-Cook"
 _PERFECT = {"kind": "linear-hardening", "yield_stress": 90e6, "hardening": 100e6}
 
 
-def cube_scene(particles: int, flow: str, **method):
+def cube_scene(particles: int, flow: str, **method: Any) -> Any:
     """A cube of copper of about so many particles, 8 a cell, that flows from the first step on; flow "J2" or
     "Johnson-Cook".
     """
@@ -28,7 +30,7 @@ def cube_scene(particles: int, flow: str, **method):
     return parse_scene({"title": "bench", "dimension": 3, "end_time": 1.0, "method": settings, "bodies": [body]})
 
 
-def scaling_scene(particles: int):
+def scaling_scene(particles: int) -> Any:
     """The usual basis and transfer with linear hardening."""
     return cube_scene(particles, "J2")
 

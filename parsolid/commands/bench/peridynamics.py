@@ -1,5 +1,7 @@
 """Speed of peridynamics."""
 
+from typing import Any
+
 import numpy as np
 from mpi4py import MPI
 
@@ -7,7 +9,7 @@ from parsolid.commands.bench.timing import Steps, best_time
 from parsolid.scene import parse_scene
 
 
-def cube_scene(particles: int, horizon_ratio: float, stabilisation: str, terms: int):
+def cube_scene(particles: int, horizon_ratio: float, stabilisation: str, terms: int) -> Any:
     """A cube of about so many particles with a gentle motion and nothing at its boundary."""
     side = max(3, round(particles ** (1.0 / 3.0)))
     return parse_scene(
@@ -39,7 +41,7 @@ def cube_scene(particles: int, horizon_ratio: float, stabilisation: str, terms: 
     )
 
 
-def scaling_scene(particles: int):
+def scaling_scene(particles: int) -> Any:
     """A cube at the usual horizon with one term."""
     return cube_scene(particles, 3.0, "shear-scaled", 1)
 

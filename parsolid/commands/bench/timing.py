@@ -1,6 +1,7 @@
 """Timing of a simulation's steps."""
 
 import time
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -10,7 +11,7 @@ from parsolid.simulation.loop import Simulation
 REPETITIONS = 7
 
 
-def best_time(action, repetitions: int = REPETITIONS) -> float:
+def best_time(action: Any, repetitions: int = REPETITIONS) -> float:
     """Least wall time [s] of an action that has already run once."""
     action()
     best = np.inf
@@ -24,7 +25,7 @@ def best_time(action, repetitions: int = REPETITIONS) -> float:
 class Steps:
     """Advances a simulation by a few small steps at each call."""
 
-    def __init__(self, comm, scene, steps: int):
+    def __init__(self, comm: MPI.Comm, scene: Any, steps: int) -> None:
         self.simulation = Simulation(comm, scene)
         self.steps = steps
         stable = self.simulation.systems[0].stable_step()

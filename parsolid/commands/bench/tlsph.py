@@ -1,5 +1,7 @@
 """Speed of total-Lagrangian SPH."""
 
+from typing import Any
+
 import numpy as np
 from mpi4py import MPI
 
@@ -7,7 +9,7 @@ from parsolid.commands.bench.timing import Steps, best_time
 from parsolid.scene import parse_scene
 
 
-def cube_scene(particles: int, smoothing: float, branches: int):
+def cube_scene(particles: int, smoothing: float, branches: int) -> Any:
     """A cube of about so many particles with a gentle motion and nothing at its boundary."""
     side = max(2, round(particles ** (1.0 / 3.0)))
     return parse_scene(
@@ -34,7 +36,7 @@ def cube_scene(particles: int, smoothing: float, branches: int):
     )
 
 
-def scaling_scene(particles: int):
+def scaling_scene(particles: int) -> Any:
     """A cube at the usual smoothing with one branch."""
     return cube_scene(particles, 0.85, 1)
 
@@ -50,10 +52,9 @@ def _kernel_row(particles: int, smoothing: float, branches: int) -> list:
     run = Steps(MPI.COMM_SELF, cube_scene(particles, smoothing, branches), 2)
     method = run.simulation.systems[0]
     step, evaluation = best_time(run.advance) / run.steps, best_time(method.evaluate_forces)
-    degree = np.diff(method.neighbour_lists.inner.start) + np.bincount(
-        method.neighbour_lists.inner.neighbour, minlength=method.owned
-    )
-    pairs = method.neighbour_lists.directed_pairs / 2
+    inner = method.pairs.inner
+    degree = np.diff(inner.start) + np.bincount(inner.neighbour, minlength=method.owned)
+    pairs = method.directed_pairs / 2
     return [
         smoothing,
         branches,

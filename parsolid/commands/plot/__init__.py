@@ -9,6 +9,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 FOLDER = "pictures"
 _NEEDED = ("matplotlib", "pyvista")
@@ -83,7 +84,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--title", metavar="TEXT", help="above the sheet")
 
 
-def run_plot(comm, options: argparse.Namespace) -> int:
+def run_plot(comm: Any, options: argparse.Namespace) -> int:
     """Draw what a command line asks for, on rank 0; exit status 0. Collective.
 
     Raises SceneError on all ranks for options or a folder that will not do, OutputError for files that cannot be

@@ -5,6 +5,7 @@ import ctypes.util
 import os
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -104,7 +105,9 @@ def _curves(results: Results, folder: Path) -> list[Path]:
     return [folder / "energies.png"] + ([folder / "probes.png"] if write_probes(results, folder / "probes.png") else [])
 
 
-def _draw_bodies(results: Results, field: str, steps: list[int], options, output: Path, moving: bool) -> list[Path]:
+def _draw_bodies(
+    results: Results, field: str, steps: list[int], options: Any, output: Path, moving: bool
+) -> list[Path]:
     from parsolid.commands.plot.sheets import Look, Sheet, write_animation, write_sheet, write_singles
 
     if results.dimension == 1 or options.along:

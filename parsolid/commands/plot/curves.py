@@ -1,6 +1,7 @@
 """Curves of a run's history: energies, dissipations, balance, probes, with the reference where the scene has one."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -102,7 +103,7 @@ def _probe_panels(columns: list[str]) -> dict[str, list[str]]:
     return panels
 
 
-def _add_references(axes, results: Results, names, factor: float, unit: float) -> None:
+def _add_references(axes: np.ndarray, results: Results, names: np.ndarray, factor: float, unit: float) -> None:
     """The reference series of these columns, the first one named in the legend."""
     if results.reference is None:
         return
@@ -131,7 +132,7 @@ def _figure(size: tuple[int, int], title: str) -> Figure:
     return figure
 
 
-def _finish(figure: Figure, panels, unit: str) -> None:
+def _finish(figure: Figure, panels: Any, unit: str) -> None:
     for axes in panels:
         axes.set_xlabel(f"time [{unit}]")
         axes.margins(x=0.0)

@@ -1,5 +1,7 @@
 """Pictures of plane bodies, drawn into matplotlib axes."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.colors import Normalize
@@ -16,7 +18,7 @@ _OUTLINE = {"colors": "#202020", "linewidths": 0.9}
 class PlaneView:
     """The same part of the plane for all frames: lower and upper corner [m], width over height in aspect."""
 
-    def __init__(self, frames: list[Frame], follow: bool, margin: float):
+    def __init__(self, frames: list[Frame], follow: bool, margin: float) -> None:
         """follow: keep each frame's own middle in the middle; margin [m]: how far the body reaches beyond the
         particles.
         """
@@ -39,7 +41,7 @@ class PlaneView:
 
 
 def draw_plane(
-    axes, skins: list[Skin], volume: np.ndarray, frame: Frame, number: int, view: PlaneView, scale: Scale
+    axes: np.ndarray, skins: list[Skin], volume: np.ndarray, frame: Frame, number: int, view: PlaneView, scale: Scale
 ) -> None:
     """Draw the number-th frame of a view into axes."""
     axes.set(xlim=(view.lower[number, 0], view.upper[number, 0]), ylim=(view.lower[number, 1], view.upper[number, 1]))
@@ -58,7 +60,7 @@ def draw_plane(
             _edges(axes, points, skin.patches)
 
 
-def _fill(axes, points, values, faces, limits, scale) -> None:
+def _fill(axes: np.ndarray, points: np.ndarray, values: np.ndarray, faces: Any, limits: Any, scale: Any) -> None:
     if faces.shape[1] == 4:
         # four triangles about the middle: no diagonal is preferred
         middle = len(points) + np.arange(len(faces))
@@ -70,7 +72,7 @@ def _fill(axes, points, values, faces, limits, scale) -> None:
     axes.tripcolor(triangles, values, shading="gouraud", cmap=scale.colours, norm=limits, rasterized=True)
 
 
-def _edges(axes, points: np.ndarray, patches: list[np.ndarray]) -> None:
+def _edges(axes: np.ndarray, points: np.ndarray, patches: list[np.ndarray]) -> None:
     """The lines between faces where there is room for them, and the outline."""
     pairs = [
         np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1) for faces in patches
@@ -84,7 +86,7 @@ def _edges(axes, points: np.ndarray, patches: list[np.ndarray]) -> None:
     axes.add_collection(LineCollection(points[pairs[count == 1]], **_OUTLINE))
 
 
-def _discs(axes, position, values, volume, limits, scale) -> None:
+def _discs(axes: np.ndarray, position: Any, values: np.ndarray, volume: Any, limits: Any, scale: Any) -> None:
     """A disc for each particle, a little larger than its area so that neighbours touch."""
     diameter = 1.2 * np.sqrt(volume)
     discs = EllipseCollection(

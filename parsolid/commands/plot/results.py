@@ -5,6 +5,7 @@ import sys
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -39,7 +40,7 @@ class Frame:
 class Results:
     """A run's folder: its scene, history and fields. Raises SceneError when the folder holds no run."""
 
-    def __init__(self, directory: Path | str):
+    def __init__(self, directory: Path | str) -> None:
         self.directory = Path(directory)
         self.fields_path = self.directory / DEFAULT_NAME
         scene = self.directory / "scene.toml"
@@ -86,7 +87,7 @@ class Results:
         return np.asarray(data["t"], float), series
 
     @cached_property
-    def _published(self):
+    def _published(self) -> Any:
         try:
             layout, times = published(self.fields_path)
         except OutputError as error:
@@ -139,7 +140,7 @@ class Results:
         # a time asked for twice is drawn once
         return list(dict.fromkeys(int(np.argmin(np.abs(stored - time))) for time in times))
 
-    def frames(self, steps: list[int], field: str, exaggeration: float = 1.0):
+    def frames(self, steps: list[int], field: str, exaggeration: float = 1.0) -> Any:
         """The frames of steps, one after the other; vectors are shown by their magnitude.
 
         exaggeration: factor on the displacements of the positions. Raises SceneError when that needs a field that is

@@ -5,6 +5,7 @@ import subprocess
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -50,7 +51,7 @@ class Look:
 class Sheet:
     """Pictures of one field at some steps of a run, all in one scale and seen from one place."""
 
-    def __init__(self, results: Results, field: str, steps: list[int], look: Look):
+    def __init__(self, results: Results, field: str, steps: list[int], look: Look) -> None:
         """Raises SceneError when there is no such field, or when particles are nowhere."""
         results.check_field(field)
         self.results, self.field, self.look = results, field, look
@@ -65,14 +66,14 @@ class Sheet:
         self._renderers: dict[tuple[int, int], object] = {}
 
     @cached_property
-    def skins(self):
+    def skins(self) -> Any:
         """The skins of the bodies and of their images."""
         skins = skins_of(self.results.parts.bodies, self.results.dimension, self.results.constant("body"))
         particles = self.results.particles
         return [skin.moved(image * particles) for image in range(2 ** len(self.look.mirror)) for skin in skins]
 
     @cached_property
-    def view(self):
+    def view(self) -> Any:
         """The camera or the part of the plane."""
         largest = max((self.volume[skin.first : skin.last].max() for skin in self.skins if skin.reaches), default=0.0)
         margin = 0.6 * largest ** (1.0 / self.results.dimension)
@@ -103,7 +104,7 @@ class Sheet:
             renderer.close()
         self._renderers.clear()
 
-    def _layout(self, count: int):
+    def _layout(self, count: int) -> Any:
         """Size of the picture, and left, top, width, height of every panel, in pixels."""
         columns = min(self.look.columns or self._fitting_columns(count), count)
         rows = -(-count // columns)
@@ -137,14 +138,14 @@ class Sheet:
         off = np.abs(np.log(columns * self.view.aspect / rows * height / width))
         return int(columns[np.argmin(off + 2.0 * (1.0 - count / (rows * columns)))])
 
-    def _draw(self, axes, number: int, pixels: tuple[int, int]) -> None:
+    def _draw(self, axes: np.ndarray, number: int, pixels: tuple[int, int]) -> None:
         if self.results.dimension == 2:
             draw_plane(axes, self.skins, self.volume, self.frames[number], number, self.view, self.scale)
             return
         axes.set_axis_off()
         axes.imshow(self._renderer(pixels).draw(self.frames[number], number), interpolation="none", aspect="auto")
 
-    def _renderer(self, pixels: tuple[int, int]):
+    def _renderer(self, pixels: tuple[int, int]) -> Any:
         if pixels not in self._renderers:
             from parsolid.commands.plot.space import Renderer
 
@@ -214,7 +215,7 @@ def write_animation(sheet: Sheet, path: Path, frames_per_second: float) -> None:
     frames[0].save(path, save_all=True, append_images=frames[1:], duration=1000.0 / frames_per_second, loop=0)
 
 
-def _write_mp4(images, path: Path, frames_per_second: float) -> None:
+def _write_mp4(images: Any, path: Path, frames_per_second: float) -> None:
     program = shutil.which("ffmpeg")
     if program is None:
         raise SceneError(["--animation: expected the program ffmpeg for .mp4, found none (.gif needs none)"])

@@ -1,6 +1,7 @@
 """The surface that particles stand for: faces between them where their lattice or mesh is known."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -79,7 +80,7 @@ def skins_of(bodies: dict, dimension: int, body: np.ndarray) -> list[Skin]:
     return skins
 
 
-def _patches(filled, dimension: int, count: int) -> tuple[list[np.ndarray] | None, tuple | None]:
+def _patches(filled: Any, dimension: int, count: int) -> tuple[list[np.ndarray] | None, tuple | None]:
     if filled.shape.kind == "mesh":
         if filled.placed_on == "cells":
             return None, None

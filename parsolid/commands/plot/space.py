@@ -1,5 +1,7 @@
 """Pictures of three-dimensional bodies, drawn by VTK without a display."""
 
+from typing import Any
+
 import numpy as np
 import pyvista
 from vtkmodules.vtkCommonCore import vtkLogger
@@ -25,7 +27,9 @@ class Camera:
     right, up, towards: unit vectors, the last one to the viewer; span: (width, height) [m] of what is seen.
     """
 
-    def __init__(self, frames: list[Frame], view: str | tuple[float, float, float], follow: bool, margin: float):
+    def __init__(
+        self, frames: list[Frame], view: str | tuple[float, float, float], follow: bool, margin: float
+    ) -> None:
         """follow: keep each frame's own middle in the middle; margin [m]: how far the body reaches beyond the
         particles.
         """
@@ -63,7 +67,7 @@ def _bounds(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return points.min(axis=0), points.max(axis=0)
 
 
-def _direction(view, height: int) -> np.ndarray:
+def _direction(view: Any, height: int) -> np.ndarray:
     direction = np.array(_DIRECTIONS[view] if isinstance(view, str) else view, float)
     if isinstance(view, str) and height == 1:
         # the named views turn with the body's upright axis, from Z to Y
@@ -74,7 +78,9 @@ def _direction(view, height: int) -> np.ndarray:
 class Renderer:
     """Draws frames from one camera at one size in pixels."""
 
-    def __init__(self, skins: list[Skin], volume: np.ndarray, camera: Camera, scale: Scale, size: tuple[int, int]):
+    def __init__(
+        self, skins: list[Skin], volume: np.ndarray, camera: Camera, scale: Scale, size: tuple[int, int]
+    ) -> None:
         self.skins, self.camera, self.scale, self.size = skins, camera, scale, size
         self.volume = volume
         window = [_OVERSAMPLING * max(1, pixels) for pixels in size]
@@ -113,7 +119,7 @@ class Renderer:
         """Free the renderer's memory."""
         self._plotter.close()
 
-    def _add(self, mesh, edges: bool) -> None:
+    def _add(self, mesh: Any, edges: bool) -> None:
         self._plotter.add_mesh(
             mesh,
             scalars="shown",
@@ -133,7 +139,7 @@ class Renderer:
             nan_color="#ff00ff",
         )
 
-    def _edges_fit(self, mesh) -> bool:
+    def _edges_fit(self, mesh: Any) -> bool:
         """Whether the faces are large enough for their edges to be told apart."""
         pixels = self.size[1] / self.camera.span[1]
         return bool(np.sqrt(mesh.area / max(mesh.n_cells, 1)) * pixels > 5.0)

@@ -7,6 +7,7 @@ import os
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from parsolid.commands.study.measures import MEASURES
 from parsolid.commands.study.schema import Series, Setting, Study
@@ -84,7 +85,7 @@ def cases_of(study: Study, trust_code: bool = False) -> list[Case]:
 
 
 def _case(study: Study, series: Series, places: tuple[Setting, ...]) -> Case:
-    def chosen(name: str):
+    def chosen(name: str) -> Any:
         return next((value for place in (*places, series) if (value := getattr(place, name)) is not None), None)
 
     resolution = next((i for i, place in enumerate(places) if place.spacing is not None), None)

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from fnmatch import fnmatchcase
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 from rich.console import Console
 
@@ -23,7 +24,7 @@ from parsolid.scene.validation_errors import SceneError, suggestion, told
 DONE, NOT_AS_STATED, TO_BE_CONTINUED = 0, 3, 75
 
 
-def add_arguments(parser) -> None:
+def add_arguments(parser: Any) -> None:
     """Add the command's arguments to an argparse parser."""
     parser.add_argument("study", metavar="STUDY", help="TOML file of the study")
     parser.add_argument("-o", "--output", metavar="DIR", help="folder of the runs and reports (default: results/STUDY)")
@@ -35,7 +36,7 @@ def add_arguments(parser) -> None:
     parser.add_argument("--repetitions", type=int, default=1, metavar="N", help=repetitions)
 
 
-def run_study(comm, options) -> int:
+def run_study(comm: Any, options: Any) -> int:
     """Make the runs of a study that are lacking and report; the exit status.
 
     0: every run there is did what the study states; 3: some did not; 75: interrupted, the same command goes on.
@@ -194,10 +195,10 @@ def _load_remark(cases: list[Case]) -> str:
 
 
 @contextmanager
-def _interruptible():
+def _interruptible() -> Any:
     """SIGTERM, which batch systems send, ends the study as the keyboard does."""
 
-    def interrupt(number, frame):
+    def interrupt(number: Any, frame: Any) -> None:
         raise KeyboardInterrupt
 
     before = signal.signal(signal.SIGTERM, interrupt)

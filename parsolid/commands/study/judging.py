@@ -1,5 +1,6 @@
 """Observed orders, and whether each run did what the study states."""
 
+from itertools import pairwise
 from math import log
 
 from parsolid.commands.study.cases import Case
@@ -12,7 +13,7 @@ _ENDING = {"stable": FINISHED, "failure": FAILED, "refused": REFUSED}
 def judge(study: Study, cases: list[Case]) -> None:
     """Fill in `orders` and `faults` of all cases that have a record."""
     for line in lines_of(cases).values():
-        for coarse, fine in zip(line, line[1:]):
+        for coarse, fine in pairwise(line):
             fine.orders = observed_orders(coarse, fine)
     for case in cases:
         if case.record:

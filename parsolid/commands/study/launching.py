@@ -27,7 +27,7 @@ _RANK_MARKS = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK", "MPI_LOCALRANKID
 _GRACE = 10.0
 
 
-def refuse_ranks(comm) -> None:
+def refuse_ranks(comm: MPI.Comm) -> None:
     """Raise SceneError on all ranks when the study itself was started by an MPI launcher."""
     if comm.size > 1 or any(mark in os.environ for mark in _RANK_MARKS):
         expected = "expected to be started without mpirun (it starts its runs on ranks itself)"

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -108,7 +109,7 @@ def not_finite(folder: Path) -> list[str]:
     for path in sorted(folder.glob("*.vtkhdf")) + sorted(folder.glob("checkpoint*.h5")):
         with h5py.File(path) as file:
 
-            def look(name, item, path=path):
+            def look(name: Any, item: Any, path: Any = path) -> None:
                 if isinstance(item, h5py.Dataset) and item.dtype.kind == "f" and not np.isfinite(item[()]).all():
                     faults.append(f"{path.name}: {name}")
 

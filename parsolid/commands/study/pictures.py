@@ -86,12 +86,12 @@ def _picture(study: Study, lines: dict[tuple, list[Case]], abscissa: Abscissa, f
 
 def _panel(name: str) -> str:
     """The panel that an error belongs to: its name without the time, one for all probes."""
-    field = name.split("@")[0]
+    field = name.split("@", maxsplit=1)[0]
     return "probe" if "." in field else spaced(field)
 
 
 def _line(
-    place, number: int, line: list[Case], error: str, style: str, abscissa: Abscissa
+    place: np.ndarray, number: int, line: list[Case], error: str, style: str, abscissa: Abscissa
 ) -> list[tuple[float, float]]:
     """Draw one error of one line, and its yardstick hollow and dotted; the points of the line."""
     points = _positive((abscissa.value(case), case.measures["errors"].get(error)) for case in line)
@@ -110,11 +110,11 @@ def _line(
     return points
 
 
-def _positive(points) -> list[tuple[float, float]]:
+def _positive(points: np.ndarray) -> list[tuple[float, float]]:
     return [(x, y) for x, y in points if x and y]
 
 
-def _triangles(place, points: np.ndarray, slopes: tuple[int, ...]) -> None:
+def _triangles(place: np.ndarray, points: np.ndarray, slopes: tuple[int, ...]) -> None:
     """Triangles of the slopes below the points (n, 2)."""
     x1 = np.sqrt(points[:, 0].min() * points[:, 0].max())
     x0, y0 = x1 / 1.6, points[:, 1].min() * 0.6

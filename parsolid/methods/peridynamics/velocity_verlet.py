@@ -19,7 +19,7 @@ class VelocityVerlet(TimeSolver):
     setting = "safety"
 
     def __init__(self, body, settings):
-        """body: `system.Peridynamics`, set up but for its state; settings: `scene.peridynamics.Explicit`."""
+        """body: `system.Peridynamics`, set up but for its state; settings: `settings.Explicit`."""
         self.body, self.settings = body, settings
         self.landings = tuple(time for time in body.loads.jumps if time > 0.0)
         self.clamp = np.ones((body.owned, 4))
