@@ -13,10 +13,10 @@ Detail = tuple[tuple[str | int, ...], str, object]
 class MethodSettings(SceneModel):
     """What every method has, and what it says of itself to the other tables of a scene.
 
-    system: module and class, "module:class"; dimensions; materials: the roles of laws that the method takes; boundaries: the kinds that it knows; extra_fields,
-    extra_quantities: what can be probed or shown besides the fields of all methods -> "scalar", "vector" or "tensor";
-    pictured_fields: what colours the bodies, the first that was written; loads: keys of the table of that name;
-    ledger_terms: see `ledger.Ledger`.
+    system: module and class, "module:class"; dimensions; materials: the roles of laws that the method takes;
+    boundaries: the kinds that it knows; extra_fields, extra_quantities: what can be probed or shown besides the fields
+    of all methods -> "scalar", "vector" or "tensor"; pictured_fields: what colours the bodies, the first that was
+    written; loads: keys of the table of that name; ledger_terms: see `ledger.Ledger`.
     """
 
     system: ClassVar[str]
