@@ -1,4 +1,5 @@
-"""A rubber that stiffens: the law of Gent (Rubber Chem. Technol. 69 (1996) 59) with a volumetric part. A user's own law in her own file.
+"""A rubber that stiffens: the law of Gent (Rubber Chem. Technol. 69 (1996) 59) with a volumetric part. A user's own law
+in her own file.
 
 W = -mu/2 J_m ln(1 - (F:F - 3)/J_m) - mu ln J + lambda/2 (J - 1)^2
 """

@@ -1,4 +1,5 @@
-"""A metal that hardens to saturation: the flow stress of Voce (J. Inst. Met. 74 (1948) 537). A user's own law in her own file.
+"""A metal that hardens to saturation: the flow stress of Voce (J. Inst. Met. 74 (1948) 537). A user's own law in her
+own file.
 
 sigma_y = sigma_0 + (sigma_s - sigma_0) (1 - exp(-ep/ep_0)), rate-independent, 0 where the metal is molten.
 """

@@ -5,12 +5,13 @@ import copy
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.methods.tlsph import momentum as motion
-from parsolid.methods.tlsph.deformation import Stage, advance_deformation
 from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Limits, Simulation, StopRequest
 from parsolid.simulation.time_step import TimeSteps
+from parsolid.solvers.runge_kutta import Stage
 
+# a stage as long as the step, not its last one
+EULER = Stage(0.0, 1.0, 0.0, 0.0, 1.0, first=True)
 # numbers of order one, so that tolerances are absolute
 SOFT = {"kind": "mooney-rivlin", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": 0.3}
 RUBBER = {"kind": "mooney-rivlin", "density": 1100.0, "youngs_modulus": 17e6, "poissons_ratio": 0.45}
@@ -118,12 +119,20 @@ def run_to_end(data: dict, comm=MPI.COMM_SELF, more=None) -> tuple[Simulation, d
     return sim, follow(sim, Record(more), policy=StepsToEnd)
 
 
+CONSTANT = ("identifier", "body", "reference_position", "volume", "spacing", "axes", "area")
+
+
+def evolved(particles) -> list[str]:
+    """Names of the fields that steps change and a restart needs."""
+    return [name for name in particles.checkpointed() if name not in CONSTANT]
+
+
 def gathered(sim, *names: str) -> list[np.ndarray]:
     """Fields of all particles of all ranks in the order of their identifiers, the same on every rank.
 
     Small bodies only.
     """
-    table = sim.systems[0].table
+    table = sim.systems[0].particles
     order = np.argsort(np.concatenate(sim.comm.allgather(table.owned_rows("identifier").copy())))
     return [np.concatenate(sim.comm.allgather(np.array(table.owned_rows(name))))[order] for name in names]
 
@@ -141,7 +150,7 @@ def set_random_state(sim, strain: float = 0.15, consistent: bool = True, seed: i
     """Random v, x, F with H = cof F and J = det F (else also random), and A, with the symmetries of the mirror
     planes.
     """
-    table, d, owned = sim.systems[0].table, sim.systems[0].dimension, sim.systems[0].owned
+    table, d, owned = sim.systems[0].particles, sim.systems[0].dimension, sim.systems[0].owned
     names = table.owned_rows("identifier")
     free = np.ones((owned, d)) if sim.systems[0].boundaries.clamp is None else sim.systems[0].boundaries.clamp[:, :d]
     table.owned_rows("velocity")[:] = free * random_of(names, d, seed=seed)
@@ -183,7 +192,7 @@ def symmetrised(sim, tensors: np.ndarray) -> np.ndarray:
 
 def strains(sim) -> dict[str, np.ndarray]:
     """F, H (n, 3, 3), J (n,) and A (branches, n, 3, 3) of the owned particles."""
-    table, d, owned = sim.systems[0].table, sim.systems[0].dimension, sim.systems[0].owned
+    table, d, owned = sim.systems[0].particles, sim.systems[0].dimension, sim.systems[0].owned
     F = np.tile(np.eye(3), (owned, 1, 1))
     F[:, :d, :d] = table.owned_rows("deformation_gradient").reshape(owned, d, d)
     J = np.array(table.owned_rows("jacobian"))
@@ -210,44 +219,18 @@ def evaluate(sim) -> dict[str, np.ndarray | float]:
     power of this rank [W].
     """
     method, d = sim.systems[0], sim.systems[0].dimension
-    kept = method.body.deformation.copy()
-    method._pass_gradient()
-    internal = 0.0
-    for block in method.blocks:
-        # an Euler step of 1 s changes F by grad v
-        euler = Stage(True, False, 1.0, 0.0, 1.0, block.relaxation(0.0), block.relaxation(0.0))
-        _, rate, _ = advance_deformation(
-            method.space,
-            block.first,
-            block.last,
-            block.law,
-            euler,
-            method.body_of(block),
-            method.gradient,
-            method.riemann,
-            method.shear,
-            method.record,
-        )
-        internal += rate
-    gradient = (method.body.deformation - kept)[: d * d, : method.owned].T.reshape(-1, d, d)
-    method.body.deformation[:] = kept
-    method._pass_force()
-    T, D = method.force[: method.owned, :d].copy(), method.force[: method.owned, 4 : 4 + d].copy()
-    record = method.record[: method.owned, : 4 if d == 2 else 12].reshape(-1, d, 2 if d == 2 else 4)
-    stage = Stage(True, False, 0.0, 0.0, 1.0, np.zeros((0, 3)), np.zeros((0, 3)))
-    numerical, power = motion.advance_motion(
-        method.space,
-        method.owned,
-        stage,
-        method.kinematics,
-        method.start_motion,
-        method.force,
-        method.gradient,
-        method.mass,
-        method.share,
-        method.boundaries.loads_at(0.0),
-        method.boundaries.clamp,
+    strain, kept = method.particles.storage("strain"), method.particles.storage("strain").copy()
+    method.pairs.gradient("motion")
+    # a step of 1 s changes F by grad v
+    _, internal, _ = method.advance_deformation(EULER, 1.0)
+    gradient = (strain - kept)[: d * d, : method.owned].T.reshape(-1, d, d)
+    strain[:] = kept
+    force = method.pairs.divergence(method.pairs.terms)[: method.owned]
+    T, D = force[:, :d].copy(), force[:, 4 : 4 + d].copy() if method.pairs.terms else np.zeros_like(force[:, :d])
+    record = method.particles.storage("record")[: method.owned, : 4 if d == 2 else 12].reshape(
+        -1, d, 2 if d == 2 else 4
     )
+    numerical, power = method.advance_motion(EULER, 0.0, 0.0)
     return {
         "gradient": gradient,
         "PL": record[:, :, :d].swapaxes(1, 2).copy(),

@@ -22,7 +22,7 @@ ROWS = (
     ("parsolid.methods",),
     ("parsolid.particles", "parsolid.boundary", "parsolid.output"),
     ("parsolid.scene", "parsolid.exact"),
-    ("parsolid.pairs", "parsolid.solvers", "parsolid.particles.particle_set"),
+    ("parsolid.pairs", "parsolid.solvers", "parsolid.observables", "parsolid.particles.particle_set"),
     ("parsolid.materials",),
     ("parsolid.numerics",),
     ("parsolid", "decomposition"),

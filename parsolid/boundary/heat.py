@@ -4,7 +4,8 @@ import numpy as np
 
 from parsolid.boundary.declarations import Declarations, SurfaceHeat
 from parsolid.boundary.loads import InTime, Load
-from parsolid.boundary.rows import Chosen, Everywhere, HasParticles
+from parsolid.boundary.rows import Chosen, Everywhere
+from parsolid.particles.container import Particles
 from parsolid.scene.formulas import FormulaVector
 from parsolid.scene.load_histories import LoadHistory
 
@@ -19,8 +20,8 @@ class HeatSupply:
     that the flow needs (measured: half the error).
     """
 
-    def __init__(self, declared: Declarations, particles: HasParticles, per_radian: bool):
-        """particles: what has `layout`, `owned` and `owned_rows`; per_radian: areas are multiplied with the radius."""
+    def __init__(self, declared: Declarations, particles: Particles, per_radian: bool):
+        """per_radian: areas are multiplied with the radius."""
         self.particles, self.per_radian, formula = particles, per_radian, declared.scene.loads.heat_source
         ones, course = lambda rows: np.ones(particles.owned), None
         if formula is not None:

@@ -6,8 +6,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from parsolid.boundary.rows import Everywhere, HasParticles, HasRows, OfRows
+from parsolid.boundary.rows import Everywhere, HasRows, OfRows
 from parsolid.materials.registry import laws_of
+from parsolid.particles.container import Particles
 from parsolid.scene.base_model import Plane
 from parsolid.scene.load_histories import LoadHistory
 from parsolid.scene.schema import Scene
@@ -41,8 +42,8 @@ class Part(Protocol):
 class InTime:
     """The sum of parts at a time: constant ones are evaluated once for every layout of the particles."""
 
-    def __init__(self, particles: HasParticles, parts: Sequence[Part], width: int):
-        """particles: `Particles` or `rows.FixedParticles`; result: (owned, width)."""
+    def __init__(self, particles: Particles, parts: Sequence[Part], width: int):
+        """result: (owned, width)."""
         self.particles, self.width = particles, width
         self.constant = [part for part in parts if not part.depends_on_time]
         self.changing = [part for part in parts if part.depends_on_time]
@@ -76,7 +77,7 @@ class Load:
     which places are moved before the course is evaluated there.
     """
 
-    particles: HasParticles
+    particles: Particles
     chosen: HasRows | Everywhere
     scale: OfRows
     course: Course
@@ -135,7 +136,7 @@ class ExactBodyForce:
         return np.asarray(self.solution.body_force(points, time))
 
 
-def body_loads(scene: Scene, particles: HasParticles, per_volume: OfRows, per_mass: OfRows) -> list[Load]:
+def body_loads(scene: Scene, particles: Particles, per_volume: OfRows, per_mass: OfRows) -> list[Load]:
     """Loads of a scene on all bodies.
 
     per_volume, per_mass: what a force per volume and an acceleration are multiplied with, (k,) at rows.
@@ -149,18 +150,18 @@ def body_loads(scene: Scene, particles: HasParticles, per_volume: OfRows, per_ma
     return result
 
 
-def area_along(particles: HasParticles, axis: int) -> OfRows:
+def area_along(particles: Particles, axis: int) -> OfRows:
     """Areas (k,) [m^2] with which particles at rows bound their body along an axis."""
     return lambda rows: np.abs(particles.owned_rows("area")[rows, axis])
 
 
-def densities(scene: Scene, particles: HasParticles) -> OfRows:
+def densities(scene: Scene, particles: Particles) -> OfRows:
     """Densities (k,) [kg/m^3] of particles at rows."""
     of_body = np.array([law.density for law in laws_of(scene)])
     return lambda rows: of_body[particles.owned_rows("body")[rows]]
 
 
-def accelerations(scene: Scene, particles: HasParticles, *more: Load) -> InTime:
+def accelerations(scene: Scene, particles: Particles, *more: Load) -> InTime:
     """Accelerations (owned, 4) [m/s^2] of a scene's loads on all bodies, and of more loads before them."""
     density = densities(scene, particles)
     loads = body_loads(scene, particles, lambda rows: 1.0 / density(rows), lambda rows: np.ones(particles.owned))

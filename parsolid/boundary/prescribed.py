@@ -1,12 +1,13 @@
 """Motion that a scene prescribes, on a rank's particles; the last condition holds."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from mpi4py import MPI
 
 from parsolid.boundary.declarations import PrescribedMotion
-from parsolid.boundary.rows import HasParticles, HasRows
+from parsolid.boundary.rows import HasRows
+from parsolid.particles.container import Particles
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.load_histories import LoadHistory
 from parsolid.scene.regions import selected
@@ -21,8 +22,7 @@ class _Component:
     chosen: HasRows
     index: int
     course: LoadHistory
-    places: np.ndarray
-    part: slice
+    part: slice = field(default_factory=lambda: slice(0))
 
     @property
     def depends_on_time(self) -> bool:
@@ -41,12 +41,13 @@ class PrescribedRows:
         scene: Scene,
         motions: list[PrescribedMotion],
         particle_set: ParticleSet,
-        particles: HasParticles,
+        particles: Particles,
     ):
-        """particles: `Particles` or `rows.FixedParticles` of the particle_set; collective."""
+        """particles: those of the particle_set; collective."""
         self.particles, self._layout = particles, -1
         self.components: list[_Component] = []
         self._constant: dict[str, np.ndarray] = {}
+        self._places: np.ndarray | None = None
         wanted = []
         taken = np.zeros(particle_set.position.shape, bool)
         dimension = particle_set.position.shape[1]
@@ -57,31 +58,24 @@ class PrescribedRows:
                 wanted.append((one.quantity, chosen & ~taken[:, index], int(index), one.course.component(index)))
                 taken[:, index] |= chosen
         for quantity, mask, index, course in reversed(wanted):
-            rows = particles.selection(mask)
-            self.components.append(_Component(quantity, rows, index, course, np.zeros((0, 0)), slice(0)))
+            self.components.append(_Component(quantity, particles.selection(mask), index, course))
         self.guided = bool(self.components)
 
     def _look_up(self) -> None:
+        """Where everything prescribed is, anew when the particles have changed their rows."""
         if self._layout == self.particles.layout:
             return
         self._layout, first = self.particles.layout, 0
-        places, none = self.particles.owned_rows("reference_position"), [np.zeros(0, np.int64)]
+        self._constant, self._places = {}, None
+        rows, indices, velocity = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros(0, bool)]
         for one in self.components:
-            rows = one.chosen.rows
-            one.places, one.part = places[rows], slice(first, first + len(rows))
-            first += len(rows)
-        indices = [np.full(len(one.places), one.index) for one in self.components]
-        self._entries = (
-            np.concatenate(none + [one.chosen.rows for one in self.components]),
-            np.concatenate(none + indices),
-        )
-        self._constant = {}
-        self._of = {
-            quantity: np.concatenate(
-                [np.zeros(0, bool)] + [np.full(len(one.places), one.quantity == quantity) for one in self.components]
-            )
-            for quantity in ("velocity", "displacement")
-        }
+            here = one.chosen.rows
+            rows.append(here)
+            indices.append(np.full(len(here), one.index))
+            velocity.append(np.full(len(here), one.quantity == "velocity"))
+            one.part, first = slice(first, first + len(here)), first + len(here)
+        self._entries = np.concatenate(rows), np.concatenate(indices)
+        self._is_velocity = np.concatenate(velocity)
 
     @property
     def entries(self) -> tuple[np.ndarray, np.ndarray]:
@@ -92,40 +86,41 @@ class PrescribedRows:
     def values(self, quantity: str, time: float, before: bool = False) -> np.ndarray:
         """(k,) for the entries at a time [s], after or before a jump of that time; 0 where another is prescribed."""
         self._look_up()
+        if self._places is None:
+            self._places = self.particles.owned_rows("reference_position")[self._entries[0]]
         meant = [one for one in self.components if one.quantity == quantity]
         if quantity not in self._constant:
-            self._constant[quantity] = np.zeros(len(self._entries[0]))
-            for one in meant:
-                if not one.depends_on_time:
-                    self._constant[quantity][one.part] = one.course.evaluate(one.places)[:, 0]
+            self._constant[quantity] = np.zeros(len(self._places))
+            self._fill(self._constant[quantity], [one for one in meant if not one.depends_on_time], 0.0, False)
         result = self._constant[quantity].copy()
-        for one in meant:
-            if one.depends_on_time:
-                result[one.part] = one.course.evaluate(one.places, time, before)[:, 0]
+        self._fill(result, [one for one in meant if one.depends_on_time], time, before)
         return result
+
+    def _fill(self, result: np.ndarray, components: list[_Component], time: float, before: bool) -> None:
+        assert self._places is not None
+        for one in components:
+            result[one.part] = one.course.evaluate(self._places[one.part], time, before)[:, 0]
 
     def move(self, time: float, step: float, displacement: np.ndarray) -> None:
         """Bring prescribed components of a displacement (owned, d) [m] from a time [s] to the end of a step [s].
 
         A step ends before a jump of that time, one of length 0 after it.
         """
-        particles, components = self.entries
-        for quantity, here in self._of.items():
-            if not here.any():
-                continue
-            place = (particles[here], components[here])
-            if quantity == "velocity":
-                # Simpson's rule
-                first, middle, last = (self.values(quantity, time + part * step)[here] for part in (0.0, 0.5, 1.0))
-                displacement[place] += step / 6.0 * (first + 4.0 * middle + last)
-            else:
-                displacement[place] = self.values(quantity, time + step, step > 0.0)[here]
+        (particles, components), velocity = self.entries, self._is_velocity
+        if velocity.any():
+            # Simpson's rule
+            first, middle, last = (self.values("velocity", time + part * step)[velocity] for part in (0.0, 0.5, 1.0))
+            place = (particles[velocity], components[velocity])
+            displacement[place] += step / 6.0 * (first + 4.0 * middle + last)
+        if not velocity.all():
+            place = (particles[~velocity], components[~velocity])
+            displacement[place] = self.values("displacement", time + step, step > 0.0)[~velocity]
 
     def velocities(self, time: float, step: float, change: np.ndarray) -> np.ndarray:
         """Velocities (k,) [m/s] of the entries at the end of a step [s] of these changes (k,) [m] of displacement."""
         result = change / step if step > 0.0 else np.zeros_like(change)
         self._look_up()
-        here = self._of["velocity"]
+        here = self._is_velocity
         if here.any():
             result[here] = self.values("velocity", time + step)[here]
         return result

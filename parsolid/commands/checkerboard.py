@@ -5,6 +5,7 @@
 
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -39,7 +40,7 @@ def checkerboard_content(values: np.ndarray, directions: Sequence[int] | None = 
     return float(np.sqrt(np.mean(filtered**2)) / whole) if whole > 0.0 else 0.0
 
 
-def checkerboard_of_run(directory, field: str = "pressure") -> list[tuple[float, float]]:
+def checkerboard_of_run(directory: Path | str, field: str = "pressure") -> list[tuple[float, float]]:
     """(time [s], checkerboard content) of a run's first body at the times of its fields.
 
     Raises SceneError when the folder holds no run, no such field, or the body's particles lie on no lattice.
@@ -52,7 +53,8 @@ def checkerboard_of_run(directory, field: str = "pressure") -> list[tuple[float,
     results = Results(directory)
     results.check_field(field)
     filled = results.parts.bodies.get(0)
-    filling = filling_of(filled, results.dimension) if filled is not None else None
+    dimension = results.dimension
+    filling = filling_of(filled, dimension) if filled is not None and dimension is not None else None
     if not isinstance(filling, Lattice):
         raise SceneError([f"{directory}: expected a first body on a lattice, found none"])
     frames = results.frames(list(range(len(results.times))), field)

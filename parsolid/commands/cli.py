@@ -8,6 +8,7 @@ import argparse
 import sys
 import traceback
 from importlib import import_module
+from typing import NoReturn
 
 from mpi4py import MPI
 
@@ -25,7 +26,7 @@ class _BadArguments(Exception):
 
 
 class _Parser(argparse.ArgumentParser):
-    def error(self, message):
+    def error(self, message: str) -> NoReturn:
         raise _BadArguments(f"{message}\n{self.format_usage().rstrip()}")
 
 
@@ -146,17 +147,18 @@ def _headline(error: Exception) -> str:
     return str(error)
 
 
-def _say(comm, text: str) -> None:
+def _say(comm: MPI.Intracomm, text: str) -> None:
     if comm.rank == 0:
         print(text, file=sys.stderr, flush=True)
 
 
-def _dispatch(comm, arguments: list[str]) -> int:
+def _dispatch(comm: MPI.Intracomm, arguments: list[str]) -> int:
     if comm.rank > 0 and any(argument in ("-h", "--help", "--version") for argument in arguments):
         return DONE
     options = parse(arguments)
     if options.command in _MODULES:
-        return getattr(import_module(_MODULES[options.command][0]), f"run_{options.command}")(comm, options)
+        command = getattr(import_module(_MODULES[options.command][0]), f"run_{options.command}")
+        return int(command(comm, options))
     if options.command == "bench":
         from parsolid.commands.bench import bench
 

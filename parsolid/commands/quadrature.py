@@ -7,10 +7,12 @@ basis, what is gone was quadrature.
 """
 
 import csv
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from mpi4py import MPI
 
 AMPLITUDE, DENSITY, YOUNGS_MODULUS, POISSONS_RATIO = 0.05, 1000.0, 1e7, 0.3
 BASES = ("linear", "ugimp", "cpgimp", "quadratic-spline", "cubic-spline")
@@ -29,7 +31,7 @@ class Points(NamedTuple):
     halves: np.ndarray
 
 
-def manufactured():
+def manufactured() -> tuple[Any, float]:
     """The solution and the time [s] of its largest strain."""
     from parsolid.exact.manufactured import AxisAligned, Solid
 
@@ -43,7 +45,7 @@ def _square(coordinates: np.ndarray) -> np.ndarray:
     return np.stack(np.meshgrid(coordinates, coordinates, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
-def reference_places(solution, time: float, current: np.ndarray) -> np.ndarray:
+def reference_places(solution: Any, time: float, current: np.ndarray) -> np.ndarray:
     """X (n, 2) of places x (n, 2).
 
     The displacement gradient is below 0.2, so that twenty iterations leave round-off.
@@ -54,7 +56,7 @@ def reference_places(solution, time: float, current: np.ndarray) -> np.ndarray:
     return places
 
 
-def particles(solution, time: float, cells: int, per_cell: int, stretched: bool) -> Points:
+def particles(solution: Any, time: float, cells: int, per_cell: int, stretched: bool) -> Points:
     """A lattice of particles with per_cell a cell and direction, displaced; `stretched` domains for cpGIMP."""
     count = cells * per_cell
     reference = _square((np.arange(count) + 0.5) / count)
@@ -65,7 +67,7 @@ def particles(solution, time: float, cells: int, per_cell: int, stretched: bool)
     return Points(reference, current, volume * stretch.prod(axis=1), DENSITY * volume, halves)
 
 
-def gauss_points(solution, time: float, cells: int) -> Points:
+def gauss_points(solution: Any, time: float, cells: int) -> Points:
     """Gauss points of the half cells, over which every weight is a polynomial."""
     abscissae, weights = np.polynomial.legendre.leggauss(_GAUSS)
     width = 1.0 / (cells * _HALVES)
@@ -77,7 +79,7 @@ def gauss_points(solution, time: float, cells: int) -> Points:
     return Points(reference, current, volume, mass, np.full_like(current, 0.5))
 
 
-def acceleration_error(kind: str, points: Points, solution, time: float, cells: int) -> float:
+def acceleration_error(kind: str, points: Points, solution: Any, time: float, cells: int) -> float:
     """Root mean square error of the nodal accelerations on the unit square over the largest; kind: of basis."""
     from parsolid.methods.mpm.weights import make_basis
     from parsolid.numerics.lanes import aligned_zeros
@@ -95,7 +97,9 @@ def acceleration_error(kind: str, points: Points, solution, time: float, cells: 
     return float(np.sqrt((error**2).sum(axis=1).mean() / (exact**2).sum(axis=1).max()))
 
 
-def _scattered(basis, count: int, motion, stress, force, cells: int) -> tuple[np.ndarray, np.ndarray]:
+def _scattered(
+    basis: Any, count: int, motion: np.ndarray, stress: np.ndarray, force: np.ndarray, cells: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Indices of the nodes (n, 2) and their sums (n, 8), folded at the four sides of the unit square."""
     from decomposition.occupied import Mirror, OccupiedCells
     from parsolid.methods.mpm import grid
@@ -135,7 +139,7 @@ def errors(kind: str, cells: int, per_cell: int) -> tuple[float, float | None]:
     return found, acceleration_error(kind, gauss_points(solution, time, cells), solution, time, cells)
 
 
-def add_arguments(parser) -> None:
+def add_arguments(parser: ArgumentParser) -> None:
     """Give the arguments of `quadrature` to an argparse parser."""
     from parsolid.commands.arguments import whole_number
 
@@ -158,7 +162,7 @@ def add_arguments(parser) -> None:
     parser.add_argument("-o", "--output", metavar="FILE", help="also write the table to a CSV file")
 
 
-def run_quadrature(comm, options) -> int:
+def run_quadrature(comm: MPI.Intracomm, options: Namespace) -> int:
     """Print the table on rank 0, which works alone; exit status 0."""
     if comm.rank == 0:
         _report(options)
@@ -166,7 +170,7 @@ def run_quadrature(comm, options) -> int:
     return 0
 
 
-def _report(options) -> None:
+def _report(options: Namespace) -> None:
     from parsolid.commands.console_table import show_table
 
     names = ["basis", "cells", "particles a cell", "error", "error with exact integrals", "share of quadrature"]

@@ -3,12 +3,15 @@
 import time as clock
 
 import numpy as np
+from mpi4py import MPI
 
 from parsolid.collective import maximum, minimum
+from parsolid.methods.protocol import ParticleSystem
 from parsolid.output.summary import peak_memory_bytes
+from parsolid.simulation.loop import Simulation
 
 
-def print_report(comm, simulation) -> None:
+def print_report(comm: MPI.Intracomm, simulation: Simulation) -> None:
     """Print the report on rank 0; collective. A few tiny steps measure the wall time of one."""
     systems, scene = simulation.systems, simulation.scene
     stable = minimum(comm, min(system.stable_step() for system in systems))
@@ -40,16 +43,16 @@ def print_report(comm, simulation) -> None:
     )
 
 
-def _counts(comm, systems) -> dict[str, list[int]]:
+def _counts(comm: MPI.Intracomm, systems: list[ParticleSystem]) -> dict[str, list[int]]:
     """Particles and what methods count, of each rank, by name; on rank 0, collective."""
     total: dict[str, int] = {}
     for system in systems:
         for name, count in ({"particles": system.owned} | system.numbers()).items():
             total[name] = total.get(name, 0) + count
-    return {name: comm.gather(count) for name, count in total.items()}
+    return {name: comm.gather(count) or [] for name, count in total.items()}
 
 
-def _print_fields(system) -> None:
+def _print_fields(system: ParticleSystem) -> None:
     names = f"{'field':<28} {'components':>10} {'unit':>8} {'bytes':>6}   roles"
     print(names + "\n" + "-" * len(names))
     for name, declared in system.particles.fields.items():
@@ -59,20 +62,20 @@ def _print_fields(system) -> None:
         print(f"{f'({name})':<28} {width:>10} {'':>8} {8 * width:>6}   exchanged")
 
 
-def bytes_a_particle(systems) -> float:
+def bytes_a_particle(systems: list[ParticleSystem]) -> float:
     """Memory of fields, work arrays and lists over this rank's particles [B]."""
     seen, total = set(), 0
-    for array in [a for system in systems for a in (*system.particles.arrays.values(), *system.arrays())]:
+    for array in [a for system in systems for a in (*system.particles.storages(), *system.arrays())]:
         base = array
         while base.base is not None and isinstance(base.base, np.ndarray):
             base = base.base
         if id(base) not in seen:
             seen.add(id(base))
             total += base.nbytes
-    return total / max(1, sum(system.owned for system in systems))
+    return float(total) / max(1, sum(system.owned for system in systems))
 
 
-def _seconds_a_step(comm, simulation, stable: float) -> float:
+def _seconds_a_step(comm: MPI.Intracomm, simulation: Simulation, stable: float) -> float:
     """Measured wall time of a step [s]; collective."""
     small = 1e-6 * stable
     simulation.take_step(small)

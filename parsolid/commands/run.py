@@ -1,15 +1,20 @@
 """The commands `run` and `check`."""
 
 import time as clock
+from argparse import Namespace
 from pathlib import Path
+
+from mpi4py import MPI
 
 from parsolid.collective import SolverError
 from parsolid.output.checkpoint import find_checkpoint
 from parsolid.output.errors import OutputError, together
 from parsolid.output.progress import Progress
 from parsolid.output.summary import provenance, write_summary
-from parsolid.scene import SceneError, dump_scene, load_scene, packaged_scene
+from parsolid.scene import Scene, SceneError, dump_scene, load_scene, packaged_scene
+from parsolid.scene.bodies import Body
 from parsolid.scene.declared import law_files
+from parsolid.scene.shapes import MeshFile
 from parsolid.simulation.loop import FINISHED, INTERRUPTED, Limits, RunFailed, Simulation
 from parsolid.simulation.output_files import OutputFiles
 from parsolid.simulation.recorder import Recorder
@@ -20,7 +25,7 @@ from parsolid.simulation.warmup import warm_up
 TO_BE_CONTINUED = 75
 
 
-def load(comm, options):
+def load(comm: MPI.Intracomm, options: Namespace) -> Scene:
     """The scene of a command line, read by rank 0 alone; the same on all ranks. Raises SceneError on all ranks."""
     scene = error = None
     if comm.rank == 0:
@@ -31,13 +36,14 @@ def load(comm, options):
             scene = load_scene(options.scene or packaged_scene(), overrides, options.trust_code)
         except SceneError as found:
             error = found.faults
-    scene, error = comm.bcast((scene, error))
+    read: Scene
+    read, error = comm.bcast((scene, error))
     if error is not None:
         raise SceneError(error)
-    return scene
+    return read
 
 
-def run(comm, options) -> int:
+def run(comm: MPI.Intracomm, options: Namespace) -> int:
     """Run a scene to its end; the exit status. Collective."""
     began = clock.perf_counter()
     REQUEST.install()
@@ -59,10 +65,10 @@ def run(comm, options) -> int:
         watch.resume(restart.header)
         simulation.last_checkpoint = str(restart.path)
     limits = Limits(options.max_steps, None if options.wall_time is None else began + options.wall_time)
-    return _follow(comm, simulation, watch, limits, options)
+    return _follow(comm, simulation, watch, limits)
 
 
-def _set_up(comm, scene, options):
+def _set_up(comm: MPI.Intracomm, scene: Scene, options: Namespace) -> tuple[Simulation, OutputFiles, Restart | None]:
     """Simulation, files and restart (or None); nothing is written before the scene is known to be sound. Collective."""
     directory = Path(options.output or scene.output.directory)
     restart = None
@@ -77,7 +83,7 @@ def _set_up(comm, scene, options):
     return simulation, files, restart
 
 
-def _advice(scene) -> list[str]:
+def _advice(scene: Scene) -> list[str]:
     """What a scene asks for that costs accuracy where it need not."""
     names = [
         f"bodies.{i}"
@@ -91,19 +97,19 @@ def _advice(scene) -> list[str]:
     return [f"{', '.join(names)}: uneven particles; {advice}"]
 
 
-def _uneven(body) -> bool:
-    return body.jitter > 0.0 or body.shape.kind == "mesh"
+def _uneven(body: Body) -> bool:
+    return bool(body.jitter > 0.0 or body.shape.kind == "mesh")
 
 
-def _inputs(options, scene, restart) -> tuple:
+def _inputs(options: Namespace, scene: Scene, restart: Restart | None) -> tuple[Path | str, ...]:
     """Files that the run reads and must not write over."""
-    meshes = tuple(body.shape.model.file for body in scene.bodies if body.shape.kind == "mesh")
+    meshes = tuple(body.shape.model.file for body in scene.bodies if isinstance(body.shape.model, MeshFile))
     series = (scene.reference.series,) if scene.reference and scene.reference.series else ()
     named = (options.scene,) if options.scene else ()
     return named + meshes + series + tuple(law_files(scene)) + ((restart.path,) if restart else ())
 
 
-def _follow(comm, simulation, watch, limits, options) -> int:
+def _follow(comm: MPI.Intracomm, simulation: Simulation, watch: Recorder, limits: Limits) -> int:
     """The loop with its ending: checkpoint, summary, pictures."""
     failure = None
     try:
@@ -125,7 +131,7 @@ def _follow(comm, simulation, watch, limits, options) -> int:
     return TO_BE_CONTINUED if status == INTERRUPTED else 0
 
 
-def _pictures(comm, directory: Path) -> None:
+def _pictures(comm: MPI.Intracomm, directory: Path) -> None:
     """The standard set of pictures, on rank 0, where the plotting packages are installed."""
     if comm.rank > 0:
         return
@@ -136,7 +142,7 @@ def _pictures(comm, directory: Path) -> None:
     plot_run(directory)
 
 
-def check(comm, options) -> int:
+def check(comm: MPI.Intracomm, options: Namespace) -> int:
     """Set a scene up and print what it costs; exit status 0. Collective."""
     from parsolid.commands.report import print_report
 

@@ -1,1 +1,1 @@
-"""Material laws, one file each: a NamedTuple of parameters and numba overloads on its type."""
+"""Material laws, one file each: a declared NamedTuple of parameters, and formulas chosen by its type."""

@@ -1,17 +1,22 @@
-"""How a law says what it is and what a scene states for it: its role, its kind, and its parameters with units and bounds.
+"""How a law says what it is and what a scene states for it: its role, its kind, and its parameters with units and
+bounds.
 
     @law("flow-stress", "voce")
     class Voce(NamedTuple):
         yield_stress: Annotated[float, Parameter("Pa", "sigma_0", above=0.0)]
 
-A declared NamedTuple is the law itself. Where a scene states other constants than the law keeps, the declared class is a plain one
-with the same annotations and a method `equilibrium_law(self)` that makes the NamedTuple. Either may have `faults(self)`, which lists
-(key, what was expected, what was found), `exactly_one` and `at_most_one` (keys that exclude each other), and properties.
+A declared NamedTuple is the law itself. Where a scene states other constants than the law keeps, the declared class is
+a plain one with the same annotations and a method `equilibrium_law(self)` that makes the NamedTuple. Either may have
+`faults(self)`, which lists (key, what was expected, what was found), `exactly_one` and `at_most_one` (keys that exclude
+each other), and properties.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
+# a declared class, which has its role and its kind
+Declared = Any
 Role = Literal["hyperelastic", "equation-of-state", "shear-modulus", "flow-stress", "melting"]
 ROLES: tuple[str, ...] = get_args(Role)
 NEEDED = object()
@@ -53,15 +58,15 @@ class OfMaterial:
 
 
 Density = Annotated[float, Parameter("kg/m^3", "the density", above=0.0)]
-_declared: dict[tuple[str, str], type] = {}
+_declared: dict[tuple[str, str], Declared] = {}
 
 
-def law(role: Role, kind: str):
+def law(role: Role, kind: str) -> Callable[[Declared], Declared]:
     """Decorator: declare a law under the name by which a scene asks for it. ValueError for an unknown role."""
     if role not in ROLES:
         raise ValueError(f"role: expected one of {', '.join(map(repr, ROLES))}, found {role!r}")
 
-    def declare(declared: type) -> type:
+    def declare(declared: Declared) -> Declared:
         declared.role, declared.kind = role, kind
         _declared[role, kind] = declared
         return declared
@@ -69,22 +74,22 @@ def law(role: Role, kind: str):
     return declare
 
 
-def declared_as(role: str, kind: str) -> type:
+def declared_as(role: str, kind: str) -> Declared:
     """The class declared under a name; KeyError where its module was not imported."""
     return _declared[role, kind]
 
 
-def parameters_of(declared: type) -> dict[str, tuple[Any, Parameter | OfMaterial]]:
+def parameters_of(declared: Declared) -> dict[str, tuple[Any, Parameter | OfMaterial]]:
     """Name -> (plain type, Parameter or OfMaterial) of what a class annotates so."""
-    result = {}
+    result: dict[str, tuple[Any, Parameter | OfMaterial]] = {}
     for name, hint in get_type_hints(declared, include_extras=True).items():
         if get_origin(hint) is Annotated:
             plain, *notes = get_args(hint)
-            result |= {name: (plain, note) for note in notes if isinstance(note, Parameter | OfMaterial)}
+            result.update((name, (plain, note)) for note in notes if isinstance(note, Parameter | OfMaterial))
     return result
 
 
-def built(declared: type, stated: Any, **of_material: Any) -> Any:
+def built(declared: Declared, stated: Any, **of_material: Any) -> Any:
     """The NamedTuple of a declared one from an object with the stated parameters as attributes, in SI units.
 
     of_material: what the material gives, by the names of the remaining fields.

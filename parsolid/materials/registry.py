@@ -1,7 +1,8 @@
-"""Laws found by role and kind: those of this package, those of installed packages, and those of a file that a scene names.
+"""Laws found by role and kind: those of this package, those of installed packages, and those of a file that a scene
+names.
 
-Nothing is imported before a scene asks for it: laws of this package are found by the line of their decorator `@law("role", "kind")`,
-those of other packages by entry points of the group "parsolid.laws" named "role.kind".
+Nothing is imported before a scene asks for it: laws of this package are found by the line of their decorator
+`@law("role", "kind")`, those of other packages by entry points of the group "parsolid.laws" named "role.kind".
 """
 
 import hashlib
@@ -14,23 +15,27 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from parsolid.materials.declaration import declared_as
+from parsolid.materials.declaration import Declared, declared_as
 
 _LINE = re.compile(r'^@law\("([a-z-]+)", "([a-z0-9-]+)"\)', re.MULTILINE)
-# what the kernels ask of the laws of a role
-_FUNCTIONS = {
+# where the functions are that kernels ask of the laws of a role; one of each group is enough
+_PLASTIC = "parsolid.materials.plastic.plasticity"
+_FUNCTIONS: dict[str, tuple[str, tuple[tuple[str, ...], ...]]] = {
     "hyperelastic": (
         "parsolid.materials.hyperelastic.law",
-        ("equilibrium_energy", "elastic_moduli"),
-        ("first_piola_kirchhoff_stress", "equilibrium_stress"),
-        ("pressure_wave_tensor", "equilibrium_wave_tensor"),
+        (
+            ("equilibrium_energy",),
+            ("elastic_moduli",),
+            ("first_piola_kirchhoff_stress", "equilibrium_stress"),
+            ("pressure_wave_tensor", "equilibrium_wave_tensor"),
+        ),
     ),
-    "flow-stress": ("parsolid.materials.plastic.plasticity", ("flow_stress",)),
-    "shear-modulus": ("parsolid.materials.plastic.plasticity", ("shear_modulus",)),
-    "melting": ("parsolid.materials.plastic.plasticity", ("melting_temperature",)),
+    "flow-stress": (_PLASTIC, (("flow_stress",),)),
+    "shear-modulus": (_PLASTIC, (("shear_modulus",),)),
+    "melting": (_PLASTIC, (("melting_temperature",),)),
     "equation-of-state": (
-        "parsolid.materials.plastic.plasticity",
-        ("cold_pressure", "grueneisen_coefficient", "isentropic_bulk_modulus", "room_to_compress"),
+        _PLASTIC,
+        (("cold_pressure",), ("grueneisen_coefficient",), ("isentropic_bulk_modulus",), ("room_to_compress",)),
     ),
 }
 
@@ -64,7 +69,7 @@ def kinds(role: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(kind for known in (_found(), _installed()) for r, kind in known if r == role))
 
 
-def declared(role: str, kind: str) -> type:
+def declared(role: str, kind: str) -> Declared:
     """The class declared under a name. Raises KeyError where there is none, LawError where it cannot be loaded."""
     if (role, kind) in _found():
         import_module(_found()[role, kind])
@@ -79,10 +84,10 @@ def declared(role: str, kind: str) -> type:
     return result
 
 
-_of_files: dict[tuple[str, str], type] = {}
+_of_files: dict[tuple[str, str], Declared] = {}
 
 
-def loaded(path: str, name: str) -> type | None:
+def loaded(path: str, name: str) -> Declared | None:
     """A law of a file that this process has loaded already."""
     return _of_files.get((path, name))
 
@@ -100,10 +105,11 @@ def text_of(path: str) -> str:
         raise LawError(f"a file that can be read ({getattr(error, 'strerror', None) or error})") from error
 
 
-def from_text(path: str, name: str, text: str) -> type:
+def from_text(path: str, name: str, text: str) -> Declared:
     """The law `name` of a file whose text is given, which is run: the same on all ranks, whatever their disks hold.
 
-    The module is named after the text, so that kernels compiled with another text are never taken for it. Raises LawError.
+    The module is named after the text, so that kernels compiled with another text are never taken for it. Raises
+    LawError.
     """
     module = (
         f"parsolid_law_{re.sub(r'[^0-9a-zA-Z]', '_', Path(path).stem)}_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
@@ -117,33 +123,33 @@ def from_text(path: str, name: str, text: str) -> type:
         except Exception as error:
             del sys.modules[module]
             raise LawError(f"a file that can be run ({type(error).__name__}: {error})") from error
-    result = getattr(sys.modules[module], name, None)
-    if not (isinstance(result, type) and hasattr(result, "role")):
+    found = getattr(sys.modules[module], name, None)
+    if not (isinstance(found, type) and hasattr(found, "role")):
         raise LawError(f'a class {name} with the decorator @law("role", "kind")')
+    result: Declared = found
     _complete(result)
     _of_files[path, name] = result
     result.source = (path, name, text)
     return result
 
 
-def _complete(declared: type) -> None:
-    """Raise LawError where the law lacks a function that kernels ask for; each group needs one of its names, the first all."""
+def _complete(declared: Declared) -> None:
+    """Raise LawError where the law lacks a function that kernels ask for, one of the names of each group."""
     if not hasattr(declared, "_fields"):
         return
-    module, needed, *either = _FUNCTIONS[declared.role]
+    module, groups = _FUNCTIONS[declared.role]
     room = import_module(module)
-    lacking = [name for name in needed if not getattr(room, name).table.has(declared)]
-    lacking += [names[-1] for names in either if not any(getattr(room, name).table.has(declared) for name in names)]
+    lacking = [names[-1] for names in groups if not any(getattr(room, name).table.has(declared) for name in names)]
     if lacking:
         raise LawError(f"a law with {' and '.join(lacking)} (see docs/laws.md)")
 
 
-def laws_of(scene) -> list:
+def laws_of(scene: Any) -> list[Any]:
     """One law for each body."""
     state = scene.method.state(scene.dimension)
     return [law_of(body.material, state) for body in scene.bodies]
 
 
-def law_of(material, state: str = "space"):
+def law_of(material: Any, state: str = "space") -> Any:
     """The parameters, a NamedTuple, of a material as a scene states it; state: see `MethodSettings.state`."""
     return material.build(state)

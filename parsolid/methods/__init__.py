@@ -1,21 +1,15 @@
-"""Particle methods, one folder each."""
+"""Particle methods, one folder each: its `settings` are what a scene says, and name the class of its system."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from parsolid.methods.protocol import ParticleSystem
-
-# loaded only when a scene uses it
-_CLASSES = {
-    "tlsph": ("parsolid.methods.tlsph.system", "TotalLagrangianSPH"),
-    "peridynamics": ("parsolid.methods.peridynamics.system", "Peridynamics"),
-    "mpm": ("parsolid.methods.mpm.system", "MaterialPoint"),
-}
+    from parsolid.scene.method_settings import MethodSettings
 
 
-def method_class(kind: str) -> "type[ParticleSystem]":
-    """The class of a method, see `methods.protocol`."""
-    module, name = _CLASSES[kind]
+def method_class(settings: "MethodSettings | type[MethodSettings]") -> "type[ParticleSystem]":
+    """The class of a method, see `methods.protocol`; loaded only when a scene uses it."""
+    module, name = settings.system.split(":")
     found: type[ParticleSystem] = getattr(import_module(module), name)
     return found

@@ -1,18 +1,35 @@
 """What the loop, the output and the reports ask of a method; a new method derives from `ParticleSystem`."""
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, Protocol
 
 import numpy as np
 
 from parsolid.materials.registry import laws_of
+from parsolid.particles.container import Particles
 from parsolid.particles.distribution import sort_for_speed
+from parsolid.particles.particle_set import ParticleSet
+from parsolid.scene import Scene
+
+# told (whether the state is sound, the stable step [s] of this rank)
+Announce = Callable[[bool, float], None]
+
+
+class EnergyLedger(Protocol):
+    """Where a method writes what energy goes where, see `simulation.ledger.Ledger`."""
+
+    def add(self, weight: float, internal: float, numerical: float, external: float) -> None:
+        """Dissipation, internal and numerical, and external work: rates [W] times a weight [s]."""
+
+    def add_term(self, name: str, energy: float) -> None:
+        """One of the terms that the settings name [J]."""
 
 
 class ParticleSystem:
     """A method with its bodies on one rank; sizes are of this rank's owned particles, d = dimension.
 
     Set by the simulation: bodies, the scene's numbers of the system's bodies, which are numbered from 0 within it.
-    Set by the method: comm, settings (the scene's), dimension, owned, table (`FieldTable`), mass (owned,) [kg] and
+    Set by the method: comm, settings (the scene's), dimension, owned, particles, mass (owned,) [kg] and
     share (owned,), the part of a particle's mass on this side of mirror planes (tributary mass = mass share).
     jumps: times [s] at which a step of length 0 is due for all systems, because loads jump.
     landings: times [s] at which a step must end; even_steps: whether steps between two of them have one length
@@ -29,7 +46,7 @@ class ParticleSystem:
     bodies: tuple[int, ...]
     dimension: int
     owned: int
-    particles: Any
+    particles: Particles
     mass: np.ndarray
     share: np.ndarray
     jumps: tuple[float, ...] = ()
@@ -43,41 +60,36 @@ class ParticleSystem:
     news_anywhere: bool = False
 
     @staticmethod
-    def sort(comm, scene, particle_set) -> np.ndarray:
+    def sort(comm: Any, scene: Scene, particle_set: ParticleSet) -> np.ndarray:
         """Order (n,) in which the constructor wants this rank's particles; collective."""
         return sort_for_speed(comm, particle_set, laws_of(scene))
 
-    @property
-    def table(self) -> Any:
-        """The particles, until all methods call them so."""
-        return self.particles
-
-    def __init__(self, comm, scene, particle_set):
+    def __init__(self, comm: Any, scene: Scene, particle_set: ParticleSet):
         """Everything but the state; particle_set: this rank's particles, sorted. Collective.
 
         Raises SolverError on all ranks when the scene cannot be set up.
         """
         raise NotImplementedError
 
-    def begin(self, scene, particle_set) -> None:
+    def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
         """Set the state at time 0; collective."""
         raise NotImplementedError
 
     def resume(self) -> None:
-        """Continue from fields that were put back into the table and from `set_state`; collective."""
+        """Continue from fields that were put back and from `set_state`; collective."""
 
-    def state(self) -> dict:
+    def state(self) -> dict[str, Any]:
         """What a restart needs besides the checkpointed fields, as JSON has it, the same on all ranks; collective."""
         return {}
 
-    def set_state(self, state: dict) -> None:
+    def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave, before `resume`."""
 
     def stable_step(self) -> float:
         """Largest step [s] of this rank's particles in the current state."""
         raise NotImplementedError
 
-    def advance(self, time: float, step: float, ledger, announce) -> bool:
+    def advance(self, time: float, step: float, ledger: EnergyLedger, announce: Announce) -> bool:
         """One step from `time` [s]; False when the state is not sound (no longer a solid).
 
         announce(sound, stable step [s] of this rank after the step) is called once, as early as these are known.
@@ -101,7 +113,7 @@ class ParticleSystem:
 
     def unsound(self) -> tuple[int, str] | None:
         """The rank's first particle that is not sound, and what is wrong with it."""
-        jacobian, velocity = self.table.owned_rows("jacobian"), self.table.owned_rows("velocity")
+        jacobian, velocity = self.particles.owned_rows("jacobian"), self.particles.owned_rows("velocity")
         bad = ~(jacobian > 0.0) | ~np.isfinite(velocity).all(axis=1)
         if not bad.any():
             return None
@@ -124,19 +136,19 @@ class ParticleSystem:
         return {}
 
     def arrays(self) -> list[np.ndarray]:
-        """Arrays that count as this rank's memory, besides those of the table."""
+        """Arrays that count as this rank's memory, besides those of the particles."""
         return []
 
     def bytes_a_step(self) -> int:
         """Bytes this rank sends in one step."""
         return 0
 
-    def summary(self) -> dict:
+    def summary(self) -> dict[str, Any]:
         """Further entries of summary.json; collective, the same on all ranks."""
         return {}
 
     @staticmethod
-    def small_scene(tables: dict) -> dict:
+    def small_scene(tables: dict[str, Any]) -> dict[str, Any]:
         """Adapt the tables of a small scene whose kernels are compiled before the run."""
         return tables
 

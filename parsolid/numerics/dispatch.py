@@ -1,4 +1,5 @@
-"""One function, several implementations: chosen by the type of one argument, when a kernel is compiled or plain Python calls.
+"""One function, several implementations: chosen by the type of one argument, when a kernel is compiled or plain Python
+calls.
 
 @generic
 def flow_stress(model, plastic_strain, rate): "The flow stress [Pa]."
@@ -96,11 +97,12 @@ class Generic:
 
 
 def generic(stub=None, *, on: str | None = None):
-    """Decorator of a documented stub: a function with implementations by the type of the argument `on`, the first unless given.
+    """Decorator of a documented stub: a function with implementations by the type of the argument `on`, the first
+    unless given.
 
-    They are added by `@function.of(...)` and `@function.otherwise`, in plain Python that numba compiles into the kernels that call
-    it; arguments are positional. Arguments annotated as `Tensor` may be plain tuples. Raises TypeError (in a kernel numba's
-    TypingError) naming function and type where no implementation fits.
+    They are added by `@function.of(...)` and `@function.otherwise`, in plain Python that numba compiles into the
+    kernels that call it; arguments are positional. Arguments annotated as `Tensor` may be plain tuples. Raises
+    TypeError (in a kernel numba's TypingError) naming function and type where no implementation fits.
     """
     if stub is None:
         return functools.partial(generic, on=on)

@@ -58,7 +58,9 @@ def _is_operand(numba_type):
 
 
 def _direct(function, emit):
-    """Let compiled functions apply a Python function or operator to lanes: one instruction, with nothing to compile for it."""
+    """Let compiled functions apply a Python function or operator to lanes: one instruction, with nothing to compile for
+    it.
+    """
 
     class Template(AbstractTemplate):
         key = function
@@ -337,7 +339,7 @@ def padded(count: int) -> int:
 
 
 def aligned_zeros(shape, dtype=np.float64) -> np.ndarray:
-    """A zeroed array whose first element lies on a 64-byte boundary, so that 4-lane rows do not straddle cache lines."""
+    """A zeroed array whose first element lies on a 64-byte boundary, so that four lanes do not straddle cache lines."""
     size = int(np.prod(shape)) * np.dtype(dtype).itemsize
     buffer = np.zeros(size + 64, np.uint8)
     offset = -buffer.ctypes.data % 64

@@ -1,8 +1,8 @@
 """How the state of four neighbouring particles is loaded from and stored to arrays, by dimension.
 
 `deformation` is (19, capacity) in space: F (9 rows), H (9), J; and (5, capacity) in plane strain: F (4), J, since
-there H = cof F exactly (linear in F), with H33 = J. `branches` is (6 n, capacity) or (3 n, capacity): A11, A22, A33, A12,
-A13, A23 or A11, A22, A12 of each Maxwell branch. `correction` holds L, (9 or 4, capacity).
+there H = cof F exactly (linear in F), with H33 = J. `branches` is (6 n, capacity) or (3 n, capacity): A11, A22, A33,
+A12, A13, A23 or A11, A22, A12 of each Maxwell branch. `correction` holds L, (9 or 4, capacity).
 """
 
 from typing import NamedTuple

@@ -27,8 +27,9 @@ _MOST_STEPS = 30
 def rotation(F: Tensor):
     """R of F = R U, of a general tensor with a positive determinant.
 
-    Three dimensions: Newton's method X = (g X + X^-T / g)/2 with g^4 = |X^-1|^2 / |X|^2 (Higham, SIAM J. Sci. Stat. Comput. 7
-    (1986) 1160). A lane that has settled is not changed again, so that a particle does not feel its neighbours in the lanes.
+    Three dimensions: Newton's method X = (g X + X^-T / g)/2 with g^4 = |X^-1|^2 / |X|^2 (Higham, SIAM J. Sci. Stat.
+    Comput. 7 (1986) 1160). A lane that has settled is not changed again, so that a particle does not feel its
+    neighbours in the lanes.
     """
 
 

@@ -3,10 +3,11 @@
 General tensors: plane strain (11, 12, 21, 22, 33), space (11, 12, 13, 21, 22, 23, 31, 32, 33).
 Symmetric tensors: plane strain (11, 22, 33, 12), space (11, 22, 33, 12, 13, 23).
 The out-of-plane component 33 is carried so that every formula is the three-dimensional one; where it is the
-constant 1.0 the compiler folds it. With tensors A, B and a scalar s: A + B, A - B, -A, s * A, A / s (one division), A @ B, A.T;
-`I` is the identity, so that A + s * I adds to the diagonal alone; a symmetric tensor meets a general one as a general one; None,
-what a scene lacks, adds nothing: A + None is A. Products written A x B are the tensor cross product of Bonet, Gil & Ortigosa, (A x B)_iI = eps_ijk eps_IJK A_jJ B_kK.
-Functions take plain tuples of as many scalars, too. Every formula is plain Python, traced by numba (see `numerics.tracing`).
+constant 1.0 the compiler folds it. With tensors A, B and a scalar s: A + B, A - B, -A, s * A, A / s (one division), A @
+B, A.T; `I` is the identity, so that A + s * I adds to the diagonal alone; a symmetric tensor meets a general one as a
+general one; None, what a scene lacks, adds nothing: A + None is A. Products written A x B are the tensor cross product
+of Bonet, Gil & Ortigosa, (A x B)_iI = eps_ijk eps_IJK A_jJ B_kK. Functions take plain tuples of as many scalars, too.
+Every formula is plain Python, traced by numba (see `numerics.tracing`).
 """
 
 import functools
@@ -30,9 +31,8 @@ class Tensor(Traceable):
 
     def _with(self, other, combine):
         """Component by component with another tensor."""
-        if type(self) is not type(other):
-            self, other = expand(self), expand(other)
-        return type(self)(*map(combine, self, other))
+        a, b = (self, other) if type(self) is type(other) else (expand(self), expand(other))
+        return type(a)(*map(combine, a, b))
 
     def __add__(self, other):
         if other is None:

@@ -1,8 +1,10 @@
-"""Formulas in plain Python that numba traces: run once on symbols, they emit LLVM instructions without being compiled themselves.
+"""Formulas in plain Python that numba traces: run once on symbols, they emit LLVM instructions without being compiled
+themselves.
 
-A traced formula takes and gives small tensors (`numerics.tensors`) and scalars. Plain Python calls it as it stands; in a compiled
-function its arguments become symbols of floats or four-lane vectors, and every product and sum one instruction in the function that
-calls it. So it costs no type inference, and its instructions are those that the compiled formula would have.
+A traced formula takes and gives small tensors (`numerics.tensors`) and scalars. Plain Python calls it as it stands; in
+a compiled function its arguments become symbols of floats or four-lane vectors, and every product and sum one
+instruction in the function that calls it. So it costs no type inference, and its instructions are those that the
+compiled formula would have.
 """
 
 import operator
@@ -31,7 +33,7 @@ BY_SIZE: dict[int, type] = {}
 class Symbol:
     """A float or four lanes whose value is known only to the compiler; without a builder only its type counts."""
 
-    __slots__ = ("is_vector", "builder", "value")
+    __slots__ = ("builder", "is_vector", "value")
 
     def __init__(self, is_vector: bool, builder=None, value=None):
         self.is_vector, self.builder, self.value = is_vector, builder, value

@@ -49,7 +49,7 @@ def numbered(name: str, system: int) -> str:
 
 
 def write_checkpoint(
-    comm: MPI.Comm,
+    comm: MPI.Intracomm,
     path: Path | str,
     header: Header,
     systems: Sequence[Fields],
@@ -97,7 +97,7 @@ def read_header(path: Path | str) -> Header:
         return header
 
 
-def read_checkpoint(comm: MPI.Comm, path: Path | str) -> tuple[Header, list[Fields], np.ndarray]:
+def read_checkpoint(comm: MPI.Intracomm, path: Path | str) -> tuple[Header, list[Fields], np.ndarray]:
     """Read a checkpoint: header, fields of each system, per-rank rows. Collective.
 
     On as many ranks as wrote it, every rank gets the rows that it wrote, in the same order; on another
@@ -115,13 +115,12 @@ def read_checkpoint(comm: MPI.Comm, path: Path | str) -> tuple[Header, list[Fiel
                 layout = json.loads(file["header"][()]), offsets, file["ranks/values"][()]
     header, offsets, values = comm.bcast(layout)
     systems: list[Fields] = []
-    with together(comm, doing):
-        with open_serial(path, "r") as file:
-            for number, offset in enumerate(offsets):
-                if len(offset) - 1 != comm.size:
-                    offset = np.array([offset[-1] * rank // comm.size for rank in range(comm.size + 1)])
-                here = slice(offset[comm.rank], offset[comm.rank + 1])
-                systems.append({name: rows[here] for name, rows in file[numbered("particles", number)].items()})
+    with together(comm, doing), open_serial(path, "r") as file:
+        for number, offset in enumerate(offsets):
+            if len(offset) - 1 != comm.size:
+                offset = np.array([offset[-1] * rank // comm.size for rank in range(comm.size + 1)])
+            here = slice(offset[comm.rank], offset[comm.rank + 1])
+            systems.append({name: rows[here] for name, rows in file[numbered("particles", number)].items()})
     return header, systems, values
 
 
@@ -132,7 +131,7 @@ def _count_systems(file: h5py.File) -> int:
     return count
 
 
-def find_checkpoint(directory: Path | str, comm: MPI.Comm | None = None, name: str = DEFAULT_NAME) -> Path:
+def find_checkpoint(directory: Path | str, comm: MPI.Intracomm | None = None, name: str = DEFAULT_NAME) -> Path:
     """The newest whole checkpoint of a directory. With comm collective, else for one rank alone.
 
     Raises OutputError (on all ranks) that says of each candidate why it will not do.
@@ -143,8 +142,7 @@ def find_checkpoint(directory: Path | str, comm: MPI.Comm | None = None, name: s
     with together(comm, f"cannot look for a checkpoint in {directory}"):
         if comm.rank == 0:
             found = _find(Path(directory), name)
-    found = comm.bcast(found)
-    return found
+    return Path(comm.bcast(found))
 
 
 def _find(directory: Path, name: str) -> Path:
@@ -182,7 +180,7 @@ def _open_whole(path: Path | str) -> h5py.File:
     raise OutputError(f"{path.name}: {fault}")
 
 
-def _row_count(comm: MPI.Comm, fields: Fields, values: np.ndarray, doing: str) -> int:
+def _row_count(comm: MPI.Intracomm, fields: Fields, values: np.ndarray, doing: str) -> int:
     """This rank's number of rows; checks that the arrays fit together on and across ranks."""
     signature = [(name, array.shape[1:], array.dtype.name) for name, array in fields.items()] + [values.shape]
     expected = comm.bcast(signature)

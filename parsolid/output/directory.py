@@ -1,6 +1,7 @@
 """The directory of a run's results: made if need be, and never at the cost of results that are there."""
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 from mpi4py import MPI
@@ -20,7 +21,9 @@ RESULTS = (
 )
 
 
-def prepare(comm: MPI.Comm, directory: Path | str, continuing: bool = False, inputs: tuple = ()) -> Path:
+def prepare(
+    comm: MPI.Intracomm, directory: Path | str, continuing: bool = False, inputs: Iterable[Path | str] = ()
+) -> Path:
     """Make a directory ready for a run; returns it. Collective.
 
     A new run moves the results of an older one to the next free of previous-1/, previous-2/ and so on within the
@@ -42,7 +45,7 @@ def prepare(comm: MPI.Comm, directory: Path | str, continuing: bool = False, inp
     return directory
 
 
-def _refuse_inputs(results: list[Path], inputs: tuple, continuing: bool) -> None:
+def _refuse_inputs(results: list[Path], inputs: Iterable[Path | str], continuing: bool) -> None:
     read = {Path(path).resolve() for path in inputs}
     for path in results:
         # a continued run reads a checkpoint here, maybe a whole one not renamed yet, and does not lose it

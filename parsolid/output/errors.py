@@ -1,5 +1,6 @@
 """One clear error on all ranks when an output operation fails on any of them."""
 
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 from mpi4py import MPI
@@ -24,7 +25,7 @@ def agree(comm: MPI.Comm, error: Exception | None, doing: str) -> None:
 
 
 @contextmanager
-def together(comm: MPI.Comm, doing: str):
+def together(comm: MPI.Comm, doing: str) -> Iterator[None]:
     """Run a block on every rank; a failure on any rank becomes one OutputError on all. Collective.
 
     The block itself must not communicate: a rank that fails inside would leave the others waiting.

@@ -5,6 +5,7 @@ not depend on the number of ranks. To that end ranks exchange rows; none ever ha
 """
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -12,9 +13,10 @@ from mpi4py import MPI
 from decomposition.migration import migrate
 from parsolid.output import vtkhdf
 from parsolid.output.errors import OutputError, agree, together
-from parsolid.output.slabs import SlabWriter, places, probe
+from parsolid.output.slabs import DataSet, SlabWriter, places, probe
 
 DEFAULT_NAME = "fields.vtkhdf"
+Fields = dict[str, np.ndarray]
 
 
 class FieldSeries:
@@ -31,7 +33,7 @@ class FieldSeries:
 
     def __init__(
         self,
-        comm: MPI.Comm,
+        comm: MPI.Intracomm,
         path: Path | str,
         capacity: int,
         resume_at: float | None = None,
@@ -46,8 +48,9 @@ class FieldSeries:
         self._resume_at = resume_at
         self._floats = np.float64 if double else np.float32
         self._method = method
-        self._layout: vtkhdf.Layout | None = None
-        self._places: dict = {}
+        # known after the first write
+        self._layout: Any = None
+        self._places: dict[str, DataSet] = {}
         self._times = np.empty(0)
 
     @property
@@ -60,8 +63,8 @@ class FieldSeries:
         time: float,
         identifier: np.ndarray,
         position: np.ndarray,
-        varying: dict[str, np.ndarray],
-        constant: dict[str, np.ndarray] | None = None,
+        varying: Fields,
+        constant: Fields | None = None,
     ) -> None:
         """Add a step at a time [s] later than the last; at the time of the last it does nothing. Collective.
 
@@ -94,7 +97,7 @@ class FieldSeries:
                 self._write_constants(writer, rows, constant)
         self._publish(np.append(self._times, time))
 
-    def _begin(self, owned: int, varying: dict, constant: dict) -> None:
+    def _begin(self, owned: int, varying: Fields, constant: Fields) -> None:
         kinds = [
             {name: (_in_space(values).shape[1:], self._shown(values[:0]).dtype.name) for name, values in fields.items()}
             for fields in (varying, constant)
@@ -142,7 +145,7 @@ class FieldSeries:
         self._places = self._comm.bcast(laid)
         self._times = np.empty(0)
 
-    def _write_constants(self, writer: SlabWriter, rows: "_ByIdentifier", constant: dict) -> None:
+    def _write_constants(self, writer: SlabWriter, rows: "_ByIdentifier", constant: Fields) -> None:
         for name in self._layout.constant:
             writer.write(f"VTKHDF/PointData/{name}", rows.first, rows.arrange(self._shown(constant[name])))
         for name, entries in (("Connectivity", vtkhdf.vertex_connectivity), ("Offsets", vtkhdf.vertex_offsets)):
@@ -167,7 +170,7 @@ class FieldSeries:
 class _ByIdentifier:
     """Moves rows so that rank r has the identifiers from ceil(r N / ranks) on, in order."""
 
-    def __init__(self, comm: MPI.Comm, identifier: np.ndarray, particles: int):
+    def __init__(self, comm: MPI.Intracomm, identifier: np.ndarray, particles: int):
         """Collective. OutputError on all ranks unless the identifiers are 0 to N - 1, each once."""
         self._comm = comm
         self.first, end = (-(-rank * particles // comm.size) for rank in (comm.rank, comm.rank + 1))

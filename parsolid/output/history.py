@@ -2,7 +2,9 @@
 
 import csv
 import os
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 
@@ -21,30 +23,29 @@ class History:
             raise ValueError(f"columns: expected the first to be 'step', found {columns[:1]}")
         self.path = Path(path)
         self._columns = list(columns)
-        self._file = None
+        self._file: TextIO | None = None
 
     def resume(self, at_step: int) -> None:
         """Go on with the file: keep the rows up to and including a step, drop the later ones.
 
         A file that is not there is begun. Raises OutputError when it has other columns.
         """
-        rows = []
+        rows: list[list[str]] = []
         if self.path.exists():
             found, rows = _read(self.path)
             if found != self._columns:
                 raise OutputError(f"{self.path}: cannot go on: expected the columns {self._columns}, found {found}")
         self._begin([row for row in rows if int(row[0]) <= at_step])
 
-    def append(self, row: list) -> None:
+    def append(self, row: Sequence[float | None]) -> None:
         """Add a row: numbers in the order of the columns, None for an empty cell. Raises OutputError."""
         if len(row) != len(self._columns):
             raise ValueError(f"row: expected {len(self._columns)} values, found {len(row)}")
-        if self._file is None:
-            self._begin([])
+        file = self._begin([]) if self._file is None else self._file
         try:
             # one write a row: a killed run leaves at most one line without its end
-            self._file.write(",".join(map(_text, row)) + "\n")
-            self._file.flush()
+            file.write(",".join(map(_text, row)) + "\n")
+            file.flush()
         except OSError as error:
             raise OutputError(f"cannot write {self.path}: {words(error)}") from error
 
@@ -53,7 +54,7 @@ class History:
         if self._file is not None:
             self._file.close()
 
-    def _begin(self, rows: list[list[str]]) -> None:
+    def _begin(self, rows: list[list[str]]) -> TextIO:
         """Write beside and rename, so that a run killed here loses no row."""
         partial = self.path.with_name(self.path.name + ".partial")
         try:
@@ -62,7 +63,9 @@ class History:
                 file.flush()
                 os.fsync(file.fileno())
             os.replace(partial, self.path)
-            self._file = open(self.path, "a", newline="")
+            # stays open between rows
+            self._file = open(self.path, "a", newline="")  # noqa: SIM115
+            return self._file
         except OSError as error:
             raise OutputError(f"cannot write {self.path}: {words(error)}") from error
 
@@ -85,7 +88,7 @@ def _read(path: Path) -> tuple[list[str], list[list[str]]]:
     return columns, [row for row in rows if len(row) == len(columns)]
 
 
-def _text(value) -> str:
+def _text(value: float | None) -> str:
     if value is None:
         return ""
     return str(value) if isinstance(value, (int, np.integer)) else f"{value:.17g}"

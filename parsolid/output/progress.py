@@ -4,6 +4,7 @@ import os
 import sys
 import time as clock
 from pathlib import Path
+from typing import Any, TextIO
 
 from rich.columns import Columns
 from rich.console import Console, Group
@@ -19,6 +20,8 @@ _BAR_SECONDS = 0.2
 _LINES = {NORMAL: (5.0, 0.1), VERBOSE: (1.0, 0.02)}
 _LEAST_SECONDS = 0.5
 
+Told = tuple[float, int, float]
+
 
 class Progress:
     """Tells how far a run is: step, time, step size, time left, energies, particle-steps per second.
@@ -27,11 +30,13 @@ class Progress:
     default. One rank creates it and calls it; it never raises for a stream that is closed.
     """
 
-    def __init__(self, title: str, end_time: float, particles: int, level: int = NORMAL, stream=None):
+    def __init__(self, title: str, end_time: float, particles: int, level: int = NORMAL, stream: TextIO | None = None):
         self._end_time, self._particles, self._level = end_time, particles, level
         self._stream = stream or sys.stdout
-        self._first = self._last = None
-        self._bar = None
+        # (reading of the clock [s], step, time [s]) of the first step, and of the last that was told
+        self._first: Told | None = None
+        self._last: Told = (0.0, 0, 0.0)
+        self._bar: Live | None = None
         if level == QUIET:
             return
         self._say(f"{title}: {particles} particles, to t = {end_time:.6g} s")
@@ -39,7 +44,7 @@ class Progress:
         if columns:
             self._start_bar(columns)
 
-    def update(self, step: int, time: float, step_size: float, row: dict | None) -> None:
+    def update(self, step: int, time: float, step_size: float, row: dict[str, float] | None) -> None:
         """Show a step (with its time [s] and size [s]), if it is time to; row: the last history row, by column."""
         if self._level == QUIET:
             return
@@ -49,15 +54,15 @@ class Progress:
             return
         if not self._due(now, time):
             return
-        words = self._words(now, step, time, step_size, row or {})
+        words = self._words(self._first, (now, step, time), step_size, row or {})
         self._last = (now, step, time)
         head = f"step {step:7d}  t {time:.4e} s {100.0 * time / self._end_time:5.1f} %"
         if self._bar is None:
             self._say("  ".join([head, *words]))
         else:
-            self._show(time, [head, *words])
+            self._show(self._bar, time, [head, *words])
 
-    def close(self, summary: dict) -> None:
+    def close(self, summary: dict[str, Any]) -> None:
         """End the bar and say how the run went; summary as in summary.json."""
         if self._bar is not None:
             self._bar.stop()
@@ -82,8 +87,8 @@ class Progress:
         tenths, tenths_before = (int(moment / (share * self._end_time) + 1e-9) for moment in (time, self._last[2]))
         return since >= seconds or (since >= _LEAST_SECONDS and tenths > tenths_before) or time >= self._end_time
 
-    def _words(self, now: float, step: int, time: float, step_size: float, row: dict) -> list[str]:
-        began, first_step, first_time = self._first
+    def _words(self, first: Told, told: Told, step_size: float, row: dict[str, float]) -> list[str]:
+        (began, _, first_time), (now, step, time) = first, told
         rate = self._particles * (step - self._last[1]) / max(now - self._last[0], 1e-9)
         gone = max(time - first_time, 1e-300)
         left = (now - began) * max(self._end_time - time, 0.0) / gone
@@ -104,12 +109,10 @@ class Progress:
         # a run that is killed must not leave the terminal without its cursor
         console.show_cursor(True)
 
-    def _show(self, time: float, words: list[str]) -> None:
+    def _show(self, live: Live, time: float, words: list[str]) -> None:
         bar = ProgressBar(total=self._end_time, completed=time)
         try:
-            self._bar.update(
-                Group(bar, Columns([Text(word, no_wrap=True) for word in words], padding=(0, 2))), refresh=True
-            )
+            live.update(Group(bar, Columns([Text(word, no_wrap=True) for word in words], padding=(0, 2))), refresh=True)
         except (OSError, ValueError):
             self._level, self._bar = QUIET, None
 
@@ -120,7 +123,7 @@ class Progress:
             self._level = QUIET
 
 
-def terminal_columns(stream) -> int | None:
+def terminal_columns(stream: Any) -> int | None:
     """Width of the terminal that a stream ends in, None if it is none.
 
     Under mpirun a rank's output is a pipe to the launcher: what counts is where the launcher's own output goes.

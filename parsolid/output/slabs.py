@@ -11,8 +11,9 @@ Both leave the same file.
 
 import os
 import shutil
+from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
@@ -40,7 +41,7 @@ class DataSet(NamedTuple):
     """Where a data set lies: byte offset in the file (None when it has no rows), shape, numpy dtype string."""
 
     offset: int | None
-    shape: tuple
+    shape: tuple[int, ...]
     dtype: str
 
 
@@ -54,7 +55,7 @@ def open_serial(path: Path | str, mode: str) -> h5py.File:
     return h5py.File(path, mode, libver=LIBRARY_VERSIONS, locking=False)
 
 
-def create_slab(group: h5py.Group, name: str, shape: tuple, dtype) -> None:
+def create_slab(group: h5py.Group, name: str, shape: tuple[int, ...], dtype: Any) -> None:
     """Create a contiguous data set that has its place in the file at once and whose bytes are left unwritten."""
     properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     properties.set_layout(h5py.h5d.CONTIGUOUS)
@@ -78,9 +79,9 @@ def probe(path: Path | str, size: int) -> None:
 
 def places(path: Path | str) -> dict[str, DataSet]:
     """Name -> place of every contiguous data set of a file."""
-    found = {}
+    found: dict[str, DataSet] = {}
 
-    def note(name, item):
+    def note(name: str, item: object) -> None:
         if isinstance(item, h5py.Dataset) and item.chunks is None:
             found[name] = DataSet(item.id.get_offset(), item.shape, item.dtype.str)
 
@@ -110,7 +111,7 @@ class SlabWriter:
 
     def __init__(
         self,
-        comm: MPI.Comm,
+        comm: MPI.Intracomm,
         path: Path | str,
         datasets: dict[str, DataSet],
         method: str | None = None,
@@ -121,6 +122,7 @@ class SlabWriter:
         self._datasets = datasets
         self._piece_bytes = piece_bytes
         self._error: Exception | None = None
+        self._file: Any = None
         method = method or default_method()
         if method not in METHODS:
             raise ValueError(f"method: expected one of {', '.join(METHODS)}, found {method!r}")
@@ -129,14 +131,14 @@ class SlabWriter:
         self._put = self._put_mpio if method == "mpio" else self._put_offsets
         self._open = self._open_mpio if method == "mpio" else self._open_offsets
 
-    def __enter__(self):
+    def __enter__(self) -> "SlabWriter":
         with together(self._comm, f"cannot open {self._path} for writing"):
             open(self._path, "r+b").close()
         self._attempt(self._open)
         agree(self._comm, self._error, f"cannot open {self._path} for writing")
         return self
 
-    def __exit__(self, kind, error, traceback):
+    def __exit__(self, kind: type[BaseException] | None, error: object, traceback: object) -> None:
         self._attempt(self._close)
         if kind is None:
             self._attempt(flush_to_disk, self._path)
@@ -163,30 +165,30 @@ class SlabWriter:
             part = np.ascontiguousarray(rows[turn * piece : (turn + 1) * piece], dataset.dtype)
             self._attempt(self._put, name, first_row + turn * piece, part, row_bytes)
 
-    def _attempt(self, function, *arguments):
+    def _attempt(self, function: Callable[..., None], *arguments: Any) -> None:
         """Call a collective function; keep the first error for the end, so that no rank leaves the others."""
         try:
             function(*arguments)
         except Exception as caught:
             self._error = self._error or caught
 
-    def _open_offsets(self):
+    def _open_offsets(self) -> None:
         self._file = MPI.File.Open(self._comm, self._path, MPI.MODE_WRONLY)
 
-    def _put_offsets(self, name, row, part, row_bytes):
-        offset = self._datasets[name].offset + row * row_bytes if len(part) else 0
+    def _put_offsets(self, name: str, row: int, part: np.ndarray, row_bytes: int) -> None:
+        offset = (self._datasets[name].offset or 0) + row * row_bytes if len(part) else 0
         write = self._file.Write_at_all if COLLECTIVE else self._file.Write_at
         status = MPI.Status()
         write(offset, [part, part.nbytes, MPI.BYTE], status)
         if status.Get_elements(MPI.BYTE) != part.nbytes:
             raise OSError(f"the disk is full: only {status.Get_elements(MPI.BYTE)} of {part.nbytes} bytes written")
 
-    def _open_mpio(self):
+    def _open_mpio(self) -> None:
         self._file = h5py.File(self._path, "r+", driver="mpio", comm=self._comm)
         self._transfer = h5py.h5p.create(h5py.h5p.DATASET_XFER)
         self._transfer.set_dxpl_mpio(h5py.h5fd.MPIO_COLLECTIVE if COLLECTIVE else h5py.h5fd.MPIO_INDEPENDENT)
 
-    def _put_mpio(self, name, row, part, row_bytes):
+    def _put_mpio(self, name: str, row: int, part: np.ndarray, row_bytes: int) -> None:
         target = self._file[name].id
         place = target.get_space()
         memory = h5py.h5s.create_simple(part.shape if len(part) else (1, *part.shape[1:]))
@@ -198,7 +200,7 @@ class SlabWriter:
             part = np.empty((1, *part.shape[1:]), part.dtype)
         target.write(memory, place, part, dxpl=self._transfer)
 
-    def _close(self):
+    def _close(self) -> None:
         if isinstance(self._file, h5py.File):
             self._file.close()
         else:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from datetime import datetime, timezone
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -18,7 +19,7 @@ import parsolid
 from parsolid.output.errors import OutputError, words
 
 
-def write_summary(path: Path | str, summary: dict) -> None:
+def write_summary(path: Path | str, summary: dict[str, Any]) -> None:
     """Write a summary as JSON, keys in the order given, beside and renamed; for one rank alone.
 
     numpy values become numbers and lists; what is not finite becomes null, since JSON has no word for it.
@@ -75,7 +76,7 @@ def versions() -> dict[str, str]:
     }
 
 
-def provenance() -> dict:
+def provenance() -> dict[str, Any]:
     """What summary.json says of the program: commit, versions, and where and when it ran."""
     return {
         "git_hash": git_hash(),
@@ -87,13 +88,14 @@ def provenance() -> dict:
 
 def _git(directory: Path, *arguments: str) -> str | None:
     try:
-        result = subprocess.run(["git", "-C", directory, *arguments], capture_output=True, text=True, timeout=10)
+        command = ["git", "-C", str(directory), *arguments]
+        result = subprocess.run(command, check=False, capture_output=True, text=True, timeout=10)
     except (OSError, subprocess.TimeoutExpired):
         return None
     return result.stdout.strip() if result.returncode == 0 else None
 
 
-def _plain(value):
+def _plain(value: Any) -> Any:
     if isinstance(value, dict):
         return {str(key): _plain(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):

@@ -29,13 +29,17 @@ PART = 4_000_000
 _TOPOLOGIES = ("Vertices", "Lines", "Polygons", "Strips")
 
 
+# name -> (shape of a row, dtype name)
+Kinds = dict[str, tuple[tuple[int, ...], str]]
+
+
 class Layout(NamedTuple):
     """particles; capacity, the most steps; name -> (row shape, dtype name) of the fields that vary and that do not."""
 
     particles: int
     capacity: int
-    varying: dict
-    constant: dict
+    varying: Kinds
+    constant: Kinds
 
     def like(self, other: "Layout") -> bool:
         """True when both hold the same fields of as many particles."""
@@ -45,7 +49,7 @@ class Layout(NamedTuple):
     def bytes_per_step(self) -> int:
         """Bytes that one step adds."""
         rows = [np.dtype(kind).itemsize * int(np.prod(shape)) for shape, kind in self.varying.values()]
-        return self.particles * (24 + sum(rows))
+        return int(self.particles * (24 + sum(rows)))
 
 
 def lay_out(path: Path | str, layout: Layout) -> None:

@@ -1,4 +1,5 @@
-"""Which particles may interact: metrics, how far they reach, and candidates among particles, ghosts and mirror images."""
+"""Which particles may interact: metrics, how far they reach, and candidates among particles, ghosts and mirror
+images."""
 
 from dataclasses import dataclass
 
@@ -35,7 +36,8 @@ def metrics(spacing: np.ndarray, axes: np.ndarray | None, smoothing: float) -> n
 
 
 def common_metric(comm, metric: np.ndarray) -> tuple[np.ndarray, bool]:
-    """(one row, True) when all particles of all ranks have the same metric to round-off, else (the rows, False); collective."""
+    """(one row, True) when all particles of all ranks have the same metric to round-off, else (the rows, False);
+    collective."""
     low, high = np.full(6, np.inf), np.full(6, -np.inf)
     if len(metric):
         low, high = metric.min(axis=0), metric.max(axis=0)

@@ -1,13 +1,14 @@
 """Pair weights of irregular particles, changed so that the force of a constant stress vanishes inside the body.
 
-The force of a constant stress P is P sum_b (L_a + L_b) g_ab. Between irregular particles the sum is not zero, and a body
-under pressure tears itself apart. Exact weights give minus the particle's area vector, zero inside: the discrete
-divergence theorem, as in meshless finite volumes (Chiu, Wang, Hu, Jameson: A conservative mesh-free scheme and generalized
-framework for conservation laws, SIAM J. Sci. Comput. 34 (2012)). With L_a held, weights near g_ab that do so are
+The force of a constant stress P is P sum_b (L_a + L_b) g_ab. Between irregular particles the sum is not zero, and a
+body under pressure tears itself apart. Exact weights give minus the particle's area vector, zero inside: the discrete
+divergence theorem, as in meshless finite volumes (Chiu, Wang, Hu, Jameson: A conservative mesh-free scheme and
+generalized framework for conservation laws, SIAM J. Sci. Comput. 34 (2012)). With L_a held, weights near g_ab that do
+so are
     g_ab + w_ab (L_a + L_b)^{-1} (p_a - p_b),   sum_b w_ab (p_a - p_b) = -A_a - sum_b (L_a + L_b) g_ab,
-with potentials p_a by a graph Laplacian. They remain antisymmetric, so that forces stay pairwise; L_a follows them, so that
-gradients of linear fields stay exact; and both are repeated. What is left after the passes comes from the volumes, where
-they are not those of a tiling.
+with potentials p_a by a graph Laplacian. They remain antisymmetric, so that forces stay pairwise; L_a follows them, so
+that gradients of linear fields stay exact; and both are repeated. What is left after the passes comes from the volumes,
+where they are not those of a tiling.
 """
 
 import numpy as np
@@ -23,7 +24,8 @@ LEFT_OVER = 0.5
 
 
 def surface_area(comm, particle_set, planes) -> np.ndarray:
-    """Area vectors A_a (n, d) [m^2] of particles with their halves beyond mirror planes; particle_set: `scene.ParticleSet`; collective.
+    """Area vectors A_a (n, d) [m^2] of particles with their halves beyond mirror planes; particle_set:
+    `scene.ParticleSet`; collective.
 
     Raises SolverError on all ranks when the areas are not where the particles are.
     """
@@ -37,7 +39,8 @@ def surface_area(comm, particle_set, planes) -> np.ndarray:
 
 
 def _surface_fault(comm, particle_set) -> str | None:
-    """sum_a A_a . X_a is d times the volume for particles on the surface, and less by half a spacing for cells beside it."""
+    """sum_a A_a . X_a is d times the volume for particles on the surface, and less by half a spacing for cells beside
+    it."""
     depth = 0.5 * np.linalg.norm(particle_set.area, axis=1) * particle_set.spacing.min(axis=1)
     moment = particle_set.position.shape[1] * particle_set.volume.sum() - np.sum(
         particle_set.area * particle_set.position
@@ -45,11 +48,15 @@ def _surface_fault(comm, particle_set) -> str | None:
     missing, between = sums(comm, np.array([moment, depth.sum()]))
     if missing <= 0.2 * between:
         return None
-    return 'method.pair_correction: expected particles on the surface of the bodies (placement = "nodes") for "closure", found cells'
+    return (
+        'method.pair_correction: expected particles on the surface of the bodies (placement = "nodes") for "closure", '
+        "found cells"
+    )
 
 
 class Closure:
-    """The discrete divergence theorem on the lists of a pair system; arrays of particles have this rank's owned rows."""
+    """The discrete divergence theorem on the lists of a pair system; arrays of particles have this rank's owned
+    rows."""
 
     def __init__(self, pairs, area, share):
         """pairs: `PairSystem`, whose weights are rows (g_ab, number); area (owned, d): `surface_area`.
@@ -87,7 +94,8 @@ class Closure:
         self.exchange.finish()
 
     def _solve(self, residual: np.ndarray, diagonal: np.ndarray) -> np.ndarray:
-        """Potentials (owned, d) by conjugate gradients; the Laplacian is symmetric in the sums weighted with the share."""
+        """Potentials (owned, d) by conjugate gradients; the Laplacian is symmetric in the sums weighted with the
+        share."""
         result = np.zeros_like(residual)
         z = residual / diagonal
         direction, norm = z.copy(), self._sum(residual * z)
@@ -116,10 +124,11 @@ class Closure:
 
 
 def close(pairs, correction: np.ndarray, area: np.ndarray, share: np.ndarray, correct) -> np.ndarray:
-    """Close the weights of a `PairSystem`; the corrections (n, d, d) that go with them, which correct() makes anew. Collective.
+    """Close the weights of a `PairSystem`; the corrections (n, d, d) that go with them, which correct() makes anew.
+    Collective.
 
-    area, share: see `Closure`. Raises SolverError on all ranks when a particle's volume and its neighbours fit so badly that the
-    passes diverge.
+    area, share: see `Closure`. Raises SolverError on all ranks when a particle's volume and its neighbours fit so badly
+    that the passes diverge.
     """
     theorem = Closure(pairs, area, share)
     for _ in range(PASSES):
@@ -136,6 +145,6 @@ def _fault(left_over: np.ndarray, positions: np.ndarray) -> str | None:
         return None
     place = ", ".join(f"{x:.6g}" for x in positions[np.argmax(left_over)])
     return (
-        f"method.pair_correction: expected particles whose volumes fit their distances, found one at ({place}) of which "
-        f"{left_over.max():.2g} of a face is left over"
+        "method.pair_correction: expected particles whose volumes fit their distances, found one at "
+        f"({place}) of which {left_over.max():.2g} of a face is left over"
     )

@@ -69,7 +69,8 @@ def add_laplacian(pairs, places, potential, total):
 
 @compiled
 def add_potential(pairs, places, correction, potential):
-    """Add to g_ab what changes (L_a + L_b) g_ab by about w_ab (p_a - p_b): exactly where L_a + L_b is a multiple of 1."""
+    """Add to g_ab what changes (L_a + L_b) g_ab by about w_ab (p_a - p_b): exactly where L_a + L_b is a multiple of
+    1."""
     d, weight = potential.shape[1], pairs.weight
     for a in range(pairs.start.shape[0] - 1):
         for k in range(pairs.start[a], pairs.start[a + 1]):

@@ -11,13 +11,35 @@ from parsolid.numerics.dispatch import is_instance
 class Images(NamedTuple):
     """Which reflection makes each pair's neighbour: code (m,) int8 into the rows of table (codes, 16).
 
-    With signs Q of a mirrored vector, signs R of the reflected place, the shift T of the planes and a sign s of the stress,
-    v' = Q v,  X' = R X + T,  x' = X' + Q (x - X),  (P L)' = s Q P L Q,  (grad v)' = Q grad v R; scalars stay.
+    With signs Q of a mirrored vector, signs R of the reflected place, the shift T of the planes and a sign s of the
+    stress, v' = Q v,  X' = R X + T,  x' = X' + Q (x - X),  (P L)' = s Q P L Q,  (grad v)' = Q grad v R; scalars stay.
     In radial lists M' = Q M R and C1' = Q C1 Q, for which the passes are adjoint at every kind of plane.
     """
 
     code: np.ndarray
     table: np.ndarray
+
+
+class PlaneImage(NamedTuple):
+    """Columns of `Images.table` in the plane: Q twice; R and T; of a matrix s Q_i Q_j, and Q_i R_j."""
+
+    signs: int
+    reflection: int
+    stress: int
+    gradient: int
+
+
+class SpaceImage(NamedTuple):
+    """Columns of `Images.table` in space: Q, R, T, R_i R_j of the off-diagonal part of a symmetric tensor, s."""
+
+    signs: int
+    reflection: int
+    shift: int
+    off_diagonal: int
+    stress_sign: int
+
+
+PLANE_IMAGE, SPACE_IMAGE = PlaneImage(0, 4, 8, 12), SpaceImage(0, 4, 8, 12, 15)
 
 
 class InnerList(NamedTuple):
@@ -41,7 +63,8 @@ class OneSidedList(NamedTuple):
 
 
 class Places(NamedTuple):
-    """Where each pair's neighbour stands, R X_b + T, for set-up: code (m,) int8 into reflections R, shifts T (codes, 3)."""
+    """Where each pair's neighbour stands, R X_b + T, for set-up: code (m,) int8 into reflections R, shifts T (codes,
+    3)."""
 
     code: np.ndarray
     reflections: np.ndarray
@@ -81,15 +104,18 @@ def image_table(dimension: int, signs, reflections, shifts, stress_signs) -> np.
     """Rows of `Images.table` from Q, R (+-1) and T [m], each (codes, dimension), and s (codes,)."""
     table = np.zeros((len(signs), 16))
     if dimension == 3:
-        table[:, 0:3], table[:, 4:7], table[:, 8:11] = signs, reflections, shifts
-        table[:, 12] = reflections[:, 0] * reflections[:, 1]
-        table[:, 13] = reflections[:, 0] * reflections[:, 2]
-        table[:, 14] = reflections[:, 1] * reflections[:, 2]
-        table[:, 15] = stress_signs
+        at = SPACE_IMAGE
+        for first, values in ((at.signs, signs), (at.reflection, reflections), (at.shift, shifts)):
+            table[:, first : first + 3] = values
+        for column, (i, j) in enumerate(((0, 1), (0, 2), (1, 2)), at.off_diagonal):
+            table[:, column] = reflections[:, i] * reflections[:, j]
+        table[:, at.stress_sign] = stress_signs
     else:
-        table[:, 0:2], table[:, 2:4] = signs, signs
-        table[:, 4:6], table[:, 6:8] = reflections, shifts
+        of = PLANE_IMAGE
+        table[:, of.signs : of.signs + 4] = np.tile(signs, 2)
+        table[:, of.reflection : of.reflection + 4] = np.concatenate((reflections, shifts), axis=1)
         # columns of a matrix: s Q_i Q_j for P L and Q_i R_j for grad v
-        table[:, 8:12] = stress_signs[:, None] * np.tile(signs, 2) * np.repeat(signs, 2, axis=1)
-        table[:, 12:16] = np.tile(signs, 2) * np.repeat(reflections, 2, axis=1)
+        stress = stress_signs[:, None] * np.tile(signs, 2) * np.repeat(signs, 2, axis=1)
+        table[:, of.stress : of.stress + 4] = stress
+        table[:, of.gradient : of.gradient + 4] = np.tile(signs, 2) * np.repeat(reflections, 2, axis=1)
     return table

@@ -1,4 +1,5 @@
-"""The pairs of a rank's particles: their lists, weights and corrections, and the two passes with the messages they need.
+"""The pairs of a rank's particles: their lists, weights and corrections, and the two passes with the messages they
+need.
 
 Pairs of owned particles are swept while the ghosts' values travel, pairs with ghosts and with mirror images after that.
 """
@@ -13,7 +14,8 @@ from parsolid.collective import maximum, raise_together
 from parsolid.pairs.candidates import coincident, common_metric, mirror_candidates, plain_candidates, reach_of
 from parsolid.pairs.lists import Images, InnerList, OneSidedList, Places, empty_list, images_of, mutual
 from parsolid.pairs.passes import Vector, add_forces, add_gradients, sum_columns
-from parsolid.pairs.terms import KINEMATICS, RiemannDissipation, record_columns
+from parsolid.pairs.smoothed_weights import SmoothedWeights
+from parsolid.pairs.terms import KINEMATICS, record_columns
 from parsolid.pairs.weights import select_pairs
 from parsolid.particles.declaration import Columns, Field, Rows, Within
 
@@ -25,9 +27,9 @@ _AS_THEY_STAND = np.ones((1, 3)), np.zeros((1, 3))
 class PairSystem:
     """Lists of a rank's pairs over the particles' container, and the passes over them; d = dimension of the space.
 
-    It declares `kinematics` (in which the method declares its vectors, at `KINEMATICS[d]`; those of the message "reference" reach the
-    ghosts with every rebuild), `record` (sent as the message "record"), `pair_sums`, `pair_force` [N], `correction`, `pair_volume`.
-    Passes add to pair_sums and pair_force: whoever reads them sets them to zero.
+    It declares `kinematics` (in which the method declares its vectors, at `KINEMATICS[d]`; those of the message
+    "reference" reach the ghosts with every rebuild), `record` (sent as the message "record"), `pair_sums`, `pair_force`
+    [N], `correction`, `pair_volume`. Passes add to pair_sums and pair_force: whoever reads them sets them to zero.
 
     inner, rim, mirror: lists of pairs of owned particles, with ghosts, with images; rim and mirror may be None.
     With ghosts behind: positions (n, d) [m], volume (n,) [m^3], metric (n or 1, 6) of `pairs.weights`.
@@ -49,8 +51,9 @@ class PairSystem:
         self.comm, self.particles, self.space = comm, particles, space
         self.weights, self.terms, self.codes = weights, terms, codes
         d, record = space.dimension, record_columns(space, terms)
-        forces = 8 if isinstance(terms, RiemannDissipation) else 4
-        particles.declare(Field("kinematics", KINEMATICS[d].width, "", carried=False))
+        # whoever moves particles by smoothed weights reads what dissipates apart, also where nothing does
+        forces = 8 if isinstance(weights, SmoothedWeights) else 4
+        particles.declare(Field("kinematics", KINEMATICS[d].width, ""))
         particles.declare(Field("record", record.width, "", carried=False))
         told = getattr(record, "changing", record.width)
         particles.declare(Field("told", told, "", ghosts="forward", message="record", layout=Within("record", 0)))
@@ -64,8 +67,8 @@ class PairSystem:
     def rebuild(self, positions: np.ndarray, body: np.ndarray, metric: np.ndarray, volume: np.ndarray) -> None:
         """Plan ghosts and make every list anew; collective.
 
-        Of owned particles: positions (n, d) [m], body (n,), metric (n, 6) [1/m^2], volume (n,) [m^3] that counts in the sums.
-        Raises SolverError, on all ranks, for coincident particles and for particles with too few neighbours.
+        Of owned particles: positions (n, d) [m], body (n,), metric (n, 6) [1/m^2], volume (n,) [m^3] that counts in the
+        sums. Raises SolverError, on all ranks, for coincident particles and for particles with too few neighbours.
         """
         metric, uniform = common_metric(self.comm, metric)
         reach = reach_of(self.comm, metric, self.weights.support, positions.shape[1])
@@ -97,7 +100,8 @@ class PairSystem:
         raise_together(self.comm, self.fault)
 
     def _weighed(self, candidates, first: int, last: int, reflections, shifts) -> tuple[tuple, np.ndarray]:
-        """(start, neighbour, weight) of the candidates in reach whose neighbours have rows first..last-1, and their codes."""
+        """(start, neighbour, weight) of the candidates in reach whose neighbours have rows first..last-1, and their
+        codes."""
         start, neighbour, code = candidates
         place, support = (self.positions, self.metric), self.weights.support
         start, neighbour, code, fault = select_pairs(
@@ -139,7 +143,8 @@ class PairSystem:
     # --- passes -----------------------------------------------------------------------------------------------
 
     def sweep(self, apply: Callable[[Any], None], message: str | None = None) -> None:
-        """apply(list) to inner pairs while a message of the particles travels, then to pairs with ghosts and with images."""
+        """apply(list) to inner pairs while a message of the particles travels, then to pairs with ghosts and with
+        images."""
         if message is not None:
             self.particles.send(message)
         apply(self.inner)
@@ -149,9 +154,11 @@ class PairSystem:
             apply(pairs)
 
     def gradient(self, message: str | None, fields: tuple = FIELD, sums: np.ndarray | None = None) -> np.ndarray:
-        """Add sum_b (v_b - v_a) (x) g_ab of vectors, sum_b (q_b - q_a) g_ab of numbers, to `sums` (`pair_sums` unless given).
+        """Add sum_b (v_b - v_a) (x) g_ab of vectors, sum_b (q_b - q_a) g_ab of numbers, to `sums` (`pair_sums` unless
+        given).
 
-        message: what the ghosts are sent before, None where they have it; fields: `Vector` and `Scalar` columns of the kinematics.
+        message: what the ghosts are sent before, None where they have it; fields: `Vector` and `Scalar` columns of the
+        kinematics.
         """
         kinematics = self.particles.storage("kinematics")
         result = self.particles.storage("pair_sums") if sums is None else sums

@@ -1,129 +1,115 @@
 """What a pair adds to the forces of its particles, by the type of the terms (see `pairs.terms`).
 
-`own` is what a pair needs of the first particle; a contribution is a tuple (T,), or (T, D) with D the force that dissipates.
+`own` is what a pair needs of the first particle; a contribution is a tuple (T,), or (T, D) with D the force that
+dissipates.
 """
 
 import math
 
-from numba.extending import overload, register_jitable
+from numba.extending import register_jitable
 
-from parsolid.numerics.dispatch import is_instance, none_without
+from parsolid.numerics.dispatch import generic, none_without
 from parsolid.numerics.lanes import broadcast, fused, horizontal_sums, lane, last_two_roots, load
 from parsolid.pairs.primitives import (
-    along,
     dot,
-    dyad,
-    free_lane,
     gradient_of,
     jump_factor,
     less_sum_times,
     matrix,
     motion,
     reference,
-    square,
     steps,
     stiffness_of,
     stress_of,
     sum_times,
-    symmetric_of,
     vector,
     within,
 )
-from parsolid.pairs.terms import AlongBonds, RiemannDissipation, ShearScaled, record_columns
+from parsolid.pairs.symmetric_tensors import along, dyad, free_lane, square, symmetric_of
+from parsolid.pairs.terms import KINEMATICS, AlongBonds, RiemannDissipation, ShearScaled, record_columns
+
+_FIELD = KINEMATICS[3].field
 
 
+@generic(on="terms")
 def own_side(space, terms, kinematics, record, a):
     """What a pair reads of its first particle; the stress comes first, then X."""
-    raise NotImplementedError
 
 
-@overload(own_side)
-def _own_side(space, terms, kinematics, record, a):
-    if is_instance(terms, RiemannDissipation):
+@own_side.of(None)
+def _own_stress(space, terms, kinematics, record, a):
+    return matrix(space, record, a, 0), reference(space, None, a, kinematics, a)
 
-        def riemann(space, terms, kinematics, record, a):
-            at = record_columns(space, terms)
-            return (
-                matrix(space, record, a, at.stress),
-                reference(space, None, a, kinematics, a),
-                motion(space, None, a, kinematics, a),
-                matrix(space, record, a, at.gradient),
-                symmetric_of(space, None, a, record, a, at.pressure_wave),
-                _shear_wave(terms.shear, space, None, a, record, a, at.shear_wave),
-            )
 
-        return riemann
-    if is_instance(terms, ShearScaled):
-
-        def shear_scaled(space, terms, kinematics, record, a):
-            at, X = record_columns(space, terms), reference(space, None, a, kinematics, a)
-            P, C = matrix(space, record, a, at.stress), matrix(space, record, a, at.stiffness)
-            return P, X, load(kinematics, a, 0), C
-
-        return shear_scaled
-    if is_instance(terms, AlongBonds):
-
-        def along_bonds(space, terms, kinematics, record, a):
-            at, X = record_columns(space, terms), reference(space, None, a, kinematics, a)
-            P, G = matrix(space, record, a, at.stress), matrix(space, record, a, at.gradient)
-            return P, X, load(kinematics, a, 0), G, load(record, a, at.modulus)
-
-        return along_bonds
-    return lambda space, terms, kinematics, record, a: (
-        matrix(space, record, a, 0),
+@own_side.of(RiemannDissipation)
+def _own_waves(space, terms, kinematics, record, a):
+    at = record_columns(space, terms)
+    return (
+        matrix(space, record, a, at.stress),
         reference(space, None, a, kinematics, a),
+        motion(space, None, a, kinematics, a),
+        matrix(space, record, a, at.gradient),
+        symmetric_of(space, None, a, record, a, at.pressure_wave),
+        _shear_wave(terms.shear, space, None, a, record, a, at.shear_wave),
     )
 
 
+@own_side.of(ShearScaled)
+def _own_stiffness(space, terms, kinematics, record, a):
+    at, X = record_columns(space, terms), reference(space, None, a, kinematics, a)
+    return matrix(space, record, a, at.stress), X, load(kinematics, a, _FIELD), matrix(space, record, a, at.stiffness)
+
+
+@own_side.of(AlongBonds)
+def _own_modulus(space, terms, kinematics, record, a):
+    at, X = record_columns(space, terms), reference(space, None, a, kinematics, a)
+    P, G = matrix(space, record, a, at.stress), matrix(space, record, a, at.gradient)
+    return P, X, load(kinematics, a, _FIELD), G, load(record, a, at.modulus)
+
+
+@generic(on="terms")
 def pair_forces(space, terms, own, images, k, weight, kinematics, record, b, g):
     """What the pair k adds to the first particle; the second one has its negative."""
-    raise NotImplementedError
 
 
-@overload(pair_forces)
-def _pair_forces(space, terms, own, images, k, weight, kinematics, record, b, g):
-    if is_instance(terms, RiemannDissipation):
-
-        def riemann(space, terms, own, images, k, weight, kinematics, record, b, g):
-            t = _stress_force(space, own[0], weight, images, k, record, b, g)
-            return t, _riemann_force(space, terms, own, images, k, kinematics, record, b, g)
-
-        return riemann
-    if is_instance(terms, ShearScaled):
-
-        def shear_scaled(space, terms, own, images, k, weight, kinematics, record, b, g):
-            t = _stress_force(space, own[0], weight, images, k, record, b, g)
-            at = record_columns(space, terms)
-            jump = broadcast(weight[k]) * (vector(images, k, kinematics, b, 0) - own[2])
-            return (t + sum_times(space, own[3], stiffness_of(space, images, k, record, b, at.stiffness), jump),)
-
-        return shear_scaled
-    if is_instance(terms, AlongBonds):
-
-        def along_bonds(space, terms, own, images, k, weight, kinematics, record, b, g):
-            t = _stress_force(space, own[0], weight, images, k, record, b, g)
-            return (t + _force_along_bond(space, terms, own, images, k, kinematics, record, b, g),)
-
-        return along_bonds
-    return lambda space, terms, own, images, k, weight, kinematics, record, b, g: (
-        _stress_force(space, own[0], weight, images, k, record, b, g),
-    )
+@pair_forces.of(None)
+def _stress_alone(space, terms, own, images, k, weight, kinematics, record, b, g):
+    return (_stress_force(space, own[0], weight, images, k, record, b, g),)
 
 
+@pair_forces.of(RiemannDissipation)
+def _stress_and_riemann(space, terms, own, images, k, weight, kinematics, record, b, g):
+    t = _stress_force(space, own[0], weight, images, k, record, b, g)
+    return t, _riemann_force(space, terms, own, images, k, kinematics, record, b, g)
+
+
+@pair_forces.of(ShearScaled)
+def _stress_and_shear(space, terms, own, images, k, weight, kinematics, record, b, g):
+    t = _stress_force(space, own[0], weight, images, k, record, b, g)
+    jump = broadcast(weight[k]) * (vector(images, k, kinematics, b, _FIELD) - own[2])
+    there = stiffness_of(space, images, k, record, b, record_columns(space, terms).stiffness)
+    return (t + sum_times(space, own[3], there, jump),)
+
+
+@pair_forces.of(AlongBonds)
+def _stress_and_bond(space, terms, own, images, k, weight, kinematics, record, b, g):
+    t = _stress_force(space, own[0], weight, images, k, record, b, g)
+    return (t + _force_along_bond(space, terms, own, images, k, kinematics, record, b, g),)
+
+
+@generic(on="weight")
 def _stress_force(space, own, weight, images, k, record, b, g):
     """(P_a L_a + P_b L_b) g_ab; of radial lists with the image that makes the two passes adjoint at any plane."""
-    raise NotImplementedError
 
 
-@overload(_stress_force)
-def _stress_force_by_weight(space, own, weight, images, k, record, b, g):
-    if weight.ndim == 2:
-        return lambda space, own, weight, images, k, record, b, g: sum_times(
-            space, own, stress_of(space, images, k, record, b, 0), g
-        )
-    return lambda space, own, weight, images, k, record, b, g: sum_times(
-        space, own, gradient_of(space, images, k, record, b, 0), g
-    )
+@_stress_force.of(2)
+def _stress_force_of_vectors(space, own, weight, images, k, record, b, g):
+    return sum_times(space, own, stress_of(space, images, k, record, b, 0), g)
+
+
+@_stress_force.of(1)
+def _stress_force_of_bonds(space, own, weight, images, k, record, b, g):
+    return sum_times(space, own, gradient_of(space, images, k, record, b, 0), g)
 
 
 @register_jitable
@@ -131,7 +117,7 @@ def _force_along_bond(space, terms, own, images, k, kinematics, record, b, g):
     """xi/(2 |xi|^3) xi . [(c_a + c_b)(f_b - f_a) - (c_a G_a + c_b G_b) xi] times the weight."""
     at = record_columns(space, terms)
     xi = reference(space, images, k, kinematics, b) - own[1]
-    jump = (own[4] + load(record, b, at.modulus)) * (vector(images, k, kinematics, b, 0) - own[2])
+    jump = (own[4] + load(record, b, at.modulus)) * (vector(images, k, kinematics, b, _FIELD) - own[2])
     jump = jump - sum_times(space, own[3], gradient_of(space, images, k, record, b, at.gradient), xi)
     length = dot(space, xi, xi)
     return broadcast(0.5 * dot(space, jump, xi) / (length * math.sqrt(length))) * g

@@ -4,7 +4,8 @@ With an antisymmetric weight g_ab and one matrix L_a a particle, the two passes 
     gradient    (grad v)_a = [sum_b (v_b - v_a) (x) g_ab] L_a^T / V_a
     divergence  T_a        =  sum_b (P_a L_a + P_b L_b) g_ab              [N]
 and the dissipation of the upwinding is, eqs (74), (75) with linear reconstruction,
-    D_a = sum_b k_ab [c_s u + (c_p - c_s) (u.n) n],  u = v_b - v_a - 1/2 (grad v_a + grad v_b)(X_b - X_a),  n = x_ab/|x_ab|.
+    D_a = sum_b k_ab [c_s u + (c_p - c_s) (u.n) n],  u = v_b - v_a - 1/2 (grad v_a + grad v_b)(X_b - X_a),  n =
+    x_ab/|x_ab|.
 
 Arrays (rows are particles, owned first; columns by name in `pairs.terms`):
     kinematics  d=3: (n, 12) v|0 x|0 X|0;  d=2: (n, 8) v x X 0 0
@@ -12,23 +13,22 @@ Arrays (rows are particles, owned first; columns by name in `pairs.terms`):
     sums        of each field in turn: of a vector the columns of sum (v_b - v_a) (x) g, d=3 padded to 4 each;
                 of a scalar sum (q_b - q_a) g, padded to 4
     force       (n, 8) T padded to 4, D padded to 4; (n, 4) T alone where nothing dissipates apart
-Pair weights (m, 4) are rows: d=3: (g1, g2, g3, k); d=2: (g1, g2, k, 0), where k is 1/2 |C_skew| / |g| times the factor on
-the dissipation, and C_skew = (L_a + L_b) g.
+Pair weights (m, 4) are rows: d=3: (g1, g2, g3, k); d=2: (g1, g2, k, 0), where k is 1/2 |C_skew| / |g| times the factor
+on the dissipation, and C_skew = (L_a + L_b) g.
 
-Radial lists (peridynamics) hold one number a pair, weight (m,) = w(|xi|) V_a V_b, and g_ab = weight xi with xi = X_b - X_a is
-formed as it is needed: 12 bytes a pair; 0 is a broken bond. Their kinematics are f u X, f the field that drives stress and
-stabiliser, their records hold (S = P K^{-1}) M and what the stabiliser needs. The stabiliser adds to T_a
+Radial lists (peridynamics) hold one number a pair, weight (m,) = w(|xi|) V_a V_b, and g_ab = weight xi with xi = X_b -
+X_a is formed as it is needed: 12 bytes a pair; 0 is a broken bond. Their kinematics are f u X, f the field that drives
+stress and stabiliser, their records hold (S = P K^{-1}) M and what the stabiliser needs. The stabiliser adds to T_a
     ShearScaled   sum_b weight (C1_a + C1_b) (f_b - f_a),     M = S - C1 G
     AlongBonds    sum_b weight xi/(2 |xi|^3) xi . [(c_a + c_b)(f_b - f_a) - (c_a G_a + c_b G_b) xi],     M = S
 """
 
 from typing import NamedTuple
 
-from numba.core import types
-from numba.extending import overload
+from numba.extending import overload, register_jitable
 
 from decomposition.compiled import compiled
-from parsolid.numerics.dispatch import field_types, is_instance
+from parsolid.numerics.dispatch import generic, is_instance
 from parsolid.numerics.lanes import WIDTH, broadcast, load, store
 from parsolid.pairs.lists import images_of, mutual
 from parsolid.pairs.pair_terms import own_side, pair_forces
@@ -137,18 +137,41 @@ def _own_values_overload(fields, kinematics, a):
     )
 
 
+@generic
 def _value(field, images, k, kinematics, b):
     """The value of a neighbour or of its image."""
-    raise NotImplementedError
 
 
-@overload(_value)
-def _value_overload(field, images, k, kinematics, b):
-    if is_instance(field, Scalar):
-        return lambda field, images, k, kinematics, b: broadcast(kinematics[b, field.column])
-    if isinstance(field_types(field)["column"], types.NoneType):
-        return lambda field, images, k, kinematics, b: vector(images, k, kinematics, b, 0)
-    return lambda field, images, k, kinematics, b: vector(images, k, kinematics, b, field.column)
+@_value.of(Scalar)
+def _scalar_value(field, images, k, kinematics, b):
+    return broadcast(kinematics[b, field.column])
+
+
+@_value.of(Vector)
+def _vector_value(field, images, k, kinematics, b):
+    return vector(images, k, kinematics, b, _column(field.column))
+
+
+@register_jitable
+def _column(column):
+    if column is None:
+        return 0
+    return column
+
+
+@generic(on="field")
+def _sum(space, field, sums, a, column):
+    """The sum so far of particle a."""
+
+
+@_sum.of(Scalar)
+def _scalar_sum(space, field, sums, a, column):
+    return (load(sums, a, column),)
+
+
+@_sum.of(Vector)
+def _vector_sum(space, field, sums, a, column):
+    return matrix(space, sums, a, column)
 
 
 def _sums(space, fields, sums, a, column):
@@ -158,18 +181,11 @@ def _sums(space, fields, sums, a, column):
 
 @overload(_sums)
 def _sums_overload(space, fields, sums, a, column):
-    if is_instance(fields[0], Scalar):
-        if len(fields) == 1:
-            return lambda space, fields, sums, a, column: (load(sums, a, column),)
-        return lambda space, fields, sums, a, column: (
-            load(sums, a, column),
-            *_sums(space, fields[1:], sums, a, column + WIDTH),
-        )
     if len(fields) == 1:
-        return lambda space, fields, sums, a, column: matrix(space, sums, a, column)
-    width = matrix_columns(dimension_of(space))
+        return lambda space, fields, sums, a, column: _sum(space, fields[0], sums, a, column)
+    width = WIDTH if is_instance(fields[0], Scalar) else matrix_columns(dimension_of(space))
     return lambda space, fields, sums, a, column: (
-        *matrix(space, sums, a, column),
+        *_sum(space, fields[0], sums, a, column),
         *_sums(space, fields[1:], sums, a, column + width),
     )
 
@@ -191,49 +207,52 @@ def _differences_overload(space, fields, own, images, k, kinematics, b, g):
     )
 
 
+@generic(on="field")
 def _difference(space, field, own, images, k, kinematics, b, g):
     """(v_b - v_a) (x) g of a vector, (q_b - q_a) g of a number."""
-    raise NotImplementedError
 
 
-@overload(_difference)
-def _difference_overload(space, field, own, images, k, kinematics, b, g):
-    if is_instance(field, Scalar):
-        return lambda space, field, own, images, k, kinematics, b, g: (
-            (_value(field, images, k, kinematics, b) - own) * g,
-        )
-    return lambda space, field, own, images, k, kinematics, b, g: outer(
-        space, _value(field, images, k, kinematics, b) - own, g
-    )
+@_difference.of(Scalar)
+def _scalar_difference(space, field, own, images, k, kinematics, b, g):
+    return ((_value(field, images, k, kinematics, b) - own) * g,)
+
+
+@_difference.of(Vector)
+def _vector_difference(space, field, own, images, k, kinematics, b, g):
+    return outer(space, _value(field, images, k, kinematics, b) - own, g)
 
 
 # --- the passes --------------------------------------------------------------------------------------------------
 
 
+@generic(on="weight")
 def _weight(space, weight, images, k, kinematics, b, X):
     """g_ab with the number beside it: as stored, or weight (X_b - X_a) where the list is radial."""
-    raise NotImplementedError
 
 
-@overload(_weight)
-def _weight_overload(space, weight, images, k, kinematics, b, X):
-    if weight.ndim == 2:
-        return lambda space, weight, images, k, kinematics, b, X: load(weight, k, 0)
-    return lambda space, weight, images, k, kinematics, b, X: (
-        broadcast(weight[k]) * (reference(space, images, k, kinematics, b) - X)
-    )
+@_weight.of(2)
+def _stored_weight(space, weight, images, k, kinematics, b, X):
+    return load(weight, k, 0)
 
 
+@_weight.of(1)
+def _radial_weight(space, weight, images, k, kinematics, b, X):
+    return broadcast(weight[k]) * (reference(space, images, k, kinematics, b) - X)
+
+
+@generic
 def _forces(terms, force, a):
     """(T,) or (T, D) so far of particle a."""
-    raise NotImplementedError
 
 
-@overload(_forces)
-def _forces_overload(terms, force, a):
-    if is_instance(terms, RiemannDissipation):
-        return lambda terms, force, a: (load(force, a, 0), load(force, a, WIDTH))
-    return lambda terms, force, a: (load(force, a, 0),)
+@_forces.of(RiemannDissipation)
+def _stress_and_dissipation(terms, force, a):
+    return load(force, a, 0), load(force, a, WIDTH)
+
+
+@_forces.otherwise
+def _forces_alone(terms, force, a):
+    return (load(force, a, 0),)
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")

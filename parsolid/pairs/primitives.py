@@ -1,16 +1,15 @@
-"""What differs between the plane and space in the passes: how vectors, matrices and symmetric tensors lie in lanes.
+"""What differs between the plane and space in the passes: how vectors and matrices lie in lanes.
 
-A vector is one `Lanes` value. In the plane a matrix is one value, column by column, and (v, x) of a particle are another; in space a matrix
-has three values, its columns. Matrices, symmetric tensors and dyads are tuples of lanes. `images`, `k` and `b` name a neighbour: the
-particle in row b, or the image of it that the pair k has; see `lists.Images`.
+A vector is one `Lanes` value. In the plane a matrix is one value, column by column, and (v, x) of a particle are
+another; in space a matrix has three values, its columns. Matrices are tuples of lanes. `images`, `k` and `b` name a
+neighbour: the particle in row b, or the image of it that the pair k has; see `lists.Images`.
 """
 
-import functools
+from numba.extending import register_jitable
 
-from numba.extending import overload, register_jitable
-
-from parsolid.numerics.dispatch import is_instance
+from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import (
+    WIDTH,
     broadcast,
     from_floats,
     fused,
@@ -18,10 +17,12 @@ from parsolid.numerics.lanes import (
     load,
     swizzle,
     total,
-    without_fourth,
 )
 from parsolid.numerics.layout import Plane
+from parsolid.pairs.lists import PLANE_IMAGE, SPACE_IMAGE
+from parsolid.pairs.terms import KINEMATICS
 
+_PLANE, _SPACE = KINEMATICS[2], KINEMATICS[3]
 _rows = swizzle(0, 1, 0, 1)
 _columns = swizzle(0, 0, 1, 1)
 _swap = swizzle(2, 3, 0, 1)
@@ -29,44 +30,35 @@ _x = swizzle(0, 0, 0, 0)
 _y = swizzle(1, 1, 1, 1)
 _z = swizzle(2, 2, 2, 2)
 _fourth = swizzle(3, 3, 3, 3)
-_cross_first = swizzle(0, 0, 1, 3)
-_cross_second = swizzle(1, 2, 2, 3)
-
-
-def _by_space(plane, solid):
-    """A function for kernels: `plane` or `solid` by the type of its first argument, `space`."""
-
-    @functools.wraps(solid)
-    def stub(*arguments):
-        raise NotImplementedError
-
-    @overload(stub, strict=False)
-    def choose(space, *arguments):
-        return plane if is_instance(space, Plane) else solid
-
-    return stub
 
 
 # --- vectors -----------------------------------------------------------------------------------------------------
 
 
+@generic
+def reference(space, images, k, kinematics, b):
+    """X of a neighbour."""
+
+
+@reference.of(Plane)
 def _reference_plane(space, images, k, kinematics, b):
-    X = load(kinematics, b, 4)
+    X = load(kinematics, b, _PLANE.reference)
     if images is None:
         return X
-    reflection = load(images.table, images.code[k], 4)
+    reflection = load(images.table, images.code[k], PLANE_IMAGE.reflection)
     return fused(reflection, X, _swap(reflection))
 
 
+@reference.otherwise
 def _reference_space(space, images, k, kinematics, b):
-    """X of a neighbour."""
-    X = load(kinematics, b, 8)
+    X = load(kinematics, b, _SPACE.reference)
     if images is None:
         return X
-    return fused(load(images.table, images.code[k], 4), X, load(images.table, images.code[k], 8))
-
-
-reference = _by_space(_reference_plane, _reference_space)
+    return fused(
+        load(images.table, images.code[k], SPACE_IMAGE.reflection),
+        X,
+        load(images.table, images.code[k], SPACE_IMAGE.shift),
+    )
 
 
 @register_jitable
@@ -74,257 +66,233 @@ def vector(images, k, kinematics, b, column):
     """A vector of a neighbour, Q times it for an image."""
     if images is None:
         return load(kinematics, b, column)
-    return load(images.table, images.code[k], 0) * load(kinematics, b, column)
+    return load(images.table, images.code[k], SPACE_IMAGE.signs) * load(kinematics, b, column)
 
 
+@generic
+def motion(space, images, k, kinematics, b):
+    """v, x and X of a neighbour, as `steps` takes them."""
+
+
+@motion.of(Plane)
 def _motion_plane(space, images, k, kinematics, b):
-    motion, X = load(kinematics, b, 0), load(kinematics, b, 4)
+    motion, X = load(kinematics, b, _PLANE.field), load(kinematics, b, _PLANE.reference)
     if images is None:
         return motion, X
     image = reference(space, images, k, kinematics, b)
     shifted = motion - from_floats(0.0, 0.0, lane(X, 0), lane(X, 1))
-    mirrored = fused(load(images.table, images.code[k], 0), shifted, broadcast(0.0))
+    mirrored = fused(load(images.table, images.code[k], PLANE_IMAGE.signs), shifted, broadcast(0.0))
     return mirrored + from_floats(0.0, 0.0, lane(image, 0), lane(image, 1)), image
 
 
+@motion.otherwise
 def _motion_space(space, images, k, kinematics, b):
-    """v, x and X of a neighbour, as `steps` takes them."""
-    v, x, X = load(kinematics, b, 0), load(kinematics, b, 4), load(kinematics, b, 8)
+    v, x, X = (
+        load(kinematics, b, _SPACE.field),
+        load(kinematics, b, _SPACE.position),
+        load(kinematics, b, _SPACE.reference),
+    )
     if images is None:
         return v, x, X
-    Q = load(images.table, images.code[k], 0)
+    Q = load(images.table, images.code[k], SPACE_IMAGE.signs)
     image = reference(space, images, k, kinematics, b)
     return Q * v, fused(Q, x - X, image), image
 
 
-motion = _by_space(_motion_plane, _motion_space)
+@generic
+def steps(space, there, here):
+    """Differences of v, x and X of two particles' `motion`."""
 
 
+@steps.of(Plane)
 def _steps_plane(space, there, here):
     step = there[0] - here[0]
     return _rows(step), _swap(step), there[1] - here[1]
 
 
+@steps.otherwise
 def _steps_space(space, there, here):
-    """Differences of v, x and X of two particles' `motion`."""
     return there[0] - here[0], there[1] - here[1], there[2] - here[2]
 
 
-steps = _by_space(_steps_plane, _steps_space)
+@generic
+def within(space, value):
+    """Lanes beyond the dimension set to zero, of values that have zero there in space."""
 
 
+@within.of(Plane)
 def _within_plane(space, value):
     return value * from_floats(1.0, 1.0, 0.0, 0.0)
 
 
+@within.otherwise
 def _within_space(space, value):
-    """Lanes beyond the dimension set to zero, of values that have zero there in space."""
     return value
 
 
-within = _by_space(_within_plane, _within_space)
+@generic
+def dot(space, first, second):
+    """The product of two vectors."""
 
 
+@dot.of(Plane)
 def _dot_plane(space, first, second):
     return lane(first, 0) * lane(second, 0) + lane(first, 1) * lane(second, 1)
 
 
+@dot.otherwise
 def _dot_space(space, first, second):
-    """The product of two vectors."""
     return total(first * second)
 
 
-dot = _by_space(_dot_plane, _dot_space)
+@generic
+def jump_factor(space, g):
+    """The number beside g_ab in a pair's weight, in every lane that counts."""
 
 
+@jump_factor.of(Plane)
 def _jump_factor_plane(space, g):
     return from_floats(1.0, 1.0, 0.0, 0.0) * _z(g)
 
 
+@jump_factor.otherwise
 def _jump_factor_space(space, g):
-    """The number beside g_ab in a pair's weight, in every lane that counts."""
     return _fourth(g)
-
-
-jump_factor = _by_space(_jump_factor_plane, _jump_factor_space)
 
 
 # --- matrices ----------------------------------------------------------------------------------------------------
 
 
+@generic
+def matrix(space, array, row, column):
+    """A matrix of a particle."""
+
+
+@matrix.of(Plane)
 def _matrix_plane(space, array, row, column):
     return (load(array, row, column),)
 
 
+@matrix.otherwise
 def _matrix_space(space, array, row, column):
-    """A matrix of a particle."""
-    return load(array, row, column), load(array, row, column + 4), load(array, row, column + 8)
+    return load(array, row, column), load(array, row, column + WIDTH), load(array, row, column + 2 * WIDTH)
 
 
-matrix = _by_space(_matrix_plane, _matrix_space)
+@generic
+def stress_of(space, images, k, record, b, column):
+    """A matrix of a neighbour, s Q P Q of an image."""
 
 
+@stress_of.of(Plane)
 def _stress_plane(space, images, k, record, b, column):
     if images is None:
         return (load(record, b, column),)
-    return (load(images.table, images.code[k], 8) * load(record, b, column),)
+    return (load(images.table, images.code[k], PLANE_IMAGE.stress) * load(record, b, column),)
 
 
+@stress_of.otherwise
 def _stress_space(space, images, k, record, b, column):
-    """A matrix of a neighbour, s Q P Q of an image."""
     P = matrix(space, record, b, column)
     if images is None:
         return P
-    Q = load(images.table, images.code[k], 0)
-    signed = Q * images.table[images.code[k], 15]
+    Q = load(images.table, images.code[k], SPACE_IMAGE.signs)
+    signed = Q * images.table[images.code[k], SPACE_IMAGE.stress_sign]
     return signed * P[0] * _x(Q), signed * P[1] * _y(Q), signed * P[2] * _z(Q)
 
 
-stress_of = _by_space(_stress_plane, _stress_space)
+@generic
+def gradient_of(space, images, k, record, b, column):
+    """A matrix of a neighbour, Q G R of an image."""
 
 
+@gradient_of.of(Plane)
 def _gradient_plane(space, images, k, record, b, column):
     if images is None:
         return (load(record, b, column),)
-    return (load(images.table, images.code[k], 12) * load(record, b, column),)
+    return (load(images.table, images.code[k], PLANE_IMAGE.gradient) * load(record, b, column),)
 
 
+@gradient_of.otherwise
 def _gradient_space(space, images, k, record, b, column):
-    """A matrix of a neighbour, Q G R of an image."""
     G = matrix(space, record, b, column)
     if images is None:
         return G
-    Q, R = load(images.table, images.code[k], 0), load(images.table, images.code[k], 4)
+    Q, R = (
+        load(images.table, images.code[k], SPACE_IMAGE.signs),
+        load(images.table, images.code[k], SPACE_IMAGE.reflection),
+    )
     return Q * G[0] * _x(R), Q * G[1] * _y(R), Q * G[2] * _z(R)
 
 
-gradient_of = _by_space(_gradient_plane, _gradient_space)
+@generic
+def stiffness_of(space, images, k, record, b, column):
+    """A matrix of a neighbour, Q C Q of an image."""
 
 
+@stiffness_of.of(Plane)
 def _stiffness_plane(space, images, k, record, b, column):
     C = load(record, b, column)
     if images is None:
         return (C,)
-    Q = load(images.table, images.code[k], 0)
+    Q = load(images.table, images.code[k], PLANE_IMAGE.signs)
     return (Q * _columns(Q) * C,)
 
 
+@stiffness_of.otherwise
 def _stiffness_space(space, images, k, record, b, column):
-    """A matrix of a neighbour, Q C Q of an image."""
     C = matrix(space, record, b, column)
     if images is None:
         return C
-    Q = load(images.table, images.code[k], 0)
+    Q = load(images.table, images.code[k], SPACE_IMAGE.signs)
     return Q * C[0] * _x(Q), Q * C[1] * _y(Q), Q * C[2] * _z(Q)
 
 
-stiffness_of = _by_space(_stiffness_plane, _stiffness_space)
+@generic
+def sum_times(space, A, B, g):
+    """(A + B) g."""
 
 
+@sum_times.of(Plane)
 def _sum_times_plane(space, A, B, g):
     product = (A[0] + B[0]) * _columns(g)
     return product + _swap(product)
 
 
+@sum_times.otherwise
 def _sum_times_space(space, A, B, g):
-    """(A + B) g."""
     result = (A[0] + B[0]) * _x(g)
     result = fused(A[1] + B[1], _y(g), result)
     return fused(A[2] + B[2], _z(g), result)
 
 
-sum_times = _by_space(_sum_times_plane, _sum_times_space)
+@generic
+def less_sum_times(space, start, A, B, X):
+    """start - (A + B) X."""
 
 
+@less_sum_times.of(Plane)
 def _less_sum_times_plane(space, start, A, B, X):
     product = (A[0] + B[0]) * _columns(X)
     return start - (product + _swap(product))
 
 
+@less_sum_times.otherwise
 def _less_sum_times_space(space, start, A, B, X):
-    """start - (A + B) X."""
     start = start - (A[0] + B[0]) * _x(X)
     start = start - (A[1] + B[1]) * _y(X)
     return start - (A[2] + B[2]) * _z(X)
 
 
-less_sum_times = _by_space(_less_sum_times_plane, _less_sum_times_space)
+@generic
+def outer(space, step, g):
+    """The matrix step (x) g."""
 
 
+@outer.of(Plane)
 def _outer_plane(space, step, g):
     return (_rows(step) * _columns(g),)
 
 
+@outer.otherwise
 def _outer_space(space, step, g):
-    """The matrix step (x) g."""
     return _x(g) * step, _y(g) * step, _z(g) * step
-
-
-outer = _by_space(_outer_plane, _outer_space)
-
-
-# --- symmetric tensors -------------------------------------------------------------------------------------------
-
-
-def _symmetric_plane(space, images, k, record, b, column):
-    tensor = load(record, b, column)
-    if images is None:
-        return (tensor,)
-    reflection = load(images.table, images.code[k], 4)
-    return (tensor * from_floats(1.0, 1.0, lane(reflection, 0) * lane(reflection, 1), 1.0),)
-
-
-def _symmetric_space(space, images, k, record, b, column):
-    """A symmetric tensor of a neighbour, R S R of an image; the free lane stays."""
-    diagonal, off_diagonal = load(record, b, column), load(record, b, column + 4)
-    if images is None:
-        return diagonal, off_diagonal
-    return diagonal, load(images.table, images.code[k], 12) * off_diagonal
-
-
-symmetric_of = _by_space(_symmetric_plane, _symmetric_space)
-
-
-def _dyad_plane(space, g):
-    g0, g1 = lane(g, 0), lane(g, 1)
-    return (from_floats(g0 * g0, g1 * g1, 2.0 * g0 * g1, 0.0),)
-
-
-def _dyad_space(space, g):
-    """g (x) g, the off-diagonal part twice, as `along` takes it."""
-    direction = without_fourth(g)
-    cross = _cross_first(direction) * _cross_second(direction)
-    return direction * direction, cross + cross
-
-
-dyad = _by_space(_dyad_plane, _dyad_space)
-
-
-def _along_plane(space, A, B, squares):
-    return (A[0] + B[0]) * squares[0]
-
-
-def _along_space(space, A, B, squares):
-    """Lanes that add up to g . (A + B) g."""
-    return fused(A[1] + B[1], squares[1], (A[0] + B[0]) * squares[0])
-
-
-along = _by_space(_along_plane, _along_space)
-
-
-def _square_plane(space, squares):
-    return from_floats(lane(squares[0], 0), lane(squares[0], 1), 0.0, 0.0)
-
-
-def _square_space(space, squares):
-    """Lanes that add up to g . g."""
-    return squares[0]
-
-
-square = _by_space(_square_plane, _square_space)
-
-
-@register_jitable
-def free_lane(tensor):
-    """The number that stands beside a symmetric tensor."""
-    return lane(tensor[0], 3)

@@ -1,7 +1,8 @@
 """Weights w(|xi|) V_a V_b of radial pair lists, and the shape tensors that correct their gradients.
 
-The horizon delta is a metric M = 1/delta^2 (see `weights`), so that q = |xi|/delta; a pair uses the mean of both metrics.
-Positions are (n, d) with d = 2 or 3; a bar lies in the plane with second coordinate 0, its shape tensor has K11 alone.
+The horizon delta is a metric M = 1/delta^2 (see `weights`), so that q = |xi|/delta; a pair uses the mean of both
+metrics. Positions are (n, d) with d = 2 or 3; a bar lies in the plane with second coordinate 0, its shape tensor has
+K11 alone.
 """
 
 from typing import NamedTuple
@@ -70,7 +71,8 @@ def bond_weights(kind, pairs, places, positions, metric, volume):
 
 @compiled
 def add_shapes(chosen, pairs, places, positions, shape):
-    """Add sum_b w V_a V_b xi (x) xi to shape (n, d, d) of the particles that receive: V_a K_a, of chosen (n,) particles."""
+    """Add sum_b w V_a V_b xi (x) xi to shape (n, d, d) of the particles that receive: V_a K_a, of chosen (n,)
+    particles."""
     d = positions.shape[1]
     for a in range(pairs.start.shape[0] - 1):
         for k in range(pairs.start[a], pairs.start[a + 1]):
@@ -118,8 +120,8 @@ def _invert(K, r, inverse):
 def invert_shapes(chosen, bar, owned, volume, shape, inverse, determinant):
     """K_a^{-1} and det K_a of chosen owned particles from the lower triangles of V_a K_a.
 
-    bar: only K11 counts. Where the bonds do not span space (det K below 1e-9 of the cube of its mean diagonal) the inverse
-    is zero: such a particle carries no stress.
+    bar: only K11 counts. Where the bonds do not span space (det K below 1e-9 of the cube of its mean diagonal) the
+    inverse is zero: such a particle carries no stress.
     """
     d = shape.shape[1]
     for a in range(owned):
@@ -149,7 +151,8 @@ def invert_shapes(chosen, bar, owned, volume, shape, inverse, determinant):
 class RadialWeights:
     """Weights of an influence function; a broken bond has weight 0.
 
-    Of owned particles: inverse_shape, initial_inverse_shape (owned, d, d), K^{-1} now and with all bonds whole; determinant (owned,) of K.
+    Of owned particles: inverse_shape, initial_inverse_shape (owned, d, d), K^{-1} now and with all bonds whole;
+    determinant (owned,) of K.
     """
 
     def __init__(self, influence, bar: bool = False):
@@ -165,7 +168,8 @@ class RadialWeights:
         bond_weights(self.influence, pairs, places, system.positions, system.metric, system.volume)
 
     def complete(self, system) -> np.ndarray:
-        """K^{-1} (owned, d, d) when all lists are filled; SolverError on all ranks where bonds do not span space. Collective."""
+        """K^{-1} (owned, d, d) when all lists are filled; SolverError on all ranks where bonds do not span space.
+        Collective."""
         owned, d = system.owned, system.positions.shape[1]
         self.inverse_shape, self.determinant = np.zeros((owned, d, d)), np.zeros(owned)
         self.refresh(system)
@@ -174,7 +178,8 @@ class RadialWeights:
         return self.inverse_shape
 
     def refresh(self, system, particles: np.ndarray | None = None) -> None:
-        """K and K^{-1} of owned particles (all unless given) on the surviving bonds; sums in an order that never changes."""
+        """K and K^{-1} of owned particles (all unless given) on the surviving bonds; sums in an order that never
+        changes."""
         n, d = system.positions.shape
         shape, chosen = np.zeros((n, d, d)), np.zeros(n, bool)
         chosen[slice(None) if particles is None else particles] = True

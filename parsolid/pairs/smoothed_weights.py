@@ -14,8 +14,8 @@ class SmoothedWeights:
     def __init__(self, kernel, dissipation: float = 1.0, surface: tuple[np.ndarray, np.ndarray] | None = None):
         """kernel: of `smoothing.KERNELS`; dissipation: factor on k_ab.
 
-        surface: (area vectors (owned, d) [m^2], parts of the particles on this side of planes (owned,)) where the weights are to be
-        closed, see `pairs.closure`.
+        surface: (area vectors (owned, d) [m^2], parts of the particles on this side of planes (owned,)) where the
+        weights are to be closed, see `pairs.closure`.
         """
         self.kernel, self.dissipation, self.surface, self.support = kernel, dissipation, surface, kernel.support
 

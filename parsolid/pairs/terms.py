@@ -1,10 +1,11 @@
-"""What acts between two particles beside their stresses, chosen by type, and the named columns of the arrays that the passes read.
+"""What acts between two particles beside their stresses, chosen by type, and the named columns of the arrays that the
+passes read.
 
-Terms of the divergence pass: None for the stresses alone, `RiemannDissipation`, `ShearScaled` or `AlongBonds`. Kernels take them as
-arguments; columns are constants when a kernel is compiled.
+Terms of the divergence pass: None for the stresses alone, `RiemannDissipation`, `ShearScaled` or `AlongBonds`. Kernels
+take them as arguments; columns are constants when a kernel is compiled.
 
-Columns of a matrix stand one after the other, padded to 4 in space; a symmetric tensor stands as its diagonal (11, 22, 33, free) and its
-off-diagonal part (12, 13, 23, 0) in space, as (11, 22, 12, free) in the plane.
+Columns of a matrix stand one after the other, padded to 4 in space; a symmetric tensor stands as its diagonal (11, 22,
+33, free) and its off-diagonal part (12, 13, 23, 0) in space, as (11, 22, 12, free) in the plane.
 """
 
 from typing import NamedTuple
@@ -52,7 +53,8 @@ class AlongBonds(NamedTuple):
 
 
 class Kinematics(NamedTuple):
-    """First columns of a particle's vectors: `field` (velocity, or what drives a stress), `position` (or displacement), `reference`."""
+    """First columns of a particle's vectors: `field` (velocity, or what drives a stress), `position` (or displacement),
+    `reference`."""
 
     field: int
     position: int
@@ -99,6 +101,7 @@ class AlongBondsRecord(NamedTuple):
     width: int
 
 
+# the field comes first in both
 KINEMATICS = {2: Kinematics(0, 2, 4, 8), 3: Kinematics(0, 4, 8, 12)}
 # columns that a matrix and a symmetric tensor take
 _MATRIX, _SYMMETRIC = {2: 4, 3: 12}, {2: 4, 3: 8}

@@ -1,4 +1,5 @@
-"""Set-up of the pair engine: pairs within the kernel's support, their weights g_ab, corrections L_a and jump factors k_ab.
+"""Set-up of the pair engine: pairs within the kernel's support, their weights g_ab, corrections L_a and jump factors
+k_ab.
 
 Metrics are (m, 6) rows (11, 22, 33, 12, 13, 23) of M = h^{-2}, with m = 1 when every particle has the same; a pair uses
 the mean of both particles' metrics (of an image R M R), so that g_ab = -g_ba. In plane strain M33 = 1 and the other
@@ -74,8 +75,8 @@ def distance_in_support(positions, metric, a, b, reflection, shift):
 def select_pairs(start, neighbour, positions, metric, support, first, last, code, reflections, shifts):
     """Keep candidates with q < support and first <= neighbour < last.
 
-    code (m,) int8 picks each candidate's row of reflections, shifts (codes, 3). Returns (start, neighbour, code, coincident)
-    with `coincident` the first candidate of two particles at the same place, or -1.
+    code (m,) int8 picks each candidate's row of reflections, shifts (codes, 3). Returns (start, neighbour, code,
+    coincident) with `coincident` the first candidate of two particles at the same place, or -1.
     """
     count = np.zeros(start.shape[0], np.int64)
     coincident = -1
@@ -96,11 +97,11 @@ def select_pairs(start, neighbour, positions, metric, support, first, last, code
     for a in range(start.shape[0] - 1):
         for k in range(start[a], start[a + 1]):
             b = neighbour[k]
-            if first <= b < last:
-                if distance_in_support(positions, metric, a, b, reflections[code[k]], shifts[code[k]]) < support:
-                    chosen[position] = b
-                    codes[position] = code[k]
-                    position += 1
+            R, T = reflections[code[k]], shifts[code[k]]
+            if first <= b < last and distance_in_support(positions, metric, a, b, R, T) < support:
+                chosen[position] = b
+                codes[position] = code[k]
+                position += 1
     return count, chosen, codes, coincident
 
 

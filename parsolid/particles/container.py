@@ -139,11 +139,6 @@ class Particles:
         """The array that a field or record is kept in, as kernels take it; another one after particles came."""
         return self._storage[name]
 
-    @property
-    def arrays(self) -> dict[str, np.ndarray]:
-        """All fields by name, for what still takes a `FieldTable`."""
-        return {name: self[name] for name in self.fields}
-
     def _by_particle(self, name: str) -> np.ndarray:
         """The array with particles along its first axis."""
         array = self._storage[name]

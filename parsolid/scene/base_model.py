@@ -106,9 +106,10 @@ class ByKind:
         return tuple(self.models.values())
 
     def allowed(self, info: ValidationInfo) -> list[str]:
-        """Kinds that the scene's method knows."""
+        """Kinds that the scene's method knows, in the method's order."""
         method = method_of(info)
-        return [kind for kind in self.models if not (self.known and method) or kind in getattr(method, self.known)]
+        stated = getattr(method, self.known) if self.known and method else self.models
+        return [kind for kind in stated if kind in self.models]
 
     def _validate(self, value: Any, info: ValidationInfo) -> SceneModel:
         if isinstance(value, self.instances):

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 from pydantic import Field, ValidationInfo, model_validator
 
 from parsolid.materials import registry
-from parsolid.materials.declaration import NEEDED, OfMaterial, Parameter, built, parameters_of
+from parsolid.materials.declaration import NEEDED, Declared, OfMaterial, Parameter, built, parameters_of
 from parsolid.materials.registry import LawError
 from parsolid.scene.base_model import ByKind, SceneModel, method_of, reject
 from parsolid.scene.validation_errors import NOTHING
@@ -17,25 +17,25 @@ from parsolid.scene.validation_errors import NOTHING
 class DeclaredModel(SceneModel):
     """The table of a law or of a part of one; `declared` is the class that states its parameters."""
 
-    declared: ClassVar[type]
+    declared: ClassVar[Declared]
 
     @model_validator(mode="after")
     def _sound(self) -> "DeclaredModel":
         reject(*getattr(type(self).declared, "faults", lambda stated: ())(self))
         return self
 
-    def part_of(self, **of_material: float) -> Any:
+    def part_of(self, **of_material: Any) -> Any:
         """The NamedTuple in SI units; of_material: what parts take from their material."""
         return built(type(self).declared, self, **of_material)
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         # classes made at run time have no place to be found at
         kind = type(self).declared
         source = getattr(kind, "source", None) or (getattr(kind, "role", None), getattr(kind, "kind", None))
         return _restored, (source, self.__getstate__())
 
 
-def _restored(source: tuple, state: dict) -> DeclaredModel:
+def _restored(source: tuple[str, ...], state: dict[Any, Any]) -> DeclaredModel:
     """A table that another rank has validated, with the text of the law's file as that rank has read it."""
     model = model_of(registry.from_text(*source) if len(source) == 3 else registry.declared(*source))
     result = model.__new__(model)
@@ -44,16 +44,16 @@ def _restored(source: tuple, state: dict) -> DeclaredModel:
 
 
 # what the tables of a role have in common, and the fields that end them; filled by `scene.materials`
-BASES: dict[str | None, tuple[type[DeclaredModel], dict[str, tuple]]] = {}
+BASES: dict[str | None, tuple[type[DeclaredModel], dict[str, tuple[Any, Any]]]] = {}
 
 
 @cache
-def model_of(declared: type) -> type[DeclaredModel]:
+def model_of(declared: Declared) -> type[DeclaredModel]:
     """The model of the table in which a scene states a declared law."""
     role = getattr(declared, "role", None)
     base, more = BASES.get(role, (DeclaredModel, {}))
-    fields: dict[str, tuple] = {}
-    namespace = {"declared": declared, "__module__": __name__, "__doc__": declared.__doc__}
+    fields: dict[str, tuple[Any, Any]] = {}
+    namespace: dict[str, Any] = {"declared": declared, "__module__": __name__, "__doc__": declared.__doc__}
     if hasattr(declared, "source"):
         fields["law"] = (str, Field(description="a file and the class in it, 'my_law.py:MyLaw'"))
         namespace["kind"] = declared.kind
@@ -68,22 +68,23 @@ def model_of(declared: type) -> type[DeclaredModel]:
     namespace["__annotations__"] = {name: hint for name, (hint, _) in fields.items()}
     if "kind" in namespace:
         namespace["__annotations__"]["kind"] = ClassVar[str]
-    return type(base)(declared.__name__, (base,), namespace | {name: value for name, (_, value) in fields.items()})
+    made: Any = type(base)
+    return made(declared.__name__, (base,), namespace | {name: value for name, (_, value) in fields.items()})
 
 
 _GROUPS = ("exactly_one", "at_most_one")
 
 
-def _field(plain: Any, parameter: Parameter) -> tuple:
+def _field(plain: Any, parameter: Parameter) -> tuple[Any, Any]:
     """Type and field of a parameter."""
-    bounds = {"gt": parameter.above, "ge": parameter.at_least, "lt": parameter.below}
+    bounds: dict[str, Any] = {"gt": parameter.above, "ge": parameter.at_least, "lt": parameter.below}
     bounds = {word: bound for word, bound in bounds.items() if bound is not None}
     optional = type(None) in get_args(plain)
     kind = next(t for t in get_args(plain) if t is not type(None)) if optional else plain
     if hasattr(kind, "_fields"):
         kind = model_of(kind)
     hint = Annotated[kind, Field(**bounds)] if bounds else kind
-    default = {} if parameter.default is NEEDED else {"default": parameter.default}
+    default: dict[str, Any] = {} if parameter.default is NEEDED else {"default": parameter.default}
     return hint | None if optional else hint, Field(**default, description=parameter.told)
 
 
@@ -97,8 +98,8 @@ def law_files(scene: Any) -> list[str]:
 class ByLaw(ByKind):
     """Annotation of a field whose table names a law: by its `kind`, or by `law`, a file and a class in it.
 
-    roles: those of declared laws; static: kind -> (role, model) of tables that are no declared laws; known: the attribute of a
-    method's settings that lists the roles which the method takes, "" where all will do.
+    roles: those of declared laws; static: kind -> (role, model) of tables that are no declared laws; known: the
+    attribute of a method's settings that lists the roles which the method takes, "" where all will do.
     """
 
     def __init__(self, roles: tuple[str, ...], static: dict[str, tuple[str, type[SceneModel]]], known: str = ""):
@@ -134,15 +135,16 @@ class ByLaw(ByKind):
                 return model_of(registry.declared(role, kind))
         return None
 
-    def chosen(self, value: dict, info: ValidationInfo) -> type[SceneModel]:
+    def chosen(self, value: dict[str, Any], info: ValidationInfo) -> type[SceneModel]:
         """The model for a raw table; raises ValidationError where it names none."""
         try:
             return self._of_file(value, info) if "law" in value else super().chosen(value, info)
         except LawError as error:
             key = "law" if "law" in value else "kind"
             reject(((key,), str(error), value[key]))
+            raise
 
-    def _of_file(self, value: dict, info: ValidationInfo) -> type[SceneModel]:
+    def _of_file(self, value: dict[str, Any], info: ValidationInfo) -> type[SceneModel]:
         stated, context = value["law"], info.context or {}
         if "kind" in value:
             reject((("kind",), "no such key with law", value["kind"]))
@@ -150,7 +152,7 @@ class ByLaw(ByKind):
         if not colon or not file or not name.isidentifier():
             reject((("law",), "a file and the class in it, such as 'my_law.py:MyLaw'", stated))
         path = os.path.abspath(os.path.join(context.get("folder", ""), file))
-        declared = registry.loaded(path, name)
+        declared: Declared = registry.loaded(path, name)
         if context.get("trust_code"):
             declared = registry.from_text(path, name, registry.text_of(path))
         elif declared is None:
@@ -164,6 +166,6 @@ class ByLaw(ByKind):
         return self.files[value["law"]]
 
 
-def by_law(*roles: str, static: dict[str, tuple[str, type[SceneModel]]] | None = None, known: str = ""):
+def by_law(*roles: str, static: dict[str, tuple[str, type[SceneModel]]] | None = None, known: str = "") -> Any:
     """The type of a field that holds a law of one of the roles, see `ByLaw`."""
     return Annotated[Any, ByLaw(roles, static or {}, known)]

@@ -48,7 +48,8 @@ def packaged_scene(name: str = "twisting_column") -> Path:
 def load_scene(path: str | os.PathLike, overrides: list[str] | tuple[str, ...] = (), trust_code: bool = False) -> Scene:
     """Read a scene; `overrides` are "key.path=value" with TOML values, applied before validation.
 
-    Files named in the scene are relative to its folder; trust_code: laws in them are run. Raises SceneError with every fault.
+    Files named in the scene are relative to its folder; trust_code: laws in them are run.
+    Raises SceneError with every fault.
     """
     path = Path(path)
     data = read_tables(path, "scene")

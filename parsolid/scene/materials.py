@@ -1,7 +1,9 @@
-"""Materials as a scene states them; a new law is one file in `materials`, told apart by its `kind`, or a file of the user's."""
+"""Materials as a scene states them; a new law is one file in `materials`, told apart by its `kind`, or a file of the
+user's.
+"""
 
 from importlib import import_module
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from pydantic import Field
 
@@ -25,11 +27,11 @@ class HyperelasticSolid(DeclaredModel):
 
     branches: list[Branch] = []
 
-    def equilibrium_law(self):
+    def equilibrium_law(self) -> Any:
         """The law, a NamedTuple, without branches."""
         return self.part_of(branch_moduli=None, relaxation_times=None)
 
-    def build(self, state: str):
+    def build(self, state: str) -> Any:
         """The law, the same in every state of strain."""
         moduli, times = (tuple(map(float, values)) or None for values in (self.branch_moduli, self.relaxation_times))
         return self.equilibrium_law()._replace(branch_moduli=moduli, relaxation_times=times)
@@ -37,7 +39,8 @@ class HyperelasticSolid(DeclaredModel):
     @property
     def elastic_moduli(self) -> tuple[float, float]:
         """Shear modulus and first Lame constant [Pa] when everything has relaxed."""
-        return import_module("parsolid.materials.hyperelastic.law").elastic_moduli(self.equilibrium_law())
+        shear, lame = import_module("parsolid.materials.hyperelastic.law").elastic_moduli(self.equilibrium_law())
+        return shear, lame
 
     @property
     def equilibrium(self) -> ElasticConstants:
@@ -65,12 +68,14 @@ class HyperelasticSolid(DeclaredModel):
 
     def _branches(self) -> list[tuple[float, float]]:
         shear = self.elastic_moduli[0]
-        moduli = [branch.beta * shear if branch.modulus is None else branch.modulus for branch in self.branches]
+        moduli = [
+            (branch.beta or 0.0) * shear if branch.modulus is None else branch.modulus for branch in self.branches
+        ]
         return [(modulus, branch.tau) for modulus, branch in zip(moduli, self.branches) if modulus > 0.0]
 
 
 BASES["hyperelastic"] = (HyperelasticSolid, {"branches": (list[Branch], [])})
-_STATIC = {
+_STATIC: dict[str, tuple[str, type[SceneModel]]] = {
     "prony": ("prony", PronySolid),
     "linear-elastic": ("prony", LinearElastic),
     "bond-based": ("bond-based", BondBased),

@@ -1,21 +1,25 @@
 """What the settings of all methods have in common."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from pydantic import Field, model_validator
 
 from parsolid.scene.base_model import Positive, SceneModel, reject
 
+# place, what was expected, what was found
+Detail = tuple[tuple[str | int, ...], str, object]
+
 
 class MethodSettings(SceneModel):
     """What every method has, and what it says of itself to the other tables of a scene.
 
-    dimensions; materials: the roles of laws that the method takes; boundaries: the kinds that it knows; extra_fields,
-    extra_quantities: what can be probed or shown besides the fields of all methods -> "scalar", "vector" or "tensor";
-    pictured_fields: what colours the bodies, the first that was written; loads: keys of the table of that name;
-    ledger_terms: see `ledger.Ledger`.
+    system: module and class, "module:class"; dimensions; materials: the roles of laws that the method takes;
+    boundaries: the kinds that it knows; extra_fields, extra_quantities: what can be probed or shown besides the fields
+    of all methods -> "scalar", "vector" or "tensor"; pictured_fields: what colours the bodies, the first that was
+    written; loads: keys of the table of that name; ledger_terms: see `ledger.Ledger`.
     """
 
+    system: ClassVar[str]
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
     materials: ClassVar[tuple[str, ...]] = ()
     boundaries: ClassVar[tuple[str, ...]] = ()
@@ -28,7 +32,7 @@ class MethodSettings(SceneModel):
     maximum_step: Positive | None = Field(None, description="the largest time step [s]")
     minimum_step: Positive | None = Field(None, description="the time step [s] below which the run stops")
 
-    def scene_faults(self, scene) -> list[tuple[tuple, str, object]]:
+    def scene_faults(self, scene: Any) -> list[Detail]:
         """What the method cannot make of a scene's other tables: (location, expected, found)."""
         return []
 

@@ -1,36 +1,33 @@
-"""Methods as a scene states them; a new method is one class more, told apart by its `kind`."""
+"""Methods as a scene states them: the settings of every folder of `parsolid.methods`, told apart by their `kind`."""
 
-from typing import ClassVar, Literal
+from importlib import import_module
+from pkgutil import iter_modules
+from typing import Any
 
-from pydantic import Field
-
-from parsolid.scene.base_model import ByKind, NotNegative, Positive, by_kind
+from parsolid.scene.base_model import ByKind, by_kind
 from parsolid.scene.method_settings import MethodSettings
-from parsolid.scene.mpm import MaterialPoint
-from parsolid.scene.peridynamics import Peridynamics
 
 
-class TotalLagrangianSPH(MethodSettings):
-    """Upwind total-Lagrangian smoothed particle hydrodynamics (Lee et al.)."""
-
-    materials: ClassVar = ("hyperelastic",)
-    boundaries: ClassVar = ("fixed", "roller", "antisymmetric", "velocity", "traction")
-    kind: Literal["tlsph"]
-    kernel: Literal["wendland-c2", "cubic-spline", "quintic-spline"] = "wendland-c2"
-    smoothing: Positive = Field(0.85, description="smoothing length over particle spacing, h/dx")
-    cfl: Positive = Field(0.7, description="time step over (particle spacing / largest wave speed)")
-    dissipation: NotNegative = Field(1.0, description="factor on the Riemann dissipation, 0 = none")
-    reconstruction: bool = Field(True, description="linear reconstruction of the velocity jump")
-    pair_correction: Literal["none", "closure"] = Field(
-        "none",
-        description='"closure" for irregular particles: weights under which a constant stress has no force inside',
-    )
+def _settings_of_all_methods() -> tuple[type[MethodSettings], ...]:
+    """The class that each method's `settings` module defines; a new method is a new folder, found here."""
+    found = []
+    for room in iter_modules(import_module("parsolid.methods").__path__):
+        if room.ispkg:
+            module = import_module(f"parsolid.methods.{room.name}.settings")
+            found += [one for one in vars(module).values() if _is_defined_in(one, module.__name__)]
+    return tuple(found)
 
 
-_SETTINGS = (TotalLagrangianSPH, Peridynamics, MaterialPoint)
+def _is_defined_in(thing: object, module: str) -> bool:
+    return isinstance(thing, type) and issubclass(thing, MethodSettings) and thing.__module__ == module
+
+
+_SETTINGS = _settings_of_all_methods()
 Method = by_kind(*_SETTINGS)
 
 
 def settings_class(table: object) -> type[MethodSettings] | None:
     """The class of a raw table's settings; None when it names no method."""
-    return ByKind(_SETTINGS).choose(table)
+    kinds: Any = ByKind(_SETTINGS)
+    chosen: type[MethodSettings] | None = kinds.choose(table)
+    return chosen

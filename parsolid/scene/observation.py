@@ -2,18 +2,20 @@
 
 import json
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
+from parsolid.materials.declaration import Phrase
 from parsolid.observables.declared import field_kinds, quantity_kinds, shown_kinds
 from parsolid.scene.base_model import NotNegative, Point, Positive, SceneModel, method_of, mismatch, reject
 from parsolid.scene.bodies import Name
 from parsolid.scene.formulas import InitialScalar
-from parsolid.scene.method_settings import MethodSettings
+from parsolid.scene.method_settings import Detail, MethodSettings
 from parsolid.scene.shapes import AxisName, ExistingFile
-from parsolid.scene.validation_errors import NOTHING, Phrase, suggestion
+from parsolid.scene.validation_errors import NOTHING, suggestion
 
 HISTORY_COLUMNS = ("kinetic", "stored", "dissipation_internal", "dissipation_numerical", "work_external", "balance")
 
@@ -73,14 +75,15 @@ class Probe(SceneModel):
         wanted = "twist" in (self.fields or ())
         if wanted and self.at is None:
             reject((("fields",), "no twist without at", self.fields))
-        details = []
-        if wanted and self.axis is None and len(self.at) == 3:
+        details: list[Detail] = []
+        dimension = len(self.at or ())
+        if wanted and self.axis is None and dimension == 3:
             details.append((("axis",), "the axis 'X', 'Y' or 'Z' of the twist", NOTHING))
-        if wanted and self.axis in ("X", "Y") and len(self.at) == 2:
+        if wanted and self.axis in ("X", "Y") and dimension == 2:
             details.append((("axis",), "'Z' or nothing in 2-D", self.axis))
-        for key in ("axis", "centre"):
-            if not wanted and getattr(self, key) is not None:
-                details.append(((key,), "no such key without the field twist", getattr(self, key)))
+        given = {key: getattr(self, key) for key in ("axis", "centre") if getattr(self, key) is not None}
+        if not wanted:
+            details += [((key,), "no such key without the field twist", value) for key, value in given.items()]
         reject(*details)
         return self
 
@@ -105,22 +108,24 @@ class Output(SceneModel):
         ("fields_interval", "fields_times"),
         ("checkpoint_interval", "checkpoint_steps"),
     )
-    directory: str = Field("results", description="the folder of the results, relative to the working folder")
+    directory: str = Field(default="results", description="the folder of the results, relative to the working folder")
     history_interval: Positive | None = None
-    history_steps: Annotated[int, Field(ge=1)] | None = Field(None, description="every step unless given")
-    fields_interval: Positive | None = Field(None, description="a twentieth of end_time unless given")
+    history_steps: Annotated[int, Field(ge=1)] | None = Field(default=None, description="every step unless given")
+    fields_interval: Positive | None = Field(default=None, description="a twentieth of end_time unless given")
     fields_times: list[NotNegative] | None = None
-    fields: list[ShownField] | None = Field(None, description="the fields to write, the usual ones unless given")
+    fields: list[ShownField] | None = Field(
+        default=None, description="the fields to write, the usual ones unless given"
+    )
     checkpoint_interval: Positive | None = None
     checkpoint_steps: Annotated[int, Field(ge=1)] | None = None
-    checkpoint_wall: Positive = Field(600.0, description="wall time between checkpoints [s]")
+    checkpoint_wall: Positive = Field(default=600.0, description="wall time between checkpoints [s]")
     pictures: bool = True
 
     @field_validator("fields_times")
     @classmethod
     def _in_order(cls, times: list[float] | None) -> list[float] | None:
         if times is not None:
-            late = [(i, b) for i, (a, b) in enumerate(zip(times, times[1:]), 1) if b <= a]
+            late = [(i, b) for i, (a, b) in enumerate(pairwise(times), 1) if b <= a]
             reject(*(((i,), "a time later than the one before", b) for i, b in late))
         return times
 
@@ -142,6 +147,9 @@ SOLUTIONS_KNOWN = {
 # those that come with a body force
 MANUFACTURED = ("axis-aligned", "generalised-vortex")
 
+# the type checker does not know what literals a table holds
+KnownSolution: Any = Literal[tuple(SOLUTIONS_KNOWN)]
+
 
 class Reference(SceneModel):
     """What the results are compared with.
@@ -155,7 +163,7 @@ class Reference(SceneModel):
     exactly_one: ClassVar = (("series", "exact", "final"), ("columns", "times", "each_step", "history", "final"))
     series: ExistingFile | None = None
     columns: Annotated[dict[str, str], Field(min_length=1)] | None = None
-    exact: Literal[tuple(SOLUTIONS_KNOWN)] | None = None
+    exact: KnownSolution | None = None
     parameters: dict[str, float] = {}
     times: Annotated[list[NotNegative], Field(min_length=1)] | None = None
     each_step: Literal[True] | None = Field(None, description="true: the largest error over all steps")
@@ -181,6 +189,6 @@ class Reference(SceneModel):
                 float(data["E0"])
             except (ValueError, TypeError, LookupError, AttributeError):
                 reject((("series",), "JSON with t, E0 and a table series", self.series))
-            unknown = [(column, name) for column, name in self.columns.items() if name not in known]
+            unknown = [(column, name) for column, name in (self.columns or {}).items() if name not in known]
             reject(*((("columns", column), f"one of {', '.join(known)}", name) for column, name in unknown))
         return self

@@ -1,4 +1,6 @@
-"""Elastic-plastic solids of the material point method, as a scene states them: a law in parts, each told apart by its `kind`."""
+"""Elastic-plastic solids of the material point method, as a scene states them: a law in parts, each told apart by its
+`kind`.
+"""
 
 import sys
 from functools import cache, cached_property
@@ -30,8 +32,8 @@ Melting = by_law("melting")
 class ElasticPlastic(SceneModel):
     """Elastic-plastic solid with an equation of state and heat (Banerjee).
 
-    With `library`, what is not given is that of the material library; without, everything but conductivity and melting is
-    needed. youngs_modulus and poissons_ratio are short for a linear equation of state and a constant shear modulus.
+    With `library`, what is not given is that of the material library; without, everything but conductivity and melting
+    is needed. youngs_modulus and poissons_ratio are short for a linear equation of state and a constant shear modulus.
     """
 
     kind: Literal["elastic-plastic"]
@@ -76,7 +78,7 @@ class ElasticPlastic(SceneModel):
         reject(*details)
         return self
 
-    def build(self, state: str):
+    def build(self, state: str) -> Any:
         """The law, the same in every state of strain."""
         return import_module("parsolid.materials.plastic.elastic_plastic").of_material(self)
 

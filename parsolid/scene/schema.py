@@ -35,7 +35,7 @@ class Scene(SceneModel):
     @field_validator("dimension")
     @classmethod
     def _known_to_method(cls, dimension: int, info: ValidationInfo) -> int:
-        method = method_of(info)
+        method: Any = method_of(info)
         if method and dimension not in method.dimensions:
             raise mismatch(f"{' or '.join(map(str, method.dimensions))} with this method", dimension)
         return dimension
@@ -105,12 +105,12 @@ class Parts:
     stated_bodies: int
 
     @classmethod
-    def of(cls, data: dict, context: dict) -> "Parts | None":
+    def of(cls, data: dict[str, Any], context: dict[str, Any]) -> "Parts | None":
         """The sound parts of raw tables; None when not even the dimension is known."""
         if context.get("dimension") is None:
             return None
         complete = True
-        lists = {}
+        lists: dict[str, dict[int, Any]] = {}
         for key, kind in (("bodies", FilledShape), ("boundaries", Boundary), ("probes", Probe)):
             adapter = TypeAdapter(kind)
             entries = data.get(key, [])
@@ -128,8 +128,9 @@ class Parts:
         except ValidationError:
             reference = None
         stated = len(data["bodies"]) if isinstance(data.get("bodies"), list) else 0
-        here = {"dimension": context["dimension"], "method": context["method"], "reference": reference}
-        return cls(complete=complete, stated_bodies=stated, **here, **lists)
+        bodies, boundaries, probes = lists["bodies"], lists["boundaries"], lists["probes"]
+        dimension, method = context["dimension"], context["method"]
+        return cls(dimension, bodies, boundaries, probes, reference, method, complete, stated)
 
 
 def cross_faults(parts: Parts) -> list[str]:
@@ -150,7 +151,8 @@ def cross_faults(parts: Parts) -> list[str]:
 
 
 def _repeated_names(key: str, entries: dict[int, Any]) -> list[str]:
-    faults, seen = [], {}
+    faults: list[str] = []
+    seen: dict[str, int] = {}
     for i, entry in entries.items():
         if entry.name is not None and entry.name in seen:
             faults.append(fault((key, i, "name"), f"a name other than that of {key}.{seen[entry.name]}", entry.name))

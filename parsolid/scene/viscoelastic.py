@@ -1,7 +1,7 @@
 """Linear elastic and viscoelastic solids of the peridynamic method, as a scene states them."""
 
 from importlib import import_module
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, ValidationInfo, model_validator
 
@@ -19,7 +19,9 @@ class ElasticConstants(NamedTuple):
 
 
 class PronyTerm(SceneModel):
-    """One term of the relaxation function: its stiffness as `modulus` or as a `ratio` of the equilibrium modulus, and `tau`."""
+    """One term of the relaxation function: its stiffness as `modulus` or as a `ratio` of the equilibrium modulus, and
+    `tau`.
+    """
 
     exactly_one: ClassVar = (("modulus", "ratio"),)
     modulus: NotNegative | None = Field(None, description="E_j, or G_j where shear_modulus is given [Pa]")
@@ -30,10 +32,11 @@ class PronyTerm(SceneModel):
 class PronySolid(SceneModel):
     """Linear viscoelastic solid whose modulus relaxes as E_0 + sum E_j exp(-t/tau_j) (Galadima et al., section 5).
 
-    The equilibrium constants are youngs_modulus or shear_modulus, with poissons_ratio or bulk_modulus (a bar needs neither);
-    the terms belong to the first of them.
+    The equilibrium constants are youngs_modulus or shear_modulus, with poissons_ratio or bulk_modulus (a bar needs
+    neither); the terms belong to the first of them.
 
-    bulk        "relaxing": all moduli relax in one ratio, Poisson's ratio is constant; "elastic": only the shear modulus relaxes
+    bulk        "relaxing": all moduli relax in one ratio, Poisson's ratio is constant; "elastic": only the shear
+    modulus relaxes
     conversion  of E(t) into G(t) for an elastic bulk: "exact", or "paper" with the ratios and times of E(t)
     strain      "small", or "finite": Green-Lagrange strain and second Piola-Kirchhoff stress
     """
@@ -85,7 +88,7 @@ class PronySolid(SceneModel):
             return elastic_constants(None, known.shear_modulus * factor, None, known.bulk_modulus)
         return elastic_constants(known.youngs_modulus * factor, None, None, known.bulk_modulus)
 
-    def build(self, state: str):
+    def build(self, state: str) -> Any:
         """The law, made for the state of strain."""
         return import_module("parsolid.materials.viscoelastic.prony").of_material(self, state)
 
@@ -121,7 +124,7 @@ class LinearElastic(PronySolid):
 
 
 class BondBased(SceneModel):
-    """Elastic bond-based solid (Silling); Poisson's ratio is 1/3 in plane stress and 1/4 in plane strain and in space."""
+    """Elastic bond-based solid (Silling); Poisson's ratio is 1/3 in plane stress, 1/4 in plane strain and in space."""
 
     kind: Literal["bond-based"]
     density: Positive = Field(description="the density [kg/m^3]")
@@ -134,7 +137,7 @@ class BondBased(SceneModel):
 
     instantaneous = equilibrium
 
-    def build(self, state: str):
+    def build(self, state: str) -> Any:
         """The law, the same in every state of strain."""
         return import_module("parsolid.materials.damage.bond_based").of_material(self)
 

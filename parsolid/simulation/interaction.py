@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from parsolid.simulation.ledger import Ledger
+from parsolid.methods.protocol import EnergyLedger
 
 
 class Interaction(Protocol):
@@ -12,7 +12,7 @@ class Interaction(Protocol):
     the stages of a step would need systems that hand out their stages, which none does yet.
     """
 
-    def act(self, time: float, step: float, ledger: Ledger) -> None:
+    def act(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Change the velocities of both systems' particles for the step that starts at `time` [s]; collective.
 
         Energy that it supplies or takes goes to the ledger.

@@ -78,7 +78,7 @@ class Recorder:
 
     def _checkpoint_due(self, simulation: Simulation) -> bool:
         output, step = self.scene.output, simulation.clock.step
-        if step == self.last_checkpoint_step or step == 0:
+        if step in (self.last_checkpoint_step, 0):
             return False
         if output.checkpoint_steps is not None and step % output.checkpoint_steps == 0:
             return True

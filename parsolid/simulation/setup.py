@@ -8,8 +8,9 @@ import numpy as np
 from parsolid.methods import method_class
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.distribution import distribute, take
+from parsolid.particles.generation import generate
 from parsolid.particles.particle_set import ParticleSet
-from parsolid.scene import Scene, generate
+from parsolid.scene import Scene
 from parsolid.scene.systems import SystemOfScene
 from parsolid.simulation.restart import Restart
 
@@ -23,7 +24,7 @@ def build_systems(comm: Any, scene: Scene, restart: Restart | None) -> tuple[lis
     drawn = restart.particle_sets if restart else _generated(comm, scene, plans)
     systems, particle_sets, orders = [], [], []
     for plan, particle_set in zip(plans, drawn):
-        kind, part = method_class(plan.settings.kind), scene.part(plan)
+        kind, part = method_class(plan.settings), scene.part(plan)
         order = np.arange(len(particle_set))
         if not (restart and restart.same_ranks):
             order = kind.sort(comm, part, particle_set)

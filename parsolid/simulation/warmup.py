@@ -14,6 +14,7 @@ from parsolid.materials.registry import loaded_texts
 from parsolid.methods import method_class
 from parsolid.observables.declared import field_of
 from parsolid.scene import Scene, parse_scene
+from parsolid.scene.method_settings import MethodSettings
 from parsolid.simulation.loop import Simulation
 from parsolid.sources import source_digest
 
@@ -25,7 +26,7 @@ def warm_up(comm: Any, scene: Scene) -> None:
     if comm.size == 1:
         return
     node = comm.Split_type(MPI.COMM_TYPE_SHARED)
-    tables = [_small_scene(scene.part(system), system.settings.kind) for system in scene.systems]
+    tables = [_small_scene(scene.part(system), system.settings) for system in scene.systems]
     if node.rank == 0:
         for table in tables:
             # an error of this rank alone would leave the others waiting; one of the scene's meets all ranks in a moment
@@ -65,7 +66,7 @@ def _mark(tables: Tables) -> Path:
     return folder() / f"warm-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
 
-def _small_scene(scene: Scene, method: str) -> Tables:
+def _small_scene(scene: Scene, method: MethodSettings) -> Tables:
     """A scene of a few particles whose kernels have the same types as those of one system."""
     d, full = scene.dimension, scene.resolved()
     bodies = []

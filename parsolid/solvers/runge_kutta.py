@@ -3,8 +3,21 @@
 from typing import NamedTuple
 
 
-class StageWeights(NamedTuple):
-    """new = keep * start + take * (current + step * rate); times as fractions of the step.
+class Update(NamedTuple):
+    """What a stage does to a quantity: new = keep * start + take * (current + step * rate).
+
+    first: the current one is that at the start of the step; last: the new one is that at its end.
+    """
+
+    first: bool
+    last: bool
+    keep: float
+    take: float
+    step: float
+
+
+class Stage(NamedTuple):
+    """One stage of a step; times as fractions of the step.
 
     time: of the state the rate is taken at; next_time: of the state the stage makes;
     quadrature: the stage's weight in the integral of a rate over the step.
@@ -15,11 +28,17 @@ class StageWeights(NamedTuple):
     time: float
     next_time: float
     quadrature: float
+    first: bool = False
+    last: bool = False
+
+    def update(self, step: float) -> Update:
+        """How quantities advance in a step [s]."""
+        return Update(self.first, self.last, self.keep, self.take, step)
 
 
 # (77); its stage values are at 0, 1 and 1/2 of the step with Simpson's weights
 SSP_RK3 = (
-    StageWeights(0.0, 1.0, 0.0, 1.0, 1.0 / 6.0),
-    StageWeights(0.75, 0.25, 1.0, 0.5, 1.0 / 6.0),
-    StageWeights(1.0 / 3.0, 2.0 / 3.0, 0.5, 1.0, 2.0 / 3.0),
+    Stage(0.0, 1.0, 0.0, 1.0, 1.0 / 6.0, first=True),
+    Stage(0.75, 0.25, 1.0, 0.5, 1.0 / 6.0),
+    Stage(1.0 / 3.0, 2.0 / 3.0, 0.5, 1.0, 2.0 / 3.0, last=True),
 )

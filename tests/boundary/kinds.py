@@ -6,11 +6,12 @@ import numpy as np
 from points import COPPER, scene
 from solids import SOFT, tables
 
-from parsolid.boundary.rows import FixedParticles
 from parsolid.methods.mpm.grid_conditions import GridConditions
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.methods.tlsph.boundaries import build_boundaries
-from parsolid.scene import generate, parse_scene
+from parsolid.particles.container import Particles
+from parsolid.particles.generation import generate
+from parsolid.scene import parse_scene
 
 KINDS = {
     "fixed": {"plane": "X = 0"},
@@ -49,7 +50,7 @@ def translated(comm, data: dict):
     scene = parse_scene(data)
     particle_set = generate(scene, comm)
     if scene.method.kind == "tlsph":
-        return build_boundaries(comm, scene, particle_set)
+        return build_boundaries(comm, scene, particle_set, Particles(particle_set.body))
     if scene.method.kind == "peridynamics":
-        return PeridynamicLoads(comm, scene, particle_set, FixedParticles(particle_set))
+        return PeridynamicLoads(comm, scene, particle_set, Particles(particle_set.body))
     return GridConditions(comm, scene, particle_set.position, np.zeros(4))

@@ -6,16 +6,14 @@ from kinds import table, tables_of
 
 from parsolid.boundary.heat import HeatSupply
 from parsolid.boundary.loads import InTime
-from parsolid.boundary.rows import FixedParticles
-from parsolid.materials.blocks import material_blocks
-from parsolid.materials.registry import laws_of
 from parsolid.methods.mpm.grid_conditions import GridConditions
-from parsolid.methods.peridynamics.forces import build_forces
+from parsolid.methods.peridynamics.forces import build_forces, particles_of
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Field
-from parsolid.scene import generate, parse_scene
+from parsolid.particles.generation import generate
+from parsolid.scene import parse_scene
 
 
 def contained(particle_set) -> Particles:
@@ -65,14 +63,14 @@ def test_loads_and_prescribed_velocities_of_tlsph(comm):
     scene = parse_scene(tables_of("tlsph", *MOVING) | {"loads": LOADS})
     particle_set = generate(scene, comm)
     particles = contained(particle_set)
-    fixed, found = build_boundaries(comm, scene, particle_set), build_boundaries(comm, scene, particle_set, particles)
+    still = contained(particle_set)
+    fixed, found = (build_boundaries(comm, scene, particle_set, one) for one in (still, particles))
     for again in range(3):
         for time in (0.0, 0.7):
             loads = by_particle(particles, found.loads_at(time))
-            assert np.array_equal(loads, by_particle(contained(particle_set), fixed.loads_at(time)))
+            assert np.array_equal(loads, by_particle(still, fixed.loads_at(time)))
             if comm.size == 1 and time > 0.0:
                 assert len(np.unique(loads[:, 1])) > 9
-            still = contained(particle_set)
             expected = spread(still, fixed.prescribed, "velocity", time)
             assert np.array_equal(spread(particles, found.prescribed, "velocity", time), expected)
         if again < 2:
@@ -87,16 +85,15 @@ def test_loads_and_prescribed_displacements_of_peridynamics(traction, comm):
     data["method"]["traction"] = traction
     scene = parse_scene(data)
     particle_set = generate(scene, comm)
-    laws, particles = laws_of(scene), contained(particle_set)
-    blocks, _ = material_blocks(laws, particle_set.body)
     results = []
-    for rows in (None, particles):
-        loads = PeridynamicLoads(comm, scene, particle_set, rows)
-        forces = build_forces(comm, scene, particle_set, laws, blocks, loads)
+    for _ in range(2):
+        loads = PeridynamicLoads(comm, scene, particle_set, particles_of(scene, particle_set))
+        forces = build_forces(comm, scene, particle_set, loads)
         loads.install_tractions(forces.engine, forces.horizon)
         results.append(loads)
     fixed, found = results
-    still = contained(particle_set)
+    still, particles = fixed.particles, found.particles
+    particles.detach()
     for _ in range(2):
         shuffle(particles)
         for quantity in ("velocity", "displacement"):
@@ -116,7 +113,7 @@ def test_heat_through_planes(comm):
     particle_set = generate(scene, comm)
     declared = GridConditions(comm, scene, particle_set.position, np.zeros(4)).declared
     particles, still = contained(particle_set), contained(particle_set)
-    fixed, found = (HeatSupply(declared, one, False) for one in (FixedParticles(particle_set), particles))
+    fixed, found = (HeatSupply(declared, one, False) for one in (still, particles))
     for _ in range(2):
         shuffle(particles)
         expected, power = np.zeros((2, particles.owned, 1))

@@ -1,4 +1,6 @@
-"""Laws in files of a user's own: run by every method, checked against their energy, refused unless trusted, never stale."""
+"""Laws in files of a user's own: run by every method, checked against their energy, refused unless trusted, never
+stale.
+"""
 
 import subprocess
 import sys
@@ -7,6 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from parsolid.commands.point.choice import point_law
+from parsolid.commands.point.driver import drive
+from parsolid.commands.point.report import tabulate
+from parsolid.commands.point.schema import load_point
 from parsolid.materials import registry
 from parsolid.materials.plastic import plastic_evaluation
 from parsolid.scene import SceneError, dump_scene, load_scene
@@ -137,3 +143,14 @@ def test_an_edited_law_is_compiled_anew_and_an_unchanged_one_is_not(tmp_path, mo
     edited = energy(text.replace("-0.5 * law.shear_modulus", "-1.0 * law.shear_modulus"))
     assert first == again and first[1] == 1
     assert edited[1] == 2 and edited[0] - first[0] == pytest.approx(-15e6 * np.log(1.0 - 0.21 / 30.0), rel=1e-9)
+
+
+def test_a_point_is_driven_with_a_law_of_ones_own(tmp_path):
+    point = load_point(EXAMPLES / "rubber_pulled.toml", ["steps=10"], trust_code=True)
+    law = point_law(registry.law_of(point.material), **point.conditions)
+    columns = tabulate(law, drive(law, point.path, point.end_time, point.longest_step), np.eye(3))
+    assert columns["work"][-1] == pytest.approx(columns["stored"][-1] + columns["dissipation"][-1], rel=1e-2)
+    # rubber stiffens towards its limit
+    slope = np.diff(columns["first_piola_kirchhoff_stress_xx"][1:])
+    assert slope[-1] > 1.4 * slope.min() and columns["smallest_acoustic_eigenvalue"].min() > 0.0
+    assert (columns["largest_pressure_wave_speed"] >= columns["direction_1.pressure_wave_speed"] * (1.0 - 1e-9)).all()

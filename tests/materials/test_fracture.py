@@ -10,7 +10,7 @@ from decomposition.compiled import compiled
 from parsolid.materials.damage.bond_based import influence_moment, micromodulus
 from parsolid.materials.damage.fracture import breaking_limit, critical_bond_energy, critical_stretch
 from parsolid.pairs.radial_weights import INFLUENCES, influence
-from parsolid.scene.peridynamics import Damage
+from parsolid.methods.peridynamics.settings import Damage
 from parsolid.scene.viscoelastic import PronySolid
 
 E, GC, DELTA = 72e9, 135.0, 2e-3

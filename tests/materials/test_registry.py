@@ -1,4 +1,6 @@
-"""What the registry finds, and what holds for every hyperelastic law in it and in examples/: stress, objectivity, moduli, waves."""
+"""What the registry finds, and what holds for every hyperelastic law in it and in examples/: stress, objectivity,
+moduli, waves.
+"""
 
 from pathlib import Path
 
@@ -7,7 +9,7 @@ import pytest
 
 from parsolid.materials import registry
 from parsolid.materials.declaration import ROLES, parameters_of
-from parsolid.materials.hyperelastic import evaluation
+from parsolid.materials.hyperelastic import acoustics, evaluation, hyperbolicity
 from parsolid.materials.hyperelastic import law as laws
 from parsolid.numerics import tensors
 from parsolid.scene import load_scene, parse_scene
@@ -188,3 +190,20 @@ def test_no_scene_is_read_with_numba(tmp_path):
     code = "import sys, parsolid.scene; sys.exit('numba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
     assert load_scene is not None
+
+
+def test_waves_from_the_stress_are_those_in_closed_form():
+    law = registry.law_of(scene_of("mooney-rivlin", branches=BRANCHES).bodies[0].material)
+    A = np.broadcast_to(np.diag([1.1, 0.9, 1.0]), (len(gradients()), 1, 3, 3))
+    state, N = hyperbolicity.polyconvex_state(law, gradients(), A), np.array([0.48, 0.6, 0.64])
+    moduli = acoustics.wave_moduli(law, state, N)
+    assert np.sqrt(moduli[:, 2] / law.density) == pytest.approx(
+        hyperbolicity.pressure_wave_speed(law, state, N), rel=1e-7
+    )
+    shear = hyperbolicity.shear_wave_speeds(law, state, N)
+    assert np.sqrt(moduli[:, :2] / law.density) == pytest.approx(shear, rel=1e-7)
+    least, fastest_shear, greatest = acoustics.extreme_moduli(law, state).T
+    assert least == pytest.approx(hyperbolicity.smallest_acoustic_eigenvalue(law, state), rel=1e-5)
+    assert np.sqrt(greatest / law.density) == pytest.approx(hyperbolicity.largest_wave_speed(law, state), rel=1e-5)
+    found = np.sqrt(fastest_shear / law.density)
+    assert found == pytest.approx(hyperbolicity.largest_shear_wave_speed(law, state), rel=1e-5)

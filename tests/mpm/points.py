@@ -63,4 +63,4 @@ def final_shape(simulation) -> np.ndarray:
     """Largest coordinates (d,) of all particles; collective."""
     from parsolid.collective import maximum
 
-    return maximum(simulation.comm, simulation.systems[0].table.owned_rows("position").max(axis=0, initial=-np.inf))
+    return maximum(simulation.comm, simulation.systems[0].particles.owned_rows("position").max(axis=0, initial=-np.inf))

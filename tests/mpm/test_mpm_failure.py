@@ -33,7 +33,7 @@ def test_a_step_too_large(comm):
 def test_a_particle_that_is_lost(comm, place, what):
     def lose(sim):
         if comm.rank == comm.size - 1:
-            sim.systems[0].table.owned_rows("position")[3, 0] = place
+            sim.systems[0].particles.owned_rows("position")[3, 0] = place
         # its cell is looked up before the weights of a step are
         assert sim.systems[0].grid.settle(sim.systems[0].points) == (comm.rank != comm.size - 1)
 

@@ -60,7 +60,7 @@ def slab(end_time, temperature=START, basis="quadratic-spline", boundaries=(), c
 
 def state(simulation):
     """X, temperature and heat capacity (n,) of this rank's particles."""
-    rows = simulation.systems[0].table.owned_rows
+    rows = simulation.systems[0].particles.owned_rows
     return rows("reference_position"), rows("temperature"), rows("volume") * HEAT_CAPACITY
 
 

@@ -31,7 +31,7 @@ def axis_aligned_error(cells: int, basis: str, comm) -> float:
     while sim.clock.time < 0.02:
         step = comm.allreduce(sim.systems[0].stable_step(), MPI.MIN)
         sim.take_step(min(step, 0.02 - sim.clock.time))
-        rows = sim.systems[0].table.owned_rows
+        rows = sim.systems[0].particles.owned_rows
         error = (
             rows("position")
             - rows("reference_position")
@@ -56,7 +56,8 @@ def test_a_taylor_bar_neither_locks_nor_loses_energy(comm):
     data = taylor_bar(1.6e-3, order="musl", end_time=80e-6, **TOTAL)
     sim, history = run_to_end(data, comm)
     radius, length = maximum(comm, sim.systems[0].points.bounds_of_domains()[1])
-    # converged finite elements, met to 1.1 % by two cells over the radius (0.5 % by four); without mean dilatations 5 mm
+    # converged finite elements, met to 1.1 % by two cells over the radius (0.5 % by four); without mean dilatations 5
+    # mm
     assert radius == pytest.approx(7.22e-3, rel=0.012) and length == pytest.approx(21.42e-3, rel=0.012)
     energy = history["kinetic"][0]
     assert abs(history["balance"][-1]) < 0.005 * energy

@@ -1,4 +1,6 @@
-"""Functions with one implementation a type: in plain Python, in compiled functions, and what is said where there is none."""
+"""Functions with one implementation a type: in plain Python, in compiled functions, and what is said where there is
+none.
+"""
 
 from typing import NamedTuple
 

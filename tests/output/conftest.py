@@ -20,7 +20,7 @@ def pieces(comm):
     """(total, first, last): uneven contiguous shares of particles; rank 0 has none when there are several."""
     total = 23
     cuts = [0] + [total * rank // max(comm.size - 1, 1) for rank in range(comm.size)] + [total]
-    cuts = cuts[: comm.size] + [total]
+    cuts = [*cuts[: comm.size], total]
     return total, cuts[comm.rank], cuts[comm.rank + 1]
 
 

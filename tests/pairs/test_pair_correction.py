@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from mpi4py import MPI
+from pair_systems import system_of
 from solids import column, gathered, punch, run_steps, run_to_end, simulation, supports, tables
 
 from parsolid.collective import SolverError
-from parsolid.pairs.neighbour_lists import build_neighbour_lists, metrics
+from parsolid.pairs.candidates import metrics
+from parsolid.pairs.smoothed_weights import SmoothedWeights
 from parsolid.pairs.smoothing import WendlandC2
 
 CLOSED = {"pair_correction": "closure"}
@@ -23,17 +24,18 @@ def body(dimension, correction="closure", boundaries=(), **keys) -> dict:
 
 
 def forces_of(sim, stress) -> np.ndarray:
-    """sum_b (P_a L_a + P_b L_b) g_ab (n, d) [N] of a stress that is the same at all particles, through the pair engine."""
+    """sum_b (P_a L_a + P_b L_b) g_ab (n, d) [N] of a stress that is the same at all particles, through the pair
+    engine."""
     method = sim.systems[0]
     d, owned = method.dimension, method.owned
-    L = method.body.correction[:, :owned].T.reshape(owned, d, d)
-    width = {2: 2, 3: 4}[d]
-    method.record[:] = 0.0
-    method.record[:owned, : d * width].reshape(owned, d, width)[:, :, :d] = (stress @ L).swapaxes(1, 2)
-    method.force[:] = 0.0
-    method._pass_force()
-    result = np.array(method.force[:owned, :d])
-    method.force[:] = 0.0
+    L = method.particles.owned_rows("correction").reshape(owned, d, d)
+    width, record = {2: 2, 3: 4}[d], method.particles.storage("record")
+    record[:] = 0.0
+    record[:owned, : d * width].reshape(owned, d, width)[:, :, :d] = (stress @ L).swapaxes(1, 2)
+    method.particles.storage("pair_force")[:] = 0.0
+    force = method.pairs.divergence(None)
+    result = np.array(force[:owned, :d])
+    force[:] = 0.0
     return result
 
 
@@ -77,22 +79,22 @@ def test_gradients_of_linear_fields_stay_exact(dimension, boundaries, comm):
         if boundaries
         else np.arange(1.0, 1.0 + dimension**2).reshape(dimension, dimension)
     )
-    table = sim.systems[0].table
+    table = sim.systems[0].particles
     table.owned_rows("position")[:] += table.owned_rows("reference_position") @ slope.T
-    sim.systems[0].motion_exchange.start()
-    sim.systems[0].motion_exchange.finish()
-    found = sim.systems[0]._displacement_gradient()
+    sim.systems[0].particles.send("motion")
+    sim.systems[0].particles.receive("motion")
+    found = sim.systems[0].displacement_gradient()
     assert np.abs(found - slope.ravel()).max(initial=0.0) < 1e-10
 
 
 def test_the_weights_of_a_pair_are_opposite_on_both_of_its_ranks(comm):
     sim = simulation(body(2), comm)
-    neighbour_lists = sim.systems[0].neighbour_lists
-    names = neighbour_lists.halo.with_ghosts(np.array(sim.systems[0].table.owned_rows("identifier")).astype(np.int64))
+    system = sim.systems[0].pairs
+    names = system.halo.with_ghosts(np.array(sim.systems[0].particles.owned_rows("identifier")))
     directed = {}
-    if neighbour_lists.rim is not None:
-        row = np.repeat(np.arange(neighbour_lists.halo.owned), np.diff(neighbour_lists.rim.start))
-        for a, b, g in zip(names[row], names[neighbour_lists.rim.neighbour], neighbour_lists.rim.weight[:, :2]):
+    if system.rim is not None:
+        row = np.repeat(np.arange(system.halo.owned), np.diff(system.rim.start))
+        for a, b, g in zip(names[row], names[system.rim.neighbour], system.rim.weight[:, :2]):
             directed[int(a), int(b)] = g.tolist()
     everyone = {pair: g for part in comm.allgather(directed) for pair, g in part.items()}
     assert (len(everyone) > 0) == (comm.size > 1)
@@ -134,7 +136,7 @@ def test_momentum_and_energy_are_kept():
     data["bodies"][0]["jitter"] = 0.15
 
     def momentum(sim):
-        values = sim.systems[0].mass @ sim.systems[0].table.owned_rows("velocity")
+        values = sim.systems[0].mass @ sim.systems[0].particles.owned_rows("velocity")
         return {f"p{i}": value for i, value in enumerate(values)}
 
     sim, rows = run_steps(data, 60, more=momentum)
@@ -157,14 +159,4 @@ def test_volumes_that_do_not_fit_are_refused():
     metric = metrics(np.ones_like(place), None, 0.85)
     area = np.zeros_like(place)
     with pytest.raises(SolverError, match="method.pair_correction: expected particles whose volumes fit"):
-        build_neighbour_lists(
-            MPI.COMM_SELF,
-            WendlandC2(),
-            place,
-            np.zeros(144, np.int32),
-            metric,
-            np.ones(144),
-            None,
-            1.0,
-            (area, np.ones(144)),
-        )
+        system_of(place, metric, SmoothedWeights(WendlandC2(), 1.0, (area, np.ones(144))))

@@ -1,4 +1,5 @@
-"""What the pair engine promises, to round-off: antisymmetry, exactness for linear fields, skew-adjointness, energy identity."""
+"""What the pair engine promises, to round-off: antisymmetry, exactness for linear fields, skew-adjointness, energy
+identity."""
 
 import numpy as np
 import pytest
@@ -17,10 +18,10 @@ from solids import (
 )
 
 from parsolid.numerics.lanes import aligned_zeros
-from parsolid.pairs import passes_plane as pairs_plane
-from parsolid.pairs import passes_space as pairs_space
 from parsolid.pairs import weights
-from parsolid.pairs.layout import PairList
+from parsolid.pairs.lists import InnerList, OneSidedList, Places
+from parsolid.pairs.pair_system import FIELD
+from parsolid.pairs.passes import add_forces, add_gradients
 from parsolid.pairs.smoothing import KERNELS
 
 ROUND_OFF = 1e-12
@@ -67,11 +68,11 @@ def shell(dimension, planes=FREE, method=None):
 
 SHELL_PLANES = {2: {"X0": (0.0, "roller"), "Y0": (0.0, "roller")}, 3: {"X0": (0.0, "roller"), "Z0": (0.0, "roller")}}
 BODIES = {
-    "box": lambda d: box(d),
+    "box": box,
     "mirrored corner": lambda d: box(d, CORNERS[d]),
     "two sides": lambda d: box(d, SIDES[d]),
     "antisymmetric": lambda d: box(d, {"X0": (0.0, "antisymmetric"), "Y0": (0.0, "antisymmetric")}),
-    "shell": lambda d: shell(d),
+    "shell": shell,
     "mirrored shell": lambda d: shell(d, SHELL_PLANES[d]),
 }
 every_body = pytest.mark.parametrize("body", BODIES)
@@ -90,7 +91,7 @@ def signs_of(sim):
 
 def set_linear_velocity(sim) -> np.ndarray:
     """v = A (X - X0) + b with the symmetries of all planes; returns A."""
-    d, table = sim.systems[0].dimension, sim.systems[0].table
+    d, table = sim.systems[0].dimension, sim.systems[0].particles
     random = np.random.default_rng(9)
     A, b, origin = random.normal(size=(d, d)), random.normal(size=d), np.zeros(d)
     seen = set()
@@ -111,39 +112,25 @@ def set_linear_velocity(sim) -> np.ndarray:
 @every_dimension
 @every_body
 def test_weights_are_antisymmetric_to_the_bit(body, dimension):
-    sim = BODIES[body](dimension)
-    neighbour_lists, metric = sim.systems[0].neighbour_lists, sim.systems[0].neighbour_lists.metric
-    inner = neighbour_lists.inner
-    first = np.repeat(np.arange(sim.systems[0].owned), np.diff(inner.start))
+    system = BODIES[body](dimension).systems[0].pairs
+    inner = system.inner
+    first = np.repeat(np.arange(system.owned), np.diff(inner.start))
     order = np.argsort(inner.neighbour, kind="stable")
-    start = np.searchsorted(inner.neighbour[order], np.arange(sim.systems[0].owned + 1))
-    backward = aligned_zeros((len(order), 4))
-    weights.pair_weights(
-        KERNELS["wendland-c2"],
-        dimension,
-        start,
-        first[order].astype(np.int32),
-        np.zeros(len(order), np.int8),
-        np.ones((1, 3)),
-        np.zeros((1, 3)),
-        neighbour_lists.positions,
-        metric,
-        neighbour_lists.volume,
-        backward,
-    )
+    start = np.searchsorted(inner.neighbour[order], np.arange(system.owned + 1))
+    backward = InnerList(start, first[order].astype(np.int32), aligned_zeros((len(order), 4)))
+    as_it_stands = Places(np.zeros(len(order), np.int8), np.ones((1, 3)), np.zeros((1, 3)))
+    kernel = KERNELS["wendland-c2"]
+    weights.pair_weights(kernel, backward, as_it_stands, system.positions, system.metric, system.volume)
     assert len(order) > 20 and np.abs(inner.weight[:, :dimension]).max() > 0.0
-    np.testing.assert_array_equal(backward[:, :dimension], -inner.weight[order, :dimension])
+    np.testing.assert_array_equal(backward.weight[:, :dimension], -inner.weight[order, :dimension])
 
 
 @every_dimension
 @pytest.mark.parametrize("body", [name for name in BODIES if name not in ("box", "shell")])
 def test_weights_of_images_reflect_each_other(body, dimension):
     sim = BODIES[body](dimension)
-    mirror, images, R = (
-        sim.systems[0].neighbour_lists.mirror,
-        sim.systems[0].neighbour_lists.images,
-        sim.systems[0].boundaries.codes.reflections,
-    )
+    mirror, R = sim.systems[0].pairs.mirror, sim.systems[0].boundaries.codes.reflections
+    images = mirror.images
     first = np.repeat(np.arange(sim.systems[0].owned), np.diff(mirror.start))
     row = {key: k for k, key in enumerate(zip(first, mirror.neighbour, images.code))}
     both = [(k, row[b, a, c]) for (a, b, c), k in row.items() if (b, a, c) in row]
@@ -160,28 +147,29 @@ def test_weights_of_images_reflect_each_other(body, dimension):
 @pytest.mark.parametrize("body", ["box", "shell"])
 def test_the_inner_list_as_two_one_sided_lists_gives_the_same(body, dimension):
     sim = BODIES[body](dimension)
-    method, passes = sim.systems[0], {2: pairs_plane, 3: pairs_space}[dimension]
+    method = sim.systems[0]
     inner = evaluate(sim)
-    half = method.neighbour_lists.inner
+    half = method.pairs.inner
     first = np.repeat(np.arange(method.owned), np.diff(half.start)).astype(np.int32)
     receiver, neighbour = np.concatenate((first, half.neighbour)), np.concatenate((half.neighbour, first))
     flip = np.concatenate((np.ones(len(first)), -np.ones(len(first))))[:, None]
     both = np.concatenate((half.weight, half.weight))
     both[:, :dimension] *= flip
     order = np.argsort(receiver, kind="stable")
-    directed = PairList(
+    directed = OneSidedList(
         np.searchsorted(receiver[order], np.arange(method.owned + 1)),
         neighbour[order],
         np.ascontiguousarray(both[order]),
+        None,
     )
-    gradient, force = aligned_zeros(method.gradient.shape), aligned_zeros(method.force.shape)
-    passes.add_gradients(0, method.owned, directed, None, None, 0, method.kinematics, gradient)
+    storage = method.particles.storage
+    gradient, force = aligned_zeros(storage("pair_sums").shape), aligned_zeros(storage("pair_force").shape)
+    add_gradients(method.space, directed, FIELD, storage("kinematics"), gradient)
     columns = gradient[: method.owned].reshape(method.owned, dimension, -1)[:, :, :dimension].swapaxes(1, 2)
-    L = method.body.correction[:, : method.owned].T.reshape(-1, dimension, dimension)
-    found = columns @ L.swapaxes(1, 2) / method.body.volume[0, : method.owned, None, None]
+    L = method.particles.owned_rows("correction").reshape(-1, dimension, dimension)
+    found = columns @ L.swapaxes(1, 2) / method.particles.owned_rows("pair_volume")[:, None, None]
     np.testing.assert_allclose(found, inner["gradient"], atol=ROUND_OFF * np.abs(found).max())
-    choices = (None, method.riemann, method.shear, method.reconstruct, method.kinematics, method.record, force)
-    passes.add_forces(0, method.owned, directed, None, None, *choices)
+    add_forces(method.space, directed, method.pairs.terms, storage("kinematics"), storage("record"), force)
     for name, column in (("T", 0), ("D", 4)):
         values = force[: method.owned, column : column + dimension]
         np.testing.assert_allclose(values, inner[name], atol=ROUND_OFF * np.abs(values).max())
@@ -247,10 +235,10 @@ def test_gradient_and_divergence_are_skew_adjoint_for_small_strains_at_an_antisy
 def powers(sim) -> np.ndarray:
     """Each particle's stress power V P : grad v and power of T [W], with tributary weights."""
     d, found = sim.systems[0].dimension, evaluate(sim)
-    L = sim.systems[0].body.correction[:, : sim.systems[0].owned].T.reshape(-1, d, d)
+    L = sim.systems[0].particles.owned_rows("correction").reshape(-1, d, d)
     P = found["PL"] @ np.linalg.inv(L)
-    stress = sim.systems[0].body.tributary[0, : sim.systems[0].owned] * np.sum(P * found["gradient"], axis=(1, 2))
-    return stress, sim.systems[0].share * np.sum(sim.systems[0].table.owned_rows("velocity") * found["T"], axis=1)
+    stress = sim.systems[0].particles.owned_rows("volume") * np.sum(P * found["gradient"], axis=(1, 2))
+    return stress, sim.systems[0].share * np.sum(sim.systems[0].particles.owned_rows("velocity") * found["T"], axis=1)
 
 
 def skew_defect(sim) -> float:
@@ -269,7 +257,7 @@ def test_the_energy_identity(body, dimension):
     """dK/dt + dW/dt + D_int + D_num = power of the loads (Appendix B), with dW/dt from the energy's own derivatives."""
     sim = BODIES[body](dimension)
     method, solid = sim.systems[0], Solid.of(sim.systems[0].blocks[0].law)
-    velocity, weight = method.table.owned_rows("velocity"), method.body.tributary[0, : method.owned]
+    velocity, weight = method.particles.owned_rows("velocity"), method.particles.owned_rows("volume")
     found, strain = evaluate(sim), strains(sim)
     rate = np.zeros_like(strain["F"])
     rate[:, :dimension, :dimension] = found["gradient"]
@@ -285,7 +273,7 @@ def test_the_energy_identity(body, dimension):
 def test_the_stored_energy_and_its_rate_belong_together(dimension):
     sim = box(dimension)
     solid, strain, rate = Solid.of(sim.systems[0].blocks[0].law), strains(sim), evaluate(sim)["gradient"]
-    weight = sim.systems[0].body.tributary[0, : sim.systems[0].owned]
+    weight = sim.systems[0].particles.owned_rows("volume")
     assert sim.systems[0].energies()[1] == pytest.approx(
         np.sum(weight * solid.energy(*(strain[name] for name in "FHJA"))), rel=1e-13
     )
@@ -338,8 +326,8 @@ def test_ranks_share_what_one_computes(comm, dimension, mirrored):
         )
         sim = simulation(data, where)
         set_random_state(sim)
-        sim.systems[0].table.owned_rows("velocity")[:] += random_of(
-            sim.systems[0].table.owned_rows("identifier"), dimension, seed=99
+        sim.systems[0].particles.owned_rows("velocity")[:] += random_of(
+            sim.systems[0].particles.owned_rows("identifier"), dimension, seed=99
         ) * (sim.systems[0].boundaries.clamp[:, :dimension] if mirrored else 1.0)
         found = evaluate(sim)
         order = np.argsort(np.concatenate(where.allgather(sim.particle_sets[0].identifier)))

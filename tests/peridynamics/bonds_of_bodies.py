@@ -45,7 +45,7 @@ def body_of(dimension, planes="free", placement="cells", broken=False, comm=MPI.
 
 def random_field(method, seed=0) -> np.ndarray:
     """Normal numbers (owned, d) on free components, by identifier."""
-    return random_of(method.table.owned_rows("identifier"), method.dimension, seed=seed) * method.operator.free
+    return random_of(method.particles.owned_rows("identifier"), method.dimension, seed=seed) * method.operator.free
 
 
 def stiffness(method, field: np.ndarray, step: float = 0.0) -> np.ndarray:
@@ -66,5 +66,5 @@ def gradients(method, field: np.ndarray) -> np.ndarray:
 def gathered(method, values: np.ndarray) -> np.ndarray:
     """Values (owned, ...) of all ranks in the order of identifiers."""
     comm = method.comm
-    order = np.argsort(np.concatenate(comm.allgather(method.table.owned_rows("identifier").copy())))
+    order = np.argsort(np.concatenate(comm.allgather(method.particles.owned_rows("identifier").copy())))
     return np.concatenate(comm.allgather(values))[order]

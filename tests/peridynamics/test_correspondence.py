@@ -51,7 +51,7 @@ def test_momentum_and_angular_momentum_are_conserved(dimension, broken, control)
     force = stiffness(method, u)
     total = np.abs(force).sum()
     assert np.abs(force.sum(axis=0)).max() < ROUND_OFF * total
-    X = method.table.owned_rows("reference_position")
+    X = method.particles.owned_rows("reference_position")
     if dimension > 1:
         torque = np.einsum("ni,nj->ij", X, force) - np.einsum("ni,nj->ij", force, X)
         assert np.abs(torque).max() < ROUND_OFF * total
@@ -69,7 +69,7 @@ def test_affine_fields_have_exact_gradients_and_no_control(dimension, planes, pl
         R = np.eye(dimension)
         R[axis, axis] = -1.0
         A = 0.5 * (A + (R if kind == "roller" else -np.eye(dimension)) @ A @ R)
-    u = method.table.owned_rows("reference_position") @ A.T
+    u = method.particles.owned_rows("reference_position") @ A.T
     np.testing.assert_allclose(gradients(method, u), np.broadcast_to(A, (method.owned, *A.shape)), atol=1e-11)
     controlled = stiffness(method, u)
     method.engine.stabiliser, kept = None, method.engine.stabiliser
@@ -83,7 +83,7 @@ def test_affine_fields_have_exact_gradients_and_no_control(dimension, planes, pl
 def test_a_rigid_motion_has_no_force(dimension, broken):
     skip_impossible(dimension, broken=broken)
     method = body_of(dimension, broken=broken)
-    X = method.table.owned_rows("reference_position")
+    X = method.particles.owned_rows("reference_position")
     spin = np.random.default_rng(2).normal(size=(dimension, dimension))
     u = X @ (spin - spin.T).T + 0.7
     assert np.abs(stiffness(method, u)).max() < 1e-11 * np.abs(stiffness(method, random_field(method, 1))).max()
@@ -168,7 +168,7 @@ def test_explicit_runs_do_not_depend_on_ranks(comm, law):
     results = []
     for where in (comm, comm.Split(comm.rank)):
         sim, _ = run_steps(moving(2, law), 20, where)
-        results.append(gathered(sim.systems[0], np.array(sim.systems[0].table.owned_rows("displacement"))))
+        results.append(gathered(sim.systems[0], np.array(sim.systems[0].particles.owned_rows("displacement"))))
     np.testing.assert_allclose(results[0], results[1], atol=1e-11 * np.abs(results[1]).max())
 
 
@@ -177,15 +177,15 @@ def test_a_state_put_back_goes_on_with_the_same_bits(law):
     whole, columns = run_steps(moving(2, law), 12)
     part, _ = run_steps(moving(2, law), 5)
     again = simulation(moving(2, law))
-    again.systems[0].table.restore(
-        {name: values.copy() for name, values in part.systems[0].table.checkpointed().items()}
+    again.systems[0].particles.restore(
+        {name: values.copy() for name, values in part.systems[0].particles.checkpointed().items()}
     )
     again.systems[0].set_state(part.systems[0].state())
     again.systems[0].resume()
     for _ in range(7):
         again.take_step(again.systems[0].stable_step())
-    for name, values in whole.systems[0].table.checkpointed().items():
-        np.testing.assert_array_equal(again.systems[0].table.owned_rows(name), values, err_msg=name)
+    for name, values in whole.systems[0].particles.checkpointed().items():
+        np.testing.assert_array_equal(again.systems[0].particles.owned_rows(name), values, err_msg=name)
     assert again.systems[0].energies() == whole.systems[0].energies()
 
 

@@ -26,7 +26,7 @@ def test_patch(comm, dimension, plane, placement, influence, bulk):
     pull = [PULL] + [0.0] * (dimension - 1)
     data["boundaries"].append({"plane": "X = 1", "kind": "traction", "traction": pull})
     sim, _ = run_to_end(data, comm)
-    rows = sim.systems[0].table.owned_rows
+    rows = sim.systems[0].particles.owned_rows
     along, across = PULL / E, -NU * PULL / E
     if plane == "strain":
         along, across = PULL * (1.0 - NU**2) / E, -PULL * NU * (1.0 + NU) / E

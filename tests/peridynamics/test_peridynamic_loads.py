@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from parsolid.materials.registry import laws_of
-from parsolid.methods.peridynamics.forces import build_forces
+from parsolid.methods.peridynamics.forces import build_forces, particles_of
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.methods.peridynamics.operator import Operator
-from parsolid.scene import generate, parse_scene
+from parsolid.particles.generation import generate
+from parsolid.scene import parse_scene
 from parsolid.solvers import conjugate_gradients
 
 SIZE = (1.0, 0.8, 0.7)
@@ -46,7 +47,7 @@ class Body:
         particle_set = self.particle_set = generate(self.scene, comm)
         laws = laws_of(self.scene)
         self.comm, self.law = comm, laws[0]
-        self.loads = PeridynamicLoads(comm, self.scene, particle_set)
+        self.loads = PeridynamicLoads(comm, self.scene, particle_set, particles_of(self.scene, particle_set))
         forces = build_forces(comm, self.scene, particle_set, self.loads)
         self.loads.install_tractions(forces.engine, forces.horizon)
         self.operator = Operator(forces.engine, forces.history, self.loads.free)

@@ -5,7 +5,8 @@ import math
 
 import pytest
 
-from parsolid.scene import SceneError, agree, generate, load_scene, packaged_scene, parse_scene
+from parsolid.particles.generation import generate
+from parsolid.scene import SceneError, agree, load_scene, packaged_scene, parse_scene
 
 DELETED = object()
 

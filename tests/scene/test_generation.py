@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from parsolid.particles.generation import generate
 from parsolid.scene import (
-    generate,
     initial_deformation_gradient,
     initial_displacement,
     initial_velocity,

@@ -6,7 +6,8 @@ import meshio
 import numpy as np
 import pytest
 
-from parsolid.scene import SceneError, generate, parse_scene, selected
+from parsolid.particles.generation import generate
+from parsolid.scene import SceneError, parse_scene, selected
 from parsolid.scene.fillings import filling_of
 
 LENGTHS = (2.0, 3.0, 1.0)

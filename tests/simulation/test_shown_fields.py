@@ -6,8 +6,8 @@ import pytest
 from solids import simulation, tables
 
 from parsolid.commands.report import print_report
-from parsolid.methods.tlsph import system as tlsph
-from parsolid.particles.fields import Field
+from parsolid.methods.tlsph import state
+from parsolid.particles.declaration import Field
 from parsolid.simulation.observables import Observables
 from parsolid.simulation.output_files import OutputFiles
 
@@ -27,13 +27,13 @@ def written(comm, sim, folder) -> dict[str, np.ndarray]:
 @pytest.fixture
 def marked(monkeypatch):
     """The method with one more declared field."""
-    declare = tlsph.TotalLagrangianSPH._declare
+    declare = state.declare_strain
 
-    def more(self, particle_set):
-        declare(self, particle_set)
-        self.table.add(Field("mark", 1, "kg", shown=True), 2.0 * np.arange(self.owned) + 1.0)
+    def more(particles, *rest):
+        declare(particles, *rest)
+        particles.declare(Field("mark", 1, "kg", shown=True), 2.0 * np.arange(particles.owned) + 1.0)
 
-    monkeypatch.setattr(tlsph.TotalLagrangianSPH, "_declare", more)
+    monkeypatch.setattr(state, "declare_strain", more)
 
 
 def test_a_shown_field_takes_no_more_than_its_declaration(comm, shared_path, marked, capsys):
@@ -67,3 +67,19 @@ def test_what_is_written_unless_the_scene_chooses(comm, method, first):
         "poissons_ratio": 0.3,
     }
     assert Observables(simulation(data, comm).systems).usual_fields() == [*first, *USUAL]
+
+
+def test_what_a_plastic_body_carries_is_written_where_the_scene_names_it(comm, shared_path):
+    copper = {
+        "kind": "elastic-plastic",
+        "density": 8930.0,
+        "specific_heat": 383.0,
+        "equation_of_state": {"kind": "linear", "bulk_modulus": 130e9},
+        "shear_modulus": {"kind": "constant", "modulus": 43e9},
+        "flow_stress": {"kind": "linear-hardening", "yield_stress": 400e6, "hardening": 100e6},
+    }
+    data = tables((6, 6), material=copper, method={"kind": "mpm", "cell": 0.5}, body={"placement": "cells"})
+    assert Observables(simulation(data, comm).systems).usual_fields() == USUAL
+    data["output"] = {"fields": ["temperature", "velocity_gradient"]}
+    found = written(comm, simulation(data, comm), shared_path)
+    assert set(found) == {"temperature", "velocity_gradient", "body", "volume"}

@@ -10,7 +10,9 @@ from parsolid.simulation.loop import RunFailed
 
 
 def minimum_jacobian(sim) -> dict:
-    return {"jacobian": min(sim.comm.allgather(float(sim.systems[0].table.owned_rows("jacobian").min(initial=np.inf))))}
+    return {
+        "jacobian": min(sim.comm.allgather(float(sim.systems[0].particles.owned_rows("jacobian").min(initial=np.inf))))
+    }
 
 
 def failed(data: dict, comm, checkpoint=None):
@@ -40,19 +42,19 @@ def names_its_particle(sim, comm, message: str) -> None:
     found = re.search(r"particle +(\d+) on rank (\d+).*at X = \(([^)]*)\), now x = \(([^)]*)\)", message)
     assert found, message
     identifier, rank = int(found[1]), int(found[2])
-    mine = np.flatnonzero(sim.systems[0].table.owned_rows("identifier") == identifier)
+    mine = np.flatnonzero(sim.systems[0].particles.owned_rows("identifier") == identifier)
     assert comm.allgather(len(mine)) == [int(r == rank) for r in range(comm.size)]
     if comm.rank == rank:
-        place = sim.systems[0].table.owned_rows("reference_position")[mine[0]]
+        place = sim.systems[0].particles.owned_rows("reference_position")[mine[0]]
         np.testing.assert_allclose([float(x) for x in found[3].split(",")], place, rtol=1e-5, atol=1e-12)
-        jacobian = sim.systems[0].table.owned_rows("jacobian")[mine[0]]
-        assert not jacobian > 0.0 or not np.isfinite(sim.systems[0].table.owned_rows("velocity")[mine[0]]).all()
+        jacobian = sim.systems[0].particles.owned_rows("jacobian")[mine[0]]
+        assert not jacobian > 0.0 or not np.isfinite(sim.systems[0].particles.owned_rows("velocity")[mine[0]]).all()
 
 
 def test_one_particle_turned_inside_out_stops_the_next_step(comm):
     data = punch()
     sim = simulation(data, comm)
-    table = sim.systems[0].table
+    table = sim.systems[0].particles
     mine = np.flatnonzero(table.owned_rows("identifier") == 144)
     # a corner of the lattice's middle is pulled through itself within one step
     table.owned_rows("velocity")[mine, 1] = 1e6

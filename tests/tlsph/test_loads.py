@@ -32,7 +32,7 @@ def test_free_fall(dimension, load):
     g = np.array([1.5, -9.81, 0.7])[:dimension]
     scale = 1.0 if load == "acceleration" else SOFT["density"]
     sim = advanced(bar(dimension, loads={load: list(scale * g)}), 0.02, 25)
-    table, t = sim.systems[0].table, 0.5
+    table, t = sim.systems[0].particles, 0.5
     np.testing.assert_allclose(table.owned_rows("velocity"), np.tile(g * t, (sim.systems[0].owned, 1)), rtol=1e-12)
     fallen = table.owned_rows("position") - table.owned_rows("reference_position")
     np.testing.assert_allclose(fallen, np.tile(0.5 * g * t * t, (sim.systems[0].owned, 1)), rtol=1e-12)
@@ -47,7 +47,7 @@ def test_a_force_cubic_in_time_gives_the_exact_velocity():
     # the stages are at 0, 1 and 1/2 of the step with Simpson's weights
     sim = advanced(bar(2, loads={"acceleration": ["4*t**3", "1 - t"]}), 0.05, 20)
     np.testing.assert_allclose(
-        sim.systems[0].table.owned_rows("velocity"), np.tile([1.0, 0.5], (sim.systems[0].owned, 1)), rtol=1e-12
+        sim.systems[0].particles.owned_rows("velocity"), np.tile([1.0, 0.5], (sim.systems[0].owned, 1)), rtol=1e-12
     )
 
 
@@ -61,7 +61,7 @@ def test_the_momentum_of_a_free_bar_is_traction_times_area_times_time(dimension)
     )
     sim = advanced(data, 0.01, 30)
     area = 1.0 if dimension == 2 else 0.8
-    momentum = (sim.systems[0].mass * sim.systems[0].share) @ sim.systems[0].table.owned_rows("velocity")
+    momentum = (sim.systems[0].mass * sim.systems[0].share) @ sim.systems[0].particles.owned_rows("velocity")
     np.testing.assert_allclose(momentum, np.array(traction) * area * 0.3, rtol=1e-12)
 
 
@@ -86,9 +86,9 @@ def test_a_traction_holds_the_stress_of_a_stretched_bar(dimension):
     displacement = [f"{float(F[i, i] - 1.0)!r}*{'XYZ'[i]}" for i in range(dimension)]
     pull = {"plane": "X = 2", "kind": "traction", "traction": [float(P), 0, 0][:dimension]}
     sim = simulation(bar(dimension, [*rollers, pull], displacement=displacement))
-    X, spacing = sim.systems[0].table.owned_rows("reference_position"), 2.0 / ({2: 9, 3: 7}[dimension] - 1)
+    X, spacing = sim.systems[0].particles.owned_rows("reference_position"), 2.0 / ({2: 9, 3: 7}[dimension] - 1)
     np.testing.assert_allclose(
-        sim.systems[0].table.owned_rows("deformation_gradient"),
+        sim.systems[0].particles.owned_rows("deformation_gradient"),
         np.tile(F.ravel(), (sim.systems[0].owned, 1)),
         atol=1e-13,
     )
@@ -140,7 +140,7 @@ def test_regions_that_overlap_are_counted_once_and_the_last_one_holds():
     coarse, fine = balances(overlapping, {"acceleration": ["0.0", "1.0"]}, (40, 80))
     assert coarse > 5.0 * fine
     sim = advanced(bar(2, overlapping), 0.05, 4)
-    X, v = sim.systems[0].table.owned_rows("reference_position"), sim.systems[0].table.owned_rows("velocity")
+    X, v = sim.systems[0].particles.owned_rows("reference_position"), sim.systems[0].particles.owned_rows("velocity")
     boxed = (X[:, 0] > 0.99) & (X[:, 1] < 0.31)
     np.testing.assert_allclose(v[boxed, 0], 0.06, rtol=1e-14)
     np.testing.assert_allclose(v[(X[:, 0] > 1.99) & ~boxed], [[0.1, 0.2]] * 3, rtol=1e-14)
@@ -149,7 +149,7 @@ def test_regions_that_overlap_are_counted_once_and_the_last_one_holds():
 def test_a_prescribed_motion_is_followed_exactly():
     pull = {"plane": "X = 2", "kind": "velocity", "velocity": ["0.3*t**2", "0"]}
     sim = advanced(bar(2, [{"plane": "X = 0", "kind": "fixed"}, pull]), 0.05, 10)
-    table = sim.systems[0].table
+    table = sim.systems[0].particles
     end = table.owned_rows("reference_position")[:, 0] > 1.99
     np.testing.assert_allclose(table.owned_rows("velocity")[end], [[0.3 * 0.25, 0.0]] * 5, atol=1e-15)
     moved = (table.owned_rows("position") - table.owned_rows("reference_position"))[end]

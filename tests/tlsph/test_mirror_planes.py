@@ -8,7 +8,7 @@ MATERIAL = {**SOFT, "branches": ONE_BRANCH}
 
 
 def fields(sim) -> dict[str, np.ndarray]:
-    table = sim.systems[0].table
+    table = sim.systems[0].particles
     names = ("velocity", "position", "deformation_gradient", "jacobian")
     return {name: table.owned_rows(name) for name in (*names, *(n for n in table.fields if n.startswith("viscous")))}
 
@@ -17,18 +17,18 @@ def same_motion(part: dict, whole: dict, steps: int = 12, tolerance: float = 1e-
     """Both scenes for the same steps; particles of the part agree with those at the same place of the whole."""
     part, whole = simulation(part), simulation(whole)
     X, everywhere = (
-        part.systems[0].table.owned_rows("reference_position"),
-        whole.systems[0].table.owned_rows("reference_position"),
+        part.systems[0].particles.owned_rows("reference_position"),
+        whole.systems[0].particles.owned_rows("reference_position"),
     )
     distance = np.abs(X[:, None] - everywhere[None]).max(axis=2)
     there = distance.argmin(axis=1)
     assert distance.min(axis=1).max() < 1e-12 and len(everywhere) > len(X)
-    start = np.array(part.systems[0].table.owned_rows("velocity"))
+    start = np.array(part.systems[0].particles.owned_rows("velocity"))
     step = 0.5 * part.systems[0].stable_step()
     for _ in range(steps):
         part.take_step(step)
         whole.take_step(step)
-    assert np.abs(part.systems[0].table.owned_rows("velocity") - start).max() > 1e-2 * np.abs(start).max()
+    assert np.abs(part.systems[0].particles.owned_rows("velocity") - start).max() > 1e-2 * np.abs(start).max()
     for (name, few), many in zip(fields(part).items(), fields(whole).values()):
         np.testing.assert_allclose(few, many[there], rtol=0.0, atol=tolerance * np.abs(many).max(), err_msg=name)
 
@@ -112,13 +112,16 @@ def test_small_motion_at_an_antisymmetric_plane(amplitude):
     whole = box([-1.0, 0.0], [1.0, 0.6], [0.1, 0.1], velocity)
     part, whole = simulation(part), simulation(whole)
     X, everywhere = (
-        part.systems[0].table.owned_rows("reference_position"),
-        whole.systems[0].table.owned_rows("reference_position"),
+        part.systems[0].particles.owned_rows("reference_position"),
+        whole.systems[0].particles.owned_rows("reference_position"),
     )
     there = np.abs(X[:, None] - everywhere[None]).max(axis=2).argmin(axis=1)
     step = 0.5 * part.systems[0].stable_step()
     for _ in range(12):
         part.take_step(step)
         whole.take_step(step)
-    few, many = part.systems[0].table.owned_rows("velocity"), whole.systems[0].table.owned_rows("velocity")[there]
+    few, many = (
+        part.systems[0].particles.owned_rows("velocity"),
+        whole.systems[0].particles.owned_rows("velocity")[there],
+    )
     assert np.abs(few - many).max() < 3.0 * amplitude * amplitude + 1e-13 * amplitude

@@ -13,38 +13,43 @@ def built(dimension, comm, **material):
 
 
 def checkpoint_bytes(sim) -> int:
-    return sum(array.nbytes for array in sim.systems[0].table.checkpointed().values())
+    return sum(array.nbytes for array in sim.systems[0].particles.checkpointed().values())
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_no_array_and_no_byte_on_the_wire_or_in_the_checkpoint(dimension, comm):
     without, one = built(dimension, comm), built(dimension, comm, branches=ONE_BRANCH)
-    assert without.systems[0].body.branches is None and without.systems[0].shear is None
-    assert not any("viscous" in name for name in without.systems[0].table.fields)
-    assert [name for name in one.systems[0].table.fields if name not in without.systems[0].table.fields] == [
-        "viscous_strain_inverse_1"
-    ]
+    assert without.systems[0].pairs.terms.shear is None
+    mine, theirs = one.systems[0].particles, without.systems[0].particles
+    assert not any("viscous" in name for name in theirs.fields)
+    assert [name for name in mine.fields if name not in theirs.fields] == ["branches", "viscous_strain_inverse_1"]
     tensor = {2: 3, 3: 6}[dimension]
     assert checkpoint_bytes(one) - checkpoint_bytes(without) == 8 * tensor * one.systems[0].owned
     # the shear wave tensor goes with the branches; the motion is the same
     padded = {2: 4, 3: 8}[dimension]
-    assert one.systems[0].record.shape[1] - without.systems[0].record.shape[1] == padded
-    assert one.systems[0].motion_exchange.bytes_sent == without.systems[0].motion_exchange.bytes_sent
-    sent = sum(len(rows) for rows in one.systems[0].neighbour_lists.halo.send_lists)
-    assert (
-        one.systems[0].record_exchange.bytes_sent - without.systems[0].record_exchange.bytes_sent == 8 * padded * sent
-    )
+    assert mine.storage("record").shape[1] - theirs.storage("record").shape[1] == padded
+    assert mine.bytes_sent("motion") == theirs.bytes_sent("motion")
+    sent = sum(len(rows) for rows in one.systems[0].pairs.halo.send_lists)
+    assert mine.bytes_sent("record") - theirs.bytes_sent("record") == 8 * padded * sent
     assert sent > 0 or comm.size == 1
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_the_step_sends_motion_and_record_only(dimension, comm):
     sim = built(dimension, comm)
-    sent = sum(len(rows) for rows in sim.systems[0].neighbour_lists.halo.send_lists)
-    assert sim.systems[0].motion_exchange.bytes_sent == 8 * 2 * dimension * sent
-    assert sim.systems[0].record_exchange.bytes_sent == 8 * sim.systems[0].record.shape[1] * sent
-    exchanged = [name for name, field in sim.systems[0].table.fields.items() if field.exchanged]
-    assert sorted(exchanged) == ["position", "velocity"]
+    sent = sum(len(rows) for rows in sim.systems[0].pairs.halo.send_lists)
+    particles = sim.systems[0].particles
+    assert particles.bytes_sent("motion") == 8 * 2 * dimension * sent
+    assert particles.bytes_sent("record") == 8 * particles.storage("record").shape[1] * sent
+    exchanged = {name: field.message for name, field in particles.fields.items() if field.ghosts is not None}
+    # the places are sent once, when the pairs are found
+    assert exchanged == {
+        "told": "record",
+        "velocity": "motion",
+        "position": "motion",
+        "reference_position": "reference",
+    }
+    assert sim.systems[0].bytes_a_step() == 3 * (particles.bytes_sent("motion") + particles.bytes_sent("record"))
 
 
 @pytest.mark.parametrize("scene", [punch, lambda **keys: column((4, 5, 4))], ids=["2", "3"])
@@ -56,7 +61,7 @@ def test_branches_without_stiffness_are_none_to_the_bit(scene):
         sim = simulation(data)
         for _ in range(5):
             sim.take_step(0.5 * sim.systems[0].stable_step())
-        states.append({name: np.array(array) for name, array in sim.systems[0].table.checkpointed().items()})
+        states.append({name: np.array(array) for name, array in sim.systems[0].particles.checkpointed().items()})
     assert states[0].keys() == states[1].keys()
     for name, array in states[0].items():
         np.testing.assert_array_equal(array, states[1][name], err_msg=name)
@@ -77,7 +82,7 @@ def test_a_body_beside_one_with_branches_does_not_relax(dimension=2):
     assert {block.branches for block in sim.systems[0].blocks} == {0, 1} and alone.systems[0].branches == 0
     for _ in range(5):
         sim.take_step(0.01)
-    A = sim.systems[0].table.owned_rows("viscous_strain_inverse_1")
+    A = sim.systems[0].particles.owned_rows("viscous_strain_inverse_1")
     identity = np.array([1.0] * dimension + [0.0] * (A.shape[1] - dimension))
     elastic = sim.particle_sets[0].body == 0
     np.testing.assert_array_equal(A[elastic], np.tile(identity, (elastic.sum(), 1)))

@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from solids import ONE_BRANCH, RUBBER, column, gathered, punch, run_steps, supports, tables
+from solids import ONE_BRANCH, RUBBER, column, evolved, gathered, punch, run_steps, supports, tables
 
 from parsolid.simulation.ledger import COLUMNS
 from parsolid.simulation.observables import Observables
@@ -75,7 +75,7 @@ def test_histories_and_fields_do_not_depend_on_the_ranks(scene, comm):
     alone = comm.Split(comm.rank)
     (many, spread), (one, single) = history(scene(), comm), history(scene(), alone)
     assert set(COLUMNS) < set(one) and len(one["time"]) == STEPS + 1
-    assert len(spread.systems[0].table.owned_rows("identifier")) < single.particles or comm.size == 1
+    assert len(spread.systems[0].particles.owned_rows("identifier")) < single.particles or comm.size == 1
     # a component of a vector or tensor is compared with the greatest of all: some vanish but for round-off
     scales = {}
     for name, values in one.items():
@@ -84,7 +84,7 @@ def test_histories_and_fields_do_not_depend_on_the_ranks(scene, comm):
     for name, values in one.items():
         atol = AGREEMENT * scales[stem(name)] + 1e-300
         np.testing.assert_allclose(many[name], values, rtol=0.0, atol=atol, err_msg=name)
-    names = [name for name, field in single.systems[0].table.fields.items() if field.evolved]
+    names = evolved(single.systems[0].particles)
     for name, field, wanted in zip(names, gathered(spread, *names), gathered(single, *names)):
         np.testing.assert_allclose(field, wanted, rtol=0.0, atol=AGREEMENT * np.abs(wanted).max(), err_msg=name)
     stress = Observables(spread.systems).field("stress")

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from solids import ONE_BRANCH, SOFT, column, evaluate, punch, run_to_end, simulation, supports, tables
+from solids import ONE_BRANCH, SOFT, column, evaluate, evolved, punch, run_to_end, simulation, supports, tables
 
 NUMBERS = (12, 24, 48, 96)
 
@@ -22,9 +22,8 @@ def after(branches, end: float, number: int) -> np.ndarray:
     sim = simulation(smooth(branches))
     for _ in range(number):
         sim.take_step(end / number)
-    table = sim.systems[0].table
-    evolved = [name for name, field in table.fields.items() if field.evolved]
-    return {name: np.array(table.owned_rows(name)) for name in evolved}
+    table = sim.systems[0].particles
+    return {name: np.array(table.owned_rows(name)) for name in evolved(table)}
 
 
 def orders(branches, end: float) -> dict[str, float]:
@@ -82,7 +81,7 @@ def test_the_ledger_adds_up_what_it_says():
 
 def test_a_step_of_nothing_changes_nothing():
     sim = simulation(smooth(ONE_BRANCH))
-    table = sim.systems[0].table
+    table = sim.systems[0].particles
     sim.take_step(0.05)
     before = {name: np.array(array) for name, array in table.checkpointed().items()}
     found = evaluate(sim)

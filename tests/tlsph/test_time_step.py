@@ -45,7 +45,7 @@ def test_it_follows_the_fastest_wave_of_the_state(dimension, branches):
 
 def test_one_crushed_particle_rules_the_step():
     sim = simulation(tables((5, 6), material={**SOFT, "branches": ONE_BRANCH}))
-    table, before = sim.systems[0].table, sim.systems[0].stable_step()
+    table, before = sim.systems[0].particles, sim.systems[0].stable_step()
     crushed = 17
     table.owned_rows("deformation_gradient")[crushed] = [0.2, 0.0, 0.0, 0.5]
     table.owned_rows("jacobian")[crushed] = 0.1
@@ -80,7 +80,7 @@ def test_it_does_not_depend_on_the_ranks(comm):
         box = {"box": {"lower": [3.0, 0.0], "upper": [4.0, 1.0]}}
         data["bodies"].append({"shape": box, "particles": [5, 5], "material": stiff})
         sim = simulation(data, where)
-        table = sim.systems[0].table
+        table = sim.systems[0].particles
         names = table.owned_rows("identifier")
         table.owned_rows("deformation_gradient")[:] += 0.1 * random_of(names, 4)
         F = table.owned_rows("deformation_gradient")

@@ -52,10 +52,9 @@ def _kernel_row(particles: int, smoothing: float, branches: int) -> list:
     run = Steps(MPI.COMM_SELF, cube_scene(particles, smoothing, branches), 2)
     method = run.simulation.systems[0]
     step, evaluation = best_time(run.advance) / run.steps, best_time(method.evaluate_forces)
-    degree = np.diff(method.neighbour_lists.inner.start) + np.bincount(
-        method.neighbour_lists.inner.neighbour, minlength=method.owned
-    )
-    pairs = method.neighbour_lists.directed_pairs / 2
+    inner = method.pairs.inner
+    degree = np.diff(inner.start) + np.bincount(inner.neighbour, minlength=method.owned)
+    pairs = method.directed_pairs / 2
     return [
         smoothing,
         branches,

@@ -1,15 +1,17 @@
 """Which law of a material point belongs to which parameters."""
 
-from parsolid.commands.point.laws import MaxwellPoint, PointLaw
+from parsolid.commands.point.laws import MaxwellPoint, MooneyRivlinPoint, PointLaw
 from parsolid.commands.point.plastic import PlasticPoint
 from parsolid.commands.point.viscoelastic import PronyPoint
 from parsolid.materials.hyperelastic.mooney_rivlin import MooneyRivlin
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.viscoelastic.prony import Prony
 
-POINT_LAWS = {MooneyRivlin: MaxwellPoint, ElasticPlastic: PlasticPoint, Prony: PronyPoint}
+POINT_LAWS = {MooneyRivlin: MooneyRivlinPoint, ElasticPlastic: PlasticPoint, Prony: PronyPoint}
 
 
 def point_law(parameters, **conditions) -> PointLaw:
-    """The law of a material point with the given parameters; conditions are keywords of its class."""
-    return POINT_LAWS[type(parameters)](parameters, **conditions)
+    """The law of a material point with the given parameters, hyperelastic if of no other kind; conditions are keywords
+    of its class.
+    """
+    return POINT_LAWS.get(type(parameters), MaxwellPoint)(parameters, **conditions)

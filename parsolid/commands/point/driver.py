@@ -1,8 +1,8 @@
 """The driver: a law's state along a path, with the work that the stress does and the energy that is dissipated.
 
-Stored energy (from the energy function), work (from the stress) and dissipation (from its rate) are found independently of
-each other, so that work - dissipation - change of the stored energy measures the error of the steps. It vanishes but for
-rounding where nothing is approximated: at a fixed deformation and in a jump.
+Stored energy (from the energy function), work (from the stress) and dissipation (from its rate) are found independently
+of each other, so that work - dissipation - change of the stored energy measures the error of the steps. It vanishes but
+for rounding where nothing is approximated: at a fixed deformation and in a jump.
 """
 
 from dataclasses import dataclass, field

@@ -1,16 +1,16 @@
 """Laws at one material point: what the driver asks of a law, and the laws that answer.
 
-A new law is one class more with the methods of `PointLaw`, entered in `point.choice` under the type of its parameters.
+A new law is one class more with the methods of `PointLaw`, entered in `point.choice` under the type of its parameters;
+every hyperelastic law is one already.
 """
 
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from parsolid.materials.hyperelastic import evaluation, hyperbolicity
+from parsolid.materials.hyperelastic import acoustics, evaluation, hyperbolicity
 from parsolid.materials.hyperelastic.conjugates import branch_moduli, relaxation_times
 from parsolid.materials.hyperelastic.evaluation import symmetric_rows, symmetric_tensors
-from parsolid.materials.hyperelastic.mooney_rivlin import MooneyRivlin
 from parsolid.materials.viscoelastic.relaxation import dissipated_energy, relax_branches
 from parsolid.scene.observation import component_names
 
@@ -20,7 +20,7 @@ class PathLost(ArithmeticError):
 
 
 class PointLaw(Protocol):
-    """A law whose state is advanced along a deformation gradient. A state is whatever the law wants, but never changed."""
+    """A law whose state is advanced along a deformation gradient. A state is what the law wants, but never changed."""
 
     def virgin(self) -> Any:
         """The state before time 0, at F = I."""
@@ -53,9 +53,9 @@ class MaxwellState(NamedTuple):
 
 
 class MaxwellPoint:
-    """Mooney-Rivlin solid with Maxwell branches; A is advanced by the second-order relaxation of the solver."""
+    """Hyperelastic solid with Maxwell branches; A is advanced by the second-order relaxation of the solver."""
 
-    def __init__(self, law: MooneyRivlin):
+    def __init__(self, law: Any):
         self.law, self.moduli, self.times = law, branch_moduli(law), relaxation_times(law)
 
     def virgin(self) -> MaxwellState:
@@ -99,6 +99,27 @@ class MaxwellPoint:
     def _waves(self, state, directions: np.ndarray) -> dict[str, np.ndarray]:
         result = {}
         for k, N in enumerate(directions, 1):
+            speeds = np.sqrt(acoustics.wave_moduli(self.law, state, N / np.linalg.norm(N)) / self.law.density)
+            result[f"direction_{k}.pressure_wave_speed"] = speeds[:, 2]
+            result[f"direction_{k}.slow_shear_wave_speed"], result[f"direction_{k}.fast_shear_wave_speed"] = speeds.T[
+                :2
+            ]
+        least, shear, greatest = acoustics.extreme_moduli(self.law, state).T
+        result["largest_pressure_wave_speed"] = np.sqrt(greatest / self.law.density)
+        result["largest_shear_wave_speed"] = np.sqrt(shear / self.law.density)
+        return result | {"smallest_acoustic_eigenvalue": least}
+
+    def _polyconvex(self, states: list):
+        A = symmetric_tensors(np.array([state.A for state in states])) if len(self.moduli) else None
+        return hyperbolicity.polyconvex_state(self.law, self.deformations(states), A)
+
+
+class MooneyRivlinPoint(MaxwellPoint):
+    """The solid whose waves have closed forms."""
+
+    def _waves(self, state, directions: np.ndarray) -> dict[str, np.ndarray]:
+        result = {}
+        for k, N in enumerate(directions, 1):
             shear = hyperbolicity.shear_wave_speeds(self.law, state, N)
             result[f"direction_{k}.pressure_wave_speed"] = hyperbolicity.pressure_wave_speed(self.law, state, N)
             result[f"direction_{k}.slow_shear_wave_speed"], result[f"direction_{k}.fast_shear_wave_speed"] = shear.T
@@ -106,7 +127,3 @@ class MaxwellPoint:
         result["largest_shear_wave_speed"] = hyperbolicity.largest_shear_wave_speed(self.law, state)
         result["smallest_acoustic_eigenvalue"] = hyperbolicity.smallest_acoustic_eigenvalue(self.law, state)
         return result
-
-    def _polyconvex(self, states: list):
-        A = symmetric_tensors(np.array([state.A for state in states])) if len(self.moduli) else None
-        return hyperbolicity.polyconvex_state(self.law, self.deformations(states), A)

@@ -178,8 +178,8 @@ class Table(Path):
     """F from rows of numbers: a CSV `file` or `rows` with `columns`; components that are missing are those of I.
 
     Columns are "time" and deformation_gradient_xx, _xy..., in a file after a `prefix`, so that the history of a probe
-    or of an earlier point can be followed. Two rows with the same time are a jump. The interpolation is linear, cubic (a
-    spline between jumps) or constant (each row until the next).
+    or of an earlier point can be followed. Two rows with the same time are a jump. The interpolation is linear, cubic
+    (a spline between jumps) or constant (each row until the next).
     """
 
     exactly_one: ClassVar = (("file", "rows"),)

@@ -14,7 +14,9 @@ from parsolid.numerics.layout import LAYOUT
 
 
 class PlasticState(NamedTuple):
-    """F (3, 3), unrotated deviator (6,), scalars, Cauchy stress (3, 3); plastic_work and heat given away [J/m^3] since time 0."""
+    """F (3, 3), unrotated deviator (6,), scalars, Cauchy stress (3, 3); plastic_work and heat given away [J/m^3] since
+    time 0.
+    """
 
     F: np.ndarray
     deviator: np.ndarray

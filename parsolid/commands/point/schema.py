@@ -35,7 +35,9 @@ class PointOutput(SceneModel):
 
 
 class MaterialPoint(SceneModel):
-    """A material, the path of its deformation gradient from the undeformed state at time 0, and how finely it is followed."""
+    """A material, the path of its deformation gradient from the undeformed state at time 0, and how finely it is
+    followed.
+    """
 
     exactly_one: ClassVar = (("steps", "time_step"),)
     title: str = ""

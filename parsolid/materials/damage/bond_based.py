@@ -1,9 +1,10 @@
-"""Elastic bond-based law (prototype microelastic brittle): its micromodulus for every state of strain and influence function.
+"""Elastic bond-based law (prototype microelastic brittle): its micromodulus for every state of strain and influence
+function.
 
-A bond of stretch s pulls with c w(|xi|/delta) s per two volumes, and stores c w s^2 |xi|/2 (Silling & Askari, Comput. Struct. 83,
-2005, eqs (8)-(10)). c is such that a uniform stretch stores the classical energy; with w = 1 it is 18 k/(pi delta^4) in space,
-9 E/(pi h delta^3) in plane stress, 48 E/(5 pi h delta^3) in plane strain and 2 E/(A delta^2) in a bar. Per metre of thickness
-and square metre of section.
+A bond of stretch s pulls with c w(|xi|/delta) s per two volumes, and stores c w s^2 |xi|/2 (Silling & Askari, Comput.
+Struct. 83, 2005, eqs (8)-(10)). c is such that a uniform stretch stores the classical energy; with w = 1 it is 18 k/(pi
+delta^4) in space, 9 E/(pi h delta^3) in plane stress, 48 E/(5 pi h delta^3) in plane strain and 2 E/(A delta^2) in a
+bar. Per metre of thickness and square metre of section.
 """
 
 import math
@@ -33,7 +34,8 @@ def of_material(material) -> BondBased:
 
 
 def micromodulus(youngs_modulus: float, state: str, influence: str, horizon):
-    """c from Young's modulus [Pa] for a horizon [m], or an array of them; N/m^6 in space, N/m^5 in the plane, N/m^4 in a bar.
+    """c from Young's modulus [Pa] for a horizon [m], or an array of them; N/m^6 in space, N/m^5 in the plane, N/m^4 in
+    a bar.
 
     Energy 1/4 c s^2 (integral of w |xi| over the family) of a uniform stretch s.
     """

@@ -1,8 +1,9 @@
 """Polyconvex energy, conjugate stresses, relaxation and entropy of the Mooney-Rivlin solid with Maxwell branches.
 
-Equation numbers are those of Lee et al. A state is a `PolyconvexState`; its arrays have any common leading shape, written
-`...` below (empty for a single state), and m is the number of branches, 0 for an elastic solid. The arguments F, H, J, Y, y
-are independent of each other, as in W(X, Y) of (11); `polyconvex_state` makes the consistent state of a deformation.
+Equation numbers are those of Lee et al. A state is a `PolyconvexState`; its arrays have any common leading shape,
+written `...` below (empty for a single state), and m is the number of branches, 0 for an elastic solid. The arguments
+F, H, J, Y, y are independent of each other, as in W(X, Y) of (11); `polyconvex_state` makes the consistent state of a
+deformation.
 """
 
 from typing import NamedTuple
@@ -47,8 +48,8 @@ def relaxation_times(law) -> np.ndarray:
 def polyconvex_state(law, F, A=None) -> PolyconvexState:
     """The state with H = cof F, J = det F, Y = A^{-1}, y = det A.
 
-    F (..., 3, 3); A (..., m, 3, 3) is the solver's internal variable C_v,alpha^{-1}, the identity (virgin) unless given.
-    Raises ValueError when the shapes do not fit the law.
+    F (..., 3, 3); A (..., m, 3, 3) is the solver's internal variable C_v,alpha^{-1}, the identity (virgin) unless
+    given. Raises ValueError when the shapes do not fit the law.
     """
     F, count = np.asarray(F, dtype=np.float64), len(branch_moduli(law))
     shape = (*F.shape[:-2], count, 3, 3)
@@ -124,7 +125,8 @@ def relaxation_rates(law, state: PolyconvexState) -> tuple[np.ndarray, np.ndarra
 def dissipation_rates(law, state: PolyconvexState) -> np.ndarray:
     """Internal dissipation of every branch [W/m^3], shape (..., m), eqs (27), (28).
 
-    With D = A - C^{-1}, tr[C A + C^{-1} A^{-1} - 2 I] = C : D A^{-1} D: not negative, and without cancellation near D = 0.
+    With D = A - C^{-1}, tr[C A + C^{-1} A^{-1} - 2 I] = C : D A^{-1} D: not negative, and without cancellation near D =
+    0.
     """
     C = right_cauchy_green(state.F)[..., None, :, :]
     excess = np.linalg.inv(state.Y) - np.linalg.inv(C)
@@ -139,7 +141,9 @@ def entropy(law, momentum, state: PolyconvexState) -> np.ndarray:
 
 
 def entropy_variables(law, momentum, state: PolyconvexState) -> EntropyVariables:
-    """Conjugate variables V = dS/dU of (36); momentum p (..., 3) [kg/(m^2 s)]. -V . R is the dissipation (condition iv)."""
+    """Conjugate variables V = dS/dU of (36); momentum p (..., 3) [kg/(m^2 s)]. -V . R is the dissipation (condition
+    iv).
+    """
     return EntropyVariables(np.asarray(momentum, dtype=np.float64) / law.density, conjugate_stresses(law, state))
 
 

@@ -1,4 +1,5 @@
-"""Hyperbolicity of polyconvex viscoelasticity as functions: everything that Lee et al.'s sections 3, 4 and appendix A state.
+"""Hyperbolicity of polyconvex viscoelasticity as functions: everything that Lee et al.'s sections 3, 4 and appendix A
+state.
 
 energy, stresses, relaxation, entropy    `conjugates`: (11)-(15), (19), (20), (25)-(28), (35), (36), (A.1), (A.2)
 second derivatives of the energy         `hessians`:   (17), (18), (A.3)-(A.6), corrected

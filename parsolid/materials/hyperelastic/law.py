@@ -1,10 +1,12 @@
 """What a hyperelastic law offers to the particle kernels.
 
-A law is a `NamedTuple` of parameters, among them density [kg/m^3], and branch_moduli [Pa] and relaxation_times [s] of its Maxwell
-branches (tuples of equal length, or None), which every hyperelastic law may have. Its functions are implementations of the stubs
-below (see `numerics.dispatch.generic`), chosen when a kernel is compiled. A law implements equilibrium_energy, equilibrium_stress,
-equilibrium_wave_tensor and elastic_moduli; all else follows from these, branches included. Tensors are those of `numerics.tensors`, scalars floats or four particles at once (`numerics.lanes.Lanes`).
-`branch_sum` is sum_alpha mu_alpha A_alpha [Pa] of the Maxwell branches, a symmetric tensor, or None without branches.
+A law is a `NamedTuple` of parameters, among them density [kg/m^3], and branch_moduli [Pa] and relaxation_times [s] of
+its Maxwell branches (tuples of equal length, or None), which every hyperelastic law may have. Its functions are
+implementations of the stubs below (see `numerics.dispatch.generic`), chosen when a kernel is compiled. A law implements
+equilibrium_energy, equilibrium_stress, equilibrium_wave_tensor and elastic_moduli; all else follows from these,
+branches included. Tensors are those of `numerics.tensors`, scalars floats or four particles at once
+(`numerics.lanes.Lanes`). `branch_sum` is sum_alpha mu_alpha A_alpha [Pa] of the Maxwell branches, a symmetric tensor,
+or None without branches.
 """
 
 from numba.extending import register_jitable
@@ -35,7 +37,9 @@ def equilibrium_energy(law, F: Tensor, H: Tensor, J):
 
 @generic
 def isotropic_shear_modulus(law):
-    """rho c_s^2 [Pa] when it is the same for every direction and state, so that no shear wave tensor is kept; else None."""
+    """rho c_s^2 [Pa] when it is the same for every direction and state, so that no shear wave tensor is kept; else
+    None.
+    """
 
 
 @generic
@@ -45,7 +49,9 @@ def equilibrium_stress(law, F: Tensor, H: Tensor, J):
 
 @generic
 def equilibrium_wave_tensor(law, F: Tensor, H: Tensor, J):
-    """`pressure_wave_tensor` without the branches; never less than the acoustic tensor, where no quadratic form is exact."""
+    """`pressure_wave_tensor` without the branches; never less than the acoustic tensor, where no quadratic form is
+    exact.
+    """
 
 
 @generic

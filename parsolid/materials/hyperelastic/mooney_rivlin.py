@@ -52,8 +52,8 @@ class Moduli(NamedTuple):
 class StatedMooneyRivlin:
     """Polyconvex Mooney-Rivlin solid with Maxwell branches (Lee et al., eqs (19), (20)).
 
-    The equilibrium law is given either by `youngs_modulus` and `poissons_ratio` (with `zeta`, 0 unless given) or by `xi`,
-    `zeta` and `lambda_hat`: mu = 2 (xi + zeta), lambda = lambda_hat + 4 zeta.
+    The equilibrium law is given either by `youngs_modulus` and `poissons_ratio` (with `zeta`, 0 unless given) or by
+    `xi`, `zeta` and `lambda_hat`: mu = 2 (xi + zeta), lambda = lambda_hat + 4 zeta.
     """
 
     exactly_one: ClassVar = (("youngs_modulus", "xi"), ("poissons_ratio", "lambda_hat"))

@@ -1,13 +1,15 @@
 """Acoustic tensor and wave speeds of the Mooney-Rivlin solid with Maxwell branches, for any direction.
 
-Equation numbers are those of Lee et al.; states and shapes as in `materials.hyperelastic.conjugates`; N (..., 3) is a material direction,
-normalised here. With B = sum mu_alpha A_alpha, C = F^T F, kappa = f'' + sum mu_alpha / J^2 and n the spatial normal H N / |H N|,
+Equation numbers are those of Lee et al.; states and shapes as in `materials.hyperelastic.conjugates`; N (..., 3) is a
+material direction, normalised here. With B = sum mu_alpha A_alpha, C = F^T F, kappa = f'' + sum mu_alpha / J^2 and n
+the spatial normal H N / |H N|,
 
     Q(N) = (2 xi + N . B N) I + 2 zeta [(tr C - N . C N) I - F (I - N (x) N) F^T] + kappa H N (x) H N.
 
-n is an eigenvector for every N, so (56) and (59), derived for principal directions, hold for any N. The pressure wave is the
-fastest: rho (c_p^2 - c_s^2) = 2 zeta lambda^2 + kappa |H N|^2 > 0, lambda a principal stretch of the surface normal to N.
-rho c_p(N)^2 is a quadratic form in N, so the greatest speed over all N is that of its greatest eigenvalue, whatever zeta.
+n is an eigenvector for every N, so (56) and (59), derived for principal directions, hold for any N. The pressure wave
+is the fastest: rho (c_p^2 - c_s^2) = 2 zeta lambda^2 + kappa |H N|^2 > 0, lambda a principal stretch of the surface
+normal to N. rho c_p(N)^2 is a quadratic form in N, so the greatest speed over all N is that of its greatest eigenvalue,
+whatever zeta.
 """
 
 import math
@@ -120,7 +122,7 @@ def _least_pair(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 @compiled
 def _turn_to_least(first, second, result, rounds=1000):
-    """Turn each frame, in which the forms are given, until first_11 + second_33 is least there; forms are overwritten."""
+    """Turn each frame, in which the forms are given, until first_11 + second_33 is least; forms are overwritten."""
     for k in range(len(first)):
         a, b = first[k], second[k]
         value = np.inf

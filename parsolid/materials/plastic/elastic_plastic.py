@@ -1,7 +1,8 @@
 """Hypoelastic-plastic solid with an equation of state; its parts are chosen by type.
 
-sigma = s - (P + q) 1. The deviator is carried unrotated (Green-Naghdi rate), flow is isochoric and associated (d^p along s),
-P follows from the full internal energy, and the temperature enters flow stress, shear modulus and melting alone.
+sigma = s - (P + q) 1. The deviator is carried unrotated (Green-Naghdi rate), flow is isochoric and associated (d^p
+along s), P follows from the full internal energy, and the temperature enters flow stress, shear modulus and melting
+alone.
 """
 
 from typing import Any, NamedTuple
@@ -16,8 +17,8 @@ class ElasticPlastic(NamedTuple):
     """Parameters in SI units; the parts are NamedTuples of `materials`.
 
     density [kg/m^3], specific_heat C_v [J/(kg K)], reference_temperature [K] of the state without stress and energy,
-    taylor_quinney: share of the plastic work that heats; conductivity [W/(m K)] or None; equation_of_state, shear_modulus,
-    flow_stress, melting (None: never).
+    taylor_quinney: share of the plastic work that heats; conductivity [W/(m K)] or None; equation_of_state,
+    shear_modulus, flow_stress, melting (None: never).
     """
 
     density: float

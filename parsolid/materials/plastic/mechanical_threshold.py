@@ -1,4 +1,6 @@
-"""Mechanical threshold stress (Follansbee & Kocks, Acta Metall. 36 (1988) 81; Chen & Gray, Metall. Trans. A 27 (1996) 2994)."""
+"""Mechanical threshold stress (Follansbee & Kocks, Acta Metall. 36 (1988) 81; Chen & Gray, Metall. Trans. A 27 (1996)
+2994).
+"""
 
 import math
 from typing import Annotated, NamedTuple
@@ -12,13 +14,15 @@ from parsolid.numerics.elementary import choose, power, some_positive
 
 @law("flow-stress", "mechanical-threshold")
 class MechanicalThreshold(NamedTuple):
-    """sigma_y = sigma_a + S(rate, T) sigma_e(ep) mu/mu0; the threshold stress sigma_e hardens at a fixed rate and temperature.
+    """sigma_y = sigma_a + S(rate, T) sigma_e(ep) mu/mu0; the threshold stress sigma_e hardens at a fixed rate and
+    temperature.
 
     S = [1 - (k T/(g0 mu b^3) ln(edot0/rate))^(1/q)]^(1/p);
     d sigma_e/d ep = theta (1 - tanh(alpha x)/tanh alpha), x = sigma_e/sigma_es;
     theta = a0 + a1 ln rate + a2 sqrt(rate) - a3 T;
     ln(sigma_es/sigma_es0) = k T/(g0s mu b^3) ln(rate/edot_s).
-    Stresses and a0..a2 [Pa], a3 [Pa/K], boltzmann_over_burgers k/b^3 [Pa/K], rates [1/s]. mu scales the thermal part alone.
+    Stresses and a0..a2 [Pa], a3 [Pa/K], boltzmann_over_burgers k/b^3 [Pa/K], rates [1/s]. mu scales the thermal part
+    alone.
     """
 
     athermal_stress: Annotated[float, Parameter("Pa", "sigma_a", at_least=0.0)]
@@ -42,8 +46,8 @@ class MechanicalThreshold(NamedTuple):
 def _hardened(alpha, strain):
     """x with int_0^x dx'/(1 - tanh(alpha x')/tanh alpha) = strain, by Halley's method.
 
-    The integral in closed form with w = alpha (1 - x): ln sinh w - w tanh alpha = c. The unknown is ln w, in which the left side
-    is nearly straight while w is small; the start is right at both ends.
+    The integral in closed form with w = alpha (1 - x): ln sinh w - w tanh alpha = c. The unknown is ln w, in which the
+    left side is nearly straight while w is small; the start is right at both ends.
     """
     slope = math.tanh(alpha)
     c = math.log(math.sinh(alpha)) - alpha * slope - alpha / (math.sinh(alpha) * math.cosh(alpha)) * strain

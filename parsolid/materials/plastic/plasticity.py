@@ -1,7 +1,8 @@
 """What the parts of an elastic-plastic law offer to the particle kernels; each part is a NamedTuple type of its own.
 
-Functions are implementations for those types (see `numerics.dispatch.generic`), in plain arithmetic, of floats or of four particles at once (`numerics.lanes.Lanes`).
-Pressure P = -tr(sigma)/3 is positive in compression; E [J/m^3] is the internal energy per reference volume.
+Functions are implementations for those types (see `numerics.dispatch.generic`), in plain arithmetic, of floats or of
+four particles at once (`numerics.lanes.Lanes`). Pressure P = -tr(sigma)/3 is positive in compression; E [J/m^3] is the
+internal energy per reference volume.
 """
 
 import math
@@ -15,7 +16,8 @@ SLOWEST_RATE = 1e-12
 
 @generic
 def flow_stress(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
-    """Flow stress sigma_y [Pa] at an equivalent plastic strain and its rate [1/s]; 0 at and above the melting temperature.
+    """Flow stress sigma_y [Pa] at an equivalent plastic strain and its rate [1/s]; 0 at and above the melting
+    temperature.
 
     shear_modulus [Pa] and melting_temperature [K] are those of the current pressure and temperature.
     """
@@ -62,7 +64,8 @@ def deviator_update(
 ):
     """Unrotated deviator [Pa] after a step with the deviatoric strain increment `strain`, and the plastic flow in it.
 
-    heating [K/(J/m^3)] of the plastic work. Returns (s, increment of the equivalent plastic strain, plastic work per volume).
+    heating [K/(J/m^3)] of the plastic work. Returns (s, increment of the equivalent plastic strain, plastic work per
+    volume).
     """
 
 
@@ -70,8 +73,9 @@ def deviator_update(
 def plastic_increment(
     flow, trial, expected, plastic_strain, step, temperature, heating, shear_modulus, melting_temperature
 ):
-    """Increment x of the equivalent plastic strain with trial - 3 mu x = sigma_y(ep + x, x/step, T + heating sigma_y x).
+    """Increment x of the equivalent plastic strain with trial - 3 mu x = sigma_y(ep + x, x/step, T + heating sigma_y
+    x).
 
-    trial: von Mises stress [Pa] of the elastic trial state; expected: a guess of x, such as the step's equivalent strain;
-    heating [K/(J/m^3)] of the plastic work. 0 where the trial is elastic.
+    trial: von Mises stress [Pa] of the elastic trial state; expected: a guess of x, such as the step's equivalent
+    strain; heating [K/(J/m^3)] of the plastic work. 0 where the trial is elastic.
     """

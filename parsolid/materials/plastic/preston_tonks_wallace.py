@@ -1,4 +1,4 @@
-"""Flow stress of Preston, Tonks & Wallace (J. Appl. Phys. 93 (2003) 211) from thermal activation to overdriven shocks."""
+"""Flow stress of Preston, Tonks & Wallace (J. Appl. Phys. 93 (2003) 211) from thermal flow to overdriven shocks."""
 
 import math
 from typing import Annotated, NamedTuple
@@ -12,8 +12,8 @@ from parsolid.numerics.elementary import choose
 class PrestonTonksWallace(NamedTuple):
     """sigma_y = 2 tau(ep, rate, T/T_m) mu; all parameters are numbers but atomic_mass [kg] and density [kg/m^3].
 
-    hardening theta, hardening_exponent p, saturation_cold s_0, saturation_hot s_inf, activation kappa, rate_scale gamma,
-    yield_cold y_0, yield_hot y_inf, medium_yield y_1, medium_exponent y_2, overdriven_exponent beta.
+    hardening theta, hardening_exponent p, saturation_cold s_0, saturation_hot s_inf, activation kappa, rate_scale
+    gamma, yield_cold y_0, yield_hot y_inf, medium_yield y_1, medium_exponent y_2, overdriven_exponent beta.
     """
 
     needs_melting = True

@@ -1,4 +1,6 @@
-"""Shear moduli mu(P, T); none falls below a hundredth of its value at P = 0, T = 0, where the waves need some stiffness."""
+"""Shear moduli mu(P, T); none falls below a hundredth of its value at P = 0, T = 0, where the waves need some
+stiffness.
+"""
 
 import math
 from typing import Annotated, NamedTuple
@@ -33,7 +35,8 @@ class SteinbergShearModulus(NamedTuple):
 class NadalLePoac(NamedTuple):
     """mu of Nadal & Le Poac 2003, with a fall to zero at melting.
 
-    modulus mu0 [Pa], pressure_coefficient d(mu)/dP / mu0 [1/Pa], width zeta, lindemann C, atomic_mass [kg], density [kg/m^3].
+    modulus mu0 [Pa], pressure_coefficient d(mu)/dP / mu0 [1/Pa], width zeta, lindemann C, atomic_mass [kg], density
+    [kg/m^3].
     """
 
     needs_melting = True

@@ -1,4 +1,4 @@
-"""Flow stress of Steinberg, Cochran & Guinan (J. Appl. Phys. 51 (1980) 1498), with the rate term of Steinberg & Lund."""
+"""Flow stress of Steinberg, Cochran & Guinan (J. Appl. Phys. 51 (1980) 1498), with the rate term of Steinberg, Lund."""
 
 import math
 from typing import Annotated, NamedTuple
@@ -29,8 +29,9 @@ class ThermalActivation(NamedTuple):
 class SteinbergCochranGuinan(NamedTuple):
     """sigma_y = (Y_T(rate, T) + min(sigma_0 [1 + beta (ep + ep_i)]^n, Y_max)) mu/mu0.
 
-    yield_stress sigma_0, greatest_yield_stress Y_max, shear_modulus mu0 [Pa], hardening beta, exponent n, initial_strain ep_i;
-    activation: a ThermalActivation, or None for the rate-independent model of 1980 (rates above 1e5/s).
+    yield_stress sigma_0, greatest_yield_stress Y_max, shear_modulus mu0 [Pa], hardening beta, exponent n,
+    initial_strain ep_i; activation: a ThermalActivation, or None for the rate-independent model of 1980 (rates above
+    1e5/s).
     """
 
     yield_stress: Annotated[float, Parameter("Pa", "sigma_0", above=0.0)]

@@ -7,8 +7,9 @@ from scipy.optimize import brentq
 def shear_relaxation(bulk_modulus: float, equilibrium: float, moduli, times) -> tuple[float, np.ndarray, np.ndarray]:
     """Equilibrium value [Pa], moduli (m,) [Pa] and times (m,) [s] of G(t), exact for constant K, from those of E(t).
 
-    With s times the Laplace transform, G(s) = 3 K E(s) / (9 K - E(s)): its poles -1/T_k are where E(s) = 9 K, one just beyond
-    each pole of E. Terms of the same time become one, those without stiffness none. ValueError unless E(0+) < 9 K.
+    With s times the Laplace transform, G(s) = 3 K E(s) / (9 K - E(s)): its poles -1/T_k are where E(s) = 9 K, one just
+    beyond each pole of E. Terms of the same time become one, those without stiffness none. ValueError unless E(0+) < 9
+    K.
     """
     K, times, moduli = bulk_modulus, np.asarray(times, float), np.asarray(moduli, float)
     if not equilibrium + moduli.sum() < 9.0 * K:
@@ -37,7 +38,9 @@ def shear_relaxation(bulk_modulus: float, equilibrium: float, moduli, times) -> 
 
 
 def _bracket(excess, poles: np.ndarray, guess: float, j: int) -> tuple[float, float]:
-    """Two offsets between which E(s) - 9 K falls through zero: from plus infinity at a pole to minus infinity at the next."""
+    """Two offsets between which E(s) - 9 K falls through zero: from plus infinity at a pole to minus infinity at the
+    next.
+    """
     low = guess
     last = j + 1 == len(poles)
     high = np.inf if last else (poles[j + 1] - poles[j]) / poles[j] * (1.0 - 1e-15)

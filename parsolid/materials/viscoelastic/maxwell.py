@@ -43,8 +43,8 @@ def inverse_right_cauchy_green(H, J):
 def branch_dissipation(modulus, relaxation_time, C, C_inverse, A):
     """Rate of internal dissipation of one branch [W/m^3]: (28) as mu/(2 tau) (C - A^{-1}) : (A - C^{-1}).
 
-    This is -dW/dt at fixed F for any pair C, C_inverse. With F, H and J evolved apart these are inverses only to the time
-    integration's error, which (28) as printed would divide by tau.
+    This is -dW/dt at fixed F for any pair C, C_inverse. With F, H and J evolved apart these are inverses only to the
+    time integration's error, which (28) as printed would divide by tau.
     """
     return (0.5 * modulus / relaxation_time) * contract(C - inverse_symmetric(A), A - C_inverse)
 

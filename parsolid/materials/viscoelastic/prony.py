@@ -1,19 +1,20 @@
 """Linear viscoelasticity by a Prony series, at small strain and, in Green-Lagrange strain, at finite strain.
 
-Branch j of the series is a Maxwell element beside the equilibrium solid; the strain of its spring is e_j, and its stress is
-h_j = gamma_j C0 : e_j (Galadima et al., eqs (23), (24)). With strain linear over a step of length dt, (28) is
+Branch j of the series is a Maxwell element beside the equilibrium solid; the strain of its spring is e_j, and its
+stress is h_j = gamma_j C0 : e_j (Galadima et al., eqs (23), (24)). With strain linear over a step of length dt, (28) is
     e_j <- a_j e_j + A_j (e_new - e_old),   a_j = exp(-dt/tau_j),   A_j = (1 - a_j) / (dt/tau_j),
 exact for such a path; a step of length 0 is a jump (a = A = 1). The stress depends on the relaxing strain
     e~ = e + sum_j gamma_j e_j
 alone where all moduli relax in one ratio (31), and on the strain too where the bulk is elastic (32)-(35):
     sigma = C0 : e~      or      sigma = K tr(e) I + 2 G0 dev(e~).
-The recursion is linear, so what holds for strains holds for displacements: e~ is the strain of u~ = u + sum_j gamma_j q_j with
-q_j <- a_j q_j + A_j (u_new - u_old).
+The recursion is linear, so what holds for strains holds for displacements: e~ is the strain of u~ = u + sum_j gamma_j
+q_j with q_j <- a_j q_j + A_j (u_new - u_old).
 
 At finite strain e is the Green-Lagrange strain and the stress the second Piola-Kirchhoff stress S, P = F S (Kaliske &
 Rothert, Comput. Mech. 19, 1997, on a St. Venant-Kirchhoff solid).
 
-Functions take tuples of scalars (`numerics.tensors`), floats or `Lanes`. A bar is embedded in the plane: only 11 is not zero.
+Functions take tuples of scalars (`numerics.tensors`), floats or `Lanes`. A bar is embedded in the plane: only 11 is not
+zero.
 """
 
 import math
@@ -105,10 +106,12 @@ def branch_weights(step, relaxation_time):
 
 @compiled
 def dissipation_weights(step, relaxation_time):
-    """Weights (c, d, e) with which a branch dissipates over a step: 2 gamma (c w(e_j, e_j) + d w(e_j, de) + e w(de, de)).
+    """Weights (c, d, e) with which a branch dissipates over a step: 2 gamma (c w(e_j, e_j) + d w(e_j, de) + e w(de,
+    de)).
 
-    w is `branch_form`, e_j the branch strain at the start of the step, de the change of the strain over it. The integral of
-    2 gamma w(e_j, e_j)/tau over the step, with strain linear in time; never negative as a whole, 0 in a jump.
+    w is `branch_form`, e_j the branch strain at the start of the step, de the change of the strain over it. The
+    integral of 2 gamma w(e_j, e_j)/tau over the step, with strain linear in time; never negative as a whole, 0 in a
+    jump.
     """
     x = step / relaxation_time
     if x == 0.0:
@@ -239,10 +242,12 @@ def _add_bulk_form(form, bulk_modulus, a, b):
 
 @register_jitable
 def branch_form(law, a, b):
-    """Bilinear energy density [J/m^3] of a branch over gamma_j: 1/2 a : C0 : b, or G0 dev(a) : dev(b) for an elastic bulk.
+    """Bilinear energy density [J/m^3] of a branch over gamma_j: 1/2 a : C0 : b, or G0 dev(a) : dev(b) for an elastic
+    bulk.
 
     The stored energy is equilibrium_form(e, e) + sum gamma_j branch_form(e_j, e_j), and the rate of dissipation
-    sum 2 gamma_j/tau_j branch_form(e_j, e_j) [W/m^3]; the power of the stress is the sum of the latter and the former's rate.
+    sum 2 gamma_j/tau_j branch_form(e_j, e_j) [W/m^3]; the power of the stress is the sum of the latter and the former's
+    rate.
     """
     return _form_of(law.bulk_modulus, law, a, b)
 
@@ -263,7 +268,7 @@ def _deviatoric_form(bulk_modulus, law, a, b):
 
 
 def algorithmic_factor(law: Prony, step: float) -> float:
-    """1 + sum gamma_j A_j: the stiffness of what relaxes, over a step [s], in multiples of its equilibrium stiffness."""
+    """1 + sum gamma_j A_j: the stiffness of what relaxes, over a step [s], in multiples of that in equilibrium."""
     return 1.0 + sum(
         ratio * branch_weights(step, time)[1] for ratio, time in zip(law.ratios or (), law.relaxation_times or ())
     )

@@ -1,8 +1,10 @@
 """Maxwell branches of a single state over a step: internal variables, and the dissipation as an exact integral.
 
-Over a step C^{-1} is taken as linear in time, as in `materials.viscoelastic.maxwell`; then A - C^{-1} has the closed form
+Over a step C^{-1} is taken as linear in time, as in `materials.viscoelastic.maxwell`; then A - C^{-1} has the closed
+form
     D(s) = e^{-s/tau} D(0) - tau (1 - e^{-s/tau}) dC^{-1}/dt,
-so that the dissipation (28) is the integral of mu/(2 tau) C : D A^{-1} D, which is smooth but may live in a short layer.
+so that the dissipation (28) is the integral of mu/(2 tau) C : D A^{-1} D, which is smooth but may live in a short
+layer.
 """
 
 import math

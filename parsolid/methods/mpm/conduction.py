@@ -5,30 +5,38 @@ The step of the conduction comes before that of the motion, with the particles w
 gains raises its temperature and its internal energy alike.
 """
 
+from typing import Any
+
 import numpy as np
 
 from parsolid.boundary.heat import HeatSupply
 from parsolid.methods.mpm import heat as grid_heat
-from parsolid.methods.mpm.grid_conditions import GridConditions
+from parsolid.methods.mpm.grid_conditions import GridConditions, ThermalPlane
+from parsolid.methods.mpm.material_points import MaterialPoints
+from parsolid.methods.mpm.nodes import Nodes
 from parsolid.numerics.lanes import aligned_zeros
+from parsolid.scene import Scene
 
 # share of the step at which the shortest waves of explicit conduction start to grow
 _SAFETY = 0.9
 # particles at one depth give no line
 _FLAT = 1e-6
+# a plane, slots of the nodes behind and on it, those of their images, and places of the former
+Fold = tuple[ThermalPlane, np.ndarray, np.ndarray, np.ndarray]
 
 
 class Conduction:
     """Heat of one rank's particles in a step; `diffusivity` [m^2/s] is the largest found in the last one."""
 
-    def __init__(self, conditions: GridConditions, points, nodes, planes: list):
+    def __init__(self, conditions: GridConditions, points: MaterialPoints, nodes: Nodes, planes: list[ThermalPlane]):
         """points: `MaterialPoints`; nodes: `Nodes`; planes: `GridConditions.thermal_planes`."""
         settings = conditions.declared.scene.method
         self.points, self.nodes, self.planes = points, nodes, planes
         self.conducting, self.moving = settings.conduction, settings.motion
         self.supply = HeatSupply(conditions.declared, points, points.axisymmetric)
         self.thermal = aligned_zeros((0, 4))
-        self._seen, self._folds, self.diffusivity = -1, [], 0.0
+        self._seen, self.diffusivity = -1, 0.0
+        self._folds: list[Fold] = []
 
     def refresh(self) -> None:
         """What particles have to conduct, in the present state."""
@@ -49,7 +57,7 @@ class Conduction:
             self.refresh()
         if self.diffusivity == 0.0:
             return np.inf
-        return _SAFETY * self.points.settings.cell**2 / (2.0 * self.points.dimension * self.diffusivity)
+        return float(_SAFETY * self.points.settings.cell**2 / (2.0 * self.points.dimension * self.diffusivity))
 
     def _update_folds(self) -> None:
         nodes = self.nodes
@@ -73,13 +81,13 @@ class Conduction:
         held = [plane.temperatures(places, time) for plane, _, _, places in self._folds]
         # a plane that is not at the particles' temperature at the start takes them along, as nodes of finite elements
         # on it would
-        jumps = self._jumps(held) if time == 0.0 else [0.0] * len(held)
+        jumps = self._jumps(held) if time == 0.0 else [np.zeros(1)] * len(held)
         self._find_temperatures(held)
         self._find_flows()
         self._find_increments(held, jumps, time, step)
         return self._take_heat() - passed
 
-    def _find_temperatures(self, held: list) -> None:
+    def _find_temperatures(self, held: list[np.ndarray]) -> None:
         """Of the nodes, planes at the temperatures `held` [K] included."""
         nodes = self.nodes
         self._sum_capacities(self.thermal)
@@ -98,7 +106,7 @@ class Conduction:
         for plane, ghosts, images, _ in self._folds:
             grid_heat.fold_flow(ghosts, images, plane.sign, nodes.heat)
 
-    def _find_increments(self, held: list, jumps: list, time: float, step: float) -> None:
+    def _find_increments(self, held: list[np.ndarray], jumps: list[np.ndarray], time: float, step: float) -> None:
         """Changes of the nodes' temperatures [K] in a step."""
         nodes = self.nodes
         grid_heat.find_increments(0, nodes.count, nodes.heat, step)
@@ -109,7 +117,7 @@ class Conduction:
     def _take_heat(self) -> float:
         """New temperatures and internal energies of the particles; the heat [J] that they gained from the nodes."""
         points, storage = self.points, self.points.storage
-        gained = grid_heat.gather_heat(self.nodes.interpolation, self.nodes.heat, self.thermal)
+        gained: float = grid_heat.gather_heat(self.nodes.interpolation, self.nodes.heat, self.thermal)
         for block in points.warm_blocks:
             state = points.motion, storage("temperature"), storage("internal_energy")
             grid_heat.take_heat(block.first, block.last, self.thermal, *state)
@@ -143,7 +151,7 @@ class Conduction:
         grid_heat.scatter_heat(nodes.interpolation, thermal, nodes.heat, nodes.partial)
         nodes.sum("capacity")
 
-    def _jumps(self, held: list) -> list:
+    def _jumps(self, held: list[np.ndarray]) -> list[np.ndarray]:
         """Temperatures of the planes less those of the particles beside them [K], at the rows of the folds.
 
         The latter are those of the line on the plane that fits the particles around an image node best, by capacity and
@@ -173,7 +181,7 @@ class Conduction:
         return result
 
 
-def conducts(scene, laws: list) -> bool:
+def conducts(scene: Scene, laws: list[Any]) -> bool:
     """Whether there is any heat to conduct or to supply."""
     able = scene.method.conduction and any(getattr(law, "conductivity", None) for law in laws)
     return able or scene.loads.heat_source is not None

@@ -1,8 +1,10 @@
 """What a background grid obeys of a scene's boundaries: folds at mirror planes, walls, driven regions, temperatures."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from decomposition.occupied import Mirror
 from parsolid.boundary.declarations import (
@@ -19,6 +21,7 @@ from parsolid.collective import SolverError, maximum, minimum
 from parsolid.methods.mpm import grid as kernels
 from parsolid.scene.formulas import Formula
 from parsolid.scene.regions import NearestTo
+from parsolid.scene.schema import Scene
 
 # a plane this near, in cells, to nodes or to the middle between them counts as there
 _NEAR = 1e-6
@@ -89,9 +92,9 @@ class DrivenRegion:
             raise SolverError(f"{motion.key}.point: expected a plane, box or ball of grid nodes, found a point")
         self.region, self._seen = motion.where.region, -1
         free = motion.course.free
-        self.components = [(int(i), motion.course.component(i)) for i in np.flatnonzero(~free)]
+        self.components = [(int(i), motion.course.component(int(i))) for i in np.flatnonzero(~free)]
 
-    def _choose(self, tables, dimension: int) -> None:
+    def _choose(self, tables: Any, dimension: int) -> None:
         """The nodes in the region, anew when there are others."""
         if self._seen == tables.changes:
             return
@@ -100,7 +103,7 @@ class DrivenRegion:
         self.slots = np.flatnonzero(self.region.contains(place, _NEAR * tables.spacing))
         self.places = np.ascontiguousarray(place[self.slots])
 
-    def drive(self, nodes: np.ndarray, tables, time: float, dimension: int) -> float:
+    def drive(self, nodes: np.ndarray, tables: Any, time: float, dimension: int) -> float:
         """Set the nodes' velocities to those of a time [s]; the work [J] done on the nodes that this rank counts."""
         self._choose(tables, dimension)
         work, mass = 0.0, nodes[self.slots, 3] * tables.share[self.slots]
@@ -116,7 +119,7 @@ class DrivenRegion:
 class GridConditions:
     """Conditions of a scene on a background grid, the same on all ranks; planes include the axis of axisymmetry."""
 
-    def __init__(self, comm, scene, position: np.ndarray, origin: np.ndarray):
+    def __init__(self, comm: MPI.Comm, scene: Scene, position: np.ndarray, origin: np.ndarray):
         """position (n, d) [m] of this rank's particles; origin (4,) [m] of the grid. Collective.
 
         Raises SolverError on all ranks when a plane lies neither on nodes nor half-way between, or does not bound all
@@ -132,7 +135,7 @@ class GridConditions:
         self.walls = [MovingWall(wall, scene.dimension) for wall in self.declared.of(RigidWall)]
         self.driven = [DrivenRegion(motion) for motion in self.declared.of(PrescribedMotion, "velocity")]
 
-    def _folded(self, scene) -> list[FoldedPlane]:
+    def _folded(self, scene: Scene) -> list[FoldedPlane]:
         supports = self.declared.of(Support, "roller", "fixed")
         for one in supports:
             if not one.mirrored:
@@ -164,7 +167,7 @@ class GridConditions:
             )
         return Mirror(axis, round(place), 1 if self.lower[axis] >= offset else -1)
 
-    def obey(self, nodes, array: np.ndarray, time: float) -> tuple[float, float]:
+    def obey(self, nodes: Any, array: np.ndarray, time: float) -> tuple[float, float]:
         """Let velocities in an array of `Nodes` obey at a time [s]; the work this takes, and what of it is lost [J]."""
         supplied, caught = 0.0, 0.0
         for wall in self.walls:

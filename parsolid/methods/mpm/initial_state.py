@@ -2,13 +2,15 @@
 
 import numpy as np
 
-from parsolid.scene import initial_deformation_gradient, initial_displacement, initial_velocity
+from parsolid.methods.mpm.material_points import MaterialPoints
+from parsolid.particles.particle_set import ParticleSet
+from parsolid.scene import Scene, initial_deformation_gradient, initial_displacement, initial_velocity
 
 # of the cell, for the gradient of an initial displacement
 _DIFFERENCE = 1e-4
 
 
-def set_initial_motion(scene, particle_set, points) -> None:
+def set_initial_motion(scene: Scene, particle_set: ParticleSet, points: MaterialPoints) -> None:
     """Velocity, position and F of `MaterialPoints` in the order of the particle_set."""
     d, place = points.dimension, (scene, particle_set.body, particle_set.position)
     rows = points.owned_rows
@@ -26,10 +28,11 @@ def set_initial_motion(scene, particle_set, points) -> None:
         rows("deformation_gradient")[:, 4] = rows("position")[:, 0] / particle_set.position[:, 0]
 
 
-def _displacement_gradient(scene, particle_set, small: float) -> np.ndarray:
+def _displacement_gradient(scene: Scene, particle_set: ParticleSet, small: float) -> np.ndarray:
     """(n, d, d) of the bodies' formulas by central differences over a length [m]."""
     columns, body, place = [], particle_set.body, particle_set.position
     for step in small * np.eye(place.shape[1]):
         ahead, behind = (initial_displacement(scene, body, place + s * step) for s in (1.0, -1.0))
+        assert ahead is not None and behind is not None
         columns.append((ahead - behind) / (2.0 * small))
     return np.stack(columns, axis=2)

@@ -138,7 +138,8 @@ def _store_stress_space(space, stress, i, values, speed):
 @register_jitable
 def largest_lane(values):
     """The greatest of four lanes."""
-    return max(max(lane(values, 0), lane(values, 1)), max(lane(values, 2), lane(values, 3)))
+    first, second = max(lane(values, 0), lane(values, 1)), max(lane(values, 2), lane(values, 3))
+    return max(first, second)
 
 
 @register_jitable

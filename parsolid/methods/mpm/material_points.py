@@ -2,6 +2,8 @@
 `decomposition.RankGrid` at once.
 """
 
+from typing import Any
+
 import numpy as np
 
 from parsolid.materials.blocks import MaterialBlock, block_numbers
@@ -13,6 +15,8 @@ from parsolid.numerics.layout import LAYOUT
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field, Rows, Within
 from parsolid.particles.extents import domain_bounds
+from parsolid.particles.particle_set import ParticleSet
+from parsolid.scene import Scene
 
 # F of the undeformed body: 11, 12, 21, 22, 33 in two dimensions, its rows in three
 _IDENTITY = {2: (1.0, 0.0, 0.0, 1.0, 1.0), 3: (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)}
@@ -25,7 +29,7 @@ class MaterialPoints(Particles):
     to.
     """
 
-    def __init__(self, scene, particle_set):
+    def __init__(self, scene: Scene, particle_set: ParticleSet):
         """particle_set: this rank's particles, sorted by law."""
         laws = laws_of(scene)
         self.laws, law_of_body = block_numbers(laws, np.arange(len(laws)))
@@ -44,7 +48,7 @@ class MaterialPoints(Particles):
         self._bases = np.empty((0, self.dimension), np.int64)
         self._base_offset = grid_weights.base_offset(self.basis)
 
-    def _declare_geometry(self, particles) -> None:
+    def _declare_geometry(self, particles: ParticleSet) -> None:
         """What does not change."""
         d = self.dimension
         self.declare(
@@ -58,7 +62,7 @@ class MaterialPoints(Particles):
             self.declare(Field("axes", d * d, "1", checkpointed=True), particles.axes.reshape(len(particles), d * d))
         self.declare(Field("area", d, "m^2", checkpointed=True), particles.area)
 
-    def _declare_motion(self, particles) -> None:
+    def _declare_motion(self, particles: ParticleSet) -> None:
         """The record of motion, deformation and stress."""
         d, density = self.dimension, np.array([law.density for law in self.laws])[self.law_of_body[particles.body]]
         volume = particles.volume * (particles.position[:, 0] if self.axisymmetric else 1.0)
@@ -73,7 +77,7 @@ class MaterialPoints(Particles):
         self.declare(Field("velocity_gradient", 12, "1/s"))
         self.declare(Field("stress_and_volume", 8, "J", checkpointed=True))
 
-    def _declare_transfer(self, particles) -> None:
+    def _declare_transfer(self, particles: ParticleSet) -> None:
         """What only some settings need."""
         settings, d = self.settings, self.dimension
         if settings.formulation == "total-lagrangian":
@@ -103,12 +107,12 @@ class MaterialPoints(Particles):
         return self.storage(self.where)
 
     @property
-    def basis(self):
+    def basis(self) -> Any:
         """The grid's basis, on the particles' half widths where it needs them."""
         return grid_weights.make_basis(self.settings.basis, self.find("half_widths"))
 
     @property
-    def velocity_transfer(self):
+    def velocity_transfer(self) -> Flip | Apic:
         """How particles take velocities from the nodes: `grid.Flip` or `grid.Apic`."""
         if self.settings.transfer == "apic":
             return Apic(self.storage("velocity_slope"))
@@ -160,7 +164,7 @@ class MaterialPoints(Particles):
 
     def jacobian(self, first: int, last: int) -> np.ndarray:
         """det F (n,)."""
-        return np.linalg.det(self.deformation_gradients(first, last))
+        return np.asarray(np.linalg.det(self.deformation_gradients(first, last)))
 
     def bounds_of_domains(self) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper bounds (d,) [m] of the deformed domains of this rank's particles."""

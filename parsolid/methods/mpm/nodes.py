@@ -4,8 +4,12 @@ import time as clock
 
 import numpy as np
 
+from decomposition.grid import RankGrid
+from decomposition.node_sum import CellSum, NodeSum
 from parsolid.collective import minimum
 from parsolid.methods.mpm import grid as kernels
+from parsolid.methods.mpm.grid_conditions import FoldedPlane
+from parsolid.methods.mpm.material_points import MaterialPoints
 from parsolid.numerics.lanes import aligned_zeros
 from parsolid.numerics.layout import Axisymmetric
 
@@ -23,7 +27,7 @@ class Nodes:
     counts it; partial (cells, width**d, 8): parts of single cells, with bitwise sums, else None.
     """
 
-    def __init__(self, ranks, points, planes: list, conducts: bool):
+    def __init__(self, ranks: RankGrid, points: MaterialPoints, planes: list[FoldedPlane], conducts: bool):
         """ranks: `decomposition.RankGrid`; points: `MaterialPoints`, none on a mirror plane; planes: `FoldedPlane`s.
         Collective.
         """
@@ -34,9 +38,11 @@ class Nodes:
         self.spacing = float(points.settings.cell)
         self.twice, self.warm = points.settings.order == "musl", conducts
         self.scratch = kernels.make_scratch(points.basis, ranks.dimension)
-        self.motion, self.again, self.heat, self.partial = aligned_zeros((0, 8)), None, None, None
+        self.motion = self.again = self.heat = aligned_zeros((0, 8))
+        self.partial: np.ndarray | None = None
         self.changes, self.communication_seconds = 0, 0.0
-        self._seen, self._sums = None, {}
+        self._seen: tuple[int, int] | None = None
+        self._sums: dict[str, NodeSum | CellSum] = {}
 
     @property
     def cells(self) -> int:
@@ -63,8 +69,8 @@ class Nodes:
         if len(self.motion) < self.count:
             room = self.count + self.count // 4
             self.motion = aligned_zeros((room, 8))
-            self.again = aligned_zeros((room, 8)) if self.twice else None
-            self.heat = aligned_zeros((room, 8)) if self.warm else None
+            self.again = aligned_zeros((room if self.twice else 0, 8))
+            self.heat = aligned_zeros((room if self.warm else 0, 8))
         self._base = aligned_zeros((self.cells, 4))
         self._base[:, :d] = cells.index
         self.places = np.zeros((self.count, 4))
@@ -75,7 +81,8 @@ class Nodes:
 
     def _find_folds(self) -> None:
         """Nodes behind and on the mirror planes, and what counts of each node."""
-        self._folds, self.share = [], np.ones(self.count)
+        self.share = np.ones(self.count)
+        self._folds: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         for plane in self.planes:
             behind, images, on_plane = self.ranks.cells.mirrored(plane.mirror)
             ghosts = np.concatenate((behind, on_plane)).astype(np.int32)
@@ -127,7 +134,7 @@ class Nodes:
 
     def kinetic_gain(self) -> float:
         """What the step has added to the nodes' kinetic energy [J], on this rank."""
-        return kernels.kinetic_gain(0, self.count, self.motion, self.share)
+        return float(kernels.kinetic_gain(0, self.count, self.motion, self.share))
 
     def _fold(self, nodes: np.ndarray) -> None:
         """Add what the body's images give."""
@@ -146,5 +153,5 @@ class Nodes:
 
     def arrays(self) -> list[np.ndarray]:
         """Arrays that count as memory."""
-        named = (self.motion, self.again, self.heat, self.partial)
-        return [array for array in named if array is not None]
+        partial = [] if self.partial is None else [self.partial]
+        return [self.motion, self.again, self.heat, *partial]

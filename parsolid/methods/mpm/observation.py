@@ -3,30 +3,32 @@
 import numpy as np
 
 from parsolid.materials.plastic.plastic_evaluation import melting_temperature
+from parsolid.methods.mpm.material_points import MaterialPoints
 
 
-def shown(points, name: str, first: int, last: int) -> np.ndarray | None:
-    """See `protocol.ParticleSystem.shown`; points: `MaterialPoints`."""
+def shown(points: MaterialPoints, name: str, first: int, last: int) -> np.ndarray | None:
+    """See `protocol.ParticleSystem.shown`."""
     here = slice(first, last)
     if name == "deformation_gradient":
         return points.deformation_gradients(first, last)
     if name == "velocity_gradient":
         return points["velocity_gradient"][here].reshape(-1, 3, 4)[:, :, :3].copy()
-    volumes = points.motion[here, 7] * points.jacobian(first, last) if name in ("density", "stress") else None
+    if name not in ("density", "stress"):
+        return None
+    volumes = points.motion[here, 7] * points.jacobian(first, last)
     if name == "density":
-        return points["mass"][here] / volumes
-    if name == "stress":
-        xx, yy, zz, _, yz, xz, xy, _ = points["stress_and_volume"][here].T
-        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1) / volumes[:, None, None]
-    return None
+        return np.asarray(points["mass"][here] / volumes)
+    xx, yy, zz, _, yz, xz, xy, _ = points["stress_and_volume"][here].T
+    stress = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)
+    return np.asarray(stress / volumes[:, None, None])
 
 
-def can_melt(points) -> bool:
+def can_melt(points: MaterialPoints) -> bool:
     """Whether a law has a melting temperature; the same on all ranks."""
     return any(getattr(law, "melting", None) is not None for law in points.laws)
 
 
-def homologous_temperatures(points) -> np.ndarray:
+def homologous_temperatures(points: MaterialPoints) -> np.ndarray:
     """T / T_m of this rank's particles that can melt."""
     parts = [np.zeros(0)]
     for block in points.warm_blocks:
@@ -36,7 +38,7 @@ def homologous_temperatures(points) -> np.ndarray:
     return np.concatenate(parts)
 
 
-def first_unsound(points, listed: np.ndarray) -> tuple[int, str] | None:
+def first_unsound(points: MaterialPoints, listed: np.ndarray) -> tuple[int, str] | None:
     """See `protocol.ParticleSystem.unsound`; listed: rows of the particles that are in a cell."""
     rows, jacobian = points.owned_rows, points.jacobian(0, points.owned)
     numbers = (rows("velocity"), rows("position"), rows("stress_and_volume"), jacobian[:, None])

@@ -10,6 +10,8 @@ import numpy as np
 
 from parsolid.methods.mpm import lagrangian as kernels
 from parsolid.methods.mpm.grid import FirstPiolaKirchhoffStress
+from parsolid.methods.mpm.nodes import Nodes
+from parsolid.methods.mpm.stress_update import StressUpdate
 
 
 class ReferenceGrid:
@@ -19,8 +21,7 @@ class ReferenceGrid:
     undeformed body.
     """
 
-    def __init__(self, materials, nodes):
-        """materials: the particles' `StressUpdate`; nodes: `Nodes`."""
+    def __init__(self, materials: StressUpdate, nodes: Nodes):
         self.points, self.materials, self.nodes, self.space = materials.points, materials, nodes, nodes.space
         self.stretch, self.slowness = 1.0, np.inf
 

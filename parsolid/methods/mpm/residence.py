@@ -4,6 +4,10 @@ the cells.
 
 import time as clock
 
+from decomposition.cell_partition import CellPartition
+from decomposition.grid import RankGrid
+from parsolid.methods.mpm.material_points import MaterialPoints
+
 # steps between looks at the order of storage and the balance of ranks, and the share of breaks that calls for a new
 # order
 _PERIOD, _DISORDER = 16, 0.3
@@ -15,12 +19,11 @@ class Residence:
     steps: counted, as they time the looks; rebalanced: how often cells were dealt out anew.
     """
 
-    def __init__(self, grid, points):
-        """points: `MaterialPoints`."""
+    def __init__(self, grid: RankGrid, points: MaterialPoints):
         self.grid, self.points, self.settings = grid, points, points.settings
         self.steps, self.rebalanced, self.communication_seconds = 0, 0, 0.0
 
-    def deal_out(self, partition=None) -> bool:
+    def deal_out(self, partition: CellPartition | None = None) -> bool:
         """Give particles to the owners of their cells under a partition, or under a balanced one; collective.
 
         False where a particle is lost, see `RankGrid.settle`.

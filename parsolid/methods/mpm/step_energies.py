@@ -3,6 +3,9 @@
 import numpy as np
 
 from parsolid.methods.mpm.grid import kinetic_energy
+from parsolid.methods.mpm.material_points import MaterialPoints
+from parsolid.methods.mpm.nodes import Nodes
+from parsolid.methods.protocol import EnergyLedger
 
 
 class StepEnergies:
@@ -10,8 +13,7 @@ class StepEnergies:
     [N], or None.
     """
 
-    def __init__(self, points, nodes, forces: np.ndarray | None):
-        """points: `MaterialPoints`; nodes: `Nodes`."""
+    def __init__(self, points: MaterialPoints, nodes: Nodes, forces: np.ndarray | None):
         self.points, self.nodes, self.forces = points, nodes, forces
         # what filters the particles' velocities loses kinetic energy; FLIP alone does not
         settings = points.settings
@@ -19,13 +21,15 @@ class StepEnergies:
         self.kinetic = kinetic_energy(points.owned, points.motion) if self.filters else 0.0
         self.before = None if forces is None else points.motion[: points.owned].copy()
 
-    def book(self, ledger, step: float, boundaries: tuple[float, float], materials: dict[str, float]) -> None:
+    def book(
+        self, ledger: EnergyLedger, step: float, boundaries: tuple[float, float], materials: dict[str, float]
+    ) -> None:
         """boundaries: work of walls and driven regions and what of it is lost [J]; materials: further terms of the
         ledger [J].
         """
         supplied, caught = boundaries
-        if self.forces is not None:
-            supplied += self._work_of_loads(step)
+        if self.forces is not None and self.before is not None:
+            supplied += _work(self.forces, self.before, self.points.motion[: self.points.owned], step)
         lost = 0.0
         if self.filters:
             lost = self.kinetic + self.nodes.kinetic_gain() - kinetic_energy(self.points.owned, self.points.motion)
@@ -33,8 +37,8 @@ class StepEnergies:
         for name, energy in materials.items():
             ledger.add_term(name, energy)
 
-    def _work_of_loads(self, step: float) -> float:
-        """Work [J] on particles: the nodal velocity in the middle of the step is the mean of the old and the new."""
-        before, after = self.before, self.points.motion[: self.points.owned]
-        moved = after[:, :3] - before[:, :3] - 0.5 * step * (after[:, 4:7] - before[:, 4:7])
-        return float((self.forces[: len(after), :3] * moved).sum())
+
+def _work(forces: np.ndarray, before: np.ndarray, after: np.ndarray, step: float) -> float:
+    """Work [J] on particles: the nodal velocity in the middle of the step is the mean of the old and the new."""
+    moved = after[:, :3] - before[:, :3] - 0.5 * step * (after[:, 4:7] - before[:, 4:7])
+    return float((forces[: len(after), :3] * moved).sum())

@@ -4,12 +4,17 @@ A kind of law is a class with what `HyperelasticUpdate` has, and a line of `_KIN
 here.
 """
 
+import functools
+from typing import Any
+
 import numpy as np
 
 from parsolid.boundary.declarations import Declarations, Declared, TemperaturePlane
+from parsolid.materials.blocks import MaterialBlock
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.methods.mpm.grid import CauchyStress
 from parsolid.methods.mpm.hyperelastic_update import advance_elastic_stress, elastic_energy
+from parsolid.methods.mpm.material_points import MaterialPoints
 from parsolid.methods.mpm.plastic_update import (
     DEVIATOR_ROWS,
     BulkViscosity,
@@ -18,7 +23,8 @@ from parsolid.methods.mpm.plastic_update import (
     note_plastic_rise,
 )
 from parsolid.particles.declaration import Columns, Field
-from parsolid.scene import initial_temperature
+from parsolid.particles.particle_set import ParticleSet
+from parsolid.scene import Scene, initial_temperature
 
 # fields of the container in the order of MaterialState
 _STATE = ("deformation_gradient", "unrotated_deviator", "plastic_strain", "internal_energy", "temperature")
@@ -27,13 +33,13 @@ _STATE = ("deformation_gradient", "unrotated_deviator", "plastic_strain", "inter
 class HyperelasticUpdate:
     """The kind of laws whose stress follows from F alone."""
 
-    def __init__(self, scene, points):
+    def __init__(self, scene: Scene, points: MaterialPoints):
         self.points = points
 
-    def begin(self, scene, particle_set) -> None:
+    def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
         """There is no state but F."""
 
-    def advance(self, block, step: float) -> tuple[bool, float, float, float]:
+    def advance(self, block: MaterialBlock, step: float) -> tuple[bool, float, float, float]:
         """Sound, largest c + |v| [m/s], plastic and viscous work [J] of one law's particles after a step [s]."""
         points, storage = self.points, self.points.storage
         deformation, rate = storage("deformation_gradient"), storage("velocity_gradient")
@@ -41,29 +47,29 @@ class HyperelasticUpdate:
         sound, fastest = advance_elastic_stress(points.space, block.first, block.last, block.law, step, *arrays)
         return sound, fastest, 0.0, 0.0
 
-    def stored_energy(self, block) -> float:
+    def stored_energy(self, block: MaterialBlock) -> float:
         """W V0 [J] of one law's particles."""
         points = self.points
         F = points.storage("deformation_gradient")
-        return elastic_energy(points.space, block.first, block.last, block.law, F, points.motion)
+        return float(elastic_energy(points.space, block.first, block.last, block.law, F, points.motion))
 
 
 class ElasticPlasticUpdate:
     """The kind of laws with an equation of state, plastic flow and heat."""
 
-    def __init__(self, scene, points):
+    def __init__(self, scene: Scene, points: MaterialPoints):
         self.points = points
         viscosity, cell = scene.method.viscosity, float(scene.method.cell)
         self.viscosity = BulkViscosity(float(viscosity.linear), float(viscosity.quadratic), cell)
-        kept = {"checkpointed": True, "layout": Columns()}
-        points.declare(Field("unrotated_deviator", DEVIATOR_ROWS[points.dimension], "Pa", **kept))
+        kept = functools.partial(Field, checkpointed=True, layout=Columns())
+        points.declare(kept("unrotated_deviator", DEVIATOR_ROWS[points.dimension], "Pa"))
         for name, unit in (("plastic_strain", "1"), ("internal_energy", "J/m^3"), ("temperature", "K")):
-            points.declare(Field(name, 1, unit, **kept))
+            points.declare(kept(name, 1, unit))
         # planes at a temperature take up the plastic heat of the particles beside them, see `Conduction`
         if scene.method.conduction and Declarations(scene, Declared).of(TemperaturePlane):
-            points.declare(Field("plastic_rise", 1, "K", **kept))
+            points.declare(kept("plastic_rise", 1, "K"))
 
-    def begin(self, scene, particle_set) -> None:
+    def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
         """Temperatures of the bodies' formulas and the internal energy that belongs to them."""
         points, rows = self.points, self.points.owned_rows
         laws = [points.laws[number] for number in points.law_of_body]
@@ -73,27 +79,30 @@ class ElasticPlasticUpdate:
             here = slice(block.first, block.last)
             rows("internal_energy")[here] = block.law.internal_energy(rows("temperature")[here])
 
-    def advance(self, block, step: float) -> tuple[bool, float, float, float]:
+    def advance(self, block: MaterialBlock, step: float) -> tuple[bool, float, float, float]:
         """See `HyperelasticUpdate.advance`."""
         points, storage, here = self.points, self.points.storage, (block.first, block.last)
         state = MaterialState(*(storage(name) for name in _STATE))
         rise = points.find("plastic_rise")
         before = None if rise is None else state.plastic_strain[0].copy()
         arrays = (points.motion, storage("velocity_gradient"), storage("stress_and_volume"))
-        result = advance_stress(points.space, *here, block.law, step, self.viscosity, state, *arrays)
+        sound, fastest, plastic, viscous = advance_stress(
+            points.space, *here, block.law, step, self.viscosity, state, *arrays
+        )
         if rise is not None:
             heating = block.law.taylor_quinney / (block.law.density * block.law.specific_heat)
             note_plastic_rise(*here, points.space, heating, state, before, rise)
-        return result
+        return sound, fastest, plastic, viscous
 
-    def stored_energy(self, block) -> float:
+    def stored_energy(self, block: MaterialBlock) -> float:
         """E V0 [J] of one law's particles."""
         here = slice(block.first, block.last)
         return float(self.points["internal_energy"][here] @ self.points.motion[here, 7])
 
 
 # by the class of the law; all others are hyperelastic
-_KINDS = {ElasticPlastic: ElasticPlasticUpdate}
+Update = HyperelasticUpdate | ElasticPlasticUpdate
+_KINDS: dict[type, type[Update]] = {ElasticPlastic: ElasticPlasticUpdate}
 
 
 class StressUpdate:
@@ -105,17 +114,17 @@ class StressUpdate:
 
     stretch = 1.0
 
-    def __init__(self, scene, points):
+    def __init__(self, scene: Scene, points: MaterialPoints):
         """points: `MaterialPoints`, to which the updates add the fields of their laws."""
         self.points, self.fastest, self.plastic_work = points, 0.0, 0.0
         kinds = [_KINDS.get(type(law), HyperelasticUpdate) for law in points.laws]
         self.updates = {kind: kind(scene, points) for kind in dict.fromkeys(kinds)}
         self._kind_of_law = dict(zip(points.laws, kinds))
 
-    def _of(self, law):
+    def _of(self, law: Any) -> Update:
         return self.updates[self._kind_of_law[law]]
 
-    def begin(self, scene, particle_set) -> None:
+    def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
         """The state of all materials at time 0."""
         for update in self.updates.values():
             update.begin(scene, particle_set)

@@ -5,7 +5,10 @@ particles take velocity, place and velocity gradient; stress; particles are list
 ranks. No ghost particles, no collective but the loop's.
 """
 
+from typing import Any
+
 import numpy as np
+from mpi4py import MPI
 
 from decomposition.cell_partition import CellPartition
 from decomposition.grid import RankGrid
@@ -24,8 +27,10 @@ from parsolid.methods.mpm.step_energies import StepEnergies
 from parsolid.methods.mpm.stress_update import StressUpdate
 from parsolid.methods.mpm.transfers import ORDERS
 from parsolid.methods.mpm.weights import nodes_across
-from parsolid.methods.protocol import ParticleSystem
+from parsolid.methods.protocol import Announce, EnergyLedger, ParticleSystem
 from parsolid.numerics.lanes import aligned_zeros
+from parsolid.particles.particle_set import ParticleSet
+from parsolid.scene import Scene
 
 
 class MaterialPoint(ParticleSystem):
@@ -33,7 +38,7 @@ class MaterialPoint(ParticleSystem):
     `nodes`.
     """
 
-    def __init__(self, comm, scene, particle_set):
+    def __init__(self, comm: MPI.Comm, scene: Scene, particle_set: ParticleSet):
         """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when planes do not suit
         the grid. Collective.
         """
@@ -43,20 +48,22 @@ class MaterialPoint(ParticleSystem):
         self.conditions = GridConditions(comm, scene, particle_set.position, points.origin)
         conducting = conducts(scene, points.laws)
         thermal = self.conditions.thermal_planes() if conducting else []
-        mirrors = tuple({plane.mirror: None for plane in (*self.conditions.planes, *thermal)})
+        folded = [plane.mirror for plane in self.conditions.planes] + [plane.mirror for plane in thermal]
+        mirrors = tuple(dict.fromkeys(folded))
         self.grid = RankGrid(comm, self.dimension, nodes_across(points.basis), mirrors, scene.method.bitwise)
         self.nodes = Nodes(self.grid, points, self.conditions.planes, conducting)
-        self.stress = self.materials
+        self.stress: StressUpdate | ReferenceGrid = self.materials
         if scene.method.formulation == "total-lagrangian":
             self.stress = ReferenceGrid(self.materials, self.nodes)
-        self.loads, self.conduction = accelerations(scene, points), None
+        self.loads = accelerations(scene, points)
+        self.conduction: Conduction | None = None
         if conducting:
             self.conduction = Conduction(self.conditions, points, self.nodes, thermal)
         self.transfer = ORDERS[scene.method.order](points, self.nodes, self.conditions)
         self.residence = Residence(self.grid, points)
-        self.partition = None
+        self.partition: CellPartition | None = None
 
-    def begin(self, scene, particle_set) -> None:
+    def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
         """Set the state at time 0, deal particles out to the owners of their cells, and find the first stress;
         collective.
         """
@@ -79,7 +86,7 @@ class MaterialPoint(ParticleSystem):
             self.conduction.refresh()
             self.energy_scale = self.comm.allreduce(self.points.heat())
 
-    def state(self) -> dict:
+    def state(self) -> dict[str, Any]:
         """Owners of cells, the step counter that times re-ordering, the largest speed; collective."""
         return {
             "partition": self.grid.partition.state(),
@@ -88,7 +95,7 @@ class MaterialPoint(ParticleSystem):
             "plastic_work": self.comm.allgather(self.materials.plastic_work),
         }
 
-    def set_state(self, state: dict) -> None:
+    def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave; owners of cells only for as many ranks."""
         self.residence.steps, self.materials.fastest = state["steps"], state["fastest"]
         partition = CellPartition.from_state(state["partition"], self.dimension)
@@ -100,7 +107,7 @@ class MaterialPoint(ParticleSystem):
 
     # --- a step -------------------------------------------------------------------------------------------------
 
-    def advance(self, time: float, step: float, ledger, announce) -> bool:
+    def advance(self, time: float, step: float, ledger: EnergyLedger, announce: Announce) -> bool:
         """One step from `time` [s]."""
         self.nodes.follow_cells()
         if self.conduction is not None:
@@ -127,22 +134,22 @@ class MaterialPoint(ParticleSystem):
         return result
 
     @property
-    def owned(self) -> int:
+    def owned(self) -> int:  # type: ignore[override]
         """Number of this rank's particles, which changes as they move."""
         return self.points.owned
 
     @property
-    def mass(self) -> np.ndarray:
+    def mass(self) -> np.ndarray:  # type: ignore[override]
         """Mass [kg] (capacity,)."""
         return self.points["mass"]
 
     @property
-    def share(self) -> np.ndarray:
+    def share(self) -> np.ndarray:  # type: ignore[override]
         """No particle lies on a mirror plane."""
         return np.ones(len(self.points.motion))
 
     @property
-    def communication_seconds(self) -> float:
+    def communication_seconds(self) -> float:  # type: ignore[override]
         """Spent on sums over nodes and on handing particles over."""
         return self.nodes.communication_seconds + self.residence.communication_seconds
 
@@ -161,15 +168,15 @@ class MaterialPoint(ParticleSystem):
         return kinetic_energy(self.owned, self.points.motion), self.materials.stored_energy()
 
     def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
-        """Fields that are not in the table."""
+        """Fields that are not declared."""
         return shown(self.points, name, first, last)
 
     def measure(self, name: str) -> tuple[str, np.ndarray]:
         """This rank's part of a quantity of the whole body."""
-        rows, d = self.table.owned_rows, self.dimension
+        rows, d = self.particles.owned_rows, self.dimension
         if name.startswith("maximum_"):
             field = name.removeprefix("maximum_")
-            values = rows(field) if field in self.table else np.zeros(0)
+            values = rows(field) if field in self.particles else np.zeros(0)
             return "maximum", np.array([values.max(initial=0.0)])
         if name == "plastic_work":
             return "sum", np.array([self.materials.plastic_work])
@@ -200,7 +207,7 @@ class MaterialPoint(ParticleSystem):
         }
 
     def arrays(self) -> list[np.ndarray]:
-        """Arrays besides those of the table."""
+        """Arrays besides those of the particles."""
         return [*self.nodes.arrays(), *self.grid.cells.arrays()]
 
     def bytes_a_step(self) -> int:
@@ -208,7 +215,7 @@ class MaterialPoint(ParticleSystem):
         self.nodes.follow_cells()
         return self.nodes.bytes_sent
 
-    def summary(self) -> dict:
+    def summary(self) -> dict[str, Any]:
         """Particles that changed their rank, how often cells were dealt out anew, and particles that have melted if any
         can.
         """
@@ -223,7 +230,7 @@ class MaterialPoint(ParticleSystem):
         return result
 
     @staticmethod
-    def small_scene(tables: dict) -> dict:
+    def small_scene(tables: dict[str, Any]) -> dict[str, Any]:
         """A few cells, with the particles in their middles and nothing that a plane could cut."""
         method = {key: value for key, value in tables["method"].items() if value is not None}
         tables["method"] = method | {"cell": 1.0, "origin": [0.0] * tables["dimension"]}

@@ -1,17 +1,22 @@
 """What particles and nodes give to one another in a step, in the two orders that a scene may choose."""
 
+import numpy as np
+
 from parsolid.methods.mpm.gather import gather
+from parsolid.methods.mpm.grid import Apic, CauchyStress, FirstPiolaKirchhoffStress, Flip
+from parsolid.methods.mpm.grid_conditions import GridConditions
+from parsolid.methods.mpm.material_points import MaterialPoints
+from parsolid.methods.mpm.nodes import Nodes
 from parsolid.methods.mpm.scatter import scatter
 
 
 class UpdateStressLast:
     """USL: velocity gradients are those of the nodes' new velocities."""
 
-    def __init__(self, points, nodes, conditions):
-        """points: `MaterialPoints`; nodes: `Nodes`; conditions: `GridConditions`."""
+    def __init__(self, points: MaterialPoints, nodes: Nodes, conditions: GridConditions):
         self.points, self.nodes, self.conditions = points, nodes, conditions
 
-    def particles_to_nodes(self, stress, forces) -> None:
+    def particles_to_nodes(self, stress: CauchyStress | FirstPiolaKirchhoffStress, forces: np.ndarray | None) -> None:
         """Mass, momentum and force of all ranks' particles; stress: see `scatter`; forces (capacity, 4) [N] of loads,
         or None.
         """
@@ -25,7 +30,9 @@ class UpdateStressLast:
         """Velocities, places and velocity gradients after a step [s] that ends at a time [s]."""
         self._gather(step, self.points.velocity_transfer, self.points.storage("velocity_gradient"), None)
 
-    def _gather(self, step: float, transfer, rate, remapped) -> None:
+    def _gather(
+        self, step: float, transfer: Flip | Apic | None, rate: np.ndarray | None, remapped: np.ndarray | None
+    ) -> None:
         nodes = self.nodes
         gather(nodes.interpolation, nodes.motion, self.points.motion, step, transfer, rate, remapped)
 

@@ -18,7 +18,7 @@ class BondBasedForce(BondForce):
     def __init__(
         self, particles: Particles, bond_system, settings, blocks, horizon: np.ndarray, fixed_planes: np.ndarray
     ):
-        """horizon (owned,) [m]; settings: `scene.peridynamics.Peridynamics`. Collective."""
+        """horizon (owned,) [m]; settings: `settings.Peridynamics`. Collective."""
         super().__init__(particles, bond_system, None, fixed_planes)
         self.state = settings.state(particles["displacement"].shape[1])
         modulus = np.zeros(self.owned)

@@ -17,7 +17,7 @@ def build_bond_system(
 ) -> PairSystem:
     """Declare what bonds need, plan ghosts and build every list; bars lie in the plane. Collective.
 
-    settings: `scene.peridynamics.Peridynamics`; share (owned,): the part of a particle on this side of mirror planes,
+    settings: `settings.Peridynamics`; share (owned,): the part of a particle on this side of mirror planes,
     whose whole counts in the pair sums. A bond's horizon is that of the mean metric 1/delta^2 of its ends. Raises
     SolverError, on all ranks, for coincident particles and for one whose bonds do not span space.
     """

@@ -46,7 +46,7 @@ class Equilibrium:
     """
 
     def __init__(self, comm, operator, settings):
-        """operator: see `operator.Operator`; settings: `scene.peridynamics.QuasiStatic`."""
+        """operator: see `operator.Operator`; settings: `settings.QuasiStatic`."""
         self.comm, self.operator, self.settings = comm, operator, settings
         self.largest_load, self.fault = 0.0, ""
         self.iterations, self.most_iterations = 0, 0

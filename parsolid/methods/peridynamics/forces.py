@@ -33,6 +33,12 @@ class Forces(NamedTuple):
     history: ViscoelasticHistory
 
 
+def particles_of(scene, particle_set) -> Particles:
+    """The container of a rank's particles, sorted by law, without any field."""
+    laws = laws_of(scene)
+    return Particles(particle_set.body, block_numbers(laws, np.arange(len(laws)))[1])
+
+
 def build_forces(comm, scene, particle_set, loads) -> Forces:
     """Bonds of this rank's particle_set, sorted by law, and the forces of the scene's laws; loads: `PeridynamicLoads`.
     Collective.
@@ -43,7 +49,7 @@ def build_forces(comm, scene, particle_set, loads) -> Forces:
     raise_together(comm, _unlike_series(laws))
     blocks, density = material_blocks(laws, particle_set.body)
     settings, share, dimension = scene.method, loads.share, particle_set.position.shape[1]
-    particles = Particles(particle_set.body, block_numbers(laws, np.arange(len(laws)))[1])
+    particles = loads.particles
     particles.declare(Field("mass", 1, "kg"), density * particle_set.volume / share)
     particles.declare(Field("share", 1, "1"), share)
     horizon, bond_based = horizons(settings, particle_set), isinstance(laws[0], BondBased)

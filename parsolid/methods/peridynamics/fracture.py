@@ -58,7 +58,7 @@ class NoFracture:
         """Break what any rank has found, and evaluate the forces of the state anew; collective."""
 
     def safety(self, settings) -> float:
-        """The stable step over its limit; settings: `scene.peridynamics.Explicit`."""
+        """The stable step over its limit; settings: `settings.Explicit`."""
         return settings.safety
 
     # --- for a restart and the output --------------------------------------------------------------------------
@@ -192,7 +192,7 @@ class Fracture(PreCracks):
         ledger.add_term("dissipation_fracture", stored - self.history.stored_energy())
 
     def safety(self, settings) -> float:
-        """The stable step over its limit; settings: `scene.peridynamics.Explicit`."""
+        """The stable step over its limit; settings: `settings.Explicit`."""
         return min(settings.safety, settings.damage_safety)
 
 

@@ -1,13 +1,18 @@
 """Supports, prescribed motion and loads of a peridynamic scene on one rank's particles."""
 
+from typing import Any
+
 import numpy as np
+from mpi4py import MPI
 
 from parsolid.boundary.declarations import Declarations, PrescribedMotion, Support, SurfaceTraction
-from parsolid.boundary.loads import InTime, body_loads, densities
+from parsolid.boundary.loads import InTime, Load, body_loads, densities
 from parsolid.boundary.prescribed import PrescribedRows
-from parsolid.boundary.rows import FixedParticles, HasParticles
 from parsolid.boundary.supports import Supports
 from parsolid.methods.peridynamics.tractions import Tractions
+from parsolid.particles.container import Particles
+from parsolid.particles.particle_set import ParticleSet
+from parsolid.scene.schema import Scene
 
 
 class PeridynamicLoads:
@@ -19,12 +24,12 @@ class PeridynamicLoads:
     a particle on this side of mirror planes.
     """
 
-    def __init__(self, comm, scene, particle_set, particles: HasParticles | None = None):
-        """particle_set: this rank's sorted particles; collective. Raises SolverError on all ranks.
+    def __init__(self, comm: MPI.Comm, scene: Scene, particle_set: ParticleSet, particles: Particles):
+        """particle_set: this rank's sorted particles, of which the particles are made; collective.
 
-        particles: the `Particles` made of the particle_set; rows stay as they are unless given.
+        Raises SolverError on all ranks.
         """
-        self.scene, self.particles = scene, FixedParticles(particle_set) if particles is None else particles
+        self.scene, self.particles = scene, particles
         self.declared = Declarations(scene, Support, PrescribedMotion, SurfaceTraction)
         supports = Supports(comm, scene, self.declared.of(Support, "roller", "fixed"), particle_set)
         self.planes, self.held = supports.planes, supports.held
@@ -39,20 +44,25 @@ class PeridynamicLoads:
         self.loads = InTime(self.particles, self._body_loads, self.free.shape[1])
         self.move, self.guided_velocities = self.prescribed.move, self.prescribed.velocities
 
-    def _loads_of_bodies(self) -> list:
-        density, volume = densities(self.scene, self.particles), lambda rows: self.particles.owned_rows("volume")[rows]
+    def _loads_of_bodies(self) -> list[Load]:
+        density = densities(self.scene, self.particles)
+
+        def volume(rows: np.ndarray | slice) -> np.ndarray:
+            return self.particles.owned_rows("volume")[rows]
+
         return body_loads(self.scene, self.particles, volume, lambda rows: density(rows) * volume(rows))
 
     def _jump_times(self) -> tuple[float, ...]:
         motions = (one for one in self.declared.of(PrescribedMotion) if one.quantity == "displacement")
-        acting = [one.course.jump_times for one in (*motions, *self.declared.of(SurfaceTraction))]
+        acting = [one.course.jump_times for one in motions]
+        acting += [one.course.jump_times for one in self.declared.of(SurfaceTraction)]
         loads = self.scene.loads
         if loads.body_force is not None or loads.acceleration is not None:
             acting.append(loads.jump_times)
         times = {0.0} if acting else set()
         return tuple(sorted(time for time in times.union(*acting) if time < self.scene.end_time))
 
-    def install_tractions(self, force, horizon: np.ndarray) -> None:
+    def install_tractions(self, force: Any, horizon: np.ndarray) -> None:
         """Find the forces of tractions; force: `BondForce` with all bonds whole; horizon (owned,) [m]; collective."""
         parts = [*self._body_loads, *self._tractions.forces(force, horizon)]
         self.loads = InTime(self.particles, parts, self.free.shape[1])

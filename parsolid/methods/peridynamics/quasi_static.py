@@ -16,7 +16,7 @@ class QuasiStatic(TimeSolver):
     setting = "step"
 
     def __init__(self, body, settings):
-        """body: `system.Peridynamics`, set up but for its state; settings: `scene.peridynamics.QuasiStatic`."""
+        """body: `system.Peridynamics`, set up but for its state; settings: `settings.QuasiStatic`."""
         self.body, self.operator, self.settings = body, body.operator, settings
         self.equilibrium = Equilibrium(body.comm, body.operator, settings)
         # what has not moved yet meets its loads in a jump

@@ -7,7 +7,7 @@ solver, `velocity_verlet` or `quasi_static`, takes it from step to step; `fractu
 
 import numpy as np
 
-from parsolid.methods.peridynamics.forces import build_forces
+from parsolid.methods.peridynamics.forces import build_forces, particles_of
 from parsolid.methods.peridynamics.fracture import fracture_of
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.methods.peridynamics.operator import Operator
@@ -22,7 +22,7 @@ TIME_SOLVERS = {"explicit": VelocityVerlet, "quasi-static": QuasiStatic}
 
 
 class Peridynamics(ParticleSystem):
-    """The method on one rank. Arrays are laid out as `pairs.layout` says; bars lie in the plane."""
+    """The method on one rank. Bars lie in the plane."""
 
     even_steps = True
 
@@ -31,7 +31,7 @@ class Peridynamics(ParticleSystem):
         bonded. Collective.
         """
         self.comm, self.settings = comm, scene.method
-        self.loads = PeridynamicLoads(comm, scene, particle_set)
+        self.loads = PeridynamicLoads(comm, scene, particle_set, particles_of(scene, particle_set))
         forces = build_forces(comm, scene, particle_set, self.loads)
         self.particles, self.bond_system, self.engine, self.history = forces.particles, *forces[2:]
         self.owned, self.dimension = particle_set.position.shape

@@ -6,26 +6,38 @@ particles at the face ("single-layer") or spread over the horizon ("horizon"). I
 stress only under small forces inside, too ("consistent-everywhere").
 """
 
+from typing import Any
+
 import numpy as np
+from mpi4py import MPI
 
 from decomposition.reduction import ordered_sum
 from parsolid.boundary.declarations import Declarations, SurfaceTraction
 from parsolid.boundary.loads import Load, area_along
-from parsolid.boundary.rows import HasParticles, keep
+from parsolid.boundary.rows import keep
 from parsolid.boundary.supports import Supports
 from parsolid.collective import maximum, minimum
+from parsolid.particles.container import Particles
+from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.regions import selected
 
 
 class Tractions:
     """Makes the forces of a scene's tractions on a rank's particles; all methods are collective."""
 
-    def __init__(self, comm, declared: Declarations, supports: Supports, particle_set, particles: HasParticles):
-        """particles: `Particles` or `FixedParticles` of the particle_set."""
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        declared: Declarations,
+        supports: Supports,
+        particle_set: ParticleSet,
+        particles: Particles,
+    ):
+        """particles: those of the particle_set."""
         self.comm, self.declared, self.supports = comm, declared, supports
         self.particle_set, self.particles = particle_set, particles
 
-    def forces(self, engine, horizon: np.ndarray) -> list[Load]:
+    def forces(self, engine: Any, horizon: np.ndarray) -> list[Load]:
         """Forces [N] on the particles; engine: `BondForce` with all bonds whole; horizon (owned,) [m]."""
         tractions = self.declared.of(SurfaceTraction)
         reach = maximum(self.comm, float(horizon.max(initial=0.0)))
@@ -49,7 +61,7 @@ class Tractions:
     def _area(self, one: SurfaceTraction) -> float:
         """Area [m^2] of the face on all ranks."""
         face = selected(self.declared.scene, one.where, self.particle_set, self.comm)
-        return ordered_sum(self.comm, np.abs(self.particle_set.area[face, one.plane.axis]))
+        return float(ordered_sum(self.comm, np.abs(self.particle_set.area[face, one.plane.axis])))
 
     def _spread(self, one: SurfaceTraction, reach: float) -> Load:
         """The face's force on the volume within the horizon."""

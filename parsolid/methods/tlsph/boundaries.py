@@ -1,15 +1,19 @@
 """Boundaries and loads of a scene as the momentum equation of total-Lagrangian SPH takes them."""
 
 import numpy as np
+from mpi4py import MPI
 
 from parsolid.boundary.declarations import Declarations, PrescribedMotion, Support, SurfaceTraction
 from parsolid.boundary.loads import Load, accelerations, area_along, densities
 from parsolid.boundary.prescribed import PrescribedRows
-from parsolid.boundary.rows import FixedParticles, HasParticles, OfRows, keep
+from parsolid.boundary.rows import OfRows, keep
 from parsolid.boundary.supports import Supports
 from parsolid.collective import anywhere
 from parsolid.methods.tlsph import momentum as motion
+from parsolid.particles.container import Particles
+from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.regions import selected
+from parsolid.scene.schema import Scene
 
 
 class BoundarySet:
@@ -18,8 +22,8 @@ class BoundarySet:
     planes, codes, share: see `boundary.supports.Supports`.
     """
 
-    def __init__(self, comm, declared: Declarations, particle_set, particles: HasParticles):
-        """particles: `Particles` or `FixedParticles` of the particle_set; collective."""
+    def __init__(self, comm: MPI.Comm, declared: Declarations, particle_set: ParticleSet, particles: Particles):
+        """particles: those of the particle_set; collective."""
         supports = Supports(comm, declared.scene, declared.of(Support), particle_set)
         self.planes, self.codes, self.share = supports.planes, supports.codes, supports.share
         self._clamp = _clamp(comm, supports.held, particles)
@@ -44,13 +48,20 @@ class BoundarySet:
         if self.prescribed.guided:
             motion.prescribe(*self.prescribed.entries, self.prescribed.values("velocity", time), kinematics)
 
-    def prescribed_power(self, kinematics, force, mass, share, loads) -> float:
+    def prescribed_power(
+        self,
+        kinematics: np.ndarray,
+        force: np.ndarray,
+        mass: np.ndarray,
+        share: np.ndarray,
+        loads: np.ndarray | None,
+    ) -> float:
         """Power [W] against pair forces and loads; see `momentum.prescribed_power`."""
         if not self.prescribed.guided:
             return 0.0
-        return motion.prescribed_power(*self.prescribed.entries, kinematics, force, mass, share, loads)
+        return float(motion.prescribed_power(*self.prescribed.entries, kinematics, force, mass, share, loads))
 
-    def prescribed_energy_gain(self, kinematics, mass, share) -> float:
+    def prescribed_energy_gain(self, kinematics: np.ndarray, mass: np.ndarray, share: np.ndarray) -> float:
         """Kinetic energy [J] that prescribed components gained since the last call."""
         if not self.prescribed.guided:
             return 0.0
@@ -60,17 +71,19 @@ class BoundarySet:
         return gain
 
 
-def build_boundaries(comm, scene, particle_set, particles: HasParticles | None = None) -> BoundarySet:
+def build_boundaries(comm: MPI.Comm, scene: Scene, particle_set: ParticleSet, particles: Particles) -> BoundarySet:
     """Boundaries and loads of a scene for this rank's particle_set; collective.
 
-    particles: the `Particles` made of the particle_set; rows stay as they are unless given. Raises SolverError on all
-    ranks when a mirror plane cuts a body or the method cannot do what a condition means.
+    particles: those of the particle_set. Raises SolverError on all ranks when a mirror plane cuts a body or the method
+    cannot do what a condition means.
     """
     declared = Declarations(scene, Support, PrescribedMotion, SurfaceTraction)
-    return BoundarySet(comm, declared, particle_set, FixedParticles(particle_set) if particles is None else particles)
+    return BoundarySet(comm, declared, particle_set, particles)
 
 
-def _traction(comm, declared: Declarations, one: SurfaceTraction, particle_set, particles: HasParticles) -> Load:
+def _traction(
+    comm: MPI.Comm, declared: Declarations, one: SurfaceTraction, particle_set: ParticleSet, particles: Particles
+) -> Load:
     """Traction [Pa] times tributary area over tributary mass."""
     chosen = particles.selection(selected(declared.scene, one.where, particle_set, comm))
     area, density = area_along(particles, one.plane.axis), densities(declared.scene, particles)
@@ -79,9 +92,9 @@ def _traction(comm, declared: Declarations, one: SurfaceTraction, particle_set, 
     )
 
 
-def _clamp(comm, held: np.ndarray, particles: HasParticles) -> OfRows | None:
+def _clamp(comm: MPI.Comm, held: np.ndarray, particles: Particles) -> OfRows | None:
     """Multipliers (n, 4) of velocity components; None when no rank holds any."""
-    if not anywhere(comm, held.any()):
+    if not anywhere(comm, bool(held.any())):
         return None
     clamp = np.ones((len(held), 4))
     clamp[:, : held.shape[1]][held] = 0.0

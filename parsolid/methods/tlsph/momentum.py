@@ -81,11 +81,11 @@ def _load_power(loads, a, mass, v):
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
-def advance_motion(space, owned, stage, kinematics, start, force, gradient, mass, share, loads, clamp):
-    """One stage of v and x; zeroes force and gradient for the next.
+def advance_motion(space, owned, update, kinematics, start, force, sums, mass, share, loads, clamp):
+    """One stage of v and x; sets the pair forces and pair sums to zero for the next.
 
-    mass (n,): rho V [kg]; share (n,): tributary over pair volume; loads (n, 4): acceleration of body forces and tractions
-    [m/s^2] or None; clamp (n, 4): 0 for held components, else 1, or None.
+    mass (n,): rho V [kg]; share (n,): tributary over pair volume; loads (n, 4): acceleration of body forces and
+    tractions [m/s^2] or None; clamp (n, 4): 0 for held components, else 1, or None.
     Returns (numerical dissipation rate, power of the loads) [W].
     """
     dissipation, power = 0.0, 0.0
@@ -93,7 +93,7 @@ def advance_motion(space, owned, stage, kinematics, start, force, gradient, mass
     for a in range(owned):
         v, x = split_motion(space, kinematics, a)
         v0, x0 = v, x
-        if stage.first:
+        if update.first:
             store(start, a, 0, v)
             store(start, a, 4, x)
         else:
@@ -103,13 +103,13 @@ def advance_motion(space, owned, stage, kinematics, start, force, gradient, mass
         power += _load_power(loads, a, mass[a] * share[a], v)
         rate = _within(space, load(force, a, 0) + D) * (1.0 / mass[a])
         rate = _loaded(loads, a, rate)
-        new_v = stage.keep * v0 + stage.take * (v + stage.step * rate)
-        new_x = stage.keep * x0 + stage.take * (x + stage.step * v)
+        new_v = update.keep * v0 + update.take * (v + update.step * rate)
+        new_x = update.keep * x0 + update.take * (x + update.step * v)
         join_motion(space, kinematics, a, _clamped(clamp, a, new_v), new_x)
         store(force, a, 0, zero)
         store(force, a, 4, zero)
-        for column in range(0, gradient.shape[1], WIDTH):
-            store(gradient, a, column, zero)
+        for column in range(0, sums.shape[1], WIDTH):
+            store(sums, a, column, zero)
     return dissipation, power
 
 

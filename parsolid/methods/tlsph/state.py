@@ -17,7 +17,8 @@ _UNSTRAINED_BRANCH = {2: (1.0, 1.0, 0.0), 3: (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)}
 class Body(NamedTuple):
     """Arrays of a rank's particles, see `numerics.layout`; branches is None without Maxwell branches.
 
-    volume, tributary: (1, capacity), the particle's volume in the pair sums and its share of the body.
+    volume, tributary: (1, capacity), the particle's volume in the pair sums and its share of the body; sums, record:
+    `pairs.passes`.
     """
 
     deformation: np.ndarray
@@ -26,20 +27,14 @@ class Body(NamedTuple):
     correction: np.ndarray
     volume: np.ndarray
     tributary: np.ndarray
+    sums: np.ndarray
+    record: np.ndarray
 
 
 def body_of(particles: Particles) -> Body:
     """The arrays that the kernels of strain and stress take."""
-    stored = particles.storage
-    branches = stored("branches") if "branches" in particles else None
-    return Body(
-        stored("strain"),
-        stored("strain_at_start"),
-        branches,
-        stored("correction"),
-        stored("pair_volume"),
-        stored("volume"),
-    )
+    names = ("strain", "strain_at_start", "branches", "correction", "pair_volume", "volume", "pair_sums", "record")
+    return Body(*(particles.storage(name) if name in particles else None for name in names))
 
 
 def declare_constants(particles: Particles, particle_set) -> None:

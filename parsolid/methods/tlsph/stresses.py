@@ -12,7 +12,8 @@ from parsolid.numerics.tensors import lane_of_general
 
 @compiled(error_model="numpy")
 def stress_components(space, first, last, law, body, result):
-    """First Piola-Kirchhoff stress [Pa] of particles first..last-1 into result (last - first, 9 or 5), `numerics.tensors` order."""
+    """First Piola-Kirchhoff stress [Pa] of particles first..last-1 into result (last - first, 9 or 5),
+    `numerics.tensors` order."""
     for i in range(first, last, WIDTH):
         F, H, J = load_deformation(space, body.deformation, i)
         P = first_piola_kirchhoff_stress(law, F, H, J, current_branches(space, law, body.branches, i, F))

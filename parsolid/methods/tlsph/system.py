@@ -10,7 +10,7 @@ from parsolid.methods.protocol import ParticleSystem
 from parsolid.methods.tlsph import momentum as motion
 from parsolid.methods.tlsph import state
 from parsolid.methods.tlsph.boundaries import build_boundaries
-from parsolid.methods.tlsph.deformation import Stage, advance_deformation, largest_wave_modulus
+from parsolid.methods.tlsph.deformation import Relaxation, advance_deformation, largest_wave_modulus
 from parsolid.methods.tlsph.stresses import deformation_gradients, first_piola_kirchhoff_stresses
 from parsolid.numerics import layout
 from parsolid.pairs.candidates import metrics
@@ -21,7 +21,7 @@ from parsolid.pairs.smoothing import KERNELS
 from parsolid.pairs.terms import DirectionalShear, LinearReconstruction, RiemannDissipation
 from parsolid.particles.container import Particles
 from parsolid.scene import initial_deformation_gradient, initial_displacement, initial_velocity
-from parsolid.solvers.runge_kutta import SSP_RK3
+from parsolid.solvers.runge_kutta import SSP_RK3, Stage
 
 
 class TotalLagrangianSPH(ParticleSystem):
@@ -31,7 +31,8 @@ class TotalLagrangianSPH(ParticleSystem):
     evaluations = len(SSP_RK3)
 
     def __init__(self, comm, scene, particle_set):
-        """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when particles cannot be paired. Collective."""
+        """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when particles cannot be
+        paired. Collective."""
         self.comm, self.settings = comm, scene.method
         self.owned, self.dimension = particle_set.position.shape
         self.space = layout.LAYOUT[self.dimension]
@@ -101,11 +102,11 @@ class TotalLagrangianSPH(ParticleSystem):
         if self.boundaries.clamp is not None:
             rows("velocity")[:] *= self.boundaries.clamp[:, :d]
         self.boundaries.prescribe(0.0, self.kinematics)
-        self.boundaries.prescribed_energy_gain(self.kinematics, self.mass, self.share)
+        self.prescribed_energy_gain()
 
     def resume(self) -> None:
         """Continue from a state that was put back into the particles."""
-        self.boundaries.prescribed_energy_gain(self.kinematics, self.mass, self.share)
+        self.prescribed_energy_gain()
 
     def displacement_gradient(self) -> np.ndarray:
         """grad u (owned, d d) by the gradient pass, with the displacement in the velocity's place."""
@@ -143,67 +144,61 @@ class TotalLagrangianSPH(ParticleSystem):
         return body if block.branches else body._replace(branches=None)
 
     def advance(self, time: float, step: float, ledger, announce) -> bool:
-        """One step of three stages."""
-        sound = [self.advance_stage(number, time, step, ledger, announce) for number in range(len(self.stages))]
-        # the work that changed the kinetic energy of prescribed components
-        ledger.add(1.0, 0.0, 0.0, self.boundaries.prescribed_energy_gain(self.kinematics, self.mass, self.share))
-        return all(sound)
-
-    def advance_stage(self, number: int, time: float, step: float, ledger, announce) -> bool:
-        """One Runge-Kutta stage of the step that starts at `time` [s]; False when a Jacobian is not positive.
-
-        In the last stage announce(sound, stable step [s] of this rank after the step) is called before the forces.
-        """
-        weights = self.stages[number]
-        self.pairs.gradient("motion")
-        sound, dissipation, stable = self._advance_strain(number, step)
-        if number == len(self.stages) - 1:
-            announce(sound, stable)
-        self.pairs.divergence(self.pairs.terms)
-        numerical, external = self._momentum(number, time, step)
-        ledger.add(weights.quadrature * step, dissipation, numerical, external)
+        """One step, stage by stage of the integrator, as eqs (70)-(77) say."""
+        sound = True
+        for stage in self.stages:
+            self.pairs.gradient("motion")
+            positive, internal, stable = self.advance_deformation(stage, step)
+            if stage.last:
+                announce(positive, stable)
+            self.pairs.divergence(self.pairs.terms)
+            numerical, external = self.advance_motion(stage, time, step)
+            ledger.add(stage.quadrature * step, internal, numerical, external)
+            sound = sound and positive
+        ledger.add(1.0, 0.0, 0.0, self.prescribed_energy_gain())
         return sound
 
-    def _advance_strain(self, number: int, step: float) -> tuple[bool, float, float]:
-        """Stress and strain of all particles; (sound, internal dissipation rate [W], stable step [s])."""
+    def advance_deformation(self, stage: Stage, step: float) -> tuple[bool, float, float]:
+        """Stress at a stage, and F, H, J after it; (sound, internal dissipation rate [W], stable step [s] after the
+        last stage)."""
         sound, dissipation, stable = True, 0.0, np.inf
-        sums, record = self.particles.storage("pair_sums"), self.particles.storage("record")
         for block in self.blocks:
-            stage, where = self._stage(block, number, step), (self.space, block.first, block.last, block.law)
-            good, rate, modulus = advance_deformation(
-                *where, stage, self.pairs.terms, self.body_of(block), sums, record
+            to_stage = block.relaxation(stage.time * step)
+            relaxation = Relaxation(to_stage, block.relaxation(step) if stage.last else to_stage)
+            positive, rate, modulus = advance_deformation(
+                *self.part(block), self.pairs.terms, stage.update(step), relaxation, self.body_of(block)
             )
-            sound, dissipation = sound and good, dissipation + rate
-            if stage.last:
-                stable = min(stable, self._group_step(block, modulus) if modulus > 0.0 else 0.0)
+            sound, dissipation = sound and positive, dissipation + rate
+            stable = min(stable, self._group_step(block, modulus) if modulus > 0.0 else 0.0)
         return sound, dissipation, stable
+
+    def advance_motion(self, stage: Stage, time: float, step: float) -> tuple[float, float]:
+        """v and x of a stage; (numerical dissipation rate, external power) [W]."""
+        boundaries, stored = self.boundaries, self.particles.storage
+        loads = boundaries.loads_at(time + stage.time * step)
+        held = boundaries.prescribed_power(self.kinematics, stored("pair_force"), self.mass, self.share, loads)
+        arrays = map(stored, ("kinematics", "motion_at_start", "pair_force", "pair_sums"))
+        dissipation, power = motion.advance_motion(
+            self.space, self.owned, stage.update(step), *arrays, self.mass, self.share, loads, boundaries.clamp
+        )
+        boundaries.prescribe(time + stage.next_time * step, self.kinematics)
+        return dissipation, held + power
+
+    def prescribed_energy_gain(self) -> float:
+        """Kinetic energy [J] that prescribed components gained since the last call: the work of what moves them."""
+        return self.boundaries.prescribed_energy_gain(self.kinematics, self.mass, self.share)
 
     def evaluate_forces(self) -> None:
         """One stabilised force evaluation of the current state, which stays as it is (for measurements)."""
         sums = self.pairs.gradient("motion")
-        self._advance_strain(0, 0.0)
+        self.advance_deformation(self.stages[0], 0.0)
         force = self.pairs.divergence(self.pairs.terms)
         sums[:] = 0.0
         force[:] = 0.0
 
-    def _stage(self, block: MaterialBlock, number: int, step: float) -> Stage:
-        weights, last = self.stages[number], number == len(self.stages) - 1
-        decay = block.relaxation(weights.time * step)
-        commit = block.relaxation(step) if last else decay
-        return Stage(number == 0, last, step, weights.keep, weights.take, decay, commit)
-
-    def _momentum(self, number: int, time: float, step: float) -> tuple[float, float]:
-        """Advance v and x; (numerical dissipation rate, external power) [W]."""
-        weights, boundaries, stored = self.stages[number], self.boundaries, self.particles.storage
-        stage = Stage(number == 0, False, step, weights.keep, weights.take, _NO_BRANCHES, _NO_BRANCHES)
-        loads = boundaries.loads_at(time + weights.time * step)
-        held = boundaries.prescribed_power(self.kinematics, stored("pair_force"), self.mass, self.share, loads)
-        arrays = map(stored, ("kinematics", "motion_at_start", "pair_force", "pair_sums"))
-        dissipation, power = motion.advance_motion(
-            self.space, self.owned, stage, *arrays, self.mass, self.share, loads, boundaries.clamp
-        )
-        boundaries.prescribe(time + weights.next_time * step, self.kinematics)
-        return dissipation, held + power
+    def part(self, block: MaterialBlock) -> tuple:
+        """(space, first, last, law) of a block, as kernels take them."""
+        return self.space, block.first, block.last, block.law
 
     def energies(self) -> tuple[float, float]:
         """Kinetic and stored energy [J] of this rank's particles, with tributary volumes."""
@@ -258,6 +253,3 @@ class TotalLagrangianSPH(ParticleSystem):
     def warm(self) -> None:
         """Lists of ghosts have no images."""
         self.pairs.warm()
-
-
-_NO_BRANCHES = np.zeros((0, 3))

@@ -160,6 +160,7 @@ class Peridynamics(MethodSettings):
                    yet, or "relaxed", held for ever
     """
 
+    system: ClassVar = "parsolid.methods.peridynamics.system:Peridynamics"
     dimensions: ClassVar = (1, 2, 3)
     materials: ClassVar = ("hyperelastic", "prony", "bond-based")
     boundaries: ClassVar = ("fixed", "roller", "velocity", "displacement", "layer", "traction")

@@ -48,6 +48,7 @@ class MaterialPoint(MethodSettings):
     rebalance       largest over mean number of particles on a rank beyond which cells are dealt out anew
     """
 
+    system: ClassVar = "parsolid.methods.mpm.system:MaterialPoint"
     materials: ClassVar = ("hyperelastic", "elastic-plastic")
     boundaries: ClassVar = ("fixed", "roller", "velocity", "wall", "temperature", "heat_flux")
     loads: ClassVar = ("body_force", "acceleration", "heat_source", "manufactured")
