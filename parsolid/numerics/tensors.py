@@ -29,27 +29,19 @@ class Tensor(Traceable):
     # numpy's scalars leave products with tensors to them
     __array_ufunc__ = None
 
-    def _with(self, other, combine):
-        """Component by component with another tensor."""
-        a, b = (self, other) if type(self) is type(other) else (expand(self), expand(other))
-        return type(a)(*map(combine, a, b))
-
     def __add__(self, other):
         if other is None:
             return self
         if not isinstance(other, Tensor):
             return NotImplemented
-        if isinstance(self, Spherical) == isinstance(other, Spherical):
-            return self._with(other, lambda x, y: x + y)
-        a, s = (self, other.value) if isinstance(other, Spherical) else (other, self.value)
-        return type(a)(*(x + s if i in _DIAGONAL[type(a)] else x for i, x in enumerate(a)))
+        if isinstance(self, Spherical) != isinstance(other, Spherical):
+            a, s = (self, other.value) if isinstance(other, Spherical) else (other, self.value)
+            return type(a)(*(x + s if i in _DIAGONAL[type(a)] else x for i, x in enumerate(a)))
+        a, b = (self, other) if type(self) is type(other) else (expand(self), expand(other))
+        return type(a)(*(x + y for x, y in zip(a, b)))
 
     def __sub__(self, other):
-        if not isinstance(other, Tensor):
-            return NotImplemented
-        if isinstance(self, Spherical) == isinstance(other, Spherical):
-            return self._with(other, lambda x, y: x - y)
-        return self + -other
+        return self + -other if isinstance(other, Tensor) else NotImplemented
 
     def __mul__(self, factor):
         return NotImplemented if isinstance(factor, tuple) else type(self)(*(factor * x for x in self))
