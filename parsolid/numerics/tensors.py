@@ -18,16 +18,14 @@ from decomposition.compiled import compiled
 from parsolid.numerics.lanes import lane  # noqa: F401
 from parsolid.numerics.tracing import BY_SIZE, Symbol, Traceable, traced
 
-PLANE, SPACE = 5, 9
-SYMMETRIC_PLANE, SYMMETRIC_SPACE = 4, 6
+PLANE, SPACE, SYMMETRIC_PLANE, SYMMETRIC_SPACE = 5, 9, 4, 6
 
 
 class Tensor(Traceable):
     """What the kinds of tensors have in common: the operators."""
 
     __slots__ = ()
-    # numpy's scalars leave products with tensors to them
-    __array_ufunc__ = None
+    __array_ufunc__ = None  # numpy's scalars leave products with tensors to them
 
     def __add__(self, other):
         if other is None:
@@ -207,8 +205,8 @@ def trace(s):
 
 
 def _sum_of_diagonal(a):
-    first, second, third = (a[i] for i in _DIAGONAL[type(a)])
-    return first + second + third
+    first, second, third = _DIAGONAL[type(a)]
+    return a[first] + a[second] + a[third]
 
 
 @formula
@@ -313,7 +311,6 @@ def plus_identity(s, factor):
     return s + factor * I
 
 
-# names for symmetric tensors alone
 contract_symmetric, determinant_symmetric, trace_symmetric = contract, determinant, trace
 
 
