@@ -97,11 +97,11 @@ def select_pairs(start, neighbour, positions, metric, support, first, last, code
     for a in range(start.shape[0] - 1):
         for k in range(start[a], start[a + 1]):
             b = neighbour[k]
-            if first <= b < last:
-                if distance_in_support(positions, metric, a, b, reflections[code[k]], shifts[code[k]]) < support:
-                    chosen[position] = b
-                    codes[position] = code[k]
-                    position += 1
+            R, T = reflections[code[k]], shifts[code[k]]
+            if first <= b < last and distance_in_support(positions, metric, a, b, R, T) < support:
+                chosen[position] = b
+                codes[position] = code[k]
+                position += 1
     return count, chosen, codes, coincident
 
 

@@ -3,6 +3,7 @@
 import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import isfinite
 from typing import Any, Protocol
 
 import numpy as np
@@ -148,7 +149,7 @@ class Simulation:
 
     def _result(self) -> tuple[float, float, float]:
         waiting = clock.perf_counter()
-        stable, interrupted, checkpoint, *news = map(float, self.minimum.result())
+        stable, interrupted, checkpoint, *news = self.minimum.result().tolist()
         self.clock.waiting_seconds += clock.perf_counter() - waiting
         for system, first in zip(self.systems, news):
             system.news_anywhere = first < 0.0
@@ -161,11 +162,10 @@ class Simulation:
 
         def announcement(system: ParticleSystem) -> Callable[[bool, float], None]:
             def announce(sound: bool, stable: float) -> None:
-                healthy = sound and not self.failed and np.isfinite(stable)
+                healthy = sound and not self.failed and isfinite(stable)
                 steps.append(stable if healthy or system.owned == 0 else -1.0)
                 if len(steps) == len(self.systems):
-                    # not a number must stay one: it ends the run
-                    self._announce(float(np.min(steps)), wishes)
+                    self._announce(min(steps), wishes)
 
             return announce
 

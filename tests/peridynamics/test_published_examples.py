@@ -1,4 +1,4 @@
-"""The examples of Galadima et al. as whole runs against exact solutions, on any number of ranks, smaller than in runs."""
+"""The examples of Galadima et al. as whole runs against exact solutions, on any number of ranks; smaller ones."""
 
 import json
 from pathlib import Path

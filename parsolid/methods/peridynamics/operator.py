@@ -77,7 +77,7 @@ class Operator:
         """Internal force [N] at a displacement [m] at the end of a step, stabiliser included, into out."""
         d, engine = self.dimension, self.engine
         engine.displacement[: engine.owned, :d] = displacement
-        np.multiply(self.history.evaluate(step)[:, :d], self.share[:, None], out=out)
+        np.multiply(self.history.internal_force(step)[:, :d], self.share[:, None], out=out)
 
     def linear(self, displacement: np.ndarray, change: np.ndarray, out: np.ndarray, step: float) -> None:
         """K du [N] at a displacement at the end of a step: symmetric, positive semi-definite with a self-adjoint
@@ -134,5 +134,5 @@ class Operator:
         """
         engine, d = self.engine, self.dimension
         engine.displacement[: engine.owned, :d] = displacement
-        self.history.evaluate(step)
+        self.history.internal_force(step)
         return self.history.settle(step)

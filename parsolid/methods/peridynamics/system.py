@@ -22,7 +22,7 @@ TIME_SOLVERS = {"explicit": VelocityVerlet, "quasi-static": QuasiStatic}
 
 
 class Peridynamics(ParticleSystem):
-    """The method on one rank. Arrays are laid out as `pairs.layout` says; bars lie in the plane."""
+    """The method on one rank. Bars lie in the plane."""
 
     even_steps = True
 

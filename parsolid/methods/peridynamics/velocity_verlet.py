@@ -4,6 +4,8 @@ v_h = v + dt/2 a, u_new = u + dt v_h, v_new = v_h + dt/2 a_new: the displacement
 et al.), whose velocities are the v_h.
 """
 
+from functools import partial
+
 import numpy as np
 
 from parsolid.methods.peridynamics import velocity_verlet_kernels as kernels
@@ -50,21 +52,21 @@ class VelocityVerlet(TimeSolver):
 
     def advance(self, time: float, step: float, ledger, announce) -> bool:
         """One step [s] from a time [s]; what broke in its state breaks at its start."""
-        fracture, history, engine = self.body.fracture, self.body.history, self.body.engine
+        fracture, history = self.body.fracture, self.body.history
         fracture.break_what_ranks_found(ledger)
         before = self.guided_motion()
         work = self.half_velocity(time, step, after_jump=True)
         self.new_positions(time, step)
-        sound = bool(np.isfinite(self.body.velocity.sum()))
-        report = lambda: announce(sound, self.stable_step())  # noqa: E731
+        sound = self.finite_velocity()
+        report = partial(announce, sound, self.stable_step())
         fracture.before_forces(report)
-        history.evaluate(step)
+        history.internal_force(step)
         fracture.after_forces(report)
         lost = history.settle(step)
         work += self.half_velocity(time + step, step, after_jump=False)
         work += self.guided_velocity(before, time, step)
         ledger.add(1.0, lost, 0.0, work)
-        return sound and engine.sound
+        return sound and self.body.engine.sound
 
     def half_velocity(self, time: float, step: float, after_jump: bool) -> float:
         """v += dt/2 a under the loads at a time [s], of a jump just after or just before it; the loads' work [J]."""
@@ -82,6 +84,10 @@ class VelocityVerlet(TimeSolver):
         if len(body.loads.entries[0]):
             body.loads.move(time, step, body.displacement)
             body.place()
+
+    def finite_velocity(self) -> bool:
+        """Whether all velocities are numbers."""
+        return bool(np.isfinite(self.body.velocity.sum()))
 
     def _accelerations(self, time: float, before: bool) -> np.ndarray | None:
         """Loads over mass (owned, 4) [m/s^2] where components are free; None without loads."""

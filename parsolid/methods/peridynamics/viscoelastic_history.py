@@ -147,7 +147,7 @@ class ViscoelasticHistory:
         for (first, last, ratios, _), weights in zip(self.series, self.weights):
             propose(first, last, ratios, weights, engine.displacement, self.old, self.terms, engine.field)
 
-    def evaluate(self, step: float) -> np.ndarray:
+    def internal_force(self, step: float) -> np.ndarray:
         """Force (owned, d) [N] after a step [s] from the settled state to the engine's displacement."""
         self.propose(step)
         return self.engine.evaluate(self.laws)

@@ -1,0 +1,124 @@
+"""A new method is one folder: particles that fly without forces, run by the command line like any other."""
+
+import csv
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+SETTINGS = '''
+from typing import ClassVar, Literal
+from parsolid.scene.method_settings import MethodSettings
+
+class Flight(MethodSettings):
+    """Particles that fly without forces."""
+
+    system: ClassVar = "parsolid.methods.flight.system:FreeFlight"
+    materials: ClassVar = ("hyperelastic",)
+    kind: Literal["flight"]
+    step: float = 0.125
+'''
+SYSTEM = '''
+import numpy as np
+from parsolid.materials.blocks import material_blocks
+from parsolid.materials.registry import laws_of
+from parsolid.methods.protocol import ParticleSystem
+from parsolid.particles.container import Particles
+from parsolid.particles.declaration import Field
+from parsolid.scene import initial_velocity
+
+class FreeFlight(ParticleSystem):
+    def __init__(self, comm, scene, particle_set):
+        self.comm, self.settings = comm, scene.method
+        self.owned, self.dimension = particle_set.position.shape
+        _, density = material_blocks(laws_of(scene), particle_set.body)
+        self.mass, self.share = density * particle_set.volume, np.ones(self.owned)
+        self.particles = particles = Particles(particle_set.body)
+        kept, d = {"checkpointed": True}, self.dimension
+        particles.declare(Field("identifier", 1, "1", whole=True, **kept), particle_set.identifier)
+        particles.declare(Field("reference_position", d, "m", **kept), particle_set.position)
+        particles.declare(Field("volume", 1, "m^3", **kept), particle_set.volume)
+        particles.declare(Field("spacing", d, "m", **kept), particle_set.spacing)
+        particles.declare(Field("area", d, "m^2", **kept), particle_set.area)
+        particles.declare(Field("position", d, "m", **kept), particle_set.position)
+        particles.declare(Field("velocity", d, "m/s", shown=True, **kept))
+        particles.declare(Field("jacobian", 1, "1", **kept), 1.0)
+        particles.declare(Field("flown", 1, "m", shown=True, **kept))
+
+    def begin(self, scene, particle_set):
+        self.particles.owned_rows("velocity")[:] = initial_velocity(scene, particle_set.body, particle_set.position)
+
+    def stable_step(self):
+        return self.settings.step
+
+    def advance(self, time, step, ledger, announce):
+        rows = self.particles.owned_rows
+        rows("position")[:] += step * rows("velocity")
+        rows("flown")[:] += step * np.linalg.norm(rows("velocity"), axis=1)
+        announce(True, self.stable_step())
+        return True
+
+    def energies(self):
+        return 0.5 * float(self.mass @ (self.particles.owned_rows("velocity") ** 2).sum(axis=1)), 0.0
+
+    def shown(self, name, first, last):
+        if name == "deformation_gradient":
+            return np.tile(np.eye(3), (last - first, 1, 1))
+        return np.zeros((last - first, 3, 3)) if name == "stress" else None
+'''
+SCENE = """
+title = "Flight"
+dimension = 2
+end_time = 1.0
+[method]
+kind = "flight"
+[[bodies]]
+shape = { box = { lower = [0, 0], upper = [1, 1] } }
+particles = [4, 4]
+velocity = ["3", "4*X"]
+[bodies.material]
+kind = "neo-hookean"
+density = 1000
+youngs_modulus = 1e6
+poissons_ratio = 0.3
+[[probes]]
+name = "corner"
+at = [1, 1]
+fields = ["position"]
+"""
+# the folder joins the methods before the command starts
+START = """
+import sys, parsolid.methods
+parsolid.methods.__path__.append(sys.argv[1])
+from parsolid.commands.cli import main
+sys.exit(main(sys.argv[2:]))
+"""
+
+
+def parsolid(folder: Path, *arguments: str) -> subprocess.CompletedProcess:
+    command = [sys.executable, "-c", START, str(folder / "methods"), *arguments]
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "MPI4PY_RC_INITIALIZE": "true"}
+    return subprocess.run(command, capture_output=True, text=True, cwd=folder, env=environment, check=False)
+
+
+def test_a_method_is_one_folder(tmp_path):
+    room = tmp_path / "methods" / "flight"
+    room.mkdir(parents=True)
+    (room / "__init__.py").write_text('"""Free flight."""\n')
+    (room / "settings.py").write_text(SETTINGS)
+    (room / "system.py").write_text(SYSTEM)
+    (tmp_path / "flight.toml").write_text(SCENE)
+    done = parsolid(tmp_path, "run", "flight.toml", "-o", "out", "-q", "--max-steps", "4")
+    assert done.returncode == 0, done.stderr
+    again = parsolid(tmp_path, "run", "flight.toml", "-o", "out", "-q", "--restart")
+    assert again.returncode == 0, again.stderr
+    rows = list(csv.DictReader((tmp_path / "out" / "history.csv").open()))
+    assert float(rows[-1]["time"]) == 1.0 and int(rows[-1]["step"]) >= 8
+    place = [float(rows[-1][f"corner.position_{axis}"]) for axis in "xy"]
+    assert place == pytest.approx([4.0, 5.0], rel=1e-12)
+    refused = parsolid(tmp_path, "run", "flight.toml", "-o", "out2", "--set", "method.step=true")
+    assert refused.returncode == 2 and "method.step" in refused.stderr
