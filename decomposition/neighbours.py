@@ -58,74 +58,44 @@ def order_along_cells(points: np.ndarray, cell: float) -> np.ndarray:
 
 
 @compiled
-def _nowhere(dimension: int) -> tuple[np.ndarray, np.ndarray]:
-    """The cell of no point yet, and room for the ranges of points in the cells around one."""
+def _visit(cells: Cells, points: np.ndarray, reach: float, at: np.ndarray, neighbour: np.ndarray | None) -> None:
+    """Walk through all pairs of a point b and an earlier one a within reach.
+
+    neighbour: None to count them in `at`, the points a in the order of the cells; or where b is appended, in rising
+    order, to the row of a, and `at` is where each row goes on.
+    """
+    square = reach * reach
     place = np.full(3, -9)
-    place[dimension:] = 0
-    return place, np.empty((27, 2), np.int64)
-
-
-@compiled
-def _around(cells: Cells, point: np.ndarray, place: np.ndarray, near: np.ndarray, found: int) -> int:
-    """How many cells surround a point; `near` is what it was where the point is in the same cell as the one before."""
-    return surround(cells, place, near) if locate(cells, point, place) else found
-
-
-@compiled
-def _coordinates(points: np.ndarray, b: int) -> tuple[float, float, float]:
-    """Three coordinates in any dimension."""
-    y = points[b, 1] if points.shape[1] > 1 else 0.0
-    z = points[b, 2] if points.shape[1] > 2 else 0.0
-    return points[b, 0], y, z
-
-
-@compiled
-def _earlier(cells: Cells, span: np.ndarray, b: int) -> tuple[np.uintp, np.uintp]:
-    """The points of a cell that may be earlier than b; none when its first is later, for they are in input order."""
-    first = np.uintp(span[0])
-    return first, first if cells.order[first] >= b else np.uintp(span[1])
-
-
-@compiled
-def _count(cells: Cells, points: np.ndarray, reach: float) -> np.ndarray:
-    """How many later points are within reach of each point of the cells, in the order of the cells."""
-    count = np.zeros(len(cells.order), np.int32)
-    square = reach * reach
-    place, near = _nowhere(points.shape[1])
+    place[points.shape[1] :] = 0
+    near = np.empty((27, 2), np.int64)
+    hits = None if neighbour is None else np.empty(np.diff(cells.begin).max() if len(cells.begin) > 1 else 1, np.int32)
     found = 0
     for b in range(len(points)):
-        found = _around(cells, points[b], place, near, found)
-        x, y, z = _coordinates(points, b)
+        if locate(cells, points[b], place):
+            found = surround(cells, place, near)
+        x = points[b, 0]
+        y = points[b, 1] if points.shape[1] > 1 else 0.0
+        z = points[b, 2] if points.shape[1] > 2 else 0.0
         for s in range(found):
-            first, last = _earlier(cells, near[s], b)
-            for i in range(first, last):
-                dx, dy, dz = x - cells.x[i], y - cells.y[i], z - cells.z[i]
-                count[i] += (dx * dx + dy * dy + dz * dz < square) & (cells.order[i] < b)
-    return count
-
-
-@compiled
-def _fill(cells: Cells, points: np.ndarray, reach: float, cursor: np.ndarray, neighbour: np.ndarray) -> None:
-    """Append b, in rising order, to the row of every earlier point within reach; cursor is where each row goes on."""
-    square = reach * reach
-    place, near = _nowhere(points.shape[1])
-    hits = np.empty(np.diff(cells.begin).max() if len(cells.begin) > 1 else 1, np.int32)
-    found = 0
-    for b in range(len(points)):
-        found = _around(cells, points[b], place, near, found)
-        x, y, z = _coordinates(points, b)
-        for s in range(found):
+            first = np.uintp(near[s, 0])
+            # points of a cell are in input order: if its first is later than b, so are all
+            if cells.order[first] >= b:
+                continue
             hit = np.uintp(0)
-            first, last = _earlier(cells, near[s], b)
-            for i in range(first, last):
+            for i in range(first, np.uintp(near[s, 1])):
                 dx, dy, dz = x - cells.x[i], y - cells.y[i], z - cells.z[i]
-                # without a branch, for most are misses
-                hits[hit] = cells.order[i]
-                hit += np.uintp((dx * dx + dy * dy + dz * dz < square) & (cells.order[i] < b))
-            for h in range(hit):
-                a = np.uintp(hits[h])
-                neighbour[np.uintp(cursor[a])] = b
-                cursor[a] += 1
+                close = (dx * dx + dy * dy + dz * dz < square) & (cells.order[i] < b)
+                if neighbour is None:
+                    at[i] += close
+                else:
+                    # without a branch, for most are misses
+                    hits[hit] = cells.order[i]
+                    hit += np.uintp(close)
+            if neighbour is not None:
+                for h in range(hit):
+                    a = np.uintp(hits[h])
+                    neighbour[np.uintp(at[a])] = b
+                    at[a] += 1
 
 
 @compiled
@@ -154,7 +124,9 @@ def half_pairs(points: np.ndarray, owned: int, reach: float) -> tuple[np.ndarray
         raise ValueError(f"owned: expected 0 to {len(points)} (the number of points), found {owned}")
     checked_bounds(points)
     cells = build_cells(points[:owned], reach)
-    start = _row_starts(cells.order, _count(cells, points, reach))
+    count = np.zeros(len(cells.order), np.int32)
+    _visit(cells, points, reach, count, None)
+    start = _row_starts(cells.order, count)
     neighbour = np.empty(start[-1], np.int32)
-    _fill(cells, points, reach, start[:-1].copy(), neighbour)
+    _visit(cells, points, reach, start[:-1].copy(), neighbour)
     return start, neighbour
