@@ -18,38 +18,28 @@ from decomposition.compiled import compiled
 from parsolid.numerics.lanes import lane  # noqa: F401
 from parsolid.numerics.tracing import BY_SIZE, Symbol, Traceable, traced
 
-PLANE, SPACE = 5, 9
-SYMMETRIC_PLANE, SYMMETRIC_SPACE = 4, 6
+PLANE, SPACE, SYMMETRIC_PLANE, SYMMETRIC_SPACE = 5, 9, 4, 6
 
 
 class Tensor(Traceable):
     """What the kinds of tensors have in common: the operators."""
 
     __slots__ = ()
-    # numpy's scalars leave products with tensors to them
-    __array_ufunc__ = None
-
-    def _with(self, other, combine):
-        """Component by component with another tensor."""
-        a, b = (self, other) if type(self) is type(other) else (expand(self), expand(other))
-        return type(a)(*map(combine, a, b))
+    __array_ufunc__ = None  # numpy's scalars leave products with tensors to them
 
     def __add__(self, other):
         if other is None:
             return self
         if not isinstance(other, Tensor):
             return NotImplemented
-        if isinstance(self, Spherical) == isinstance(other, Spherical):
-            return self._with(other, lambda x, y: x + y)
-        a, s = (self, other.value) if isinstance(other, Spherical) else (other, self.value)
-        return type(a)(*(x + s if i in _DIAGONAL[type(a)] else x for i, x in enumerate(a)))
+        if isinstance(self, Spherical) != isinstance(other, Spherical):
+            a, s = (self, other.value) if isinstance(other, Spherical) else (other, self.value)
+            return type(a)(*(x + s if i in _DIAGONAL[type(a)] else x for i, x in enumerate(a)))
+        a, b = (self, other) if type(self) is type(other) else (expand(self), expand(other))
+        return type(a)(*(x + y for x, y in zip(a, b)))
 
     def __sub__(self, other):
-        if not isinstance(other, Tensor):
-            return NotImplemented
-        if isinstance(self, Spherical) == isinstance(other, Spherical):
-            return self._with(other, lambda x, y: x - y)
-        return self + -other
+        return self + -other if isinstance(other, Tensor) else NotImplemented
 
     def __mul__(self, factor):
         return NotImplemented if isinstance(factor, tuple) else type(self)(*(factor * x for x in self))
@@ -215,8 +205,8 @@ def trace(s):
 
 
 def _sum_of_diagonal(a):
-    first, second, third = (a[i] for i in _DIAGONAL[type(a)])
-    return first + second + third
+    first, second, third = _DIAGONAL[type(a)]
+    return a[first] + a[second] + a[third]
 
 
 @formula
@@ -321,7 +311,6 @@ def plus_identity(s, factor):
     return s + factor * I
 
 
-# names for symmetric tensors alone
 contract_symmetric, determinant_symmetric, trace_symmetric = contract, determinant, trace
 
 

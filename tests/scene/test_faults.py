@@ -60,10 +60,10 @@ BROKEN = {
     "number for a table": ({"method": 3}, "method: expected a table, found 3"),
     "table for a list": ({"bodies": {}}, "bodies: expected a list, found an empty table"),
     "missing key": ({"end_time": DELETED}, r"end_time: expected the simulated time \[s\], found nothing"),
-    "missing kind": ({"method": {}}, "method.kind: expected one of 'tlsph', .*, found nothing"),
+    "missing kind": ({"method": {}}, "method.kind: expected one of 'mpm', .*'tlsph', found nothing"),
     "unknown method": (
         {"method.kind": "tlsp"},
-        "method.kind: expected one of 'tlsph', .* .*did you mean 'tlsph'.*, found 'tlsp'",
+        "method.kind: expected one of 'mpm', .*did you mean 'tlsph'.*, found 'tlsp'",
     ),
     "unknown material": (
         {"bodies.0.material.kind": "neo-hookian"},
