@@ -1,7 +1,8 @@
 """The particles of a rank: every field is declared once, and what is done with fields follows from the declarations.
 
-Allocation, halo exchange, migration, order, checkpoint, restart, output and `check` are loops over the declarations in here and are
-written nowhere else. Rows are particles: owned ones first, one material after the other, ghosts behind, padding at the end.
+Allocation, halo exchange, migration, order, checkpoint, restart, output and `check` are loops over the declarations in
+here and are written nowhere else. Rows are particles: owned ones first, one material after the other, ghosts behind,
+padding at the end.
 """
 
 import time as clock
@@ -200,7 +201,10 @@ class Particles:
         self.communication_seconds += clock.perf_counter() - began
 
     def update(self, message: str) -> None:
-        """Send and receive a message once, for set-up: its buffers are given back. Collective; nothing where no field has it."""
+        """Send and receive a message once, for set-up: its buffers are given back.
+
+        Collective; nothing where no field has it.
+        """
         if any(field.message == message and field.ghosts is not None for field in self.fields.values()):
             self.send(message)
             self.receive(message)

@@ -1,4 +1,7 @@
-"""What a method or a law says of a quantity that every particle has; `particles.container` does what follows from it."""
+"""What a method or a law says of a quantity that every particle has.
+
+`particles.container` does what follows from it.
+"""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -8,7 +11,8 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Rows:
-    """An array (capacity, width) of its own, a row a particle: what neighbours or nodes read; width: the components unless given.
+    """An array (capacity, width) of its own, a row a particle: what neighbours or nodes read; width: the components
+    unless given.
 
     A scalar of one component without a width is (capacity,).
     """
@@ -33,10 +37,13 @@ class Within:
 class Field:
     """One quantity of every particle.
 
-    ghosts: "forward" where ghosts take their owner's values, "reverse" where owners add up what their ghosts have gathered, in the
-    message of that name; checkpointed: needed to restart; shown: written to the fields file unless the scene chooses otherwise;
-    mirror: how a mirror image's value follows; carried: travels with a particle to another rank (False for what a step fills anew);
-    padding: a row that rows beyond the owned ones hold, so that kernels of four lanes find a sound particle there; whole: integers.
+    ghosts: "forward" where ghosts take their owner's values, "reverse" where owners add up what their ghosts have
+    gathered, in the message of that name; checkpointed: needed to restart; shown: written to the fields file unless the
+    scene chooses otherwise;
+    mirror: how a mirror image's value follows; carried: travels with a particle to another rank (False for what a step
+    fills anew);
+    padding: a row that rows beyond the owned ones hold, so that kernels of four lanes find a sound particle there;
+    whole: integers.
     """
 
     name: str

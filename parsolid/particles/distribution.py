@@ -13,7 +13,8 @@ from parsolid.materials.blocks import block_numbers
 def distribute(comm, particle_set, values: dict | None = None):
     """Give each rank a compact part of all particles with the same number of them; collective.
 
-    With values, further arrays (n, ...) of the particles by name, returns (particle_set, values), else the particle_set.
+    With values, further arrays (n, ...) of the particles by name, returns (particle_set, values), else the
+    particle_set.
     """
     if anywhere(comm, particle_set.axes is not None) and particle_set.axes is None:
         particle_set = dataclasses.replace(
@@ -39,8 +40,9 @@ def take(particle_set, order: np.ndarray):
 def sort_for_speed(comm, particle_set, laws: list) -> np.ndarray:
     """Order (n,) by law and then along cells of one spacing, so that neighbours lie close in memory; collective.
 
-    Cells are in rows along the shortest side of the rank's part, rows in layers across the longest: the passes then walk through
-    memory layer by layer, with forces a third faster than along a space-filling curve (docs/performance.md).
+    Cells are in rows along the shortest side of the rank's part, rows in layers across the longest: the passes then
+    walk through memory layer by layer, with forces a third faster than along a space-filling curve
+    (docs/performance.md).
     """
     _, number = block_numbers(laws, particle_set.body)
     scaled = particle_set.position / _typical_spacing(comm, particle_set)

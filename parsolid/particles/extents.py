@@ -8,8 +8,8 @@ def domain_bounds(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Lower and upper bounds (d,) [m] of particles' deformed domains; plus and minus infinity without particles.
 
-    A domain is the parallelepiped of edges F l_k a_k about x: position x (n, d) [m], deformation gradient F (n, 3, 3), spacing l (n, d)
-    [m] along the particle's own axes a (n, d, d), rows; None = Cartesian.
+    A domain is the parallelepiped of edges F l_k a_k about x: position x (n, d) [m], deformation gradient F (n, 3, 3),
+    spacing l (n, d) [m] along the particle's own axes a (n, d, d), rows; None = Cartesian.
     """
     d = position.shape[1]
     edges = deformation[:, :d, :d]

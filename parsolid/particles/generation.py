@@ -18,8 +18,9 @@ def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:
     """This rank's share of the scene's particles (collective).
 
     Global ids run body by body in the order of each body's lattice or mesh; rank r has the ids from r N / size. Raises
-    SceneError, the same on all ranks, for a mesh that cannot be used, a body without particles, a plane that bounds no mesh,
-    a region without particles, a probe away from all particles, and a formula that is not finite at some particle.
+    SceneError, the same on all ranks, for a mesh that cannot be used, a body without particles, a plane that bounds no
+    mesh, a region without particles, a probe away from all particles, and a formula that is not finite at some
+    particle.
     """
     fillings = _fillings(scene, comm)
     ends = np.cumsum([filling.count for filling in fillings])
@@ -125,7 +126,8 @@ def _not_finite(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray
             place = ", ".join(f"{x:g}" for x in particle_set.position[worst])
             value = values[np.searchsorted(rows, worst), component]
             faults.append(
-                f"{key_path(key if len(formulas) == 1 else (*key, component))}: expected a finite value at every particle, "
+                f"{key_path(key if len(formulas) == 1 else (*key, component))}: "
+                "expected a finite value at every particle, "
                 f"found {value} at particle {particle_set.identifier[worst]} ({place})"
             )
     mine = np.array(first, np.int64)

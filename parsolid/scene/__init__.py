@@ -1,6 +1,7 @@
 """Scenes: what a TOML file may say, and the particles, fields and regions that it means.
 
-Names are looked up when they are first used: the settings of methods, which a scene reads, import from this package themselves.
+Names are looked up when they are first used: the settings of methods, which a scene reads, import from this package
+themselves.
 """
 
 from importlib import import_module

@@ -1,6 +1,7 @@
 """How loads go in time: formulas that may jump, and tables of factors."""
 
 import csv
+import itertools
 from copy import copy
 from typing import Annotated, ClassVar
 
@@ -55,7 +56,7 @@ class FactorHistory(SceneModel):
         """Times [s] at which the factor jumps."""
         rows = [[self.table[0][0], 0.0], *self.table]
         return sorted(
-            {end for (begin, before), (end, after) in zip(rows, rows[1:]) if begin == end and before != after}
+            {end for (begin, before), (end, after) in itertools.pairwise(rows) if begin == end and before != after}
         )
 
     def factor(self, time: float, before: bool = False) -> float:
@@ -83,7 +84,7 @@ class Timed(SceneModel):
     @model_validator(mode="after")
     def _rising(self) -> "Timed":
         jumps = self.jumps or []
-        late = [(i, after) for i, (before, after) in enumerate(zip(jumps, jumps[1:]), 1) if after <= before]
+        late = [(i, after) for i, (before, after) in enumerate(itertools.pairwise(jumps), 1) if after <= before]
         reject(*((("jumps", i), "a time later than the one before", time) for i, time in late))
         return self
 

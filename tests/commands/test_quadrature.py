@@ -1,6 +1,10 @@
-"""Errors of nodal accelerations: the published ones of particles, one-dimensional integrals for exact integration, the command."""
+"""Errors of nodal accelerations.
+
+the published ones of particles, one-dimensional integrals for exact integration, the command.
+"""
 
 import csv
+import itertools
 
 import numpy as np
 import pytest
@@ -32,7 +36,8 @@ def test_particles_have_the_published_errors(kind):
 
 
 def along_a_side(degree, cells):
-    """Errors of the accelerations of the nodes of a side with exact integrals, int N a / F dx / int N / F dx, and the exact ones.
+    """Errors of the accelerations of the nodes of a side with exact integrals, int N a / F dx / int N / F dx, and the
+    exact ones.
 
     Density and acceleration are products of functions of x and y, so that the integrals are one-dimensional.
     """
@@ -56,7 +61,7 @@ def along_a_side(degree, cells):
         moments = [
             sum(
                 quad(lambda x: spline(x * cells - node) * f(x) / stretch(x), *ends, epsabs=1e-12)[0]
-                for ends in zip(knots, knots[1:])
+                for ends in itertools.pairwise(knots)
             )
             for f in (acceleration, lambda x: 1.0)
         ]

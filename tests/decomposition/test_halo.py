@@ -79,7 +79,7 @@ def test_pairs_over_ranks_equal_those_of_one(comm):
 
 def views(rows):
     """Arrays of all kinds of strides, and what fills their rows for given numbers."""
-    space = [
+    return [
         np.zeros(rows + 2),
         np.zeros((rows, 4))[:, :3],
         np.zeros((6, rows + 5)).T,
@@ -87,7 +87,6 @@ def views(rows):
         np.zeros((2 * rows + 1, 2))[1::2],
         np.zeros(rows, np.int64),
     ]
-    return space
 
 
 def values(array, numbers):

@@ -22,7 +22,7 @@ class Flight(MethodSettings):
     kind: Literal["flight"]
     step: float = 0.125
 '''
-SYSTEM = '''
+SYSTEM = """
 import numpy as np
 from parsolid.materials.blocks import material_blocks
 from parsolid.materials.registry import laws_of
@@ -69,7 +69,7 @@ class FreeFlight(ParticleSystem):
         if name == "deformation_gradient":
             return np.tile(np.eye(3), (last - first, 1, 1))
         return np.zeros((last - first, 3, 3)) if name == "stress" else None
-'''
+"""
 SCENE = """
 title = "Flight"
 dimension = 2

@@ -76,7 +76,7 @@ def table(text: str) -> dict[str, str]:
 
 def number(text: str) -> float:
     """The number that a line of a report begins with."""
-    return float(text.split()[0].replace(",", ""))
+    return float(text.split(maxsplit=1)[0].replace(",", ""))
 
 
 def test_check_shows_no_branches_where_there_are_none(jobs):

@@ -65,7 +65,7 @@ def test_a_full_disk_ends_the_run_with_a_message_and_keeps_what_there_is(tmp_pat
     with small_disk(tmp_path / "disk", 1500) as disk:
         ranks = many([[scene, "-q", "-o", disk / "run"]], RANKS, tmp_path / "job")[0]
         assert [rank.status for rank in ranks] == [1] * RANKS, ranks[0].err
-        assert ranks[0].err.startswith("parsolid: ") and "full" in ranks[0].err or "No space left" in ranks[0].err
+        assert (ranks[0].err.startswith("parsolid: ") and "full" in ranks[0].err) or "No space left" in ranks[0].err
         assert not ranks[1].err and "Traceback" not in ranks[0].err
         header, fields, _ = state(disk / "run")
         assert header["step"] > 0 and len(fields["identifier"]) == 17 * 17

@@ -1,4 +1,7 @@
-"""Conduction solutions: the heat equation by differences, their boundaries, and published values of the plastic layer."""
+"""Conduction solutions.
+
+the heat equation by differences, their boundaries, and published values of the plastic layer.
+"""
 
 import numpy as np
 import pytest

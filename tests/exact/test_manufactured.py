@@ -1,4 +1,6 @@
-"""Manufactured solutions against values of another code (Uintah's), and their body forces against numerical derivatives."""
+"""Manufactured solutions against values of another code (Uintah's), and their body forces against numerical
+derivatives.
+"""
 
 import json
 from pathlib import Path

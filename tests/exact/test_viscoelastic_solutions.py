@@ -1,4 +1,6 @@
-"""Creep, recovery and vibration against numbers computed elsewhere, and against equations that the solutions must satisfy."""
+"""Creep, recovery and vibration against numbers computed elsewhere, and against equations that the solutions must
+satisfy.
+"""
 
 import json
 from pathlib import Path

@@ -9,8 +9,8 @@ from scipy.integrate import quad
 from decomposition.compiled import compiled
 from parsolid.materials.damage.bond_based import influence_moment, micromodulus
 from parsolid.materials.damage.fracture import breaking_limit, critical_bond_energy, critical_stretch
-from parsolid.pairs.radial_weights import INFLUENCES, influence
 from parsolid.methods.peridynamics.settings import Damage
+from parsolid.pairs.radial_weights import INFLUENCES, influence
 from parsolid.scene.viscoelastic import PronySolid
 
 E, GC, DELTA = 72e9, 135.0, 2e-3
@@ -60,7 +60,8 @@ def test_published_formulas_for_the_constant_influence_function(state):
 @pytest.mark.parametrize("name", INFLUENCES)
 @pytest.mark.parametrize("state, dimension", [("bar", 1), ("plane-stress", 2), ("plane-strain", 2), ("space", 3)])
 def test_bonds_across_a_plane_hold_the_fracture_energy(state, dimension, name):
-    # all bonds of one particle of a fine lattice; a bond that reaches z along the normal crosses z/dx planes of particles
+    # all bonds of one particle of a fine lattice; a bond that reaches z along the normal crosses z/dx planes of
+    # particles
     cells = {1: 4000, 2: 200, 3: 40}[dimension]
     dx = DELTA / (cells + 0.5)
     line = np.arange(-cells, cells + 1) * dx

@@ -1,4 +1,9 @@
-"""Prony series: stress, energy and dissipation against each other and against closed forms, in every state of strain."""
+"""Prony series.
+
+stress, energy and dissipation against each other and against closed forms, in every state of strain.
+"""
+
+import itertools
 
 import numpy as np
 import pytest
@@ -109,7 +114,7 @@ def test_weights_of_a_step(x):
     integrands = (lambda s: decay(s) ** 2, lambda s: 2.0 * decay(s) * rise(s), lambda s: rise(s) ** 2)
     for part, integrand in zip(parts, integrands):
         breaks = [0.0, *(b for b in (1.0, 10.0, 40.0, 1e3) if b < x), x]
-        exact = sum(quad(integrand, low, high, epsabs=0.0, epsrel=1e-13)[0] for low, high in zip(breaks, breaks[1:]))
+        exact = sum(quad(integrand, low, high, epsabs=0.0, epsrel=1e-13)[0] for low, high in itertools.pairwise(breaks))
         assert part == pytest.approx(exact, rel=3e-12)
 
 
@@ -191,7 +196,7 @@ def test_a_bar_follows_the_relaxation_function_exactly():
         exact = sum(
             (after - before)
             * (series.relaxation(time - begin) if end == begin else average(series, time - end, time - begin))
-            for (begin, before), (end, after) in zip(knots, knots[1:])
+            for (begin, before), (end, after) in itertools.pairwise(knots)
         )
         assert point.stress[0] == pytest.approx(exact, rel=1e-12)
 
@@ -236,7 +241,7 @@ def test_an_elastic_bulk_gives_back_the_relaxation_of_youngs_modulus(conversion,
     else:
         # the ratios of E(t) are not quite those of G(t): G(0+) is 22.99 MPa instead of 23.22 MPa
         assert prony.algorithmic_factor(law, 0.0) * law.shear_modulus == pytest.approx(22.9922e6, rel=1e-5)
-    for k in range(150):
+    for _k in range(150):
         point.advance([0.01, 0.0, 0.0, 0.0], step)
     series = PronySeries(equilibrium, [62.01e6], [1.0])
     expected = 0.01 * series.relaxation(3.0)

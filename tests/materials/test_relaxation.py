@@ -1,5 +1,7 @@
 """ViscoelasticHistory of the internal variables over a step, and the energy that it dissipates."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -86,7 +88,9 @@ def test_a_jump_leaves_the_internal_variables_as_they_are():
 
 
 def closed_form(C, decay):
-    """Energy that a branch of modulus 2, virgin before a jump to C, has lost when its excess has decayed to a part of it."""
+    """Energy that a branch of modulus 2, virgin before a jump to C, has lost when its excess has decayed to a part of
+    it.
+    """
     excess = np.linalg.eigvalsh(C) - 1.0
     return (excess * (1.0 - decay) - np.log((1.0 + excess) / (1.0 + excess * decay))).sum()
 
@@ -112,7 +116,7 @@ def test_dissipated_energy_is_the_integral_of_the_rate(tau):
     edges = np.concatenate([[0.0], step * np.geomspace(1e-12, 1.0, 400)])
     nodes, weights = np.polynomial.legendre.leggauss(6)
     total = 0.0
-    for lower, upper in zip(edges, edges[1:]):
+    for lower, upper in itertools.pairwise(edges):
         s = lower + 0.5 * (upper - lower) * (1.0 + nodes)
         C_inverse = symmetric_tensors(old + (s / step)[:, None] * (new - old))
         change = np.exp(-s / tau)[:, None] * (start - old) + tau * np.expm1(-s / tau)[:, None] * (new - old) / step

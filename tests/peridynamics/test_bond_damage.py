@@ -7,8 +7,8 @@ from bonded_body import BondedBody, lattice
 from parsolid.methods.peridynamics.bond_damage import Limits
 from parsolid.methods.peridynamics.bond_damage_kernels import Energy, Stretch
 from parsolid.methods.peridynamics.cracks import distance, patch_of
-from parsolid.scene.base_model import Plane
 from parsolid.methods.peridynamics.settings import PreCrack
+from parsolid.scene.base_model import Plane
 
 bodies = pytest.mark.parametrize("dimension, mirror", [(2, False), (3, False), (2, True), (3, True)])
 

@@ -1,5 +1,6 @@
 """Particles of every shape: exact volumes, closed surfaces, ids that do not depend on the number of ranks."""
 
+import itertools
 import math
 
 import numpy as np
@@ -87,7 +88,7 @@ def test_pieces_make_the_whole(scene_of, dimension, shape, filling, volume, part
     body = scene_of(dimension, shape, **filling).bodies[0]
     one = filling_of(body, dimension)
     ends = [one.count * i // parts for i in range(parts + 1)]
-    pieces = [filling_of(body, dimension).piece(a, b) for a, b in zip(ends, ends[1:])]
+    pieces = [filling_of(body, dimension).piece(a, b) for a, b in itertools.pairwise(ends)]
     full = one.piece(0, one.count)
     for name in ("identifier", "position", "volume", "spacing", "area"):
         np.testing.assert_array_equal(np.concatenate([getattr(p, name) for p in pieces]), getattr(full, name))

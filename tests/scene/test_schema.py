@@ -13,7 +13,7 @@ from parsolid.scene.loading import override_value
 from parsolid.scene.schema import plane_side
 
 RUNS = Path(__file__).parents[2] / "runs" / "tlsph"
-SCENES = sorted(RUNS.glob("*.toml")) + [packaged_scene()]
+SCENES = [*sorted(RUNS.glob("*.toml")), packaged_scene()]
 
 
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)

@@ -55,7 +55,7 @@ EVEN_3D = ["0.4*sin(2*X)*cos(Y)", "0.3*X*X*sin(Y) - 0.2*Y*cos(Z)", "0.3*sin(Z)*c
 @pytest.mark.parametrize("smoothing", [0.85, 1.2])
 @pytest.mark.parametrize("axes", ["X", "XY"])
 def test_rollers_in_the_plane(axes, smoothing):
-    planes = {axis: (0.0, "roller") for axis in axes}
+    planes = dict.fromkeys(axes, (0.0, "roller"))
     lower = [0.0 if axis in axes else -0.8 for axis in "XY"]
     part = box(lower, [1.0, 0.8], [0.2, 0.16], EVEN_2D, smoothing, **planes)
     same_motion(part, box([-1.0, -0.8], [1.0, 0.8], [0.2, 0.16], EVEN_2D, smoothing))
@@ -63,7 +63,7 @@ def test_rollers_in_the_plane(axes, smoothing):
 
 @pytest.mark.parametrize("axes", ["Z", "XY", "XYZ"])
 def test_rollers_in_space(axes):
-    planes = {axis: (0.0, "roller") for axis in axes}
+    planes = dict.fromkeys(axes, (0.0, "roller"))
     lower = [0.0 if axis in axes else -end for axis, end in zip("XYZ", (0.6, 0.5, 0.6))]
     part = box(lower, [0.6, 0.5, 0.6], [0.2, 0.25, 0.3], EVEN_3D, 1.05, **planes)
     same_motion(part, box([-0.6, -0.5, -0.6], [0.6, 0.5, 0.6], [0.2, 0.25, 0.3], EVEN_3D, 1.05))
@@ -80,7 +80,7 @@ def test_a_shell_cut_at_a_plane_of_symmetry(dimension):
     def sector(end, hoop, **planes):
         shape = {"radius": 1.0, "thickness": 0.4, "angles": [0.0, end]}
         shape |= {"centre": [0.0, 0.0]} if dimension == 2 else {"base": [0.0, 0.0, 0.0], "axis": "Z", "length": 0.4}
-        velocity = ["0.3*X*Y", "0.2*cos(X) - 0.1*Y"] + ["0.1*Z*Y"][: dimension - 2]
+        velocity = ["0.3*X*Y", "0.2*cos(X) - 0.1*Y", *["0.1*Z*Y"][: dimension - 2]]
         particles, rollers = [hoop, 3, 3][:dimension], supports(**planes)
         data = tables(particles, [1.0] * dimension, material=MATERIAL, method={"smoothing": 1.05}, boundaries=rollers)
         data["bodies"][0] |= {"shape": {"cylindrical_shell": shape}, "velocity": velocity}

@@ -1,5 +1,7 @@
 """Order in time of the integrator, the internal variables and the energy ledger."""
 
+import itertools
+
 import numpy as np
 import pytest
 from solids import ONE_BRANCH, SOFT, column, evaluate, evolved, punch, run_to_end, simulation, supports, tables
@@ -31,7 +33,7 @@ def orders(branches, end: float) -> dict[str, float]:
     states = [after(branches, end, number) for number in NUMBERS]
     result = {}
     for name in states[0]:
-        change = [np.abs(fine[name] - coarse[name]).max() for coarse, fine in zip(states, states[1:])]
+        change = [np.abs(fine[name] - coarse[name]).max() for coarse, fine in itertools.pairwise(states)]
         assert change[-1] > 1e-14 * np.abs(states[-1][name]).max()
         result[name] = np.log2(change[-2] / change[-1])
     return result

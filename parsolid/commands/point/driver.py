@@ -5,6 +5,7 @@ of each other, so that work - dissipation - change of the stored energy measures
 for rounding where nothing is approximated: at a fixed deformation and in a jump.
 """
 
+import itertools
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -44,7 +45,7 @@ def drive(law: PointLaw, path: Path, end_time: float, longest_step: float) -> Re
     kinks = {time for time in path.kinks if 0.0 < time <= end_time}
     edges = sorted({0.0, end_time} | kinks)
     _jump(record, law, path, 0.0)
-    for start, end in zip(edges, edges[1:]):
+    for start, end in itertools.pairwise(edges):
         count = max(1, int(np.ceil((end - start) / longest_step * (1.0 - 1e-9))))
         times = start + (end - start) * np.arange(count + 1) / count
         times[-1] = end

@@ -4,6 +4,7 @@ A path may jump, or have a kink, at its breaks. There, `side` chooses the value 
 """
 
 import csv
+import itertools
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -62,7 +63,10 @@ class Path(SceneModel):
         return np.inf
 
     def gradients(self, times: np.ndarray, sides: np.ndarray) -> np.ndarray:
-        """F (n, 3, 3) at times (n,) [s], just before (side -1), at (0) or just after (+1) them; free components are 1."""
+        """F (n, 3, 3) at times (n,) [s], just before (side -1), at (0) or just after (+1) them.
+
+        Free components are 1.
+        """
         return self._at(np.where(sides == 0, times, np.nextafter(times, np.where(sides < 0, -np.inf, np.inf))))
 
     def _at(self, times: np.ndarray) -> np.ndarray:
@@ -245,7 +249,7 @@ class Table(Path):
             return [(end, lambda t, row=row: np.tile(row, (len(t), 1))) for end, row in zip([*times[1:], np.inf], F)]
         bounds = [0, *(np.flatnonzero(np.diff(times) == 0.0) + 1), len(times)]
         pieces = []
-        for lower, upper in zip(bounds, bounds[1:]):
+        for lower, upper in itertools.pairwise(bounds):
             x, y = times[lower:upper], F[lower:upper]
             if len(x) == 1:
                 pieces.append((x[0], lambda t, row=y[0]: np.tile(row, (len(t), 1))))

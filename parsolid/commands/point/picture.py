@@ -52,13 +52,13 @@ def _components(panel, columns: dict, field: str, label: str) -> None:
 
 def _waves(panel, columns: dict) -> None:
     """Wave speeds: greatest over all directions in black, along each direction in a colour of its own."""
-    for name in columns:
+    for name, values in columns.items():
         if name.endswith("wave_speed"):
             where, _, kind = name.rpartition(".")
             style = {"color": f"C{int(where.rpartition('_')[2]) - 1}"} if where else {"color": "k", "linestyle": "--"}
             first = "pressure" in kind or not where
             label = (where or kind).replace("_", " ") if first else None
-            panel.plot(columns["time"], columns[name], linewidth=1.2, label=label, **style)
+            panel.plot(columns["time"], values, linewidth=1.2, label=label, **style)
     panel.set_xlabel("time [s]")
     panel.set_ylabel("wave speed [m/s]")
     panel.legend(fontsize=7)

@@ -97,15 +97,21 @@ def told(summary: dict, directory: Path) -> str:
     """The summary in a few lines."""
     return "\n".join(
         [
-            f"{summary['title'] or 'material point'}: {summary['material']}, {summary['path']}, {summary['rows']} rows"
-            f" to t = {summary['end_time']:g} s in {summary['wall_time']:.2g} s",
-            f"  work {summary['work_at_end']:.6g} = stored {summary['stored_at_end']:.6g}"
-            f" + dissipated {summary['dissipation_at_end']:.6g} J/m^3, off by at most"
-            f" {summary['balance_error_relative']:.1e} of the largest",
-            f"  von Mises stress up to {summary['largest_von_mises_stress']:.6g} Pa,"
-            f" pressure waves up to {summary['largest_pressure_wave_speed']:.6g} m/s,"
-            f" smallest acoustic eigenvalue {summary['smallest_acoustic_eigenvalue']:.6g} Pa"
-            f" ({'hyperbolic' if summary['hyperbolic'] else 'NOT hyperbolic'})",
+            (
+                f"{summary['title'] or 'material point'}: {summary['material']}, {summary['path']}, "
+                f"{summary['rows']} rows to t = {summary['end_time']:g} s in {summary['wall_time']:.2g} s"
+            ),
+            (
+                f"  work {summary['work_at_end']:.6g} = stored {summary['stored_at_end']:.6g}"
+                f" + dissipated {summary['dissipation_at_end']:.6g} J/m^3, off by at most"
+                f" {summary['balance_error_relative']:.1e} of the largest"
+            ),
+            (
+                f"  von Mises stress up to {summary['largest_von_mises_stress']:.6g} Pa,"
+                f" pressure waves up to {summary['largest_pressure_wave_speed']:.6g} m/s,"
+                f" smallest acoustic eigenvalue {summary['smallest_acoustic_eigenvalue']:.6g} Pa"
+                f" ({'hyperbolic' if summary['hyperbolic'] else 'NOT hyperbolic'})"
+            ),
             *_plastic(summary),
             f"  {directory / TABLE}; picture: {summary['picture']}",
         ]
