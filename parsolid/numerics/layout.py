@@ -249,18 +249,3 @@ def _store_space_tensor(space, record, i, column, tensor, last):
     zero = broadcast(0.0)
     store_rows(record, i, column, broadcast(tensor[0]), broadcast(tensor[1]), broadcast(tensor[2]), broadcast(last))
     store_rows(record, i, column + 4, broadcast(tensor[3]), broadcast(tensor[4]), broadcast(tensor[5]), zero)
-
-
-@generic
-def record_columns(space):
-    """Columns that a matrix and a symmetric tensor take in a record."""
-
-
-@record_columns.of(Plane)
-def _plane_columns(space):
-    return 4, 4
-
-
-@record_columns.otherwise
-def _space_columns(space):
-    return 12, 8

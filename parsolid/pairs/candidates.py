@@ -62,9 +62,6 @@ def reach_of(comm, metric: np.ndarray, support: float, dimension: int) -> Reach:
     return Reach(scale, support * np.sqrt(maximum(comm, float(largest))) * (1 + 1e-9))
 
 
-IDENTITY = (np.ones((1, 3)), np.zeros((1, 3)))
-
-
 def mirror_candidates(positions, body, owned, codes: MirrorCodes, reach: Reach):
     """Pairs of owned particles and images near the planes, as (start, neighbour, code), unfiltered by the metric."""
     starts, neighbours, kinds = [], [], []

@@ -138,23 +138,31 @@ BROKEN = {
     ),
     "both constants": (
         plate(material={"bulk_modulus": 1e9}),
-        "bodies.0.material: expected at most one of poissons_ratio, bulk_modulus; "
-        "found poissons_ratio and bulk_modulus",
+        (
+            "bodies.0.material: expected at most one of poissons_ratio, bulk_modulus; "
+            "found poissons_ratio and bulk_modulus"
+        ),
     ),
     "soft bulk": (
         plate(material={"poissons_ratio": None, "bulk_modulus": 1e5}),
-        "bodies.0.material.bulk_modulus: expected a bulk modulus of more than a ninth of "
-        "Young's modulus 7e.06 .*found 100000.0",
+        (
+            "bodies.0.material.bulk_modulus: expected a bulk modulus of more than a ninth of "
+            "Young's modulus 7e.06 .*found 100000.0"
+        ),
     ),
     "bulk too soft at first": (
         plate(material={"bulk": "elastic"}),
-        "bodies.0.material.poissons_ratio: expected a bulk modulus of more than a ninth of "
-        "Young's modulus 7e.07 .*found 0.3",
+        (
+            "bodies.0.material.poissons_ratio: expected a bulk modulus of more than a ninth of "
+            "Young's modulus 7e.07 .*found 0.3"
+        ),
     ),
     "conversion of nothing": (
         plate(material={"conversion": "paper"}),
-        "bodies.0.material.conversion: expected no such key but with youngs_modulus and "
-        "bulk = 'elastic', found 'paper'",
+        (
+            "bodies.0.material.conversion: expected no such key but with youngs_modulus and "
+            "bulk = 'elastic', found 'paper'"
+        ),
     ),
     "term of no stiffness": (
         plate(material={"terms": [{"tau": 1.0}]}),
