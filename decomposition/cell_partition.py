@@ -193,18 +193,18 @@ def _cut_level(
         axis = order[:, turn]
         length = extent[np.arange(parts), axis]
         first = np.concatenate(([0], np.cumsum(length)))
-        rows, p = np.flatnonzero(tied), part[tied]
+        rows, owner = np.flatnonzero(tied), part[tied]
         histogram = np.zeros(first[-1], np.int64)
-        np.add.at(histogram, first[p] + cells[rows, axis[p]] - lower[p, axis[p]], weights[rows])
+        np.add.at(histogram, first[owner] + cells[rows, axis[owner]] - lower[owner, axis[owner]], weights[rows])
         comm.Allreduce(MPI.IN_PLACE, histogram, MPI.SUM)
         pieces = [histogram[first[q] : first[q + 1]] for q in range(parts)]
         if turn == 0:
             target = np.array([round(share * int(piece.sum())) for share, piece in zip(wanted, pieces)])
         for q, piece in enumerate(pieces):
-            k = _place(piece, target[q], nearest=turn == d - 1)
+            k = _place(piece, int(target[q]), nearest=turn == d - 1)
             cut[q, turn] = lower[q, axis[q]] + k
             target[q] -= piece[:k].sum()
-        tied[rows] = cells[rows, axis[p]] == cut[p, turn]
+        tied[rows] = cells[rows, axis[owner]] == cut[owner, turn]
     return order, cut
 
 

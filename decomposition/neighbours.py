@@ -1,5 +1,7 @@
 """Neighbour search by cell lists, and the order along cells that keeps neighbours close in memory."""
 
+from typing import Any
+
 import numpy as np
 
 from decomposition.compiled import compiled
@@ -58,7 +60,7 @@ def order_along_cells(points: np.ndarray, cell: float) -> np.ndarray:
 
 
 @compiled
-def _visit(cells: Cells, points: np.ndarray, reach: float, at: np.ndarray, neighbour: np.ndarray | None) -> None:
+def _visit(cells: Cells, points: np.ndarray, reach: float, at: np.ndarray, neighbour: Any) -> None:
     """Walk through all pairs of a point b and an earlier one a within reach.
 
     neighbour: None to count them in `at`, the points a in the order of the cells; or where b is appended, in rising
@@ -68,7 +70,9 @@ def _visit(cells: Cells, points: np.ndarray, reach: float, at: np.ndarray, neigh
     place = np.full(3, -9)
     place[points.shape[1] :] = 0
     near = np.empty((27, 2), np.int64)
-    hits = None if neighbour is None else np.empty(np.diff(cells.begin).max() if len(cells.begin) > 1 else 1, np.int32)
+    hits: Any = (
+        None if neighbour is None else np.empty(np.diff(cells.begin).max() if len(cells.begin) > 1 else 1, np.int32)
+    )
     found = 0
     for b in range(len(points)):
         if locate(cells, points[b], place):
