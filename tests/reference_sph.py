@@ -260,7 +260,10 @@ def _padded(vectors: np.ndarray) -> np.ndarray:
 
 
 def reference_of(sim, strain: dict, planes, options: Options) -> Reference:
-    """The reference for a simulation's particles on this rank alone: reads positions, volumes, v, x; planes as in with_images."""
+    """The reference for a simulation's particles on this rank alone: reads positions, volumes, v, x.
+
+    Planes as in with_images.
+    """
     particle_set, table, d = sim.particle_sets[0], sim.systems[0].particles, sim.systems[0].dimension
     on = np.zeros(len(particle_set.position), int)
     for axis, coordinate, _ in planes:
