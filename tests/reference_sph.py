@@ -90,8 +90,9 @@ def wendland_gradient(x: np.ndarray, metric: np.ndarray) -> np.ndarray:
 
 @dataclass
 class Points:
-    """Particles or their mirror images: what a neighbour needs to know, with vectors and tensors in three
-    dimensions.
+    """Particles or their mirror images.
+
+    what a neighbour needs to know, with vectors and tensors in three dimensions.
     """
 
     X: np.ndarray
@@ -149,8 +150,9 @@ def _images(points: Points, planes) -> Points:
 
 @dataclass
 class Options:
-    """average: "rms" (the solver's sqrt((Z_a^2 + Z_b^2)/2)) or "mean" (75); direction N of the wave speeds: "weight" or
-    "skew".
+    """average: "rms" (the solver's sqrt((Z_a^2 + Z_b^2)/2)) or "mean" (75).
+
+    Direction N of the wave speeds: "weight" or "skew".
     """
 
     dissipation: float = 1.0
@@ -258,10 +260,11 @@ def _padded(vectors: np.ndarray) -> np.ndarray:
 
 
 def reference_of(sim, strain: dict, planes, options: Options) -> Reference:
-    """The reference for a simulation's particles on this rank alone: reads positions, volumes, v, x; planes as in
-    with_images.
+    """The reference for a simulation's particles on this rank alone: reads positions, volumes, v, x.
+
+    Planes as in with_images.
     """
-    particle_set, table, d = sim.particle_set, sim.systems[0].particles, sim.systems[0].dimension
+    particle_set, table, d = sim.particle_sets[0], sim.systems[0].particles, sim.systems[0].dimension
     on = np.zeros(len(particle_set.position), int)
     for axis, coordinate, _ in planes:
         on += np.abs(particle_set.position[:, axis] - coordinate) < 1e-9

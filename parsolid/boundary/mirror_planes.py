@@ -115,7 +115,7 @@ class MirrorCodes:
         return result
 
     def table(self, dimension: int) -> np.ndarray:
-        """Rows for `pairs.layout.Images`."""
+        """Rows for `pairs.lists.Images`."""
         signs, reflections, shifts = (array[:, :dimension] for array in (self.signs, self.reflections, self.shifts))
         return image_table(dimension, signs, reflections, shifts, self.stress_signs)
 

@@ -48,7 +48,7 @@ def choose(condition, yes, no):
 @overload(choose)
 def _choose(condition, yes, no):
     if isinstance(condition, LanesType):
-        return lambda condition, yes, no: _select(condition, yes, no)
+        return lambda condition, yes, no: _select(condition, yes, no)  # noqa: PLW0108 (an intrinsic is no function)
     if isinstance(yes, LanesType) or isinstance(no, LanesType):
         return lambda condition, yes, no: _select(broadcast(condition), yes, no)
     return lambda condition, yes, no: yes if condition > 0.0 else no
@@ -73,7 +73,7 @@ def some_positive(value):
 @overload(some_positive)
 def _some_positive(value):
     if isinstance(value, LanesType):
-        return lambda value: _any_positive(value)
+        return lambda value: _any_positive(value)  # noqa: PLW0108
     return lambda value: value > 0.0
 
 

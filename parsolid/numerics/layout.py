@@ -56,19 +56,16 @@ def _space_deformation(space, deformation, i):
 
 
 @register_jitable
+def _three(array, row, i):
+    """Three consecutive rows of four particles."""
+    return load(array, row, i), load(array, row + 1, i), load(array, row + 2, i)
+
+
+@register_jitable
 def load_nine(array, row, i):
     """Nine consecutive rows of four particles, as a general tensor."""
-    return GeneralSpace(
-        load(array, row, i),
-        load(array, row + 1, i),
-        load(array, row + 2, i),
-        load(array, row + 3, i),
-        load(array, row + 4, i),
-        load(array, row + 5, i),
-        load(array, row + 6, i),
-        load(array, row + 7, i),
-        load(array, row + 8, i),
-    )
+    x, y, z = _three(array, row, i), _three(array, row + 3, i), _three(array, row + 6, i)
+    return GeneralSpace(x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2])
 
 
 @generic
@@ -127,14 +124,8 @@ def _space_branch(space, branches, alpha, i):
 @register_jitable
 def load_six(array, row, i):
     """Six consecutive rows of four particles, as a symmetric tensor."""
-    return SymmetricSpace(
-        load(array, row, i),
-        load(array, row + 1, i),
-        load(array, row + 2, i),
-        load(array, row + 3, i),
-        load(array, row + 4, i),
-        load(array, row + 5, i),
-    )
+    x, y = _three(array, row, i), _three(array, row + 3, i)
+    return SymmetricSpace(x[0], x[1], x[2], y[0], y[1], y[2])
 
 
 @generic
@@ -249,18 +240,3 @@ def _store_space_tensor(space, record, i, column, tensor, last):
     zero = broadcast(0.0)
     store_rows(record, i, column, broadcast(tensor[0]), broadcast(tensor[1]), broadcast(tensor[2]), broadcast(last))
     store_rows(record, i, column + 4, broadcast(tensor[3]), broadcast(tensor[4]), broadcast(tensor[5]), zero)
-
-
-@generic
-def record_columns(space):
-    """Columns that a matrix and a symmetric tensor take in a record."""
-
-
-@record_columns.of(Plane)
-def _plane_columns(space):
-    return 4, 4
-
-
-@record_columns.otherwise
-def _space_columns(space):
-    return 12, 8

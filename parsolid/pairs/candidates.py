@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from decomposition.neighbours import half_pairs
-from parsolid.boundary.mirror_planes import MirrorCodes
 from parsolid.collective import maximum, minimum
 
 
@@ -62,10 +61,7 @@ def reach_of(comm, metric: np.ndarray, support: float, dimension: int) -> Reach:
     return Reach(scale, support * np.sqrt(maximum(comm, float(largest))) * (1 + 1e-9))
 
 
-IDENTITY = (np.ones((1, 3)), np.zeros((1, 3)))
-
-
-def mirror_candidates(positions, body, owned, codes: MirrorCodes, reach: Reach):
+def mirror_candidates(positions, body, owned, codes, reach: Reach):
     """Pairs of owned particles and images near the planes, as (start, neighbour, code), unfiltered by the metric."""
     starts, neighbours, kinds = [], [], []
     for code in range(len(codes.signs)):

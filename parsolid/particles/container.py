@@ -201,8 +201,9 @@ class Particles:
         self.communication_seconds += clock.perf_counter() - began
 
     def update(self, message: str) -> None:
-        """Send and receive a message once, for set-up: its buffers are given back. Collective; nothing where no field
-        has it.
+        """Send and receive a message once, for set-up: its buffers are given back.
+
+        Collective; nothing where no field has it.
         """
         if any(field.message == message and field.ghosts is not None for field in self.fields.values()):
             self.send(message)

@@ -1,5 +1,6 @@
-"""What a method or a law says of a quantity that every particle has; `particles.container` does what
-follows from it.
+"""What a method or a law says of a quantity that every particle has.
+
+`particles.container` does what follows from it.
 """
 
 from dataclasses import dataclass
@@ -38,9 +39,11 @@ class Field:
 
     ghosts: "forward" where ghosts take their owner's values, "reverse" where owners add up what their ghosts have
     gathered, in the message of that name; checkpointed: needed to restart; shown: written to the fields file unless the
-    scene chooses otherwise; mirror: how a mirror image's value follows; carried: travels with a particle to another
-    rank (False for what a step fills anew); padding: a row that rows beyond the owned ones hold, so that kernels of
-    four lanes find a sound particle there; whole: integers.
+    scene chooses otherwise;
+    mirror: how a mirror image's value follows; carried: travels with a particle to another rank (False for what a step
+    fills anew);
+    padding: a row that rows beyond the owned ones hold, so that kernels of four lanes find a sound particle there;
+    whole: integers.
     """
 
     name: str

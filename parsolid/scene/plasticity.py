@@ -64,8 +64,8 @@ class ElasticPlastic(SceneModel):
         if (self.youngs_modulus is None) != (self.poissons_ratio is None):
             details.append(((), "both youngs_modulus and poissons_ratio, or neither", Phrase("one of them")))
         if self.youngs_modulus is not None:
-            both = [key for key in ("equation_of_state", "shear_modulus") if getattr(self, key) is not None]
-            details += [((key,), "no such key with youngs_modulus", Phrase("it")) for key in both]
+            given = [key for key in ("equation_of_state", "shear_modulus") if getattr(self, key) is not None]
+            details += [((key,), "no such key with youngs_modulus", Phrase("it")) for key in given]
         reject(*details)
         needed = ("density", "specific_heat", "equation_of_state", "shear_modulus", "flow_stress")
         missing = [key for key in needed if self.parts[key] is None]

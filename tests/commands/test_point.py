@@ -354,8 +354,8 @@ def test_bad_paths_are_told(write, path):
 
 
 def test_all_faults_at_once(write):
-    text = "end_time = -1\nsteps = 0\ntime_step = 0.1\nstep = 3\n"
-    text += "[path]\nkind = 'volumetric'\n[output]\ndirections = [[0, 0, 0]]\n"
+    text = "end_time = -1\nsteps = 0\ntime_step = 0.1\nstep = 3\n[path]\nkind = 'volumetric'\n"
+    text += "[output]\ndirections = [[0, 0, 0]]\n"
     with pytest.raises(SceneError) as caught:
         load_point(write(text), ["nonsense"])
     told = str(caught.value)

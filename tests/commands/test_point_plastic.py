@@ -84,7 +84,7 @@ def test_heat_of_isothermal_compression(driven):
 
 def test_uniaxial_stress_of_a_hardening_bar(driven):
     """Free sides: sigma = (sigma_y0 + H ep) with ln(stretch) = ep + sigma/E."""
-    run = driven('end_time = 1e-3\nsteps = 50\n%s[path]\nkind = "uniaxial"\nstretch = "exp(50*t)"\n' % STEEL)
+    run = driven(f'end_time = 1e-3\nsteps = 50\n{STEEL}[path]\nkind = "uniaxial"\nstretch = "exp(50*t)"\n')
     stress, strain = run.stress_xx, np.log(run.deformation_gradient_xx)
     assert np.abs(run.stress_yy).max() < 1e-3 * stress.max()
     plastic = run.plastic_strain > 0.0
@@ -105,12 +105,12 @@ def test_examples(name):
 
 def test_a_jump_is_refused(driven):
     with pytest.raises(PathLost, match="jump"):
-        driven('end_time = 1.0\nsteps = 5\n%s[path]\nkind = "simple-shear"\nshear = 0.1\n' % STEEL)
+        driven(f'end_time = 1.0\nsteps = 5\n{STEEL}[path]\nkind = "simple-shear"\nshear = 0.1\n')
 
 
 def test_compression_beyond_the_equation_of_state_is_told(driven):
     with pytest.raises(PathLost, match="equation of state"):
-        driven('end_time = 1.0\nsteps = 50\n%s[path]\nkind = "volumetric"\njacobian = "1 - 0.7*t"\n' % COPPER)
+        driven(f'end_time = 1.0\nsteps = 50\n{COPPER}[path]\nkind = "volumetric"\njacobian = "1 - 0.7*t"\n')
 
 
 @pytest.mark.parametrize(
@@ -127,7 +127,7 @@ def test_compression_beyond_the_equation_of_state_is_told(driven):
 )
 def test_faults(driven, text, expected):
     with pytest.raises(SceneError, match=expected):
-        driven('end_time = 1.0\nsteps = 5\n%s[path]\nkind = "simple-shear"\nshear = "t"\n' % text)
+        driven(f'end_time = 1.0\nsteps = 5\n{text}[path]\nkind = "simple-shear"\nshear = "t"\n')
 
 
 def test_a_law_that_needs_melting_says_so(driven):
@@ -135,4 +135,4 @@ def test_a_law_that_needs_melting_says_so(driven):
     table += 'equation_of_state = { kind = "linear", bulk_modulus = 1e11 }\n'
     text = STEEL.replace("youngs_modulus = 200e9\npoissons_ratio = 0.3\n", table)
     with pytest.raises(SceneError, match="needed by the shear modulus 'linear-softening'"):
-        driven('end_time = 1.0\nsteps = 5\n%s[path]\nkind = "simple-shear"\nshear = "t"\n' % text)
+        driven(f'end_time = 1.0\nsteps = 5\n{text}[path]\nkind = "simple-shear"\nshear = "t"\n')

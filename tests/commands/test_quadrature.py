@@ -1,5 +1,6 @@
-"""Errors of nodal accelerations: the published ones of particles, one-dimensional integrals for exact integration, the
-command.
+"""Errors of nodal accelerations.
+
+the published ones of particles, one-dimensional integrals for exact integration, the command.
 """
 
 import csv

@@ -71,7 +71,7 @@ def test_two_processes_at_once_compile_once(folder):
 
 def test_a_killed_process_keeps_nobody_waiting(folder):
     hold = "import time, kernels, callee; from decomposition import compiled as c\n"
-    hold += "c._PATIENCE = 1e9; take = c._reserve\n"
+    hold += "c._PATIENCE = 1e9; take = c._reserve; "
     hold += "c._reserve = lambda path: (take(path), print('has it', flush=True), time.sleep(1e9))\n"
     hold += "kernels.kernel(2.0)"
     (folder / "hold.py").write_text(hold)

@@ -45,8 +45,9 @@ def particle_set(comm, dimension, count=400, seed=3):
 
 
 def given(name, size):
-    """What a particle gives to each node of its stencil (n, size, 2); bits that sums in another order would
-    not keep.
+    """What a particle gives to each node of its stencil (n, size, 2).
+
+    Bits that sums in another order would not keep.
     """
     return np.sin(np.outer(name, np.arange(1.0, size + 1)))[:, :, None] * np.array([1.0, 1e-3])
 

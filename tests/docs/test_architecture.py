@@ -1,5 +1,6 @@
-"""docs/architecture.md shows the code that runs: the steps as they stand in the source, and how few files a
-step takes.
+"""docs/architecture.md shows the code that runs.
+
+the steps as they stand in the source, and how few files a step takes.
 """
 
 import importlib

@@ -1,5 +1,6 @@
 """Run parsolid's command line as a user does: in processes of its own, on any number of ranks."""
 
+import contextlib
 import json
 import os
 import shutil
@@ -125,10 +126,8 @@ def ranks_of(job: subprocess.Popen) -> list[int]:
 def kill(job: subprocess.Popen) -> None:
     """Kill all processes of a job at once, as a power cut does."""
     for process in [*descendants(job.pid), job.pid]:
-        try:
+        with contextlib.suppress(ProcessLookupError):
             os.kill(process, signal.SIGKILL)
-        except ProcessLookupError:
-            pass
 
 
 def wait_for(condition, job: subprocess.Popen, longest: float = LONGEST):

@@ -1,5 +1,6 @@
-"""Conduction solutions: the heat equation by differences, their boundaries, and published values of the
-plastic layer.
+"""Conduction solutions.
+
+the heat equation by differences, their boundaries, and published values of the plastic layer.
 """
 
 import numpy as np

@@ -1,6 +1,4 @@
-"""Flow stresses, shear moduli, melting and equation of state against spot values computed elsewhere
-(flow_table.json).
-"""
+"""Flow stresses, shear moduli, melting and equation of state against spot values of flow_table.json."""
 
 import json
 from pathlib import Path

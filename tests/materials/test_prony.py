@@ -1,5 +1,6 @@
-"""Prony series: stress, energy and dissipation against each other and against closed forms, in every state
-of strain.
+"""Prony series.
+
+stress, energy and dissipation against each other and against closed forms, in every state of strain.
 """
 
 import itertools

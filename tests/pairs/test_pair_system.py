@@ -268,10 +268,10 @@ def test_coincident_particles_are_refused_on_all_ranks(comm):
         system_of(place[mine], even_metric(place[mine]), weights_of("smoothed"), comm)
 
 
-@pytest.mark.mpi(ranks=[1])
-def test_a_field_of_the_method_may_lie_in_the_record_too(comm):
-    system, place, mine = built(comm, "smoothed", 2, False)
-    system.particles.declare(
-        Field("heat", 1, "K", ghosts="forward", message="motion", layout=Within("kinematics", 6)), 2.0
-    )
-    assert (system.particles.storage("kinematics")[: len(place), 6] == 2.0).all() and len(mine) == len(place)
+def test_a_field_of_the_method_may_lie_in_the_record_and_travel_with_it(comm):
+    system, _, _ = built(comm, "smoothed", 2, False)
+    heat = Field("heat", 1, "K", ghosts="forward", message="motion", layout=Within("kinematics", 6))
+    system.particles.declare(heat, 2.0 + comm.rank)
+    system.gradient("motion")
+    owners = np.concatenate((np.full(system.owned, comm.rank), system.halo.ghost_ranks()))
+    assert (system.particles.storage("kinematics")[: len(owners), 6] == 2.0 + owners).all()

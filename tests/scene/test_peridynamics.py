@@ -146,15 +146,15 @@ BROKEN = {
     "soft bulk": (
         plate(material={"poissons_ratio": None, "bulk_modulus": 1e5}),
         (
-            "bodies.0.material.bulk_modulus: expected a bulk modulus of more "
-            "than a ninth of Young's modulus 7e.06 .*found 100000.0"
+            "bodies.0.material.bulk_modulus: expected a bulk modulus of more than a ninth of "
+            "Young's modulus 7e.06 .*found 100000.0"
         ),
     ),
     "bulk too soft at first": (
         plate(material={"bulk": "elastic"}),
         (
-            "bodies.0.material.poissons_ratio: expected a bulk modulus of more "
-            "than a ninth of Young's modulus 7e.07 .*found 0.3"
+            "bodies.0.material.poissons_ratio: expected a bulk modulus of more than a ninth of "
+            "Young's modulus 7e.07 .*found 0.3"
         ),
     ),
     "conversion of nothing": (

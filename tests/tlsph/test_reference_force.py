@@ -129,8 +129,9 @@ def test_two_materials_in_contact():
 
 @pytest.mark.parametrize("strain, bound, with_direction", [(0.02, 1e-4, 1e-3), (0.15, 5e-3, 1e-2)])
 def test_how_far_the_average_of_squares_is_from_the_average_of_the_paper(strain, bound, with_direction):
-    """The solver takes sqrt((Z_a^2 + Z_b^2)/2) along g/|g| for (Z_a + Z_b)/2 along C_skew: a difference of second
-    order.
+    """The solver takes sqrt((Z_a^2 + Z_b^2)/2) along g/|g| for (Z_a + Z_b)/2 along C_skew.
+
+    a difference of second order.
     """
     sim, planes = built(2, {"branches": ONE_BRANCH}, planes=ROLLERS[2])
     set_random_state(sim, strain)

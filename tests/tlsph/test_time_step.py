@@ -9,8 +9,9 @@ UPPER = {2: [1.0, 1.0], 3: [1.0, 1.0, 1.0]}
 
 
 def greatest_speed(sim) -> float:
-    """Largest c_p over particles and directions of space, rho c_p^2(N) = mu + N . M N for zeta = 0 (formulation,
-    section 1).
+    """Largest c_p over particles and directions of space, rho c_p^2(N) = mu + N .
+
+    M N for zeta = 0 (formulation, section 1).
     """
     law, strain, rho = sim.systems[0].blocks[0].law, strains(sim), sim.systems[0].blocks[0].law.density
     moduli, mu = law.branch_moduli or (), 2.0 * law.xi

@@ -1,6 +1,4 @@
-"""The fast ones of the stiff and extreme cases, from the studies whose tables are in stiff-and-extreme.md
-and mpm.md.
-"""
+"""The fast ones of the stiff and extreme cases, from the studies behind stiff-and-extreme.md and mpm.md."""
 
 from functools import cache
 from pathlib import Path

@@ -63,8 +63,9 @@ class Path(SceneModel):
         return np.inf
 
     def gradients(self, times: np.ndarray, sides: np.ndarray) -> np.ndarray:
-        """F (n, 3, 3) at times (n,) [s], just before (side -1), at (0) or just after (+1) them; free
-        components are 1.
+        """F (n, 3, 3) at times (n,) [s], just before (side -1), at (0) or just after (+1) them.
+
+        Free components are 1.
         """
         return self._at(np.where(sides == 0, times, np.nextafter(times, np.where(sides < 0, -np.inf, np.inf))))
 

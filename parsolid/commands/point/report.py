@@ -98,8 +98,8 @@ def told(summary: dict, directory: Path) -> str:
     return "\n".join(
         [
             (
-                f"{summary['title'] or 'material point'}: {summary['material']}, {summary['path']},"
-                f" {summary['rows']} rows to t = {summary['end_time']:g} s in {summary['wall_time']:.2g} s"
+                f"{summary['title'] or 'material point'}: {summary['material']}, {summary['path']}, "
+                f"{summary['rows']} rows to t = {summary['end_time']:g} s in {summary['wall_time']:.2g} s"
             ),
             (
                 f"  work {summary['work_at_end']:.6g} = stored {summary['stored_at_end']:.6g}"

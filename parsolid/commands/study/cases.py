@@ -63,8 +63,9 @@ class Case:
 
 
 def cases_of(study: Study, trust_code: bool = False) -> list[Case]:
-    """All runs of a study in its order, their scenes read, with the laws they name where these are trusted. Raises
-    SceneError with the faults of all scenes.
+    """All runs of a study in its order, their scenes read, with the laws they name where these are trusted.
+
+    Raises SceneError with the faults of all scenes.
     """
     cases, faults = [], []
     for series in study.series:
