@@ -16,7 +16,7 @@ def source_digest() -> str:
     """The same for the same sources, whatever commands are given."""
     digest = hashlib.sha256()
     for package in (parsolid, decomposition):
-        root = Path(package.__file__).resolve().parent
+        root = Path(str(package.__file__)).resolve().parent
         for source in sorted(root.rglob("*.py")):
             relative = source.relative_to(root)
             if package is parsolid and relative.parts[0] in _NOT_OF_A_RUN:

@@ -1,7 +1,9 @@
 """Tables on the terminal."""
 
+from typing import Any
 
-def show_table(title: str, names: list[str], rows: list[list]) -> None:
+
+def show_table(title: str, names: list[str], rows: list[list[Any]]) -> None:
     """Print a table with right-aligned columns."""
     from rich.console import Console
     from rich.table import Table

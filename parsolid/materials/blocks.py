@@ -28,20 +28,20 @@ class MaterialBlock:
         return np.array([relaxation_weights(step, time) for time in self.law.relaxation_times])
 
 
-def material_blocks(laws: list, body: np.ndarray) -> tuple[list[MaterialBlock], np.ndarray]:
+def material_blocks(laws: list[Any], body: np.ndarray) -> tuple[list[MaterialBlock], np.ndarray]:
     """Groups of particles (n,) sorted by law, and their densities (n,) [kg/m^3], from one law a body."""
     distinct, number = block_numbers(laws, body)
     return ranges(distinct, number), np.array([law.density for law in laws])[body]
 
 
-def block_numbers(laws: list, body: np.ndarray) -> tuple[list, np.ndarray]:
+def block_numbers(laws: list[Any], body: np.ndarray) -> tuple[list[Any], np.ndarray]:
     """Distinct laws in order of appearance, and each particle's index (n,) into them, from one law a body."""
     distinct = list(dict.fromkeys(laws))
     number = np.array([distinct.index(law) for law in laws], np.int64)
     return distinct, number[body]
 
 
-def ranges(distinct: list, number: np.ndarray) -> list[MaterialBlock]:
+def ranges(distinct: list[Any], number: np.ndarray) -> list[MaterialBlock]:
     """Groups of particles sorted by block number; those without a particle on this rank are left out."""
     blocks = []
     for index, law in enumerate(distinct):

@@ -2,6 +2,7 @@
 images."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +35,7 @@ def metrics(spacing: np.ndarray, axes: np.ndarray | None, smoothing: float) -> n
     return result
 
 
-def common_metric(comm, metric: np.ndarray) -> tuple[np.ndarray, bool]:
+def common_metric(comm: Any, metric: np.ndarray) -> tuple[np.ndarray, bool]:
     """(one row, True) when all particles of all ranks have the same metric to round-off, else (the rows, False);
     collective."""
     low, high = np.full(6, np.inf), np.full(6, -np.inf)
@@ -46,7 +47,7 @@ def common_metric(comm, metric: np.ndarray) -> tuple[np.ndarray, bool]:
     return metric, False
 
 
-def reach_of(comm, metric: np.ndarray, support: float, dimension: int) -> Reach:
+def reach_of(comm: Any, metric: np.ndarray, support: float, dimension: int) -> Reach:
     """Scaled coordinates in which the widest of all supports is about a sphere."""
     M = np.zeros((len(metric), 3, 3))
     M[:, (0, 1, 2), (0, 1, 2)] = metric[:, :3]
@@ -61,7 +62,7 @@ def reach_of(comm, metric: np.ndarray, support: float, dimension: int) -> Reach:
     return Reach(scale, support * np.sqrt(maximum(comm, float(largest))) * (1 + 1e-9))
 
 
-def mirror_candidates(positions, body, owned, codes, reach: Reach):
+def mirror_candidates(positions: np.ndarray, body: Any, owned: int, codes: Any, reach: Reach) -> Any:
     """Pairs of owned particles and images near the planes, as (start, neighbour, code), unfiltered by the metric."""
     starts, neighbours, kinds = [], [], []
     for code in range(len(codes.signs)):
@@ -85,13 +86,13 @@ def mirror_candidates(positions, body, owned, codes, reach: Reach):
     return start, neighbour[order].astype(np.int32), kind[order]
 
 
-def plain_candidates(positions, owned: int, reach: Reach):
+def plain_candidates(positions: np.ndarray, owned: int, reach: Reach) -> Any:
     """Pairs with an owned particle, as (start, neighbour, code), unfiltered by the metric."""
     start, neighbour = half_pairs(np.ascontiguousarray(positions / reach.scale), owned, reach.distance)
     return start, neighbour, np.zeros(len(neighbour), np.int8)
 
 
-def coincident(positions, start, candidate: int) -> str:
+def coincident(positions: np.ndarray, start: np.ndarray, candidate: int) -> str:
     """The fault of two particles at the same place, from their place in the list of candidates."""
     a = int(np.searchsorted(start, candidate, side="right")) - 1
     place = ", ".join(f"{x:.6g}" for x in positions[a])

@@ -11,6 +11,8 @@ that gradients of linear fields stay exact; and both are repeated. What is left 
 where they are not those of a tiling.
 """
 
+from typing import Any
+
 import numpy as np
 
 from decomposition.reduction import sums
@@ -23,7 +25,7 @@ PASSES, ITERATIONS = 10, 10
 LEFT_OVER = 0.5
 
 
-def surface_area(comm, particle_set, planes) -> np.ndarray:
+def surface_area(comm: Any, particle_set: Any, planes: Any) -> np.ndarray:
     """Area vectors A_a (n, d) [m^2] of particles with their halves beyond mirror planes; particle_set:
     `scene.ParticleSet`; collective.
 
@@ -38,7 +40,7 @@ def surface_area(comm, particle_set, planes) -> np.ndarray:
     return area
 
 
-def _surface_fault(comm, particle_set) -> str | None:
+def _surface_fault(comm: Any, particle_set: Any) -> str | None:
     """sum_a A_a . X_a is d times the volume for particles on the surface, and less by half a spacing for cells beside
     it."""
     depth = 0.5 * np.linalg.norm(particle_set.area, axis=1) * particle_set.spacing.min(axis=1)
@@ -58,7 +60,7 @@ class Closure:
     """The discrete divergence theorem on the lists of a pair system; arrays of particles have this rank's owned
     rows."""
 
-    def __init__(self, pairs, area, share):
+    def __init__(self, pairs: Any, area: Any, share: Any) -> None:
         """pairs: `PairSystem`, whose weights are rows (g_ab, number); area (owned, d): `surface_area`.
 
         share (owned,): the part of each particle on this side of mirror planes.
@@ -123,7 +125,7 @@ class Closure:
         return float(sums(self.halo.comm, np.array([np.sum(self.share * values)]))[0])
 
 
-def close(pairs, correction: np.ndarray, area: np.ndarray, share: np.ndarray, correct) -> np.ndarray:
+def close(pairs: Any, correction: np.ndarray, area: np.ndarray, share: np.ndarray, correct: Any) -> np.ndarray:
     """Close the weights of a `PairSystem`; the corrections (n, d, d) that go with them, which correct() makes anew.
     Collective.
 

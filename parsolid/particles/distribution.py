@@ -1,6 +1,7 @@
 """From generated points to each rank's own particles: partition, migration, order along cells."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from parsolid.collective import anywhere
 from parsolid.materials.blocks import block_numbers
 
 
-def distribute(comm, particle_set, values: dict | None = None):
+def distribute(comm: Any, particle_set: Any, values: dict[str, Any] | None = None) -> Any:
     """Give each rank a compact part of all particles with the same number of them; collective.
 
     With values, further arrays (n, ...) of the particles by name, returns (particle_set, values), else the
@@ -26,18 +27,18 @@ def distribute(comm, particle_set, values: dict | None = None):
     return moved if values is None else (moved, migrate(comm, owner, values))
 
 
-def columns(particle_set) -> dict[str, np.ndarray]:
+def columns(particle_set: Any) -> dict[str, np.ndarray]:
     """The arrays of a particle_set, by name, leaving out what is None."""
     values = {entry.name: getattr(particle_set, entry.name) for entry in dataclasses.fields(particle_set)}
     return {name: array for name, array in values.items() if array is not None}
 
 
-def take(particle_set, order: np.ndarray):
+def take(particle_set: Any, order: np.ndarray) -> Any:
     """The particles of a particle_set in another order, or some of them."""
     return dataclasses.replace(particle_set, **{name: array[order] for name, array in columns(particle_set).items()})
 
 
-def sort_for_speed(comm, particle_set, laws: list) -> np.ndarray:
+def sort_for_speed(comm: Any, particle_set: Any, laws: list[Any]) -> np.ndarray:
     """Order (n,) by law and then along cells of one spacing, so that neighbours lie close in memory; collective.
 
     Cells are in rows along the shortest side of the rank's part, rows in layers across the longest: the passes then
@@ -53,7 +54,7 @@ def sort_for_speed(comm, particle_set, laws: list) -> np.ndarray:
     return np.lexsort((particle_set.identifier, *(cells[:, axis] for axis in shortest_first), number))
 
 
-def _typical_spacing(comm, particle_set) -> np.ndarray:
+def _typical_spacing(comm: Any, particle_set: Any) -> np.ndarray:
     """Mean spacing (d,) [m] along the coordinate axes over all particles; collective."""
     spacing = particle_set.spacing
     if particle_set.axes is not None:

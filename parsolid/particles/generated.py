@@ -1,5 +1,7 @@
 """The fields that every particle has from its generation on, whatever the method."""
 
+from typing import Any
+
 import numpy as np
 
 from parsolid.particles.container import Particles
@@ -7,7 +9,7 @@ from parsolid.particles.declaration import Field, Rows, Within
 
 
 def declare_generated(
-    particles: Particles, particle_set, place: Rows | Within | None = None, told: tuple[str, ...] = ()
+    particles: Particles, particle_set: Any, place: Rows | Within | None = None, told: tuple[str, ...] = ()
 ) -> None:
     """Declare identifier, reference position, volume, spacing, axes where there are some, and area of a rank's
     `ParticleSet`.
@@ -16,8 +18,8 @@ def declare_generated(
     """
     count, d = particle_set.position.shape
 
-    def declare(name: str, components: int, unit: str, values: np.ndarray, **more) -> None:
-        ghosts = {"ghosts": "forward", "message": "reference"} if name in told else {}
+    def declare(name: str, components: int, unit: str, values: np.ndarray, **more: Any) -> None:
+        ghosts: dict[str, Any] = {"ghosts": "forward", "message": "reference"} if name in told else {}
         particles.declare(Field(name, components, unit, checkpointed=True, **ghosts, **more), values)
 
     declare("identifier", 1, "1", particle_set.identifier, shown=True, whole=True)

@@ -1,6 +1,7 @@
 """From a scene to particles: every rank makes its own contiguous share of the ids, and no rank more than that."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -87,7 +88,7 @@ def _empty_regions(chosen: list[np.ndarray], comm: MPI.Comm) -> list[str]:
 
 def _formulas(
     scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray]
-) -> Iterator[tuple[tuple, FormulaVector, np.ndarray]]:
+) -> Iterator[tuple[tuple[Any, ...], FormulaVector, np.ndarray]]:
     """Every formula of the scene with its key and the particles at which it is needed."""
     for i, body in enumerate(scene.bodies):
         here = particle_set.body == i
@@ -112,7 +113,8 @@ def _as_vector(formulas: Formula | FormulaVector) -> FormulaVector:
 
 def _not_finite(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray], comm: MPI.Comm) -> list[str]:
     """Formulas that are not finite at time 0, each told once: at its particle of lowest id on all ranks."""
-    first, faults = [], []
+    first: list[Any] = []
+    faults: list[Any] = []
     for key, formulas, here in _formulas(scene, particle_set, chosen):
         rows = np.flatnonzero(here)
         values = formulas.evaluate(particle_set.position[rows])

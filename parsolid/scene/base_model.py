@@ -19,7 +19,7 @@ def mismatch(expected: str, found: object) -> PydanticCustomError:
     return PydanticCustomError("mismatch", "{text}", {"text": f"expected {expected}, found {told(found)}"})
 
 
-def reject(*details: tuple[tuple, str, object]) -> None:
+def reject(*details: tuple[tuple[Any, ...], str, object]) -> None:
     """Raise the given (location, expected, found) as one validation error; nothing when there are none."""
     if details:
         raise ValidationError.from_exception_data(
@@ -52,8 +52,8 @@ class SceneModel(BaseModel):
     at_most_one: ClassVar[tuple[tuple[str, ...], ...]] = ()
 
     @classmethod
-    def _conflicts(cls, table: dict) -> list[InitErrorDetails]:
-        details = []
+    def _conflicts(cls, table: dict[str, Any]) -> list[InitErrorDetails]:
+        details: list[Any] = []
         for group in cls.exactly_one + cls.at_most_one:
             present = [key for key in group if table.get(key) is not None]
             required = group in cls.exactly_one
@@ -76,7 +76,7 @@ class SceneModel(BaseModel):
             if not conflicts:
                 raise
             for found in error.errors(include_url=False):
-                kind = found["type"]
+                kind: Any = found["type"]
                 if kind == "mismatch":
                     kind = PydanticCustomError("mismatch", "{text}", found["ctx"])
                 conflicts.append(
@@ -111,14 +111,15 @@ class ByKind:
         stated = getattr(method, self.known) if self.known and method else self.models
         return [kind for kind in stated if kind in self.models]
 
-    def _validate(self, value: Any, info: ValidationInfo) -> SceneModel:
+    def _validate(self, value: Any, info: ValidationInfo) -> Any:
         if isinstance(value, self.instances):
             return value
         if not isinstance(value, dict):
             raise mismatch("a table", value)
-        return self.chosen(value, info).model_validate(value, context=info.context)
+        result: SceneModel = self.chosen(value, info).model_validate(value, context=info.context)
+        return result
 
-    def chosen(self, value: dict, info: ValidationInfo) -> type[SceneModel]:
+    def chosen(self, value: dict[str, Any], info: ValidationInfo) -> type[SceneModel]:
         """The model for a raw table; raises ValidationError where it names none."""
         allowed = self.allowed(info)
         kinds = ", ".join(map(repr, allowed))
@@ -129,6 +130,7 @@ class ByKind:
             reject((("kind",), f"one of {kinds}{suggestion(value['kind'], allowed)}", value["kind"]))
         if value["kind"] not in allowed:
             reject((("kind",), f"one of {kinds}, which the method of the scene knows", value["kind"]))
+        assert model is not None
         return model
 
     def choose(self, table: object) -> type[SceneModel] | None:
@@ -142,7 +144,7 @@ def by_kind(*models: type[SceneModel], known: str = "") -> Any:
     return Annotated[Any, ByKind(models, known)]
 
 
-def _components(value: list, info: ValidationInfo) -> list:
+def _components(value: list[Any], info: ValidationInfo) -> list[Any]:
     dimension = dimension_of(info)
     if dimension is not None and len(value) != dimension:
         raise mismatch(f"{dimension} components (one per dimension)", value)

@@ -4,11 +4,11 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
+from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import Positive, SceneModel, dimension_of, method_of, mismatch, reject
 from parsolid.scene.formulas import InitialMatrix, InitialScalar, InitialVector
 from parsolid.scene.materials import Material
 from parsolid.scene.shapes import Shape
-from parsolid.scene.validation_errors import Phrase
 
 Name = Annotated[str, Field(pattern=r"^[^.,\s][^.,]*$", description="a name without '.' and ','")]
 Placement = Literal["nodes", "cells"]
@@ -62,7 +62,7 @@ class FilledShape(SceneModel):
 
     @model_validator(mode="after")
     def _filled(self) -> "FilledShape":
-        details = []
+        details: list[Any] = []
         counted = self.particles is not None or self.spacing is not None
         if self.shape.kind == "mesh" and counted:
             key = "particles" if self.particles is not None else "spacing"
@@ -99,7 +99,7 @@ class Body(FilledShape):
     @field_validator("temperature")
     @classmethod
     def _known_to_method(cls, value: Any, info: ValidationInfo) -> Any:
-        method = method_of(info)
+        method: Any = method_of(info)
         if value is not None and method and "temperature" not in method.extra_fields:
             raise mismatch("no such key with this method", value.source)
         return value

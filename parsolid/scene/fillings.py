@@ -1,5 +1,7 @@
 """Which filling belongs to which shape; a new shape is a model in `shapes` and one entry here."""
 
+from typing import Any
+
 from parsolid.scene.bodies import FilledShape
 from parsolid.scene.clipped import ClippedFilling
 from parsolid.scene.lattice import BoxFilling, Filling
@@ -19,4 +21,6 @@ _FILLINGS = {
 
 def filling_of(body: FilledShape, dimension: int) -> Filling:
     """The particles of a body, not yet made. Raises SceneError for a mesh that cannot be used."""
-    return _FILLINGS[body.shape.kind](body, dimension)
+    filling: Any = _FILLINGS[body.shape.kind]
+    made: Filling = filling(body, dimension)
+    return made

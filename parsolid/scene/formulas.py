@@ -12,8 +12,9 @@ import numexpr
 import numpy as np
 from pydantic import AfterValidator, PlainSerializer, PlainValidator, ValidationInfo
 
+from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import AXES, OnePerDimension, dimension_of, mismatch
-from parsolid.scene.validation_errors import Phrase, suggestion
+from parsolid.scene.validation_errors import suggestion
 
 # the ranks share the cores already
 numexpr.set_num_threads(1)
@@ -87,7 +88,7 @@ class Formula:
                 raise ValueError(objection)
         used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} - FUNCTIONS - set(CONSTANTS)
         self.names = tuple(sorted(used))
-        self._compiled = None
+        self._compiled: Any = None
         self._constant = None
         try:
             self._text = ast.unparse(_AsReals().visit(tree).body)
@@ -125,11 +126,11 @@ class Formula:
     def __repr__(self) -> str:
         return f"Formula({self.source!r})"
 
-    def __getstate__(self) -> dict:
+    def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_compiled": None}
 
 
-class FormulaVector(tuple):
+class FormulaVector(tuple[Any, ...]):
     """Formulas of the components of a vector field; None stands for a component that is "free"."""
 
     @property
@@ -157,7 +158,7 @@ class FormulaVector(tuple):
         return result
 
     @property
-    def sources(self) -> list:
+    def sources(self) -> list[Any]:
         """What the scene says, component by component."""
         return ["free" if component is None else component.source for component in self]
 
@@ -200,11 +201,11 @@ def _scalar_of(validate: Any) -> Any:
     return Annotated[Any, PlainValidator(validate), PlainSerializer(lambda formula: formula.source)]
 
 
-InitialScalar = _scalar_of(_of_place)
-Scalar = _scalar_of(_of_place_and_time)
-InitialVector = _vector_of(_of_place)
-Vector = _vector_of(_of_place_and_time)
-VectorOrFree = _vector_of(_or_free)
+InitialScalar: Any = _scalar_of(_of_place)
+Scalar: Any = _scalar_of(_of_place_and_time)
+InitialVector: Any = _vector_of(_of_place)
+Vector: Any = _vector_of(_of_place_and_time)
+VectorOrFree: Any = _vector_of(_or_free)
 InitialMatrix = Annotated[
     list[InitialVector],
     OnePerDimension,

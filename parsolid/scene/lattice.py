@@ -44,6 +44,7 @@ class Line:
     ) -> Any:
         """The line with a number of particles, or with about the given spacing."""
         if number is None:
+            assert spacing is not None
             # the upper limit keeps an absurd spacing countable, so that it can be refused
             number = max(1, round(min((upper - lower) / spacing, 2.0 * MOST_PARTICLES)))
             number += 1 if nodes and not closed else 0
@@ -96,10 +97,10 @@ def jitter_offsets(body: FilledShape, identifier: np.ndarray, movable: np.ndarra
     return body.jitter * (2.0 * np.stack(uniform, axis=1) - 1.0) * movable[:, None]
 
 
-def numbers_and_spacings(body: FilledShape, directions: int) -> tuple[list, list]:
+def numbers_and_spacings(body: FilledShape, directions: int) -> tuple[list[Any], list[Any]]:
     """Number of particles and wanted spacing for each direction; None where the other one is given."""
-    numbers = body.particles or [None] * directions
-    spacings = body.spacing or [None]
+    numbers: list[Any] = body.particles or [None] * directions
+    spacings: list[Any] = body.spacing or [None]
     return numbers, spacings if len(spacings) == directions else spacings * directions
 
 

@@ -45,7 +45,9 @@ def packaged_scene(name: str = "twisting_column") -> Path:
     return Path(str(files("parsolid") / "scenes" / f"{name}.toml"))
 
 
-def load_scene(path: str | os.PathLike, overrides: list[str] | tuple[str, ...] = (), trust_code: bool = False) -> Scene:
+def load_scene(
+    path: str | os.PathLike[str], overrides: list[str] | tuple[str, ...] = (), trust_code: bool = False
+) -> Scene:
     """Read a scene; `overrides` are "key.path=value" with TOML values, applied before validation.
 
     Files named in the scene are relative to its folder; trust_code: laws in them are run.
@@ -75,7 +77,7 @@ def read_tables(path: Path, what: str) -> dict[str, Any]:
         raise SceneError([f"{path}: expected TOML, found a fault: {error}"]) from None
 
 
-def parse_scene(data: dict[str, Any], folder: str | os.PathLike = ".", trust_code: bool = False) -> Scene:
+def parse_scene(data: dict[str, Any], folder: str | os.PathLike[str] = ".", trust_code: bool = False) -> Scene:
     """A scene from plain tables; files are relative to `folder`; trust_code: laws in files are run, else refused.
 
     Raises SceneError with every fault.
@@ -85,7 +87,8 @@ def parse_scene(data: dict[str, Any], folder: str | os.PathLike = ".", trust_cod
     known = isinstance(dimension, int) and dimension in (method.dimensions if method else (1, 2, 3))
     context = {"dimension": dimension if known else None, "method": method, "folder": os.path.abspath(folder)}
     context["trust_code"] = trust_code
-    scene, faults = None, []
+    scene: Any = None
+    faults: list[str] = []
     try:
         scene = Scene.model_validate(data, context=context)
     except ValidationError as error:
@@ -97,7 +100,7 @@ def parse_scene(data: dict[str, Any], folder: str | os.PathLike = ".", trust_cod
     return scene
 
 
-def dump_scene(scene: Scene, path: str | os.PathLike) -> None:
+def dump_scene(scene: Scene, path: str | os.PathLike[str]) -> None:
     """Write the resolved scene as TOML; it loads again to the same scene."""
     Path(path).write_text(tomli_w.dumps(scene.resolved()), encoding="utf-8")
 
@@ -109,6 +112,7 @@ def apply_override(data: dict[str, Any], override: str) -> str | None:
     if not equals or not all(keys):
         return f"--set {override}: expected key.path=value, found {told(override)}"
     place: Any = data
+    key: Any
     for depth, key in enumerate(keys):
         last = depth == len(keys) - 1
         if isinstance(place, list):
@@ -134,12 +138,12 @@ def override_value(text: str) -> Any:
     return tables["value"] if len(tables) == 1 else text
 
 
-def told_faults(error: ValidationError, data: dict, model: type[SceneModel]) -> list[str]:
+def told_faults(error: ValidationError, data: dict[str, Any], model: type[SceneModel]) -> list[str]:
     """What pydantic found wrong with the raw tables of a model, in the words of the project."""
     return [_told_fault(item, data, model) for item in error.errors(include_url=False)]
 
 
-def _told_fault(error: dict[str, Any], data: dict, model: type[SceneModel]) -> str:
+def _told_fault(error: Any, data: dict[str, Any], model: type[SceneModel]) -> str:
     place, kind, found = error["loc"], error["type"], error["input"]
     if kind == "mismatch":
         return f"{key_path(place)}: {error['ctx']['text']}"
@@ -159,9 +163,10 @@ def _told_fault(error: dict[str, Any], data: dict, model: type[SceneModel]) -> s
     return f"{key_path(place)}: expected {expected}, found {told(found)}"
 
 
-def _section_at(place: tuple, data: Any, model: type[SceneModel]) -> type[SceneModel] | None:
+def _section_at(place: tuple[Any, ...], data: Any, model: type[SceneModel]) -> type[SceneModel] | None:
     """The model of the table at a place of a model's raw tables."""
-    section, annotation = model, model
+    section: Any = model
+    annotation: Any = model
     for key in place:
         data = data[key] if isinstance(data, dict | list) else None
         if isinstance(key, str):

@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+from typing import Any
 
 import meshio
 import numpy as np
@@ -84,7 +85,7 @@ class MeshFilling:
         return volumes
 
     def _on_nodes(
-        self, points: np.ndarray, blocks: np.ndarray, lumped: np.ndarray, facets: np.ndarray, used: np.ndarray
+        self, points: np.ndarray, blocks: Any, lumped: list[np.ndarray], facets: Any, used: np.ndarray
     ) -> None:
         total = len(points)
         volume = np.zeros(total)
@@ -102,7 +103,7 @@ class MeshFilling:
         self.movable = self.movable[used]
         self.spacing = _mean_edge(points, blocks)[used]
 
-    def _in_cells(self, points: np.ndarray, blocks: np.ndarray, lumped: np.ndarray, facets: np.ndarray) -> None:
+    def _in_cells(self, points: np.ndarray, blocks: Any, lumped: list[np.ndarray], facets: Any) -> None:
         self.position = np.concatenate([points[cells].mean(axis=1) for _, cells in blocks])
         self.volume = np.concatenate([shares.sum(axis=1) for shares in lumped])
         self.area = np.zeros_like(self.position)
@@ -128,11 +129,11 @@ class MeshFilling:
         )
 
 
-def _boundary_facets(points: np.ndarray, blocks: np.ndarray) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def _boundary_facets(points: np.ndarray, blocks: Any) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """(owning element, nodes, outward area vector) of the facets that belong to one element only, by number
     of nodes.
     """
-    gathered = {}
+    gathered: dict[Any, Any] = {}
     first = 0
     for kind, cells in blocks:
         owner = np.arange(first, first + len(cells))
@@ -149,7 +150,7 @@ def _boundary_facets(points: np.ndarray, blocks: np.ndarray) -> list[tuple[np.nd
     return result
 
 
-def _mean_edge(points: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+def _mean_edge(points: np.ndarray, blocks: Any) -> np.ndarray:
     """Mean length [m] of the edges that meet in each node; 0 for nodes of no element."""
     total = len(points)
     pairs = np.concatenate([np.sort(cells[:, edge], axis=1) for kind, cells in blocks for edge in ELEMENTS[kind].edges])

@@ -10,10 +10,11 @@ from typing import Any, Literal
 
 from pydantic import Field, ValidationInfo, model_validator
 
+from parsolid.materials.declaration import Phrase
 from parsolid.materials.registry import declared
 from parsolid.scene.base_model import Positive, SceneModel, reject
 from parsolid.scene.declared import by_law, model_of
-from parsolid.scene.validation_errors import NOTHING, Phrase, suggestion
+from parsolid.scene.validation_errors import NOTHING, suggestion
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -23,10 +24,10 @@ else:
 _LIBRARY = Path(__file__).parents[1] / "materials" / "plastic" / "library.toml"
 
 
-EquationOfState = by_law("equation-of-state")
-ShearModulus = by_law("shear-modulus")
-FlowStress = by_law("flow-stress")
-Melting = by_law("melting")
+EquationOfState: Any = by_law("equation-of-state")
+ShearModulus: Any = by_law("shear-modulus")
+FlowStress: Any = by_law("flow-stress")
+Melting: Any = by_law("melting")
 
 
 class ElasticPlastic(SceneModel):
@@ -60,7 +61,7 @@ class ElasticPlastic(SceneModel):
         if self.library is not None and self.library not in library():
             expected = f"one of {', '.join(map(repr, library()))}{suggestion(self.library, library())}"
             reject((("library",), expected, self.library))
-        details = []
+        details: list[Any] = []
         if (self.youngs_modulus is None) != (self.poissons_ratio is None):
             details.append(((), "both youngs_modulus and poissons_ratio, or neither", Phrase("one of them")))
         if self.youngs_modulus is not None:
@@ -85,7 +86,12 @@ class ElasticPlastic(SceneModel):
     def parts(self) -> dict[str, Any]:
         """Every parameter and part, with the library's and the defaults where the scene gives none."""
         known = None if self.library is None else library()[self.library]
-        result = {"conductivity": None, "melting": None, "reference_temperature": 300.0, "taylor_quinney": 0.9}
+        result: dict[str, Any] = {
+            "conductivity": None,
+            "melting": None,
+            "reference_temperature": 300.0,
+            "taylor_quinney": 0.9,
+        }
         for key in (*_SHARED, "equation_of_state", "shear_modulus", "flow_stress", "melting"):
             stated = getattr(self, key)
             if stated is None and known is not None:
@@ -93,11 +99,12 @@ class ElasticPlastic(SceneModel):
             if stated is not None or key not in result:
                 result[key] = stated
         if self.youngs_modulus is not None:
-            E, nu = self.youngs_modulus, self.poissons_ratio
-            linear, constant = declared("equation-of-state", "linear"), declared("shear-modulus", "constant")
+            E, nu = self.youngs_modulus, self.poissons_ratio or 0.0
+            linear: Any = model_of(declared("equation-of-state", "linear"))
+            constant: Any = model_of(declared("shear-modulus", "constant"))
             bulk, shear = E / (3.0 * (1.0 - 2.0 * nu)), E / (2.0 * (1.0 + nu))
-            result["equation_of_state"] = model_of(linear)(kind="linear", bulk_modulus=bulk)
-            result["shear_modulus"] = model_of(constant)(kind="constant", modulus=shear)
+            result["equation_of_state"] = linear(kind="linear", bulk_modulus=bulk)
+            result["shear_modulus"] = constant(kind="constant", modulus=shear)
         return result
 
 

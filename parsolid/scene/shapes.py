@@ -91,8 +91,8 @@ class CylindricalShell(SceneModel):
 
     @model_validator(mode="after")
     def _consistent(self, info: ValidationInfo) -> "CylindricalShell":
-        dimension = dimension_of(info) or len(self.base or self.centre)
-        details = []
+        dimension = dimension_of(info) or len(self.base or self.centre or ())
+        details: list[Any] = []
         if self.thickness >= 2.0 * self.radius:
             details.append((("thickness",), f"less than the diameter {2.0 * self.radius:g}", self.thickness))
         for key, value in (("base", self.base), ("axis", self.axis), ("length", self.length)):

@@ -54,7 +54,7 @@ class ShellFilling(Lattice):
             upper[self.axis] += length
         return lower, upper
 
-    def _place(self, radius: np.ndarray, cosine: np.ndarray, sine: np.ndarray, axial: np.ndarray) -> np.ndarray:
+    def _place(self, radius: np.ndarray, cosine: np.ndarray, sine: np.ndarray, axial: np.ndarray | float) -> np.ndarray:
         position = np.empty((len(cosine), self.dimension))
         position[:, (self.axis + 1) % 3] = radius * cosine
         position[:, (self.axis + 2) % 3] = radius * sine
@@ -83,8 +83,8 @@ class ShellFilling(Lattice):
         axial_weight = weight[1] if self.dimension == 3 else np.ones(len(identifier))
         arc = weight[0] * radius
         face_radius = radius if self.lines[-1].nodes else radius + 0.5 * side[:, -1] * weight[-1]
-        face = [weight[-1] * axial_weight, arc * weight[-1], weight[0] * face_radius * axial_weight]
-        face = np.stack(face if self.dimension == 3 else [face[0], face[2]], axis=1)
+        faces = [weight[-1] * axial_weight, arc * weight[-1], weight[0] * face_radius * axial_weight]
+        face = np.stack(faces if self.dimension == 3 else [faces[0], faces[2]], axis=1)
         steps = [radius * self.lines[0].step] + [np.full(len(identifier), line.step) for line in self.lines[1:]]
         cosine, sine = _circle(coordinates[0])
         axes = self._axes(cosine, sine)

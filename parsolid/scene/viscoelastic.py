@@ -56,7 +56,7 @@ class PronySolid(SceneModel):
 
     @property
     def _stated_modulus(self) -> float:
-        return self.youngs_modulus or self.shear_modulus
+        return self.youngs_modulus or self.shear_modulus or 0.0
 
     @property
     def term_moduli(self) -> tuple[float, ...]:
@@ -70,7 +70,7 @@ class PronySolid(SceneModel):
 
     def _terms(self) -> list[tuple[float, float]]:
         stated = self._stated_modulus
-        moduli = [term.ratio * stated if term.modulus is None else term.modulus for term in self.terms]
+        moduli = [(term.ratio or 0.0) * stated if term.modulus is None else term.modulus for term in self.terms]
         return [(modulus, term.tau) for modulus, term in zip(moduli, self.terms) if modulus > 0.0]
 
     @property
@@ -94,7 +94,8 @@ class PronySolid(SceneModel):
 
     @model_validator(mode="after")
     def _stable(self, info: ValidationInfo) -> "PronySolid":
-        details, bar = [], dimension_of(info) == 1
+        details: list[Any] = []
+        bar = dimension_of(info) == 1
         pair = self.poissons_ratio is not None or self.bulk_modulus is not None
         if not pair and not (bar and self.bulk == "relaxing"):
             details.append((("poissons_ratio",), "exactly one of poissons_ratio, bulk_modulus", NOTHING))
@@ -119,7 +120,7 @@ class PronySolid(SceneModel):
 class LinearElastic(PronySolid):
     """A Prony solid without terms."""
 
-    kind: Literal["linear-elastic"]
+    kind: Literal["linear-elastic"]  # type: ignore[assignment]
     terms: Annotated[list[PronyTerm], Field(max_length=0)] = []
 
 
@@ -135,14 +136,14 @@ class BondBased(SceneModel):
         """Elastic constants with the Poisson's ratio of space and plane strain."""
         return elastic_constants(self.youngs_modulus, None, 0.25, None)
 
-    instantaneous = equilibrium
+    instantaneous: ClassVar[Any] = equilibrium
 
     def build(self, state: str) -> Any:
         """The law, the same in every state of strain."""
         return import_module("parsolid.materials.damage.bond_based").of_material(self)
 
 
-def elastic_constants(E: float | None, G: float | None, nu: float | None, K: float | None) -> ElasticConstants:
+def elastic_constants(E: Any, G: Any, nu: Any, K: Any) -> ElasticConstants:
     """All constants from E or G, with nu or K; neither means nu = 0."""
     if K is None:
         nu = nu or 0.0

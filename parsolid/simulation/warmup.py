@@ -75,9 +75,12 @@ def _small_scene(scene: Scene, method: MethodSettings) -> Tables:
         box = {"lower": lower, "upper": [lower[0] + 1.0] + [1.0] * (d - 1)}
         bodies.append({"shape": {"box": box}, "particles": [3] * d, "placement": "nodes", "material": body["material"]})
     kinds = {boundary["kind"] for boundary in full["boundaries"]}
-    boundaries = [{"plane": "Y = 0", "kind": kind} for kind in sorted(kinds & {"fixed", "roller", "antisymmetric"})[:1]]
+    axis = "XY"[d > 1]
+    boundaries = [
+        {"plane": f"{axis} = 0", "kind": kind} for kind in sorted(kinds & {"fixed", "roller", "antisymmetric"})[:1]
+    ]
     if "velocity" in kinds:
-        boundaries.append({"plane": "Y = 1", "kind": "velocity", "velocity": [0.0] * d})
+        boundaries.append({"plane": f"{axis} = 1", "kind": "velocity", "velocity": [0.0] * d})
     loads = {"acceleration": [0.0] * d} if full.get("loads") or "traction" in kinds else {}
     small = {"dimension": d, "end_time": 1.0, "method": full["method"], "bodies": bodies, "boundaries": boundaries}
     return method_class(method).small_scene(small | {"loads": loads, "title": "warming up"})

@@ -29,7 +29,7 @@ def bench(comm: MPI.Comm, method: str, particles: int, scaling: int | None) -> i
     return 0
 
 
-def _scaling_rows(comm: MPI.Comm, scene: Any) -> list[list]:
+def _scaling_rows(comm: MPI.Comm, scene: Any) -> list[list[Any]]:
     """Whole steps on one rank while the others wait, then on all ranks."""
     alone = None
     if comm.rank == 0:

@@ -16,7 +16,7 @@ def cube_scene(particles: int, flow: str, **method: Any) -> Any:
     "Johnson-Cook".
     """
     cells = max(2, round((particles / 8.0) ** (1.0 / 3.0)))
-    material = {"kind": "elastic-plastic", "library": _COPPER}
+    material: dict[str, Any] = {"kind": "elastic-plastic", "library": _COPPER}
     if flow == "J2":
         material["flow_stress"] = _PERFECT
     body = {
@@ -35,9 +35,11 @@ def scaling_scene(particles: int) -> Any:
     return cube_scene(particles, "J2")
 
 
-def kernel_tables(particles: int) -> list[tuple]:
+def kernel_tables(particles: int) -> list[tuple[Any, ...]]:
     """Whole steps on one core, and what they spend on the grid and on the material."""
-    cases = [("J2", {"basis": basis}) for basis in ("linear", "ugimp", "cpgimp", "quadratic-spline", "cubic-spline")]
+    cases: list[tuple[str, dict[str, Any]]] = [
+        ("J2", {"basis": basis}) for basis in ("linear", "ugimp", "cpgimp", "quadratic-spline", "cubic-spline")
+    ]
     cases += [("J2", {"transfer": "apic"}), ("J2", {"order": "musl"}), ("J2", {"bitwise": True})]
     cases += [("Johnson-Cook", {}), ("J2", {"conduction": True})]
     names = ["basis", "flow stress", "option", "particles", "steps/s", "ns a step", "of them material"]
@@ -45,9 +47,10 @@ def kernel_tables(particles: int) -> list[tuple]:
     return [(title, names, [_kernel_row(particles, flow, method) for flow, method in cases])]
 
 
-def _kernel_row(particles: int, flow: str, method: dict) -> list:
+def _kernel_row(particles: int, flow: str, method: dict[str, Any]) -> list[Any]:
     run = Steps(MPI.COMM_SELF, cube_scene(particles, flow, **method), 2)
-    points, materials = run.simulation.systems[0].points, run.simulation.systems[0].materials
+    method_system: Any = run.simulation.systems[0]
+    points, materials = method_system.points, method_system.materials
     step, material = best_time(run.advance) / run.steps, best_time(lambda: materials.advance(run.step))
     option = " ".join(key if value is True else str(value) for key, value in method.items() if key != "basis")
     nanoseconds = [f"{1e9 * seconds / points.owned:.0f}" for seconds in (step, material)]

@@ -46,7 +46,7 @@ def scaling_scene(particles: int) -> Any:
     return cube_scene(particles, 3.0, "shear-scaled", 1)
 
 
-def kernel_tables(particles: int) -> list[tuple]:
+def kernel_tables(particles: int) -> list[tuple[Any, ...]]:
     """Steps and force evaluations on one core."""
     cases = (
         (2.0, "shear-scaled", 1),
@@ -70,9 +70,9 @@ def kernel_tables(particles: int) -> list[tuple]:
     return [(title, names, [_kernel_row(particles, *case) for case in cases])]
 
 
-def _kernel_row(particles: int, horizon_ratio: float, stabilisation: str, terms: int) -> list:
+def _kernel_row(particles: int, horizon_ratio: float, stabilisation: str, terms: int) -> list[Any]:
     run = Steps(MPI.COMM_SELF, cube_scene(particles, horizon_ratio, stabilisation, terms), 2)
-    method = run.simulation.systems[0]
+    method: Any = run.simulation.systems[0]
     step, evaluation = best_time(run.advance) / run.steps, best_time(lambda: method.engine.evaluate(method.laws))
     inner = method.bond_system.inner
     degree = np.diff(inner.start) + np.bincount(inner.neighbour, minlength=method.owned)

@@ -41,16 +41,16 @@ def scaling_scene(particles: int) -> Any:
     return cube_scene(particles, 0.85, 1)
 
 
-def kernel_tables(particles: int) -> list[tuple]:
+def kernel_tables(particles: int) -> list[tuple[Any, ...]]:
     """Steps and stabilised force evaluations of one core."""
     rows = [_kernel_row(particles, h, n) for h, n in ((0.85, 0), (0.85, 1), (1.2, 0), (1.2, 1))]
     names = ["h/dx", "branches", "particles", "neighbours", "steps/s", "evaluations/s", "ns/pair"]
     return [("One core, three dimensions, float64 (a step has three stages; a pair counts once)", names, rows)]
 
 
-def _kernel_row(particles: int, smoothing: float, branches: int) -> list:
+def _kernel_row(particles: int, smoothing: float, branches: int) -> list[Any]:
     run = Steps(MPI.COMM_SELF, cube_scene(particles, smoothing, branches), 2)
-    method = run.simulation.systems[0]
+    method: Any = run.simulation.systems[0]
     step, evaluation = best_time(run.advance) / run.steps, best_time(method.evaluate_forces)
     inner = method.pairs.inner
     degree = np.diff(inner.start) + np.bincount(inner.neighbour, minlength=method.owned)

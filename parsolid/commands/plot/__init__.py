@@ -93,7 +93,7 @@ def run_plot(comm: Any, options: argparse.Namespace) -> int:
     from parsolid.output.errors import OutputError, words
     from parsolid.scene import SceneError
 
-    fault = None
+    fault: Any = None
     if comm.rank == 0:
         try:
             from parsolid.commands.plot.command import draw

@@ -85,7 +85,8 @@ def _faults(results: Results, options: argparse.Namespace, output: Path, one_fil
 
 def _first_field(results: Results) -> str:
     names = results.field_names
-    preferred = results.method.pictured_fields if results.method else ()
+    method: Any = results.method
+    preferred = method.pictured_fields if method else ()
     return next((name for name in preferred if name in names), names[0])
 
 

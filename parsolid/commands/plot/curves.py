@@ -1,5 +1,6 @@
 """Curves of a run's history: energies, dissipations, balance, probes, with the reference where the scene has one."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +57,7 @@ def write_energies(results: Results, path: Path, size: tuple[int, int] | None = 
     figure.savefig(path, dpi=DOTS_PER_INCH)
 
 
-def _method_terms(history: dict) -> dict:
+def _method_terms(history: dict[str, Any]) -> dict[str, Any]:
     """Energy terms of the method itself: they stand between the external work and the balance."""
     columns = list(history)
     first, last = columns.index("work_external") + 1, columns.index("balance")
@@ -103,13 +104,13 @@ def _probe_panels(columns: list[str]) -> dict[str, list[str]]:
     return panels
 
 
-def _add_references(axes: np.ndarray, results: Results, names: np.ndarray, factor: float, unit: float) -> None:
+def _add_references(axes: Any, results: Results, names: Iterable[str], factor: float, unit: float) -> None:
     """The reference series of these columns, the first one named in the legend."""
     if results.reference is None:
         return
     times, series = results.reference
     shown = times <= _last(results.history["time"]) * (1.0 + 1e-9)
-    label = "reference"
+    label: str | None = "reference"
     for name in names:
         if name in series:
             axes.plot(times[shown] / factor, series[name][shown] / unit, label=label, **_REFERENCE)

@@ -11,8 +11,8 @@ from parsolid.commands.plot.results import Frame
 from parsolid.commands.plot.scales import Scale
 from parsolid.commands.plot.skins import Skin
 
-_EDGES = {"colors": "#202020", "linewidths": 0.4, "alpha": 0.3}
-_OUTLINE = {"colors": "#202020", "linewidths": 0.9}
+_EDGES: dict[str, Any] = {"colors": "#202020", "linewidths": 0.4, "alpha": 0.3}
+_OUTLINE: dict[str, Any] = {"colors": "#202020", "linewidths": 0.9}
 
 
 class PlaneView:
@@ -41,7 +41,7 @@ class PlaneView:
 
 
 def draw_plane(
-    axes: np.ndarray, skins: list[Skin], volume: np.ndarray, frame: Frame, number: int, view: PlaneView, scale: Scale
+    axes: Any, skins: list[Skin], volume: np.ndarray, frame: Frame, number: int, view: PlaneView, scale: Scale
 ) -> None:
     """Draw the number-th frame of a view into axes."""
     axes.set(xlim=(view.lower[number, 0], view.upper[number, 0]), ylim=(view.lower[number, 1], view.upper[number, 1]))
@@ -60,7 +60,7 @@ def draw_plane(
             _edges(axes, points, skin.patches)
 
 
-def _fill(axes: np.ndarray, points: np.ndarray, values: np.ndarray, faces: Any, limits: Any, scale: Any) -> None:
+def _fill(axes: Any, points: Any, values: np.ndarray, faces: Any, limits: Any, scale: Any) -> None:
     if faces.shape[1] == 4:
         # four triangles about the middle: no diagonal is preferred
         middle = len(points) + np.arange(len(faces))
@@ -72,12 +72,12 @@ def _fill(axes: np.ndarray, points: np.ndarray, values: np.ndarray, faces: Any, 
     axes.tripcolor(triangles, values, shading="gouraud", cmap=scale.colours, norm=limits, rasterized=True)
 
 
-def _edges(axes: np.ndarray, points: np.ndarray, patches: list[np.ndarray]) -> None:
+def _edges(axes: Any, points: Any, patches: list[np.ndarray]) -> None:
     """The lines between faces where there is room for them, and the outline."""
-    pairs = [
+    edges = [
         np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1) for faces in patches
     ]
-    pairs, count = np.unique(np.concatenate(pairs), axis=0, return_counts=True)
+    pairs, count = np.unique(np.concatenate(edges), axis=0, return_counts=True)
     box = axes.get_window_extent()
     pixels = box.height / np.ptp(axes.get_ylim())
     inner = points[pairs[count > 1]]
@@ -86,7 +86,7 @@ def _edges(axes: np.ndarray, points: np.ndarray, patches: list[np.ndarray]) -> N
     axes.add_collection(LineCollection(points[pairs[count == 1]], **_OUTLINE))
 
 
-def _discs(axes: np.ndarray, position: Any, values: np.ndarray, volume: Any, limits: Any, scale: Any) -> None:
+def _discs(axes: Any, position: Any, values: np.ndarray, volume: Any, limits: Any, scale: Any) -> None:
     """A disc for each particle, a little larger than its area so that neighbours touch."""
     diameter = 1.2 * np.sqrt(volume)
     discs = EllipseCollection(

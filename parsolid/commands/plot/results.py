@@ -61,7 +61,8 @@ class Results:
     def parts(self) -> Parts:
         """The sound parts of the scene: a reference or mesh that has gone since the run is left out."""
         context = {"dimension": self.dimension, "method": self.method, "folder": str(self.directory.resolve())}
-        return Parts.of(self._tables, context)
+        found: Any = Parts.of(self._tables, context)
+        return found
 
     @property
     def method(self) -> type | None:
@@ -83,7 +84,7 @@ class Results:
         if stated is None or stated.series is None:
             return None
         data = json.loads(Path(stated.series).read_text(encoding="utf-8"))
-        series = {column: np.asarray(data["series"][name], float) for column, name in stated.columns.items()}
+        series = {column: np.asarray(data["series"][name], float) for column, name in (stated.columns or {}).items()}
         return np.asarray(data["t"], float), series
 
     @cached_property

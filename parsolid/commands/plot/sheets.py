@@ -63,12 +63,12 @@ class Sheet:
         self.labels = time_labels([frame.time for frame in self.frames])
         if look.exaggeration != 1.0:
             self.labels = [f"{label}, displacement × {look.exaggeration:g}" for label in self.labels]
-        self._renderers: dict[tuple[int, int], object] = {}
+        self._renderers: dict[tuple[int, int], Any] = {}
 
     @cached_property
     def skins(self) -> Any:
         """The skins of the bodies and of their images."""
-        skins = skins_of(self.results.parts.bodies, self.results.dimension, self.results.constant("body"))
+        skins = skins_of(self.results.parts.bodies, int(self.results.dimension or 0), self.results.constant("body"))
         particles = self.results.particles
         return [skin.moved(image * particles) for image in range(2 ** len(self.look.mirror)) for skin in skins]
 
@@ -76,7 +76,8 @@ class Sheet:
     def view(self) -> Any:
         """The camera or the part of the plane."""
         largest = max((self.volume[skin.first : skin.last].max() for skin in self.skins if skin.reaches), default=0.0)
-        margin = 0.6 * largest ** (1.0 / self.results.dimension)
+        dimension: Any = self.results.dimension
+        margin = 0.6 * largest ** (1.0 / dimension)
         if self.results.dimension == 2:
             return PlaneView(self.frames, self.look.follow, margin)
         from parsolid.commands.plot.space import Camera
@@ -138,7 +139,7 @@ class Sheet:
         off = np.abs(np.log(columns * self.view.aspect / rows * height / width))
         return int(columns[np.argmin(off + 2.0 * (1.0 - count / (rows * columns)))])
 
-    def _draw(self, axes: np.ndarray, number: int, pixels: tuple[int, int]) -> None:
+    def _draw(self, axes: Any, number: int, pixels: tuple[int, int]) -> None:
         if self.results.dimension == 2:
             draw_plane(axes, self.skins, self.volume, self.frames[number], number, self.view, self.scale)
             return
@@ -225,6 +226,7 @@ def _write_mp4(images: Any, path: Path, frames_per_second: float) -> None:
     command = [program, "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}"]
     command += ["-r", f"{frames_per_second:g}", "-i", "-", "-pix_fmt", "yuv420p", "-crf", "18", str(path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdin is not None
         try:
             for image in (first, *images):
                 process.stdin.write(np.ascontiguousarray(image[:height, :width]).tobytes())
@@ -236,5 +238,6 @@ def _write_mp4(images: Any, path: Path, frames_per_second: float) -> None:
 
 
 def _pixels(figure: Figure) -> np.ndarray:
-    figure.canvas.draw()
-    return np.asarray(figure.canvas.buffer_rgba())[..., :3].copy()
+    canvas: Any = figure.canvas
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[..., :3].copy()

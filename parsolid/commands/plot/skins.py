@@ -1,5 +1,6 @@
 """The surface that particles stand for: faces between them where their lattice or mesh is known."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -61,7 +62,7 @@ def _to_corners(grid: np.ndarray, axis: int, closed: bool, linear: bool) -> np.n
     return np.moveaxis(ends, 0, axis)
 
 
-def skins_of(bodies: dict, dimension: int, body: np.ndarray) -> list[Skin]:
+def skins_of(bodies: Mapping[int, Any], dimension: int, body: np.ndarray) -> list[Skin]:
     """The skin of every body of a scene.
 
     bodies: place -> `FilledShape`, those that could be read; body (n,): the body of each particle, by identifier.
@@ -80,7 +81,7 @@ def skins_of(bodies: dict, dimension: int, body: np.ndarray) -> list[Skin]:
     return skins
 
 
-def _patches(filled: Any, dimension: int, count: int) -> tuple[list[np.ndarray] | None, tuple | None]:
+def _patches(filled: Any, dimension: int, count: int) -> tuple[list[np.ndarray] | None, tuple[Any, ...] | None]:
     if filled.shape.kind == "mesh":
         if filled.placed_on == "cells":
             return None, None
@@ -132,7 +133,7 @@ def _quads(grid: np.ndarray, lines: list[tuple[int, bool]]) -> np.ndarray:
 
 def _outer_facets(blocks: list[tuple[str, np.ndarray]]) -> list[np.ndarray]:
     """Facets that belong to one element only, by number of nodes."""
-    gathered = {}
+    gathered: dict[Any, Any] = {}
     for kind, cells in blocks:
         for facet in ELEMENTS[kind].facets:
             gathered.setdefault(len(facet), []).append(cells[:, facet])

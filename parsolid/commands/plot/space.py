@@ -63,7 +63,7 @@ class Camera:
         return self.span[0] / self.span[1]
 
 
-def _bounds(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _bounds(points: Any) -> tuple[np.ndarray, np.ndarray]:
     return points.min(axis=0), points.max(axis=0)
 
 
@@ -84,8 +84,9 @@ class Renderer:
         self.skins, self.camera, self.scale, self.size = skins, camera, scale, size
         self.volume = volume
         window = [_OVERSAMPLING * max(1, pixels) for pixels in size]
-        self._plotter = pyvista.Plotter(off_screen=True, window_size=window, lighting="none", border=False)
-        self._plotter.background_color = "white"
+        plotter: Any = pyvista.Plotter(off_screen=True, window_size=window, lighting="none", border=False)
+        self._plotter = plotter
+        plotter.background_color = "white"
         self._light()
 
     def _light(self) -> None:
@@ -169,7 +170,7 @@ def _surface(skin: Skin, position: np.ndarray, values: np.ndarray) -> pyvista.Po
     """The faces of a skin; points are not shared between patches, so that edges of the body stay sharp."""
     points, shown = skin.points(position, linear=True), skin.points(values, linear=False)
     pieces, faces, first = [], [], 0
-    for patch in skin.patches:
+    for patch in skin.patches or ():
         used, number = np.unique(patch, return_inverse=True)
         pieces.append(used)
         faces.append((patch.shape[1], number.reshape(patch.shape) + first))

@@ -1,9 +1,11 @@
 """The command `point`: a material point driven along a prescribed deformation; no particles, one rank does it all."""
 
+from typing import Any
+
 from parsolid.commands.arguments import TRUST_CODE
 
 
-def add_arguments(parser) -> None:
+def add_arguments(parser: Any) -> None:
     """Give the arguments of `point` to an argparse parser."""
     parser.add_argument(
         "path", metavar="PATH", help="TOML file with a material and the path of its deformation gradient"
@@ -18,7 +20,7 @@ def add_arguments(parser) -> None:
     parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
 
 
-def run_point(comm, options) -> int:
+def run_point(comm: Any, options: Any) -> int:
     """Drive a material point; the exit status 0. Collective: rank 0 works, the others wait for its outcome.
 
     Raises SceneError (bad input), OutputError or RunFailed (the path cannot be followed) on all ranks.

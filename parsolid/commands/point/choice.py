@@ -1,5 +1,7 @@
 """Which law of a material point belongs to which parameters."""
 
+from typing import Any
+
 from parsolid.commands.point.laws import MaxwellPoint, MooneyRivlinPoint, PointLaw
 from parsolid.commands.point.plastic import PlasticPoint
 from parsolid.commands.point.viscoelastic import PronyPoint
@@ -10,7 +12,7 @@ from parsolid.materials.viscoelastic.prony import Prony
 POINT_LAWS = {MooneyRivlin: MooneyRivlinPoint, ElasticPlastic: PlasticPoint, Prony: PronyPoint}
 
 
-def point_law(parameters, **conditions) -> PointLaw:
+def point_law(parameters: Any, **conditions: Any) -> PointLaw:
     """The law of a material point with the given parameters, hyperelastic if of no other kind; conditions are keywords
     of its class.
     """

@@ -31,16 +31,16 @@ class PointLaw(Protocol):
     def stress(self, state: Any) -> np.ndarray:
         """First Piola-Kirchhoff stress P [Pa] (3, 3)."""
 
-    def energies(self, states: list) -> np.ndarray:
+    def energies(self, states: list[Any]) -> np.ndarray:
         """Stored energy densities W [J/m^3] (n,) of n states."""
 
     def dissipated(self, before: Any, after: Any, step: float) -> float:
         """Energy density [J/m^3] dissipated over the step between two states; never negative."""
 
-    def deformations(self, states: list) -> np.ndarray:
+    def deformations(self, states: list[Any]) -> np.ndarray:
         """F (n, 3, 3) of n states."""
 
-    def columns(self, states: list, directions: np.ndarray) -> dict[str, np.ndarray]:
+    def columns(self, states: list[Any], directions: np.ndarray) -> dict[str, np.ndarray]:
         """Everything else that is told of n states, (n,) each: internal variables, energies, rates, wave speeds."""
 
 
@@ -55,7 +55,7 @@ class MaxwellState(NamedTuple):
 class MaxwellPoint:
     """Hyperelastic solid with Maxwell branches; A is advanced by the second-order relaxation of the solver."""
 
-    def __init__(self, law: Any):
+    def __init__(self, law: Any) -> None:
         self.law, self.moduli, self.times = law, branch_moduli(law), relaxation_times(law)
 
     def virgin(self) -> MaxwellState:
@@ -73,16 +73,16 @@ class MaxwellPoint:
             viscous = symmetric_tensors(self.moduli @ state.A)
         return evaluation.first_piola_kirchhoff_stress(self.law, F, evaluation.cofactor(F), np.linalg.det(F), viscous)
 
-    def energies(self, states: list) -> np.ndarray:
+    def energies(self, states: list[Any]) -> np.ndarray:
         return hyperbolicity.energy(self.law, self._polyconvex(states))
 
     def dissipated(self, before: MaxwellState, after: MaxwellState, step: float) -> float:
         return dissipated_energy(before.A, before.inverse, after.inverse, step, self.moduli, self.times)
 
-    def deformations(self, states: list) -> np.ndarray:
+    def deformations(self, states: list[Any]) -> np.ndarray:
         return np.array([state.F for state in states])
 
-    def columns(self, states: list, directions: np.ndarray) -> dict[str, np.ndarray]:
+    def columns(self, states: list[Any], directions: np.ndarray) -> dict[str, np.ndarray]:
         state = self._polyconvex(states)
         equilibrium, viscous = hyperbolicity.energies(self.law, state)
         rates = hyperbolicity.dissipation_rates(self.law, state)
@@ -96,7 +96,7 @@ class MaxwellPoint:
             result[f"{branch}stored"], result[f"{branch}dissipation_rate"] = viscous[:, alpha], rates[:, alpha]
         return result | self._waves(state, directions)
 
-    def _waves(self, state, directions: np.ndarray) -> dict[str, np.ndarray]:
+    def _waves(self, state: Any, directions: np.ndarray) -> dict[str, np.ndarray]:
         result = {}
         for k, N in enumerate(directions, 1):
             speeds = np.sqrt(acoustics.wave_moduli(self.law, state, N / np.linalg.norm(N)) / self.law.density)
@@ -109,7 +109,7 @@ class MaxwellPoint:
         result["largest_shear_wave_speed"] = np.sqrt(shear / self.law.density)
         return result | {"smallest_acoustic_eigenvalue": least}
 
-    def _polyconvex(self, states: list):
+    def _polyconvex(self, states: list[Any]) -> Any:
         A = symmetric_tensors(np.array([state.A for state in states])) if len(self.moduli) else None
         return hyperbolicity.polyconvex_state(self.law, self.deformations(states), A)
 
@@ -117,7 +117,7 @@ class MaxwellPoint:
 class MooneyRivlinPoint(MaxwellPoint):
     """The solid whose waves have closed forms."""
 
-    def _waves(self, state, directions: np.ndarray) -> dict[str, np.ndarray]:
+    def _waves(self, state: Any, directions: np.ndarray) -> dict[str, np.ndarray]:
         result = {}
         for k, N in enumerate(directions, 1):
             shear = hyperbolicity.shear_wave_speeds(self.law, state, N)

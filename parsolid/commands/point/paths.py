@@ -5,18 +5,19 @@ A path may jump, or have a kink, at its breaks. There, `side` chooses the value 
 
 import csv
 import itertools
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, PlainSerializer, PlainValidator, field_validator, model_validator
 from scipy.interpolate import CubicSpline
 
+from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import NotNegative, Positive, SceneModel, by_kind, mismatch, reject
 from parsolid.scene.formulas import Formula
 from parsolid.scene.observation import component_names
 from parsolid.scene.shapes import ExistingFile
-from parsolid.scene.validation_errors import Phrase, suggestion
+from parsolid.scene.validation_errors import suggestion
 
 COMPONENTS = component_names("deformation_gradient", 3)
 FREE = "free"
@@ -73,8 +74,19 @@ class Path(SceneModel):
         raise NotImplementedError
 
 
+def _constant(row: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """The same row (9,) at all times."""
+    return np.tile(row, (len(times), 1))
+
+
+def _linear(x: np.ndarray, y: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Between rows y (m, 9) at rising x (m,)."""
+    return np.stack([np.interp(times, x, column) for column in y.T], axis=1)
+
+
 def _values(formula: Formula, times: np.ndarray) -> np.ndarray:
-    return formula.evaluate(np.zeros((len(times), 3)), times)
+    evaluate: Any = formula.evaluate
+    return evaluate(np.zeros((len(times), 3)), times)
 
 
 def _diagonal(*components: np.ndarray) -> np.ndarray:
@@ -92,7 +104,7 @@ class Uniaxial(Path):
     def free(self) -> np.ndarray:
         return np.array([False, True, True]) if self.lateral == FREE else np.zeros(3, bool)
 
-    def _at(self, times):
+    def _at(self, times: Any) -> Any:
         one = np.ones(len(times))
         return _diagonal(_values(self.stretch, times), one, one)
 
@@ -103,7 +115,7 @@ class SimpleShear(Path):
     kind: Literal["simple-shear"]
     shear: TimeFormula = Field(description="a formula in t")
 
-    def _at(self, times):
+    def _at(self, times: Any) -> Any:
         result = np.tile(np.eye(3), (len(times), 1, 1))
         result[:, 0, 1] = _values(self.shear, times)
         return result
@@ -116,7 +128,7 @@ class CyclicShear(Path):
     amplitude: float = Field(description="the greatest shear")
     period: Positive = Field(description="the period [s]")
 
-    def _at(self, times):
+    def _at(self, times: Any) -> Any:
         result = np.tile(np.eye(3), (len(times), 1, 1))
         result[:, 0, 1] = self.amplitude * np.sin(2.0 * np.pi * times / self.period)
         return result
@@ -129,7 +141,7 @@ class Isochoric(Path):
     stretch: TimeFormula = Field(description="a formula in t")
     planar: bool = False
 
-    def _at(self, times):
+    def _at(self, times: Any) -> Any:
         stretch = _values(self.stretch, times)
         if self.planar:
             return _diagonal(stretch, 1.0 / stretch, np.ones(len(times)))
@@ -142,7 +154,7 @@ class Volumetric(Path):
     kind: Literal["volumetric"]
     jacobian: TimeFormula = Field(description="a formula in t")
 
-    def _at(self, times):
+    def _at(self, times: Any) -> Any:
         return _diagonal(*3 * (np.cbrt(_values(self.jacobian, times)),))
 
 
@@ -160,7 +172,7 @@ class Formulas(Path):
 
     @field_validator("deformation_gradient")
     @classmethod
-    def _free_on_diagonal(cls, rows: list) -> list:
+    def _free_on_diagonal(cls, rows: list[Any]) -> list[Any]:
         reject(
             *(
                 ((i, j), "a formula in t (only the diagonal can be free)", FREE)
@@ -171,7 +183,7 @@ class Formulas(Path):
         )
         return rows
 
-    def _at(self, times):
+    def _at(self, times: Any) -> Any:
         components = [
             [np.ones(len(times)) if f == FREE else _values(f, times) for f in row] for row in self.deformation_gradient
         ]
@@ -223,7 +235,8 @@ class Table(Path):
     @cached_property
     def _series(self) -> tuple[np.ndarray, np.ndarray]:
         """Times (n,) and F (n, 9)."""
-        columns, rows = (self.columns, self.rows) if self.file is None else _read(self.file)
+        stated: Any = (self.columns, self.rows) if self.file is None else _read(self.file)
+        columns, rows = stated
         known = {self.prefix + name: position for position, name in enumerate(COMPONENTS)}
         if "time" not in columns:
             raise _TableFault("a column 'time'", Phrase(", ".join(columns)[:80]))
@@ -242,26 +255,24 @@ class Table(Path):
         return _numbers(rows, columns.index("time"), "time"), F
 
     @cached_property
-    def _pieces(self) -> list:
+    def _pieces(self) -> list[Any]:
         """Functions of time between jumps, with the time at which each ends."""
         times, F = self._series
         if self.interpolation == "constant":
-            return [(end, lambda t, row=row: np.tile(row, (len(t), 1))) for end, row in zip([*times[1:], np.inf], F)]
+            return [(end, partial(_constant, row)) for end, row in zip([*times[1:], np.inf], F)]
         bounds = [0, *(np.flatnonzero(np.diff(times) == 0.0) + 1), len(times)]
-        pieces = []
+        pieces: list[Any] = []
         for lower, upper in itertools.pairwise(bounds):
             x, y = times[lower:upper], F[lower:upper]
             if len(x) == 1:
-                pieces.append((x[0], lambda t, row=y[0]: np.tile(row, (len(t), 1))))
+                pieces.append((x[0], partial(_constant, y[0])))
             elif self.interpolation == "cubic":
                 pieces.append((x[-1], CubicSpline(x, y)))
             else:
-                pieces.append(
-                    (x[-1], lambda t, x=x, y=y: np.stack([np.interp(t, x, column) for column in y.T], axis=1))
-                )
+                pieces.append((x[-1], partial(_linear, x, y)))
         return pieces
 
-    def _at(self, times):
+    def _at(self, times: Any) -> Any:
         ends = np.array([end for end, _ in self._pieces])
         which = np.minimum(np.searchsorted(ends, times, side="right"), len(ends) - 1)
         result = np.empty((len(times), 9))
@@ -271,7 +282,7 @@ class Table(Path):
 
 
 class _TableFault(Exception):
-    def __init__(self, expected: str, found: object):
+    def __init__(self, expected: str, found: object) -> None:
         super().__init__(expected)
         self.expected, self.found = expected, found
 
@@ -287,7 +298,7 @@ def _read(path: str) -> tuple[list[str], list[list[str]]]:
     return [name.strip() for name in columns], rows
 
 
-def _numbers(rows: list, column: int, name: str) -> np.ndarray:
+def _numbers(rows: list[Any], column: int, name: str) -> np.ndarray:
     for i, row in enumerate(rows):
         try:
             finite = np.isfinite(float(row[column]))

@@ -1,6 +1,8 @@
 """The picture of a material point: deformation, stress, loop, energies, internal variables and wave speeds."""
 
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -26,12 +28,13 @@ def draw(path: Path, title: str, columns: dict[str, np.ndarray]) -> None:
     _branches(panels[1, 1], columns)
     _waves(panels[1, 2], columns)
     try:
-        FigureCanvasAgg(figure).print_png(str(path))
+        canvas: Any = FigureCanvasAgg(figure)
+        canvas.print_png(str(path))
     except OSError as error:
         raise OutputError(f"cannot write {path}: {words(error)}") from error
 
 
-def _series(panel, columns: dict, label: str, names, labels=None) -> None:
+def _series(panel: Any, columns: dict[str, Any], label: str, names: Iterable[str], labels: Any = None) -> None:
     for name, text in zip(names, labels or names):
         if name in columns:
             panel.plot(columns["time"], columns[name], label=text.replace("_", " "), linewidth=1.2)
@@ -40,7 +43,7 @@ def _series(panel, columns: dict, label: str, names, labels=None) -> None:
     panel.legend(fontsize=7)
 
 
-def _components(panel, columns: dict, field: str, label: str) -> None:
+def _components(panel: Any, columns: dict[str, Any], field: str, label: str) -> None:
     """The components that are more than rounding, and not another's by symmetry."""
     names = component_names(field, 3)
     largest = max(np.abs(columns[name]).max() for name in names)
@@ -50,7 +53,7 @@ def _components(panel, columns: dict, field: str, label: str) -> None:
     _series(panel, columns, label, shown, [name[-2:] for name in shown])
 
 
-def _waves(panel, columns: dict) -> None:
+def _waves(panel: Any, columns: dict[str, Any]) -> None:
     """Wave speeds: greatest over all directions in black, along each direction in a colour of its own."""
     for name, values in columns.items():
         if name.endswith("wave_speed"):
@@ -64,7 +67,7 @@ def _waves(panel, columns: dict) -> None:
     panel.legend(fontsize=7)
 
 
-def _loop(panel, columns: dict) -> None:
+def _loop(panel: Any, columns: dict[str, Any]) -> None:
     """Stress over deformation, for the component of F that moves most."""
     names = component_names("deformation_gradient", 3)
     moved = max(names, key=lambda name: np.ptp(columns[name]))
@@ -74,7 +77,7 @@ def _loop(panel, columns: dict) -> None:
     panel.set_ylabel(f"{stress.replace('_', ' ')} [Pa]")
 
 
-def _branches(panel, columns: dict) -> None:
+def _branches(panel: Any, columns: dict[str, Any]) -> None:
     """Internal variables of the branches, temperature over plastic strain, or von Mises stress and pressure."""
     if "temperature" in columns:
         panel.plot(columns["plastic_strain"], columns["temperature"], linewidth=1.2)

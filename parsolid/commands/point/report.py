@@ -3,12 +3,13 @@
 import os
 import time as clock
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from parsolid.commands.point.choice import point_law
-from parsolid.commands.point.driver import PathLost, Record, drive
-from parsolid.commands.point.laws import PointLaw
+from parsolid.commands.point.driver import Record, drive
+from parsolid.commands.point.laws import PathLost, PointLaw
 from parsolid.commands.point.schema import MaterialPoint, load_point
 from parsolid.materials.registry import law_of
 from parsolid.output.errors import OutputError, words
@@ -18,7 +19,7 @@ from parsolid.scene.observation import component_names
 TABLE, PICTURE, SUMMARY = "point.csv", "point.png", "point_summary.json"
 
 
-def drive_and_report(options) -> dict:
+def drive_and_report(options: Any) -> dict[str, Any]:
     """Read the file of a command line, drive its point, write the results; the summary, for one rank alone.
 
     Raises SceneError, OutputError, or RunFailed when the path cannot be followed.
@@ -66,7 +67,7 @@ def tabulate(law: PointLaw, record: Record, directions: np.ndarray) -> dict[str,
     return columns | law.columns(record.states, directions)
 
 
-def summarise(point: MaterialPoint, columns: dict[str, np.ndarray], seconds: float) -> dict:
+def summarise(point: MaterialPoint, columns: dict[str, np.ndarray], seconds: float) -> dict[str, Any]:
     """The summary of a point; the energy balance is measured against the largest energy met."""
     scale = max(np.abs(columns[name]).max() for name in ("stored", "work", "dissipation"))
     worst = np.abs(columns["balance"]).max()
@@ -93,7 +94,7 @@ def summarise(point: MaterialPoint, columns: dict[str, np.ndarray], seconds: flo
     }
 
 
-def told(summary: dict, directory: Path) -> str:
+def told(summary: dict[str, Any], directory: Path) -> str:
     """The summary in a few lines."""
     return "\n".join(
         [
@@ -118,7 +119,7 @@ def told(summary: dict, directory: Path) -> str:
     )
 
 
-def _plastic(summary: dict) -> list[str]:
+def _plastic(summary: dict[str, Any]) -> list[str]:
     """One more line for plastic solids."""
     if "plastic_strain_at_end" not in summary:
         return []

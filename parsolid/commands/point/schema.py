@@ -8,10 +8,11 @@ import numpy as np
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from parsolid.commands.point.paths import AnyPath
+from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import Positive, SceneModel, reject
 from parsolid.scene.loading import apply_override, read_tables, told_faults
 from parsolid.scene.materials import Material
-from parsolid.scene.validation_errors import Phrase, SceneError
+from parsolid.scene.validation_errors import SceneError
 
 MOST_STEPS = 1_000_000
 
@@ -27,7 +28,7 @@ class PointOutput(SceneModel):
 
     @field_validator("directions")
     @classmethod
-    def _not_zero(cls, directions: list) -> list:
+    def _not_zero(cls, directions: list[Any]) -> list[Any]:
         reject(
             *(((i,), "a direction of some length", N) for i, N in enumerate(directions) if not np.linalg.norm(N) > 0.0)
         )
@@ -52,7 +53,7 @@ class MaterialPoint(SceneModel):
 
     @model_validator(mode="after")
     def _within_bounds(self) -> "MaterialPoint":
-        details = []
+        details: list[Any] = []
         if self.end_time > self.path.last_time:
             details.append(
                 (("end_time",), f"at most the last time of the path, {self.path.last_time:g}", self.end_time)
@@ -76,7 +77,7 @@ class MaterialPoint(SceneModel):
     @property
     def longest_step(self) -> float:
         """The longest step [s]."""
-        return self.end_time / self.steps if self.steps is not None else self.time_step
+        return self.end_time / self.steps if self.steps is not None else self.time_step or self.end_time
 
     @property
     def conditions(self) -> dict[str, Any]:
@@ -91,7 +92,7 @@ class MaterialPoint(SceneModel):
 
 
 def load_point(
-    path: str | os.PathLike, overrides: list[str] | tuple[str, ...] = (), trust_code: bool = False
+    path: str | os.PathLike[str], overrides: list[str] | tuple[str, ...] = (), trust_code: bool = False
 ) -> MaterialPoint:
     """Read a material point; `overrides` are "key.path=value" with TOML values, applied before validation.
 

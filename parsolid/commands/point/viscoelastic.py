@@ -1,6 +1,6 @@
 """Linear elastic and viscoelastic solids at one material point, at small and at finite strain."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -41,7 +41,7 @@ class PronyPoint:
         S = self._stresses([state])[0]
         return S if self.law.finite_strain is None else state.F @ S
 
-    def energies(self, states: list) -> np.ndarray:
+    def energies(self, states: list[Any]) -> np.ndarray:
         return self._equilibrium(states) + self._stored(states).sum(axis=1)
 
     def dissipated(self, before: PronyState, after: PronyState, step: float) -> float:
@@ -51,10 +51,10 @@ class PronyPoint:
         weights = np.array([dissipation_weights(step, time) for time in self.times]).reshape(-1, 3)
         return float(np.sum(2.0 * self.ratios * np.sum(weights * forms.T, axis=1)))
 
-    def deformations(self, states: list) -> np.ndarray:
+    def deformations(self, states: list[Any]) -> np.ndarray:
         return np.array([state.F for state in states])
 
-    def columns(self, states: list, directions: np.ndarray) -> dict[str, np.ndarray]:
+    def columns(self, states: list[Any], directions: np.ndarray) -> dict[str, np.ndarray]:
         stored = self._stored(states)
         rates = 2.0 * stored / self.times
         result = {"equilibrium": self._equilibrium(states), "dissipation_rate": rates.sum(axis=1)}
@@ -66,22 +66,22 @@ class PronyPoint:
             result[f"{branch}stored"], result[f"{branch}dissipation_rate"] = stored[:, j], rates[:, j]
         return result | self._waves(states, directions)
 
-    def _stresses(self, states: list) -> np.ndarray:
+    def _stresses(self, states: list[Any]) -> np.ndarray:
         """sigma or S (n, 3, 3) [Pa]."""
         strain = np.array([state.strain for state in states])
         relaxing = strain + np.array([self.ratios @ state.branches for state in states])
         return symmetric_tensors(evaluation.stresses(self.law, strain, relaxing))
 
-    def _equilibrium(self, states: list) -> np.ndarray:
+    def _equilibrium(self, states: list[Any]) -> np.ndarray:
         strain = np.array([state.strain for state in states])
         return evaluation.equilibrium_forms(self.law, strain, strain)
 
-    def _stored(self, states: list) -> np.ndarray:
+    def _stored(self, states: list[Any]) -> np.ndarray:
         """Energy densities (n, m) [J/m^3] of the branches."""
         branches = np.array([state.branches for state in states]).reshape(-1, 6)
         return self.ratios * evaluation.branch_forms(self.law, branches, branches).reshape(len(states), -1)
 
-    def _waves(self, states: list, directions: np.ndarray) -> dict[str, np.ndarray]:
+    def _waves(self, states: list[Any], directions: np.ndarray) -> dict[str, np.ndarray]:
         """Speeds of waves too fast for anything to relax; the extreme ones of many directions."""
         result, density = {}, self.law.density
         for k, N in enumerate(directions, 1):
@@ -98,12 +98,13 @@ class PronyPoint:
         result["smallest_acoustic_eigenvalue"] = moduli.min(axis=(1, 2))
         return result
 
-    def _acoustic_moduli(self, states: list, directions: np.ndarray) -> np.ndarray:
+    def _acoustic_moduli(self, states: list[Any], directions: np.ndarray) -> np.ndarray:
         """Rising eigenvalues (n, k, 3) [Pa] of the instantaneous acoustic tensors of unit directions (k, 3).
 
         Q = (N.S N) I + (lambda + G) F N (x) F N + G F F^T at finite strain, with F = I and S = 0 at small strain.
         """
-        law, factor = self.law, algorithmic_factor(self.law, 0.0)
+        law: Any = self.law
+        factor = algorithmic_factor(law, 0.0)
         G = law.shear_modulus * factor
         lame = law.first_lame * factor if law.bulk_modulus is None else law.bulk_modulus - 2.0 / 3.0 * G
         F, S = np.tile(np.eye(3), (len(states), 1, 1)), np.zeros((len(states), 3, 3))

@@ -39,8 +39,8 @@ class Case:
     digest: str = ""
     particles: int = 0
     work: float = 0.0
-    record: dict = field(default_factory=dict)
-    measures: dict = field(default_factory=dict)
+    record: dict[str, Any] = field(default_factory=dict)
+    measures: dict[str, Any] = field(default_factory=dict)
     faults: list[str] = field(default_factory=list)
     orders: dict[str, float] = field(default_factory=dict)
 
@@ -144,14 +144,15 @@ def _unknown_names(study: Study, cases: list[Case]) -> list[str]:
     ]
 
 
-def error_names(scene: Scene | None) -> set[str]:
-    """Names of the errors that summary.json will hold."""
+def error_names(scene: Any) -> set[str]:
+    """Names of the errors that summary.json will hold; scene: None where it cannot be read."""
     reference = scene.reference if scene is not None else None
     if reference is None:
         return set()
     if reference.exact is None:
         return set(reference.columns or reference.final)
-    solution = SOLUTIONS[reference.exact].of_scene(scene)
+    solution: Any = SOLUTIONS[reference.exact]
+    solution = solution.of_scene(scene)
     if reference.history:
         return set(solution.history_names())
     if reference.each_step:

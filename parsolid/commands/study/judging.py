@@ -2,6 +2,7 @@
 
 from itertools import pairwise
 from math import log
+from typing import Any
 
 from parsolid.commands.study.cases import Case
 from parsolid.commands.study.launching import FAILED, FINISHED, REFUSED
@@ -20,18 +21,19 @@ def judge(study: Study, cases: list[Case]) -> None:
             case.faults = [*_ending_faults(case), *_number_faults(study, case)]
 
 
-def lines_of(cases: list[Case]) -> dict[tuple, list[Case]]:
+def lines_of(cases: list[Case]) -> dict[tuple[Any, ...], list[Case]]:
     """Cases with a spacing and errors, by the line they are on, from coarse to fine."""
-    lines: dict[tuple, list[Case]] = {}
+    lines: dict[tuple[Any, ...], list[Case]] = {}
     for case in cases:
         if case.spacing is not None and case.measures.get("errors"):
             lines.setdefault(case.line, []).append(case)
-    return {name: sorted(line, key=lambda case: -case.spacing) for name, line in lines.items()}
+    return {name: sorted(line, key=lambda case: -(case.spacing or 0.0)) for name, line in lines.items()}
 
 
 def observed_orders(coarse: Case, fine: Case) -> dict[str, float]:
     """log(error ratio) / log(spacing ratio) of two runs, by the error's name."""
-    ratio = log(coarse.spacing / fine.spacing)
+    spacings: Any = coarse.spacing, fine.spacing
+    ratio = log(spacings[0] / spacings[1])
     before, after = coarse.measures["errors"], fine.measures["errors"]
     return {
         name: log(before[name] / after[name]) / ratio

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time as clock
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -58,7 +59,7 @@ def arguments_of(case: Case, folder: Path) -> list[str]:
     return ["run", scene, "-o", str(folder), *overrides, *trust]
 
 
-def run_case(case: Case, folder: Path, repetitions: int = 1) -> dict:
+def run_case(case: Case, folder: Path, repetitions: int = 1) -> dict[str, Any]:
     """Make a run as many times as it lacks repetitions, and return its record, which is kept in the folder.
 
     Record: status, exit_status, message (last words of a run that did not finish), clean (one message at most),
@@ -82,7 +83,7 @@ def run_case(case: Case, folder: Path, repetitions: int = 1) -> dict:
     return record
 
 
-def read_record(folder: Path) -> dict:
+def read_record(folder: Path) -> dict[str, Any]:
     """The record of a run, empty when there is none that can be read."""
     try:
         return json.loads((folder / "record.json").read_text(encoding="utf-8"))
@@ -90,7 +91,7 @@ def read_record(folder: Path) -> dict:
         return {}
 
 
-def _run_once(case: Case, folder: Path) -> dict:
+def _run_once(case: Case, folder: Path) -> dict[str, Any]:
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     load = os.getloadavg()[0]
@@ -140,7 +141,7 @@ def _environment() -> dict[str, str]:
     return dict(os.environ) | {"PYTHONPATH": root + (os.pathsep + path if path else "")}
 
 
-def _wait(process: subprocess.Popen, timeout: float) -> int | None:
+def _wait(process: subprocess.Popen[Any], timeout: float) -> int | None:
     """Exit status, None when the time limit [s] ended the run; no process of it outlives the call."""
     try:
         return process.wait(timeout)
@@ -150,7 +151,7 @@ def _wait(process: subprocess.Popen, timeout: float) -> int | None:
         _end(process)
 
 
-def _end(process: subprocess.Popen) -> None:
+def _end(process: subprocess.Popen[Any]) -> None:
     """End what is left of a run: with the signal that it catches, and after a grace for certain."""
     for number, patience in ((signal.SIGTERM, _GRACE), (signal.SIGKILL, None)):
         if process.poll() is None:

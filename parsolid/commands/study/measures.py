@@ -35,7 +35,7 @@ MEASURES = {
 }
 
 
-def measures_of(folder: Path, loop_seconds: list[float], processor_seconds: list[float]) -> dict:
+def measures_of(folder: Path, loop_seconds: list[float], processor_seconds: list[float]) -> dict[str, Any]:
     """Measures and errors (under "errors") of a run from the files in its folder, and the seconds of its repetitions.
 
     Empty where there is no summary. A failed run has those that its files give.
@@ -63,7 +63,7 @@ def measures_of(folder: Path, loop_seconds: list[float], processor_seconds: list
     return measures | energies_of(history) | momentum_of(history)
 
 
-def energies_of(history: dict[str, np.ndarray]) -> dict:
+def energies_of(history: dict[str, np.ndarray]) -> dict[str, Any]:
     """What the ledger's columns (rows,) [J] say: drift, dissipations over the energy at the start, and their falls."""
     if not len(history["time"]):
         return {}
@@ -84,7 +84,7 @@ def energies_of(history: dict[str, np.ndarray]) -> dict:
     return result | ({"smallest_jacobian": float(min(jacobians))} if jacobians else {})
 
 
-def momentum_of(history: dict[str, np.ndarray]) -> dict:
+def momentum_of(history: dict[str, np.ndarray]) -> dict[str, Any]:
     """Drift of the probed linear momentum; empty without such a probe or without any momentum."""
     names = [name for name in history if ".linear_momentum_" in name]
     if not names or not len(history["time"]):

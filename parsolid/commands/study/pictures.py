@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -50,7 +51,7 @@ def draw(study: Study, cases: list[Case], folder: Path) -> list[Path]:
     return [_picture(study, lines, abscissa, folder) for abscissa, lines in wanted if lines]
 
 
-def _picture(study: Study, lines: dict[tuple, list[Case]], abscissa: Abscissa, folder: Path) -> Path:
+def _picture(study: Study, lines: dict[tuple[Any, ...], list[Case]], abscissa: Abscissa, folder: Path) -> Path:
     import matplotlib
 
     matplotlib.use("Agg")
@@ -91,7 +92,7 @@ def _panel(name: str) -> str:
 
 
 def _line(
-    place: np.ndarray, number: int, line: list[Case], error: str, style: str, abscissa: Abscissa
+    place: Any, number: int, line: list[Case], error: str, style: str, abscissa: Abscissa
 ) -> list[tuple[float, float]]:
     """Draw one error of one line, and its yardstick hollow and dotted; the points of the line."""
     points = _positive((abscissa.value(case), case.measures["errors"].get(error)) for case in line)
@@ -110,11 +111,11 @@ def _line(
     return points
 
 
-def _positive(points: np.ndarray) -> list[tuple[float, float]]:
+def _positive(points: Any) -> list[tuple[float, float]]:
     return [(x, y) for x, y in points if x and y]
 
 
-def _triangles(place: np.ndarray, points: np.ndarray, slopes: tuple[int, ...]) -> None:
+def _triangles(place: Any, points: Any, slopes: tuple[int, ...]) -> None:
     """Triangles of the slopes below the points (n, 2)."""
     x1 = np.sqrt(points[:, 0].min() * points[:, 0].max())
     x0, y0 = x1 / 1.6, points[:, 1].min() * 0.6

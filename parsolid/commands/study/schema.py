@@ -5,10 +5,11 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
+from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import Positive, SceneModel, reject
 from parsolid.scene.loading import read_tables, told_faults
 from parsolid.scene.shapes import ExistingFile
-from parsolid.scene.validation_errors import Phrase, SceneError
+from parsolid.scene.validation_errors import SceneError
 
 Expected = Literal["stable", "failure", "refused"]
 Override = Annotated[str, Field(pattern=r"^\s*[^=\s]+\s*=", description="key.path=value, as --set takes it")]

@@ -106,7 +106,7 @@ def _stability_sheet(study: Study, cases: list[Case]) -> Sheet:
     headings = ["run", "must show", "ended", *(MEASURES[key][0] for key in measured), "ranks", "as stated"]
     sheet = Sheet(study.title, headings, 3)
     for case in cases:
-        shows = case.shows or {"failure": "a clean failure", "refused": "refused"}.get(case.expect, "stable")
+        shows = case.shows or {"failure": "a clean failure", "refused": "refused"}.get(case.expect or "", "stable")
         bounds = [f"{MEASURES.get(name, (name,))[0]} <= {bound:g}" for name, bound in _asked(case).items()]
         row = [case.title, ", ".join([shows, *bounds]), _ending(case), *(told(case, key) for key in measured)]
         sheet.rows.append([*row, str(case.ranks), _verdict(case)])

@@ -1,6 +1,6 @@
 """The material point method as a scene states it."""
 
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, model_validator
 
@@ -88,7 +88,7 @@ class MaterialPoint(MethodSettings):
 
     @model_validator(mode="after")
     def _consistent(self, info: ValidationInfo) -> "MaterialPoint":
-        details = []
+        details: list[Any] = []
         if dimension_of(info) == 3 and self.geometry is not None:
             details.append((("geometry",), "no such key in 3-D", self.geometry))
         if self.transfer == "apic" and self.flip_fraction != 1.0:
@@ -98,11 +98,11 @@ class MaterialPoint(MethodSettings):
         reject(*details)
         return self
 
-    def scene_faults(self, scene) -> list[tuple[tuple, str, object]]:
+    def scene_faults(self, scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
         """Particles on the surface; Maxwell branches; bodies beyond the axis; heat without conductivity; fields that no
         body has.
         """
-        details = []
+        details: list[Any] = []
         for i, body in enumerate(scene.bodies):
             if body.shape.kind != "mesh" and body.placed_on == "nodes":
                 details.append((("bodies", i, "placement"), "'cells' with this method", "nodes"))
@@ -120,10 +120,11 @@ class MaterialPoint(MethodSettings):
                 details.append((("boundaries", i, "kind"), "a body with a conductivity", boundary.kind))
         return details + self._fields_of_no_body(scene)
 
-    def _fields_of_no_body(self, scene) -> list[tuple[tuple, str, object]]:
+    def _fields_of_no_body(self, scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
         if any(body.material.kind == "elastic-plastic" for body in scene.bodies):
             return []
-        named = [(("output", "fields", i), name) for i, name in enumerate(scene.output.fields or ())]
+        named: list[tuple[tuple[Any, ...], Any]] = []
+        named += [(("output", "fields", i), name) for i, name in enumerate(scene.output.fields or ())]
         for i, probe in enumerate(scene.probes):
             named += [(("probes", i, "fields", k), name) for k, name in enumerate(probe.fields or ())]
             named.append((("probes", i, "quantity"), probe.quantity))

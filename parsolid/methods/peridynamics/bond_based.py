@@ -2,6 +2,8 @@
 `methods.peridynamics.bond_based_kernels`, without a stabiliser.
 """
 
+from typing import Any
+
 import numpy as np
 
 from parsolid.materials.damage.bond_based import POISSONS_RATIO, micromodulus
@@ -16,8 +18,14 @@ class BondBasedForce(BondForce):
     """As `BondForce`, of bodies whose laws are all bond-based."""
 
     def __init__(
-        self, particles: Particles, bond_system, settings, blocks, horizon: np.ndarray, fixed_planes: np.ndarray
-    ):
+        self,
+        particles: Particles,
+        bond_system: Any,
+        settings: Any,
+        blocks: Any,
+        horizon: np.ndarray,
+        fixed_planes: np.ndarray,
+    ) -> None:
         """horizon (owned,) [m]; settings: `settings.Peridynamics`. Collective."""
         super().__init__(particles, bond_system, None, fixed_planes)
         self.state = settings.state(particles["displacement"].shape[1])
@@ -33,11 +41,11 @@ class BondBasedForce(BondForce):
         """Nothing has a history, so nothing of the force is carried on."""
         return np.zeros((self.owned, self.dimension))
 
-    def evaluate(self, laws) -> np.ndarray:
+    def evaluate(self, laws: Any) -> np.ndarray:
         """Force (owned, d) [N] of the displacement."""
         return self._forces(None, self.columns.position)
 
-    def evaluate_stiffness(self, laws) -> np.ndarray:
+    def evaluate_stiffness(self, laws: Any) -> np.ndarray:
         """Force (owned, d) [N] to first order in the field f."""
         return self._forces(True, self.columns.field)
 
@@ -60,11 +68,11 @@ class BondBasedForce(BondForce):
         self.bond_system.sweep(lambda pairs: energies.append(bond_energy(self.space, pairs, *what)))
         return sum(energies[1:], energies[0])
 
-    def cauchy_stresses(self, laws, first: int, last: int, F: np.ndarray) -> np.ndarray:
+    def cauchy_stresses(self, laws: Any, first: int, last: int, F: np.ndarray) -> np.ndarray:
         """sigma (n, 3, 3) [Pa] of particles first..last-1; F (n, 3, 3): their deformation gradients."""
         return pushed_forward(self.classical_stresses(laws)[first:last], F)
 
-    def classical_stresses(self, laws) -> np.ndarray:
+    def classical_stresses(self, laws: Any) -> np.ndarray:
         """Stress (owned, 3, 3) [Pa] of the classical solid with the same constants under the gradient of the
         displacement.
         """

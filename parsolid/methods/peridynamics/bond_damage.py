@@ -46,7 +46,9 @@ class BondDamage:
     broken_bonds  words of bits for a restart, as of the last `pack`
     """
 
-    def __init__(self, comm, particles: Particles, bond_system: Any, resistance: np.ndarray, limits: Limits):
+    def __init__(
+        self, comm: Any, particles: Particles, bond_system: Any, resistance: np.ndarray, limits: Limits
+    ) -> None:
         """bond_system: a `PairSystem` with all bonds whole; resistance (owned,) of particles as they are made.
         Collective.
         """
@@ -82,20 +84,20 @@ class BondDamage:
         """Bits (owned, words) of the broken bonds."""
         return self.particles.storage("broken_bonds")[: self.owned]
 
-    def introduce(self, patches: list) -> None:
+    def introduce(self, patches: list[Any]) -> None:
         """Break the bonds that cross cracks, `methods.peridynamics.bond_damage_kernels.Patch`."""
         for patch in patches:
             failed = self._collect(bond_damage.find_crossing, patch)
             if failed is not None:
                 self.cut(failed)
 
-    def inspect(self, criterion) -> Failed | None:
+    def inspect(self, criterion: Any) -> Failed | None:
         """The bonds that fail a criterion (see `methods.peridynamics.bond_damage_kernels`); None when there are none on
         this rank.
         """
         return self._collect(bond_damage.find_failed, criterion)
 
-    def _collect(self, find, what) -> Failed | None:
+    def _collect(self, find: Any, what: Any) -> Failed | None:
         rows, touched, kinematics = [], [], self.particles.storage("kinematics")
         for number, pairs in enumerate(self.lists):
             count = find(self.bond_system.space, pairs, kinematics, what, self._room[number])
@@ -185,7 +187,7 @@ class BondDamage:
         return start, source
 
 
-def _largest_of_body(comm, values: np.ndarray, body: np.ndarray) -> np.ndarray:
+def _largest_of_body(comm: Any, values: np.ndarray, body: np.ndarray) -> np.ndarray:
     """For each particle the largest value (n,) in its body, over all ranks; collective."""
     bodies = maximum(comm, int(body.max(initial=0))) + 1
     largest = np.zeros(bodies)

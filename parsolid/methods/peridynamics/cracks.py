@@ -1,5 +1,7 @@
 """Cracks that a body has from the start, as flat patches."""
 
+from typing import Any
+
 import numpy as np
 
 from parsolid.methods.peridynamics.bond_damage_kernels import Patch
@@ -8,7 +10,7 @@ from parsolid.methods.peridynamics.bond_damage_kernels import Patch
 _BEYOND = 10.0
 
 
-def patch_of(crack, lower: np.ndarray, upper: np.ndarray) -> Patch:
+def patch_of(crack: Any, lower: np.ndarray, upper: np.ndarray) -> Patch:
     """The patch of a scene's `PreCrack`; lower, upper (d,): the bounds of all particles [m]."""
     if crack.plane is not None:
         return _in_plane(crack, lower, upper)
@@ -21,7 +23,7 @@ def patch_of(crack, lower: np.ndarray, upper: np.ndarray) -> Patch:
     return Patch(points[0], edges[0], edges[1])
 
 
-def _in_plane(crack, lower: np.ndarray, upper: np.ndarray) -> Patch:
+def _in_plane(crack: Any, lower: np.ndarray, upper: np.ndarray) -> Patch:
     d, margin = len(lower), _BEYOND * np.max(upper - lower)
     low, high = np.full(3, -0.5), np.full(3, 0.5)
     low[:d], high[:d] = lower - margin, upper + margin

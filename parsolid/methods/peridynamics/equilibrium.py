@@ -5,7 +5,7 @@ the largest |f_ext|_2 (or reaction, where only displacements are prescribed) of 
 no other scale.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -45,7 +45,7 @@ class Equilibrium:
     of the run so far, most_iterations: of a step at most.
     """
 
-    def __init__(self, comm, operator, settings):
+    def __init__(self, comm: Any, operator: Any, settings: Any) -> None:
         """operator: see `operator.Operator`; settings: `settings.QuasiStatic`."""
         self.comm, self.operator, self.settings = comm, operator, settings
         self.largest_load, self.fault = 0.0, ""
@@ -105,7 +105,7 @@ class Equilibrium:
         self.fault = "Newton's method: no shorter step reduces what is not balanced"
         return balance
 
-    def _linear(self, displacement: np.ndarray):
+    def _linear(self, displacement: np.ndarray) -> Any:
         """K du of the step at a displacement."""
         return lambda du, out: self.operator.linear(displacement, du, out, self.step)
 
@@ -113,7 +113,7 @@ class Equilibrium:
         """Dynamic relaxation; with larger masses where the stiffness grows on the way and the motion diverges."""
         operator = self.operator
 
-        def force(displacement, out):
+        def force(displacement: np.ndarray, out: Any) -> None:
             operator.force(displacement, out, self.step)
             out += external
 

@@ -1,6 +1,6 @@
 """From a peridynamic scene to bonds, the engine of their forces, and the history of its laws."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,13 +33,13 @@ class Forces(NamedTuple):
     history: ViscoelasticHistory
 
 
-def particles_of(scene, particle_set) -> Particles:
+def particles_of(scene: Any, particle_set: Any) -> Particles:
     """The container of a rank's particles, sorted by law, without any field."""
     laws = laws_of(scene)
     return Particles(particle_set.body, block_numbers(laws, np.arange(len(laws)))[1])
 
 
-def build_forces(comm, scene, particle_set, loads) -> Forces:
+def build_forces(comm: Any, scene: Any, particle_set: Any, loads: Any) -> Forces:
     """Bonds of this rank's particle_set, sorted by law, and the forces of the scene's laws; loads: `PeridynamicLoads`.
     Collective.
 
@@ -55,6 +55,7 @@ def build_forces(comm, scene, particle_set, loads) -> Forces:
     horizon, bond_based = horizons(settings, particle_set), isinstance(laws[0], BondBased)
     materials = {law: body.material for law, body in zip(laws, scene.bodies)}
     stabiliser, scale = None, None
+    engine: Any
     if not bond_based:
         stabiliser, scale = _stabiliser(settings, dimension, blocks, materials, horizon)
     bond_system = build_bond_system(comm, particles, settings, particle_set, share, stabiliser, loads.codes)
@@ -70,7 +71,9 @@ def build_forces(comm, scene, particle_set, loads) -> Forces:
     return Forces(particles, horizon, bond_system, engine, ViscoelasticHistory(engine, blocks, branches))
 
 
-def _stabiliser(settings, dimension: int, blocks: list, materials: dict, horizon: np.ndarray) -> tuple:
+def _stabiliser(
+    settings: Any, dimension: int, blocks: list[Any], materials: dict[str, Any], horizon: np.ndarray
+) -> tuple[Any, ...]:
     """The stabiliser and its scale (owned,): coefficient times G [Pa], or c of eq (39), the micromodulus of the state
     of strain.
     """
@@ -88,7 +91,7 @@ def _stabiliser(settings, dimension: int, blocks: list, materials: dict, horizon
     return (ShearScaled() if control.kind == "shear-scaled" else AlongBonds()), scale
 
 
-def _fixed_planes(particle_set, planes: list, dimension: int) -> np.ndarray:
+def _fixed_planes(particle_set: Any, planes: list[Any], dimension: int) -> np.ndarray:
     """Normals (owned, dimension) of the fixed mirror planes each particle lies on; bars lie in the plane."""
     result = np.zeros((len(particle_set), dimension), bool)
     for plane in planes:
@@ -97,7 +100,7 @@ def _fixed_planes(particle_set, planes: list, dimension: int) -> np.ndarray:
     return result
 
 
-def _unlike_series(laws: list) -> str | None:
+def _unlike_series(laws: list[Any]) -> str | None:
     """A fault when bodies relax differently: the relaxing displacement is one field for all."""
     for index, law in enumerate(laws):
         if isinstance(law, BondBased) != isinstance(laws[0], BondBased):

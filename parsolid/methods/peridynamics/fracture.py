@@ -6,6 +6,7 @@ found something. The bonds then break at the beginning of that step, at the disp
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,7 @@ class NoFracture:
     found = False
     found_anywhere = False
 
-    def __init__(self, owned: int, dimension: int):
+    def __init__(self, owned: int, dimension: int) -> None:
         self.owned, self.dimension = owned, dimension
 
     # --- in a step ---------------------------------------------------------------------------------------------
@@ -51,13 +52,13 @@ class NoFracture:
         """Look, and tell whether any rank has found some; collective."""
         return False
 
-    def break_what_ranks_found(self, ledger) -> None:
+    def break_what_ranks_found(self, ledger: Any) -> None:
         """Break what ranks have found, before the next step moves anything; collective where they have."""
 
-    def break_bonds(self, ledger) -> None:
+    def break_bonds(self, ledger: Any) -> None:
         """Break what any rank has found, and evaluate the forces of the state anew; collective."""
 
-    def safety(self, settings) -> float:
+    def safety(self, settings: Any) -> float:
         """The stable step over its limit; settings: `settings.Explicit`."""
         return settings.safety
 
@@ -85,7 +86,7 @@ class NoFracture:
 class PreCracks(NoFracture):
     """Bonds that are broken from the start, and no others."""
 
-    def __init__(self, comm, scene, particle_set, forces):
+    def __init__(self, comm: Any, scene: Any, particle_set: Any, forces: Any) -> None:
         """particle_set: this rank's sorted particles; forces: `forces.Forces` with all bonds whole. Collective."""
         super().__init__(*particle_set.position.shape)
         self.comm, self.engine, self.history = comm, forces.engine, forces.history
@@ -140,13 +141,13 @@ class PreCracks(NoFracture):
 class Fracture(PreCracks):
     """Bonds that break where a criterion says so, see `bond_damage.BondDamage`."""
 
-    def __init__(self, comm, scene, particle_set, forces):
+    def __init__(self, comm: Any, scene: Any, particle_set: Any, forces: Any) -> None:
         super().__init__(comm, scene, particle_set, forces)
         self.settings = scene.method.damage
-        self.pending = None
+        self.pending: Any = None
 
     @property
-    def criterion(self):
+    def criterion(self) -> Any:
         """What makes a bond fail, over the present arrays."""
         engine, resistance = self.engine, self.damage.resistance
         if self.settings.criterion == "stretch":
@@ -155,7 +156,7 @@ class Fracture(PreCracks):
         return Energy(resistance, engine.record, control, engine.bond_system.volume)
 
     @property
-    def found(self) -> bool:
+    def found(self) -> bool:  # type: ignore[override]
         """Whether this rank has found bonds that fail."""
         return self.pending is not None
 
@@ -176,12 +177,12 @@ class Fracture(PreCracks):
         self.look()
         return anywhere(self.comm, self.found)
 
-    def break_what_ranks_found(self, ledger) -> None:
+    def break_what_ranks_found(self, ledger: Any) -> None:
         """Break what ranks have found, before the next step moves anything; collective where they have."""
         if self.found_anywhere:
             self.break_bonds(ledger)
 
-    def break_bonds(self, ledger) -> None:
+    def break_bonds(self, ledger: Any) -> None:
         """Break what any rank has found, and evaluate the forces of the state anew; collective."""
         stored = self.history.stored_energy()
         if self.pending is not None:
@@ -191,12 +192,12 @@ class Fracture(PreCracks):
         self.history.evaluate_anew()
         ledger.add_term("dissipation_fracture", stored - self.history.stored_energy())
 
-    def safety(self, settings) -> float:
+    def safety(self, settings: Any) -> float:
         """The stable step over its limit; settings: `settings.Explicit`."""
         return min(settings.safety, settings.damage_safety)
 
 
-def fracture_of(comm, scene, particle_set, forces) -> NoFracture:
+def fracture_of(comm: Any, scene: Any, particle_set: Any, forces: Any) -> NoFracture:
     """What of fracture a scene has; as the constructor of `PreCracks`. Collective."""
     if scene.method.damage is not None:
         return Fracture(comm, scene, particle_set, forces)
@@ -205,7 +206,7 @@ def fracture_of(comm, scene, particle_set, forces) -> NoFracture:
     return NoFracture(*particle_set.position.shape)
 
 
-def _resistance(scene, particle_set) -> np.ndarray:
+def _resistance(scene: Any, particle_set: Any) -> np.ndarray:
     """The limit of the criterion (n,) for each particle, infinite without one."""
     settings = scene.method.damage
     result = np.full(len(particle_set.position), np.inf)
@@ -220,7 +221,7 @@ def _resistance(scene, particle_set) -> np.ndarray:
     return result
 
 
-def _limits(scene) -> Limits:
+def _limits(scene: Any) -> Limits:
     settings = scene.method.damage
     if settings is None:
         return Limits(0.0, 1.0)

@@ -5,19 +5,21 @@ The stabiliser's force is linear in the relaxing displacement, so that its energ
 takes one of each.
 """
 
+from typing import Any
+
 import numpy as np
 
 from parsolid.materials.viscoelastic.prony import Prony
 from parsolid.methods.peridynamics.bond_force import BondForce, pushed_forward
 from parsolid.methods.peridynamics.correspondence import stabiliser_records
 from parsolid.methods.peridynamics.tensor_history import (
-    TENSOR_ROWS,
     initial_state,
     nominal_records,
     nominal_stresses,
     settle_states,
     step_weights,
 )
+from parsolid.methods.peridynamics.tensor_states import TENSOR_ROWS
 from parsolid.methods.peridynamics.viscoelastic_history import ViscoelasticHistory
 from parsolid.pairs.terms import matrix_columns
 from parsolid.particles.declaration import Columns, Field
@@ -34,7 +36,9 @@ class HistoryForce(BondForce):
     stored [J]: energy of the settled states.
     """
 
-    def __init__(self, particles, bond_system, scale, fixed_planes, blocks, branches: int):
+    def __init__(
+        self, particles: Any, bond_system: Any, scale: Any, fixed_planes: Any, blocks: Any, branches: int
+    ) -> None:
         super().__init__(particles, bond_system, scale, fixed_planes)
         d, declare = self.dimension, particles.declare
         rows = TENSOR_ROWS[d] * (1 + branches)
@@ -74,7 +78,7 @@ class HistoryForce(BondForce):
         """What of the last force is linear in the field f: the stabiliser's."""
         return self.control
 
-    def evaluate(self, laws) -> np.ndarray:
+    def evaluate(self, laws: Any) -> np.ndarray:
         """Force (owned, d) [N] of the fields f and u."""
         self.evaluations += 1
         told = self.evaluate_control(laws)
@@ -85,7 +89,7 @@ class HistoryForce(BondForce):
         force += self.control
         return force
 
-    def evaluate_control(self, laws) -> bool:
+    def evaluate_control(self, laws: Any) -> bool:
         """The stabiliser's force; whether that has told ghosts of the motion."""
         if self.stabiliser is None:
             return False
@@ -120,7 +124,7 @@ class HistoryForce(BondForce):
             mine = self.states[:, block.first : block.last]
             mine[rows:] = 0.0 if isinstance(block.law, Prony) else np.tile(mine[:rows], (len(mine) // rows - 1, 1))
 
-    def cauchy_stresses(self, laws, first: int, last: int, F: np.ndarray) -> np.ndarray:
+    def cauchy_stresses(self, laws: Any, first: int, last: int, F: np.ndarray) -> np.ndarray:
         """sigma (n, 3, 3) [Pa] of particles first..last-1 in the settled state; F (n, 3, 3): their deformation
         gradients.
         """
@@ -128,7 +132,7 @@ class HistoryForce(BondForce):
         small = all(isinstance(law, Prony) and law.finite_strain is None for _, _, law in laws)
         return P if small else pushed_forward(P, F)
 
-    def nominal_stresses(self, laws) -> np.ndarray:
+    def nominal_stresses(self, laws: Any) -> np.ndarray:
         """First Piola-Kirchhoff stress (owned, 3, 3) [Pa] of the settled state."""
         result, sums = np.zeros((self.owned, 3, 3)), self.particles.storage("displacement_sums")
         self.prepare(0.0)

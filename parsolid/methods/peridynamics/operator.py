@@ -1,6 +1,6 @@
 """The internal force of a material step as an operator on displacements, for solvers."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -34,7 +34,7 @@ def algorithmic_law(law: Prony, step: float) -> Prony:
     return law._replace(first_lame=lame, bulk_modulus=None, ratios=None, relaxation_times=None, finite_strain=None)
 
 
-def _undeformed(law, step: float) -> Prony:
+def _undeformed(law: Any, step: float) -> Prony:
     """As `algorithmic_law`, of a hyperelastic solid near its undeformed state; only its shear relaxes."""
     shear, lame = elastic_moduli(law)
     solid = Prony(law.density, shear, 0.0, None, None, None, *(series or None for series in series_of(law)))
@@ -61,7 +61,7 @@ class Operator:
     [s] is the length of the material step that starts at the last committed state, 0.0 a jump.
     """
 
-    def __init__(self, engine: BondForce, history: ViscoelasticHistory, free: np.ndarray):
+    def __init__(self, engine: BondForce, history: ViscoelasticHistory, free: np.ndarray) -> None:
         self.engine, self.history, self.free = engine, history, free
         rows = engine.particles.owned_rows
         self.share, self.identifier = rows("share"), rows("identifier")
@@ -71,7 +71,7 @@ class Operator:
         self.is_linear = not anywhere(self.comm, not linear)
         least = minimum(self.comm, float(np.min(engine.bond_system.volume[: engine.owned], initial=np.inf)))
         self.length = least ** (1.0 / self.dimension)
-        self.step = None
+        self.step: float | None = None
 
     def force(self, displacement: np.ndarray, out: np.ndarray, step: float) -> None:
         """Internal force [N] at a displacement [m] at the end of a step, stabiliser included, into out."""

@@ -3,6 +3,8 @@
 With loads that jump, a step of length 0 goes before the next one (a_j = A_j = 1 in the histories).
 """
 
+from typing import Any
+
 import numpy as np
 
 from parsolid.methods.peridynamics.equilibrium import Balance, Equilibrium
@@ -15,7 +17,7 @@ class QuasiStatic(TimeSolver):
 
     setting = "step"
 
-    def __init__(self, body, settings):
+    def __init__(self, body: Any, settings: Any) -> None:
         """body: `system.Peridynamics`, set up but for its state; settings: `settings.QuasiStatic`."""
         self.body, self.operator, self.settings = body, body.operator, settings
         self.equilibrium = Equilibrium(body.comm, body.operator, settings)
@@ -40,7 +42,7 @@ class QuasiStatic(TimeSolver):
 
     # --- a step ------------------------------------------------------------------------------------------------
 
-    def advance(self, time: float, step: float, ledger, announce) -> bool:
+    def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """One material step [s] from a time [s]; False, with a `fault`, when balance was lost on the way."""
         sound = self.material_step(time, step, ledger, announce)
         while sound and self.body.fracture.ranks_find():
@@ -49,7 +51,7 @@ class QuasiStatic(TimeSolver):
         self.body.place()
         return sound and self.body.engine.sound
 
-    def material_step(self, time: float, step: float, ledger, announce) -> bool:
+    def material_step(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """Balance at the end of a step, with the bonds as they are, and the histories through it."""
         start = self.operator.settled_state()
         guess = self.extrapolated(start.displacement, time, step)
@@ -65,7 +67,7 @@ class QuasiStatic(TimeSolver):
         self.remember(self.balance.displacement, time + step, step)
         return self.balance.reached
 
-    def balance_anew(self, time: float, ledger) -> bool:
+    def balance_anew(self, time: float, ledger: Any) -> bool:
         """Balance at a time [s] after bonds have broken, in a jump; what loads do beyond the work of internal forces,
         cracks take.
         """
@@ -111,7 +113,7 @@ class QuasiStatic(TimeSolver):
             return None
         return int(np.argmax(np.abs(self.balance.residual).max(axis=1))), self.equilibrium.fault
 
-    def state(self) -> dict:
+    def state(self) -> dict[str, Any]:
         """What a restart needs besides the `earlier` displacements."""
         return {
             "largest_load": self.equilibrium.largest_load,
@@ -119,12 +121,12 @@ class QuasiStatic(TimeSolver):
             "counts": [self.steps, self.equilibrium.iterations, self.equilibrium.most_iterations],
         }
 
-    def set_state(self, state: dict) -> None:
+    def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave."""
         self.equilibrium.largest_load, self.times = state["largest_load"], list(state["times"])
         self.steps, self.equilibrium.iterations, self.equilibrium.most_iterations = state["counts"]
 
-    def summary(self) -> dict:
+    def summary(self) -> dict[str, Any]:
         """Entries of summary.json: force evaluations, those of a step on average and at most."""
         iterations = self.equilibrium.iterations
         return {
@@ -135,7 +137,7 @@ class QuasiStatic(TimeSolver):
         }
 
 
-def lagrange_weights(times, time: float) -> list[float]:
+def lagrange_weights(times: Any, time: float) -> list[float]:
     """Weights of values at distinct times with which their interpolating polynomial gives the value at another time."""
     return [
         float(np.prod([(time - other) / (own - other) for k, other in enumerate(times) if k != i]))

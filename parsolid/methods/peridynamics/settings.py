@@ -1,6 +1,6 @@
 """Peridynamics as a scene states it."""
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, model_validator
 
@@ -33,7 +33,7 @@ class Stabilisation(SceneModel):
 
     @model_validator(mode="after")
     def _used(self) -> "Stabilisation":
-        details = []
+        details: list[Any] = []
         if self.kind == "none" and self.coefficient is not None:
             details.append((("coefficient",), "no such key without control", self.coefficient))
         if self.kind != "paper" and self.modulus is not None:
@@ -132,13 +132,16 @@ class PreCrack(SceneModel):
         return self
 
 
-def _spread(points: list) -> bool:
+def _spread(points: list[Any]) -> bool:
     """Whether two points differ, or three are not on one line."""
     edges = [[b - a for a, b in zip(points[0], point)] for point in points[1:]]
     products = [sum(a * b for a, b in zip(edge, other)) for edge in edges for other in edges]
     if len(edges) == 1:
         return products[0] > 0.0
     return products[0] * products[3] - products[1] ** 2 > 1e-20 * products[0] * products[3]
+
+
+Solution: Any = by_kind(Explicit, QuasiStatic)
 
 
 class Peridynamics(MethodSettings):
@@ -176,7 +179,7 @@ class Peridynamics(MethodSettings):
     plane: Literal["stress", "strain"] | None = Field(None, description="'stress' or 'strain' of a 2-D scene")
     initial_state: Literal["instantaneous", "relaxed"] = "instantaneous"
     stabilisation: Stabilisation = Stabilisation()
-    solution: by_kind(Explicit, QuasiStatic) = Explicit(kind="explicit")
+    solution: Solution = Explicit(kind="explicit")
     damage: Damage | None = None
     pre_cracks: list[PreCrack] = []
 
@@ -190,7 +193,7 @@ class Peridynamics(MethodSettings):
 
     @model_validator(mode="after")
     def _consistent(self, info: ValidationInfo) -> "Peridynamics":
-        details = []
+        details: list[Any] = []
         if dimension_of(info) in (1, 3) and self.plane is not None:
             details.append((("plane",), "no such key but in 2-D", self.plane))
         reject(*details)

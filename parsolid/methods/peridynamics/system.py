@@ -5,6 +5,8 @@ State: displacement, velocity, and of viscoelastic bodies one vector a Prony ter
 solver, `velocity_verlet` or `quasi_static`, takes it from step to step; `fracture` breaks bonds.
 """
 
+from typing import Any
+
 import numpy as np
 
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
@@ -26,7 +28,7 @@ class Peridynamics(ParticleSystem):
 
     even_steps = True
 
-    def __init__(self, comm, scene, particle_set):
+    def __init__(self, comm: Any, scene: Any, particle_set: Any) -> None:
         """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when particles cannot be
         bonded. Collective.
         """
@@ -39,16 +41,17 @@ class Peridynamics(ParticleSystem):
         self.loads.install_tractions(self.engine, forces.horizon)
         self.fracture = fracture_of(comm, scene, particle_set, forces)
         self.operator = Operator(self.engine, self.history, self.loads.free)
-        motion = {"shown": True, "mirror": "vector"}
+        motion: dict[str, Any] = {"shown": True, "mirror": "vector"}
         self.particles.declare(Field("position", self.dimension, "m", mirror="vector"), particle_set.position)
         self.particles.declare(Field("velocity", self.dimension, "m/s", checkpointed=True, layout=Rows(4), **motion))
         self.solver = TIME_SOLVERS[self.settings.solution.kind](self, self.settings.solution)
         self.jumps, self.landings = self.solver.jumps, self.solver.landings
-        self._gradients, self._evaluation = None, -1
+        self._gradients: Any = None
+        self._evaluation = -1
 
     # --- state -------------------------------------------------------------------------------------------------
 
-    def begin(self, scene, particle_set) -> None:
+    def begin(self, scene: Any, particle_set: Any) -> None:
         """Velocity and displacement by the bodies' formulas, and what is stored in the branches; collective."""
         place = (scene, particle_set.body, particle_set.position)
         self.particles.owned_rows("velocity")[:] = initial_velocity(*place)
@@ -69,12 +72,12 @@ class Peridynamics(ParticleSystem):
         self.fracture.look()
 
     @property
-    def mass(self) -> np.ndarray:
+    def mass(self) -> np.ndarray:  # type: ignore[override]
         """Mass (owned,) [kg], of the whole particle where it lies on a mirror plane."""
         return self.particles.owned_rows("mass")
 
     @property
-    def share(self) -> np.ndarray:
+    def share(self) -> np.ndarray:  # type: ignore[override]
         """The part (owned,) of a particle on this side of mirror planes."""
         return self.particles.owned_rows("share")
 
@@ -93,19 +96,19 @@ class Peridynamics(ParticleSystem):
         rows = self.particles.owned_rows
         np.add(rows("reference_position"), self.displacement, out=rows("position"))
 
-    def state(self) -> dict:
+    def state(self) -> dict[str, Any]:
         """What the time solver remembers."""
         self.fracture.pack()
         return self.solver.state()
 
-    def set_state(self, state: dict) -> None:
+    def set_state(self, state: dict[str, Any]) -> None:
         """Take it back."""
         self.solver.set_state(state)
 
     # --- what the loop asks ------------------------------------------------------------------------------------
 
     @property
-    def news(self) -> bool:
+    def news(self) -> bool:  # type: ignore[override]
         """Whether this rank has found bonds that fail."""
         return self.fracture.found
 
@@ -122,7 +125,7 @@ class Peridynamics(ParticleSystem):
         """The time solver's step [s]; the first call is collective."""
         return self.solver.stable_step()
 
-    def advance(self, time: float, step: float, ledger, announce) -> bool:
+    def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """One step of the time solver."""
         return self.solver.advance(time, step, ledger, announce)
 
@@ -134,12 +137,12 @@ class Peridynamics(ParticleSystem):
     # --- what the output and the reports ask -------------------------------------------------------------------
 
     @property
-    def communication_seconds(self) -> float:
+    def communication_seconds(self) -> float:  # type: ignore[override]
         """Seconds spent on sending and receiving."""
         return self.particles.communication_seconds
 
     @property
-    def directed_pairs(self) -> int:
+    def directed_pairs(self) -> int:  # type: ignore[override]
         """Bonds counted once a particle."""
         return self.bond_system.directed_pairs
 
@@ -170,7 +173,8 @@ class Peridynamics(ParticleSystem):
     def unsound(self) -> tuple[int, str] | None:
         """The first particle that is inside out or whose velocity is not finite, or the one farthest from balance."""
         if not self.engine.sound:
-            jacobian = np.linalg.det(self.shown("deformation_gradient", 0, self.owned))
+            gradients: Any = self.shown("deformation_gradient", 0, self.owned)
+            jacobian = np.linalg.det(gradients)
             index = int(np.argmin(np.where(np.isfinite(jacobian), jacobian, -np.inf)))
             return index, f"the Jacobian is {jacobian[index]:.4g}, not positive: matter is turned inside out"
         return self.solver.unsound()
@@ -182,7 +186,7 @@ class Peridynamics(ParticleSystem):
             hints.append('method.stabilisation.kind = "shear-scaled"')
         return ", or ".join([*hints, f"a smaller method.solution.{self.solver.setting}", "a milder load"])
 
-    def summary(self) -> dict:
+    def summary(self) -> dict[str, Any]:
         """Iterations of quasi-static solutions."""
         return self.solver.summary()
 
@@ -204,4 +208,4 @@ class Peridynamics(ParticleSystem):
 
     def warm(self) -> None:
         """Lists of ghosts have no images."""
-        self.engine.warm()
+        self.bond_system.warm()

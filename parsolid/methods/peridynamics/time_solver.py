@@ -1,5 +1,7 @@
 """What the system asks of a time solver: `velocity_verlet.VelocityVerlet` or `quasi_static.QuasiStatic`."""
 
+from typing import Any
+
 
 class TimeSolver:
     """Moves one rank's particles from step to step.
@@ -19,17 +21,17 @@ class TimeSolver:
         """Largest step [s]; the first call is collective."""
         raise NotImplementedError
 
-    def advance(self, time: float, step: float, ledger, announce) -> bool:
+    def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """One step [s] from a time [s], see `methods.protocol.ParticleSystem`; False when the state is not sound.
         Collective.
         """
         raise NotImplementedError
 
-    def state(self) -> dict:
+    def state(self) -> dict[str, Any]:
         """What a restart needs besides the fields."""
         raise NotImplementedError
 
-    def set_state(self, state: dict) -> None:
+    def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave."""
         raise NotImplementedError
 
@@ -37,6 +39,6 @@ class TimeSolver:
         """This rank's particle with which the last step went wrong, and what is wrong with it."""
         raise NotImplementedError
 
-    def summary(self) -> dict:
+    def summary(self) -> dict[str, Any]:
         """Entries of summary.json."""
         return {}

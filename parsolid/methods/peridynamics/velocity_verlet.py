@@ -5,6 +5,7 @@ et al.), whose velocities are the v_h.
 """
 
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ class VelocityVerlet(TimeSolver):
 
     setting = "safety"
 
-    def __init__(self, body, settings):
+    def __init__(self, body: Any, settings: Any) -> None:
         """body: `system.Peridynamics`, set up but for its state; settings: `settings.Explicit`."""
         self.body, self.settings = body, settings
         self.landings = tuple(time for time in body.loads.jumps if time > 0.0)
@@ -50,7 +51,7 @@ class VelocityVerlet(TimeSolver):
 
     # --- a step ------------------------------------------------------------------------------------------------
 
-    def advance(self, time: float, step: float, ledger, announce) -> bool:
+    def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """One step [s] from a time [s]; what broke in its state breaks at its start."""
         fracture, history = self.body.fracture, self.body.history
         fracture.break_what_ranks_found(ledger)
@@ -99,14 +100,14 @@ class VelocityVerlet(TimeSolver):
         result[:, : body.dimension] = loads.free * external / (body.mass * body.share)[:, None]
         return result
 
-    def guided_motion(self) -> tuple:
+    def guided_motion(self) -> tuple[Any, ...]:
         """Displacement, velocity and force of guided components before a step."""
         body, entries = self.body, self.body.loads.entries
         if not len(entries[0]):
             return ()
         return tuple(array[entries] for array in (body.engine.displacement, body.velocity, body.engine.force))
 
-    def guided_velocity(self, before: tuple, time: float, step: float) -> float:
+    def guided_velocity(self, before: tuple[Any, ...], time: float, step: float) -> float:
         """Set the velocity of guided components after a step; the work [J] of what guides them and of their loads."""
         body, entries, particles = self.body, self.body.loads.entries, self.body.loads.entries[0]
         if not before:
@@ -120,11 +121,11 @@ class VelocityVerlet(TimeSolver):
 
     # --- what is asked of it -----------------------------------------------------------------------------------
 
-    def state(self) -> dict:
+    def state(self) -> dict[str, Any]:
         """The largest eigenvalue, which decides on the step."""
         return {"largest_eigenvalue": self.largest_eigenvalue}
 
-    def set_state(self, state: dict) -> None:
+    def set_state(self, state: dict[str, Any]) -> None:
         """Take it back."""
         self.largest_eigenvalue = state["largest_eigenvalue"]
 
