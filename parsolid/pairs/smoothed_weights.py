@@ -12,7 +12,7 @@ class SmoothedWeights:
     """g_ab = V_a V_b grad_a W of a smoothing kernel; k_ab scales a Riemann dissipation."""
 
     def __init__(self, kernel, dissipation: float = 1.0, surface: tuple[np.ndarray, np.ndarray] | None = None):
-        """kernel: of `smoothing.KERNELS`; dissipation: factor on k_ab.
+        """kernel: of `smoothing.smoothing_kernel`; dissipation: factor on k_ab.
 
         surface: (area vectors (owned, d) [m^2], parts of the particles on this side of planes (owned,)) where the
         weights are to be closed, see `pairs.closure`.

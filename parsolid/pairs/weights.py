@@ -13,7 +13,7 @@ from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
 from parsolid.pairs.lists import mutual
-from parsolid.pairs.smoothing import gradient_factor
+from parsolid.pairs.smoothing.gradient import gradient_factor
 
 
 @register_jitable

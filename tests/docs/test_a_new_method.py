@@ -1,4 +1,4 @@
-"""A new method is one folder: particles that fly without forces, run by the command line like any other."""
+"""A new method is one folder, a new smoothing kernel one file: run by the command line like any other."""
 
 import csv
 import os
@@ -90,17 +90,35 @@ name = "corner"
 at = [1, 1]
 fields = ["position"]
 """
-# the folder joins the methods before the command starts
+KERNEL = '''
+import math
+from typing import NamedTuple
+from parsolid.pairs.smoothing.gradient import gradient_factor
+
+class Poly6(NamedTuple):
+    """(1 - q^2/4)^3, support 2 h."""
+
+    support: float = 2.0
+
+KERNEL = Poly6()
+
+@gradient_factor.of(Poly6)
+def _gradient(kernel, q, dimension):
+    c = 1.0 / math.pi if dimension == 2 else 315.0 / (512.0 * math.pi)
+    return -1.5 * c * max(0.0, 1.0 - 0.25 * q * q) ** 2
+'''
+# the folders join those of the package before the command starts
 START = """
-import sys, parsolid.methods
-parsolid.methods.__path__.append(sys.argv[1])
+import sys, parsolid.methods, parsolid.pairs.smoothing
+parsolid.methods.__path__.append(sys.argv[1] + "/methods")
+parsolid.pairs.smoothing.__path__.append(sys.argv[1] + "/smoothing")
 from parsolid.commands.cli import main
 sys.exit(main(sys.argv[2:]))
 """
 
 
 def parsolid(folder: Path, *arguments: str) -> subprocess.CompletedProcess:
-    command = [sys.executable, "-c", START, str(folder / "methods"), *arguments]
+    command = [sys.executable, "-c", START, str(folder), *arguments]
     environment = os.environ | {"PYTHONPATH": str(ROOT), "MPI4PY_RC_INITIALIZE": "true"}
     return subprocess.run(command, capture_output=True, text=True, cwd=folder, env=environment, check=False)
 
@@ -122,3 +140,20 @@ def test_a_method_is_one_folder(tmp_path):
     assert place == pytest.approx([4.0, 5.0], rel=1e-12)
     refused = parsolid(tmp_path, "run", "flight.toml", "-o", "out2", "--set", "method.step=true")
     assert refused.returncode == 2 and "method.step" in refused.stderr
+
+
+def test_a_smoothing_kernel_is_one_file(tmp_path):
+    (tmp_path / "smoothing").mkdir()
+    (tmp_path / "smoothing" / "poly6.py").write_text(KERNEL)
+    punch, ends = str(ROOT / "runs" / "tlsph" / "punch.toml"), []
+    for kernel in ("poly6", "wendland-c2"):
+        options = ("--set", f"method.kernel={kernel!r}", "--set", "bodies.0.particles=[9,9]", "--max-steps", "20", "-q")
+        done = parsolid(tmp_path, "run", punch, "-o", kernel, *options, "--set", "output.pictures=false")
+        assert done.returncode == 0, done.stderr
+        ends.append(list(csv.DictReader((tmp_path / kernel / "history.csv").open()))[-1])
+    # another kernel, the same punch
+    assert ends[0]["time"] == ends[1]["time"] or float(ends[0]["time"]) > 0.0
+    kinetic = [float(end["kinetic"]) for end in ends]
+    assert kinetic[0] != kinetic[1] and kinetic[0] == pytest.approx(kinetic[1], rel=0.02)
+    refused = parsolid(tmp_path, "run", punch, "-o", "none", "--set", "method.kernel='poly7'")
+    assert refused.returncode == 2 and "'poly6'" in refused.stderr

@@ -8,7 +8,7 @@ from solids import column, gathered, punch, run_steps, run_to_end, simulation, s
 from parsolid.collective import SolverError
 from parsolid.pairs.candidates import metrics
 from parsolid.pairs.smoothed_weights import SmoothedWeights
-from parsolid.pairs.smoothing import WendlandC2
+from parsolid.pairs.smoothing.wendland_c2 import WendlandC2
 
 CLOSED = {"pair_correction": "closure"}
 JITTERED = {2: {"jitter": 0.15}, 3: {"jitter": 0.15}}

@@ -22,7 +22,7 @@ from parsolid.pairs import weights
 from parsolid.pairs.lists import InnerList, OneSidedList, Places
 from parsolid.pairs.pair_system import FIELD
 from parsolid.pairs.passes import add_forces, add_gradients
-from parsolid.pairs.smoothing import KERNELS
+from parsolid.pairs.smoothing import smoothing_kernel
 
 ROUND_OFF = 1e-12
 BRANCH = {"branches": ONE_BRANCH}
@@ -119,7 +119,7 @@ def test_weights_are_antisymmetric_to_the_bit(body, dimension):
     start = np.searchsorted(inner.neighbour[order], np.arange(system.owned + 1))
     backward = InnerList(start, first[order].astype(np.int32), aligned_zeros((len(order), 4)))
     as_it_stands = Places(np.zeros(len(order), np.int8), np.ones((1, 3)), np.zeros((1, 3)))
-    kernel = KERNELS["wendland-c2"]
+    kernel = smoothing_kernel("wendland-c2")
     weights.pair_weights(kernel, backward, as_it_stands, system.positions, system.metric, system.volume)
     assert len(order) > 20 and np.abs(inner.weight[:, :dimension]).max() > 0.0
     np.testing.assert_array_equal(backward.weight[:, :dimension], -inner.weight[order, :dimension])

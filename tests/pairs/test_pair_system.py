@@ -10,7 +10,7 @@ from parsolid.collective import SolverError
 from parsolid.pairs.passes import Scalar, Vector
 from parsolid.pairs.radial_weights import INFLUENCES, RadialWeights
 from parsolid.pairs.smoothed_weights import SmoothedWeights
-from parsolid.pairs.smoothing import WendlandC2
+from parsolid.pairs.smoothing.wendland_c2 import WendlandC2
 from parsolid.pairs.terms import KINEMATICS, AlongBonds, ShearScaled
 from parsolid.particles.declaration import Field, Within
 

@@ -5,7 +5,10 @@ import pytest
 from scipy.integrate import quad
 
 from decomposition.compiled import compiled
-from parsolid.pairs.smoothing import KERNELS, gradient_factor
+from parsolid.pairs.smoothing import kernel_names, smoothing_kernel
+from parsolid.pairs.smoothing.gradient import gradient_factor
+
+KERNELS = {name: smoothing_kernel(name) for name in kernel_names()}
 
 
 def _wendland(q):

@@ -71,7 +71,7 @@ BROKEN = {
     ),
     "unknown kernel": (
         {"method.kernel": "cubic"},
-        "method.kernel: expected 'wendland-c2', 'cubic-spline' or 'quintic-spline'.*found 'cubic'",
+        "method.kernel: expected 'cubic-spline', 'quintic-spline' or 'wendland-c2'.*found 'cubic'",
     ),
     "dimension": ({"dimension": 1}, "dimension: expected 2 or 3 with this method, found 1"),
     "no bodies": ({"bodies": []}, "bodies: expected a list of at least 1, found"),

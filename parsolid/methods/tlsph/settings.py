@@ -4,6 +4,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
+from parsolid.pairs.smoothing import kernel_names
 from parsolid.scene.base_model import NotNegative, Positive
 from parsolid.scene.method_settings import MethodSettings
 
@@ -15,7 +16,7 @@ class TotalLagrangianSPH(MethodSettings):
     materials: ClassVar = ("hyperelastic",)
     boundaries: ClassVar = ("fixed", "roller", "antisymmetric", "velocity", "traction")
     kind: Literal["tlsph"]
-    kernel: Literal["wendland-c2", "cubic-spline", "quintic-spline"] = "wendland-c2"
+    kernel: Literal[kernel_names()] = "wendland-c2"  # type: ignore[valid-type]
     smoothing: Positive = Field(0.85, description="smoothing length over particle spacing, h/dx")
     cfl: Positive = Field(0.7, description="time step over (particle spacing / largest wave speed)")
     dissipation: NotNegative = Field(1.0, description="factor on the Riemann dissipation, 0 = none")

@@ -17,7 +17,7 @@ from parsolid.pairs.candidates import metrics
 from parsolid.pairs.closure import surface_area
 from parsolid.pairs.pair_system import PairSystem
 from parsolid.pairs.smoothed_weights import SmoothedWeights
-from parsolid.pairs.smoothing import KERNELS
+from parsolid.pairs.smoothing import smoothing_kernel
 from parsolid.pairs.terms import DirectionalShear, LinearReconstruction, RiemannDissipation
 from parsolid.particles.container import Particles
 from parsolid.scene import initial_deformation_gradient, initial_displacement, initial_velocity
@@ -58,7 +58,7 @@ class TotalLagrangianSPH(ParticleSystem):
         settings, boundaries, surface = self.settings, self.boundaries, None
         if settings.pair_correction == "closure":
             surface = (surface_area(self.comm, particle_set, boundaries.planes), self.share)
-        weights = SmoothedWeights(KERNELS[settings.kernel], float(settings.dissipation), surface)
+        weights = SmoothedWeights(smoothing_kernel(settings.kernel), float(settings.dissipation), surface)
         return PairSystem(self.comm, self.particles, self.space, weights, self._terms(), boundaries.codes)
 
     def _terms(self) -> RiemannDissipation | None:

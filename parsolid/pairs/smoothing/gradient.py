@@ -1,0 +1,8 @@
+"""What a smoothing kernel offers to the weights of pairs."""
+
+from parsolid.numerics.dispatch import generic
+
+
+@generic
+def gradient_factor(kernel, q, dimension):
+    """c f'(q)/q; zero at q = 0 and outside the support."""
