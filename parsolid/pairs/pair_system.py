@@ -43,7 +43,16 @@ class PairSystem:
     volume: np.ndarray
     metric: np.ndarray
 
-    def __init__(self, comm, particles, space, weights, terms=None, codes=None, fields: tuple = FIELD):
+    def __init__(
+        self,
+        comm: Any,
+        particles: Any,
+        space: Any,
+        weights: Any,
+        terms: Any = None,
+        codes: Any = None,
+        fields: tuple[Any, ...] = FIELD,
+    ) -> None:
         """space: of `numerics.layout`; weights: `SmoothedWeights` or `RadialWeights`; codes: `MirrorCodes` or None.
 
         terms: what acts beside stresses, of `pairs.terms`; fields: what gradients are taken of at once, at most.
@@ -84,24 +93,27 @@ class PairSystem:
         self.particles.owned_rows("pair_volume")[:] = volume
         self.particles.update("reference")
 
-    def _fill_lists(self, body: np.ndarray, reach) -> None:
-        self.rim = self.mirror = None
+    def _fill_lists(self, body: np.ndarray, reach: Any) -> None:
+        self.rim: OneSidedList | None = None
+        self.mirror: OneSidedList | None = None
         self.fault: str | None = None
         owned, local = self.owned, len(self.positions)
         candidates = plain_candidates(self.positions, owned, reach)
-        self.inner = InnerList(*self._weighed(candidates, 0, owned, *_AS_THEY_STAND)[0])
+        pairs, _ = self._weighed(candidates, 0, owned, *_AS_THEY_STAND)
+        self.inner = InnerList(*pairs[:3])
         if maximum(self.comm, self.halo.ghosts):
-            self.rim = OneSidedList(*self._weighed(candidates, owned, local, *_AS_THEY_STAND)[0], None)
+            self.rim, _ = self._weighed(candidates, owned, local, *_AS_THEY_STAND)
         if self.codes is not None:
             bodies = self.halo.with_ghosts(body.astype(np.int64))
             candidates = mirror_candidates(self.positions, bodies, owned, self.codes, reach)
-            columns, code = self._weighed(candidates, 0, local, self.codes.reflections, self.codes.shifts)
-            self.mirror = OneSidedList(*columns, Images(code, self.codes.table(self.space.dimension)))
+            pairs, code = self._weighed(candidates, 0, local, self.codes.reflections, self.codes.shifts)
+            self.mirror = pairs._replace(images=Images(code, self.codes.table(self.space.dimension)))
         raise_together(self.comm, self.fault)
 
-    def _weighed(self, candidates, first: int, last: int, reflections, shifts) -> tuple[tuple, np.ndarray]:
-        """(start, neighbour, weight) of the candidates in reach whose neighbours have rows first..last-1, and their
-        codes."""
+    def _weighed(
+        self, candidates: Any, first: int, last: int, reflections: Any, shifts: Any
+    ) -> tuple[OneSidedList, np.ndarray]:
+        """The candidates in reach whose neighbours have rows first..last-1, without images, and their codes."""
         start, neighbour, code = candidates
         place, support = (self.positions, self.metric), self.weights.support
         start, neighbour, code, fault = select_pairs(
@@ -111,7 +123,7 @@ class PairSystem:
             self.fault = coincident(self.positions, candidates[0], fault)
         pairs = OneSidedList(start, neighbour, self.weights.empty(len(neighbour)), None)
         self.weights.fill(self, pairs, Places(code, reflections, shifts))
-        return pairs[:3], code
+        return pairs, code
 
     @property
     def owned(self) -> int:
@@ -138,7 +150,7 @@ class PairSystem:
     def arrays(self) -> list[np.ndarray]:
         """Arrays of the lists, for what counts memory."""
         arrays = [array for pairs in self._all() for array in pairs[:3]]
-        return arrays + ([*self.mirror.images] if self.mirror is not None else [])
+        return arrays + ([*(self.mirror.images or ())] if self.mirror is not None else [])
 
     # --- passes -----------------------------------------------------------------------------------------------
 
@@ -153,7 +165,9 @@ class PairSystem:
         for pairs in self._all()[1:]:
             apply(pairs)
 
-    def gradient(self, message: str | None, fields: tuple = FIELD, sums: np.ndarray | None = None) -> np.ndarray:
+    def gradient(
+        self, message: str | None, fields: tuple[Any, ...] = FIELD, sums: np.ndarray | None = None
+    ) -> np.ndarray:
         """Add sum_b (v_b - v_a) (x) g_ab of vectors, sum_b (q_b - q_a) g_ab of numbers, to `sums` (`pair_sums` unless
         given).
 
@@ -165,7 +179,7 @@ class PairSystem:
         self.sweep(lambda pairs: add_gradients(self.space, pairs, fields, kinematics, result), message)
         return result
 
-    def divergence(self, terms=None) -> np.ndarray:
+    def divergence(self, terms: Any = None) -> np.ndarray:
         """Send the records, add the forces of their stresses and of `terms` to `pair_force` [N]."""
         kinematics, record, force = (self.particles.storage(name) for name in ("kinematics", "record", "pair_force"))
         self.sweep(lambda pairs: add_forces(self.space, pairs, terms, kinematics, record, force), "record")

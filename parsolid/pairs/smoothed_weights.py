@@ -1,5 +1,7 @@
 """Weights (g_ab, k_ab) of a smoothing kernel, with the corrections L_a that make gradients of linear fields exact."""
 
+from typing import Any
+
 import numpy as np
 
 from parsolid.collective import raise_together
@@ -11,7 +13,9 @@ from parsolid.pairs.closure import close
 class SmoothedWeights:
     """g_ab = V_a V_b grad_a W of a smoothing kernel; k_ab scales a Riemann dissipation."""
 
-    def __init__(self, kernel, dissipation: float = 1.0, surface: tuple[np.ndarray, np.ndarray] | None = None):
+    def __init__(
+        self, kernel: Any, dissipation: float = 1.0, surface: tuple[np.ndarray, np.ndarray] | None = None
+    ) -> None:
         """kernel: of `smoothing.smoothing_kernel`; dissipation: factor on k_ab.
 
         surface: (area vectors (owned, d) [m^2], parts of the particles on this side of planes (owned,)) where the
@@ -23,11 +27,11 @@ class SmoothedWeights:
         """Room for the weights of so many pairs."""
         return aligned_zeros((pairs, WIDTH))
 
-    def fill(self, system, pairs, places) -> None:
+    def fill(self, system: Any, pairs: Any, places: Any) -> None:
         """g_ab of one list of a `PairSystem`."""
         weights.pair_weights(self.kernel, pairs, places, system.positions, system.metric, system.volume)
 
-    def complete(self, system) -> np.ndarray:
+    def complete(self, system: Any) -> np.ndarray:
         """Corrections L_a (owned, d, d), and k_ab, when all lists are filled; collective.
 
         Raises SolverError on all ranks for a particle without neighbours and for weights that cannot be closed.
@@ -40,7 +44,7 @@ class SmoothedWeights:
         return correction[: system.owned]
 
 
-def corrections(system) -> np.ndarray:
+def corrections(system: Any) -> np.ndarray:
     """Corrections L_a (71) (n, d, d) of owned particles and ghosts from the weights; collective."""
     n, d = system.positions.shape
     owned, moment = system.owned, np.zeros((n, d, d))

@@ -7,6 +7,7 @@ padding at the end.
 
 import time as clock
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,7 @@ _BITS = 62
 class Selection:
     """Some particles, wherever they are now: `rows` (k,) rises, and follows every re-ordering and migration."""
 
-    def __init__(self, particles: "Particles", word: int, bit: int):
+    def __init__(self, particles: "Particles", word: int, bit: int) -> None:
         self._particles, self._word, self._bit = particles, word, np.int64(1) << np.int64(bit)
         self._layout, self._rows = -1, np.zeros(0, np.int64)
 
@@ -46,7 +47,7 @@ class Particles:
     communication_seconds: spent on sending and receiving fields.
     """
 
-    def __init__(self, body: np.ndarray, law_of_body: np.ndarray | None = None):
+    def __init__(self, body: np.ndarray, law_of_body: np.ndarray | None = None) -> None:
         """body (n,): index of each particle's body, sorted by law.
 
         law_of_body (bodies,): number of each body's law, one for all unless given.
@@ -62,7 +63,7 @@ class Particles:
         self.communication_seconds = 0.0
         self._storage: dict[str, np.ndarray] = {}
         self._halo = None
-        self._messages: dict = {}
+        self._messages: dict[str, Any] = {}
         self._selections = 0
         self.declare(Field("body", 1, "1", checkpointed=True, shown=True, whole=True), body)
 
@@ -73,7 +74,7 @@ class Particles:
 
     # --- declaration ------------------------------------------------------------------------------------------
 
-    def declare(self, field: Field, values=0) -> None:
+    def declare(self, field: Field, values: Any = 0) -> None:
         """Add a field; values: of the owned particles, (n,), (n, components), one row, or a number.
 
         Raises ValueError for a second one of that name.
@@ -147,7 +148,7 @@ class Particles:
 
     # --- ghosts -----------------------------------------------------------------------------------------------
 
-    def attach(self, halo) -> None:
+    def attach(self, halo: Any) -> None:
         """Hold the ghosts of a `decomposition.Halo`; their values come with the next messages.
 
         All ranks declare, attach and send alike.
@@ -176,7 +177,7 @@ class Particles:
         new[place] = array[place]
         return new
 
-    def _message(self, name: str):
+    def _message(self, name: str) -> Any:
         if name not in self._messages:
             members = [field for field in self.fields.values() if field.message == name and field.ghosts is not None]
             kinds = {field.ghosts for field in members}
@@ -184,7 +185,8 @@ class Particles:
                 raise ValueError(
                     f"{name}: expected a message of fields that go one way, found {sorted(map(str, kinds))}"
                 )
-            make = self._halo.exchange if kinds == {"forward"} else self._halo.accumulate
+            halo: Any = self._halo
+            make = halo.exchange if kinds == {"forward"} else halo.accumulate
             self._messages[name] = make([self[field.name] for field in members])
         return self._messages[name]
 

@@ -1,6 +1,6 @@
 """Elastic-plastic solids at one material point, advanced by the particle kernel of the material point method."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,7 +35,7 @@ class PlasticPoint:
     temperature [K]: of the undeformed state; that of the material's virgin state where it is None.
     """
 
-    def __init__(self, law: ElasticPlastic, temperature: float | None = None, isothermal: bool = False):
+    def __init__(self, law: ElasticPlastic, temperature: float | None = None, isothermal: bool = False) -> None:
         self.law, self.isothermal = law, isothermal
         self.start = law.reference_temperature if temperature is None else temperature
         self.share = law.taylor_quinney
@@ -84,17 +84,17 @@ class PlasticPoint:
     def stress(self, state: PlasticState) -> np.ndarray:
         return np.linalg.det(state.F) * state.stress @ np.linalg.inv(state.F).T
 
-    def energies(self, states: list) -> np.ndarray:
+    def energies(self, states: list[Any]) -> np.ndarray:
         """What is neither dissipated nor given away as other heat than that of dissipation."""
         return np.array([state.energy + state.heat - state.plastic_work for state in states])
 
     def dissipated(self, before: PlasticState, after: PlasticState, step: float) -> float:
         return after.plastic_work - before.plastic_work
 
-    def deformations(self, states: list) -> np.ndarray:
+    def deformations(self, states: list[Any]) -> np.ndarray:
         return np.array([state.F for state in states])
 
-    def columns(self, states: list, directions: np.ndarray) -> dict[str, np.ndarray]:
+    def columns(self, states: list[Any], directions: np.ndarray) -> dict[str, np.ndarray]:
         """Waves are elastic and the same in all directions."""
         names = {
             "plastic_strain": "plastic_strain",

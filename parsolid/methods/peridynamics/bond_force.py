@@ -1,5 +1,7 @@
 """The two passes of correspondence peridynamics on one rank: from displacements to forces."""
 
+from typing import Any
+
 import numpy as np
 
 from parsolid.methods.peridynamics.correspondence import BondedBody, relaxing_records, stresses
@@ -25,7 +27,7 @@ class BondForce:
 
     def __init__(
         self, particles: Particles, bond_system: PairSystem, scale: np.ndarray | None, fixed_planes: np.ndarray
-    ):
+    ) -> None:
         """scale (owned,): coefficient times shear modulus [Pa] of `ShearScaled`, c of `AlongBonds`, else None.
 
         bond_system: with all bonds whole; fixed_planes (owned, d) bool: normals of the fixed planes a particle lies on.
@@ -42,7 +44,7 @@ class BondForce:
     def _declare_stiffness(self, scale: np.ndarray) -> None:
         """C1 or c, for the particle itself and in its record, where it stays."""
         particles, columns, d = self.particles, self.record_columns, self.dimension
-        told = {"ghosts": "forward", "message": "stiffness"}
+        told: dict[str, Any] = {"ghosts": "forward", "message": "stiffness"}
         if isinstance(self.stabiliser, AlongBonds):
             particles.declare(Field("stiffness", 1, "N/m^6", layout=Columns()), scale)
             lanes = Field(
@@ -107,7 +109,7 @@ class BondForce:
 
     # --- passes ------------------------------------------------------------------------------------------------
 
-    def evaluate(self, laws) -> np.ndarray:
+    def evaluate(self, laws: Any) -> np.ndarray:
         """Force (owned, d) [N] of the field f by small-strain laws that relax alike; laws: (first, last, law) each."""
         self.evaluations += 1
         sums = self.field_gradient()
@@ -115,7 +117,7 @@ class BondForce:
             relaxing_records(self.space, first, last, law, self.stabiliser, self.body, sums, self.record)
         return self.divergence(self.stabiliser)
 
-    def evaluate_stiffness(self, laws) -> np.ndarray:
+    def evaluate_stiffness(self, laws: Any) -> np.ndarray:
         """Force (owned, d) [N] that is linear in the field f, by the laws of a stiffness (see
         `operator.algorithmic_law`).
         """
@@ -132,7 +134,7 @@ class BondForce:
         sums[:] = 0.0
         return self.bond_system.gradient(message, (Vector(self.columns.position),), sums)
 
-    def divergence(self, terms) -> np.ndarray:
+    def divergence(self, terms: Any) -> np.ndarray:
         """Force (owned, d) [N] of the records, with a stabiliser or None."""
         if self.projection is not None:
             particles, factors = self.projection
@@ -155,7 +157,7 @@ class BondForce:
             self.record[: self.owned, j * width : j * width + d] = S[:, :, j]
         return self.divergence(None)
 
-    def _projection(self, fixed_planes: np.ndarray):
+    def _projection(self, fixed_planes: np.ndarray) -> Any:
         """(particles, factors): what is left of M of a particle on a fixed plane, (M + Q M R)/2 with Q = -1."""
         if not fixed_planes.any():
             return None
@@ -175,7 +177,7 @@ class BondForce:
         columns = sums[: self.owned].reshape(self.owned, self.dimension, -1)[:, :, : self.dimension].swapaxes(1, 2)
         return columns @ self.bond_system.weights.inverse_shape / self.bond_system.volume[: self.owned, None, None]
 
-    def cauchy_stresses(self, laws, first: int, last: int, F: np.ndarray) -> np.ndarray:
+    def cauchy_stresses(self, laws: Any, first: int, last: int, F: np.ndarray) -> np.ndarray:
         """sigma (n, 3, 3) [Pa] of particles first..last-1 at the last evaluation's fields; F (n, 3, 3): their
         deformation gradients.
         """

@@ -1,5 +1,7 @@
 """Bonds of the peridynamic methods: the pairs of a rank's particles within the horizon, over their container."""
 
+from typing import Any
+
 import numpy as np
 
 from parsolid.boundary.mirror_planes import MirrorCodes
@@ -13,7 +15,13 @@ from parsolid.particles.generated import declare_generated
 
 
 def build_bond_system(
-    comm, particles: Particles, settings, particle_set, share: np.ndarray, stabiliser, codes: MirrorCodes | None
+    comm: Any,
+    particles: Particles,
+    settings: Any,
+    particle_set: Any,
+    share: np.ndarray,
+    stabiliser: Any,
+    codes: MirrorCodes | None,
 ) -> PairSystem:
     """Declare what bonds need, plan ghosts and build every list; bars lie in the plane. Collective.
 
@@ -22,10 +30,11 @@ def build_bond_system(
     SolverError, on all ranks, for coincident particles and for one whose bonds do not span space.
     """
     dimension = particle_set.position.shape[1]
-    space = LAYOUT[max(2, dimension)]
+    space: Any = LAYOUT[max(2, dimension)]
     weights = RadialWeights(INFLUENCES[settings.influence], bar=dimension == 1)
     bonds = PairSystem(comm, particles, space, weights, stabiliser, codes)
-    columns, told = KINEMATICS[space.dimension], {"ghosts": "forward", "message": "motion"}
+    columns = KINEMATICS[space.dimension]
+    told: dict[str, Any] = {"ghosts": "forward", "message": "motion"}
     declare_generated(
         particles, particle_set, Within("kinematics", columns.reference), ("identifier", "reference_position")
     )
@@ -51,7 +60,7 @@ def build_bond_system(
     return bonds
 
 
-def horizons(settings, particle_set) -> np.ndarray:
+def horizons(settings: Any, particle_set: Any) -> np.ndarray:
     """Horizon (owned,) [m] of each particle."""
     return np.array([settings.horizon(spacing) for spacing in particle_set.spacing.max(axis=1)])
 

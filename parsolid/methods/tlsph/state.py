@@ -1,6 +1,6 @@
 """The fields of total-Lagrangian SPH, and the arrays of them that its kernels take."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -34,10 +34,11 @@ class Body(NamedTuple):
 def body_of(particles: Particles) -> Body:
     """The arrays that the kernels of strain and stress take."""
     names = ("strain", "strain_at_start", "branches", "correction", "pair_volume", "volume", "pair_sums", "record")
-    return Body(*(particles.storage(name) if name in particles else None for name in names))
+    storages: list[Any] = [particles.storage(name) if name in particles else None for name in names]
+    return Body(*storages)
 
 
-def declare_constants(particles: Particles, particle_set) -> None:
+def declare_constants(particles: Particles, particle_set: Any) -> None:
     """What a particle is made with."""
     d = particle_set.position.shape[1]
     particles.declare(Field("identifier", 1, "1", checkpointed=True, shown=True, whole=True), particle_set.identifier)
@@ -52,7 +53,7 @@ def declare_motion(particles: Particles, position: np.ndarray) -> None:
     """v, x and X at rest; ghosts take v and x with the message "motion"."""
     d = position.shape[1]
     at = KINEMATICS[d]
-    role = {"ghosts": "forward", "message": "motion", "checkpointed": True, "shown": True}
+    role: dict[str, Any] = {"ghosts": "forward", "message": "motion", "checkpointed": True, "shown": True}
     place = Within("kinematics", at.reference)
     particles.declare(
         Field("reference_position", d, "m", ghosts="forward", message="reference", checkpointed=True, layout=place),
@@ -71,7 +72,7 @@ def declare_strain(particles: Particles, dimension: int, branches: int) -> None:
     for name in ("strain", "strain_at_start"):
         carried = name == "strain"
         particles.declare(Field(name, rows, "1", layout=Columns(), padding=rest, carried=carried), rest)
-    role = {"checkpointed": True, "mirror": "tensor"}
+    role: dict[str, Any] = {"checkpointed": True, "mirror": "tensor"}
     place = Within("strain", 0)
     particles.declare(Field("deformation_gradient", d * d, "1", **role, layout=place), rest[: d * d])
     if d == 3:

@@ -1,5 +1,7 @@
 """Upwind total-Lagrangian SPH (Lee et al., sections 5 and 6): state {v, x, F, H, J, A_alpha} of each particle."""
 
+from typing import Any
+
 import numpy as np
 
 from parsolid.collective import anywhere, maximum, minimum
@@ -30,7 +32,7 @@ class TotalLagrangianSPH(ParticleSystem):
     stages = SSP_RK3
     evaluations = len(SSP_RK3)
 
-    def __init__(self, comm, scene, particle_set):
+    def __init__(self, comm: Any, scene: Any, particle_set: Any) -> None:
         """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when particles cannot be
         paired. Collective."""
         self.comm, self.settings = comm, scene.method
@@ -54,7 +56,7 @@ class TotalLagrangianSPH(ParticleSystem):
         # the narrowest spacing of all ranks bounds the step (79), so that it does not depend on their number
         self.spacing = minimum(comm, float(particle_set.spacing.min(initial=np.inf)))
 
-    def _pair_system(self, particle_set) -> PairSystem:
+    def _pair_system(self, particle_set: Any) -> PairSystem:
         settings, boundaries, surface = self.settings, self.boundaries, None
         if settings.pair_correction == "closure":
             surface = (surface_area(self.comm, particle_set, boundaries.planes), self.share)
@@ -69,7 +71,7 @@ class TotalLagrangianSPH(ParticleSystem):
         reconstruction = LinearReconstruction() if self.settings.reconstruction else None
         return RiemannDissipation(reconstruction, DirectionalShear() if directional else None)
 
-    def begin(self, scene, particle_set) -> None:
+    def begin(self, scene: Any, particle_set: Any) -> None:
         """Set velocity, displacement and deformation gradient at time 0 by the bodies' formulas; collective."""
         rows, place = self.particles.owned_rows, (scene, particle_set.body, particle_set.position)
         rows("velocity")[:] = initial_velocity(*place)
@@ -90,7 +92,7 @@ class TotalLagrangianSPH(ParticleSystem):
         derived (n,): particles whose deformation gradient is that of their displacement, by the scheme's own gradient.
         """
         rows, d, owned = self.particles.owned_rows, self.dimension, self.owned
-        if anywhere(self.comm, derived.any()):
+        if anywhere(self.comm, bool(derived.any())):
             rows("deformation_gradient")[derived] += self.displacement_gradient()[derived]
         F = np.zeros((owned, 3, 3))
         F[:, :d, :d] = rows("deformation_gradient").reshape(owned, d, d)
@@ -143,7 +145,7 @@ class TotalLagrangianSPH(ParticleSystem):
         body = state.body_of(self.particles)
         return body if block.branches else body._replace(branches=None)
 
-    def advance(self, time: float, step: float, ledger, announce) -> bool:
+    def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """One step, stage by stage of the integrator, as eqs (70)-(77) say."""
         sound = True
         for stage in self.stages:
@@ -196,7 +198,7 @@ class TotalLagrangianSPH(ParticleSystem):
         sums[:] = 0.0
         force[:] = 0.0
 
-    def part(self, block: MaterialBlock) -> tuple:
+    def part(self, block: MaterialBlock) -> tuple[Any, ...]:
         """(space, first, last, law) of a block, as kernels take them."""
         return self.space, block.first, block.last, block.law
 
@@ -229,12 +231,12 @@ class TotalLagrangianSPH(ParticleSystem):
         return ", or ".join([*hints, "a milder load"])
 
     @property
-    def directed_pairs(self) -> int:
+    def directed_pairs(self) -> int:  # type: ignore[override]
         """Interactions counted once a particle."""
         return self.pairs.directed_pairs
 
     @property
-    def communication_seconds(self) -> float:
+    def communication_seconds(self) -> float:  # type: ignore[override]
         """Spent on sending and receiving."""
         return self.particles.communication_seconds
 
