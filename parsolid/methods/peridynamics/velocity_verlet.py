@@ -11,6 +11,7 @@ import numpy as np
 
 from parsolid.methods.peridynamics import velocity_verlet_kernels as kernels
 from parsolid.methods.peridynamics.time_solver import TimeSolver
+from parsolid.particles.declaration import Field
 from parsolid.solvers import largest_eigenvalue, start_vector
 
 
@@ -23,9 +24,15 @@ class VelocityVerlet(TimeSolver):
         """body: `system.Peridynamics`, set up but for its state; settings: `settings.Explicit`."""
         self.body, self.settings = body, settings
         self.landings = tuple(time for time in body.loads.jumps if time > 0.0)
-        self.clamp = np.ones((body.owned, 4))
-        self.clamp[:, : body.dimension] = body.loads.free
+        clamp = np.ones((body.owned, 4))
+        clamp[:, : body.dimension] = body.loads.free
+        body.particles.declare(Field("clamp", 4, "1"), clamp)
         self.largest_eigenvalue: float | None = None
+
+    @property
+    def clamp(self) -> np.ndarray:
+        """Factors (owned, 4) of the velocity, 0 where it is not free."""
+        return self.body.particles.owned_rows("clamp")
 
     def begin(self) -> None:
         """What is guided is where, and as fast, as it is told at time 0."""

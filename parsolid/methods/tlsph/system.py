@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.collective import anywhere, maximum, minimum
-from parsolid.materials.blocks import MaterialBlock, material_blocks
+from parsolid.materials.blocks import MaterialBlock, block_numbers, material_blocks
 from parsolid.materials.hyperelastic.law import isotropic_shear_modulus
 from parsolid.materials.registry import laws_of
 from parsolid.methods.protocol import ParticleSystem
@@ -22,6 +22,7 @@ from parsolid.pairs.smoothed_weights import SmoothedWeights
 from parsolid.pairs.smoothing import smoothing_kernel
 from parsolid.pairs.terms import DirectionalShear, LinearReconstruction, RiemannDissipation
 from parsolid.particles.container import Particles
+from parsolid.particles.declaration import Field
 from parsolid.scene import initial_deformation_gradient, initial_displacement, initial_velocity
 from parsolid.solvers.runge_kutta import SSP_RK3, Stage
 
@@ -38,28 +39,27 @@ class TotalLagrangianSPH(ParticleSystem):
         self.comm, self.settings = comm, scene.method
         self.owned, self.dimension = particle_set.position.shape
         self.space = layout.LAYOUT[self.dimension]
-        self.blocks, _ = material_blocks(laws_of(scene), particle_set.body)
-        self.particles = Particles(particle_set.body)
+        laws = laws_of(scene)
+        self.blocks, density = material_blocks(laws, particle_set.body)
+        self.particles = Particles(particle_set.body, block_numbers(laws, np.arange(len(laws)))[1])
         self.boundaries = build_boundaries(comm, scene, particle_set, self.particles)
-        self.share = self.boundaries.share
+        share = self.boundaries.share
         self.branches = maximum(comm, max((block.branches for block in self.blocks), default=0))
         self.pairs = self._pair_system(particle_set)
-        state.declare_constants(self.particles, particle_set)
-        state.declare_motion(self.particles, particle_set.position)
+        state.declare_motion(self.particles, particle_set)
         state.declare_strain(self.particles, self.dimension, self.branches)
+        volume = particle_set.volume / share
+        self.particles.declare(Field("mass", 1, "kg"), volume * density)
+        self.particles.declare(Field("share", 1, "1"), share)
         metric = metrics(particle_set.spacing, particle_set.axes, self.settings.smoothing)
-        volume = particle_set.volume / self.share
         self.pairs.rebuild(particle_set.position, particle_set.body, metric, volume)
-        self.mass = np.array(volume)
-        for block in self.blocks:
-            self.mass[block.first : block.last] *= block.law.density
         # the narrowest spacing of all ranks bounds the step (79), so that it does not depend on their number
         self.spacing = minimum(comm, float(particle_set.spacing.min(initial=np.inf)))
 
     def _pair_system(self, particle_set: Any) -> PairSystem:
         settings, boundaries, surface = self.settings, self.boundaries, None
         if settings.pair_correction == "closure":
-            surface = (surface_area(self.comm, particle_set, boundaries.planes), self.share)
+            surface = (surface_area(self.comm, particle_set, boundaries.planes), boundaries.share)
         weights = SmoothedWeights(smoothing_kernel(settings.kernel), float(settings.dissipation), surface)
         return PairSystem(self.comm, self.particles, self.space, weights, self._terms(), boundaries.codes)
 
@@ -122,6 +122,16 @@ class TotalLagrangianSPH(ParticleSystem):
         L = self.particles.owned_rows("correction").reshape(self.owned, d, d)
         volume = self.particles.owned_rows("pair_volume")[:, None, None]
         return (columns @ L.swapaxes(1, 2) / volume).reshape(self.owned, d * d)
+
+    @property
+    def mass(self) -> np.ndarray:  # type: ignore[override]
+        """rho V (owned,) [kg], of the whole particle where it lies on a mirror plane."""
+        return self.particles.owned_rows("mass")
+
+    @property
+    def share(self) -> np.ndarray:  # type: ignore[override]
+        """The part (owned,) of a particle on this side of mirror planes."""
+        return self.particles.owned_rows("share")
 
     @property
     def kinematics(self) -> np.ndarray:
@@ -245,8 +255,8 @@ class TotalLagrangianSPH(ParticleSystem):
         return {"ghosts": self.particles.ghosts, "interactions": self.pairs.directed_pairs}
 
     def arrays(self) -> list[np.ndarray]:
-        """Masses and pair lists."""
-        return [self.mass, self.share, *self.pairs.arrays()]
+        """Pair lists."""
+        return self.pairs.arrays()
 
     def bytes_a_step(self) -> int:
         """Motion and records, in every stage."""
