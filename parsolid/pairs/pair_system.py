@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from decomposition.halo import Halo
+from decomposition.recalled import RecalledEach
 from parsolid.collective import maximum, raise_together
 from parsolid.pairs.candidates import coincident, common_metric, mirror_candidates, plain_candidates, reach_of
 from parsolid.pairs.lists import Images, InnerList, OneSidedList, Places, empty_list, images_of, mutual
@@ -59,6 +60,7 @@ class PairSystem:
         """
         self.comm, self.particles, self.space = comm, particles, space
         self.weights, self.terms, self.codes = weights, terms, codes
+        self._add_gradients, self._add_forces = RecalledEach(add_gradients), RecalledEach(add_forces)
         d, record = space.dimension, record_columns(space, terms)
         # whoever moves particles by smoothed weights reads what dissipates apart, also where nothing does
         forces = 8 if isinstance(weights, SmoothedWeights) else 4
@@ -162,8 +164,9 @@ class PairSystem:
         apply(self.inner)
         if message is not None:
             self.particles.receive(message)
-        for pairs in self._all()[1:]:
-            apply(pairs)
+        for pairs in (self.rim, self.mirror):
+            if pairs is not None:
+                apply(pairs)
 
     def gradient(
         self, message: str | None, fields: tuple[Any, ...] = FIELD, sums: np.ndarray | None = None
@@ -176,14 +179,22 @@ class PairSystem:
         """
         kinematics = self.particles.storage("kinematics")
         result = self.particles.storage("pair_sums") if sums is None else sums
-        self.sweep(lambda pairs: add_gradients(self.space, pairs, fields, kinematics, result), message)
+        add = self._add_gradients
+        self.sweep(lambda pairs: add(self.key(pairs, fields), self.space, pairs, fields, kinematics, result), message)
         return result
 
     def divergence(self, terms: Any = None) -> np.ndarray:
         """Send the records, add the forces of their stresses and of `terms` to `pair_force` [N]."""
-        kinematics, record, force = (self.particles.storage(name) for name in ("kinematics", "record", "pair_force"))
-        self.sweep(lambda pairs: add_forces(self.space, pairs, terms, kinematics, record, force), "record")
+        kinematics, record, force = map(self.particles.storage, ("kinematics", "record", "pair_force"))
+        add = self._add_forces
+        self.sweep(
+            lambda pairs: add(self.key(pairs, terms), self.space, pairs, terms, kinematics, record, force), "record"
+        )
         return force
+
+    def key(self, pairs: Any, what: Any) -> tuple[Any, ...]:
+        """For `RecalledEach`: which of the lists is swept, and for what."""
+        return pairs is self.inner, pairs is self.mirror, what
 
     def warm(self) -> None:
         """Compile the passes over lists of ghosts, which one rank alone does not have."""

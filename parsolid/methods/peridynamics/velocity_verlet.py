@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from decomposition.recalled import Recalled
 from parsolid.methods.peridynamics import velocity_verlet_kernels as kernels
 from parsolid.methods.peridynamics.time_solver import TimeSolver
 from parsolid.particles.declaration import Field
@@ -28,6 +29,7 @@ class VelocityVerlet(TimeSolver):
         clamp[:, : body.dimension] = body.loads.free
         body.particles.declare(Field("clamp", 4, "1"), clamp)
         self.largest_eigenvalue: float | None = None
+        self._kick, self._drift = Recalled(kernels.kick, free=(1,)), Recalled(kernels.drift, free=(1,))
 
     @property
     def clamp(self) -> np.ndarray:
@@ -79,16 +81,15 @@ class VelocityVerlet(TimeSolver):
     def half_velocity(self, time: float, step: float, after_jump: bool) -> float:
         """v += dt/2 a under the loads at a time [s], of a jump just after or just before it; the loads' work [J]."""
         body = self.body
-        motion = (body.velocity, body.engine.force[: body.owned], body.mass, body.share)
+        motion = (body.particles.storage("velocity"), body.engine.force, body.mass, body.share)
         loads = self._accelerations(time, not after_jump)
-        return kernels.kick(body.dimension, 0.5 * step, *motion, loads, self.clamp)
+        return self._kick(body.dimension, 0.5 * step, *motion, loads, self.clamp)
 
     def new_positions(self, time: float, step: float) -> None:
         """u += dt v_h, or as guided; x = X + u."""
         body, rows = self.body, self.body.particles.owned_rows
-        kernels.drift(
-            body.dimension, step, body.velocity, rows("reference_position"), body.engine.displacement, rows("position")
-        )
+        moved = (rows("reference_position"), body.engine.displacement, rows("position"))
+        self._drift(body.dimension, step, body.particles.storage("velocity"), *moved)
         if len(body.loads.entries[0]):
             body.loads.move(time, step, body.displacement)
             body.place()

@@ -32,10 +32,10 @@ class Body(NamedTuple):
     record: np.ndarray
 
 
-def body_of(particles: Particles) -> Body:
-    """The arrays that the kernels of strain and stress take."""
+def body_of(particles: Particles, branches: bool) -> Body:
+    """The arrays that the kernels of strain and stress take, of laws with or without branches."""
     names = ("strain", "strain_at_start", "branches", "correction", "pair_volume", "volume", "pair_sums", "record")
-    storages: list[Any] = [particles.storage(name) if name in particles else None for name in names]
+    storages: list[Any] = [particles.storage(name) if name != "branches" or branches else None for name in names]
     return Body(*storages)
 
 

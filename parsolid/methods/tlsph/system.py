@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from decomposition.recalled import Recalled, RecalledEach
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, block_numbers, material_blocks
 from parsolid.materials.hyperelastic.law import isotropic_shear_modulus
@@ -42,6 +43,9 @@ class TotalLagrangianSPH(ParticleSystem):
         laws = laws_of(scene)
         self.blocks, density = material_blocks(laws, particle_set.body)
         self.particles = Particles(particle_set.body, block_numbers(laws, np.arange(len(laws)))[1])
+        # of each block, as its law is; what a stage does is other numbers at every call
+        self._advance_strain = RecalledEach(advance_deformation, free=(5, 6))
+        self._advance_motion = Recalled(motion.advance_motion, free=(2,))
         self.boundaries = build_boundaries(comm, scene, particle_set, self.particles)
         share = self.boundaries.share
         self.branches = maximum(comm, max((block.branches for block in self.blocks), default=0))
@@ -152,8 +156,8 @@ class TotalLagrangianSPH(ParticleSystem):
 
     def body_of(self, block: MaterialBlock) -> state.Body:
         """The particle arrays as a block's law sees them."""
-        body = state.body_of(self.particles)
-        return body if block.branches else body._replace(branches=None)
+        branches = bool(block.branches)
+        return self.particles.kept(("body", branches), lambda: state.body_of(self.particles, branches))
 
     def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """One step, stage by stage of the integrator, as eqs (70)-(77) say."""
@@ -177,8 +181,8 @@ class TotalLagrangianSPH(ParticleSystem):
         for block in self.blocks:
             to_stage = block.relaxation(stage.time * step)
             relaxation = Relaxation(to_stage, block.relaxation(step) if stage.last else to_stage)
-            positive, rate, modulus = advance_deformation(
-                *self.part(block), self.pairs.terms, stage.update(step), relaxation, self.body_of(block)
+            positive, rate, modulus = self._advance_strain(
+                block.first, *self.part(block), self.pairs.terms, stage.update(step), relaxation, self.body_of(block)
             )
             sound, dissipation = sound and positive, dissipation + rate
             stable = min(stable, self._group_step(block, modulus) if modulus > 0.0 else 0.0)
@@ -186,14 +190,15 @@ class TotalLagrangianSPH(ParticleSystem):
 
     def advance_motion(self, stage: Stage, time: float, step: float) -> tuple[float, float]:
         """v and x of a stage; (numerical dissipation rate, external power) [W]."""
-        boundaries, stored = self.boundaries, self.particles.storage
+        boundaries, stored, mass, share = self.boundaries, self.particles.storage, self.mass, self.share
         loads = boundaries.loads_at(time + stage.time * step)
-        held = boundaries.prescribed_power(self.kinematics, stored("pair_force"), self.mass, self.share, loads)
-        arrays = map(stored, ("kinematics", "motion_at_start", "pair_force", "pair_sums"))
-        dissipation, power = motion.advance_motion(
-            self.space, self.owned, stage.update(step), *arrays, self.mass, self.share, loads, boundaries.clamp
+        kinematics, force = stored("kinematics"), stored("pair_force")
+        held = boundaries.prescribed_power(kinematics, force, mass, share, loads)
+        arrays = (kinematics, stored("motion_at_start"), force, stored("pair_sums"))
+        dissipation, power = self._advance_motion(
+            self.space, self.owned, stage.update(step), *arrays, mass, share, loads, boundaries.clamp
         )
-        boundaries.prescribe(time + stage.next_time * step, self.kinematics)
+        boundaries.prescribe(time + stage.next_time * step, kinematics)
         return dissipation, held + power
 
     def prescribed_energy_gain(self) -> float:
