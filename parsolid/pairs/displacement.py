@@ -10,6 +10,7 @@ own.
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
 
@@ -75,38 +76,47 @@ def body_bounds(position, body, bodies):
     return result
 
 
-@compiled
+@register_jitable
+def _use(moved, faster, allowed, ahead):
+    """What `skin_use` says of one particle in one frame, by its squared displacement and relative speed."""
+    # (p + q)^2 <= 2 p^2 + 2 q^2 spares most particles the roots
+    if 2.0 * (moved + faster * ahead * ahead) <= allowed * allowed:
+        return 0
+    moved = np.sqrt(moved)
+    if moved > allowed:
+        return 2
+    return 1 if moved + np.sqrt(faster) * ahead > allowed else 0
+
+
+@compiled(error_model="numpy")
 def skin_use(position, velocity, listed, smoothing_length, body, motions, allowance):
     """0 where the lists are safe for the time ahead, 1 where they may not be, 2 where they are no longer.
 
     Of owned particles: position, velocity, listed (the position at the build) (n, d), smoothing_length, body (n,).
+    In one function, because arrays handed to another cost more than the rest.
     """
     d, elapsed, ahead, result = position.shape[1], allowance.elapsed, allowance.ahead, 0
     for a in range(len(position)):
         A, allowed = body[a], allowance.share * smoothing_length[a]
-        for p in range(motions.start[A] - 1, motions.start[A + 1]):
-            # the first turn is the body's own
-            other = p >= motions.start[A]
-            moved, faster = 0.0, 0.0
-            if other:
-                gap = 0.0
-                for k in range(d):
-                    shift = motions.partner[p, k] * elapsed
-                    apart = motions.lower[p, k] + shift - position[a, k], position[a, k] - motions.upper[p, k] - shift
-                    outside = max(apart[0], apart[1], 0.0)
-                    gap += outside * outside
-                    faster += (velocity[a, k] - motions.partner[p, k]) ** 2
-                near = allowance.reach + np.sqrt(faster) * ahead
-                if gap > near * near:
-                    continue
-                faster = 0.0
+        moved, faster = 0.0, 0.0
+        for k in range(d):
+            u = position[a, k] - listed[a, k] - motions.velocity[A, k] * elapsed
+            w = velocity[a, k] - motions.velocity[A, k]
+            moved, faster = moved + u * u, faster + w * w
+        result = max(result, _use(moved, faster, allowed, ahead))
+        for p in range(motions.start[A], motions.start[A + 1]):
+            gap, faster = 0.0, 0.0
             for k in range(d):
-                frame = motions.frame[p, k] if other else motions.velocity[A, k]
-                moved += (position[a, k] - listed[a, k] - frame * elapsed) ** 2
-                faster += (velocity[a, k] - frame) ** 2
-            moved = np.sqrt(moved)
-            if moved > allowed:
-                return 2
-            if moved + np.sqrt(faster) * ahead > allowed:
-                result = 1
+                at = position[a, k] - motions.partner[p, k] * elapsed
+                outside = max(motions.lower[p, k] - at, at - motions.upper[p, k], 0.0)
+                w = velocity[a, k] - motions.partner[p, k]
+                gap, faster = gap + outside * outside, faster + w * w
+            # within reach of the partner's box in the time ahead? (p + q)^2 <= 1.1 p^2 + 11 q^2
+            if gap < 1.1 * allowance.reach**2 + 11.0 * faster * ahead**2:
+                moved, faster = 0.0, 0.0
+                for k in range(d):
+                    u = position[a, k] - listed[a, k] - motions.frame[p, k] * elapsed
+                    w = velocity[a, k] - motions.frame[p, k]
+                    moved, faster = moved + u * u, faster + w * w
+                result = max(result, _use(moved, faster, allowed, ahead))
     return result
