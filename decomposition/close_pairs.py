@@ -5,7 +5,7 @@ of the sorted order, whose ends only move forward as one goes along it. So there
 is linear however scattered the points are.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -49,7 +49,9 @@ class _Sorted(NamedTuple):
 
 
 @compiled
-def _keys(points, axes, lower, inverse, shape):
+def _keys(
+    points: np.ndarray, axes: np.ndarray, lower: np.ndarray, inverse: np.ndarray, shape: np.ndarray
+) -> np.ndarray:
     """Number of each point's cell, along axes[0] first."""
     key = np.empty(len(points), np.int64)
     for i in range(len(points)):
@@ -61,7 +63,7 @@ def _keys(points, axes, lower, inverse, shape):
 
 
 @compiled
-def _sorted(points, radius, first, order, keys):
+def _sorted(points: np.ndarray, radius: np.ndarray, first: int, order: np.ndarray, keys: np.ndarray) -> _Sorted:
     """The points `order` of those given, whose rows are counted from `first`."""
     n, d = len(order), points.shape[1]
     row, key, x, y, z, r = (
@@ -83,14 +85,16 @@ def _sorted(points, radius, first, order, keys):
 
 
 @compiled
-def _emit(points, others, windows, later, hits, begin):
+def _emit(
+    points: _Sorted, others: _Sorted, windows: np.ndarray, later: bool, hits: np.ndarray, begin: np.ndarray
+) -> np.ndarray:
     """Append the rows of the others that are close to each point to `hits`; begin (n + 1,): where each point's start.
 
     later: the others are the points, and only those after a point in the sorted order count.
     Returns the hits, in a longer array where they did not fit.
     """
     low, high = np.zeros(len(windows), np.int64), np.zeros(len(windows), np.int64)
-    m, at = len(others.row), 0
+    m, at = len(others.row), np.int64(0)
     close = np.empty(64, np.uint8)
     for i in range(len(points.row)):
         candidates = 0
@@ -113,7 +117,7 @@ def _emit(points, others, windows, later, hits, begin):
             hits = longer
         if candidates > len(close):
             close = np.empty(2 * candidates, np.uint8)
-        here = np.uintp(at)
+        here: Any = np.uintp(at)
         x, y, z, radius = points.x[i], points.y[i], points.z[i], points.radius[i]
         for w in range(len(windows)):
             start, count = np.uintp(low[w]), np.uintp(max(high[w] - low[w], 0))
@@ -131,7 +135,7 @@ def _emit(points, others, windows, later, hits, begin):
 
 
 @compiled
-def _in_rows(row, hits, begin):
+def _in_rows(row: np.ndarray, hits: np.ndarray, begin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The hits of sorted points in compressed rows."""
     n = len(row)
     start = np.zeros(n + 1, np.int64)

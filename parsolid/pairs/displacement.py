@@ -65,7 +65,7 @@ def body_motions(velocity: np.ndarray, lower: np.ndarray, upper: np.ndarray, cod
 
 
 @compiled
-def body_bounds(position, body, bodies):
+def body_bounds(position: np.ndarray, body: np.ndarray, bodies: int) -> np.ndarray:
     """Negated lower and upper corner [m] of each body's particles, (bodies, 2, d), -inf without any."""
     d = position.shape[1]
     result = np.full((bodies, 2, d), -np.inf)
@@ -77,7 +77,7 @@ def body_bounds(position, body, bodies):
 
 
 @register_jitable
-def _use(moved, faster, allowed, ahead):
+def _use(moved: float, faster: float, allowed: float, ahead: float) -> int:
     """What `skin_use` says of one particle in one frame, by its squared displacement and relative speed."""
     # (p + q)^2 <= 2 p^2 + 2 q^2 spares most particles the roots
     if 2.0 * (moved + faster * ahead * ahead) <= allowed * allowed:
@@ -89,7 +89,15 @@ def _use(moved, faster, allowed, ahead):
 
 
 @compiled(error_model="numpy")
-def skin_use(position, velocity, listed, smoothing_length, body, motions, allowance):
+def skin_use(
+    position: np.ndarray,
+    velocity: np.ndarray,
+    listed: np.ndarray,
+    smoothing_length: np.ndarray,
+    body: np.ndarray,
+    motions: BodyMotions,
+    allowance: Allowance,
+) -> int:
     """0 where the lists are safe for the time ahead, 1 where they may not be, 2 where they are no longer.
 
     Of owned particles: position, velocity, listed (the position at the build) (n, d), smoothing_length, body (n,).
