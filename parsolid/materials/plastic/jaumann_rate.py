@@ -6,10 +6,10 @@ from parsolid.numerics.tensors import I, contract, formula, trace
 
 @formula
 def jaumann_trial(S, velocity_gradient, step, shear_modulus):
-    """S [Pa] after an elastic step [s] of S' = 2 mu dev D + W S - S W, for a velocity gradient D + W [1/s] of its middle.
+    """S [Pa] after an elastic step [s] of S' = 2 mu dev D + W S - S W, D + W the velocity gradient [1/s] in its middle.
 
-    The rotation is that of Cayley, exactly orthogonal, between two halves of the strain: of second order, and |S| is kept
-    where D = 0. S is symmetric, velocity_gradient general.
+    The rotation is that of Cayley, exactly orthogonal, between two halves of the strain: of second order, and |S| is
+    kept where D = 0. S is symmetric, velocity_gradient general.
     """
     D = symmetric_part(velocity_gradient)
     half = (shear_modulus * step) * (D + (-1.0 / 3.0 * trace(D)) * I)
