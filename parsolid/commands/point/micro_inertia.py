@@ -7,9 +7,10 @@ import numpy as np
 from parsolid.commands.point.laws import PathLost
 from parsolid.materials.hyperelastic.evaluation import symmetric_tensors
 from parsolid.materials.plastic import micro_inertia as laws
-from parsolid.materials.plastic.jaumann_rate import jaumann_trial
+from parsolid.materials.plastic.jaumann_rate import elastic_increment, jaumann_turn, returned_deviator
 from parsolid.materials.plastic.micro_inertia import MicroInertia
 from parsolid.materials.plastic.micro_inertia_solve import advance_micro, increments_of
+from parsolid.numerics.polar import congruence
 from parsolid.numerics.tensors import GeneralSpace, SymmetricSpace, contract
 
 
@@ -49,8 +50,10 @@ class MicroInertiaPoint:
             raise PathLost("the path jumps, and plastic flow takes time; give it a short ramp")
         law, increments = self.law, increments_of(self.law, step)
         # of the middle: exact for a uniform shear rate, of second order else
-        gradient = (F - state.F) @ np.linalg.inv(0.5 * (F + state.F)) / step
-        trial = jaumann_trial(state.deviator, GeneralSpace(*gradient.ravel().tolist()), step, law.shear_modulus)
+        gradient = GeneralSpace(*((F - state.F) @ np.linalg.inv(0.5 * (F + state.F)) / step).ravel().tolist())
+        turn = jaumann_turn(gradient, step)
+        rotated = congruence(turn, state.deviator)
+        trial = rotated + elastic_increment(turn, gradient, step, law.shear_modulus)
         elastic = float(np.sqrt(contract(trial, trial)))
         J = float(np.linalg.det(F))
         middle = 0.5 * (J + float(np.linalg.det(state.F)))
@@ -58,7 +61,7 @@ class MicroInertiaPoint:
             law, increments, law.density / middle, state.tau, elastic, state.rate, state.stress, state.gamma,
             self.curl, state.temperature, *self.gradients,
         )  # fmt: skip
-        deviator = (tau / elastic if elastic > 0.0 else 0.0) * trial
+        deviator = returned_deviator(rotated, trial, state.tau, tau, law.shear_modulus * mean * step)
         heat *= middle
         warmed = heat / (law.density * law.specific_heat)
         temperature, given = (state.temperature, heat) if self.isothermal else (state.temperature + warmed, 0.0)
