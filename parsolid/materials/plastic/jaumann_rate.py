@@ -31,6 +31,13 @@ def elastic_increment(turn, velocity_gradient, step, shear_modulus):
     return congruence(turn, half) + half
 
 
+@formula
+def jaumann_trial(S, velocity_gradient, step, shear_modulus):
+    """S [Pa] after a step [s] without flow."""
+    turn = jaumann_turn(velocity_gradient, step)
+    return congruence(turn, S) + elastic_increment(turn, velocity_gradient, step, shear_modulus)
+
+
 @register_jitable
 def returned_deviator(rotated, trial, tau, tau1, elastic_flow):
     """S [Pa] at the end of a step whose |S| went from tau to tau1.

@@ -321,17 +321,19 @@ def micro_kinetic_energy(law, density, rate):
     return 0.5 * inertia_per_volume(law.inertia_length, density) * rate * rate
 
 
-@register_jitable
-def _gradient_energy(length, yield_stress, flux):
-    if flux is None:
-        return 0.0
-    return _squared(flux) / (2.0 * yield_stress * length * length)
-
-
-@register_jitable
+@generic(on="xi_en")
 def gradient_energy(law, xi_en):
     """|xi_en|^2/(2 S_0 l_1^2) [J/m^3]; 0 without energetic_length, where xi_en is None."""
-    return _gradient_energy(law.energetic_length, law.yield_stress, xi_en)
+
+
+@gradient_energy.of(None)
+def _no_gradient_energy(law, xi_en):
+    return 0.0
+
+
+@gradient_energy.otherwise
+def _gradient_energy(law, xi_en):
+    return _squared(xi_en) / (2.0 * law.yield_stress * law.energetic_length * law.energetic_length)
 
 
 @register_jitable

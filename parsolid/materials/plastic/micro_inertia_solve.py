@@ -106,11 +106,13 @@ def _micro_stress(rate, least, exponent):
 def _candidate(iteration, x, low, high, residual, slope, curvature):
     """The next rate, within the bracket."""
     change = residual / slope
+    new = x - change
     if iteration < _HALLEY_STEPS:
         bend = 1.0 - 0.5 * change * curvature / slope
-        change = change / choose(0.25 - bend, 0.25, bend)
-    new = x - change
-    new = choose(new - high, 0.5 * (x + high), new)
+        far = x - change / choose(0.25 - bend, 0.25, bend)
+        new = choose(far - high, new, far)
+    # by rounding alone is Newton's rate beyond the upper bound
+    new = choose(new - high, high, new)
     return choose(low - new, low, new)
 
 
