@@ -51,4 +51,4 @@ def returned_deviator(rotated, trial, tau, tau1, elastic_flow):
     # with more flow than stress all is along the last strain
     along = trial - choose(ratio - 1.0, 0.0 * ratio + 1.0, ratio) * rotated
     norm = math.sqrt(contract(along, along))
-    return choose(norm, tau1 / norm, 0.0 * norm + 0.0 * tau1) * along
+    return choose(norm, tau1 / (norm + 1e-300), 0.0 * norm) * along
