@@ -321,10 +321,18 @@ def micro_kinetic_energy(law, density, rate):
     return 0.5 * inertia_per_volume(law.inertia_length, density) * rate * rate
 
 
-@register_jitable
+@generic(on="flux")
 def _gradient_energy(length, yield_stress, flux):
-    if flux is None:
-        return 0.0
+    """|xi_en|^2/(2 S_0 l_1^2)."""
+
+
+@_gradient_energy.of(None)
+def _no_gradient_energy(length, yield_stress, flux):
+    return 0.0
+
+
+@_gradient_energy.otherwise
+def _some_gradient_energy(length, yield_stress, flux):
     return _squared(flux) / (2.0 * yield_stress * length * length)
 
 

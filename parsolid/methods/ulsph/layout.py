@@ -7,16 +7,11 @@ from parsolid.numerics.elementary import choose
 from parsolid.numerics.lanes import broadcast, load, store_first
 from parsolid.numerics.layout import Plane, four_rows, load_six, store_rows
 from parsolid.numerics.tensors import (
-    GeneralPlane,
-    GeneralSpace,
     SymmetricPlane,
     SymmetricSpace,
     determinant,
     inverse_symmetric,
 )
-
-# below these a particle's moment is not trusted: at surfaces and in jets gradients stay uncorrected
-_LEAST_DETERMINANT, _LEAST_DIAGONAL = 0.3, 0.3
 
 
 @generic
@@ -52,12 +47,11 @@ def _space_with_unit(space, A):
 
 
 @register_jitable
-def trusted_inverse(space, moment):
-    """B = A^-1 of the dimensionless moment A where A can be trusted, else 1; 33 = 1 in the plane."""
+def trusted_inverse(space, moment, threshold):
+    """B = A^-1 of the dimensionless moment A where determinant and diagonal of A exceed a threshold, else 1; 33 = 1 in the plane."""
     A = _with_unit(space, moment)
-    least = min(min(A[0], A[1]), A[2]) - _LEAST_DIAGONAL
-    trust = min(least, determinant(A) - _LEAST_DETERMINANT)
-    return _blended(trust, inverse_symmetric(A))
+    least = min(min(A[0], A[1]), min(A[2], determinant(A)))  # noqa: PLW3301 (lanes have two at a time)
+    return _blended(least - threshold, inverse_symmetric(A))
 
 
 @generic(on="B")
@@ -135,50 +129,6 @@ def _store_space_record(space, record, i, P, density, rate, temperature, speed):
     store_rows(record, i, 0, P[0], P[3], P[6], density)
     store_rows(record, i, 4, P[1], P[4], P[7], rate)
     store_rows(record, i, 8, P[2], P[5], P[8], temperature)
-
-
-@generic
-def spin_rotation(L, step):
-    """R = exp(W step) of the spin W = skew L, orthogonal however large the step.
-
-    By half angles: t = tan(|w| step/2) as a series, which is right to round-off up to a tenth of a radian.
-    """
-
-
-@register_jitable
-def _tangent_over(square):
-    """tan(x)/x of x^2."""
-    return 1.0 + square * (
-        1.0 / 3.0 + square * (2.0 / 15.0 + square * (17.0 / 315.0 + square * (62.0 / 2835.0 + square * 0.008863)))
-    )
-
-
-@spin_rotation.of(GeneralPlane)
-def _plane_rotation(L, step):
-    x = 0.25 * step * (L[2] - L[1])
-    t = x * _tangent_over(x * x)
-    r = 1.0 / (1.0 + t * t)
-    c, s = (1.0 - t * t) * r, 2.0 * t * r
-    return GeneralPlane(c, -s, s, c, 1.0 + 0.0 * t)
-
-
-@spin_rotation.of(GeneralSpace)
-def _space_rotation(L, step):
-    x, y, z = 0.25 * step * (L[7] - L[5]), 0.25 * step * (L[2] - L[6]), 0.25 * step * (L[3] - L[1])
-    t = _tangent_over(x * x + y * y + z * z)
-    x, y, z = t * x, t * y, t * z
-    k = 2.0 / (1.0 + x * x + y * y + z * z)
-    return GeneralSpace(
-        1.0 - k * (y * y + z * z),
-        k * (x * y - z),
-        k * (x * z + y),
-        k * (x * y + z),
-        1.0 - k * (x * x + z * z),
-        k * (y * z - x),
-        k * (x * z - y),
-        k * (y * z + x),
-        1.0 - k * (x * x + y * y),
-    )
 
 
 @none_without("array")

@@ -94,7 +94,7 @@ def add_rates(space, kernel, lengths, carried, contact, pairs, arrays, sums):
         if pairs.start[a] == pairs.start[a + 1]:
             continue
         here, own = present(space, None, 0, kinematics, a), flux_of(space, carried, None, 0, arrays.flux, a)
-        even = (*matrix(space, sums, a, 0), *moment_sum(space, sums, a))
+        even = matrix(space, sums, a, 0) + moment_sum(space, sums, a)
         odd = _summed(space, carried, sums, a, at.flux)
         for k in range(pairs.start[a], pairs.start[a + 1]):
             b = pairs.neighbour[k]
@@ -106,7 +106,7 @@ def add_rates(space, kernel, lengths, carried, contact, pairs, arrays, sums):
             if contact_here == APART:
                 continue
             g = (arrays.mass[0, a] * arrays.mass[0, b] * weight) * r
-            rates = (*outer(space, dv, g), *moment(space, r, g))
+            rates = outer(space, dv, g) + moment(space, r, g)
             share = 0.0 if contact_here == IN_CONTACT else 1.0
             fluxes = flux_terms(space, own, flux_of(space, carried, images, k, arrays.flux, b), g, share)
             even, odd = plus(even, rates), plus(odd, fluxes)

@@ -12,7 +12,7 @@ from parsolid.methods.ulsph import kinematics as motion
 from parsolid.methods.ulsph import passes
 from parsolid.methods.ulsph.boundaries import BoundarySet
 from parsolid.methods.ulsph.fields import declare_motion, declare_state
-from parsolid.methods.ulsph.observation import shown
+from parsolid.methods.ulsph.observation import measure, shown, unsound
 from parsolid.methods.ulsph.terms import (
     Arrays,
     ArtificialViscosity,
@@ -84,6 +84,7 @@ class UpdatedLagrangianSPH(ParticleSystem):
         if self.contact is not None:
             particles.declare(Field("contact_body", 1, "1", **told), particle_set.body.astype(float))
         least, most = minimum(comm, float(length.min(initial=np.inf))), maximum(comm, float(length.max(initial=0.0)))
+        self.whole_mass = float(comm.allreduce(float(self.mass[: self.owned].sum())))
         self.one_length = least if most - least <= 1e-9 * most else None
 
     def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
@@ -271,3 +272,56 @@ class UpdatedLagrangianSPH(ParticleSystem):
     def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
         """Cauchy stress (n, 3, 3) [Pa], Jacobian (n,)."""
         return shown(self, name, first, last)
+
+    def measure(self, name: str) -> tuple[str, np.ndarray]:
+        """This rank's part of one of the settings' quantities."""
+        return measure(self, name)
+
+    def unsound(self) -> tuple[int, str] | None:
+        """The rank's first particle that is not sound, and what is wrong with it."""
+        return unsound(self)
+
+    def advice(self) -> str:
+        """What most likely helps."""
+        hints = (
+            [f"a smaller method.cfl (it is {self.settings.cfl:g}; 0.3 is stable)"] if self.settings.cfl > 0.3 else []
+        )
+        if not self.settings.viscosity:
+            hints.append("method.viscosity (there is none)")
+        return ", or ".join([*hints, "more particles", "a milder load"])
+
+    @property
+    def directed_pairs(self) -> int:  # type: ignore[override]
+        """Interactions listed, those within the skin as well, counted once a particle."""
+        return self.pairs.directed_pairs
+
+    @property
+    def communication_seconds(self) -> float:  # type: ignore[override]
+        """Spent on sending and receiving."""
+        return self.particles.communication_seconds
+
+    def numbers(self) -> dict[str, int]:
+        """Ghosts and listed interactions."""
+        return {"ghosts": self.particles.ghosts, "interactions": self.pairs.directed_pairs}
+
+    def arrays(self) -> list[np.ndarray]:
+        """Pair lists."""
+        return self.pairs.arrays()
+
+    def bytes_a_step(self) -> int:
+        """Two messages a step; particles that change their rank come on top."""
+        return self.particles.bytes_sent("motion") + self.particles.bytes_sent("record")
+
+    def summary(self) -> dict[str, Any]:
+        """How often lists were made anew, and particles that changed their rank."""
+        return {
+            "lists_made": self.pairs.rebuilds,
+            "list_seconds": maximum(self.comm, self.pairs.seconds),
+            "migrated_particles": self.comm.allreduce(self.pairs.migrated),
+        }
+
+    @staticmethod
+    def small_scene(tables: dict[str, Any]) -> dict[str, Any]:
+        """Particles in the middles of cells."""
+        tables["bodies"] = [body | {"placement": "cells"} for body in tables["bodies"]]
+        return tables

@@ -69,8 +69,17 @@ class MicroInertiaUpdate:
         shortest = float(body.smoothing_length[0, block.first : block.last].min())
         step = heat_time_step(law, shortest)
         if law.energetic_length is not None or law.dissipative_length is not None:
-            step = min(step, micro_inertia_update.least_micro_step(block.first, block.last, law, self.system.space, body))
+            step = min(
+                step, micro_inertia_update.least_micro_step(block.first, block.last, law, self.system.space, body)
+            )
         return float(step)
+
+    @staticmethod
+    def pressures(block: MaterialBlock, body: Body, first: int, last: int) -> np.ndarray:
+        """p (n,) [Pa] of particles first..last-1."""
+        result = np.empty(last - first)
+        micro_inertia_update.pressures(first, last, block.law, body.density, result)
+        return result
 
     @staticmethod
     def sound_speed(law: MicroInertia) -> float:
