@@ -64,7 +64,14 @@ def _keys(points, axes, lower, inverse, shape):
 def _sorted(points, radius, first, order, keys):
     """The points `order` of those given, whose rows are counted from `first`."""
     n, d = len(order), points.shape[1]
-    row, key, x, y, z, r = np.empty(n, np.int32), np.empty(n, np.int64), np.empty(n), np.zeros(n), np.zeros(n), np.empty(n)
+    row, key, x, y, z, r = (
+        np.empty(n, np.int32),
+        np.empty(n, np.int64),
+        np.empty(n),
+        np.zeros(n),
+        np.zeros(n),
+        np.empty(n),
+    )
     for i in range(n):
         p = order[i]
         row[i], key[i], x[i], r[i] = first + p, keys[p], points[p, 0], radius[p]
