@@ -56,10 +56,10 @@ class BoundarySet:
         """Whether a temperature is prescribed, the same on all ranks."""
         return bool(self._temperatures)
 
-    def half_kick(self, time: float, step: float, values_at: float) -> float:
+    def half_kick(self, time: float, step: float, values_at: float) -> tuple[float, float]:
         """v after half a step [s] of the forces at a time [s]; prescribed components are those at another.
 
-        Returns the work of loads and of what moves prescribed components [J].
+        Returns the work of loads and of what moves prescribed components, and what the viscosity takes [J].
         """
         particles = self.particles
         kinematics, mass = particles.storage("kinematics"), particles.storage("mass")
@@ -70,13 +70,15 @@ class BoundarySet:
         clamp = None if self._clamp is None else self._clamp(slice(None))
         dimension = particles["position"].shape[1]
         forces = particles.storage("force_sums")
-        work = float(kick(particles.owned, dimension, 0.5 * step, kinematics, forces, mass, loads, clamp))
+        work, viscous = kick(particles.owned, dimension, 0.5 * step, kinematics, forces, mass, loads, clamp)
         if guided:
             free = kinematics[rows, components]
             new = self.prescribed.values("velocity", values_at)
             kinematics[rows, components] = new
             work += float(0.5 * (mass[0, rows] * (new - free)) @ (before + new))
-        return work
+            column = 2 if dimension == 2 else 4
+            viscous += float(0.25 * step * forces[rows, column + components] @ (new - free))
+        return work, -viscous
 
     def hold_motion(self, time: float) -> None:
         """Held and prescribed components of the velocity at a time [s], for a new state."""

@@ -58,7 +58,7 @@ def body_of(particles: Particles, without: tuple[str, ...] = ()) -> Body:
     return Body(*(None if name is None else particles.storage(name) for name in names))
 
 
-def declare_motion(particles: Particles, position: np.ndarray, carried: Any) -> None:
+def declare_motion(particles: Particles, position: np.ndarray, carried: Any, warming: Any) -> None:
     """v and x, the records that neighbours read, and the sums of both passes; ghosts take x when lists are made."""
     d = position.shape[1]
     role: dict[str, Any] = {"ghosts": "forward", "checkpointed": True, "shown": True, "mirror": "vector"}
@@ -74,7 +74,8 @@ def declare_motion(particles: Particles, position: np.ndarray, carried: Any) -> 
     particles.declare(told)
     moved: dict[str, Any] = {"layout": Rows(), "carried": False}
     particles.declare(Field("rate_sums", COLUMNS[d].flux + max(flux_width(d, carried), 0), "", **moved))
-    particles.declare(Field("force_sums", 4 + flux_width(d, carried), "N", layout=Rows(), checkpointed=True))
+    width = COLUMNS[d].gradient + flux_width(d, carried) + (4 if d == 2 and warming is not None else 0)
+    particles.declare(Field("force_sums", width, "N", layout=Rows(), checkpointed=True))
     if carried is not None:
         particles.declare(Field("flux", flux_width(d, carried), "", checkpointed=True))
         for name, first in zip(("told_micro_flux", "told_heat_flux"), flux_places(d, carried)):

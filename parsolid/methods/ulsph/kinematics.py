@@ -26,18 +26,27 @@ def _free(clamp, a, i):
     return clamp[a, i]
 
 
+@register_jitable
+def _first_of_viscous(dimension):
+    return 2 if dimension == 2 else 4
+
+
 @compiled(fastmath={"contract"}, error_model="numpy")
 def kick(owned, dimension, step, kinematics, forces, mass, loads, clamp):
-    """v += F/m step and the loads' [m/s^2], but for held components; returns the loads' work [J]."""
-    work = 0.0
+    """v += F/m step and the loads' [m/s^2], but for held components.
+
+    Returns the work of the loads and that of the artificial viscosity [J], exact for this change of the velocity.
+    """
+    work, viscous, first = 0.0, 0.0, _first_of_viscous(dimension)
     for a in range(owned):
         inverse = 1.0 / mass[0, a]
         for i in range(dimension):
             old, load = kinematics[a, i], _load(loads, a, i)
             new = _free(clamp, a, i) * (old + step * (forces[a, i] * inverse + load))
             work += mass[0, a] * load * (old + new)
+            viscous += forces[a, first + i] * (old + new)
             kinematics[a, i] = new
-    return 0.5 * step * work
+    return 0.5 * step * work, 0.5 * step * viscous
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
@@ -59,15 +68,6 @@ def kinetic_energy(owned, dimension, kinematics, mass):
             square += kinematics[a, i] * kinematics[a, i]
         energy += mass[0, a] * square
     return 0.5 * energy
-
-
-@compiled(error_model="numpy")
-def viscous_power(owned, dimension, forces):
-    """The rate at which artificial viscosity heats [W]."""
-    power, column = 0.0, 2 if dimension == 2 else 3
-    for a in range(owned):
-        power += forces[a, column]
-    return power
 
 
 @compiled(error_model="numpy")

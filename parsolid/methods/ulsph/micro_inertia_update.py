@@ -9,7 +9,7 @@ import math
 from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
-from parsolid.materials.plastic.jaumann_rate import jaumann_trial
+from parsolid.materials.plastic.jaumann_rate import elastic_increment, jaumann_turn, returned_deviator
 from parsolid.materials.plastic.micro_inertia import (
     advance_fluxes,
     advance_heat_flux,
@@ -39,6 +39,7 @@ from parsolid.numerics.dispatch import generic, none_without
 from parsolid.numerics.elementary import choose
 from parsolid.numerics.lanes import WIDTH, all_positive, broadcast, from_floats, load, store_first, total
 from parsolid.numerics.layout import Plane, four_rows, load_gradient
+from parsolid.numerics.polar import congruence
 from parsolid.numerics.tensors import I, contract, trace
 
 
@@ -125,27 +126,29 @@ def advance_state(space, first, last, law, increments, carried, trust, body):
         B = trusted_inverse(space, inverse * load_moment(space, body.rate_sums, i), trust)
         store_correction(space, body.correction, i, B, count)
         L = inverse * (load_gradient(space, body.rate_sums, i) @ B)
-        density = density * math.exp(-step * trace(L))
+        growth = math.exp(-0.5 * step * trace(L))
+        middle, density = density * growth, density * growth * growth
         old = load_symmetric(space, body.deviator, i)
-        trial = jaumann_trial(old, L, step, law.shear_modulus)
+        turn = jaumann_turn(L, step)
+        rotated = congruence(turn, old)
+        trial = rotated + elastic_increment(turn, L, step, law.shear_modulus)
         tau, trial_tau = math.sqrt(contract(old, old)), math.sqrt(contract(trial, trial))
         direction = (1.0 / max(trial_tau, 1e-300)) * trial
-        force, heat_loss = divergences(space, carried, body, i, density / mass)
+        force, heat_loss = divergences(space, carried, body, i, middle / mass)
         gradient = load_vector(body.micro_gradient, i, space)
         rate, stress = load(body.micro_rate, 0, i), load(body.micro_stress, 0, i)
         gamma, temperature = load(body.plastic_strain, 0, i), load(body.temperature, 0, i)
         curl = load_number(body.micro_curl, i)
         solved = advance_micro(
-            law, increments, density, tau, trial_tau, rate, stress, gamma, curl, temperature, force, square_of(gradient)
+            law, increments, middle, tau, trial_tau, rate, stress, gamma, curl, temperature, force, square_of(gradient)
         )
-        solved = _where_free(
-            load_number(body.micro_free, i), solved, trial_tau, _kept(increments.relax_stress, stress)
-        )
+        solved = _where_free(load_number(body.micro_free, i), solved, trial_tau, _kept(increments.relax_stress, stress))
         new_rate, mean_rate, new_tau, new_stress, heat, loss = solved
         diffused = _or_zero(_power(load_vector(body.dissipative_flux, i, space), gradient))
         heat = heat + (0.5 * step) * diffused
-        temperature = temperature + (heat - step * _or_zero(heat_loss)) / (density * law.specific_heat)
-        deviator = new_tau * direction
+        temperature = temperature + (heat - step * _or_zero(heat_loss)) / (middle * law.specific_heat)
+        flow = (law.shear_modulus * step) * mean_rate
+        deviator = returned_deviator(rotated, trial, tau, new_tau, flow)
         store_symmetric(space, body.deviator, i, deviator, count)
         store_first(body.density, 0, i, density, count)
         store_first(body.micro_rate, 0, i, new_rate, count)
@@ -156,7 +159,7 @@ def advance_state(space, first, last, law, increments, carried, trust, body):
         p = pressure(law, density * (1.0 / law.density))
         P = (1.0 / (density * density)) * ((deviator - p * I) @ B)
         store_stress_record(space, body.record, i, P, density, new_rate, temperature, broadcast(speed_of_sound(law)))
-        valid, volume = float(count) - from_floats(0.5, 1.5, 2.5, 3.5), mass / density
+        valid, volume = float(count) - from_floats(0.5, 1.5, 2.5, 3.5), mass / middle
         plastic = plastic + choose(valid, volume * heat, 0.0)
         lost = lost + choose(valid, volume * loss, 0.0)
         if not all_positive(choose(valid, choose(new_tau + new_rate + temperature + 1.0, density, -1.0), 1.0)):
@@ -192,7 +195,7 @@ def _heat_of(space, sums, i):
 
 @_heat_of.of(Plane)
 def _heat_of_plane(space, sums, i):
-    return four_rows(sums, i, 0)[2]
+    return four_rows(sums, i, sums.shape[1] - 4)[0]
 
 
 @_heat_of.otherwise

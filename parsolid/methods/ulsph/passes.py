@@ -32,7 +32,7 @@ from parsolid.methods.ulsph.pair_primitives import (
 )
 from parsolid.methods.ulsph.terms import COLUMNS, MicroAndHeatFlux
 from parsolid.numerics.dispatch import generic
-from parsolid.numerics.lanes import broadcast, from_floats, load, without_fourth
+from parsolid.numerics.lanes import broadcast, from_floats, lane, load, without_fourth
 from parsolid.numerics.layout import Plane
 from parsolid.pairs.lane_tuples import add_lanes, plus, store_lanes, subtract_lanes
 from parsolid.pairs.lists import images_of, mutual
@@ -118,45 +118,107 @@ def add_rates(space, kernel, lengths, carried, contact, pairs, arrays, sums):
 
 
 @generic
-def _opposed(space, force):
-    """The force on the other particle: its heat is the same."""
+def _forces(space, stress, viscous, heat):
+    """F, V and in space Q of the first particle."""
 
 
-@_opposed.of(Plane)
-def _opposed_plane(space, force):
-    return from_floats(-1.0, -1.0, 1.0, 0.0) * force
+@_forces.of(Plane)
+def _forces_plane(space, stress, viscous, heat):
+    F = stress + viscous
+    return (from_floats(lane(F, 0), lane(F, 1), lane(viscous, 0), lane(viscous, 1)),)
 
 
-@_opposed.otherwise
-def _opposed_space(space, force):
-    return from_floats(-1.0, -1.0, -1.0, 1.0) * force
+@_forces.otherwise
+def _forces_space(space, stress, viscous, heat):
+    return without_fourth(stress + viscous) + from_floats(0.0, 0.0, 0.0, heat), viscous
 
 
 @generic
-def _with_heat(space, force, heat):
-    """F and the heat beside it."""
+def _force_sums(space, sums, a):
+    """What is summed so far of forces."""
 
 
-@_with_heat.of(Plane)
-def _with_heat_plane(space, force, heat):
-    return force * from_floats(1.0, 1.0, 0.0, 0.0) + from_floats(0.0, 0.0, heat, 0.0)
+@_force_sums.of(Plane)
+def _force_sums_plane(space, sums, a):
+    return (load(sums, a, 0),)
 
 
-@_with_heat.otherwise
-def _with_heat_space(space, force, heat):
-    return without_fourth(force) + from_floats(0.0, 0.0, 0.0, heat)
+@_force_sums.otherwise
+def _force_sums_space(space, sums, a):
+    return load(sums, a, 0), load(sums, a, 4)
+
+
+@generic
+def _opposed(space, forces):
+    """What the other particle has of `_forces`: its heat is the same."""
+
+
+@_opposed.of(Plane)
+def _opposed_plane(space, forces):
+    return (-forces[0],)
+
+
+@_opposed.otherwise
+def _opposed_space(space, forces):
+    return from_floats(-1.0, -1.0, -1.0, 1.0) * forces[0], -forces[1]
+
+
+@generic(on="warming")
+def _heat_sum(space, warming, sums, a):
+    """What is summed so far of Q in columns of its own, None where it has none."""
+
+
+@_heat_sum.of(None)
+def _no_heat_sum(space, warming, sums, a):
+    return None
+
+
+@_heat_sum.otherwise
+def _some_heat_sum(space, warming, sums, a):
+    return _own_columns(space, load(sums, a, sums.shape[1] - 4))
+
+
+@generic(on="warming")
+def _heat(space, warming, heat):
+    """Q for columns of its own."""
+
+
+@_heat.of(None)
+def _no_heat(space, warming, heat):
+    return None
+
+
+@_heat.otherwise
+def _some_heat(space, warming, heat):
+    return _own_columns(space, from_floats(heat, 0.0, 0.0, 0.0))
+
+
+@generic
+def _own_columns(space, lanes):
+    """In the plane alone, Q has columns of its own."""
+
+
+@_own_columns.of(Plane)
+def _own_in_plane(space, lanes):
+    return (lanes,)
+
+
+@_own_columns.otherwise
+def _none_in_space(space, lanes):
+    return None
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
-def add_forces(space, kernel, lengths, carried, contact, viscosity, pairs, arrays, sums):
+def add_forces(space, kernel, lengths, carried, contact, viscosity, warming, pairs, arrays, sums):
     """Add what a list's pairs have of forces, viscous heat and gradients of numbers to `force_sums`."""
     images, kinematics, record, at = images_of(pairs), arrays.kinematics, arrays.record, _at(space)
+    last = sums.shape[1] - 4
     for a in range(pairs.start.shape[0] - 1):
         if pairs.start[a] == pairs.start[a + 1]:
             continue
         here, stress = present(space, None, 0, kinematics, a), stress_of(space, None, 0, record, a, 0)
-        own, total = numbers(space, kinematics, record, a), (load(sums, a, 0),)
-        even = _summed(space, carried, sums, a, at.gradient)
+        own, total = numbers(space, kinematics, record, a), _force_sums(space, sums, a)
+        even, heats = _summed(space, carried, sums, a, at.gradient), _heat_sum(space, warming, sums, a)
         for k in range(pairs.start[a], pairs.start[a + 1]):
             b = pairs.neighbour[k]
             dv, r = steps(space, present(space, images, k, kinematics, b), here)
@@ -168,15 +230,17 @@ def add_forces(space, kernel, lengths, carried, contact, viscosity, pairs, array
             g, there = product * r, numbers(space, kinematics, record, b)
             Pi = viscous_pressure(space, viscosity, length_of(lengths, a, b), 0.5 * (own + there), dv, r, square)
             contact_here = contact_of_forces(space, contact, images, k, record, a, b, r)
-            force = broadcast(-Pi) * g
+            elastic = broadcast(0.0)
             if contact_here != APART:
-                force = force + sum_times(space, stress, stress_of(space, images, k, record, b, 0), g)
-            pair = _with_heat(space, force, -0.5 * Pi * product * dot(space, dv, r))
-            share = 1.0 if contact_here == SAME_BODY else 0.0
-            gradients = gradient_terms(space, carried, there - own, g, share)
-            total, even = plus(total, (pair,)), plus(even, gradients)
+                elastic = sum_times(space, stress, stress_of(space, images, k, record, b, 0), g)
+            heat = -0.5 * Pi * product * dot(space, dv, r)
+            forces = _forces(space, elastic, broadcast(-Pi) * g, heat)
+            gradients = gradient_terms(space, carried, there - own, g, 1.0 if contact_here == SAME_BODY else 0.0)
+            total, even, heats = plus(total, forces), plus(even, gradients), plus(heats, _heat(space, warming, heat))
             if mutual(pairs):
-                add_lanes(sums, b, 0, (_opposed(space, pair),))
+                add_lanes(sums, b, 0, _opposed(space, forces))
                 add_lanes(sums, b, at.gradient, gradients)
+                add_lanes(sums, b, last, _heat(space, warming, heat))
         store_lanes(sums, a, 0, total)
         store_lanes(sums, a, at.gradient, even)
+        store_lanes(sums, a, last, heats)

@@ -21,15 +21,15 @@ def _places_overload(space, carried):
     return lambda space, carried: places
 
 
-def _first(space, name):
+def _first(space):
     """First columns of what is summed; constants in kernels."""
     return COLUMNS[space.dimension]
 
 
 @overload(_first)
-def _first_overload(space, name):
+def _first_overload(space):
     columns = COLUMNS[dimension_of(space)]
-    return lambda space, name: columns
+    return lambda space: columns
 
 
 # --- as components ----------------------------------------------------------------------------------------------
@@ -99,18 +99,18 @@ def _no_divergences(space, carried, body, i, factor):
 
 @divergences.of(MicroFlux)
 def _micro_divergence(space, carried, body, i, factor):
-    return factor * _sum(_vector(space, body.rate_sums, i, _first(space, 0).flux)), None
+    return factor * _sum(_vector(space, body.rate_sums, i, _first(space).flux)), None
 
 
 @divergences.of(HeatFlux)
 def _heat_divergence(space, carried, body, i, factor):
-    column = _first(space, 0).flux + _places(space, carried)[1]
+    column = _first(space).flux + _places(space, carried)[1]
     return None, factor * _sum(_vector(space, body.rate_sums, i, column))
 
 
 @divergences.of(MicroAndHeatFlux)
 def _both_divergences(space, carried, body, i, factor):
-    micro, heat = _first(space, 0).flux, _first(space, 0).flux + _places(space, carried)[1]
+    micro, heat = _first(space).flux, _first(space).flux + _places(space, carried)[1]
     return (
         factor * _sum(_vector(space, body.rate_sums, i, micro)),
         factor * _sum(_vector(space, body.rate_sums, i, heat)),
@@ -129,20 +129,20 @@ def _no_gradients(space, carried, body, i, B, factor):
 
 @gradients.of(MicroFlux)
 def _micro_gradient(space, carried, body, i, B, factor):
-    return _times(space, B, _vector(space, body.force_sums, i, 4), factor), None
+    return _times(space, B, _vector(space, body.force_sums, i, _first(space).gradient), factor), None
 
 
 @gradients.of(HeatFlux)
 def _heat_gradient(space, carried, body, i, B, factor):
-    column = 4 + _places(space, carried)[1]
+    column = _first(space).gradient + _places(space, carried)[1]
     return None, _times(space, B, _vector(space, body.force_sums, i, column), factor)
 
 
 @gradients.of(MicroAndHeatFlux)
 def _both_gradients(space, carried, body, i, B, factor):
-    column = 4 + _places(space, carried)[1]
+    column = _first(space).gradient + _places(space, carried)[1]
     return (
-        _times(space, B, _vector(space, body.force_sums, i, 4), factor),
+        _times(space, B, _vector(space, body.force_sums, i, _first(space).gradient), factor),
         _times(space, B, _vector(space, body.force_sums, i, column), factor),
     )
 

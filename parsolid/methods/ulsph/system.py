@@ -19,6 +19,7 @@ from parsolid.methods.ulsph.terms import (
     CompressionOnly,
     ManyLengths,
     OneLength,
+    Warming,
     Welded,
 )
 from parsolid.methods.ulsph.updates import Updates, density_of
@@ -38,8 +39,8 @@ _TRUST = 0.3
 class UpdatedLagrangianSPH(ParticleSystem):
     """The method on one rank; arrays as `terms` and `fields` say.
 
-    trust: least determinant and diagonal of a moment that is inverted; heating: the share of viscous heat that warms,
-    None for none.
+    trust: least determinant and diagonal of a moment that is inverted; heating: `terms.Warming` where viscous heat warms,
+    else None.
     """
 
     def __init__(self, comm: Any, scene: Scene, particle_set: ParticleSet):
@@ -52,21 +53,21 @@ class UpdatedLagrangianSPH(ParticleSystem):
         declare_generated(particles, particle_set)
         self.updates = Updates(self, self.laws)
         self.carried = self.updates.carried
-        declare_motion(particles, particle_set.position, self.carried)
+        self.heating = Warming() if settings.viscous_heating else None
+        declare_motion(particles, particle_set.position, self.carried, self.heating)
         density = density_of(self.laws, law_of_body, particle_set.body)
         self.boundaries = BoundarySet(comm, scene, particle_set, particles)
         lacks = self.updates.lacks | ({"micro_free"} if self.boundaries.held_micro is None else set())
         declare_state(particles, self.dimension, density, lacks)
         self._declare_constants(comm, particle_set, density)
         self.trust = _TRUST if settings.gradient_correction else np.inf
-        self.heating = 1.0 if settings.viscous_heating else None
         self.viscosity: ArtificialViscosity | None = None
         if settings.viscosity:
             given = settings.viscosity
             self.viscosity = ArtificialViscosity(float(given.linear), float(given.quadratic), float(given.softening))
         skin = (float(settings.skin), self.boundaries.codes, float(settings.rebalance))
         self.pairs = MovingPairs(comm, particles, self.space, self.kernel.support, *skin)
-        self.viscous_power, self.last_step, self.lists_state, self._looked = 0.0, 0.0, None, (-1, -1)
+        self.supplied, self.lists_state = 0.0, None
 
     def _declare_constants(self, comm: Any, particle_set: ParticleSet, density: np.ndarray) -> None:
         """Mass, smoothing length and, where bodies meet, the number of the body, known to ghosts."""
@@ -111,7 +112,6 @@ class UpdatedLagrangianSPH(ParticleSystem):
         assert self.lists_state is not None
         self.pairs.restore(self.lists_state["pairs"], self.lists_state["time"])
         self.tell_all()
-        self.viscous_power = motion.viscous_power(self.owned, self.dimension, self.particles.storage("force_sums"))
 
     def state(self) -> dict[str, Any]:
         """The lists, and whether they are used up; collective."""
@@ -128,19 +128,17 @@ class UpdatedLagrangianSPH(ParticleSystem):
     def advance(self, time: float, step: float, ledger: EnergyLedger, announce: Announce) -> bool:
         """One step [s] from a time [s]: kick, drift, first pass, state, drift, second pass, kick."""
         self.follow_lists(time)
-        work = self.boundaries.half_kick(time, step, time + 0.5 * step)
+        first = self.boundaries.half_kick(time, step, time + 0.5 * step)
         self.drift(0, self.owned, 0.5 * step)
         self.first_pass(0.5 * step)
         sound, plastic, lost = self.advance_state(time + step, step)
         self.drift(0, self.owned + self.particles.ghosts, 0.5 * step)
         self.look_ahead(time + step, step)
         announce(sound, self.stable_step())
-        viscous = self.second_pass()
-        work += self.boundaries.half_kick(time + step, step, time + step)
+        self.second_pass()
+        second = self.boundaries.half_kick(time + step, step, time + step)
         plastic += self.advance_gradients(step)
-        ledger.add(1.0, plastic, lost, work)
-        ledger.add_term("viscous_dissipation", 0.5 * step * viscous)
-        ledger.add_term("heat_supplied", self.supplied)
+        self.book(ledger, plastic, lost, np.add(first, second))
         return sound
 
     def follow_lists(self, time: float) -> None:
@@ -175,14 +173,18 @@ class UpdatedLagrangianSPH(ParticleSystem):
 
         self.pairs.sweep(add, "motion")
 
-    def second_pass(self) -> float:
-        """Forces and gradients; the power of the artificial viscosity [W], half of it before, half after."""
+    def book(self, ledger: EnergyLedger, plastic: float, lost: float, kicked: np.ndarray) -> None:
+        """Plastic heat and numerical loss [J]; kicked: work of loads and supports, and what the viscosity took [J]."""
+        ledger.add(1.0, plastic, lost, float(kicked[0]))
+        ledger.add_term("viscous_dissipation", float(kicked[1]))
+        ledger.add_term("heat_supplied", self.supplied)
+
+    def second_pass(self) -> None:
+        """Forces, viscous heat and gradients."""
         sums, shared, arrays = self.particles.storage("force_sums"), self._shared(), self._arrays()
         sums[: self.owned] = 0.0
-        self.pairs.sweep(lambda pairs: passes.add_forces(*shared, self.viscosity, pairs, arrays, sums), "record")
-        before = self.viscous_power
-        self.viscous_power = motion.viscous_power(self.owned, self.dimension, sums)
-        return before + self.viscous_power
+        terms = (self.viscosity, self.heating)
+        self.pairs.sweep(lambda pairs: passes.add_forces(*shared, *terms, pairs, arrays, sums), "record")
 
     def _arrays(self) -> Arrays:
         storage = self.particles.storage

@@ -7,8 +7,9 @@ Columns by dimension, (2, 3):
                 with X = xi B/rho^2 of the micro-flux, Y = q B/rho^2 of the heat
     rate_sums   sum m_a m_b of (v_b - v_a) (x) g (4; 12), r (x) g (4: 11 22 12 free; 8: 11 22 33 free | 12 23 13 free),
                 (X_a + X_b) g and (Y_a + Y_b) g, component by component, as flux
-    force_sums  sum m_a m_b of [(P B)_a + (P B)_b - Pi_ab] g and the heat of the viscosity (4: F Q free; F Q), of
-                (v^p_b - v^p_a) g and (T_b - T_a) g, as flux
+    force_sums  sum m_a m_b of [(P B)_a + (P B)_b - Pi_ab] g and of -Pi_ab g alone (4: F V; 8: F Q | V free) with Q
+                the heat of the viscosity, of (v^p_b - v^p_a) g and (T_b - T_a) g, as flux; in the plane Q has columns
+                of its own at the end where it warms (4: Q and free)
 """
 
 from typing import Any, NamedTuple
@@ -77,15 +78,21 @@ class Arrays(NamedTuple):
     flux: Any
 
 
+class Warming(NamedTuple):
+    """The heat of the artificial viscosity raises the temperature."""
+
+    kind: int = 0
+
+
 class Columns(NamedTuple):
-    """First columns of what the sums hold; those of heat where both flow in space."""
+    """First columns of what the sums hold: moment and flux of `rate_sums`; gradients of `force_sums`."""
 
     moment: int
     flux: int
     gradient: int
 
 
-COLUMNS = {2: Columns(4, 8, 4), 3: Columns(12, 20, 4)}
+COLUMNS = {2: Columns(4, 8, 4), 3: Columns(12, 20, 8)}
 KINEMATICS_WIDTH, RECORD_WIDTH = {2: 4, 3: 8}, {2: 8, 3: 12}
 
 
