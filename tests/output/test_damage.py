@@ -26,7 +26,8 @@ def whole(comm, shared_path, fields):
 
 
 def on_one_rank(comm, change, *arguments) -> None:
-    """Rank 0 changes a file, the others wait."""
+    """Rank 0 changes a file when all are done with it, and the others wait."""
+    comm.Barrier()
     if comm.rank == 0:
         change(*arguments)
     comm.Barrier()
@@ -78,7 +79,6 @@ def test_a_flipped_bit_anywhere_changes_nothing_or_is_refused(comm, whole):
             refused += 1
         else:
             assert found == expected, f"bit {bit} of byte {place}"
-        comm.Barrier()
         on_one_rank(comm, flip, whole, place, bit)
     assert content(comm, whole) == expected and refused > FLIPS // 20
 
@@ -169,7 +169,6 @@ def test_a_header_alone_is_compared_too(comm, whole):
 def test_a_truncated_file_is_refused_at_every_length(comm, whole):
     data = whole.read_bytes()
     for length in (0, 7, 100, 2000, len(data) // 2, len(data) - 9):
-        comm.Barrier()
         on_one_rank(comm, whole.write_bytes, data[:length])
         with pytest.raises(OutputError):
             read_checkpoint(comm, whole)
