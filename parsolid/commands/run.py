@@ -53,6 +53,22 @@ def run(comm: MPI.Intracomm, options: Namespace) -> int:
     except OutputError as error:
         # a folder that cannot be written or a checkpoint that cannot be read is bad input
         raise SolverError(str(error)) from error
+    try:
+        return _run_in(comm, simulation, files, restart, options, began)
+    finally:
+        files.close()
+
+
+def _run_in(
+    comm: MPI.Intracomm,
+    simulation: Simulation,
+    files: OutputFiles,
+    restart: Restart | None,
+    options: Namespace,
+    began: float,
+) -> int:
+    """Run a simulation into its files; began: reading of the performance counter at the command's start [s]."""
+    scene = simulation.scene
     progress = None
     if comm.rank == 0:
         level = 0 if options.quiet else 2 if options.verbose else 1
