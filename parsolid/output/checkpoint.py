@@ -109,6 +109,26 @@ def read_checkpoint(comm: MPI.Intracomm, path: Path | str) -> tuple[Header, list
 
     Raises OutputError on all ranks for a file that is not whole or in which anything is not as it was written.
     """
+    while True:
+        before = _identity(comm, path)
+        try:
+            return _read(comm, path)
+        except OutputError:
+            # a run that goes on may have put its next checkpoint there while some ranks read this one
+            if _identity(comm, path) == before:
+                raise
+
+
+def _identity(comm: MPI.Intracomm, path: Path | str) -> Any:
+    """What tells a file from another one that has taken its place; collective."""
+    found = None
+    if comm.rank == 0 and os.path.exists(path):
+        state = os.stat(path)
+        found = state.st_ino, state.st_mtime_ns
+    return comm.bcast(found)
+
+
+def _read(comm: MPI.Intracomm, path: Path | str) -> tuple[Header, list[Fields], np.ndarray]:
     layout = None
     doing = f"cannot read the checkpoint {path}"
     with together(comm, doing):
