@@ -72,16 +72,6 @@ class Peridynamics(ParticleSystem):
         self.fracture.look()
 
     @property
-    def mass(self) -> np.ndarray:  # type: ignore[override]
-        """Mass (owned,) [kg], of the whole particle where it lies on a mirror plane."""
-        return self.particles.owned_rows("mass")
-
-    @property
-    def share(self) -> np.ndarray:  # type: ignore[override]
-        """The part (owned,) of a particle on this side of mirror planes."""
-        return self.particles.owned_rows("share")
-
-    @property
     def velocity(self) -> np.ndarray:
         """Velocity (owned, 4) [m/s] as kernels take it."""
         return self.particles.storage("velocity")[: self.owned]
@@ -135,11 +125,6 @@ class Peridynamics(ParticleSystem):
         return kinetic, self.history.stored_energy()
 
     # --- what the output and the reports ask -------------------------------------------------------------------
-
-    @property
-    def communication_seconds(self) -> float:  # type: ignore[override]
-        """Seconds spent on sending and receiving."""
-        return self.particles.communication_seconds
 
     @property
     def directed_pairs(self) -> int:  # type: ignore[override]

@@ -7,7 +7,8 @@ import numpy as np
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, block_numbers
 from parsolid.materials.registry import laws_of
-from parsolid.methods.protocol import Announce, EnergyLedger, ParticleSystem
+from parsolid.methods.paired import PairedSystem
+from parsolid.methods.protocol import Announce, EnergyLedger
 from parsolid.methods.ulsph import kinematics as motion
 from parsolid.methods.ulsph import passes
 from parsolid.methods.ulsph.boundaries import BoundarySet
@@ -36,7 +37,7 @@ from parsolid.scene import Scene, initial_displacement, initial_temperature, ini
 _TRUST = 0.3
 
 
-class UpdatedLagrangianSPH(ParticleSystem):
+class UpdatedLagrangianSPH(PairedSystem):
     """The method on one rank; arrays as `terms` and `fields` say.
 
     trust: least determinant and diagonal of a moment that is inverted; heating: `terms.Warming` where viscous heat
@@ -261,16 +262,6 @@ class UpdatedLagrangianSPH(ParticleSystem):
         bounds = self.particles.bounds.tolist()
         return [MaterialBlock(a, b, law) for a, b, law in zip(bounds, bounds[1:], self.laws) if b > a]
 
-    @property
-    def mass(self) -> np.ndarray:  # type: ignore[override]
-        """Mass [kg] (rows,)."""
-        return self.particles["mass"]
-
-    @property
-    def share(self) -> np.ndarray:  # type: ignore[override]
-        """No particle lies on a mirror plane."""
-        return np.ones(self.owned)
-
     def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
         """Cauchy stress (n, 3, 3) [Pa], Jacobian (n,)."""
         return shown(self, name, first, last)
@@ -291,24 +282,6 @@ class UpdatedLagrangianSPH(ParticleSystem):
         if not self.settings.viscosity:
             hints.append("method.viscosity (there is none)")
         return ", or ".join([*hints, "more particles", "a milder load"])
-
-    @property
-    def directed_pairs(self) -> int:  # type: ignore[override]
-        """Interactions listed, those within the skin as well, counted once a particle."""
-        return self.pairs.directed_pairs
-
-    @property
-    def communication_seconds(self) -> float:  # type: ignore[override]
-        """Spent on sending and receiving."""
-        return self.particles.communication_seconds
-
-    def numbers(self) -> dict[str, int]:
-        """Ghosts and listed interactions."""
-        return {"ghosts": self.particles.ghosts, "interactions": self.pairs.directed_pairs}
-
-    def arrays(self) -> list[np.ndarray]:
-        """Pair lists."""
-        return self.pairs.arrays()
 
     def bytes_a_step(self) -> int:
         """Two messages a step; particles that change their rank come on top."""

@@ -1,0 +1,28 @@
+"""What all methods have that walk lists of pairs."""
+
+import numpy as np
+
+from parsolid.methods.protocol import ParticleSystem
+from parsolid.pairs.pair_lists import PairLists
+
+
+class PairedSystem(ParticleSystem):
+    """A method whose particles act on one another in pairs of lists.
+
+    Set by the method: pairs.
+    """
+
+    pairs: PairLists
+
+    @property
+    def directed_pairs(self) -> int:  # type: ignore[override]
+        """Interactions counted once a particle."""
+        return self.pairs.directed_pairs
+
+    def numbers(self) -> dict[str, int]:
+        """Ghosts and interactions."""
+        return {"ghosts": self.particles.ghosts, "interactions": self.pairs.directed_pairs}
+
+    def arrays(self) -> list[np.ndarray]:
+        """Pair lists."""
+        return self.pairs.arrays()
