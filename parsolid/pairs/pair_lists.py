@@ -48,5 +48,6 @@ class PairLists:
         apply(self.inner)
         if message is not None:
             self.particles.receive(message)
-        for pairs in self._all()[1:]:
-            apply(pairs)
+        for pairs in (self.rim, self.mirror):
+            if pairs is not None:
+                apply(pairs)

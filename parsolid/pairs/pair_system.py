@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from decomposition.halo import Halo
+from decomposition.recalled import RecalledEach
 from parsolid.collective import maximum, raise_together
 from parsolid.pairs.candidates import coincident, common_metric, mirror_candidates, plain_candidates, reach_of
 from parsolid.pairs.lists import Images, InnerList, OneSidedList, Places, empty_list, images_of
@@ -52,6 +53,7 @@ class PairSystem(PairLists):
         """
         self.comm, self.particles, self.space = comm, particles, space
         self.weights, self.terms, self.codes = weights, terms, codes
+        self._add_gradients, self._add_forces = RecalledEach(add_gradients), RecalledEach(add_forces)
         d, record = space.dimension, record_columns(space, terms)
         # whoever moves particles by smoothed weights reads what dissipates apart, also where nothing does
         forces = 8 if isinstance(weights, SmoothedWeights) else 4
@@ -139,14 +141,22 @@ class PairSystem(PairLists):
         """
         kinematics = self.particles.storage("kinematics")
         result = self.particles.storage("pair_sums") if sums is None else sums
-        self.sweep(lambda pairs: add_gradients(self.space, pairs, fields, kinematics, result), message)
+        add = self._add_gradients
+        self.sweep(lambda pairs: add(self.key(pairs, fields), self.space, pairs, fields, kinematics, result), message)
         return result
 
     def divergence(self, terms: Any = None) -> np.ndarray:
         """Send the records, add the forces of their stresses and of `terms` to `pair_force` [N]."""
-        kinematics, record, force = (self.particles.storage(name) for name in ("kinematics", "record", "pair_force"))
-        self.sweep(lambda pairs: add_forces(self.space, pairs, terms, kinematics, record, force), "record")
+        kinematics, record, force = map(self.particles.storage, ("kinematics", "record", "pair_force"))
+        add = self._add_forces
+        self.sweep(
+            lambda pairs: add(self.key(pairs, terms), self.space, pairs, terms, kinematics, record, force), "record"
+        )
         return force
+
+    def key(self, pairs: Any, what: Any) -> tuple[Any, ...]:
+        """For `RecalledEach`: which of the lists is swept, and for what."""
+        return pairs is self.inner, pairs is self.mirror, what
 
     def warm(self) -> None:
         """Compile the passes over lists of ghosts, which one rank alone does not have."""
