@@ -96,7 +96,7 @@ def test_pressure_in_a_volumetric_path(point_of):
     """p = K (rho/rho_0 - 1), its work stored."""
     run = followed(point_of(HEAD + STEEL + '[path]\nkind = "volumetric"\njacobian = "1 - 5e3*t"\n'))
     assert run.pressure == pytest.approx(200e9 / (3.0 * 0.42) * (1.0 / run.jacobian - 1.0), rel=1e-12, abs=1.0)
-    assert run.stored == pytest.approx(run.work, rel=1e-9) and (run.plastic_strain == 0.0).all()
+    assert run.stored == pytest.approx(run.work, rel=1e-9) and run.plastic_strain.max() < 1e-18
 
 
 def test_what_the_command_writes_and_says(tmp_path, capsys):
