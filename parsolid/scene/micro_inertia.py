@@ -37,6 +37,13 @@ class MicroInertiaSolid(DeclaredModel):
             known = {key: known[key] for key in known if key not in _ELASTIC}
         return handler(known | {key: stated for key, stated in value.items() if stated is not None})
 
+    @model_validator(mode="after")
+    def _derived(self) -> "MicroInertiaSolid":
+        declared = type(self).declared
+        if not hasattr(declared, "micro_inertia_law"):
+            reject((("law",), "a class derived from StatedMicroInertia", declared.__name__))
+        return self
+
     def build(self, state: str) -> Any:
         """The law, the same in every state of strain."""
         law: Any = self

@@ -151,6 +151,43 @@ def test_shear_and_bulk_modulus_take_the_place_of_the_librarys(point_of):
     assert (law.shear_modulus, law.bulk_modulus) == (80e9, 160e9)
 
 
+OWN = """from parsolid.materials.declaration import law
+from parsolid.materials.plastic.micro_inertia import MicroInertia, flow_strength
+from parsolid.materials.plastic.micro_inertia_stated import StatedMicroInertia
+
+
+class Constant(MicroInertia):
+    pass
+
+
+@law("micro-inertia", "constant-strength")
+class Stated(StatedMicroInertia):
+    def micro_inertia_law(self):
+        return Constant(*StatedMicroInertia.micro_inertia_law(self))
+
+
+@flow_strength.of(Constant)
+def _constant(law, gamma, curl, temperature):
+    return law.yield_stress + 0.0 * gamma
+"""
+
+
+def test_a_law_of_ones_own(tmp_path):
+    """Another strength in a file, on the same solve; with heat, which it takes as its role does."""
+    (tmp_path / "own.py").write_text(OWN)
+    path = tmp_path / "point.toml"
+    head, stated = HEAD + "temperature = 300.0\n", STEEL.replace('kind = "micro-inertia"', 'law = "own.py:Stated"')
+    path.write_text(head + stated + SHEAR)
+    own = followed(load_point(path, trust_code=True))
+    path.write_text(head + STEEL + SHEAR)
+    usual = followed(load_point(path))
+    assert 0.0 < own.micro_stress[-1] < 0.99 * usual.micro_stress[-1]
+    (tmp_path / "own.py").write_text(OWN.replace("class Stated(StatedMicroInertia)", "class Stated"))
+    path.write_text(head + BARE.replace('kind = "micro-inertia"', 'law = "own.py:Stated"') + SHEAR)
+    with pytest.raises(SceneError, match="a class derived from StatedMicroInertia"):
+        load_point(path, trust_code=True)
+
+
 def test_a_material_point_of_another_rank(point_of):
     """A table made from a declaration travels between ranks."""
     import pickle
