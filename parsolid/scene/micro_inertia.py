@@ -2,6 +2,7 @@
 
 import sys
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ else:
     import tomli as tomllib
 
 _LIBRARY = Path(__file__).parents[1] / "materials" / "plastic" / "micro_inertia.toml"
+_STATED = "parsolid.materials.plastic.micro_inertia_stated"
 _ELASTIC = ("youngs_modulus", "poissons_ratio", "shear_modulus", "bulk_modulus")
 
 
@@ -40,7 +42,7 @@ class MicroInertiaSolid(DeclaredModel):
     @model_validator(mode="after")
     def _derived(self) -> "MicroInertiaSolid":
         declared = type(self).declared
-        if not hasattr(declared, "micro_inertia_law"):
+        if not issubclass(declared, import_module(_STATED).StatedMicroInertia):
             reject((("law",), "a class derived from StatedMicroInertia", declared.__name__))
         return self
 
