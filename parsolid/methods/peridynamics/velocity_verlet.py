@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from decomposition.recalled import Recalled
 from parsolid.methods.peridynamics import velocity_verlet_kernels as kernels
 from parsolid.methods.peridynamics.time_solver import TimeSolver
 from parsolid.particles.declaration import Field
@@ -29,7 +28,6 @@ class VelocityVerlet(TimeSolver):
         clamp[:, : body.dimension] = body.loads.free
         body.particles.declare(Field("clamp", 4, "1"), clamp)
         self.largest_eigenvalue: float | None = None
-        self._kick, self._drift = Recalled(kernels.kick, free=(1,)), Recalled(kernels.drift, free=(1,))
 
     @property
     def clamp(self) -> np.ndarray:
@@ -83,13 +81,13 @@ class VelocityVerlet(TimeSolver):
         body = self.body
         motion = (body.particles.storage("velocity"), body.engine.force, body.mass, body.share)
         loads = self._accelerations(time, not after_jump)
-        return self._kick(body.dimension, 0.5 * step, *motion, loads, self.clamp)
+        return kernels.kick(body.dimension, 0.5 * step, *motion, loads, self.clamp)
 
     def new_positions(self, time: float, step: float) -> None:
         """u += dt v_h, or as guided; x = X + u."""
         body, rows = self.body, self.body.particles.owned_rows
         moved = (rows("reference_position"), body.engine.displacement, rows("position"))
-        self._drift(body.dimension, step, body.particles.storage("velocity"), *moved)
+        kernels.drift(body.dimension, step, body.particles.storage("velocity"), *moved)
         if len(body.loads.entries[0]):
             body.loads.move(time, step, body.displacement)
             body.place()

@@ -9,7 +9,6 @@ must be evaluated anew.
 import numpy as np
 
 from decomposition.compiled import compiled
-from decomposition.recalled import RecalledEach
 from parsolid.materials.hyperelastic.law import elastic_moduli
 from parsolid.materials.viscoelastic.prony import Prony, branch_weights, dissipation_weights
 from parsolid.particles.declaration import Field
@@ -101,8 +100,6 @@ class ViscoelasticHistory:
             declare(Field("branch_forces", branches * d, "N", **kept))
         self.factor = np.ones(engine.owned)
         self.step: float | None = None
-        # weights are others at every step
-        self._propose, self._settle = RecalledEach(propose, free=(3,)), RecalledEach(settle, free=(3, 4))
         self.begin(0.0)
 
     @property
@@ -151,7 +148,7 @@ class ViscoelasticHistory:
         engine = self.engine
         for (first, last, ratios, _), weights in zip(self.series, self.weights):
             arrays = (engine.displacement, self.old, self.terms, engine.field)
-            self._propose(first, first, last, ratios, weights, *arrays)
+            propose(first, last, ratios, weights, *arrays)
 
     def internal_force(self, step: float) -> np.ndarray:
         """Force (owned, d) [N] after a step [s] from the settled state to the engine's displacement."""
@@ -165,8 +162,7 @@ class ViscoelasticHistory:
         self.begin(step)
         engine, dissipated = self.engine, 0.0
         for (first, last, ratios, _), weights, shares in zip(self.series, self.weights, self.shares):
-            dissipated += self._settle(
-                first,
+            dissipated += settle(
                 first,
                 last,
                 ratios,
