@@ -5,6 +5,7 @@ et al.), whose velocities are the v_h.
 """
 
 from functools import partial
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -79,9 +80,13 @@ class VelocityVerlet(TimeSolver):
     def half_velocity(self, time: float, step: float, after_jump: bool) -> float:
         """v += dt/2 a under the loads at a time [s], of a jump just after or just before it; the loads' work [J]."""
         body = self.body
-        motion = (body.particles.storage("velocity"), body.engine.force, body.mass, body.share)
+        motion = body.particles.kept(("kicked",), self._kicked)
         loads = self._accelerations(time, not after_jump)
         return kernels.kick(body.dimension, 0.5 * step, *motion, loads, self.clamp)
+
+    def _kicked(self) -> tuple[np.ndarray, ...]:
+        body = self.body
+        return body.particles.storage("velocity"), body.engine.force, body.mass, body.share
 
     def new_positions(self, time: float, step: float) -> None:
         """u += dt v_h, or as guided; x = X + u."""
@@ -94,7 +99,7 @@ class VelocityVerlet(TimeSolver):
 
     def finite_velocity(self) -> bool:
         """Whether all velocities are numbers."""
-        return bool(np.isfinite(self.body.velocity.sum()))
+        return isfinite(self.body.velocity.sum())
 
     def _accelerations(self, time: float, before: bool) -> np.ndarray | None:
         """Loads over mass (owned, 4) [m/s^2] where components are free; None without loads."""
