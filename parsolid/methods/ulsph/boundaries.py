@@ -17,8 +17,9 @@ from parsolid.boundary.rows import keep
 from parsolid.boundary.supports import Supports
 from parsolid.collective import anywhere
 from parsolid.methods.ulsph.kinematics import kick
-from parsolid.particles.container import Particles, Selection
+from parsolid.particles.container import Particles
 from parsolid.particles.particle_set import ParticleSet
+from parsolid.particles.selection import Selection
 from parsolid.scene import Scene
 from parsolid.scene.formulas import FormulaVector
 from parsolid.scene.load_histories import LoadHistory
