@@ -1,9 +1,10 @@
 """What all methods have that walk lists of pairs."""
 
+from typing import Any
+
 import numpy as np
 
 from parsolid.methods.protocol import ParticleSystem
-from parsolid.pairs.pair_lists import PairLists
 
 
 class PairedSystem(ParticleSystem):
@@ -12,7 +13,7 @@ class PairedSystem(ParticleSystem):
     Set by the method: pairs.
     """
 
-    pairs: PairLists
+    pairs: Any  # of its own kind of `pairs.pair_lists.PairLists`
 
     @property
     def directed_pairs(self) -> int:  # type: ignore[override]

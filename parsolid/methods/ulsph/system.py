@@ -68,7 +68,8 @@ class UpdatedLagrangianSPH(PairedSystem):
             self.viscosity = ArtificialViscosity(float(given.linear), float(given.quadratic), float(given.softening))
         skin = (float(settings.skin), self.boundaries.codes, float(settings.rebalance))
         self.pairs = MovingPairs(comm, particles, self.space, self.kernel.support, *skin)
-        self.supplied, self.lists_state = 0.0, None
+        self.supplied = 0.0
+        self.lists_state: dict[str, Any] | None = None
 
     def _declare_constants(self, comm: Any, particle_set: ParticleSet, density: np.ndarray) -> None:
         """Mass, smoothing length and, where bodies meet, the number of the body, known to ghosts."""
