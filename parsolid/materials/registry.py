@@ -37,6 +37,10 @@ _FUNCTIONS: dict[str, tuple[str, tuple[tuple[str, ...], ...]]] = {
         _PLASTIC,
         (("cold_pressure",), ("grueneisen_coefficient",), ("isentropic_bulk_modulus",), ("room_to_compress",)),
     ),
+    "micro-inertia": (
+        "parsolid.materials.plastic.micro_inertia_solve",
+        (("increments_of",), ("advance_micro",), ("advance_fluxes",)),
+    ),
 }
 
 

@@ -87,7 +87,7 @@ def _contents(value: Any) -> Any:
         # a law is a file and the class in it
         path, colon, name = value.rpartition(":")
         file = Path(value if not colon or os.path.exists(value) else path)
-        if file.exists():
+        if file.is_file():
             return f"{file.name}{colon and ':' + name} (content {digest(file.read_bytes())})"
     return value
 

@@ -40,7 +40,7 @@ class Peridynamics(ParticleSystem):
         self.laws = self.history.laws
         self.loads.install_tractions(self.engine, forces.horizon)
         self.fracture = fracture_of(comm, scene, particle_set, forces)
-        self.operator = Operator(self.engine, self.history, self.loads.free)
+        self.operator = Operator(self.engine, self.history, self.loads)
         motion: dict[str, Any] = {"shown": True, "mirror": "vector"}
         self.particles.declare(Field("position", self.dimension, "m", mirror="vector"), particle_set.position)
         self.particles.declare(Field("velocity", self.dimension, "m/s", checkpointed=True, layout=Rows(4), **motion))

@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from decomposition.recalled import Recalled
 from parsolid.methods.peridynamics import velocity_verlet_kernels as kernels
 from parsolid.methods.peridynamics.time_solver import TimeSolver
+from parsolid.particles.declaration import Field
 from parsolid.solvers import largest_eigenvalue, start_vector
 
 
@@ -23,9 +25,16 @@ class VelocityVerlet(TimeSolver):
         """body: `system.Peridynamics`, set up but for its state; settings: `settings.Explicit`."""
         self.body, self.settings = body, settings
         self.landings = tuple(time for time in body.loads.jumps if time > 0.0)
-        self.clamp = np.ones((body.owned, 4))
-        self.clamp[:, : body.dimension] = body.loads.free
+        clamp = np.ones((body.owned, 4))
+        clamp[:, : body.dimension] = body.loads.free
+        body.particles.declare(Field("clamp", 4, "1"), clamp)
         self.largest_eigenvalue: float | None = None
+        self._kick, self._drift = Recalled(kernels.kick, free=(1,)), Recalled(kernels.drift, free=(1,))
+
+    @property
+    def clamp(self) -> np.ndarray:
+        """Factors (owned, 4) of the velocity, 0 where it is not free."""
+        return self.body.particles.owned_rows("clamp")
 
     def begin(self) -> None:
         """What is guided is where, and as fast, as it is told at time 0."""
@@ -72,16 +81,15 @@ class VelocityVerlet(TimeSolver):
     def half_velocity(self, time: float, step: float, after_jump: bool) -> float:
         """v += dt/2 a under the loads at a time [s], of a jump just after or just before it; the loads' work [J]."""
         body = self.body
-        motion = (body.velocity, body.engine.force[: body.owned], body.mass, body.share)
+        motion = (body.particles.storage("velocity"), body.engine.force, body.mass, body.share)
         loads = self._accelerations(time, not after_jump)
-        return kernels.kick(body.dimension, 0.5 * step, *motion, loads, self.clamp)
+        return self._kick(body.dimension, 0.5 * step, *motion, loads, self.clamp)
 
     def new_positions(self, time: float, step: float) -> None:
         """u += dt v_h, or as guided; x = X + u."""
         body, rows = self.body, self.body.particles.owned_rows
-        kernels.drift(
-            body.dimension, step, body.velocity, rows("reference_position"), body.engine.displacement, rows("position")
-        )
+        moved = (rows("reference_position"), body.engine.displacement, rows("position"))
+        self._drift(body.dimension, step, body.particles.storage("velocity"), *moved)
         if len(body.loads.entries[0]):
             body.loads.move(time, step, body.displacement)
             body.place()

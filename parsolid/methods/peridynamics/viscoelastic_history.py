@@ -9,6 +9,7 @@ must be evaluated anew.
 import numpy as np
 
 from decomposition.compiled import compiled
+from decomposition.recalled import RecalledEach
 from parsolid.materials.hyperelastic.law import elastic_moduli
 from parsolid.materials.viscoelastic.prony import Prony, branch_weights, dissipation_weights
 from parsolid.particles.declaration import Field
@@ -100,6 +101,8 @@ class ViscoelasticHistory:
             declare(Field("branch_forces", branches * d, "N", **kept))
         self.factor = np.ones(engine.owned)
         self.step: float | None = None
+        # weights are others at every step
+        self._propose, self._settle = RecalledEach(propose, free=(3,)), RecalledEach(settle, free=(3, 4))
         self.begin(0.0)
 
     @property
@@ -123,7 +126,9 @@ class ViscoelasticHistory:
         return self._of_branches("branch_forces")
 
     def _of_branches(self, name: str) -> np.ndarray:
-        return self.particles.owned_rows(name) if self.branches else np.zeros((self.engine.owned, 0))
+        if self.branches:
+            return self.particles.owned_rows(name)
+        return self.particles.kept(("no branches",), lambda: np.zeros((self.engine.owned, 0)))
 
     def _branch(self, values: np.ndarray, number: int) -> np.ndarray:
         """The columns (owned, d) of a branch in `terms` or `forces`."""
@@ -145,7 +150,8 @@ class ViscoelasticHistory:
         self.begin(step)
         engine = self.engine
         for (first, last, ratios, _), weights in zip(self.series, self.weights):
-            propose(first, last, ratios, weights, engine.displacement, self.old, self.terms, engine.field)
+            arrays = (engine.displacement, self.old, self.terms, engine.field)
+            self._propose(first, first, last, ratios, weights, *arrays)
 
     def internal_force(self, step: float) -> np.ndarray:
         """Force (owned, d) [N] after a step [s] from the settled state to the engine's displacement."""
@@ -159,7 +165,8 @@ class ViscoelasticHistory:
         self.begin(step)
         engine, dissipated = self.engine, 0.0
         for (first, last, ratios, _), weights, shares in zip(self.series, self.weights, self.shares):
-            dissipated += settle(
+            dissipated += self._settle(
+                first,
                 first,
                 last,
                 ratios,

@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from decomposition.recalled import Recalled, RecalledEach
 from parsolid.collective import anywhere, maximum, minimum
-from parsolid.materials.blocks import MaterialBlock, material_blocks
+from parsolid.materials.blocks import MaterialBlock, block_numbers, material_blocks
 from parsolid.materials.hyperelastic.law import isotropic_shear_modulus
 from parsolid.materials.registry import laws_of
 from parsolid.methods.protocol import ParticleSystem
@@ -22,6 +23,7 @@ from parsolid.pairs.smoothed_weights import SmoothedWeights
 from parsolid.pairs.smoothing import smoothing_kernel
 from parsolid.pairs.terms import DirectionalShear, LinearReconstruction, RiemannDissipation
 from parsolid.particles.container import Particles
+from parsolid.particles.declaration import Field
 from parsolid.scene import initial_deformation_gradient, initial_displacement, initial_velocity
 from parsolid.solvers.runge_kutta import SSP_RK3, Stage
 
@@ -38,28 +40,30 @@ class TotalLagrangianSPH(ParticleSystem):
         self.comm, self.settings = comm, scene.method
         self.owned, self.dimension = particle_set.position.shape
         self.space = layout.LAYOUT[self.dimension]
-        self.blocks, _ = material_blocks(laws_of(scene), particle_set.body)
-        self.particles = Particles(particle_set.body)
+        laws = laws_of(scene)
+        self.blocks, density = material_blocks(laws, particle_set.body)
+        self.particles = Particles(particle_set.body, block_numbers(laws, np.arange(len(laws)))[1])
+        # of each block, as its law is; what a stage does is other numbers at every call
+        self._advance_strain = RecalledEach(advance_deformation, free=(5, 6))
+        self._advance_motion = Recalled(motion.advance_motion, free=(2,))
         self.boundaries = build_boundaries(comm, scene, particle_set, self.particles)
-        self.share = self.boundaries.share
+        share = self.boundaries.share
         self.branches = maximum(comm, max((block.branches for block in self.blocks), default=0))
         self.pairs = self._pair_system(particle_set)
-        state.declare_constants(self.particles, particle_set)
-        state.declare_motion(self.particles, particle_set.position)
+        state.declare_motion(self.particles, particle_set)
         state.declare_strain(self.particles, self.dimension, self.branches)
+        volume = particle_set.volume / share
+        self.particles.declare(Field("mass", 1, "kg"), volume * density)
+        self.particles.declare(Field("share", 1, "1"), share)
         metric = metrics(particle_set.spacing, particle_set.axes, self.settings.smoothing)
-        volume = particle_set.volume / self.share
         self.pairs.rebuild(particle_set.position, particle_set.body, metric, volume)
-        self.mass = np.array(volume)
-        for block in self.blocks:
-            self.mass[block.first : block.last] *= block.law.density
         # the narrowest spacing of all ranks bounds the step (79), so that it does not depend on their number
         self.spacing = minimum(comm, float(particle_set.spacing.min(initial=np.inf)))
 
     def _pair_system(self, particle_set: Any) -> PairSystem:
         settings, boundaries, surface = self.settings, self.boundaries, None
         if settings.pair_correction == "closure":
-            surface = (surface_area(self.comm, particle_set, boundaries.planes), self.share)
+            surface = (surface_area(self.comm, particle_set, boundaries.planes), boundaries.share)
         weights = SmoothedWeights(smoothing_kernel(settings.kernel), float(settings.dissipation), surface)
         return PairSystem(self.comm, self.particles, self.space, weights, self._terms(), boundaries.codes)
 
@@ -124,6 +128,16 @@ class TotalLagrangianSPH(ParticleSystem):
         return (columns @ L.swapaxes(1, 2) / volume).reshape(self.owned, d * d)
 
     @property
+    def mass(self) -> np.ndarray:  # type: ignore[override]
+        """rho V (owned,) [kg], of the whole particle where it lies on a mirror plane."""
+        return self.particles.owned_rows("mass")
+
+    @property
+    def share(self) -> np.ndarray:  # type: ignore[override]
+        """The part (owned,) of a particle on this side of mirror planes."""
+        return self.particles.owned_rows("share")
+
+    @property
     def kinematics(self) -> np.ndarray:
         """v, x and X, as kernels take them."""
         return self.particles.storage("kinematics")
@@ -142,8 +156,8 @@ class TotalLagrangianSPH(ParticleSystem):
 
     def body_of(self, block: MaterialBlock) -> state.Body:
         """The particle arrays as a block's law sees them."""
-        body = state.body_of(self.particles)
-        return body if block.branches else body._replace(branches=None)
+        branches = bool(block.branches)
+        return self.particles.kept(("body", branches), lambda: state.body_of(self.particles, branches))
 
     def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """One step, stage by stage of the integrator, as eqs (70)-(77) say."""
@@ -167,8 +181,8 @@ class TotalLagrangianSPH(ParticleSystem):
         for block in self.blocks:
             to_stage = block.relaxation(stage.time * step)
             relaxation = Relaxation(to_stage, block.relaxation(step) if stage.last else to_stage)
-            positive, rate, modulus = advance_deformation(
-                *self.part(block), self.pairs.terms, stage.update(step), relaxation, self.body_of(block)
+            positive, rate, modulus = self._advance_strain(
+                block.first, *self.part(block), self.pairs.terms, stage.update(step), relaxation, self.body_of(block)
             )
             sound, dissipation = sound and positive, dissipation + rate
             stable = min(stable, self._group_step(block, modulus) if modulus > 0.0 else 0.0)
@@ -176,14 +190,15 @@ class TotalLagrangianSPH(ParticleSystem):
 
     def advance_motion(self, stage: Stage, time: float, step: float) -> tuple[float, float]:
         """v and x of a stage; (numerical dissipation rate, external power) [W]."""
-        boundaries, stored = self.boundaries, self.particles.storage
+        boundaries, stored, mass, share = self.boundaries, self.particles.storage, self.mass, self.share
         loads = boundaries.loads_at(time + stage.time * step)
-        held = boundaries.prescribed_power(self.kinematics, stored("pair_force"), self.mass, self.share, loads)
-        arrays = map(stored, ("kinematics", "motion_at_start", "pair_force", "pair_sums"))
-        dissipation, power = motion.advance_motion(
-            self.space, self.owned, stage.update(step), *arrays, self.mass, self.share, loads, boundaries.clamp
+        kinematics, force = stored("kinematics"), stored("pair_force")
+        held = boundaries.prescribed_power(kinematics, force, mass, share, loads)
+        arrays = (kinematics, stored("motion_at_start"), force, stored("pair_sums"))
+        dissipation, power = self._advance_motion(
+            self.space, self.owned, stage.update(step), *arrays, mass, share, loads, boundaries.clamp
         )
-        boundaries.prescribe(time + stage.next_time * step, self.kinematics)
+        boundaries.prescribe(time + stage.next_time * step, kinematics)
         return dissipation, held + power
 
     def prescribed_energy_gain(self) -> float:
@@ -245,8 +260,8 @@ class TotalLagrangianSPH(ParticleSystem):
         return {"ghosts": self.particles.ghosts, "interactions": self.pairs.directed_pairs}
 
     def arrays(self) -> list[np.ndarray]:
-        """Masses and pair lists."""
-        return [self.mass, self.share, *self.pairs.arrays()]
+        """Pair lists."""
+        return self.pairs.arrays()
 
     def bytes_a_step(self) -> int:
         """Motion and records, in every stage."""
