@@ -7,7 +7,7 @@ import numpy as np
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, block_numbers
 from parsolid.materials.registry import laws_of
-from parsolid.methods.protocol import Announce, EnergyLedger, ParticleSystem
+from parsolid.methods.protocol import Announce, EnergyLedger
 from parsolid.methods.ulsph import kinematics as motion
 from parsolid.methods.ulsph import passes
 from parsolid.methods.ulsph.boundaries import BoundarySet
@@ -36,7 +36,7 @@ from parsolid.scene import Scene, initial_displacement, initial_temperature, ini
 _TRUST = 0.3
 
 
-class UpdatedLagrangianSPH(ParticleSystem):
+class UpdatedLagrangianSPH(PairMethod):
     """The method on one rank; arrays as `terms` and `fields` say.
 
     trust: least determinant and diagonal of a moment that is inverted; heating: `terms.Warming` where viscous heat
@@ -291,20 +291,6 @@ class UpdatedLagrangianSPH(ParticleSystem):
         if not self.settings.viscosity:
             hints.append("method.viscosity (there is none)")
         return ", or ".join([*hints, "more particles", "a milder load"])
-
-    @property
-    def directed_pairs(self) -> int:  # type: ignore[override]
-        """Interactions listed, those within the skin as well, counted once a particle."""
-        return self.pairs.directed_pairs
-
-    @property
-    def communication_seconds(self) -> float:  # type: ignore[override]
-        """Spent on sending and receiving."""
-        return self.particles.communication_seconds
-
-    def numbers(self) -> dict[str, int]:
-        """Ghosts and listed interactions."""
-        return {"ghosts": self.particles.ghosts, "interactions": self.pairs.directed_pairs}
 
     def arrays(self) -> list[np.ndarray]:
         """Pair lists."""
