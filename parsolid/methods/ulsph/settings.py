@@ -44,6 +44,7 @@ class UpdatedLagrangianSPH(MethodSettings):
     extra_quantities: ClassVar = {
         "maximum_temperature": "scalar",
         "maximum_plastic_strain": "scalar",
+        "maximum_deviator_norm": "scalar",
         "mean_plastic_strain": "scalar",
         "micro_kinetic": "scalar",
         "heat": "scalar",
