@@ -162,7 +162,7 @@ def advance_state(space, first, last, law, increments, carried, trust, body):
             store_first(row, 0, i, value, count)
         direction = (1.0 / max(trial_tau, 1e-300)) * trial
         store_number(body.micro_curl, i, _curl_after(curl, gradient, direction, step), count)
-        p = pressure(law, density * (1.0 / law.density))
+        p = pressure(law, density / law.density)
         P = (1.0 / (density * density)) * ((deviator - p * I) @ B)
         store_stress_record(space, body.record, i, P, density, new_rate, temperature, broadcast(speed_of_sound(law)))
         valid, volume = float(count) - from_floats(0.5, 1.5, 2.5, 3.5), mass / middle
@@ -259,7 +259,7 @@ def energies(space, first, last, law, body):
         volume = load(body.mass, 0, i) / density
         rate, flux = load(body.micro_rate, 0, i), load_vector(body.energetic_flux, i, space)
         elastic = deviatoric_energy(law, math.sqrt(contract(S, S)))
-        elastic = elastic + density * volumetric_energy(law, density * (1.0 / law.density)) + gradient_energy(law, flux)
+        elastic = elastic + density * volumetric_energy(law, density / law.density) + gradient_energy(law, flux)
         valid = float(count) - from_floats(0.5, 1.5, 2.5, 3.5)
         kinetic = kinetic + choose(valid, volume * micro_kinetic_energy(law, density, rate), 0.0)
         stored = stored + choose(valid, volume * elastic, 0.0)
