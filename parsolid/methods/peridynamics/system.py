@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.methods.pair_method import PairMethod
+from parsolid.methods.paired import PairedSystem
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
 from parsolid.methods.peridynamics.fracture import fracture_of
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
@@ -23,7 +23,7 @@ from parsolid.scene import initial_displacement, initial_velocity
 TIME_SOLVERS = {"explicit": VelocityVerlet, "quasi-static": QuasiStatic}
 
 
-class Peridynamics(PairMethod):
+class Peridynamics(PairedSystem):
     """The method on one rank. Bars lie in the plane."""
 
     even_steps = True
@@ -174,10 +174,6 @@ class Peridynamics(PairMethod):
     def exchanged_records(self) -> dict[str, int]:
         """The record of the second pass and the relaxing displacement."""
         return {"second-pass record": self.engine.record.shape[1], "relaxing displacement": self.dimension}
-
-    def arrays(self) -> list[np.ndarray]:
-        """Bond lists."""
-        return self.bond_system.arrays()
 
     def bytes_a_step(self) -> int:
         """Fields and records."""

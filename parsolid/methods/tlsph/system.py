@@ -9,7 +9,7 @@ from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, block_numbers, material_blocks
 from parsolid.materials.hyperelastic.law import isotropic_shear_modulus
 from parsolid.materials.registry import laws_of
-from parsolid.methods.pair_method import PairMethod
+from parsolid.methods.paired import PairedSystem
 from parsolid.methods.tlsph import momentum as motion
 from parsolid.methods.tlsph import state
 from parsolid.methods.tlsph.boundaries import build_boundaries
@@ -28,10 +28,9 @@ from parsolid.scene import initial_deformation_gradient, initial_displacement, i
 from parsolid.solvers.runge_kutta import SSP_RK3, Stage
 
 
-class TotalLagrangianSPH(PairMethod):
+class TotalLagrangianSPH(PairedSystem):
     """The method on one rank. Arrays are laid out as `numerics.layout` and `pairs.passes` say."""
 
-    pairs: PairSystem
     stages = SSP_RK3
     evaluations = len(SSP_RK3)
 
@@ -235,10 +234,6 @@ class TotalLagrangianSPH(PairMethod):
             hints.append("method.dissipation = 1 (there is none)")
         hints.append("more particles where the body is crushed" if settings.cfl <= 0.9 else "more particles")
         return ", or ".join([*hints, "a milder load"])
-
-    def arrays(self) -> list[np.ndarray]:
-        """Pair lists."""
-        return self.pairs.arrays()
 
     def bytes_a_step(self) -> int:
         """Motion and records, in every stage."""

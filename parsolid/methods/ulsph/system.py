@@ -7,7 +7,7 @@ import numpy as np
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, block_numbers
 from parsolid.materials.registry import laws_of
-from parsolid.methods.pair_method import PairMethod
+from parsolid.methods.paired import PairedSystem
 from parsolid.methods.protocol import Announce, EnergyLedger
 from parsolid.methods.ulsph import kinematics as motion
 from parsolid.methods.ulsph import passes
@@ -37,7 +37,7 @@ from parsolid.scene import Scene, initial_displacement, initial_temperature, ini
 _TRUST = 0.3
 
 
-class UpdatedLagrangianSPH(PairMethod):
+class UpdatedLagrangianSPH(PairedSystem):
     """The method on one rank; arrays as `terms` and `fields` say.
 
     trust: least determinant and diagonal of a moment that is inverted; heating: `terms.Warming` where viscous heat
@@ -68,7 +68,8 @@ class UpdatedLagrangianSPH(PairMethod):
             self.viscosity = ArtificialViscosity(float(given.linear), float(given.quadratic), float(given.softening))
         skin = (float(settings.skin), self.boundaries.codes, float(settings.rebalance))
         self.pairs = MovingPairs(comm, particles, self.space, self.kernel.support, *skin)
-        self.supplied, self.lists_state = 0.0, None
+        self.supplied = 0.0
+        self.lists_state: dict[str, Any] | None = None
 
     def _declare_constants(self, comm: Any, particle_set: ParticleSet, density: np.ndarray) -> None:
         """Mass, smoothing length and, where bodies meet, the number of the body, known to ghosts."""
@@ -262,16 +263,6 @@ class UpdatedLagrangianSPH(PairMethod):
         bounds = self.particles.bounds.tolist()
         return [MaterialBlock(a, b, law) for a, b, law in zip(bounds, bounds[1:], self.laws) if b > a]
 
-    @property
-    def mass(self) -> np.ndarray:  # type: ignore[override]
-        """Mass [kg] (rows,)."""
-        return self.particles["mass"]
-
-    @property
-    def share(self) -> np.ndarray:  # type: ignore[override]
-        """No particle lies on a mirror plane."""
-        return np.ones(self.owned)
-
     def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
         """Cauchy stress (n, 3, 3) [Pa], Jacobian (n,)."""
         return shown(self, name, first, last)
@@ -292,10 +283,6 @@ class UpdatedLagrangianSPH(PairMethod):
         if not self.settings.viscosity:
             hints.append("method.viscosity (there is none)")
         return ", or ".join([*hints, "more particles", "a milder load"])
-
-    def arrays(self) -> list[np.ndarray]:
-        """Pair lists."""
-        return self.pairs.arrays()
 
     def bytes_a_step(self) -> int:
         """Two messages a step; particles that change their rank come on top."""

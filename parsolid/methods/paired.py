@@ -1,23 +1,27 @@
-"""What methods have in common whose particles act on one another in pairs."""
+"""What all methods have that walk lists of pairs."""
+
+from typing import Any
 
 import numpy as np
 
 from parsolid.methods.protocol import ParticleSystem
-from parsolid.pairs.pair_lists import PairLists
 
 
-class PairMethod(ParticleSystem):
-    """A method with pair lists, whose particles have the fields "mass" [kg] and "share"."""
+class PairedSystem(ParticleSystem):
+    """A method whose particles act on one another in pairs of lists.
 
-    pairs: PairLists
+    Set by the method: pairs, and the fields "mass" [kg] and "share" of its particles.
+    """
+
+    pairs: Any  # of its own kind of `pairs.pair_lists.PairLists`
 
     @property
-    def mass(self) -> np.ndarray:  # type: ignore[override]
+    def mass(self) -> np.ndarray:
         """Mass (owned,) [kg], of the whole particle where it lies on a mirror plane."""
         return self.particles.owned_rows("mass")
 
     @property
-    def share(self) -> np.ndarray:  # type: ignore[override]
+    def share(self) -> np.ndarray:
         """The part (owned,) of a particle on this side of mirror planes."""
         return self.particles.owned_rows("share")
 
@@ -26,11 +30,10 @@ class PairMethod(ParticleSystem):
         """Interactions counted once a particle."""
         return self.pairs.directed_pairs
 
-    @property
-    def communication_seconds(self) -> float:  # type: ignore[override]
-        """Spent on sending and receiving."""
-        return self.particles.communication_seconds
-
     def numbers(self) -> dict[str, int]:
         """Ghosts and interactions."""
         return {"ghosts": self.particles.ghosts, "interactions": self.pairs.directed_pairs}
+
+    def arrays(self) -> list[np.ndarray]:
+        """Pair lists."""
+        return self.pairs.arrays()
