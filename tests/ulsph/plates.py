@@ -8,9 +8,8 @@ from solids import simulation
 STEEL = {"kind": "micro-inertia", "library": "4340 steel, Rahaman"}
 # all optional terms, with lengths that a spacing of a few tenths of a millimetre sees
 EVERYTHING = STEEL | {"energetic_length": 1e-3, "hardening_length": 1e-4, "dissipative_length": 1e-4}
-CLASSICAL = STEEL | {
-    key: 0.0
-    for key in (
+CLASSICAL = STEEL | dict.fromkeys(
+    (
         "energetic_length",
         "hardening_length",
         "dissipative_length",
@@ -19,8 +18,9 @@ CLASSICAL = STEEL | {
         "flux_relaxation_time",
         "heat_relaxation_time",
         "conductivity",
-    )
-}
+    ),
+    0.0,
+)
 
 
 def block(particles, upper, material=STEEL, lower=None, **keys) -> dict:
@@ -32,7 +32,11 @@ def block(particles, upper, material=STEEL, lower=None, **keys) -> dict:
 
 def scene(*bodies, end_time=1e-5, method=None, **rest) -> dict:
     """Raw tables of a scene."""
-    tables = {"dimension": len(bodies[0]["particles"]), "end_time": end_time, "method": {"kind": "ulsph"} | (method or {})}
+    tables = {
+        "dimension": len(bodies[0]["particles"]),
+        "end_time": end_time,
+        "method": {"kind": "ulsph"} | (method or {}),
+    }
     return copy.deepcopy(tables | {"bodies": list(bodies)} | rest)
 
 
@@ -40,7 +44,9 @@ def impact(across=21, along=71, speed=208.0, material=STEEL, **keys) -> dict:
     """The paper's impact: two bars 25.4 x 7.62 mm end on."""
     length, width = 25.4e-3, 7.62e-3
     left = block([along, across], [length, width], material, velocity=[str(speed), 0.0], name="left")
-    right = block([along, across], [2 * length, width], material, [length, 0.0], velocity=[str(-speed), 0.0], name="right")
+    right = block(
+        [along, across], [2 * length, width], material, [length, 0.0], velocity=[str(-speed), 0.0], name="right"
+    )
     return scene(left, right, **keys)
 
 

@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
-from ulsph.plates import EVERYTHING, block, randomized, scene
+from ulsph.plates import EVERYTHING, block, evaluate, randomized, scene
+
+from parsolid.methods.ulsph.terms import GradientCorrection
 
 SPACE = {"energetic_length": 1e-2, "dissipative_length": 1e-2, "hardening_length": 1e-3}
 
@@ -15,7 +17,9 @@ def jittered(dimension, bodies=1):
         return scene(first)
     lower, higher = [0.0] * dimension, list(upper)
     lower[0], higher[0] = upper[0], 2 * upper[0]
-    return scene(first, block(count, higher, EVERYTHING | SPACE, lower, jitter=0.2, seed=4), method={"contact": "welded"})
+    return scene(
+        first, block(count, higher, EVERYTHING | SPACE, lower, jitter=0.2, seed=4), method={"contact": "welded"}
+    )
 
 
 def total(comm, value):
@@ -70,12 +74,10 @@ def test_power_closes(dimension, bodies, comm):
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_momentum_and_angular_momentum(dimension, comm):
-    """Forces add up to nothing, and so do their moments, where every particle has its correction."""
+    """Forces add up to nothing, and so do their moments, at corners with few neighbours too."""
     sim, d = randomized(jittered(dimension), comm)
     rows = sim.systems[0].particles.owned_rows
     F, x = rows("force_sums")[:, :d], rows("position")
-    B = corrections(sim.systems[0])
-    assert not total(comm, (B == np.eye(d)).all(axis=(1, 2)).sum())
     assert np.abs(total(comm, F.sum(axis=0))).max() < 1e-12 * total(comm, np.abs(F).sum())
     moment = np.cross(x, F) if d == 3 else x[:, 0] * F[:, 1] - x[:, 1] * F[:, 0]
     size = total(comm, (np.linalg.norm(x, axis=1) * np.linalg.norm(F, axis=1)).sum())
@@ -86,6 +88,7 @@ def test_momentum_and_angular_momentum(dimension, comm):
 def test_gradients_of_linear_fields_are_exact(dimension, comm):
     sim, d = randomized(jittered(dimension), comm)
     system = sim.systems[0]
+    system.correction = GradientCorrection(1e-3)
     rows, x = system.particles.owned_rows, system.particles.owned_rows("position")
     L = np.random.default_rng(1).uniform(-1.0, 1.0, (d, d))
     rows("velocity")[:] = x @ L.T
@@ -105,6 +108,8 @@ def test_rigid_rotation_has_no_strain(comm):
     data = scene(block([8, 8], [8e-3, 8e-3]), end_time=1e-6)
     sim, _ = randomized(data, comm)
     system, rate = sim.systems[0], 2e4
+    system.correction = GradientCorrection(1e-3)
+    evaluate(system)
     rows = system.particles.owned_rows
     rows("velocity")[:] = rate * (rows("position") - 4e-3) @ np.array([[0.0, 1.0], [-1.0, 0.0]])
     before, step = rows("deviator").copy(), 1e-6
