@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from parsolid.methods.tlsph.moved import Moved
 from parsolid.numerics.layout import BRANCH_ROWS, DEFORMATION_ROWS
 from parsolid.pairs.terms import KINEMATICS
 from parsolid.particles.container import Particles
@@ -18,7 +19,7 @@ class Body(NamedTuple):
     """Arrays of a rank's particles, see `numerics.layout`; branches is None without Maxwell branches.
 
     volume, tributary: (1, capacity), the particle's volume in the pair sums and its share of the body; sums, record:
-    `pairs.passes`.
+    `pairs.passes`; moved is None where the reference is fixed.
     """
 
     deformation: np.ndarray
@@ -29,13 +30,14 @@ class Body(NamedTuple):
     tributary: np.ndarray
     sums: np.ndarray
     record: np.ndarray
+    moved: Moved | None
 
 
-def body_of(particles: Particles) -> Body:
+def body_of(particles: Particles, moved: Moved | None = None) -> Body:
     """The arrays that the kernels of strain and stress take."""
     names = ("strain", "strain_at_start", "branches", "correction", "pair_volume", "volume", "pair_sums", "record")
     storages: list[Any] = [particles.storage(name) if name in particles else None for name in names]
-    return Body(*storages)
+    return Body(*storages, moved)
 
 
 def declare_constants(particles: Particles, particle_set: Any) -> None:
@@ -49,12 +51,15 @@ def declare_constants(particles: Particles, particle_set: Any) -> None:
     particles.declare(Field("area", d, "m^2", checkpointed=True), particle_set.area)
 
 
-def declare_motion(particles: Particles, position: np.ndarray) -> None:
-    """v, x and X at rest; ghosts take v and x with the message "motion"."""
+def declare_motion(particles: Particles, position: np.ndarray, fixed: bool) -> None:
+    """v, x and X at rest; ghosts take v and x with the message "motion".
+
+    fixed: whether X is the reference that the passes read.
+    """
     d = position.shape[1]
     at = KINEMATICS[d]
     role: dict[str, Any] = {"ghosts": "forward", "message": "motion", "checkpointed": True, "shown": True}
-    place = Within("kinematics", at.reference)
+    place = Within("kinematics", at.reference) if fixed else Rows()
     particles.declare(
         Field("reference_position", d, "m", ghosts="forward", message="reference", checkpointed=True, layout=place),
         position,
