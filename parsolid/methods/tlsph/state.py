@@ -37,7 +37,7 @@ def body_of(particles: Particles, moved: Moved | None = None) -> Body:
     """The arrays that the kernels of strain and stress take."""
     names = ("strain", "strain_at_start", "branches", "correction", "pair_volume", "volume", "pair_sums", "record")
     storages: list[Any] = [particles.storage(name) if name in particles else None for name in names]
-    return Body(*storages, moved)
+    return Body(*storages, moved)  # type: ignore[call-arg]
 
 
 def declare_constants(particles: Particles, particle_set: Any) -> None:

@@ -94,11 +94,11 @@ class UpdatedReference(FixedReference):
 
     @property
     def asks(self) -> bool:  # type: ignore[override]
-        """Whether this rank's particles are distorted beyond the limit, or no longer numbers."""
+        """Whether this rank's particles are distorted beyond the limit."""
         if self.limit is None:
             return False
         strain, inverse = self.particles.storage("strain"), self.particles.storage("inverse")
-        return not largest_distortion(self.pairs.space, self.particles.owned, strain, inverse) <= self.limit
+        return bool(largest_distortion(self.pairs.space, self.particles.owned, strain, inverse) > self.limit)
 
     def follow(self, asked: bool) -> bool:
         """Before a step: move the reference when it is due; asked: whether any rank `asks`. False with a `fault` when
