@@ -6,9 +6,11 @@ from solids import (
     ONE_BRANCH,
     RUBBER,
     SOFT,
+    Record,
     column,
     evaluate,
     evolved,
+    follow,
     gathered,
     punch,
     random_of,
@@ -20,6 +22,7 @@ from solids import (
 
 from parsolid.methods.tlsph.smoothed_places import smoothed
 from parsolid.scene import SceneError, parse_scene
+from parsolid.simulation.loop import RunFailed
 
 RATE = np.array([[0.3, 0.5, -0.2], [0.1, -0.4, 0.3], [0.2, 0.1, 0.5]])
 EVERY_STEP, NOW_AND_THEN = ({"reference": "updated", "update_every": steps} for steps in (1, 3))
@@ -209,6 +212,15 @@ def test_runs_with_updates_do_not_depend_on_the_ranks(scene, way, comm):
     names = evolved(one.systems[0].particles)
     for name, field, wanted in zip(names, gathered(many, *names), gathered(one, *names)):
         np.testing.assert_allclose(field, wanted, rtol=0.0, atol=1e-9 * np.abs(wanted).max(), err_msg=name)
+
+
+def test_a_reference_that_cannot_be_moved_ends_the_run_on_all_ranks(comm):
+    sim = simulation(punch(method=EVERY_STEP), comm)
+    rows = sim.systems[0].particles.owned_rows
+    rows("deformation_gradient")[rows("identifier") == 40] = [1.0, 0.0, 0.0, -1.0]
+    with pytest.raises(RunFailed, match="the reference could not be moved: det F is no longer J") as error:
+        follow(sim, Record(), 5)
+    assert sim.clock.step == 2 and set(comm.allgather(str(error.value))) == {str(error.value)}
 
 
 REFUSED = {
