@@ -91,3 +91,29 @@ def declare_strain(particles: Particles, dimension: int, branches: int) -> None:
         for alpha in range(branches):
             place = Within("branches", alpha * rows)
             particles.declare(Field(f"viscous_strain_inverse_{alpha + 1}", rows, "1", **role, layout=place), rest)
+
+
+class FixedReference:
+    """The original configuration, for ever; what a reference is asked for, see `updated_reference`."""
+
+    moved: Moved | None = None
+    fault: str | None = None
+    asks = False
+
+    def follow(self, asked: bool) -> bool:
+        """Before a step; True."""
+        return True
+
+    def state(self) -> dict[str, int]:
+        """Nothing."""
+        return {}
+
+    def set_state(self, state: dict[str, int]) -> None:
+        """Nothing."""
+
+    def resume(self) -> None:
+        """Nothing."""
+
+    def summary(self) -> dict[str, Any]:
+        """Nothing."""
+        return {}

@@ -17,6 +17,7 @@ from parsolid.collective import SolverError, anywhere
 from parsolid.methods.tlsph.boundaries import BoundarySet
 from parsolid.methods.tlsph.moved import Moved, largest_distortion
 from parsolid.methods.tlsph.smoothed_places import gradient_of, smoothed
+from parsolid.methods.tlsph.state import FixedReference
 from parsolid.pairs.candidates import metrics
 from parsolid.pairs.pair_system import PairSystem
 from parsolid.pairs.terms import KINEMATICS
@@ -26,32 +27,6 @@ _POSITION, _GRADIENT = "updated_reference_position", "updated_reference_gradient
 # det F over J, evolved apart, where they have nothing to do with each other any more
 _ASTRAY = 0.1
 _METRIC, _VOLUME = "updated_reference_metric", "updated_reference_volume"
-
-
-class FixedReference:
-    """The original configuration, for ever."""
-
-    moved: Moved | None = None
-    fault: str | None = None
-    asks = False
-
-    def follow(self, asked: bool) -> bool:
-        """Before a step; True."""
-        return True
-
-    def state(self) -> dict[str, int]:
-        """Nothing."""
-        return {}
-
-    def set_state(self, state: dict[str, int]) -> None:
-        """Nothing."""
-
-    def resume(self) -> None:
-        """Nothing."""
-
-    def summary(self) -> dict[str, Any]:
-        """Nothing."""
-        return {}
 
 
 class UpdatedReference(FixedReference):
