@@ -12,6 +12,7 @@ import numpy as np
 from mpi4py import MPI
 
 from . import Halo, bisect, half_pairs, migrate, order_along_cells, ordered_sum
+from .close_pairs import ClosePairs
 from .exchange import Exchange
 
 _REACH = 2.4
@@ -83,6 +84,8 @@ def main() -> None:
     halo = report("Halo.plan", lambda: Halo.plan(comm, points, _REACH))
     everywhere = np.concatenate((points, halo.ghost_positions()))
     start, neighbour = report("half_pairs", lambda: half_pairs(everywhere, halo.owned, _REACH))
+    search, radius = ClosePairs(), np.full(len(everywhere), 0.5 * _REACH)
+    report("ClosePairs.find", lambda: search.find(everywhere, radius, halo.owned))
     report("ordered_sum", lambda: ordered_sum(comm, points[:, 0]))
     say(f"{len(neighbour)} pairs ({neighbour.nbytes / 2**20:.0f} MiB), {halo.ghosts} ghosts on rank 0")
     capacity = halo.owned + halo.ghosts

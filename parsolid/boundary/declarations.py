@@ -94,6 +94,13 @@ class SurfaceHeat(Declared):
     course: LoadHistory
 
 
+@dataclass(frozen=True)
+class HeldMicroVelocity(Declared):
+    """No micro-velocity in a region."""
+
+    name: ClassVar[str] = "a held micro-velocity"
+
+
 Some = TypeVar("Some", bound=Declared)
 
 
@@ -167,3 +174,7 @@ class Declarations:
     def heat_flux(self, where: Condition, course: LoadHistory) -> None:
         """Heat through the condition's plane."""
         self._add(SurfaceHeat(self._key, where, self._plane(where), course))
+
+    def hold_micro_velocity(self, where: Condition) -> None:
+        """No micro-velocity in the condition's region."""
+        self._add(HeldMicroVelocity(self._key, where))

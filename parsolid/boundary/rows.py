@@ -42,6 +42,24 @@ class Everywhere:
     rows = slice(None)
 
 
+class Components:
+    """Some components of particles' vectors, wherever the particles are."""
+
+    def __init__(self, particles: Particles, mask: np.ndarray):
+        """mask (owned, d) bool; all ranks choose alike."""
+        self.particles, self._layout, self._mask = particles, particles.layout, mask
+        self._chosen = [particles.selection(column) for column in mask.T]
+
+    @property
+    def mask(self) -> np.ndarray:
+        """(owned, d) bool."""
+        if self._layout != self.particles.layout:
+            self._layout, self._mask = self.particles.layout, np.zeros((self.particles.owned, len(self._chosen)), bool)
+            for i, one in enumerate(self._chosen):
+                self._mask[one.rows, i] = True
+        return self._mask
+
+
 def keep(particles: Particles, name: str, values: np.ndarray) -> OfRows:
     """Let values (owned,) or (owned, components) travel with their particles; gives them at rows."""
     particles.declare(Field(name, values.shape[1] if values.ndim > 1 else 1, "1"), values)

@@ -61,6 +61,13 @@ def build_parser(command: str) -> argparse.ArgumentParser:
     run.add_argument(
         "--restart", nargs="?", const="", metavar="FILE", help="continue from a checkpoint (default: the newest in DIR)"
     )
+    run.add_argument(
+        "--allow-change",
+        action="append",
+        default=[],
+        metavar="KEY.PATH",
+        help="let this key of the scene differ from that of the checkpoint",
+    )
     run.add_argument("--max-steps", type=whole_number, metavar="N", help="stop after so many steps")
     run.add_argument(
         "--wall-time", type=_seconds, metavar="S", help="write a checkpoint and stop after so many seconds"

@@ -2,12 +2,14 @@
 
 import time as clock
 from argparse import Namespace
+from contextlib import ExitStack
 from pathlib import Path
 
 from mpi4py import MPI
 
-from parsolid.collective import SolverError
+from parsolid.collective import SolverError, anywhere
 from parsolid.output.checkpoint import find_checkpoint
+from parsolid.output.directory import occupy
 from parsolid.output.errors import OutputError, together
 from parsolid.output.progress import Progress
 from parsolid.output.summary import provenance, write_summary
@@ -48,15 +50,30 @@ def run(comm: MPI.Intracomm, options: Namespace) -> int:
     began = clock.perf_counter()
     REQUEST.install()
     scene = load(comm, options)
-    try:
-        simulation, files, restart = _set_up(comm, scene, options)
-    except OutputError as error:
-        # a folder that cannot be written or a checkpoint that cannot be read is bad input
-        raise SolverError(str(error)) from error
+    with ExitStack() as kept:
+        try:
+            simulation, files, restart = _set_up(comm, scene, options, kept)
+        except OutputError as error:
+            # a folder that cannot be written or a checkpoint that cannot be read is bad input
+            raise SolverError(str(error)) from error
+        return _run_in(comm, simulation, files, restart, options, began)
+
+
+def _run_in(
+    comm: MPI.Intracomm,
+    simulation: Simulation,
+    files: OutputFiles,
+    restart: Restart | None,
+    options: Namespace,
+    began: float,
+) -> int:
+    """Run a simulation into its files; began: reading of the performance counter at the command's start [s]."""
+    scene = simulation.scene
     progress = None
     if comm.rank == 0:
         level = 0 if options.quiet else 2 if options.verbose else 1
-        for note in _advice(scene) if level else ():
+        notes = [*_advice(scene), *(restart.notes if restart else ())]
+        for note in notes if level else ():
             print(f"note: {note}", flush=True)
         progress = Progress(scene.title, scene.end_time, simulation.particles, level)
     watch = Recorder(simulation, files, progress)
@@ -68,15 +85,28 @@ def run(comm: MPI.Intracomm, options: Namespace) -> int:
     return _follow(comm, simulation, watch, limits)
 
 
-def _set_up(comm: MPI.Intracomm, scene: Scene, options: Namespace) -> tuple[Simulation, OutputFiles, Restart | None]:
-    """Simulation, files and restart (or None); nothing is written before the scene is known to be sound. Collective."""
+def _set_up(
+    comm: MPI.Intracomm, scene: Scene, options: Namespace, kept: ExitStack
+) -> tuple[Simulation, OutputFiles, Restart | None]:
+    """Simulation, files and restart (or None); nothing is written before the scene is known to be sound. Collective.
+
+    kept: gives the lock on the folder back when it is left.
+    """
     directory = Path(options.output or scene.output.directory)
-    restart = None
+    restart, lock = None, None
     if options.restart is not None:
-        restart = Restart(comm, Path(options.restart) if options.restart else find_checkpoint(directory, comm))
+        # before the checkpoint is read, so that no other run goes on from it or writes the next one
+        lock = occupy(comm, directory) if anywhere(comm, directory.is_dir()) else None
+        if lock is not None:
+            kept.callback(lock.release)
+        path = Path(options.restart) if options.restart else find_checkpoint(directory, comm)
+        restart = Restart(comm, path, tuple(options.allow_change))
+    elif options.allow_change:
+        raise SolverError(f"--allow-change {options.allow_change[0]}: expected --restart with it, found none")
     warm_up(comm, scene)
     simulation = Simulation(comm, scene, restart)
-    files = OutputFiles(comm, scene, directory, restart, _inputs(options, scene, restart))
+    files = OutputFiles(comm, scene, directory, restart, _inputs(options, scene, restart), lock)
+    kept.callback(files.close)
     with together(comm, f"cannot write {directory / 'scene.toml'}"):
         if comm.rank == 0:
             dump_scene(scene, files.directory / "scene.toml")

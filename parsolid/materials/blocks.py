@@ -7,6 +7,8 @@ import numpy as np
 
 from parsolid.materials.viscoelastic.maxwell import relaxation_weights
 
+_NO_BRANCHES = np.zeros((0, 3))
+
 
 @dataclass
 class MaterialBlock:
@@ -24,7 +26,7 @@ class MaterialBlock:
     def relaxation(self, step: float) -> np.ndarray:
         """Weights (branches, 3) of A_0, C_0^{-1}, C_1^{-1} over a time [s]."""
         if not self.branches:
-            return np.zeros((0, 3))
+            return _NO_BRANCHES
         return np.array([relaxation_weights(step, time) for time in self.law.relaxation_times])
 
 

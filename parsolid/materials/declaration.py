@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 # a declared class, which has its role and its kind
 Declared = Any
-Role = Literal["hyperelastic", "equation-of-state", "shear-modulus", "flow-stress", "melting"]
+Role = Literal["hyperelastic", "equation-of-state", "shear-modulus", "flow-stress", "melting", "micro-inertia"]
 ROLES: tuple[str, ...] = get_args(Role)
 NEEDED = object()
 ATOMIC_MASS_UNIT = 1.66053906660e-27

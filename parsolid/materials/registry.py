@@ -135,7 +135,7 @@ def from_text(path: str, name: str, text: str) -> Declared:
 
 def _complete(declared: Declared) -> None:
     """Raise LawError where the law lacks a function that kernels ask for, one of the names of each group."""
-    if not hasattr(declared, "_fields"):
+    if not hasattr(declared, "_fields") or declared.role not in _FUNCTIONS:
         return
     module, groups = _FUNCTIONS[declared.role]
     room = import_module(module)

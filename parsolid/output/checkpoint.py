@@ -1,9 +1,10 @@
 """Checkpoints: everything a run needs to go on, in one HDF5 file that is whole at every instant.
 
-Layout (format version 1):
+Layout (format version 2):
 
     /                      attributes format, version, complete (1 once everything is on the disk)
     /header                JSON text: what is not an array
+    /checksums             a digest of the rest of this text, a line's end, JSON: data set -> shape, type, checksum
     /particles/<field>     (N,) or (N, c), contiguous, the ranks' particles one rank after the other
     /ranks/offset          (ranks + 1,) int64: rank r wrote rows offset[r] to offset[r + 1]
     /particles_1/<field>, /ranks/offset_1 and so on, of further systems of particles
@@ -20,14 +21,16 @@ import h5py
 import numpy as np
 from mpi4py import MPI
 
+from parsolid.output.checksums import added, check_shapes, compare, digest, sound_header, stated_sums, sum_of_rows
 from parsolid.output.errors import OutputError, together, words
 from parsolid.output.slabs import SlabWriter, create_slab, flush_to_disk, open_serial, places, probe
 
 FORMAT = "parsolid checkpoint"
-VERSION = 1
+VERSION = 2
 DEFAULT_NAME = "checkpoint.h5"
 Header = dict[str, Any]
 Fields = dict[str, np.ndarray]
+Sums = dict[str, int]
 _KINDS = ("float64", "int64", "int32", "uint8")
 
 
@@ -72,11 +75,12 @@ def write_checkpoint(
     rows = [_row_count(comm, fields, values, doing) for fields in systems]
     offsets = np.zeros((len(systems), comm.size + 1), np.int64)
     offsets[:, 1:] = np.cumsum(comm.allgather(rows), axis=0).T
+    sums = _sums(comm, systems, offsets, values)
     laid = None
     with together(comm, doing):
         if comm.rank == 0:
             _finish_interrupted(path)
-            _lay_out(partial, header, systems, offsets, len(values))
+            _lay_out(partial, header, systems, offsets, len(values), sums)
             laid = places(partial)
     laid = comm.bcast(laid)
     with SlabWriter(comm, partial, laid, method) as writer:
@@ -93,34 +97,60 @@ def write_checkpoint(
 def read_header(path: Path | str) -> Header:
     """The header of a checkpoint; one rank alone may call it. Raises OutputError when the file is not whole."""
     with _open_whole(path) as file:
-        header: Header = json.loads(file["header"][()])
-        return header
+        return sound_header(file, stated_sums(file))
 
 
 def read_checkpoint(comm: MPI.Intracomm, path: Path | str) -> tuple[Header, list[Fields], np.ndarray]:
-    """Read a checkpoint: header, fields of each system, per-rank rows. Collective.
+    """Read a checkpoint and compare all of it with its checksums: header, fields of each system, per-rank rows.
 
-    On as many ranks as wrote it, every rank gets the rows that it wrote, in the same order; on another
+    Collective. On as many ranks as wrote it, every rank gets the rows that it wrote, in the same order; on another
     number, even contiguous shares (to be partitioned anew). fields: name -> (n,) or (n, c), C-contiguous.
     per-rank rows: (ranks that wrote, k) float64, all of them on every rank.
 
-    Raises OutputError on all ranks.
+    Raises OutputError on all ranks for a file that is not whole or in which anything is not as it was written.
     """
+    while True:
+        before = _identity(comm, path)
+        try:
+            return _read(comm, path)
+        except OutputError:
+            # a run that goes on may have put its next checkpoint there while some ranks read this one
+            if _identity(comm, path) == before:
+                raise
+
+
+def _identity(comm: MPI.Intracomm, path: Path | str) -> Any:
+    """What tells a file from another one that has taken its place; collective."""
+    found = None
+    if comm.rank == 0 and os.path.exists(path):
+        state = os.stat(path)
+        found = state.st_ino, state.st_mtime_ns
+    return comm.bcast(found)
+
+
+def _read(comm: MPI.Intracomm, path: Path | str) -> tuple[Header, list[Fields], np.ndarray]:
     layout = None
     doing = f"cannot read the checkpoint {path}"
     with together(comm, doing):
         if comm.rank == 0:
             with _open_whole(path) as file:
+                stated = stated_sums(file)
+                check_shapes(file, stated)
                 offsets = [file["ranks"][numbered("offset", i)][()] for i in range(_count_systems(file))]
-                layout = json.loads(file["header"][()]), offsets, file["ranks/values"][()]
-    header, offsets, values = comm.bcast(layout)
+                layout = sound_header(file, stated), offsets, file["ranks/values"][()], stated
+    header, offsets, values, stated = comm.bcast(layout)
+    sums = {"ranks/values": _part(comm, values, 0)}
+    sums |= {f"ranks/{numbered('offset', i)}": _part(comm, offset, 0) for i, offset in enumerate(offsets)}
     systems: list[Fields] = []
     with together(comm, doing), open_serial(path, "r") as file:
         for number, offset in enumerate(offsets):
             if len(offset) - 1 != comm.size:
                 offset = np.array([offset[-1] * rank // comm.size for rank in range(comm.size + 1)])
-            here = slice(offset[comm.rank], offset[comm.rank + 1])
-            systems.append({name: rows[here] for name, rows in file[numbered("particles", number)].items()})
+            first, last = (int(end) for end in offset[comm.rank : comm.rank + 2])
+            group = numbered("particles", number)
+            systems.append({name: rows[first:last] for name, rows in file[group].items()})
+            sums |= {f"{group}/{name}": sum_of_rows(rows, first) for name, rows in systems[-1].items()}
+    compare(stated, added(comm, sums), path)
     return header, systems, values
 
 
@@ -170,8 +200,8 @@ def _open_whole(path: Path | str) -> h5py.File:
         raise OutputError(f"{path.name}: not a whole HDF5 file ({words(error)})") from error
     if found != FORMAT:
         fault = f"not a checkpoint (format: expected {FORMAT!r}, found {found!r})"
-    elif version > VERSION:
-        fault = f"written by a newer parsolid (version: expected at most {VERSION}, found {version})"
+    elif version != VERSION:
+        fault = f"written by another parsolid (version: expected {VERSION}, found {version})"
     elif complete != 1:
         fault = "not written to its end"
     else:
@@ -200,9 +230,12 @@ def _row_count(comm: MPI.Intracomm, fields: Fields, values: np.ndarray, doing: s
     return counts.pop()
 
 
-def _lay_out(partial: Path, header: Header, systems: Sequence[Fields], offsets: np.ndarray, values: int) -> None:
+def _lay_out(
+    partial: Path, header: Header, systems: Sequence[Fields], offsets: np.ndarray, values: int, sums: Sums
+) -> None:
     text = json.dumps(header, default=_plain).encode()
-    size = len(text) + 8 * offsets.size + 8 * offsets.shape[1] * values
+    stated = _text_of_sums(text, systems, offsets, values, sums)
+    size = len(text) + len(stated) + 8 * offsets.size + 8 * offsets.shape[1] * values
     for fields, rows in zip(systems, offsets[:, -1]):
         size += int(rows) * sum(array.dtype.itemsize * int(np.prod(array.shape[1:])) for array in fields.values())
     probe(partial, size)
@@ -210,7 +243,8 @@ def _lay_out(partial: Path, header: Header, systems: Sequence[Fields], offsets: 
         file.attrs["format"] = FORMAT
         file.attrs["version"] = VERSION
         file.attrs["complete"] = 0
-        file.create_dataset("header", data=text, dtype=h5py.string_dtype("utf-8", max(1, len(text))))
+        for name, content in (("header", text), ("checksums", stated)):
+            file.create_dataset(name, data=content, dtype=h5py.string_dtype("utf-8", len(content)))
         for number, (fields, rows) in enumerate(zip(systems, offsets[:, -1])):
             particles = file.create_group(numbered("particles", number))
             for name, array in fields.items():
@@ -219,6 +253,33 @@ def _lay_out(partial: Path, header: Header, systems: Sequence[Fields], offsets: 
         for number, offset in enumerate(offsets):
             ranks[numbered("offset", number)] = offset
         create_slab(ranks, "values", (offsets.shape[1] - 1, values), np.float64)
+
+
+def _sums(comm: MPI.Intracomm, systems: Sequence[Fields], offsets: np.ndarray, values: np.ndarray) -> Sums:
+    """Checksum of every array over all ranks; collective."""
+    sums = {"ranks/values": sum_of_rows(values[np.newaxis], comm.rank)}
+    for number, (fields, offset) in enumerate(zip(systems, offsets)):
+        sums[f"ranks/{numbered('offset', number)}"] = _part(comm, offset, 0)
+        group, first = numbered("particles", number), int(offset[comm.rank])
+        sums |= {f"{group}/{name}": sum_of_rows(array, first) for name, array in fields.items()}
+    return added(comm, sums)
+
+
+def _part(comm: MPI.Intracomm, rows: np.ndarray, first_row: int) -> int:
+    """The part of an array that all ranks have: rank 0's."""
+    return sum_of_rows(rows, first_row) if comm.rank == 0 else 0
+
+
+def _text_of_sums(header: bytes, systems: Sequence[Fields], offsets: np.ndarray, values: int, sums: Sums) -> bytes:
+    """What /checksums holds."""
+    kinds: dict[str, tuple[tuple[int, ...], str]] = {"ranks/values": ((offsets.shape[1] - 1, values), "<f8")}
+    for number, (fields, offset) in enumerate(zip(systems, offsets)):
+        kinds[f"ranks/{numbered('offset', number)}"] = offset.shape, "<i8"
+        for name, array in fields.items():
+            kinds[f"{numbered('particles', number)}/{name}"] = (int(offset[-1]), *array.shape[1:]), array.dtype.str
+    entries: dict[str, Any] = {name: [*kind, sums[name]] for name, kind in kinds.items()}
+    text = json.dumps(entries | {"header": digest(header)}).encode()
+    return digest(text).encode() + b"\n" + text
 
 
 def _plain(value: object) -> object:

@@ -7,6 +7,7 @@ from pathlib import Path
 from mpi4py import MPI
 
 from parsolid.output.errors import OutputError, together
+from parsolid.output.lock import FolderLock
 
 # what a run writes; a new run moves it aside
 RESULTS = (
@@ -17,8 +18,23 @@ RESULTS = (
     "checkpoint.previous.h5",
     "scene.toml",
     "summary.json",
+    "traceback*.txt",
+    "pictures",
     "*.partial",
 )
+
+
+def occupy(comm: MPI.Intracomm, directory: Path | str) -> FolderLock | None:
+    """Make a directory if need be and lock it for this run; the lock, which rank 0 alone has. Collective.
+
+    Raises OutputError on all ranks when another run has it, or it cannot be made or written.
+    """
+    lock = None
+    with together(comm, f"cannot write to the directory {directory}"):
+        if comm.rank == 0:
+            Path(directory).mkdir(parents=True, exist_ok=True)
+            lock = FolderLock(Path(directory))
+    return lock
 
 
 def prepare(
@@ -38,7 +54,7 @@ def prepare(
             directory.mkdir(parents=True, exist_ok=True)
             if not os.access(directory, os.W_OK | os.X_OK):
                 raise PermissionError(13, "Permission denied", str(directory))
-            results = sorted({path for pattern in RESULTS for path in directory.glob(pattern) if path.is_file()})
+            results = sorted({path for pattern in RESULTS for path in directory.glob(pattern)})
             _refuse_inputs(results, inputs, continuing)
             if results and not continuing:
                 _move_aside(directory, results)

@@ -1,18 +1,17 @@
 """The pairs of a rank's particles: their lists, weights and corrections, and the two passes with the messages they
-need.
+need."""
 
-Pairs of owned particles are swept while the ghosts' values travel, pairs with ghosts and with mirror images after that.
-"""
-
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from decomposition.halo import Halo
+from decomposition.recalled import RecalledEach
 from parsolid.collective import maximum, raise_together
 from parsolid.pairs.candidates import coincident, common_metric, mirror_candidates, plain_candidates, reach_of
-from parsolid.pairs.lists import Images, InnerList, OneSidedList, Places, empty_list, images_of, mutual
+from parsolid.pairs.lists import Images, InnerList, OneSidedList, Places, empty_list, images_of
+from parsolid.pairs.pair_lists import PairLists
 from parsolid.pairs.passes import Vector, add_forces, add_gradients, sum_columns
 from parsolid.pairs.smoothed_weights import SmoothedWeights
 from parsolid.pairs.terms import KINEMATICS, record_columns
@@ -24,21 +23,16 @@ FIELD = (Vector(),)
 _AS_THEY_STAND = np.ones((1, 3)), np.zeros((1, 3))
 
 
-class PairSystem:
+class PairSystem(PairLists):
     """Lists of a rank's pairs over the particles' container, and the passes over them; d = dimension of the space.
 
     It declares `kinematics` (in which the method declares its vectors, at `KINEMATICS[d]`; those of the message
     "reference" reach the ghosts with every rebuild), `record` (sent as the message "record"), `pair_sums`, `pair_force`
     [N], `correction`, `pair_volume`. Passes add to pair_sums and pair_force: whoever reads them sets them to zero.
 
-    inner, rim, mirror: lists of pairs of owned particles, with ghosts, with images; rim and mirror may be None.
     With ghosts behind: positions (n, d) [m], volume (n,) [m^3], metric (n or 1, 6) of `pairs.weights`.
     """
 
-    halo: Halo
-    inner: InnerList
-    rim: OneSidedList | None
-    mirror: OneSidedList | None
     positions: np.ndarray
     volume: np.ndarray
     metric: np.ndarray
@@ -59,6 +53,7 @@ class PairSystem:
         """
         self.comm, self.particles, self.space = comm, particles, space
         self.weights, self.terms, self.codes = weights, terms, codes
+        self._add_gradients, self._add_forces = RecalledEach(add_gradients), RecalledEach(add_forces)
         d, record = space.dimension, record_columns(space, terms)
         # whoever moves particles by smoothed weights reads what dissipates apart, also where nothing does
         forces = 8 if isinstance(weights, SmoothedWeights) else 4
@@ -94,8 +89,7 @@ class PairSystem:
         self.particles.update("reference")
 
     def _fill_lists(self, body: np.ndarray, reach: Any) -> None:
-        self.rim: OneSidedList | None = None
-        self.mirror: OneSidedList | None = None
+        self.rim = self.mirror = None
         self.fault: str | None = None
         owned, local = self.owned, len(self.positions)
         candidates = plain_candidates(self.positions, owned, reach)
@@ -125,19 +119,6 @@ class PairSystem:
         self.weights.fill(self, pairs, Places(code, reflections, shifts))
         return pairs, code
 
-    @property
-    def owned(self) -> int:
-        """Particles of this rank."""
-        return self.halo.owned
-
-    @property
-    def directed_pairs(self) -> int:
-        """Interactions counted once a particle, over this rank's particles."""
-        return sum((2 if mutual(pairs) else 1) * len(pairs.neighbour) for pairs in self._all())
-
-    def _all(self) -> list[Any]:
-        return [pairs for pairs in (self.inner, self.rim, self.mirror) if pairs is not None]
-
     def lists(self) -> Iterator[tuple[Any, Places]]:
         """Every list, and where its neighbours stand."""
         for pairs in self._all():
@@ -147,23 +128,7 @@ class PairSystem:
             else:
                 yield pairs, Places(images.code, self.codes.reflections, self.codes.shifts)
 
-    def arrays(self) -> list[np.ndarray]:
-        """Arrays of the lists, for what counts memory."""
-        arrays = [array for pairs in self._all() for array in pairs[:3]]
-        return arrays + ([*(self.mirror.images or ())] if self.mirror is not None else [])
-
     # --- passes -----------------------------------------------------------------------------------------------
-
-    def sweep(self, apply: Callable[[Any], None], message: str | None = None) -> None:
-        """apply(list) to inner pairs while a message of the particles travels, then to pairs with ghosts and with
-        images."""
-        if message is not None:
-            self.particles.send(message)
-        apply(self.inner)
-        if message is not None:
-            self.particles.receive(message)
-        for pairs in self._all()[1:]:
-            apply(pairs)
 
     def gradient(
         self, message: str | None, fields: tuple[Any, ...] = FIELD, sums: np.ndarray | None = None
@@ -176,14 +141,22 @@ class PairSystem:
         """
         kinematics = self.particles.storage("kinematics")
         result = self.particles.storage("pair_sums") if sums is None else sums
-        self.sweep(lambda pairs: add_gradients(self.space, pairs, fields, kinematics, result), message)
+        add = self._add_gradients
+        self.sweep(lambda pairs: add(self.key(pairs, fields), self.space, pairs, fields, kinematics, result), message)
         return result
 
     def divergence(self, terms: Any = None) -> np.ndarray:
         """Send the records, add the forces of their stresses and of `terms` to `pair_force` [N]."""
-        kinematics, record, force = (self.particles.storage(name) for name in ("kinematics", "record", "pair_force"))
-        self.sweep(lambda pairs: add_forces(self.space, pairs, terms, kinematics, record, force), "record")
+        kinematics, record, force = map(self.particles.storage, ("kinematics", "record", "pair_force"))
+        add = self._add_forces
+        self.sweep(
+            lambda pairs: add(self.key(pairs, terms), self.space, pairs, terms, kinematics, record, force), "record"
+        )
         return force
+
+    def key(self, pairs: Any, what: Any) -> tuple[Any, ...]:
+        """For `RecalledEach`: which of the lists is swept, and for what."""
+        return pairs is self.inner, pairs is self.mirror, what
 
     def warm(self) -> None:
         """Compile the passes over lists of ghosts, which one rank alone does not have."""

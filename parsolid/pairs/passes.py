@@ -29,7 +29,8 @@ from numba.extending import overload, register_jitable
 
 from decomposition.compiled import compiled
 from parsolid.numerics.dispatch import generic, is_instance
-from parsolid.numerics.lanes import WIDTH, broadcast, load, store
+from parsolid.numerics.lanes import WIDTH, broadcast, load
+from parsolid.pairs.lane_tuples import add_lanes, plus, store_lanes, subtract_lanes
 from parsolid.pairs.lists import images_of, mutual
 from parsolid.pairs.pair_terms import own_side, pair_forces
 from parsolid.pairs.primitives import matrix, outer, reference, vector
@@ -51,72 +52,6 @@ class Scalar(NamedTuple):
 def sum_columns(dimension: int, fields: tuple) -> int:
     """Columns of the sums of fields."""
     return sum(matrix_columns(dimension) if isinstance(field, Vector) else WIDTH for field in fields)
-
-
-# --- tuples of lanes, as long as several fields or terms need --------------------------------------------------------
-
-
-def _plus(first, second):
-    """Sums of the lanes of two tuples."""
-    raise NotImplementedError
-
-
-@overload(_plus)
-def _plus_overload(first, second):
-    if len(first) == 1:
-        return lambda first, second: (first[0] + second[0],)
-    return lambda first, second: (first[0] + second[0], *_plus(first[1:], second[1:]))
-
-
-def _store_lanes(array, row, column, values):
-    """array[row, column :] = values."""
-    raise NotImplementedError
-
-
-@overload(_store_lanes)
-def _store_lanes_overload(array, row, column, values):
-    if len(values) == 1:
-        return lambda array, row, column, values: store(array, row, column, values[0])
-
-    def more(array, row, column, values):
-        store(array, row, column, values[0])
-        _store_lanes(array, row, column + WIDTH, values[1:])
-
-    return more
-
-
-def _add_lanes(array, row, column, values):
-    """array[row, column :] += values."""
-    raise NotImplementedError
-
-
-@overload(_add_lanes)
-def _add_lanes_overload(array, row, column, values):
-    if len(values) == 1:
-        return lambda array, row, column, values: store(array, row, column, load(array, row, column) + values[0])
-
-    def more(array, row, column, values):
-        store(array, row, column, load(array, row, column) + values[0])
-        _add_lanes(array, row, column + WIDTH, values[1:])
-
-    return more
-
-
-def _subtract_lanes(array, row, column, values):
-    """array[row, column :] -= values."""
-    raise NotImplementedError
-
-
-@overload(_subtract_lanes)
-def _subtract_lanes_overload(array, row, column, values):
-    if len(values) == 1:
-        return lambda array, row, column, values: store(array, row, column, load(array, row, column) - values[0])
-
-    def more(array, row, column, values):
-        store(array, row, column, load(array, row, column) - values[0])
-        _subtract_lanes(array, row, column + WIDTH, values[1:])
-
-    return more
 
 
 # --- fields of the gradient pass ---------------------------------------------------------------------------------
@@ -268,10 +203,10 @@ def add_gradients(space, pairs, fields, kinematics, sums):
             b = pairs.neighbour[k]
             g = _weight(space, pairs.weight, images, k, kinematics, b, X)
             difference = _differences(space, fields, own, images, k, kinematics, b, g)
-            total = _plus(total, difference)
+            total = plus(total, difference)
             if mutual(pairs):
-                _add_lanes(sums, b, 0, difference)
-        _store_lanes(sums, a, 0, total)
+                add_lanes(sums, b, 0, difference)
+        store_lanes(sums, a, 0, total)
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
@@ -286,7 +221,7 @@ def add_forces(space, pairs, terms, kinematics, record, force):
             b = pairs.neighbour[k]
             g = _weight(space, pairs.weight, images, k, kinematics, b, own[1])
             t = pair_forces(space, terms, own, images, k, pairs.weight, kinematics, record, b, g)
-            total = _plus(total, t)
+            total = plus(total, t)
             if mutual(pairs):
-                _subtract_lanes(force, b, 0, t)
-        _store_lanes(force, a, 0, total)
+                subtract_lanes(force, b, 0, t)
+        store_lanes(force, a, 0, total)

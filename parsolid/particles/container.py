@@ -6,36 +6,18 @@ padding at the end.
 """
 
 import time as clock
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Callable, Iterable
+from typing import Any, TypeVar
 
 import numpy as np
 
 from parsolid.numerics.lanes import WIDTH, aligned_zeros, padded
 from parsolid.particles.declaration import Columns, Field, Rows, Within
+from parsolid.particles.selection import Selection
 
+Kept = TypeVar("Kept")
 # selections a word of marks
 _BITS = 62
-
-
-class Selection:
-    """Some particles, wherever they are now: `rows` (k,) rises, and follows every re-ordering and migration."""
-
-    def __init__(self, particles: "Particles", word: int, bit: int) -> None:
-        self._particles, self._word, self._bit = particles, word, np.int64(1) << np.int64(bit)
-        self._layout, self._rows = -1, np.zeros(0, np.int64)
-
-    @property
-    def rows(self) -> np.ndarray:
-        """Rows (k,) of this rank's particles that are selected."""
-        particles = self._particles
-        if self._layout != particles.layout:
-            marks = particles.marks[: particles.owned, self._word]
-            self._layout, self._rows = particles.layout, np.flatnonzero(marks & self._bit)
-        return self._rows
-
-    def __len__(self) -> int:
-        return len(self.rows)
 
 
 class Particles:
@@ -62,6 +44,8 @@ class Particles:
         self.layout, self.growths = 0, 0
         self.communication_seconds = 0.0
         self._storage: dict[str, np.ndarray] = {}
+        # views and tuples of arrays that a step asks for again and again, until arrays are replaced or bounds move
+        self._kept: dict[Any, Any] = {}
         self._halo = None
         self._messages: dict[str, Any] = {}
         self._selections = 0
@@ -88,6 +72,7 @@ class Particles:
             record = self.fields[field.layout.record]
             self._storage[record.name] = self._resized(record, self._storage[record.name])
         self._messages.pop(field.message, None)
+        self._kept.clear()
         self[field.name][: self.owned] = values
 
     def _has_ghosts(self, field: Field) -> bool:
@@ -135,7 +120,17 @@ class Particles:
 
     def owned_rows(self, name: str) -> np.ndarray:
         """The owned particles' values of a field, a view."""
-        return self[name][: self.owned]
+        found: np.ndarray | None = self._kept.get(name)
+        if found is None:
+            found = self._kept[name] = self[name][: self.owned]
+        return found
+
+    def kept(self, key: tuple[Any, ...], make: Callable[[], Kept]) -> Kept:
+        """What `make` gives of the arrays, made anew only after they were replaced or particles came or left."""
+        found: Kept | None = self._kept.get(key)
+        if found is None:
+            found = self._kept[key] = make()
+        return found
 
     def storage(self, name: str) -> np.ndarray:
         """The array that a field or record is kept in, as kernels take it; another one after particles came."""
@@ -154,6 +149,7 @@ class Particles:
         All ranks declare, attach and send alike.
         """
         self.detach()
+        self._kept.clear()
         self._halo, self.ghosts = halo, halo.ghosts
         for name, array in self._storage.items():
             if self._has_ghosts(self.fields[name]):
@@ -193,13 +189,13 @@ class Particles:
     def send(self, message: str) -> None:
         """Start to exchange the fields of a message with the neighbouring ranks."""
         began = clock.perf_counter()
-        self._message(message).start()
+        (self._messages.get(message) or self._message(message)).start()
         self.communication_seconds += clock.perf_counter() - began
 
     def receive(self, message: str) -> None:
         """Finish what `send` has started."""
         began = clock.perf_counter()
-        self._message(message).finish()
+        self._messages[message].finish()
         self.communication_seconds += clock.perf_counter() - began
 
     def update(self, message: str) -> None:
@@ -249,6 +245,7 @@ class Particles:
             array = self._by_particle(name)
             array[places] = piece.reshape(len(places), *array.shape[1:])
         self.bounds = self.bounds + np.concatenate(([0], np.cumsum(added)))
+        self._kept.clear()
         self.layout += 1
 
     def _make_room(self, law: np.ndarray, added: np.ndarray) -> np.ndarray:
@@ -280,6 +277,7 @@ class Particles:
             bounds[g], shift = first - shift, shift + removed
         bounds[-1] -= shift
         self.bounds = bounds
+        self._kept.clear()
         self.layout += 1
 
     def _move(self, source: np.ndarray, target: np.ndarray) -> None:
@@ -299,6 +297,7 @@ class Particles:
 
     def _grow(self, owned: int) -> None:
         self.capacity = padded(owned + owned // 4) + WIDTH
+        self._kept.clear()
         for name, array in self._storage.items():
             self._storage[name] = self._resized(self.fields[name], array)
         self.growths += 1

@@ -5,25 +5,27 @@ from typing import Any
 import numpy as np
 
 from parsolid.particles.container import Particles
-from parsolid.particles.declaration import Field, Rows, Within
+from parsolid.particles.declaration import Columns, Field, Rows, Within
 
 
 def declare_generated(
-    particles: Particles, particle_set: Any, place: Rows | Within | None = None, told: tuple[str, ...] = ()
+    particles: Particles, particle_set: Any, told: tuple[str, ...] = (), **layouts: Rows | Columns | Within
 ) -> None:
     """Declare identifier, reference position, volume, spacing, axes where there are some, and area of a rank's
     `ParticleSet`.
 
-    place: layout of the reference position; told: names of the fields that ghosts have, in the message "reference".
+    told: names of the fields that ghosts have, in the message "reference"; layouts: of fields by name, rows unless
+    given.
     """
     count, d = particle_set.position.shape
 
     def declare(name: str, components: int, unit: str, values: np.ndarray, **more: Any) -> None:
         ghosts: dict[str, Any] = {"ghosts": "forward", "message": "reference"} if name in told else {}
-        particles.declare(Field(name, components, unit, checkpointed=True, **ghosts, **more), values)
+        layout = layouts.get(name, Rows())
+        particles.declare(Field(name, components, unit, checkpointed=True, layout=layout, **ghosts, **more), values)
 
     declare("identifier", 1, "1", particle_set.identifier, shown=True, whole=True)
-    declare("reference_position", d, "m", particle_set.position, mirror="vector", layout=place or Rows())
+    declare("reference_position", d, "m", particle_set.position, mirror="vector")
     declare("volume", 1, "m^3", particle_set.volume)
     declare("spacing", d, "m", particle_set.spacing, mirror="vector")
     if particle_set.axes is not None:

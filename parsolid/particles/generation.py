@@ -6,24 +6,30 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from parsolid.particles.memory import check_memory
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.formulas import Formula, FormulaVector
 from parsolid.scene.lattice import Filling
+from parsolid.scene.overlap import overlap_faults
 from parsolid.scene.regions import NOBODY, nearest_particles, selected
 from parsolid.scene.schema import Scene, unbounded_plane
 from parsolid.scene.validation_errors import SceneError, agree, fault, key_path
+
+# sides of bodies [m] whose squares and cubes are numbers
+LEAST, MOST = 1e-60, 1e60
 
 
 def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:
     """This rank's share of the scene's particles (collective).
 
     Global ids run body by body in the order of each body's lattice or mesh; rank r has the ids from r N / size. Raises
-    SceneError, the same on all ranks, for a mesh that cannot be used, a body without particles, a plane that bounds no
-    mesh, a region without particles, a probe away from all particles, and a formula that is not finite at some
-    particle.
+    SceneError, the same on all ranks, for a mesh that cannot be used, more particles than the memory holds, a body
+    without particles or in another one, a plane that bounds no mesh, a region without particles, a probe away from all
+    particles, and a formula that is not finite at some particle.
     """
     fillings = _fillings(scene, comm)
+    check_memory(comm, sum(filling.count for filling in fillings))
     ends = np.cumsum([filling.count for filling in fillings])
     total = int(ends[-1])
     first, last = total * comm.rank // comm.size, total * (comm.rank + 1) // comm.size
@@ -37,8 +43,9 @@ def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:
             piece.body[:] = i
             pieces.append(piece)
     coarsest = max(filling.coarsest for filling in fillings)
-    del fillings
     particle_set = ParticleSet.joined(pieces, scene.dimension)
+    agree(comm, overlap_faults(scene, fillings, particle_set, comm))
+    del fillings
     everywhere = np.ones(len(particle_set), bool)
     chosen = [selected(scene, one, particle_set, comm) if one.on_particles else everywhere for one in scene.boundaries]
     faults = _distant_probes(scene, particle_set, coarsest, comm) + _empty_regions(chosen, comm)
@@ -57,6 +64,9 @@ def _fillings(scene: Scene, comm: MPI.Comm) -> list[Filling]:
     for i, filling in fillings.items():
         if filling.count < 2:
             faults.append(fault(("bodies", i), "a body of at least two particles", filling.count))
+        size = filling.upper - filling.lower
+        if not (np.isfinite(size).all() and LEAST < size.min() and np.abs([filling.lower, filling.upper]).max() < MOST):
+            faults.append(fault(("bodies", i), f"a body with sides from {LEAST:g} to {MOST:g} m", size.tolist()))
     for i, boundary in enumerate(scene.boundaries):
         if boundary.needs_bounding_plane:
             faults += unbounded_plane(i, boundary, dict(enumerate(scene.bodies)), fillings)

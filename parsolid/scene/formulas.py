@@ -37,6 +37,16 @@ _OPERATORS = (
     ast.Invert,
 )
 _COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
+# characters of a formula, and operations one within the other, that the compiler stands
+LONGEST, DEEPEST = 10_000, 200
+
+
+def _depth(tree: ast.AST) -> int:
+    """How deep a tree is, found without recursion; more than DEEPEST is as good as any."""
+    layer, depth = [tree], 0
+    while layer and depth <= DEEPEST + 1:
+        layer, depth = [child for node in layer for child in ast.iter_child_nodes(node)], depth + 1
+    return depth
 
 
 def _objection(node: ast.AST, names: tuple[str, ...]) -> str | None:
@@ -78,10 +88,15 @@ class Formula:
 
     def __init__(self, source: str | float, names: tuple[str, ...] = (*AXES, "t")) -> None:
         self.source = source
+        text = str(source).strip()
+        if len(text) > LONGEST:
+            raise ValueError(f"{len(text)} characters where {LONGEST} are the most,")
         try:
-            tree = ast.parse(str(source).strip(), mode="eval")
-        except (SyntaxError, ValueError, RecursionError):
+            tree = ast.parse(text, mode="eval")
+        except (SyntaxError, ValueError, RecursionError, MemoryError):
             raise ValueError("no formula") from None
+        if _depth(tree) > DEEPEST:
+            raise ValueError(f"more than {DEEPEST} operations one within the other (sums of many terms need brackets)")
         for node in ast.walk(tree.body):
             objection = _objection(node, names)
             if objection:
@@ -93,7 +108,7 @@ class Formula:
         try:
             self._text = ast.unparse(_AsReals().visit(tree).body)
             value = self.evaluate(np.zeros((1, len(AXES))))[0]
-        except (TypeError, ValueError, NotImplementedError, LookupError, AttributeError, ArithmeticError) as error:
+        except (TypeError, ValueError, RuntimeError, LookupError, AttributeError, ArithmeticError) as error:
             raise ValueError(f"a formula that cannot be compiled ({error})") from None
         if not self.names:
             self._constant = float(value)
@@ -114,8 +129,12 @@ class Formula:
             return np.full(len(points), self._constant)
         if self._compiled is None:
             self._compiled = numexpr.NumExpr(self._text, signature=[(name, np.float64) for name in self.names])
-        given = [np.float64(time) if name == "t" else points[:, AXES.index(name)] for name in self.names]
-        return np.array(np.broadcast_to(self._compiled(*given), len(points)), dtype=np.float64)
+        given: list[Any] = [np.float64(time) if name == "t" else points[:, AXES.index(name)] for name in self.names]
+        values = self._compiled(*given)
+        if np.iscomplexobj(values):
+            # numexpr folds constants as Python does, which makes (-8)**(1/3) complex
+            raise ValueError("its value is not real")
+        return np.array(np.broadcast_to(values, len(points)), dtype=np.float64)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Formula) and self.source == other.source

@@ -10,15 +10,19 @@ import tomli_w
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
+from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import ByKind, SceneModel
 from parsolid.scene.methods import settings_class
 from parsolid.scene.schema import Parts, Scene, cross_faults
-from parsolid.scene.validation_errors import SceneError, key_path, suggestion, told
+from parsolid.scene.validation_errors import SceneError, fault, key_path, suggestion, told
 
 if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib
+
+# tables and lists one within the other; a scene has no more than eight
+DEEPEST = 32
 
 _EXPECTED = {
     "float_type": "a number",
@@ -70,11 +74,35 @@ def load_scene(
 def read_tables(path: Path, what: str) -> dict[str, Any]:
     """The raw tables of a TOML file; `what` it should hold is for the message. Raises SceneError."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise SceneError([f"{path}: expected a readable {what}, found {error.strerror or error}"]) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise SceneError([f"{path}: expected TOML, found a fault: {error}"]) from None
+    except RecursionError:
+        raise SceneError([f"{path}: expected TOML, found tables or lists nested too deeply"]) from None
+    if faults := _raw_faults(data):
+        raise SceneError(faults)
+    return data
+
+
+def _raw_faults(data: dict[str, Any]) -> list[str]:
+    """What no key takes, whatever it is for: deep nesting, whole numbers that are not TOML's, texts with NUL."""
+    faults: list[str] = []
+    waiting: list[tuple[tuple[Any, ...], Any]] = [((), data)]
+    while waiting:
+        place, value = waiting.pop()
+        if len(place) > DEEPEST:
+            faults.append(fault(place[:3], f"at most {DEEPEST} tables or lists one within the other", Phrase("more")))
+        elif isinstance(value, dict):
+            waiting += [((*place, key), part) for key, part in value.items()]
+        elif isinstance(value, list):
+            waiting += [((*place, number), part) for number, part in enumerate(value)]
+        elif isinstance(value, int) and not -(2**63) <= value < 2**63:
+            faults.append(fault(place, "a whole number of 64 bits, as TOML has them", Phrase("a larger one")))
+        elif isinstance(value, str) and "\0" in value:
+            faults.append(fault(place, "a text without NUL", value))
+    return list(dict.fromkeys(faults))
 
 
 def parse_scene(data: dict[str, Any], folder: str | os.PathLike[str] = ".", trust_code: bool = False) -> Scene:
@@ -82,6 +110,8 @@ def parse_scene(data: dict[str, Any], folder: str | os.PathLike[str] = ".", trus
 
     Raises SceneError with every fault.
     """
+    if raw := _raw_faults(data):
+        raise SceneError(raw)
     dimension = data.get("dimension")
     method = settings_class(data.get("method"))
     known = isinstance(dimension, int) and dimension in (method.dimensions if method else (1, 2, 3))
@@ -133,7 +163,7 @@ def override_value(text: str) -> Any:
     """A TOML value, or the text itself where it is none."""
     try:
         tables = tomllib.loads(f"value = {text}")
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         return text
     return tables["value"] if len(tables) == 1 else text
 

@@ -9,6 +9,7 @@ from pydantic import Field
 
 from parsolid.scene.base_model import NotNegative, Positive, SceneModel
 from parsolid.scene.declared import BASES, DeclaredModel, by_law
+from parsolid.scene.micro_inertia import MicroInertiaSolid  # noqa: F401 (its table is entered into BASES)
 from parsolid.scene.plasticity import ElasticPlastic
 from parsolid.scene.viscoelastic import BondBased, ElasticConstants, LinearElastic, PronySolid, elastic_constants
 
@@ -81,4 +82,4 @@ _STATIC: dict[str, tuple[str, type[SceneModel]]] = {
     "bond-based": ("bond-based", BondBased),
     "elastic-plastic": ("elastic-plastic", ElasticPlastic),
 }
-Material = by_law("hyperelastic", static=_STATIC, known="materials")
+Material = by_law("hyperelastic", "micro-inertia", static=_STATIC, known="materials")

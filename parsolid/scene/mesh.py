@@ -41,7 +41,9 @@ def read_mesh(path: str, scale: float, dimension: int) -> tuple[np.ndarray, list
     ]
     if not blocks:
         raise SceneError([f"expected elements of the kinds {', '.join(known)}, found {', '.join(kinds) or 'none'}"])
-    points = np.asarray(mesh.points, float) * scale
+    _check_nodes(blocks, len(mesh.points))
+    with np.errstate(over="ignore", invalid="ignore"):
+        points = np.asarray(mesh.points, float) * scale
     if points.shape[1] < dimension or not np.isfinite(points).all():
         raise SceneError(
             [f"expected {dimension} finite coordinates a node, found {points.shape[1]} or some not finite"]
@@ -49,6 +51,27 @@ def read_mesh(path: str, scale: float, dimension: int) -> tuple[np.ndarray, list
     if points.shape[1] > dimension and np.ptp(points[:, dimension:]) > 0.0:
         raise SceneError(["expected a plane mesh (one Z for all nodes) in 2-D, found nodes with different Z"])
     return np.ascontiguousarray(points[:, :dimension]), blocks
+
+
+def _check_nodes(blocks: list[tuple[str, np.ndarray]], count: int) -> None:
+    """Raise SceneError unless elements name nodes that there are."""
+    for kind, cells in blocks:
+        wrong = cells[(cells < 0) | (cells >= count)]
+        if len(wrong):
+            raise SceneError([f"expected nodes from 0 to {count - 1} in every element, found {wrong[0]} in a {kind}"])
+
+
+def _check_repeated(points: np.ndarray, blocks: list[tuple[str, np.ndarray]]) -> None:
+    """Raise SceneError when an element is there twice, on the same nodes or on others at the same places."""
+    _, place = np.unique(points, axis=0, return_inverse=True)
+    for kind, cells in blocks:
+        ordered = np.sort(place.reshape(-1)[cells], axis=1)
+        _, first, number = np.unique(ordered, axis=0, return_index=True, return_counts=True)
+        repeated = number > 1
+        if repeated.any():
+            middle = ", ".join(f"{x:g}" for x in points[cells[first[repeated].min()]].mean(axis=0))
+            found = f"{repeated.sum()} {kind} elements more than once, the first at ({middle})"
+            raise SceneError([f"expected every element once, found {found}"])
 
 
 class MeshFilling:
@@ -64,6 +87,7 @@ class MeshFilling:
         self.body = body
         points, blocks = read_mesh(body.shape.model.file, body.shape.model.scale, dimension)
         lumped = [self._sound_volumes(kind, points[cells]) for kind, cells in blocks]
+        _check_repeated(points, blocks)
         used = np.unique(np.concatenate([cells.ravel() for _, cells in blocks]))
         self.lower, self.upper = points[used].min(axis=0), points[used].max(axis=0)
         facets = _boundary_facets(points, blocks)

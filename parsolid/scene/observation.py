@@ -1,6 +1,7 @@
 """What a scene wants to see: probes, output, a reference to compare with."""
 
 import json
+import sys
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -151,6 +152,38 @@ MANUFACTURED = ("axis-aligned", "generalised-vortex")
 KnownSolution: Any = Literal[tuple(SOLUTIONS_KNOWN)]
 
 
+def _series_faults(file: str, columns: dict[str, str]) -> list[Detail]:
+    """What keeps the series of a JSON file from being compared with columns of the history (column -> series)."""
+    try:
+        data = json.loads(Path(file).read_text(encoding="utf-8"))
+        series, times, scale = data["series"], data["t"], data["E0"]
+        known = [name for name, values in series.items() if len(values) == len(times)]
+    except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
+        return [(("series",), "JSON with t, E0 and a table series", file)]
+    unknown = [(column, name) for column, name in columns.items() if name not in known]
+    if unknown:
+        return [(("columns", column), f"one of {', '.join(known)}", name) for column, name in unknown]
+    if not _finite(times) or len(times) < 2 or any(after <= before for before, after in pairwise(times)):
+        return [(("series",), "t of at least two finite numbers that rise", file)]
+    if not _finite([scale]) or scale <= 0.0:
+        return [(("series",), "E0 > 0", Phrase(f"{scale!r} in {file}"))]
+    details: list[Detail] = []
+    for column, name in columns.items():
+        if not _finite(series[name]):
+            details.append((("columns", column), "a series of finite numbers", name))
+        elif column not in HISTORY_COLUMNS and not any(series[name]):
+            details.append((("columns", column), "a series that is not zero throughout, for a relative error", name))
+    return details
+
+
+def _finite(values: Any) -> bool:
+    """Whether all are numbers, and finite."""
+    return isinstance(values, list) and all(
+        isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
+        for value in values
+    )
+
+
 class Reference(SceneModel):
     """What the results are compared with.
 
@@ -183,12 +216,5 @@ class Reference(SceneModel):
                 told = " or ".join(", ".join(names) for names in wanted) or "none"
                 reject((("parameters",), f"the parameters {told}", Phrase(", ".join(self.parameters) or "none")))
         if self.series is not None:
-            try:
-                data = json.loads(Path(self.series).read_text(encoding="utf-8"))
-                known = [name for name, values in data["series"].items() if len(values) == len(data["t"])]
-                float(data["E0"])
-            except (ValueError, TypeError, LookupError, AttributeError):
-                reject((("series",), "JSON with t, E0 and a table series", self.series))
-            unknown = [(column, name) for column, name in (self.columns or {}).items() if name not in known]
-            reject(*((("columns", column), f"one of {', '.join(known)}", name) for column, name in unknown))
+            reject(*_series_faults(self.series, self.columns or {}))
         return self

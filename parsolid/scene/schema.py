@@ -17,6 +17,9 @@ from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, SOLUTIONS_
 from parsolid.scene.systems import SystemOfScene
 from parsolid.scene.validation_errors import NOTHING, SceneError, fault, key_path, suggestion
 
+# more than these, in a run to its end, nobody wants
+MOST_OUTPUTS = {"history_interval": 10**7, "fields_interval": 10**5, "checkpoint_interval": 10**7}
+
 
 class Scene(SceneModel):
     """Everything that a run needs to know, in SI units; made by `load_scene` or `parse_scene`."""
@@ -53,6 +56,19 @@ class Scene(SceneModel):
         if exact and kind not in kinds:
             details.append((("reference", "exact"), f"a solution for the material {kind!r}", exact))
         reject(*details)
+        return self
+
+    @model_validator(mode="after")
+    def _outputs_counted(self) -> "Scene":
+        output = self.output
+        stated = [(key, getattr(output, key), most) for key, most in MOST_OUTPUTS.items() if getattr(output, key)]
+        reject(
+            *(
+                (("output", key), f"at least end_time/{most:g} = {self.end_time / most:g} s", interval)
+                for key, interval, most in stated
+                if interval < self.end_time / most
+            )
+        )
         return self
 
     def resolved(self) -> dict[str, Any]:

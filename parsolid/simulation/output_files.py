@@ -6,10 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.output.directory import prepare
+from parsolid.collective import anywhere
+from parsolid.output.directory import occupy, prepare
 from parsolid.output.errors import together
 from parsolid.output.fields import FieldSeries
 from parsolid.output.history import History, read_history
+from parsolid.output.lock import FolderLock
 from parsolid.scene import Scene
 from parsolid.simulation.observables import Observables
 from parsolid.simulation.restart import Restart
@@ -25,22 +27,36 @@ class OutputFiles:
         directory: Path | str,
         restart: Restart | None = None,
         inputs: tuple[Path | str, ...] = (),
+        lock: FolderLock | None = None,
     ):
         """restart: the `Restart` to continue from, or None. Results of another run in the folder are moved aside.
 
-        inputs: files the run reads. Raises OutputError on all ranks.
+        inputs: files the run reads; lock: rank 0's on the folder, if it was locked before. Raises OutputError on all
+        ranks.
         """
         self.comm, self.scene = comm, scene
+        self.history: History | None = None
         directory = Path(directory)
         # a checkpoint from elsewhere starts a folder of its own
         self.continued = restart if restart and restart.path.resolve().parent == directory.resolve() else None
-        self.directory = prepare(comm, directory, self.continued is not None, inputs)
+        self.lock = lock if anywhere(comm, lock is not None) else occupy(comm, directory)
+        try:
+            self.directory = prepare(comm, directory, self.continued is not None, inputs)
+        except BaseException:
+            self.close()
+            raise
         self.checkpoint = self.directory / "checkpoint.h5"
         self.field_times = scene.fields_times
         resume_at = self.continued.header["time"] if self.continued else None
         self.fields = FieldSeries(comm, self.directory / "fields.vtkhdf", max(1, len(self.field_times)), resume_at)
-        self.history: History | None = None
         self.seconds = 0.0
+
+    def close(self) -> None:
+        """Close the history and give the folder back, on each rank for itself; nothing is written after it."""
+        if self.history is not None:
+            self.history.close()
+        if self.lock is not None:
+            self.lock.release()
 
     def open_history(self, columns: list[str]) -> None:
         """Start the history with its columns, or go on with it."""

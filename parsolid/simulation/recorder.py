@@ -4,6 +4,7 @@ import time as clock
 from typing import Any
 
 from parsolid.output.checkpoint import write_checkpoint
+from parsolid.output.errors import together
 from parsolid.output.progress import Progress
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.observables import Observables
@@ -12,6 +13,7 @@ from parsolid.simulation.probes import Probes
 from parsolid.simulation.reference import Errors
 from parsolid.simulation.restart import header_of
 from parsolid.simulation.run_summary import summary_of
+from parsolid.simulation.scene_changes import contents
 from parsolid.simulation.time_step import SLIVER
 
 
@@ -26,6 +28,11 @@ class Recorder:
         self.probes = Probes(simulation.comm, simulation.scene, self.observables)
         self.last_row: dict[str, float] | None = None
         self.errors = Errors(simulation.scene)
+        # read when the run starts; rank 0's goes into checkpoints
+        self.contents: dict[str, Any] = {}
+        with together(simulation.comm, "cannot read a file of the scene"):
+            if simulation.comm.rank == 0:
+                self.contents = contents(simulation.scene)
         self.output_seconds = 0.0
         self.last_checkpoint_step: int | None = None
         self.last_checkpoint_wall = clock.perf_counter()
@@ -108,7 +115,7 @@ class Recorder:
         if self.files.checkpoint is None or simulation.clock.step == self.last_checkpoint_step:
             return
         # a method may pack its fields when it is asked for its state
-        header = header_of(simulation, self.probes.state(), self.errors.found)
+        header = header_of(simulation, self.probes.state(), self.errors.found, self.contents)
         fields = [system.particles.checkpointed() for system in simulation.systems]
         write_checkpoint(simulation.comm, self.files.checkpoint, header, fields, simulation.ledger.values)
         self.last_checkpoint_step, self.last_checkpoint_wall = simulation.clock.step, clock.perf_counter()

@@ -105,6 +105,9 @@ def series_errors(rows: list[Row], file: str, names: dict[str, str]) -> dict[str
     times = np.asarray(data["t"], float)
     time = np.array([row["time"] for row in rows])
     common = (time >= times[0]) & (time <= times[-1])
+    if not common.any():
+        # a run that was stopped before the reference begins
+        return {}
     errors = {}
     for column, name in names.items():
         wanted = np.asarray(data["series"][name], float)

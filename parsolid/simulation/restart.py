@@ -1,6 +1,5 @@
 """Continue a run from a checkpoint, on the same ranks bit for bit, or on any other number of ranks."""
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -8,14 +7,18 @@ import numpy as np
 
 from parsolid.collective import SolverError
 from parsolid.methods.protocol import ParticleSystem
-from parsolid.output.checkpoint import numbered, read_checkpoint
+from parsolid.output.checkpoint import numbered, previous_name, read_checkpoint
+from parsolid.output.errors import OutputError, together
 from parsolid.particles.distribution import distribute
 from parsolid.particles.particle_set import ParticleSet
-from parsolid.scene import Scene
+from parsolid.scene import Scene, SceneError
+from parsolid.simulation.scene_changes import changes, contents, judged
 
 if TYPE_CHECKING:
     from parsolid.simulation.loop import Simulation
 
+_NEEDED = {"ranks", "time", "step", "stable_step", "jumped", "initial_energy", "largest_energy", "probes", "errors"}
+_NEEDED |= {"scene", "method_state"}
 _PARTICLE_SET = ("identifier", "volume", "spacing", "axes", "body", "area")
 
 
@@ -25,10 +28,20 @@ class Restart:
     particle_sets, values: for each system the particles, and all that was kept of them by name.
     """
 
-    def __init__(self, comm: Any, path: Path):
-        """Collective. Raises OutputError on all ranks when the file cannot be read."""
-        self.comm, self.path = comm, path
-        self.header, self.values, self.rows = read_checkpoint(comm, path)
+    def __init__(self, comm: Any, path: Path, allowed: tuple[str, ...] = ()):
+        """allowed: keys of the scene that may differ from the checkpoint's, see `scene_changes`. Collective.
+
+        Raises OutputError on all ranks when the file cannot be read, or is not as it was written.
+        """
+        self.comm, self.path, self.allowed = comm, path, allowed
+        self.notes: list[str] = []
+        try:
+            self.header, self.values, self.rows = read_checkpoint(comm, path)
+        except OutputError as error:
+            raise OutputError(f"{error}{_offer(comm, path)}") from error
+        missing = sorted(_NEEDED - set(self.header))
+        if missing:
+            raise OutputError(f"{path}: expected the checkpoint of a run, found one without {', '.join(missing)}")
         self.same_ranks = self.header["ranks"] == comm.size
         self.particle_sets = [_particle_set(values) for values in self.values]
         if not self.same_ranks:
@@ -36,26 +49,24 @@ class Restart:
             self.particle_sets, self.values = [one[0] for one in moved], [one[1] for one in moved]
 
     def check(self, scene: Scene) -> None:
-        """Raise SolverError, on all ranks, when the scene has other particles than the checkpoint."""
+        """Compare the scene with that of the checkpoint; `notes` tell of what was accepted. Collective.
+
+        Raises SceneError, on all ranks, with every key that may not change (see `scene_changes`), SolverError when the
+        scene has another number of systems.
+        """
         if len(scene.systems) != len(self.values):
             raise SolverError(
                 f"method: expected as many as in the checkpoint, {len(self.values)}, found {len(scene.systems)}"
             )
-        then, now = self.header["scene"], scene.resolved()
-        if then["dimension"] != now["dimension"]:
-            raise SolverError(
-                f"dimension: expected that of the checkpoint, {then['dimension']}, found {now['dimension']}"
-            )
-        if len(then["bodies"]) != len(now["bodies"]):
-            raise SolverError(
-                f"bodies: expected those of the checkpoint, {len(then['bodies'])}, found {len(now['bodies'])}"
-            )
-        for index, (old, new) in enumerate(zip(then["bodies"], now["bodies"])):
-            for key in ("shape", "particles", "spacing", "placement", "jitter", "seed"):
-                # as JSON, because the header has been through it
-                if json.dumps(old.get(key)) != json.dumps(new.get(key)):
-                    expected = f"{old.get(key)} as in the checkpoint {self.path}"
-                    raise SolverError(f"bodies.{index}.{key}: expected {expected}, found {new.get(key)}")
+        tables: dict[str, Any] = {}
+        with together(self.comm, "cannot read a file of the scene"):
+            if self.comm.rank == 0:
+                tables = contents(scene)
+        time = self.header["time"]
+        found = list(changes(self.header["scene"], self.comm.bcast(tables), time))
+        faults, self.notes = judged(found, self.allowed, self.path, time)
+        if faults:
+            raise SceneError(faults)
 
     def apply_state(self, systems: list[ParticleSystem], orders: list[np.ndarray]) -> None:
         """Put the systems' state back; orders: (n,) of the particles of each on this rank. Collective.
@@ -63,12 +74,19 @@ class Restart:
         Raises SolverError, on all ranks, when the material keeps another state.
         """
         for number, (system, values, order) in enumerate(zip(systems, self.values, orders)):
-            wanted, found = set(system.particles.checkpointed()), set(values)
+            kept = system.particles.checkpointed()
+            wanted, found = set(kept), set(values)
             if wanted != found:
                 raise SolverError(
                     f"bodies.material: expected the state of the checkpoint {self.path} ({', '.join(sorted(found))}), "
                     f"found one with {', '.join(sorted(wanted))}"
                 )
+            for name, rows in kept.items():
+                if (rows.shape[1:], rows.dtype) != (values[name].shape[1:], values[name].dtype):
+                    raise SolverError(
+                        f"bodies.material: expected {name} as in the checkpoint {self.path}, {values[name].dtype} "
+                        f"{values[name].shape[1:]}, found {rows.dtype} {rows.shape[1:]}"
+                    )
             system.particles.restore({name: rows[order] for name, rows in values.items()})
             system.set_state(self.header[numbered("method_state", number)])
             system.resume()
@@ -92,6 +110,16 @@ class Restart:
         simulation.stable = header["stable_step"]
 
 
+def _offer(comm: Any, path: Path) -> str:
+    """The checkpoint before one that cannot be read, if it can be, in words; collective."""
+    before = previous_name(path)
+    try:
+        header, *_ = read_checkpoint(comm, before)
+    except OutputError:
+        return ""
+    return f"; the one before is whole: --restart {before} goes on from t = {header.get('time', 0.0):.6g} s"
+
+
 def _particle_set(values: dict[str, np.ndarray]) -> ParticleSet:
     dimension = values["reference_position"].shape[1]
     fields: dict[str, Any] = {name: values.get(name) for name in _PARTICLE_SET}
@@ -100,8 +128,14 @@ def _particle_set(values: dict[str, np.ndarray]) -> ParticleSet:
     return ParticleSet(position=values["reference_position"], **fields)
 
 
-def header_of(simulation: "Simulation", probes: dict[str, Any], errors: dict[str, float]) -> dict[str, Any]:
-    """What a restart needs besides the fields, with the state of probes and the errors found so far; collective."""
+def header_of(
+    simulation: "Simulation", probes: dict[str, Any], errors: dict[str, float], scene: dict[str, Any]
+) -> dict[str, Any]:
+    """What a restart needs besides the fields; the state of probes, the errors found so far, the `contents` of the
+    scene.
+
+    Collective.
+    """
     systems = enumerate(simulation.systems)
     return {
         "ranks": simulation.comm.size,
@@ -115,5 +149,5 @@ def header_of(simulation: "Simulation", probes: dict[str, Any], errors: dict[str
         "largest_energy": simulation.balance.largest,
         "probes": probes,
         "errors": errors,
-        "scene": simulation.scene.resolved(),
+        "scene": scene,
     }

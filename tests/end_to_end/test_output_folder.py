@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from command_line import all_done, many
+from command_line import all_done, kill, many, parsolid, start, wait_for
 from run_results import history, state
 from small_scenes import PUNCH, changed, write
 
@@ -24,6 +24,29 @@ def test_a_new_run_into_a_folder_with_results_loses_none(tmp_path):
     aside = {path.name: path.read_bytes() for path in (folder / "previous-1").iterdir()}
     assert {"history.csv", "checkpoint.h5", "fields.vtkhdf", "scene.toml", "summary.json"} <= set(aside)
     assert before == aside | {"notes.txt": b"mine"} and (folder / "notes.txt").read_text() == "mine"
+
+
+def test_a_second_run_into_the_folder_of_a_running_one_is_refused(tmp_path):
+    endless = changed(PUNCH, {"end_time": 10.0, "output.checkpoint_steps": 20})
+    scene, folder = write(endless, tmp_path / "scene.toml"), tmp_path / "run"
+    first = start([scene, "-q", "-o", folder], RANKS)
+    wait_for((folder / "history.csv").exists, first)
+    try:
+        for more in ([], ["--restart", folder / "checkpoint.h5"]):
+            if more:
+                wait_for((folder / "checkpoint.h5").exists, first)
+            before = (folder / "history.csv").stat().st_ino
+            second = parsolid(scene, "-q", "-o", folder, *more, ranks=RANKS, expect=2)
+            assert "found another run that writes there (host " in second.err and "Traceback" not in second.err
+            assert first.poll() is None and (folder / "history.csv").stat().st_ino == before
+            assert not list(folder.glob("previous-*"))
+    finally:
+        kill(first)
+        first.communicate()
+    # killed, it is not in the way, and goes on without a lost row
+    parsolid(scene, "-q", "-o", folder, "--restart", "--max-steps", "2", ranks=RANKS)
+    steps = history(folder)["step"]
+    assert steps.tolist() == list(range(len(steps))) and not (folder / "run.lock").exists()
 
 
 def test_a_folder_that_cannot_be_made_is_told(tmp_path):

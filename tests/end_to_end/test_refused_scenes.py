@@ -156,17 +156,56 @@ def test_a_broken_scene_ends_the_job_with_status_2(tmp_path):
     assert result.err.count("end_time:") == 1
 
 
+# what differs from the scene of the checkpoint, and the message
+OTHERS = {
+    "bodies.0.particles=[7, 7]": "bodies.0.particles: expected [9, 9] as in the checkpoint CHECKPOINT, found [7, 7]",
+    f"{MATERIAL}.density=1200.0": f"{MATERIAL}.density: expected 1100.0 as in the checkpoint CHECKPOINT, "
+    f"found 1200.0 (where that is meant: --allow-change {MATERIAL}.density)",
+    f"{MATERIAL}.branches=[{{ beta = 1.0, tau = 1.0 }}]": f"{MATERIAL}.branches: expected [] as in the checkpoint "
+    f"CHECKPOINT, found [{{'beta': 1.0, 'tau': 1.0}}] (where that is meant: --allow-change {MATERIAL}.branches)",
+    "boundaries.1.kind=fixed": "boundaries.1.kind: expected 'roller' as in the checkpoint CHECKPOINT, found 'fixed' "
+    "(where that is meant: --allow-change boundaries.1.kind)",
+    "loads.acceleration=['0', '-9.81']": "loads.acceleration: expected nothing as in the checkpoint CHECKPOINT, "
+    "found ['0', '-9.81'] (where that is meant: --allow-change loads.acceleration)",
+    "method.smoothing=0.9": "method.smoothing: expected 0.85 as in the checkpoint CHECKPOINT, found 0.9 "
+    "(where that is meant: --allow-change method.smoothing)",
+    "bodies.0.velocity=['0', '0']": "bodies.0.velocity: expected ['0', '-100*Y*where(X < 0.5, 2*X, 1)'] as in the "
+    "checkpoint CHECKPOINT, found ['0', '0']",
+}
+
+
 def test_a_checkpoint_of_another_scene_is_refused(tmp_path):
     scene = write(PUNCH, tmp_path / "scene.toml")
     run = [scene, "-q", "-o", tmp_path / "results"]
-    branches = f"{MATERIAL}.branches=[{{ beta = 1.0, tau = 1.0 }}]"
-    changes = ["bodies.0.particles=[7, 7]", branches]
-    commands = [[*run, "--max-steps", "2"], *([*run, "--restart", "--set", change] for change in changes)]
-    done, refused, changed_state = many(commands, RANKS, tmp_path / "job")
+    again = [*run, "--restart"]
+    commands = [[*run, "--max-steps", "2"], *([*again, "--set", change] for change in OTHERS)]
+    commands += [[*again, "--allow-change", "method.smoothing"], [*run, "--allow-change", "method.smoothing"]]
+    # the state of another material has no place in this one, whatever is allowed
+    branches = [*again, "--set", list(OTHERS)[2], "--allow-change", "bodies.0.material"]
+    done, *refused, unchanged, no_restart, other_state = many([*commands, branches], RANKS, tmp_path / "job")
     assert done[0].status == 0
-    assert [rank.status for rank in refused] == [2] * RANKS and not refused[1].err
-    assert refused[0].err.startswith("parsolid: bodies.0.particles: expected [9, 9] as in the checkpoint ")
-    assert refused[0].err.endswith("checkpoint.h5, found [7, 7]\n")
-    assert [rank.status for rank in changed_state] == [2] * RANKS and not changed_state[1].err
-    assert changed_state[0].err.startswith("parsolid: bodies.material: expected the state of the checkpoint ")
-    assert "found one with" in changed_state[0].err and "viscous_strain_inverse_1" in changed_state[0].err
+    before = {path.name: path.stat().st_mtime_ns for path in (tmp_path / "results").iterdir()}
+    checkpoint = str(tmp_path / "results" / "checkpoint.h5")
+    for found, message in zip(refused, OTHERS.values()):
+        assert [rank.status for rank in found] == [2] * RANKS and not found[1].err
+        assert found[0].err == f"parsolid: {message.replace('CHECKPOINT', checkpoint)}\n"
+    assert {path.name: path.stat().st_mtime_ns for path in (tmp_path / "results").iterdir()} == before
+    assert [rank.status for rank in unchanged + no_restart + other_state] == [2] * 3 * RANKS
+    assert "--allow-change method.smoothing: expected a key that has changed since" in unchanged[0].err
+    assert "--allow-change method.smoothing: expected --restart with it, found none" in no_restart[0].err
+    assert other_state[0].err.startswith("parsolid: bodies.material: expected the state of the checkpoint ")
+    assert "found one with" in other_state[0].err and "viscous_strain_inverse_1" in other_state[0].err
+
+
+def test_a_change_that_is_allowed_is_told_and_goes_into_the_next_checkpoint(tmp_path):
+    scene = write(PUNCH, tmp_path / "scene.toml")
+    run = [scene, "-o", tmp_path / "results", "--max-steps", "2"]
+    denser = ["--restart", "--set", f"{MATERIAL}.density=1200.0", "--set", "method.cfl=0.5"]
+    allowed = [*run, *denser, "--allow-change", f"{MATERIAL}.density"]
+    commands = [[*run, "-q"], allowed, [*run, *denser], [*run, "--restart"]]
+    first, changed_run, unchanged, refused = many(commands, RANKS, tmp_path / "job")
+    assert [first[0].status, changed_run[0].status, unchanged[0].status, refused[0].status] == [0, 0, 0, 2]
+    assert f"note: {MATERIAL}.density: 1100.0 until the checkpoint at t = " in changed_run[0].out
+    assert "from there on 1200.0" in changed_run[0].out and "note: method.cfl: 0.7 until" in changed_run[0].out
+    assert "note:" not in unchanged[0].out
+    assert f"{MATERIAL}.density: expected 1200.0 as in the checkpoint" in refused[0].err

@@ -63,3 +63,13 @@ def test_a_file_in_the_place_of_the_directory_is_one_error_on_all_ranks(comm, sh
     fill(comm, shared_path, ["out"])
     with pytest.raises(OutputError, match="cannot write to the directory .*out"):
         prepare(comm, shared_path / "out")
+
+
+def test_pictures_of_an_older_run_are_moved_with_it(comm, shared_path):
+    directory = shared_path / "out"
+    fill(comm, directory, ["history.csv"])
+    fill(comm, directory / "pictures", ["energies.png"])
+    prepare(comm, directory, continuing=True)
+    assert set(listing(comm, directory)) == {"history.csv", "pictures/energies.png"}
+    prepare(comm, directory)
+    assert set(listing(comm, directory)) == {"previous-1/history.csv", "previous-1/pictures/energies.png"}

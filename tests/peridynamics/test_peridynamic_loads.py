@@ -50,7 +50,7 @@ class Body:
         self.loads = PeridynamicLoads(comm, self.scene, particle_set, particles_of(self.scene, particle_set))
         forces = build_forces(comm, self.scene, particle_set, self.loads)
         self.loads.install_tractions(forces.engine, forces.horizon)
-        self.operator = Operator(forces.engine, forces.history, self.loads.free)
+        self.operator = Operator(forces.engine, forces.history, self.loads)
 
     def stretched(self, pinned=None):
         """The displacement (n, d) under the loads just after time 0; `pinned` (n, d) bool: more components at rest."""

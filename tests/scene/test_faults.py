@@ -242,6 +242,12 @@ BROKEN = {
         {"bodies.0.particles": DELETED, "bodies.0.spacing": 1e-320},
         r"bodies.0: expected at most 1e\+12 particles, found",
     ),
+    "many fields": (
+        {"output.fields_interval": 1e-9},
+        "output.fields_interval: expected at least end_time/100000 = 1e-05 s, found 1e-09",
+    ),
+    "many rows": ({"output.history_interval": 1e-320}, "output.history_interval: expected at least end_time/1e.07"),
+    "many checkpoints": ({"output.checkpoint_interval": 1e-300}, "output.checkpoint_interval: expected at least"),
     "steps out of order": (
         {"method.minimum_step": 1.0, "method.maximum_step": 0.5},
         "method.minimum_step: expected at most maximum_step = 0.5, found 1.0",
@@ -324,12 +330,34 @@ def test_broken_override(override, message):
         load_scene(packaged_scene(), [override])
 
 
+HOSTILE = [
+    ("end_time = " + "9" * 5_000, "expected TOML, found a fault: Exceeds the limit"),
+    (f"end_time = {2**63}", "end_time: expected a whole number of 64 bits, as TOML has them, found a larger one"),
+    ("title = " + "[" * 3_000 + "]" * 3_000, "expected TOML, found tables or lists nested too deeply"),
+    ("title = " + "[" * 100 + "]" * 100, "title.0.0: expected at most 32 tables or lists one within the other"),
+    (".".join("a" * 3_000) + " = 1", "a.a.a: expected at most 32 tables or lists one within the other, found more"),
+    ('[reference]\nseries = "a\\u0000b.json"', "reference.series: expected a text without NUL"),
+    ('[[bodies]]\nshape = {mesh = {file = "\\u0000"}}', "bodies.0.shape.mesh.file: expected a text without NUL"),
+]
+
+
+def test_an_override_that_is_hostile_is_a_fault():
+    for override in (f"end_time={'9' * 5_000}", f"method.cfl={'[' * 3_000}", f"bodies.0.seed={2**64}", "title=[\0]"):
+        with pytest.raises(SceneError):
+            load_scene(packaged_scene(), [override])
+
+
 def test_files_that_are_no_scenes(tmp_path):
     with pytest.raises(SceneError, match="none.toml: expected a readable scene, found No such file"):
         load_scene(tmp_path / "none.toml")
     (tmp_path / "bad.toml").write_text("title = \ndimension = 2")
     with pytest.raises(SceneError, match="bad.toml: expected TOML, found a fault: .*line 1"):
         load_scene(tmp_path / "bad.toml")
+    for number, (text, words) in enumerate(HOSTILE):
+        (tmp_path / f"{number}.toml").write_text(text)
+        with pytest.raises(SceneError, match=words) as caught:
+            load_scene(tmp_path / f"{number}.toml")
+        assert all(len(line) < 300 for line in caught.value.faults)
     (tmp_path / "bytes.toml").write_bytes(b"\xff\xfe")
     with pytest.raises(SceneError, match="bytes.toml: expected TOML"):
         load_scene(tmp_path / "bytes.toml")
@@ -349,6 +377,16 @@ AT_GENERATION = {
         {"boundaries": [{"kind": "traction", "plane": "X = 1", "traction": ["sqrt(X-1)", "0", "arccos(Y)"]}]},
         r"boundaries.0.traction.2: .*found nan at particle 91 \(1, 1.5, 0\)",
     ),
+    "more than the memory": (
+        {"bodies.0.particles": [9_000, 9_000, 9_000]},
+        r"bodies: expected particles that fit into the .* GiB .* on \d ranks?, found 729,000,000,000, .* 2.04e.05 GiB",
+    ),
+    "too large for floats": (
+        {"bodies.0.shape.box.upper": [1e308, 1.0, 1.0]},
+        "a body with sides from 1e-60 to 1e.60 m",
+    ),
+    "too small for floats": ({"bodies.0.shape.box.upper": [1e-308, 1.0, 1.0]}, "a body with sides from 1e-60"),
+    "far away": ({"bodies.0.shape.box.lower": [-1e300, 0.0, 0.0]}, "a body with sides from 1e-60 to 1e.60 m"),
     "empty region": (
         {
             "boundaries": [

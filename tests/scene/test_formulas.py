@@ -81,11 +81,26 @@ def test_no_points():
         ("[X for X in Y]", "for"),
         ("(X := 1)", ":="),
         ("1j*X", "1j"),
+        # what numexpr folds to a complex number is no real one
+        ("(-8)**(1/3)", "its value is not real"),
+        ("X*(-8)**0.5", "its value is not real"),
+        ("+".join(["X"] * 500), "more than 200 operations"),
+        ("-" * 50_000 + "X", "50001 characters where 10000 are the most"),
+        ("-" * 9_000 + "X", "no formula|more than 200"),
+        ("(" * 300 + "X" + ")" * 300, "no formula"),
+        ("X + " + "9" * 5_000, "no formula"),
+        ("10**400", "cannot be compiled"),
     ],
 )
 def test_refused(source, why):
     with pytest.raises(ValueError, match=why):
         Formula(source)
+
+
+def test_a_sum_of_many_terms_is_a_formula():
+    terms = "+".join(f"sin({i}*X)" for i in range(150))
+    expected = sum(np.sin(i * POINTS[:, 0]) for i in range(150))
+    np.testing.assert_allclose(Formula(terms).evaluate(POINTS), expected, rtol=0.0, atol=1e-12)
 
 
 def test_names_can_be_restricted():

@@ -212,7 +212,8 @@ def test_jitter_is_uniform(scene_of):
 
 def test_initial_fields(cube, comm):
     cube["bodies"][0] |= {"velocity": ["Y", "0", "-X"], "displacement": ["0.1*X", "0", "0"]}
-    second = {"shape": BOX, "particles": [2, 2, 2], "material": MATERIAL}
+    beside = {"box": {"lower": [1.0, 0.0, 0.0], "upper": [2.0, 1.0, 1.0]}}
+    second = {"shape": beside, "particles": [2, 2, 2], "material": MATERIAL}
     second["deformation_gradient"] = [["2", "X", "0"], ["0", "1", "0"], ["0", "0", "1"]]
     cube["bodies"].append(second)
     scene = parse_scene(cube)

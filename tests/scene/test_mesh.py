@@ -9,6 +9,7 @@ import pytest
 from parsolid.particles.generation import generate
 from parsolid.scene import SceneError, parse_scene, selected
 from parsolid.scene.fillings import filling_of
+from parsolid.scene.mesh import read_mesh
 
 LENGTHS = (2.0, 3.0, 1.0)
 COUNTS = (4, 5, 3)
@@ -183,8 +184,28 @@ def test_refused_elements(shared_path, comm):
         [("quad", twisted)],
         "found 1 quad elements inside out or flat, the first at \\(0.75, 1.5\\)",
     )
+    twice = [("quad", quads), ("quad", quads[3:5])]
+    refused(shared_path, comm, 2, plane, twice, "expected every element once, found 2 quad elements more than once")
+    # a copy on nodes of its own has no facet in common with the first
+    copied = [("quad", np.concatenate([quads, quads[:, [1, 2, 3, 0]] + len(plane)]))]
+    found = f"found {len(quads)} quad elements more than once"
+    refused(shared_path, comm, 2, np.concatenate([plane, plane]), copied, found)
     flat = points * [1.0, 1.0, 0.0]
     refused(shared_path, comm, 3, flat, [("tetra", split(cells))], "found 360 tetra elements inside out or flat")
+
+
+@pytest.mark.parametrize("wrong", [-1, 999])
+def test_elements_of_nodes_that_there_are_not(tmp_path, wrong):
+    points, cells = grid(2)
+    text = ["# vtk DataFile Version 3.0", "mesh", "ASCII", "DATASET UNSTRUCTURED_GRID", f"POINTS {len(points)} double"]
+    text += [f"{x} {y} 0" for x, y in points]
+    cells = cells.copy()
+    cells[3, 2] = wrong
+    text += [f"CELLS {len(cells)} {5 * len(cells)}", *(f"4 {' '.join(map(str, cell))}" for cell in cells)]
+    text += [f"CELL_TYPES {len(cells)}", *["9"] * len(cells)]
+    (tmp_path / "m.vtk").write_text("\n".join(text) + "\n")
+    with pytest.raises(SceneError, match=f"nodes from 0 to {len(points) - 1} in every element, found {wrong}"):
+        read_mesh(str(tmp_path / "m.vtk"), 1.0, 2)
 
 
 @pytest.mark.parametrize(

@@ -3,17 +3,25 @@
 from typing import Any
 
 from parsolid.commands.point.laws import MaxwellPoint, MooneyRivlinPoint, PointLaw
+from parsolid.commands.point.micro_inertia import MicroInertiaPoint
 from parsolid.commands.point.plastic import PlasticPoint
 from parsolid.commands.point.viscoelastic import PronyPoint
 from parsolid.materials.hyperelastic.mooney_rivlin import MooneyRivlin
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
+from parsolid.materials.plastic.micro_inertia import MicroInertia
 from parsolid.materials.viscoelastic.prony import Prony
 
-POINT_LAWS = {MooneyRivlin: MooneyRivlinPoint, ElasticPlastic: PlasticPoint, Prony: PronyPoint}
+POINT_LAWS = {
+    MooneyRivlin: MooneyRivlinPoint,
+    ElasticPlastic: PlasticPoint,
+    MicroInertia: MicroInertiaPoint,
+    Prony: PronyPoint,
+}
 
 
 def point_law(parameters: Any, **conditions: Any) -> PointLaw:
     """The law of a material point with the given parameters, hyperelastic if of no other kind; conditions are keywords
     of its class.
     """
-    return POINT_LAWS.get(type(parameters), MaxwellPoint)(parameters, **conditions)
+    chosen = next((POINT_LAWS[kind] for kind in type(parameters).__mro__ if kind in POINT_LAWS), MaxwellPoint)
+    return chosen(parameters, **conditions)

@@ -16,6 +16,10 @@ from parsolid.output.errors import OutputError, words
 from parsolid.output.summary import provenance, write_summary
 from parsolid.scene.observation import component_names
 
+_SHOWN = (
+    *("deviator_norm", "plastic_strain_rate", "micro_stress"),
+    *("plastic_strain", "temperature", "heat_given_away"),
+)
 TABLE, PICTURE, SUMMARY = "point.csv", "point.png", "point_summary.json"
 
 
@@ -71,7 +75,7 @@ def summarise(point: MaterialPoint, columns: dict[str, np.ndarray], seconds: flo
     """The summary of a point; the energy balance is measured against the largest energy met."""
     scale = max(np.abs(columns[name]).max() for name in ("stored", "work", "dissipation"))
     worst = np.abs(columns["balance"]).max()
-    shown = [name for name in ("plastic_strain", "temperature", "heat_given_away") if name in columns]
+    shown = [name for name in _SHOWN if name in columns]
     return {
         "title": point.title,
         "material": point.material.kind,
@@ -124,7 +128,13 @@ def _plastic(summary: dict[str, Any]) -> list[str]:
     if "plastic_strain_at_end" not in summary:
         return []
     strain, temperature = summary["plastic_strain_at_end"], summary["temperature_at_end"]
-    return [f"  plastic strain {strain:.6g}, temperature {temperature:.6g} K at the end"]
+    lines = [f"  plastic strain {strain:.6g}, temperature {temperature:.6g} K at the end"]
+    if "micro_stress_at_end" in summary:
+        norm, rate, stress = (summary[f"{name}_at_end"] for name in _SHOWN[:3])
+        lines.append(
+            f"  |S| {norm:.6g} Pa, plastic strain rate {rate:.6g} 1/s, micro-stress {stress:.6g} Pa at the end"
+        )
+    return lines
 
 
 def write_table(path: Path, columns: dict[str, np.ndarray]) -> None:

@@ -15,6 +15,15 @@ from parsolid.scene.materials import Material
 from parsolid.scene.validation_errors import SceneError
 
 MOST_STEPS = 1_000_000
+# kinds of materials that warm
+_HEATED = ("elastic-plastic", "micro-inertia")
+
+
+def _warms(material: Any) -> bool:
+    """Whether a material is of one of these kinds, or a file's of the role of one."""
+    role = getattr(getattr(material, "declared", None), "role", None)
+    return material.kind in _HEATED or role in _HEATED
+
 
 Direction = Annotated[list[float], Field(min_length=3, max_length=3)]
 
@@ -47,7 +56,7 @@ class MaterialPoint(SceneModel):
     time_step: Positive | None = Field(None, description="the longest step [s]")
     material: Material = Field(description="a table with the key kind")
     path: AnyPath = Field(description="a table with the key kind")
-    temperature: Positive | None = Field(None, description="of an elastic-plastic solid at time 0 [K]")
+    temperature: Positive | None = Field(None, description="of a solid with plastic flow at time 0 [K]")
     heat: Literal["adiabatic", "isothermal"] | None = Field(None, description="adiabatic unless given")
     output: PointOutput = PointOutput()
 
@@ -64,10 +73,11 @@ class MaterialPoint(SceneModel):
             )
         if self.material.kind == "bond-based":
             details.append((("material", "kind"), "a law of stresses (bonds have none)", self.material.kind))
-        if self.material.kind != "elastic-plastic":
+        if not _warms(self.material):
             stated = [key for key in ("temperature", "heat") if getattr(self, key) is not None]
             details += [
-                ((key,), "no such key but with the material 'elastic-plastic'", getattr(self, key)) for key in stated
+                ((key,), f"no such key but with the material {' or '.join(map(repr, _HEATED))}", getattr(self, key))
+                for key in stated
             ]
         late = [(i, time) for i, time in enumerate(self.path.breaks) if time > self.end_time]
         details += [(("path", "breaks", i), f"a time up to end_time = {self.end_time:g}", time) for i, time in late]
@@ -82,7 +92,7 @@ class MaterialPoint(SceneModel):
     @property
     def conditions(self) -> dict[str, Any]:
         """What the law needs to know besides its parameters."""
-        if self.material.kind != "elastic-plastic":
+        if not _warms(self.material):
             return {}
         return {"temperature": self.temperature, "isothermal": self.heat == "isothermal"}
 

@@ -15,6 +15,7 @@ from parsolid.numerics.layout import LAYOUT
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field, Rows, Within
 from parsolid.particles.extents import domain_bounds
+from parsolid.particles.generated import declare_generated
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene
 
@@ -42,25 +43,12 @@ class MaterialPoints(Particles):
         # material kernels see the plane's layout in axisymmetry, too: l33 and F33 are there
         self.space = LAYOUT[self.dimension]
         self.where = "reference_position" if scene.method.formulation == "total-lagrangian" else "motion"
-        self._declare_geometry(particle_set)
+        place = Rows(4) if self.where == "reference_position" else Rows()
+        declare_generated(self, particle_set, reference_position=place)
         self._declare_motion(particle_set)
         self._declare_transfer(particle_set)
         self._bases = np.empty((0, self.dimension), np.int64)
         self._base_offset = grid_weights.base_offset(self.basis)
-
-    def _declare_geometry(self, particles: ParticleSet) -> None:
-        """What does not change."""
-        d = self.dimension
-        self.declare(
-            Field("identifier", 1, "1", checkpointed=True, shown=True, whole=True, layout=Rows()), particles.identifier
-        )
-        place = Rows(4) if self.where == "reference_position" else Rows()
-        self.declare(Field("reference_position", d, "m", checkpointed=True, layout=place), particles.position)
-        self.declare(Field("volume", 1, "m^3", checkpointed=True), particles.volume)
-        self.declare(Field("spacing", d, "m", checkpointed=True), particles.spacing)
-        if particles.axes is not None:
-            self.declare(Field("axes", d * d, "1", checkpointed=True), particles.axes.reshape(len(particles), d * d))
-        self.declare(Field("area", d, "m^2", checkpointed=True), particles.area)
 
     def _declare_motion(self, particles: ParticleSet) -> None:
         """The record of motion, deformation and stress."""

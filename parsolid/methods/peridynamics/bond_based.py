@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from decomposition.recalled import RecalledEach
 from parsolid.materials.damage.bond_based import POISSONS_RATIO, micromodulus
 from parsolid.methods.peridynamics.bond_based_kernels import add_bond_forces, bond_energy
 from parsolid.methods.peridynamics.bond_force import BondForce, pushed_forward
@@ -28,6 +29,7 @@ class BondBasedForce(BondForce):
     ) -> None:
         """horizon (owned,) [m]; settings: `settings.Peridynamics`. Collective."""
         super().__init__(particles, bond_system, None, fixed_planes)
+        self._add_forces = RecalledEach(add_bond_forces)
         self.state = settings.state(particles["displacement"].shape[1])
         modulus = np.zeros(self.owned)
         for block in blocks:
@@ -39,7 +41,7 @@ class BondBasedForce(BondForce):
     @property
     def linear_force(self) -> np.ndarray:
         """Nothing has a history, so nothing of the force is carried on."""
-        return np.zeros((self.owned, self.dimension))
+        return self.particles.kept(("no force",), lambda: np.zeros((self.owned, self.dimension)))
 
     def evaluate(self, laws: Any) -> np.ndarray:
         """Force (owned, d) [N] of the displacement."""
@@ -53,8 +55,12 @@ class BondBasedForce(BondForce):
         self.evaluations += 1
         self.force[:] = 0.0
         what = (linear, column, self.particles.storage("micromodulus"), self.kinematics, self.force)
-        self.bond_system.sweep(lambda pairs: add_bond_forces(self.space, pairs, *what), "motion")
-        return self.force[: self.owned, : self.dimension]
+        key = self.bond_system.key
+        self.bond_system.sweep(
+            lambda pairs: self._add_forces(key(pairs, column), self.space, pairs, *what),
+            "motion",
+        )
+        return self.owned_force
 
     def stored_energy(self) -> float:
         """Energy [J] of the bonds at the displacement of the last evaluation."""

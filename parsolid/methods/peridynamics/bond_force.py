@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from decomposition.recalled import RecalledEach
 from parsolid.methods.peridynamics.correspondence import BondedBody, relaxing_records, stresses
 from parsolid.numerics.lanes import aligned_zeros
 from parsolid.pairs.pair_system import PairSystem
@@ -36,7 +37,7 @@ class BondForce:
         self.particles, self.bond_system, self.stabiliser = particles, bond_system, bond_system.terms
         self.owned, self.space, self.dimension = particles.owned, bond_system.space, bond_system.space.dimension
         self.columns, self.record_columns = KINEMATICS[self.dimension], record_columns(self.space, self.stabiliser)
-        self.evaluations = 0
+        self.evaluations, self._put_records = 0, RecalledEach(relaxing_records)
         self.projection = self._projection(fixed_planes)
         if scale is not None:
             self._declare_stiffness(scale)
@@ -79,12 +80,13 @@ class BondForce:
     @property
     def field(self) -> np.ndarray:
         """The field f (rows, d) [m] that drives stress and stabiliser."""
-        return self.kinematics[:, : self.dimension]
+        return self.particles.kept(("driving field",), lambda: self.kinematics[:, : self.dimension])
 
     @property
     def displacement(self) -> np.ndarray:
         """The displacement u (rows, d) [m]."""
-        return self.kinematics[:, self.columns.position : self.columns.position + self.dimension]
+        at = self.columns.position
+        return self.particles.kept(("moved",), lambda: self.kinematics[:, at : at + self.dimension])
 
     @property
     def record(self) -> np.ndarray:
@@ -99,6 +101,9 @@ class BondForce:
     @property
     def body(self) -> BondedBody:
         """What kernels know of the particles."""
+        return self.particles.kept(("bonded body",), self._body)
+
+    def _body(self) -> BondedBody:
         stiffness = self.particles.storage("stiffness") if "stiffness" in self.particles else None
         return BondedBody(self.particles.storage("correction"), stiffness, self.particles.storage("pair_volume"))
 
@@ -114,7 +119,7 @@ class BondForce:
         self.evaluations += 1
         sums = self.field_gradient()
         for first, last, law in laws:
-            relaxing_records(self.space, first, last, law, self.stabiliser, self.body, sums, self.record)
+            self._put_records(first, self.space, first, last, law, self.stabiliser, self.body, sums, self.record)
         return self.divergence(self.stabiliser)
 
     def evaluate_stiffness(self, laws: Any) -> np.ndarray:
@@ -140,12 +145,18 @@ class BondForce:
             particles, factors = self.projection
             self.record[particles, : factors.shape[1]] *= factors
         self.force[:] = 0.0
-        return self.bond_system.divergence(terms)[: self.owned, : self.dimension]
+        self.bond_system.divergence(terms)
+        return self.owned_force
+
+    @property
+    def owned_force(self) -> np.ndarray:
+        """Force (owned, d) [N] of the last evaluation."""
+        return self.particles.kept(("owned force",), lambda: self.force[: self.owned, : self.dimension])
 
     @property
     def linear_force(self) -> np.ndarray:
         """What of the last force (owned, d) [N] is linear in the field f: all of it."""
-        return self.force[: self.owned, : self.dimension]
+        return self.owned_force
 
     def of_stress(self, stress: np.ndarray) -> np.ndarray:
         """Force (owned, d) [N] of given stresses (owned, d, d) [Pa], without a stabiliser; what balances a consistent

@@ -35,9 +35,8 @@ def build_bond_system(
     bonds = PairSystem(comm, particles, space, weights, stabiliser, codes)
     columns = KINEMATICS[space.dimension]
     told: dict[str, Any] = {"ghosts": "forward", "message": "motion"}
-    declare_generated(
-        particles, particle_set, Within("kinematics", columns.reference), ("identifier", "reference_position")
-    )
+    place = Within("kinematics", columns.reference)
+    declare_generated(particles, particle_set, ("identifier", "reference_position"), reference_position=place)
     driving = Within("kinematics", columns.field)
     particles.declare(Field("relaxing_displacement", space.dimension, "m", mirror="vector", layout=driving, **told))
     moved = Field(

@@ -8,6 +8,7 @@ from mpi4py import MPI
 from parsolid.boundary.declarations import Declarations, PrescribedMotion, Support, SurfaceTraction
 from parsolid.boundary.loads import InTime, Load, body_loads, densities
 from parsolid.boundary.prescribed import PrescribedRows
+from parsolid.boundary.rows import Components
 from parsolid.boundary.supports import Supports
 from parsolid.methods.peridynamics.tractions import Tractions
 from parsolid.particles.container import Particles
@@ -18,10 +19,9 @@ from parsolid.scene.schema import Scene
 class PeridynamicLoads:
     """What a scene's boundaries and loads mean for peridynamics; arrays are of this rank's particles, d = dimension.
 
-    planes, codes, share, held: see `boundary.supports.Supports`; free (owned, d) bool: components that are neither
-    held nor guided; entries: particles and components (k,) of everything guided; jumps: times [s] before the end at
-    which loads or prescribed displacements jump, with 0 where anything is loaded. Forces [N] are those on the part of
-    a particle on this side of mirror planes.
+    planes, codes, share: see `boundary.supports.Supports`, share at the start; entries: particles and components (k,)
+    of everything guided; jumps: times [s] before the end at which loads or prescribed displacements jump, with 0 where
+    anything is loaded. Forces [N] are those on the part of a particle on this side of mirror planes.
     """
 
     def __init__(self, comm: MPI.Comm, scene: Scene, particle_set: ParticleSet, particles: Particles):
@@ -32,16 +32,17 @@ class PeridynamicLoads:
         self.scene, self.particles = scene, particles
         self.declared = Declarations(scene, Support, PrescribedMotion, SurfaceTraction)
         supports = Supports(comm, scene, self.declared.of(Support, "roller", "fixed"), particle_set)
-        self.planes, self.held = supports.planes, supports.held
-        self.codes, self.share = supports.codes, supports.share
+        self.planes, self.codes, self.share = supports.planes, supports.codes, supports.share
+        self._held = Components(particles, supports.held)
         motions = self.declared.of(PrescribedMotion, "velocity", "displacement")
         self.prescribed = PrescribedRows(comm, scene, motions, particle_set, self.particles)
-        self.free = ~self.held
-        self.free[self.entries] = False
+        free = ~supports.held
+        free[self.entries] = False
+        self._free = Components(particles, free)
         self.jumps = self._jump_times()
         self._tractions = Tractions(comm, self.declared, supports, particle_set, self.particles)
         self._body_loads = self._loads_of_bodies()
-        self.loads = InTime(self.particles, self._body_loads, self.free.shape[1])
+        self.loads = InTime(self.particles, self._body_loads, free.shape[1])
         self.move, self.guided_velocities = self.prescribed.move, self.prescribed.velocities
 
     def _loads_of_bodies(self) -> list[Load]:
@@ -66,6 +67,16 @@ class PeridynamicLoads:
         """Find the forces of tractions; force: `BondForce` with all bonds whole; horizon (owned,) [m]; collective."""
         parts = [*self._body_loads, *self._tractions.forces(force, horizon)]
         self.loads = InTime(self.particles, parts, self.free.shape[1])
+
+    @property
+    def held(self) -> np.ndarray:
+        """Components (owned, d) at rest."""
+        return self._held.mask
+
+    @property
+    def free(self) -> np.ndarray:
+        """Components (owned, d) that are neither held nor guided."""
+        return self._free.mask
 
     @property
     def entries(self) -> tuple[np.ndarray, np.ndarray]:

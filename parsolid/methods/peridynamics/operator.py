@@ -9,6 +9,7 @@ from parsolid.materials.damage.bond_based import BondBased
 from parsolid.materials.hyperelastic.law import elastic_moduli
 from parsolid.materials.viscoelastic.prony import Prony, algorithmic_factor
 from parsolid.methods.peridynamics.bond_force import BondForce
+from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.methods.peridynamics.viscoelastic_history import ViscoelasticHistory, series_of
 
 _SHIFT = 1e-6
@@ -56,22 +57,38 @@ class Operator:
     """F(u) of one rank's particles over a step whose history is frozen, and its tangent K = -dF/du.
 
     Vectors are (owned, d), d the scene's dimension; forces [N] are those on the part of a particle on this side of
-    mirror planes, so that K is symmetric in the plain inner product. free (owned, d) bool: components that are not
-    prescribed; mass (owned,) [kg], likewise of this side's part; identifier (owned,). All calls are collective; `step`
+    mirror planes, so that K is symmetric in the plain inner product. All calls are collective; `step`
     [s] is the length of the material step that starts at the last committed state, 0.0 a jump.
     """
 
-    def __init__(self, engine: BondForce, history: ViscoelasticHistory, free: np.ndarray) -> None:
-        self.engine, self.history, self.free = engine, history, free
-        rows = engine.particles.owned_rows
-        self.share, self.identifier = rows("share"), rows("identifier")
-        self.mass = rows("mass") * self.share
-        self.dimension, self.comm = free.shape[1], engine.bond_system.comm
+    def __init__(self, engine: BondForce, history: ViscoelasticHistory, loads: PeridynamicLoads) -> None:
+        self.engine, self.history, self.loads = engine, history, loads
+        self.dimension, self.comm = loads.free.shape[1], engine.bond_system.comm
         linear = all(isinstance(law, Prony) and law.finite_strain is None for _, _, law in history.laws)
         self.is_linear = not anywhere(self.comm, not linear)
         least = minimum(self.comm, float(np.min(engine.bond_system.volume[: engine.owned], initial=np.inf)))
         self.length = least ** (1.0 / self.dimension)
         self.step: float | None = None
+
+    @property
+    def free(self) -> np.ndarray:
+        """Components (owned, d) bool that are not prescribed."""
+        return self.loads.free
+
+    @property
+    def share(self) -> np.ndarray:
+        """The part (owned,) of a particle on this side of mirror planes."""
+        return self.engine.particles.owned_rows("share")
+
+    @property
+    def mass(self) -> np.ndarray:
+        """Mass (owned,) [kg] of this side's part."""
+        return self.engine.particles.owned_rows("mass") * self.share
+
+    @property
+    def identifier(self) -> np.ndarray:
+        """Identifiers (owned,)."""
+        return self.engine.particles.owned_rows("identifier")
 
     def force(self, displacement: np.ndarray, out: np.ndarray, step: float) -> None:
         """Internal force [N] at a displacement [m] at the end of a step, stabiliser included, into out."""

@@ -40,7 +40,7 @@ class Peridynamics(ParticleSystem):
         self.laws = self.history.laws
         self.loads.install_tractions(self.engine, forces.horizon)
         self.fracture = fracture_of(comm, scene, particle_set, forces)
-        self.operator = Operator(self.engine, self.history, self.loads.free)
+        self.operator = Operator(self.engine, self.history, self.loads)
         motion: dict[str, Any] = {"shown": True, "mirror": "vector"}
         self.particles.declare(Field("position", self.dimension, "m", mirror="vector"), particle_set.position)
         self.particles.declare(Field("velocity", self.dimension, "m/s", checkpointed=True, layout=Rows(4), **motion))
@@ -70,16 +70,6 @@ class Peridynamics(ParticleSystem):
         self.fracture.resume()
         self.history.resume()
         self.fracture.look()
-
-    @property
-    def mass(self) -> np.ndarray:  # type: ignore[override]
-        """Mass (owned,) [kg], of the whole particle where it lies on a mirror plane."""
-        return self.particles.owned_rows("mass")
-
-    @property
-    def share(self) -> np.ndarray:  # type: ignore[override]
-        """The part (owned,) of a particle on this side of mirror planes."""
-        return self.particles.owned_rows("share")
 
     @property
     def velocity(self) -> np.ndarray:
@@ -135,11 +125,6 @@ class Peridynamics(ParticleSystem):
         return kinetic, self.history.stored_energy()
 
     # --- what the output and the reports ask -------------------------------------------------------------------
-
-    @property
-    def communication_seconds(self) -> float:  # type: ignore[override]
-        """Seconds spent on sending and receiving."""
-        return self.particles.communication_seconds
 
     @property
     def directed_pairs(self) -> int:  # type: ignore[override]

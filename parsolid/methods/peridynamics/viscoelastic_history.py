@@ -123,7 +123,9 @@ class ViscoelasticHistory:
         return self._of_branches("branch_forces")
 
     def _of_branches(self, name: str) -> np.ndarray:
-        return self.particles.owned_rows(name) if self.branches else np.zeros((self.engine.owned, 0))
+        if self.branches:
+            return self.particles.owned_rows(name)
+        return self.particles.kept(("no branches",), lambda: np.zeros((self.engine.owned, 0)))
 
     def _branch(self, values: np.ndarray, number: int) -> np.ndarray:
         """The columns (owned, d) of a branch in `terms` or `forces`."""
@@ -143,9 +145,15 @@ class ViscoelasticHistory:
     def propose(self, step: float) -> None:
         """Fill the engine's field with u~ after a step [s] to its displacement."""
         self.begin(step)
-        engine = self.engine
+        arrays = self.particles.kept(("history",), self._arrays)[:4]
         for (first, last, ratios, _), weights in zip(self.series, self.weights):
-            propose(first, last, ratios, weights, engine.displacement, self.old, self.terms, engine.field)
+            propose(first, last, ratios, weights, *arrays)
+
+    def _arrays(self) -> tuple[np.ndarray, ...]:
+        """What `propose` takes, and what `settle` takes besides its first two."""
+        engine = self.engine
+        moved = (engine.displacement, self.old, self.terms)
+        return *moved, engine.field, self.particles.storage("share"), engine.linear_force, self.elastic, self.forces
 
     def internal_force(self, step: float) -> np.ndarray:
         """Force (owned, d) [N] after a step [s] from the settled state to the engine's displacement."""
@@ -157,22 +165,10 @@ class ViscoelasticHistory:
         over it [J].
         """
         self.begin(step)
-        engine, dissipated = self.engine, 0.0
+        new, old, terms, _, share, *forces = self.particles.kept(("history",), self._arrays)
+        dissipated = 0.0
         for (first, last, ratios, _), weights, shares in zip(self.series, self.weights, self.shares):
-            dissipated += settle(
-                first,
-                last,
-                ratios,
-                weights,
-                shares,
-                self.particles.storage("share"),
-                engine.displacement,
-                self.old,
-                self.terms,
-                engine.linear_force,
-                self.elastic,
-                self.forces,
-            )
+            dissipated += settle(first, last, ratios, weights, shares, share, new, old, terms, *forces)
         return dissipated
 
     def start(self, instantaneous: bool) -> None:

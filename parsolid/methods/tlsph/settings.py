@@ -17,7 +17,7 @@ class TotalLagrangianSPH(MethodSettings):
     boundaries: ClassVar = ("fixed", "roller", "antisymmetric", "velocity", "traction")
     kind: Literal["tlsph"]
     kernel: Literal[kernel_names()] = "wendland-c2"  # type: ignore[valid-type]
-    smoothing: Positive = Field(0.85, description="smoothing length over particle spacing, h/dx")
+    smoothing: float = Field(0.85, gt=0, le=30, description="smoothing length over particle spacing, h/dx, at most 30")
     cfl: Positive = Field(0.7, description="time step over (particle spacing / largest wave speed)")
     dissipation: NotNegative = Field(1.0, description="factor on the Riemann dissipation, 0 = none")
     reconstruction: bool = Field(True, description="linear reconstruction of the velocity jump")

@@ -9,6 +9,7 @@ from parsolid.numerics.layout import BRANCH_ROWS, DEFORMATION_ROWS
 from parsolid.pairs.terms import KINEMATICS
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field, Rows, Within
+from parsolid.particles.generated import declare_generated
 
 # F (and H) = 1 and J = 1, by the rows of `numerics.layout`
 _UNSTRAINED = {2: (1.0, 0.0, 0.0, 1.0, 1.0), 3: (*np.eye(3).ravel(), *np.eye(3).ravel(), 1.0)}
@@ -33,37 +34,24 @@ class Body(NamedTuple):
     moved: Moved | None
 
 
-def body_of(particles: Particles, moved: Moved | None = None) -> Body:
-    """The arrays that the kernels of strain and stress take."""
+def body_of(particles: Particles, branches: bool, moved: Moved | None = None) -> Body:
+    """The arrays that the kernels of strain and stress take, of laws with or without branches."""
     names = ("strain", "strain_at_start", "branches", "correction", "pair_volume", "volume", "pair_sums", "record")
-    storages: list[Any] = [particles.storage(name) if name in particles else None for name in names]
+    storages: list[Any] = [particles.storage(name) if name != "branches" or branches else None for name in names]
     return Body(*storages, moved)  # type: ignore[call-arg]
 
 
-def declare_constants(particles: Particles, particle_set: Any) -> None:
-    """What a particle is made with."""
-    d = particle_set.position.shape[1]
-    particles.declare(Field("identifier", 1, "1", checkpointed=True, shown=True, whole=True), particle_set.identifier)
-    particles.declare(Field("volume", 1, "m^3", checkpointed=True, layout=Columns()), particle_set.volume)
-    particles.declare(Field("spacing", d, "m", checkpointed=True), particle_set.spacing)
-    if particle_set.axes is not None:
-        particles.declare(Field("axes", d * d, "1", checkpointed=True), particle_set.axes.reshape(-1, d * d))
-    particles.declare(Field("area", d, "m^2", checkpointed=True), particle_set.area)
-
-
-def declare_motion(particles: Particles, position: np.ndarray, fixed: bool) -> None:
-    """v, x and X at rest; ghosts take v and x with the message "motion".
+def declare_motion(particles: Particles, particle_set: Any, fixed: bool) -> None:
+    """What a particle is made with, and v and x at rest; ghosts take v and x with the message "motion".
 
     fixed: whether X is the reference that the passes read.
     """
+    position = particle_set.position
     d = position.shape[1]
     at = KINEMATICS[d]
-    role: dict[str, Any] = {"ghosts": "forward", "message": "motion", "checkpointed": True, "shown": True}
     place = Within("kinematics", at.reference) if fixed else Rows()
-    particles.declare(
-        Field("reference_position", d, "m", ghosts="forward", message="reference", checkpointed=True, layout=place),
-        position,
-    )
+    declare_generated(particles, particle_set, ("reference_position",), reference_position=place, volume=Columns())
+    role: dict[str, Any] = {"ghosts": "forward", "message": "motion", "checkpointed": True, "shown": True}
     particles.declare(Field("velocity", d, "m/s", **role, mirror="vector", layout=Within("kinematics", at.field)))
     particles.declare(
         Field("position", d, "m", **role, mirror="vector", layout=Within("kinematics", at.position)), position
@@ -91,29 +79,3 @@ def declare_strain(particles: Particles, dimension: int, branches: int) -> None:
         for alpha in range(branches):
             place = Within("branches", alpha * rows)
             particles.declare(Field(f"viscous_strain_inverse_{alpha + 1}", rows, "1", **role, layout=place), rest)
-
-
-class FixedReference:
-    """The original configuration, for ever; what a reference is asked for, see `updated_reference`."""
-
-    moved: Moved | None = None
-    fault: str | None = None
-    asks = False
-
-    def follow(self, asked: bool) -> bool:
-        """Before a step; True."""
-        return True
-
-    def state(self) -> dict[str, int]:
-        """Nothing."""
-        return {}
-
-    def set_state(self, state: dict[str, int]) -> None:
-        """Nothing."""
-
-    def resume(self) -> None:
-        """Nothing."""
-
-    def summary(self) -> dict[str, Any]:
-        """Nothing."""
-        return {}

@@ -4,18 +4,19 @@ from typing import Any
 
 import numpy as np
 
+from decomposition.recalled import Recalled, RecalledEach
 from parsolid.collective import anywhere, maximum, minimum
-from parsolid.materials.blocks import MaterialBlock, material_blocks
+from parsolid.materials.blocks import MaterialBlock, block_numbers, material_blocks
 from parsolid.materials.hyperelastic.law import isotropic_shear_modulus
 from parsolid.materials.registry import laws_of
-from parsolid.methods.protocol import ParticleSystem
+from parsolid.methods.paired import PairedSystem
 from parsolid.methods.tlsph import momentum as motion
 from parsolid.methods.tlsph import state
 from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.methods.tlsph.deformation import Relaxation, advance_deformation, largest_wave_modulus
 from parsolid.methods.tlsph.state import Body
 from parsolid.methods.tlsph.stresses import deformation_gradients, first_piola_kirchhoff_stresses
-from parsolid.methods.tlsph.updated_reference import reference_of
+from parsolid.methods.tlsph.updated_reference import UpdatedReference
 from parsolid.numerics import layout
 from parsolid.pairs.candidates import metrics
 from parsolid.pairs.closure import surface_area
@@ -24,11 +25,12 @@ from parsolid.pairs.smoothed_weights import SmoothedWeights
 from parsolid.pairs.smoothing import smoothing_kernel
 from parsolid.pairs.terms import DirectionalShear, LinearReconstruction, RiemannDissipation
 from parsolid.particles.container import Particles
+from parsolid.particles.declaration import Field
 from parsolid.scene import initial_deformation_gradient, initial_displacement, initial_velocity
 from parsolid.solvers.runge_kutta import SSP_RK3, Stage
 
 
-class TotalLagrangianSPH(ParticleSystem):
+class TotalLagrangianSPH(PairedSystem):
     """The method on one rank. Arrays are laid out as `numerics.layout` and `pairs.passes` say."""
 
     stages = SSP_RK3
@@ -40,29 +42,33 @@ class TotalLagrangianSPH(ParticleSystem):
         self.comm, self.settings = comm, scene.method
         self.owned, self.dimension = particle_set.position.shape
         self.space = layout.LAYOUT[self.dimension]
-        self.blocks, _ = material_blocks(laws_of(scene), particle_set.body)
-        self.particles = Particles(particle_set.body)
+        laws = laws_of(scene)
+        self.blocks, density = material_blocks(laws, particle_set.body)
+        self.particles = Particles(particle_set.body, block_numbers(laws, np.arange(len(laws)))[1])
+        # of each block, as its law is; what a stage does is other numbers at every call
+        self._advance_strain = RecalledEach(advance_deformation, free=(5, 6))
+        self._advance_motion = Recalled(motion.advance_motion, free=(2,))
         self.boundaries = build_boundaries(comm, scene, particle_set, self.particles)
-        self.share = self.boundaries.share
+        share = self.boundaries.share
         self.branches = maximum(comm, max((block.branches for block in self.blocks), default=0))
         self.pairs = self._pair_system(particle_set)
-        state.declare_constants(self.particles, particle_set)
-        state.declare_motion(self.particles, particle_set.position, self.settings.reference == "fixed")
+        fixed = self.settings.reference == "fixed"
+        state.declare_motion(self.particles, particle_set, fixed)
         state.declare_strain(self.particles, self.dimension, self.branches)
+        volume = particle_set.volume / share
+        self.particles.declare(Field("mass", 1, "kg"), volume * density)
+        self.particles.declare(Field("share", 1, "1"), share)
         metric = metrics(particle_set.spacing, particle_set.axes, self.settings.smoothing)
-        volume = particle_set.volume / self.share
-        self.reference = reference_of(self.pairs, self.settings, particle_set.position, self.boundaries)
+        updated = (self.pairs, self.settings, particle_set.position, self.boundaries)
+        self.reference = None if fixed else UpdatedReference(*updated)
         self.pairs.rebuild(particle_set.position, particle_set.body, metric, volume)
-        self.mass = np.array(volume)
-        for block in self.blocks:
-            self.mass[block.first : block.last] *= block.law.density
         # the narrowest spacing of all ranks bounds the step (79), so that it does not depend on their number
         self.spacing = minimum(comm, float(particle_set.spacing.min(initial=np.inf)))
 
     def _pair_system(self, particle_set: Any) -> PairSystem:
         settings, boundaries, surface = self.settings, self.boundaries, None
         if settings.pair_correction == "closure":
-            surface = (surface_area(self.comm, particle_set, boundaries.planes), self.share)
+            surface = (surface_area(self.comm, particle_set, boundaries.planes), boundaries.share)
         weights = SmoothedWeights(smoothing_kernel(settings.kernel), float(settings.dissipation), surface)
         return PairSystem(self.comm, self.particles, self.space, weights, self._terms(), boundaries.codes)
 
@@ -115,15 +121,17 @@ class TotalLagrangianSPH(ParticleSystem):
 
     def state(self) -> dict[str, Any]:
         """When the reference was moved."""
-        return self.reference.state()
+        return {} if self.reference is None else self.reference.state()
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave."""
-        self.reference.set_state(state)
+        if self.reference is not None:
+            self.reference.set_state(state)
 
     def resume(self) -> None:
         """Continue from a state that was put back into the particles."""
-        self.reference.resume()
+        if self.reference is not None:
+            self.reference.resume()
         self.prescribed_energy_gain()
 
     def displacement_gradient(self) -> np.ndarray:
@@ -158,17 +166,18 @@ class TotalLagrangianSPH(ParticleSystem):
 
     def body_of(self, block: MaterialBlock) -> Body:
         """The particle arrays as a block's law sees them."""
-        body = state.body_of(self.particles, self.reference.moved)
-        return body if block.branches else body._replace(branches=None)
+        branches = bool(block.branches)
+        moved = None if self.reference is None else self.reference.moved
+        return self.particles.kept(("body", branches), lambda: state.body_of(self.particles, branches, moved))
 
     @property
     def news(self) -> bool:  # type: ignore[override]
         """Whether this rank's particles ask for another reference."""
-        return self.reference.asks
+        return self.reference is not None and self.reference.asks
 
     def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """One step, stage by stage of the integrator, as eqs (70)-(77) say."""
-        sound = self.reference.follow(self.news_anywhere)
+        sound = self.reference is None or self.reference.follow(self.news_anywhere)
         if not sound:
             announce(False, 0.0)
             return False
@@ -191,8 +200,8 @@ class TotalLagrangianSPH(ParticleSystem):
         for block in self.blocks:
             to_stage = block.relaxation(stage.time * step)
             relaxation = Relaxation(to_stage, block.relaxation(step) if stage.last else to_stage)
-            positive, rate, modulus = advance_deformation(
-                *self.part(block), self.pairs.terms, stage.update(step), relaxation, self.body_of(block)
+            positive, rate, modulus = self._advance_strain(
+                block.first, *self.part(block), self.pairs.terms, stage.update(step), relaxation, self.body_of(block)
             )
             sound, dissipation = sound and positive, dissipation + rate
             stable = min(stable, self._group_step(block, modulus) if modulus > 0.0 else 0.0)
@@ -200,14 +209,15 @@ class TotalLagrangianSPH(ParticleSystem):
 
     def advance_motion(self, stage: Stage, time: float, step: float) -> tuple[float, float]:
         """v and x of a stage; (numerical dissipation rate, external power) [W]."""
-        boundaries, stored = self.boundaries, self.particles.storage
+        boundaries, stored, mass, share = self.boundaries, self.particles.storage, self.mass, self.share
         loads = boundaries.loads_at(time + stage.time * step)
-        held = boundaries.prescribed_power(self.kinematics, stored("pair_force"), self.mass, self.share, loads)
-        arrays = map(stored, ("kinematics", "motion_at_start", "pair_force", "pair_sums"))
-        dissipation, power = motion.advance_motion(
-            self.space, self.owned, stage.update(step), *arrays, self.mass, self.share, loads, boundaries.clamp
+        kinematics, force = stored("kinematics"), stored("pair_force")
+        held = boundaries.prescribed_power(kinematics, force, mass, share, loads)
+        arrays = (kinematics, stored("motion_at_start"), force, stored("pair_sums"))
+        dissipation, power = self._advance_motion(
+            self.space, self.owned, stage.update(step), *arrays, mass, share, loads, boundaries.clamp
         )
-        boundaries.prescribe(time + stage.next_time * step, self.kinematics)
+        boundaries.prescribe(time + stage.next_time * step, kinematics)
         return dissipation, held + power
 
     def prescribed_energy_gain(self) -> float:
@@ -246,14 +256,14 @@ class TotalLagrangianSPH(ParticleSystem):
 
     def unsound(self) -> tuple[int, str] | None:
         """Also a reference that could not be moved."""
-        if self.reference.fault is not None and self.owned:
+        if self.reference is not None and self.reference.fault is not None and self.owned:
             most = int(np.argmin(self.particles.owned_rows("jacobian")))
             return most, f"the reference could not be moved: {self.reference.fault}"
         return super().unsound()
 
     def summary(self) -> dict[str, Any]:
         """How often the reference was moved."""
-        return self.reference.summary()
+        return {} if self.reference is None else {"reference_updates": self.reference.updates}
 
     def advice(self) -> str:
         """What most likely helps."""
@@ -264,24 +274,6 @@ class TotalLagrangianSPH(ParticleSystem):
             hints.append("method.dissipation = 1 (there is none)")
         hints.append("more particles where the body is crushed" if settings.cfl <= 0.9 else "more particles")
         return ", or ".join([*hints, "a milder load"])
-
-    @property
-    def directed_pairs(self) -> int:  # type: ignore[override]
-        """Interactions counted once a particle."""
-        return self.pairs.directed_pairs
-
-    @property
-    def communication_seconds(self) -> float:  # type: ignore[override]
-        """Spent on sending and receiving."""
-        return self.particles.communication_seconds
-
-    def numbers(self) -> dict[str, int]:
-        """Ghosts and interactions."""
-        return {"ghosts": self.particles.ghosts, "interactions": self.pairs.directed_pairs}
-
-    def arrays(self) -> list[np.ndarray]:
-        """Masses and pair lists."""
-        return [self.mass, self.share, *self.pairs.arrays()]
 
     def bytes_a_step(self) -> int:
         """Motion and records, in every stage."""

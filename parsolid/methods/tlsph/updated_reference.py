@@ -1,4 +1,4 @@
-"""The reference configuration of total-Lagrangian SPH, fixed or moved to the present one now and then.
+"""The reference configuration of total-Lagrangian SPH where it is moved to the present one now and then.
 
 After Refachinho de Campos, Gil, Lee, Giacomini, Bonet: A new updated reference Lagrangian smooth particle hydrodynamics
 algorithm for isothermal elasticity and elasto-plasticity, Comput. Methods Appl. Mech. Eng. 392 (2022) 114680. State and
@@ -17,7 +17,6 @@ from parsolid.collective import SolverError, anywhere
 from parsolid.methods.tlsph.boundaries import BoundarySet
 from parsolid.methods.tlsph.moved import Moved, largest_distortion
 from parsolid.methods.tlsph.smoothed_places import gradient_of, smoothed
-from parsolid.methods.tlsph.state import FixedReference
 from parsolid.pairs.candidates import metrics
 from parsolid.pairs.pair_system import PairSystem
 from parsolid.pairs.terms import KINEMATICS
@@ -29,7 +28,7 @@ _ASTRAY = 0.1
 _METRIC, _VOLUME = "updated_reference_metric", "updated_reference_volume"
 
 
-class UpdatedReference(FixedReference):
+class UpdatedReference:
     """The present configuration of some steps ago; d = dimension.
 
     every: steps between updates, or None; limit: the largest Green strain since the last update, or None.
@@ -45,6 +44,7 @@ class UpdatedReference(FixedReference):
         self.every, self.limit, self.smoothing = settings.update_every, settings.update_when, settings.smoothing
         self.boundaries = boundaries
         self.steps, self.updates = 0, 0
+        self.fault: str | None = None
         self._declare(position)
 
     def _declare(self, position: np.ndarray) -> None:
@@ -65,12 +65,12 @@ class UpdatedReference(FixedReference):
         return self.particles.owned_rows("volume") / self.boundaries.share
 
     @property
-    def moved(self) -> Moved:  # type: ignore[override]
+    def moved(self) -> Moved:
         """The arrays that the kernels take."""
         return Moved(self.particles.storage("push"), self.particles.storage("inverse"))
 
     @property
-    def asks(self) -> bool:  # type: ignore[override]
+    def asks(self) -> bool:
         """Whether this rank's particles are distorted beyond the limit."""
         if self.limit is None:
             return False
@@ -159,10 +159,6 @@ class UpdatedReference(FixedReference):
         if self.updates and self._rebuilt():
             self._to_original()
 
-    def summary(self) -> dict[str, Any]:
-        """How often the reference was moved."""
-        return {"reference_updates": self.updates}
-
 
 def in_space(matrices: np.ndarray) -> np.ndarray:
     """Matrices (n, 3, 3) of deformations (n, d, d) that leave the other directions as they are."""
@@ -176,10 +172,3 @@ def inverses(matrices: np.ndarray) -> np.ndarray:
     cofactor = np.cross(matrices[:, (1, 2, 0)], matrices[:, (2, 0, 1)])
     determinant = np.einsum("nj,nj->n", matrices[:, 0], cofactor[:, 0])
     return cofactor.swapaxes(1, 2) / determinant[:, None, None]
-
-
-def reference_of(pairs: PairSystem, settings: Any, position: np.ndarray, boundaries: BoundarySet) -> FixedReference:
-    """The reference that the settings ask for; arguments as of `UpdatedReference`."""
-    return (
-        FixedReference() if settings.reference == "fixed" else UpdatedReference(pairs, settings, position, boundaries)
-    )

@@ -1,0 +1,211 @@
+"""Pairs of points closer than the sum of their radii, found again and again as the points move.
+
+Points are sorted by strips and finely along them; the points that may be close to one of them then lie in a few windows
+of the sorted order, whose ends only move forward as one goes along it. So there is neither grid nor table, and the time
+is linear however scattered the points are.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from decomposition.compiled import compiled
+
+from .cells import checked_bounds, checked_points, stable_order
+
+# length of a cell along its strip in widths of the strip
+_ALONG = 0.125
+# relative to the cells; more than the rounding of a cell's number below _MOST_CELLS
+_ROUNDING, _MOST_CELLS = 1e-9, 1 << 20
+
+
+class Strips(NamedTuple):
+    """How points are sorted: axes (d,), along the strips first; corner [m], 1 / cell [1/m] and cells (d,) along them.
+
+    windows (w, 2): first and last key, less that of a point, of the cells around it.
+    """
+
+    axes: np.ndarray
+    lower: np.ndarray
+    inverse: np.ndarray
+    shape: np.ndarray
+    windows: np.ndarray
+
+    def order(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Order (n,) int32 that sorts the points, and the keys (n,) as they stand."""
+        key = _keys(points, self.axes, self.lower, self.inverse, self.shape)
+        return stable_order(key.copy()), key
+
+
+class _Sorted(NamedTuple):
+    """Points in the sorted order: row, key, coordinates and radius of each."""
+
+    row: np.ndarray
+    key: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    radius: np.ndarray
+
+
+@compiled
+def _keys(
+    points: np.ndarray, axes: np.ndarray, lower: np.ndarray, inverse: np.ndarray, shape: np.ndarray
+) -> np.ndarray:
+    """Number of each point's cell, along axes[0] first."""
+    key = np.empty(len(points), np.int64)
+    for i in range(len(points)):
+        k = np.int64(0)
+        for turn in range(len(axes) - 1, -1, -1):
+            k = k * shape[turn] + np.int64((points[i, axes[turn]] - lower[turn]) * inverse[turn])
+        key[i] = k
+    return key
+
+
+@compiled
+def _sorted(points: np.ndarray, radius: np.ndarray, first: int, order: np.ndarray, keys: np.ndarray) -> _Sorted:
+    """The points `order` of those given, whose rows are counted from `first`."""
+    n, d = len(order), points.shape[1]
+    row, key, x, y, z, r = (
+        np.empty(n, np.int32),
+        np.empty(n, np.int64),
+        np.empty(n),
+        np.zeros(n),
+        np.zeros(n),
+        np.empty(n),
+    )
+    for i in range(n):
+        p = order[i]
+        row[i], key[i], x[i], r[i] = first + p, keys[p], points[p, 0], radius[p]
+        if d > 1:
+            y[i] = points[p, 1]
+        if d > 2:
+            z[i] = points[p, 2]
+    return _Sorted(row, key, x, y, z, r)
+
+
+@compiled
+def _emit(
+    points: _Sorted, others: _Sorted, windows: np.ndarray, later: bool, hits: np.ndarray, begin: np.ndarray
+) -> np.ndarray:
+    """Append the rows of the others that are close to each point to `hits`; begin (n + 1,): where each point's start.
+
+    later: the others are the points, and only those after a point in the sorted order count.
+    Returns the hits, in a longer array where they did not fit.
+    """
+    low, high = np.zeros(len(windows), np.int64), np.zeros(len(windows), np.int64)
+    m, at = len(others.row), np.int64(0)
+    close = np.empty(64, np.uint8)
+    for i in range(len(points.row)):
+        candidates = 0
+        for w in range(len(windows)):
+            first, last = points.key[i] + windows[w, 0], points.key[i] + windows[w, 1]
+            start, end = low[w], high[w]
+            while start < m and others.key[start] < first:
+                start += 1
+            while end < m and others.key[end] <= last:
+                end += 1
+            low[w], high[w] = start, end
+            candidates += max(end - start, 0)
+        if later:
+            # the first window is that of the point's own strip
+            low[0] = i + 1
+        begin[i] = at
+        if at + candidates > len(hits):
+            longer = np.empty(2 * len(hits) + candidates, np.int32)
+            longer[:at] = hits[:at]
+            hits = longer
+        if candidates > len(close):
+            close = np.empty(2 * candidates, np.uint8)
+        here: Any = np.uintp(at)
+        x, y, z, radius = points.x[i], points.y[i], points.z[i], points.radius[i]
+        for w in range(len(windows)):
+            start, count = np.uintp(low[w]), np.uintp(max(high[w] - low[w], 0))
+            # the distances in vectors, then the hits without a branch, for every other is a miss
+            for j in range(count):
+                dx, dy, dz = x - others.x[start + j], y - others.y[start + j], z - others.z[start + j]
+                reach = radius + others.radius[start + j]
+                close[j] = dx * dx + dy * dy + dz * dz < reach * reach
+            for j in range(count):
+                hits[here] = others.row[start + j]
+                here += np.uintp(close[j])
+        at = np.int64(here)
+    begin[len(points.row)] = at
+    return hits
+
+
+@compiled
+def _in_rows(row: np.ndarray, hits: np.ndarray, begin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The hits of sorted points in compressed rows."""
+    n = len(row)
+    start = np.zeros(n + 1, np.int64)
+    for i in range(n):
+        start[row[i] + 1] = begin[i + 1] - begin[i]
+    for a in range(n):
+        start[a + 1] += start[a]
+    neighbour = np.empty(start[n], np.int32)
+    for i in range(n):
+        at = start[row[i]] - begin[i]
+        for k in range(begin[i], begin[i + 1]):
+            neighbour[at + k] = hits[k]
+    return start, neighbour
+
+
+def strips_of(lower: np.ndarray, upper: np.ndarray, reach: float) -> Strips:
+    """Strips along the shortest side of a box (d,) [m] for points that are close within a reach [m] at most."""
+    axes = np.argsort(upper - lower, kind="stable")
+    low, extent = lower[axes], (upper - lower)[axes]
+    wanted = np.full(len(axes), reach * (1.0 + 2.0 * _ROUNDING))
+    wanted[0] *= _ALONG
+    inverse = 1.0 / np.maximum(wanted, extent / _MOST_CELLS)
+    shape = np.floor(extent * inverse).astype(np.int64) + 1
+    across = np.minimum(np.ceil(reach * (1.0 + _ROUNDING) * inverse[1:]), shape[1:]).astype(np.int64)
+    along = min(int(reach * (1.0 + _ROUNDING) * inverse[0]) + 1, int(shape[0]))
+    # so that no two windows share a cell
+    shape[0] += 2 * along
+    shape[1:] += 2 * across
+    stride = np.cumprod(np.concatenate(([1], shape[:-1])))[1:]
+    middle = [int((np.array(step) - across) @ stride) for step in np.ndindex(*(2 * across + 1))]
+    windows = np.array([(at - along, at + along) for at in sorted(middle)], np.int64)
+    return Strips(axes, low, inverse, shape, windows)
+
+
+class ClosePairs:
+    """Finds pairs of points closer than the sum of their radii; keeps its buffer from one search to the next."""
+
+    def __init__(self) -> None:
+        """No points yet."""
+        self._hits = np.empty(1024, np.int32)
+
+    def find(self, points: np.ndarray, radius: np.ndarray, owned: int) -> tuple[np.ndarray, ...]:
+        """Every pair with an owned point once, in compressed rows.
+
+        points (n, d) [m], d = 1, 2 or 3, of which the first `owned` are the rank's own, the others ghosts; radius (n,)
+        [m], positive. Returns start (owned + 1,) int64, neighbour (m,) int32 of pairs of owned points, each under the
+        first of them in the sorted order, then the same of owned points and ghosts. Neighbours stand in the sorted
+        order. Points a, b are a pair where |x_a - x_b| < r_a + r_b, to the bit the same for both and on all ranks;
+        points at one place are one. Raises ValueError for a bad shape, an `owned` outside 0..n, a coordinate not
+        finite, a radius that is not positive.
+        """
+        points = checked_points(points)
+        if not 0 <= owned <= len(points):
+            raise ValueError(f"owned: expected 0 to {len(points)} (the number of points), found {owned}")
+        if radius.shape != (len(points),) or not ((radius > 0.0) & (radius < np.inf)).all():
+            raise ValueError(f"radius: expected {len(points)} positive finite lengths, found {radius}")
+        bounds = checked_bounds(points)
+        if owned == 0:
+            nothing = np.zeros(1, np.int64), np.empty(0, np.int32)
+            return (*nothing, *nothing)
+        strips = strips_of(*bounds, 2.0 * float(radius.max()))
+        radius = np.ascontiguousarray(radius)
+        own = _sorted(points[:owned], radius[:owned], 0, *strips.order(points[:owned]))
+        ghosts = _sorted(points[owned:], radius[owned:], owned, *strips.order(points[owned:]))
+        forward = strips.windows[strips.windows[:, 1] >= 0].copy()
+        return (*self._rows(own, own, forward, True), *self._rows(own, ghosts, strips.windows, False))
+
+    def _rows(self, own: _Sorted, others: _Sorted, windows: np.ndarray, later: bool) -> tuple[np.ndarray, np.ndarray]:
+        begin = np.zeros(len(own.row) + 1, np.int64)
+        if len(others.row):
+            self._hits = _emit(own, others, windows, later, self._hits, begin)
+        start, neighbour = _in_rows(own.row, self._hits, begin)
+        return start, neighbour

@@ -1,0 +1,111 @@
+"""The law "micro-inertia" at one material point: no gradients, so that of the lengths l_m alone acts."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from parsolid.commands.point.laws import PathLost
+from parsolid.materials.hyperelastic.evaluation import symmetric_tensors
+from parsolid.materials.plastic import micro_inertia as laws
+from parsolid.materials.plastic.jaumann_rate import elastic_increment, jaumann_turn, returned_deviator
+from parsolid.materials.plastic.micro_inertia import MicroInertia
+from parsolid.materials.plastic.micro_inertia_solve import advance_micro, increments_of
+from parsolid.numerics.polar import congruence
+from parsolid.numerics.tensors import GeneralSpace, SymmetricSpace, contract
+
+
+class MicroInertiaState(NamedTuple):
+    """F (3, 3), Cauchy deviator S (6,), tau = |S|, v^p, pi, gamma, T; dissipated and heat given away [J/m^3] since time
+    0, per reference volume.
+    """
+
+    F: np.ndarray
+    deviator: SymmetricSpace
+    tau: float
+    rate: float
+    stress: float
+    gamma: float
+    temperature: float
+    dissipated: float
+    heat: float
+
+
+class MicroInertiaPoint:
+    """Micro-inertia solid, adiabatic or isothermal; temperature [K]: of the undeformed state, T_r where it is None."""
+
+    def __init__(self, law: MicroInertia, temperature: float | None = None, isothermal: bool = False) -> None:
+        self.law, self.isothermal = law, isothermal
+        self.start = law.reference_temperature if temperature is None else temperature
+        # gradients are zero
+        no_force = law.energetic_length is None and law.dissipative_length is None
+        self.curl = None if law.hardening_length is None else 0.0
+        self.gradients = (None if no_force else 0.0, None if law.dissipative_length is None else 0.0)
+
+    def virgin(self) -> MicroInertiaState:
+        zero = SymmetricSpace(*6 * (0.0,))
+        return MicroInertiaState(np.eye(3), zero, 0.0, 0.0, self.law.initial_micro_stress, 0.0, self.start, 0.0, 0.0)
+
+    def advanced(self, state: MicroInertiaState, F: np.ndarray, step: float) -> MicroInertiaState:
+        if step == 0.0:
+            raise PathLost("the path jumps, and plastic flow takes time; give it a short ramp")
+        law, increments = self.law, increments_of(self.law, step)
+        # of the middle: exact for a uniform shear rate, of second order else
+        gradient = GeneralSpace(*((F - state.F) @ np.linalg.inv(0.5 * (F + state.F)) / step).ravel().tolist())
+        turn = jaumann_turn(gradient, step)
+        rotated = congruence(turn, state.deviator)
+        trial = rotated + elastic_increment(turn, gradient, step, law.shear_modulus)
+        elastic = float(np.sqrt(contract(trial, trial)))
+        J = float(np.linalg.det(F))
+        middle = 0.5 * (J + float(np.linalg.det(state.F)))
+        rate, mean, tau, stress, heat, _ = advance_micro(
+            law, increments, law.density / middle, state.tau, elastic, state.rate, state.stress, state.gamma,
+            self.curl, state.temperature, *self.gradients,
+        )  # fmt: skip
+        deviator = returned_deviator(rotated, trial, state.tau, tau, law.shear_modulus * mean * step)
+        heat *= middle
+        warmed = heat / (law.density * law.specific_heat)
+        temperature, given = (state.temperature, heat) if self.isothermal else (state.temperature + warmed, 0.0)
+        new = MicroInertiaState(
+            F, deviator, tau, rate, stress, state.gamma + mean * step, temperature,
+            state.dissipated + heat, state.heat + given,
+        )  # fmt: skip
+        if not np.isfinite(new[2:]).all():
+            raise PathLost(f"the state is no number at J = {J:g}")
+        return new
+
+    def stress(self, state: MicroInertiaState) -> np.ndarray:
+        J = np.linalg.det(state.F)
+        cauchy = symmetric_tensors(np.array(state.deviator)) - laws.pressure(self.law, 1.0 / J) * np.eye(3)
+        result: np.ndarray = J * cauchy @ np.linalg.inv(state.F).T
+        return result
+
+    def energies(self, states: list[Any]) -> np.ndarray:
+        """Elastic energy and that of the micro-inertia, per reference volume."""
+        return np.array([self._energy(state) for state in states])
+
+    def _energy(self, state: MicroInertiaState) -> float:
+        law, J = self.law, float(np.linalg.det(state.F))
+        elastic = J * laws.deviatoric_energy(law, state.tau) + law.density * laws.volumetric_energy(law, 1.0 / J)
+        return elastic + J * laws.micro_kinetic_energy(law, law.density / J, state.rate)
+
+    def dissipated(self, before: MicroInertiaState, after: MicroInertiaState, step: float) -> float:
+        return after.dissipated - before.dissipated
+
+    def deformations(self, states: list[Any]) -> np.ndarray:
+        return np.array([state.F for state in states])
+
+    def columns(self, states: list[Any], directions: np.ndarray) -> dict[str, np.ndarray]:
+        """Waves are elastic and the same in all directions."""
+        names = {"tau": "deviator_norm", "rate": "plastic_strain_rate", "stress": "micro_stress"}
+        names |= {"gamma": "plastic_strain", "temperature": "temperature", "heat": "heat_given_away"}
+        result = {name: np.array([getattr(state, key) for state in states]) for key, name in names.items()}
+        law, J = self.law, np.linalg.det(self.deformations(states))
+        mu = np.full(len(states), law.shear_modulus)
+        modulus = law.bulk_modulus / J + 4.0 / 3.0 * mu
+        micro = [J_ * laws.micro_kinetic_energy(law, law.density / J_, s.rate) for J_, s in zip(J, states)]
+        return result | {
+            "micro_kinetic_energy": np.array(micro),
+            "largest_pressure_wave_speed": np.sqrt(modulus * J / law.density),
+            "largest_shear_wave_speed": np.sqrt(mu * J / law.density),
+            "smallest_acoustic_eigenvalue": np.minimum(mu, modulus),
+        }

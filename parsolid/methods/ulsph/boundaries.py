@@ -1,0 +1,99 @@
+"""Boundaries and loads of a scene as updated-Lagrangian SPH takes them."""
+
+from typing import Any
+
+import numpy as np
+
+from parsolid.boundary.declarations import (
+    Declarations,
+    HeldMicroVelocity,
+    PrescribedMotion,
+    Support,
+    TemperaturePlane,
+)
+from parsolid.boundary.loads import accelerations
+from parsolid.boundary.prescribed import PrescribedRows
+from parsolid.boundary.rows import keep
+from parsolid.boundary.supports import Supports
+from parsolid.collective import anywhere
+from parsolid.methods.ulsph.kinematics import kick
+from parsolid.particles.container import Particles
+from parsolid.particles.particle_set import ParticleSet
+from parsolid.particles.selection import Selection
+from parsolid.scene import Scene
+from parsolid.scene.formulas import FormulaVector
+from parsolid.scene.load_histories import LoadHistory
+from parsolid.scene.regions import selected
+
+
+class BoundarySet:
+    """Mirror planes' codes, held and prescribed components, temperatures, held micro-velocities, loads.
+
+    held_micro (n,): particles of the particle_set whose micro-velocity is held, None where no rank has any.
+    """
+
+    def __init__(self, comm: Any, scene: Scene, particle_set: ParticleSet, particles: Particles):
+        """particles: those of the particle_set; collective. Raises SolverError on all ranks."""
+        declared = Declarations(scene, Support, PrescribedMotion, TemperaturePlane, HeldMicroVelocity)
+        supports = Supports(comm, scene, declared.of(Support), particle_set)
+        self.particles, self.codes = particles, supports.codes
+        self._clamp = None
+        if anywhere(comm, bool(supports.held.any())):
+            self._clamp = keep(particles, "clamp", np.where(supports.held, 0.0, 1.0))
+        motions = declared.of(PrescribedMotion, "velocity")
+        self.prescribed = PrescribedRows(comm, scene, motions, particle_set, particles)
+        self.loads = accelerations(scene, particles)
+        self.held_micro: np.ndarray | None = None
+        for micro in declared.of(HeldMicroVelocity):
+            here = selected(scene, micro.where, particle_set, comm)
+            self.held_micro = here if self.held_micro is None else self.held_micro | here
+        self._temperatures: list[tuple[Selection, LoadHistory]] = []
+        for warm in declared.of(TemperaturePlane):
+            chosen = particles.selection(selected(scene, warm.where, particle_set, comm))
+            self._temperatures.append((chosen, LoadHistory(FormulaVector((warm.formula,)))))
+
+    @property
+    def sets_temperature(self) -> bool:
+        """Whether a temperature is prescribed, the same on all ranks."""
+        return bool(self._temperatures)
+
+    def half_kick(self, time: float, step: float, values_at: float) -> tuple[float, float]:
+        """v after half a step [s] of the forces at a time [s]; prescribed components are those at another.
+
+        Returns the work of loads and of what moves prescribed components, and what the viscosity takes [J].
+        """
+        particles = self.particles
+        kinematics, mass = particles.storage("kinematics"), particles.storage("mass")
+        guided = self.prescribed.guided
+        rows, components = self.prescribed.entries
+        before = kinematics[rows, components]
+        loads = self.loads.at(time) if self.loads.acting else None
+        clamp = None if self._clamp is None else self._clamp(slice(None))
+        dimension = particles["position"].shape[1]
+        forces = particles.storage("force_sums")
+        work, viscous = kick(particles.owned, dimension, 0.5 * step, kinematics, forces, mass, loads, clamp)
+        if guided:
+            free = kinematics[rows, components]
+            new = self.prescribed.values("velocity", values_at)
+            kinematics[rows, components] = new
+            work += float(0.5 * (mass[0, rows] * (new - free)) @ (before + new))
+            column = 2 if dimension == 2 else 4
+            viscous += float(0.25 * step * forces[rows, column + components] @ (new - free))
+        return work, -viscous
+
+    def hold_motion(self, time: float) -> None:
+        """Held and prescribed components of the velocity at a time [s], for a new state."""
+        particles = self.particles
+        if self._clamp is not None:
+            particles.owned_rows("velocity")[:] *= self._clamp(slice(None))
+        if self.prescribed.guided:
+            particles.storage("kinematics")[self.prescribed.entries] = self.prescribed.values("velocity", time)
+
+    def temperatures(self, time: float) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Rows (k,) and their prescribed temperatures (k,) [K] at a time [s]."""
+        result = []
+        places = self.particles.owned_rows("reference_position")
+        for chosen, course in self._temperatures:
+            rows = chosen.rows
+            result.append((rows, course.evaluate(np.ascontiguousarray(places[rows]), time)[:, 0]))
+        return result

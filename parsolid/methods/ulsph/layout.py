@@ -1,0 +1,174 @@
+"""How four neighbouring particles are loaded from and stored to the arrays of updated-Lagrangian SPH."""
+
+from numba.extending import register_jitable
+
+from parsolid.numerics.dispatch import generic, none_without
+from parsolid.numerics.elementary import choose
+from parsolid.numerics.lanes import broadcast, load, store_first
+from parsolid.numerics.layout import Plane, four_rows, load_six, store_rows
+from parsolid.numerics.tensors import (
+    SymmetricPlane,
+    SymmetricSpace,
+    determinant,
+    inverse_symmetric,
+)
+
+
+@generic
+def load_moment(space, sums, i):
+    """sum m_a m_b k r (x) r of particles i..i+3, 33 = 0 in the plane."""
+
+
+@load_moment.of(Plane)
+def _plane_moment(space, sums, i):
+    c = four_rows(sums, i, 4)
+    return SymmetricPlane(c[0], c[1], broadcast(0.0), c[2])
+
+
+@load_moment.otherwise
+def _space_moment(space, sums, i):
+    d, o = four_rows(sums, i, 12), four_rows(sums, i, 16)
+    return SymmetricSpace(d[0], d[1], d[2], o[0], o[2], o[1])
+
+
+@generic
+def _with_unit(space, A):
+    """The moment with 33 = 1 in the plane."""
+
+
+@_with_unit.of(Plane)
+def _plane_with_unit(space, A):
+    return SymmetricPlane(A[0], A[1], broadcast(1.0), A[3])
+
+
+@_with_unit.otherwise
+def _space_with_unit(space, A):
+    return A
+
+
+@register_jitable
+def trusted_inverse(space, moment, threshold):
+    """B = A^-1 of the dimensionless moment A where its determinant and diagonal exceed a threshold, else 1; 33 = 1 in
+    the plane."""
+    A = _with_unit(space, moment)
+    least = min(min(A[0], A[1]), min(A[2], determinant(A)))  # noqa: PLW3301 (lanes have two at a time)
+    return _blended(least - threshold, inverse_symmetric(A))
+
+
+@generic(on="B")
+def _blended(trust, B):
+    """B or 1, lane by lane."""
+
+
+@_blended.of(SymmetricPlane)
+def _blended_plane(trust, B):
+    return SymmetricPlane(choose(trust, B[0], 1.0), choose(trust, B[1], 1.0), broadcast(1.0), choose(trust, B[3], 0.0))
+
+
+@_blended.of(SymmetricSpace)
+def _blended_space(trust, B):
+    return SymmetricSpace(
+        choose(trust, B[0], 1.0),
+        choose(trust, B[1], 1.0),
+        choose(trust, B[2], 1.0),
+        choose(trust, B[3], 0.0),
+        choose(trust, B[4], 0.0),
+        choose(trust, B[5], 0.0),
+    )
+
+
+@generic
+def load_correction(space, correction, i):
+    """B of particles i..i+3, 33 = 1 in the plane."""
+
+
+@load_correction.of(Plane)
+def _load_plane_correction(space, correction, i):
+    return SymmetricPlane(load(correction, 0, i), load(correction, 1, i), broadcast(1.0), load(correction, 2, i))
+
+
+@load_correction.otherwise
+def _load_space_correction(space, correction, i):
+    return load_six(correction, 0, i)
+
+
+@generic
+def store_correction(space, correction, i, B, count):
+    """B of the first `count` of particles i..i+3."""
+
+
+@store_correction.of(Plane)
+def _store_plane_correction(space, correction, i, B, count):
+    store_first(correction, 0, i, B[0], count)
+    store_first(correction, 1, i, B[1], count)
+    store_first(correction, 2, i, B[3], count)
+
+
+@store_correction.otherwise
+def _store_space_correction(space, correction, i, B, count):
+    store_first(correction, 0, i, B[0], count)
+    store_first(correction, 1, i, B[1], count)
+    store_first(correction, 2, i, B[2], count)
+    store_first(correction, 3, i, B[3], count)
+    store_first(correction, 4, i, B[4], count)
+    store_first(correction, 5, i, B[5], count)
+
+
+@generic
+def store_stress_record(space, record, i, P, density, rate, temperature, speed):
+    """P B of particles i..i+3 with rho, v^p and T into their records; up to three beyond are written as well."""
+
+
+@store_stress_record.of(Plane)
+def _store_plane_record(space, record, i, P, density, rate, temperature, speed):
+    store_rows(record, i, 0, P[0], P[2], P[1], P[3])
+    store_rows(record, i, 4, density, rate, temperature, speed)
+
+
+@store_stress_record.otherwise
+def _store_space_record(space, record, i, P, density, rate, temperature, speed):
+    store_rows(record, i, 0, P[0], P[3], P[6], density)
+    store_rows(record, i, 4, P[1], P[4], P[7], rate)
+    store_rows(record, i, 8, P[2], P[5], P[8], temperature)
+
+
+@none_without("array")
+def load_vector(array, i, space):
+    """Components of a vector of particles i..i+3."""
+    return _components(space, array, i)
+
+
+@generic
+def _components(space, array, i):
+    """As many as the space has."""
+
+
+@_components.of(Plane)
+def _two_components(space, array, i):
+    return load(array, 0, i), load(array, 1, i)
+
+
+@_components.otherwise
+def _three_components(space, array, i):
+    return load(array, 0, i), load(array, 1, i), load(array, 2, i)
+
+
+@none_without("array")
+def store_vector(array, i, values, count):
+    """Components of a vector of the first `count` of particles i..i+3."""
+    for k in range(len(values)):
+        store_first(array, k, i, values[k], count)
+    return values
+
+
+@none_without("array")
+def load_number(array, i):
+    """A number of particles i..i+3."""
+    return load(array, 0, i)
+
+
+@none_without("array")
+def store_number(array, i, value, count):
+    """A number of the first `count` of particles i..i+3."""
+    store_first(array, 0, i, value, count)
+    return value

@@ -1,0 +1,60 @@
+"""What is shown and measured of updated-Lagrangian SPH besides its fields."""
+
+from typing import Any
+
+import numpy as np
+
+
+def shown(system: Any, name: str, first: int, last: int) -> np.ndarray | None:
+    """Cauchy stress (n, 3, 3) [Pa] and Jacobian rho_0/rho (n,) of particles first..last-1; None for other names."""
+    rows = system.particles.owned_rows
+    if name == "jacobian":
+        density = np.array([law.density for law in system.laws])[system.particles.law_of_body]
+        return np.asarray(density[rows("body")[first:last]] / rows("density")[first:last])
+    if name != "stress":
+        return None
+    result = np.zeros((last - first, 3, 3))
+    components = rows("deviator")[first:last].T
+    places = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    for (i, j), values in zip(places, components):
+        result[:, i, j] = result[:, j, i] = values
+    for update, block, body in system.updates.each():
+        a, b = max(first, block.first), min(last, block.last)
+        if a < b:
+            pressure = update.pressures(block, body, a, b)
+            result[a - first : b - first, (0, 1, 2), (0, 1, 2)] -= pressure[:, None]
+    return result
+
+
+def measure(system: Any, name: str) -> tuple[str, np.ndarray]:
+    """ "sum", "minimum" or "maximum", and this rank's part, of one of the settings' quantities."""
+    rows, mass = system.particles.owned_rows, system.mass[: system.owned]
+    if name.startswith("maximum_"):
+        return "maximum", np.array([rows(name.removeprefix("maximum_")).max(initial=0.0)])
+    if name == "mean_plastic_strain":
+        return "sum", np.array([float(mass @ rows("plastic_strain")) / system.whole_mass])
+    if name == "micro_kinetic":
+        return "sum", np.array([sum(update.energies(b, body)[0] for update, b, body in system.updates.each())])
+    if name == "heat":
+        capacity = np.array([law.specific_heat for law in system.laws])[system.particles.law_of_body]
+        return "sum", np.array([float((capacity[rows("body")] * mass) @ rows("temperature"))])
+    half = 0.5 * rows("spacing")
+    if name == "lower_bounds":
+        return "minimum", (rows("position") - half).min(axis=0, initial=np.inf)
+    return "maximum", (rows("position") + half).max(axis=0, initial=-np.inf)
+
+
+def unsound(system: Any) -> tuple[int, str] | None:
+    """The rank's first particle that is not sound, and what is wrong with it."""
+    rows = system.particles.owned_rows
+    density, finite = rows("density"), np.isfinite(rows("velocity")).all(axis=1)
+    for name in ("deviator", "temperature", "plastic_strain"):
+        values = rows(name)
+        finite &= np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+    bad = ~finite | ~(density > 0.0)
+    if not bad.any():
+        return None
+    index = int(np.argmax(bad))
+    if not finite[index]:
+        return index, "a number is no longer finite"
+    return index, f"the density is {density[index]:.4g} kg/m^3, not positive"

@@ -1,0 +1,79 @@
+"""Updated-Lagrangian SPH as a scene states it."""
+
+from typing import Any, ClassVar, Literal
+
+from pydantic import Field
+
+from parsolid.pairs.smoothing import kernel_names
+from parsolid.scene.base_model import NotNegative, Positive, SceneModel
+from parsolid.scene.method_settings import Detail, MethodSettings
+
+
+class Viscosity(SceneModel):
+    """Artificial viscosity in approach (Monaghan); its work is a column of the history, and heats where the scene says
+    so."""
+
+    linear: NotNegative = Field(1.0, description="factor alpha_1 of the speed of sound")
+    quadratic: NotNegative = Field(1.0, description="factor alpha_2 of the velocity jump")
+    softening: Positive = Field(0.01, description="share of h^2 added to the squared distance")
+
+
+class UpdatedLagrangianSPH(MethodSettings):
+    """Updated-Lagrangian SPH with rebuilt neighbours (Rahaman et al., mended).
+
+    gradient_correction   gradients exact for linear fields, where a particle has enough neighbours
+    viscosity             artificial viscosity; false: none
+    viscous_heating       its heat raises the temperature
+    contact               bodies press on one another and part freely ("compression"), or stick ("welded")
+    skin                  by how much lists reach beyond the support, as a part of it; made anew when it is used up
+    rebalance             largest over mean number of particles on a rank beyond which they are dealt out anew
+    """
+
+    system: ClassVar = "parsolid.methods.ulsph.system:UpdatedLagrangianSPH"
+    materials: ClassVar = ("micro-inertia", "elastic-plastic")
+    boundaries: ClassVar = ("fixed", "roller", "velocity", "micro_clamped", "temperature")
+    extra_fields: ClassVar = {
+        "density": "scalar",
+        "temperature": "scalar",
+        "plastic_strain": "scalar",
+        "micro_rate": "scalar",
+        "micro_stress": "scalar",
+    }
+    pictured_fields: ClassVar = ("plastic_strain", "temperature", "pressure")
+    ledger_terms: ClassVar = {"viscous_dissipation": 1, "heat_supplied": 0}
+    extra_quantities: ClassVar = {
+        "maximum_temperature": "scalar",
+        "maximum_plastic_strain": "scalar",
+        "mean_plastic_strain": "scalar",
+        "micro_kinetic": "scalar",
+        "heat": "scalar",
+        "lower_bounds": "vector",
+        "upper_bounds": "vector",
+    }
+
+    kind: Literal["ulsph"]
+    kernel: Literal[kernel_names()] = "cubic-spline"  # type: ignore[valid-type]
+    smoothing: Positive = Field(1.3, description="smoothing length over particle spacing, h/dx")
+    cfl: Positive = Field(0.3, description="time step over h / (wave speed + particle speed)")
+    gradient_correction: bool = True
+    viscosity: Viscosity | Literal[False] = Viscosity()
+    viscous_heating: bool = False
+    contact: Literal["compression", "welded"] | None = Field(None, description="of several bodies, 'compression'")
+    skin: Positive = Field(0.25, description="reach of the lists beyond the support, over the support")
+    rebalance: float = Field(1.1, gt=1, description="largest over mean particles of a rank beyond which they move")
+
+    def scene_faults(self, scene: Any) -> list[Detail]:
+        """Particles on the surface; what has no effect: contact of one body, heat of no viscosity."""
+        details: list[Detail] = []
+        for i, body in enumerate(scene.bodies):
+            if body.shape.kind != "mesh" and body.placed_on == "nodes":
+                details.append((("bodies", i, "placement"), "'cells' with this method", "nodes"))
+        if self.contact is not None and len(scene.bodies) == 1:
+            details.append((("method", "contact"), "no such key with one body", self.contact))
+        if self.viscous_heating and self.viscosity is False:
+            details.append((("method", "viscous_heating"), "false without viscosity", True))
+        micro = any(body.material.kind == "micro-inertia" for body in scene.bodies)
+        for i, boundary in enumerate(scene.boundaries):
+            if boundary.kind == "micro_clamped" and not micro:
+                details.append((("boundaries", i, "kind"), "a body with micro-inertia", boundary.kind))
+        return details

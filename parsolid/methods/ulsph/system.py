@@ -1,0 +1,303 @@
+"""Updated-Lagrangian SPH: neighbours of the present configuration, a leapfrog of two passes (docs/microinertia.md)."""
+
+from typing import Any
+
+import numpy as np
+
+from parsolid.collective import anywhere, maximum, minimum
+from parsolid.materials.blocks import MaterialBlock, block_numbers
+from parsolid.materials.registry import laws_of
+from parsolid.methods.paired import PairedSystem
+from parsolid.methods.protocol import Announce, EnergyLedger
+from parsolid.methods.ulsph import kinematics as motion
+from parsolid.methods.ulsph import passes
+from parsolid.methods.ulsph.boundaries import BoundarySet
+from parsolid.methods.ulsph.fields import declare_motion, declare_state
+from parsolid.methods.ulsph.observation import measure, shown, unsound
+from parsolid.methods.ulsph.terms import (
+    Arrays,
+    ArtificialViscosity,
+    CompressionOnly,
+    ManyLengths,
+    OneLength,
+    Warming,
+    Welded,
+)
+from parsolid.methods.ulsph.updates import Updates, density_of
+from parsolid.numerics.layout import LAYOUT
+from parsolid.pairs.moving_pairs import MovingPairs
+from parsolid.pairs.smoothing import smoothing_kernel
+from parsolid.particles.container import Particles
+from parsolid.particles.declaration import Columns, Field
+from parsolid.particles.generated import declare_generated
+from parsolid.particles.particle_set import ParticleSet
+from parsolid.scene import Scene, initial_displacement, initial_temperature, initial_velocity
+
+# what moments must have at the least for a correction: see `layout.trusted_inverse`
+_TRUST = 0.3
+
+
+class UpdatedLagrangianSPH(PairedSystem):
+    """The method on one rank; arrays as `terms` and `fields` say.
+
+    trust: least determinant and diagonal of a moment that is inverted; heating: `terms.Warming` where viscous heat
+    warms, else None.
+    """
+
+    def __init__(self, comm: Any, scene: Scene, particle_set: ParticleSet):
+        """particle_set: this rank's particles, sorted by law. Collective."""
+        self.comm, self.settings, self.dimension = comm, scene.method, scene.dimension
+        settings, laws = scene.method, laws_of(scene)
+        self.space, self.kernel = LAYOUT[self.dimension], smoothing_kernel(settings.kernel)
+        self.laws, law_of_body = block_numbers(laws, np.arange(len(laws)))
+        self.particles = particles = Particles(particle_set.body, law_of_body)
+        declare_generated(particles, particle_set)
+        self.updates = Updates(self, self.laws)
+        self.carried = self.updates.carried
+        self.heating = Warming() if settings.viscous_heating else None
+        declare_motion(particles, particle_set.position, self.carried, self.heating)
+        density = density_of(self.laws, law_of_body, particle_set.body)
+        self.boundaries = BoundarySet(comm, scene, particle_set, particles)
+        lacks = self.updates.lacks | ({"micro_free"} if self.boundaries.held_micro is None else set())
+        declare_state(particles, self.dimension, density, lacks)
+        self._declare_constants(comm, particle_set, density)
+        self.trust = _TRUST if settings.gradient_correction else np.inf
+        self.viscosity: ArtificialViscosity | None = None
+        if settings.viscosity:
+            given = settings.viscosity
+            self.viscosity = ArtificialViscosity(float(given.linear), float(given.quadratic), float(given.softening))
+        skin = (float(settings.skin), self.boundaries.codes, float(settings.rebalance))
+        self.pairs = MovingPairs(comm, particles, self.space, self.kernel.support, *skin)
+        self.supplied = 0.0
+        self.lists_state: dict[str, Any] | None = None
+
+    def _declare_constants(self, comm: Any, particle_set: ParticleSet, density: np.ndarray) -> None:
+        """Mass, smoothing length and, where bodies meet, the number of the body, known to ghosts."""
+        particles, settings, d = self.particles, self.settings, self.dimension
+        told: dict[str, Any] = {"ghosts": "forward", "message": "reference", "layout": Columns()}
+        length = settings.smoothing * np.prod(particle_set.spacing, axis=1) ** (1.0 / d)
+        particles.declare(Field("mass", 1, "kg", padding=(1.0,), **told), density * particle_set.volume)
+        particles.declare(Field("smoothing_length", 1, "m", padding=(1.0,), **told), length)
+        speeds = np.array([self.updates.of_kind[type(law)].sound_speed(law) for law in self.laws])
+        particles.owned_rows("sound_speed")[:] = speeds[particles.law_of_body[particle_set.body]]
+        if self.boundaries.held_micro is not None:
+            particles.owned_rows("micro_free")[:] = ~self.boundaries.held_micro
+        several = maximum(comm, int(particle_set.body.max(initial=0))) > 0
+        self.contact = (settings.contact or "compression") if several else None
+        if self.contact is not None:
+            particles.declare(Field("contact_body", 1, "1", **told), particle_set.body.astype(float))
+        least, most = minimum(comm, float(length.min(initial=np.inf))), maximum(comm, float(length.max(initial=0.0)))
+        self.whole_mass = float(comm.allreduce(float(self.mass[: self.owned].sum())))
+        self.one_length = least if most - least <= 1e-9 * most else None
+
+    def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
+        """Set the state at time 0 by the bodies' formulas; collective."""
+        rows, place = self.particles.owned_rows, (scene, particle_set.body, particle_set.position)
+        rows("velocity")[:] = initial_velocity(*place)
+        displacement = initial_displacement(*place)
+        if displacement is not None:
+            rows("position")[:] += displacement
+        usual = np.array([law.reference_temperature for law in self.laws])[self.particles.law_of_body]
+        rows("temperature")[:] = initial_temperature(scene, particle_set.body, particle_set.position, usual)
+        self.boundaries.hold_motion(0.0)
+        for update, block, body in self.updates.each():
+            update.begin(block, body)
+        self.pairs.rebuild(0.0)
+        self.tell_all()
+        self.first_pass(0.0)
+        self.advance_state(0.0, 0.0)
+        self.second_pass()
+        self.advance_gradients(0.0)
+
+    def resume(self) -> None:
+        """Continue with the lists of the checkpoint; collective."""
+        assert self.lists_state is not None
+        self.pairs.restore(self.lists_state["pairs"], self.lists_state["time"])
+        self.tell_all()
+
+    def state(self) -> dict[str, Any]:
+        """The lists, and whether they are used up; collective."""
+        return {"pairs": self.pairs.state(), "time": self.time, "news": anywhere(self.comm, self.news)}
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Take back what `state` gave."""
+        self.lists_state, self.time, self.news = state, state["time"], state["news"]
+
+    time = 0.0
+
+    # --- a step -------------------------------------------------------------------------------------------------
+
+    def advance(self, time: float, step: float, ledger: EnergyLedger, announce: Announce) -> bool:
+        """One step [s] from a time [s]: kick, drift, first pass, state, drift, second pass, kick."""
+        self.follow_lists(time)
+        first = self.boundaries.half_kick(time, step, time + 0.5 * step)
+        self.drift(0, self.owned, 0.5 * step)
+        self.first_pass(0.5 * step)
+        sound, plastic, lost = self.advance_state(time + step, step)
+        self.drift(0, self.owned + self.particles.ghosts, 0.5 * step)
+        self.look_ahead(time + step, step)
+        announce(sound, self.stable_step())
+        self.second_pass()
+        second = self.boundaries.half_kick(time + step, step, time + step)
+        plastic += self.advance_gradients(step)
+        self.book(ledger, plastic, lost, np.add(first, second))
+        return sound
+
+    def follow_lists(self, time: float) -> None:
+        """Make the lists anew where a rank has found them used up; collective then."""
+        if self.news_anywhere:
+            self.pairs.rebuild(time)
+            self.tell_all()
+
+    def tell_all(self) -> None:
+        """What ghosts know besides what every step tells them."""
+        self.particles.update("sound")
+        self.particles.update("record")
+
+    def look_ahead(self, time: float, step: float) -> None:
+        """Whether the lists will be used up by the next step."""
+        self.time, self.news = time, bool(self.pairs.due(time, step))
+
+    def drift(self, first: int, last: int, step: float) -> None:
+        """Move particles first..last-1."""
+        motion.drift(first, last, self.dimension, step, self.particles.storage("kinematics"))
+
+    def first_pass(self, drift: float) -> None:
+        """Velocity gradients, moments and divergences; ghosts drift as their owners did before the message."""
+        sums, shared = self.particles.storage("rate_sums"), self._shared()
+        sums[: self.owned] = 0.0
+        arrays = self._arrays()
+
+        def add(pairs: Any) -> None:
+            if pairs is self.pairs.rim:
+                self.drift(self.owned, self.owned + self.particles.ghosts, drift)
+            passes.add_rates(*shared, pairs, arrays, sums)
+
+        self.pairs.sweep(add, "motion")
+
+    def book(self, ledger: EnergyLedger, plastic: float, lost: float, kicked: np.ndarray) -> None:
+        """Plastic heat and numerical loss [J]; kicked: work of loads and supports, and what the viscosity took [J]."""
+        ledger.add(1.0, plastic, lost, float(kicked[0]))
+        ledger.add_term("viscous_dissipation", float(kicked[1]))
+        ledger.add_term("heat_supplied", self.supplied)
+
+    def second_pass(self) -> None:
+        """Forces, viscous heat and gradients."""
+        sums, shared, arrays = self.particles.storage("force_sums"), self._shared(), self._arrays()
+        sums[: self.owned] = 0.0
+        terms = (self.viscosity, self.heating)
+        self.pairs.sweep(lambda pairs: passes.add_forces(*shared, *terms, pairs, arrays, sums), "record")
+
+    def _arrays(self) -> Arrays:
+        storage = self.particles.storage
+        flux = storage("flux") if self.carried is not None else None
+        return Arrays(storage("kinematics"), storage("mass"), storage("record"), flux)
+
+    def _shared(self) -> tuple[Any, ...]:
+        """What both passes take first."""
+        lengths: Any = None
+        if self.one_length is not None:
+            inverse = 1.0 / self.one_length
+            lengths = OneLength(self.one_length, inverse, inverse ** (self.dimension + 2))
+        else:
+            lengths = ManyLengths(self.particles.storage("smoothing_length"))
+        contact: Any = None
+        if self.contact is not None:
+            kind = Welded if self.contact == "welded" else CompressionOnly
+            contact = kind(self.particles.storage("contact_body"))
+        return self.space, self.kernel, lengths, self.carried, contact
+
+    def advance_state(self, time: float, step: float) -> tuple[bool, float, float]:
+        """State and records after a step [s] to a time [s]; sound, plastic heat and numerical loss [J]."""
+        sound, plastic, lost = True, 0.0, 0.0
+        for update, block, body in self.updates.each():
+            good, heat, loss = update.advance(block, step, body)
+            sound, plastic, lost = sound and good, plastic + heat, lost + loss
+        self.supplied = self._prescribe_temperatures(time) if self.boundaries.sets_temperature else 0.0
+        return sound, plastic, lost
+
+    def _prescribe_temperatures(self, time: float) -> float:
+        """The heat [J] that prescribed temperatures supply."""
+        supplied, temperature = 0.0, self.particles.owned_rows("temperature")
+        record, column = self.particles.storage("record"), 6 if self.dimension == 2 else 11
+        capacity = np.array([law.specific_heat for law in self.laws])[self.particles.law_of_body]
+        for rows, values in self.boundaries.temperatures(time):
+            heat = capacity[self.particles.owned_rows("body")[rows]] * self.mass[rows]
+            supplied += float(heat @ (values - temperature[rows]))
+            temperature[rows] = values
+            record[rows, column] = values
+        return supplied
+
+    def advance_gradients(self, step: float) -> float:
+        """Fluxes after a step [s], where something flows; what of them is dissipated [J]."""
+        if self.carried is None and self.heating is None:
+            return 0.0
+        return sum((update.advance_gradients(block, step, body) for update, block, body in self.updates.each()), 0.0)
+
+    def stable_step(self) -> float:
+        """Largest step [s] of this rank's particles: cfl h/(c + |v|), and what fluxes allow."""
+        arrays = (self.particles.storage("kinematics"), self.particles["sound_speed"])
+        transit = motion.least_transit(self.owned, self.dimension, *arrays, self.particles.storage("smoothing_length"))
+        fluxes = min((update.stable_step(block, body) for update, block, body in self.updates.each()), default=np.inf)
+        return float(min(self.settings.cfl * transit, fluxes))
+
+    def energies(self) -> tuple[float, float]:
+        """Kinetic energy, that of the micro-velocity in it, and stored energy [J] of this rank's particles."""
+        arrays = (self.particles.storage("kinematics"), self.particles.storage("mass"))
+        kinetic, stored = float(motion.kinetic_energy(self.owned, self.dimension, *arrays)), 0.0
+        for update, block, body in self.updates.each():
+            micro, elastic = update.energies(block, body)
+            kinetic, stored = kinetic + micro, stored + elastic
+        return kinetic, stored
+
+    # --- what the output and the reports ask --------------------------------------------------------------------
+
+    @property
+    def owned(self) -> int:  # type: ignore[override]
+        """Number of this rank's particles, which changes as they move."""
+        return self.particles.owned
+
+    @property
+    def blocks(self) -> list[MaterialBlock]:
+        """Particles that share a law, law after law."""
+        bounds = self.particles.bounds.tolist()
+        return [MaterialBlock(a, b, law) for a, b, law in zip(bounds, bounds[1:], self.laws) if b > a]
+
+    def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
+        """Cauchy stress (n, 3, 3) [Pa], Jacobian (n,)."""
+        return shown(self, name, first, last)
+
+    def measure(self, name: str) -> tuple[str, np.ndarray]:
+        """This rank's part of one of the settings' quantities."""
+        return measure(self, name)
+
+    def unsound(self) -> tuple[int, str] | None:
+        """The rank's first particle that is not sound, and what is wrong with it."""
+        return unsound(self)
+
+    def advice(self) -> str:
+        """What most likely helps."""
+        hints = (
+            [f"a smaller method.cfl (it is {self.settings.cfl:g}; 0.3 is stable)"] if self.settings.cfl > 0.3 else []
+        )
+        if not self.settings.viscosity:
+            hints.append("method.viscosity (there is none)")
+        return ", or ".join([*hints, "more particles", "a milder load"])
+
+    def bytes_a_step(self) -> int:
+        """Two messages a step; particles that change their rank come on top."""
+        return self.particles.bytes_sent("motion") + self.particles.bytes_sent("record")
+
+    def summary(self) -> dict[str, Any]:
+        """How often lists were made anew, and particles that changed their rank."""
+        return {
+            "lists_made": self.pairs.rebuilds,
+            "list_seconds": maximum(self.comm, self.pairs.seconds),
+            "migrated_particles": self.comm.allreduce(self.pairs.migrated),
+        }
+
+    @staticmethod
+    def small_scene(tables: dict[str, Any]) -> dict[str, Any]:
+        """Particles in the middles of cells."""
+        tables["bodies"] = [body | {"placement": "cells"} for body in tables["bodies"]]
+        return tables

@@ -1,0 +1,63 @@
+"""The law "micro-inertia" as a scene states it: the declared table, and a library that fills in what is not given."""
+
+import sys
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from pydantic import model_validator
+
+from parsolid.scene.base_model import reject
+from parsolid.scene.declared import BASES, DeclaredModel
+from parsolid.scene.validation_errors import suggestion
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+_LIBRARY = Path(__file__).parents[1] / "materials" / "plastic" / "micro_inertia.toml"
+_STATED = "parsolid.materials.plastic.micro_inertia_stated"
+_ELASTIC = ("youngs_modulus", "poissons_ratio", "shear_modulus", "bulk_modulus")
+
+
+class MicroInertiaSolid(DeclaredModel):
+    """What is not given is that of the library, if one is named; elastic constants are the library's all or none."""
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _with_library(cls, value: Any, handler: Any) -> Any:
+        name = value.get("library") if isinstance(value, dict) else None
+        if name is None:
+            return handler(value)
+        if name not in library():
+            expected = f"one of {', '.join(map(repr, library()))}{suggestion(name, library())}"
+            reject((("library",), expected, name))
+        known = library()[name]
+        if any(value.get(key) is not None for key in _ELASTIC):
+            known = {key: known[key] for key in known if key not in _ELASTIC}
+        return handler(known | {key: stated for key, stated in value.items() if stated is not None})
+
+    @model_validator(mode="after")
+    def _derived(self) -> "MicroInertiaSolid":
+        declared = type(self).declared
+        if not issubclass(declared, import_module(_STATED).StatedMicroInertia):
+            reject((("law",), "a class derived from StatedMicroInertia", declared.__name__))
+        return self
+
+    def build(self, state: str) -> Any:
+        """The law, the same in every state of strain."""
+        law: Any = self
+        return law.micro_inertia_law()
+
+
+@cache
+def library() -> dict[str, dict[str, Any]]:
+    """Name -> what a set states, without its source."""
+    with open(_LIBRARY, "rb") as file:
+        tables = tomllib.load(file)
+    return {name: {key: value for key, value in table.items() if key != "source"} for name, table in tables.items()}
+
+
+BASES["micro-inertia"] = (MicroInertiaSolid, {"library": (str | None, None)})

@@ -1,0 +1,152 @@
+"""What of a scene a continued run may have otherwise than the run whose checkpoint it reads.
+
+Everything that the scene says is compared, files by what is in them. Some keys may change as they like, a table of
+factors after the time of the checkpoint; others may where the user names them, since what follows is well defined; the
+rest says what the state in the checkpoint is, so that another value of it means nothing there.
+"""
+
+import fnmatch
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from parsolid.output.checksums import digest
+from parsolid.scene import Scene
+from parsolid.scene.load_histories import FactorHistory
+from parsolid.scene.validation_errors import NOTHING, key_path, told
+
+# patterns of keys; what does not change the state, and how long steps are
+FREE = (
+    "title",
+    "end_time",
+    "output.*",
+    "method.cfl",
+    "method.maximum_step",
+    "method.minimum_step",
+    "method.rebalance",
+    "method.solution.safety",
+    "method.solution.damage_safety",
+    "method.solution.step",
+    "method.solution.tolerance",
+    "method.solution.most_iterations",
+)
+# not worth a note
+SILENT = ("title", "end_time", "output.*")
+# which particles and bonds there are, and what is of the start alone
+FIXED = (
+    "dimension",
+    "method.kind",
+    "method.horizon_ratio",
+    "method.pre_cracks*",
+    "method.formulation",
+    "method.reference",
+    "method.initial_state",
+    "bodies.*.name",
+    "bodies.*.shape*",
+    "bodies.*.particles",
+    "bodies.*.spacing",
+    "bodies.*.placement",
+    "bodies.*.jitter",
+    "bodies.*.seed",
+    "bodies.*.velocity",
+    "bodies.*.displacement",
+    "bodies.*.deformation_gradient",
+    "bodies.*.temperature",
+)
+
+
+class Change(NamedTuple):
+    """A key with its values in the checkpoint and in the scene; later: they differ after the checkpoint only."""
+
+    key: str
+    before: Any
+    now: Any
+    later: bool = False
+
+    def of(self, patterns: tuple[str, ...]) -> bool:
+        """Whether the key is one of the patterns' or within a table of theirs."""
+        return any(fnmatch.fnmatchcase(self.key, one) or f"{self.key}.".startswith(f"{one}.") for one in patterns)
+
+
+def contents(scene: Scene) -> dict[str, Any]:
+    """The resolved scene as JSON holds it, with what is in files in place of their paths; for one rank alone.
+
+    Raises OSError when a file is not there any more.
+    """
+    tables: dict[str, Any] = json.loads(json.dumps(_contents(scene.resolved())))
+    return tables
+
+
+def _contents(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _history(part) if key == "history" else _contents(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_contents(part) for part in value]
+    if isinstance(value, str) and os.path.isabs(value):
+        # a law is a file and the class in it
+        path, colon, name = value.rpartition(":")
+        file = Path(value if not colon or os.path.exists(value) else path)
+        if file.is_file():
+            return f"{file.name}{colon and ':' + name} (content {digest(file.read_bytes())})"
+    return value
+
+
+def _history(value: Any) -> Any:
+    is_file = isinstance(value, dict) and "file" in value
+    return {"rows": FactorHistory.model_construct(**value).table} if is_file else value
+
+
+def changes(before: Any, now: Any, time: float, place: tuple[Any, ...] = ()) -> Iterator[Change]:
+    """Where the contents of two scenes differ; time [s]: of the checkpoint."""
+    if before == now:
+        return
+    if isinstance(before, dict) and isinstance(now, dict):
+        if place and place[-1] == "history" and "rows" in before and "rows" in now:
+            yield Change(key_path((*place, "rows")), before["rows"], now["rows"], _alike_until(time, before, now))
+            return
+        for key in [*before, *(key for key in now if key not in before)]:
+            yield from changes(before.get(key, NOTHING), now.get(key, NOTHING), time, (*place, key))
+    elif _tables(before) and _tables(now):
+        for number in range(max(len(before), len(now))):
+            old, new = (tables[number] if number < len(tables) else NOTHING for tables in (before, now))
+            yield from changes(old, new, time, (*place, number))
+    else:
+        later = bool(place) and place[-1] == "jumps" and _until(time, before) == _until(time, now)
+        yield Change(key_path(place), before, now, later)
+
+
+def _tables(value: Any) -> bool:
+    return isinstance(value, list) and bool(value) and all(isinstance(entry, dict) for entry in value)
+
+
+def _alike_until(time: float, *histories: dict[str, Any]) -> bool:
+    """Whether factors are the same up to a time [s]."""
+    found = []
+    for history in histories:
+        rows = [row for row in history["rows"] if row[0] <= time]
+        found.append((rows, FactorHistory.model_construct(rows=history["rows"]).factor(time)))
+    return found[0] == found[1]
+
+
+def _until(time: float, jumps: Any) -> list[float]:
+    return [jump for jump in jumps if jump <= time] if isinstance(jumps, list) else []
+
+
+def judged(found: list[Change], allowed: tuple[str, ...], source: Path, time: float) -> tuple[list[str], list[str]]:
+    """Faults, and notes on what was accepted; allowed: keys that the user allows to change, and all within them."""
+    faults, notes = [], []
+    for change in found:
+        fixed = change.of(FIXED)
+        if change.later or change.of(FREE) or (not fixed and change.of(allowed)):
+            if not change.of(SILENT):
+                then = f"{told(change.before)} until the checkpoint at t = {time:.6g} s"
+                notes.append(f"{change.key}: {then}, from there on {told(change.now)}")
+            continue
+        hint = "" if fixed else f" (where that is meant: --allow-change {change.key})"
+        expected = f"{told(change.before)} as in the checkpoint {source}"
+        faults.append(f"{change.key}: expected {expected}, found {told(change.now)}{hint}")
+    unused = [key for key in allowed if not any(change.of((key,)) for change in found)]
+    faults += [f"--allow-change {key}: expected a key that has changed since {source}, found none" for key in unused]
+    return faults, notes

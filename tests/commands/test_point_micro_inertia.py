@@ -1,0 +1,196 @@
+"""The micro-inertia law driven by the command point: rates, load-hold-reverse, heat, what a scene may state."""
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from parsolid.commands.cli import main
+from parsolid.commands.point.choice import point_law
+from parsolid.commands.point.driver import drive
+from parsolid.commands.point.laws import PathLost
+from parsolid.commands.point.report import tabulate
+from parsolid.commands.point.schema import load_point
+from parsolid.materials.registry import law_of
+from parsolid.scene.validation_errors import SceneError
+
+pytestmark = pytest.mark.serial
+EXAMPLES = Path(__file__).parents[2] / "runs" / "point"
+STEEL = '[material]\nkind = "micro-inertia"\nlibrary = "4340 steel, Rahaman"\n'
+SHEAR = '[path]\nkind = "simple-shear"\nshear = "1e4*t"\n'
+HEAD = "end_time = 2e-5\nsteps = 400\n"
+
+
+@pytest.fixture
+def point_of(tmp_path):
+    """A point stated as TOML."""
+
+    def make(text):
+        path = tmp_path / "path.toml"
+        path.write_text(text)
+        return load_point(path)
+
+    return make
+
+
+def followed(point):
+    law = point_law(law_of(point.material), **point.conditions)
+    record = drive(law, point.path, point.end_time, point.longest_step)
+    return SimpleNamespace(law=law, **tabulate(law, record, np.array(point.output.directions)))
+
+
+def test_compression_as_tabled():
+    """Plane-strain compression at 1e4/s as the formulation tables it, from the deformation gradient exp(D t)."""
+    run = followed(load_point(EXAMPLES / "micro_inertia.toml", ["end_time=4e-5", "time_step=2e-8"]))
+    # event-driven reference at 10, 20, 40 us
+    at = [500, 1000, 2000]
+    assert run.time[at] == pytest.approx([1e-5, 2e-5, 4e-5])
+    assert run.deviator_norm[at] == pytest.approx([463822042.0, 818376272.0, 2675238870.0], rel=2e-3)
+    assert run.micro_stress[at[0]] == pytest.approx(603477370.0, rel=1e-4)
+    assert np.abs(run.balance).max() <= 1e-5 * run.work[-1]
+    assert run.von_mises_stress == pytest.approx(np.sqrt(1.5) * run.deviator_norm, rel=1e-10, abs=1.0)
+
+
+def test_load_hold_reverse():
+    """While held |S| rings about pi, which relaxes; sheared back gamma goes on growing and S12 changes its sign."""
+    run = followed(load_point(EXAMPLES / "micro_inertia_reversed.toml", ["time_step=4e-8"]))
+    held, back = (run.time > 3.1e-5) & (run.time < 4.9e-5), run.time > 7e-5
+    assert run.deviator_norm[held].max() < run.deviator_norm[run.time <= 3e-5].max()
+    assert (np.diff(run.plastic_strain) >= 0.0).all() and run.plastic_strain[-1] > 0.4
+    assert run.stress_xy[run.time < 3e-5].max() > 1e9 and run.stress_xy[back].max() < -5e8
+    assert np.abs(run.balance).max() <= 1e-5 * run.work[-1]
+    # the micro-inertia stores and gives back
+    assert run.micro_kinetic_energy.max() > 0.01 * run.work[-1] / 5.0
+
+
+def test_heat(point_of):
+    warm = followed(point_of(HEAD + "temperature = 400.0\n" + STEEL + SHEAR))
+    cold = followed(point_of(HEAD + 'temperature = 400.0\nheat = "isothermal"\n' + STEEL + SHEAR))
+    capacity = 7830.0 * 477.0
+    assert warm.temperature - 400.0 == pytest.approx(warm.dissipation / capacity, rel=1e-9)
+    assert (cold.temperature == 400.0).all() and cold.heat_given_away == pytest.approx(cold.dissipation, rel=1e-12)
+    assert cold.micro_stress[-1] > warm.micro_stress[-1]
+
+
+def test_the_classical_limit_is_stated_by_zeros(point_of):
+    """|S| = pi, and the energy is closed but for the backward step's first order."""
+    lengths = (
+        "energetic_length",
+        "dissipative_length",
+        "inertia_length",
+        "stress_relaxation_time",
+        "flux_relaxation_time",
+    )
+    classical = STEEL + "".join(f"{key} = 0.0\n" for key in lengths) + SHEAR
+    run = followed(point_of(HEAD + classical))
+    assert run.deviator_norm == pytest.approx(run.micro_stress, rel=1e-14)
+    balance = [
+        np.abs(followed(point_of(f"end_time = 2e-5\nsteps = {n}\n{classical}")).balance).max() for n in (200, 400)
+    ]
+    assert balance[1] < 0.6 * balance[0] and balance[1] < 1e-2 * run.work[-1]
+
+
+def test_pressure_in_a_volumetric_path(point_of):
+    """p = K (rho/rho_0 - 1), its work stored."""
+    run = followed(point_of(HEAD + STEEL + '[path]\nkind = "volumetric"\njacobian = "1 - 5e3*t"\n'))
+    assert run.pressure == pytest.approx(200e9 / (3.0 * 0.42) * (1.0 / run.jacobian - 1.0), rel=1e-12, abs=1.0)
+    assert run.stored == pytest.approx(run.work, rel=1e-9) and run.plastic_strain.max() < 1e-18
+
+
+def test_what_the_command_writes_and_says(tmp_path, capsys):
+    path = tmp_path / "point.toml"
+    path.write_text(HEAD + STEEL + SHEAR + "[output]\npictures = false\n")
+    assert main(["point", str(path), "-o", str(tmp_path / "out")]) == 0
+    told, summary = capsys.readouterr().out, json.loads((tmp_path / "out" / "point_summary.json").read_text())
+    assert "micro-stress" in told and f"{summary['micro_stress_at_end']:.6g}" in told
+    header = (tmp_path / "out" / "point.csv").read_text().split("\n", 1)[0].split(",")
+    assert {"deviator_norm", "plastic_strain_rate", "micro_stress", "plastic_strain", "temperature"} <= set(header)
+    # what was resolved says the same again
+    resolved = summary["input"]["material"]
+    assert resolved["inertia_length"] == 3.1622776601683795e-3 and resolved["library"] == "4340 steel, Rahaman"
+
+
+def test_a_jump_is_refused(point_of):
+    with pytest.raises(PathLost, match="jump"):
+        followed(point_of(HEAD + STEEL + '[path]\nkind = "simple-shear"\nshear = 0.1\n'))
+
+
+BARE = STEEL.replace('library = "4340 steel, Rahaman"\n', "")
+
+
+@pytest.mark.parametrize(
+    "material, expected",
+    [
+        (STEEL.replace("Rahaman", "Rahamann"), "did you mean '4340 steel, Rahaman'"),
+        (BARE, "material.density"),
+        (STEEL + "shear_modulus = 80e9\n", "poissons_ratio, bulk_modulus"),
+        (STEEL + "shear_modulus = 80e9\npoissons_ratio = 0.3\n", "shear_modulus with bulk_modulus"),
+        (STEEL + "dissipative_length = 0.0\n", "flux_relaxation_time: expected no such key"),
+        (STEEL + "conductivity = 0.0\n", "heat_relaxation_time: expected no such key"),
+        (STEEL + "inertia_length = 0.0\n", "energetic_length: expected no such key"),
+        (
+            STEEL + "stress_relaxation_time = 0.0\ninitial_micro_stress = 1e8\n",
+            "initial_micro_stress: expected no such",
+        ),
+        (STEEL + "melting_temperature = 200.0\n", "more than reference_temperature = 298"),
+        (STEEL + "rate_exponent = 1.5\n", "rate_exponent: expected at most 1"),
+        (STEEL + "energetic_length = -1.0\n", "energetic_length"),
+        (STEEL + "regularisation = 0.0\n", "regularisation"),
+        (STEEL + "inertia_lenght = 1.0\n", "inertia_length"),
+    ],
+)
+def test_faults(point_of, material, expected):
+    with pytest.raises(SceneError, match=expected):
+        point_of(HEAD + material + SHEAR)
+
+
+def test_shear_and_bulk_modulus_take_the_place_of_the_librarys(point_of):
+    law = law_of(point_of(HEAD + STEEL + "shear_modulus = 80e9\nbulk_modulus = 160e9\n" + SHEAR).material)
+    assert (law.shear_modulus, law.bulk_modulus) == (80e9, 160e9)
+
+
+OWN = """from parsolid.materials.declaration import law
+from parsolid.materials.plastic.micro_inertia import MicroInertia, flow_strength
+from parsolid.materials.plastic.micro_inertia_stated import StatedMicroInertia
+
+
+class Constant(MicroInertia):
+    pass
+
+
+@law("micro-inertia", "constant-strength")
+class Stated(StatedMicroInertia):
+    def micro_inertia_law(self):
+        return Constant(*StatedMicroInertia.micro_inertia_law(self))
+
+
+@flow_strength.of(Constant)
+def _constant(law, gamma, curl, temperature):
+    return law.yield_stress + 0.0 * gamma
+"""
+
+
+def test_a_law_of_ones_own(tmp_path):
+    """Another strength in a file, on the same solve; with heat, which it takes as its role does."""
+    (tmp_path / "own.py").write_text(OWN)
+    path = tmp_path / "point.toml"
+    head, stated = HEAD + "temperature = 300.0\n", STEEL.replace('kind = "micro-inertia"', 'law = "own.py:Stated"')
+    path.write_text(head + stated + SHEAR)
+    own = followed(load_point(path, trust_code=True))
+    path.write_text(head + STEEL + SHEAR)
+    usual = followed(load_point(path))
+    assert 0.0 < own.micro_stress[-1] < 0.99 * usual.micro_stress[-1]
+    (tmp_path / "own.py").write_text(OWN.replace("class Stated(StatedMicroInertia)", "class Stated"))
+    path.write_text(head + BARE.replace('kind = "micro-inertia"', 'law = "own.py:Stated"') + SHEAR)
+    with pytest.raises(SceneError, match="a class derived from StatedMicroInertia"):
+        load_point(path, trust_code=True)
+
+
+def test_a_material_point_of_another_rank(point_of):
+    """A table made from a declaration travels between ranks."""
+    import pickle
+
+    material = point_of(HEAD + STEEL + SHEAR).material
+    assert law_of(pickle.loads(pickle.dumps(material))) == law_of(material)

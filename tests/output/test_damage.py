@@ -1,0 +1,190 @@
+"""Damaged checkpoints: no changed number is read, whatever is damaged on whatever ranks, and one message says what."""
+
+import os
+import random
+from itertools import pairwise
+
+import h5py
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from parsolid.output import OutputError
+from parsolid.output.checkpoint import find_checkpoint, read_checkpoint, read_header, write_checkpoint
+from parsolid.output.checksums import sum_of_rows
+from parsolid.output.slabs import open_serial, places
+
+HEADER = {"step": 7, "time": 0.3, "title": "Säule", "ranks": 3}
+FLIPS = 300
+
+
+@pytest.fixture
+def whole(comm, shared_path, fields):
+    path = shared_path / "checkpoint.h5"
+    write_checkpoint(comm, path, HEADER, [fields, {"mass": fields["jacobian"]}], np.array([1.0, comm.rank]))
+    return path
+
+
+def on_one_rank(comm, change, *arguments) -> None:
+    """Rank 0 changes a file when all are done with it, and the others wait."""
+    comm.Barrier()
+    if comm.rank == 0:
+        change(*arguments)
+    comm.Barrier()
+
+
+def flip(path, position: int, bit: int) -> None:
+    with open(path, "r+b") as file:
+        file.seek(position)
+        byte = file.read(1)[0]
+        file.seek(position)
+        file.write(bytes([byte ^ 1 << bit]))
+
+
+def content(comm, path):
+    """All that is read: header, fields, rows of the ranks, as bytes."""
+    header, systems, rows = read_checkpoint(comm, path)
+    return (
+        header,
+        [{name: (v.dtype.str, v.tobytes()) for name, v in fields.items()} for fields in systems],
+        rows.tobytes(),
+    )
+
+
+def test_a_checksum_does_not_depend_on_who_has_which_rows():
+    chance = np.random.default_rng(1)
+    for kind in ("<f8", "<i4", "|u1"):
+        rows = chance.integers(0, 250, (70_001, 3)).astype(kind)
+        cuts = [0, 1, 1, 33_333, 70_001]
+        parts = [sum_of_rows(rows[a:b], a) for a, b in pairwise(cuts)]
+        assert sum(parts) % 2**64 == sum_of_rows(rows, 0) != 0
+        # neither does the memory's order, but the place of a row does, and so does one bit
+        assert sum_of_rows(np.asfortranarray(rows), 0) == sum_of_rows(rows, 0)
+        assert sum_of_rows(rows[::-1], 0) != sum_of_rows(rows, 0)
+        changed = rows.copy()
+        changed.view(np.uint8).reshape(-1)[-1] ^= 128
+        assert sum_of_rows(changed, 0) != sum_of_rows(rows, 0)
+
+
+def test_a_flipped_bit_anywhere_changes_nothing_or_is_refused(comm, whole):
+    """Of many single bits in all of the file some change nothing (gaps, HDF5's own marks); none changes a number."""
+    expected, chance, refused = content(comm, whole), random.Random(3), 0
+    size = whole.stat().st_size
+    for _ in range(FLIPS):
+        place, bit = chance.randrange(size), chance.randrange(8)
+        on_one_rank(comm, flip, whole, place, bit)
+        try:
+            found = content(comm, whole)
+        except OutputError:
+            refused += 1
+        else:
+            assert found == expected, f"bit {bit} of byte {place}"
+        on_one_rank(comm, flip, whole, place, bit)
+    assert content(comm, whole) == expected and refused > FLIPS // 20
+
+
+def test_every_bit_of_a_number_counts(comm, whole):
+    laid = places(whole)
+    for name in ("particles/momentum", "particles/body", "particles/broken", "particles_1/mass", "ranks/values"):
+        size = int(np.prod(laid[name].shape)) * np.dtype(laid[name].dtype).itemsize
+        for place, bit in ((0, 0), (size // 2, 3), (size - 1, 7)):
+            on_one_rank(comm, flip, whole, laid[name].offset + place, bit)
+            with pytest.raises(OutputError, match=f"checkpoint.h5: damaged: {name} not as written"):
+                read_checkpoint(comm, whole)
+            comm.Barrier()
+            on_one_rank(comm, flip, whole, laid[name].offset + place, bit)
+
+
+def edit(path, change) -> None:
+    with open_serial(path, "r+") as file:
+        change(file)
+
+
+def _replaced(name, value):
+    def change(file):
+        del file[name]
+        file[name] = value
+
+    return change
+
+
+def _unlinked(name):
+    def change(file):
+        del file[name]
+
+    return change
+
+
+MISSHAPEN = {
+    "no header": (_unlinked("header"), "damaged: header"),
+    "another header": (_replaced("header", '{"step": 8}'), "damaged: header"),
+    "header that is no text": (_replaced("header", 3.0), "damaged: header"),
+    "no checksums": (_unlinked("checksums"), "damaged: checksums"),
+    "checksums of something else": (_replaced("checksums", b"0\n{}"), "damaged: checksums"),
+    "no field": (_unlinked("particles/momentum"), "damaged: particles/momentum: expected <f8 .*, found none"),
+    "field of another shape": (_replaced("particles/jacobian", np.ones(5)), "damaged: particles/jacobian: expected"),
+    "field of another type": (
+        _replaced("particles/identifier", np.zeros(23, np.float32)),
+        "damaged: particles/identifier: expected <i8 .*, found <f4",
+    ),
+    "field read the other way round": (
+        _replaced("particles/jacobian", np.zeros(23, ">f8")),
+        "damaged: particles/jacobian: expected <f8 .*, found >f8",
+    ),
+    "a field more": (lambda file: file.create_dataset("particles/more", data=np.ones(23)), "damaged: particles/more"),
+    "field that is a group": (
+        lambda file: (file.pop("ranks/values"), file.create_group("ranks/values")),
+        "ranks/values",
+    ),
+    "no particles": (_unlinked("particles"), "damaged: particles"),
+    "no second particles": (_unlinked("particles_1"), "damaged: particles_1/mass"),
+    "no ranks": (_unlinked("ranks"), "damaged: ranks/offset"),
+    "other shares": (
+        lambda file: file["ranks/offset"].write_direct(np.full_like(file["ranks/offset"][()], 7)),
+        "offset",
+    ),
+    "link to nowhere": (
+        lambda file: (file.pop("particles/body"), file.__setitem__("particles/body", h5py.SoftLink("/nowhere"))),
+        "damaged: particles/body",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MISSHAPEN)
+def test_missing_or_misshapen_content_is_one_message_on_all_ranks(comm, whole, name):
+    change, words = MISSHAPEN[name]
+    on_one_rank(comm, edit, whole, change)
+    with pytest.raises(OutputError, match=words) as caught:
+        read_checkpoint(comm, whole)
+    assert set(comm.allgather(str(caught.value))) == {str(caught.value)} and "\n" not in str(caught.value)
+
+
+def test_a_header_alone_is_compared_too(comm, whole):
+    assert read_header(whole) == HEADER
+    on_one_rank(comm, edit, whole, MISSHAPEN["another header"][0])
+    with pytest.raises(OutputError, match="damaged: header"):
+        read_header(whole)
+
+
+def test_a_truncated_file_is_refused_at_every_length(comm, whole):
+    data = whole.read_bytes()
+    for length in (0, 7, 100, 2000, len(data) // 2, len(data) - 9):
+        on_one_rank(comm, whole.write_bytes, data[:length])
+        with pytest.raises(OutputError):
+            read_checkpoint(comm, whole)
+
+
+def test_the_other_version_is_refused_by_name(comm, whole):
+    on_one_rank(comm, edit, whole, lambda file: file.attrs.modify("version", 1))
+    with pytest.raises(OutputError, match="written by another parsolid .version: expected 2, found 1."):
+        read_checkpoint(comm, whole)
+
+
+def test_the_newest_whole_file_goes_before_the_others_in_this_order(comm, shared_path, fields):
+    """checkpoint.h5.partial, when it is whole, then checkpoint.h5, then checkpoint.previous.h5."""
+    names = ("checkpoint.previous.h5", "checkpoint.h5", "checkpoint.h5.partial")
+    for step, name in enumerate(names):
+        write_checkpoint(comm, shared_path / "one.h5", {"step": step}, [fields])
+        on_one_rank(comm, os.replace, shared_path / "one.h5", shared_path / name)
+        assert find_checkpoint(shared_path, comm).name == name
+    assert find_checkpoint(shared_path, MPI.COMM_SELF).name == names[-1]

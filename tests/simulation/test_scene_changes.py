@@ -1,0 +1,128 @@
+"""A restart compares the whole scene, and the files that it names by what is in them."""
+
+import meshio
+import numpy as np
+import pytest
+from solids import punch, tables
+
+from parsolid.scene import parse_scene
+from parsolid.scene.base_model import SceneModel
+from parsolid.scene.schema import Scene
+from parsolid.simulation.scene_changes import FIXED, FREE, changes, contents, judged
+
+TIME = 0.3
+
+
+def compared(before: dict, now: dict, allowed: tuple[str, ...] = (), folder=".") -> tuple[list[str], list[str]]:
+    old, new = (contents(parse_scene(data, folder)) for data in (before, now))
+    return judged(list(changes(old, new, TIME)), allowed, "checkpoint.h5", TIME)
+
+
+def test_the_same_scene_has_not_changed():
+    assert compared(punch(), punch()) == ([], [])
+
+
+def test_every_key_that_is_not_in_the_list_is_refused():
+    """Each number, text and switch of a resolved scene, changed by itself."""
+    scene = contents(parse_scene(punch(probes=[{"name": "p", "at": [1.0, 1.0], "fields": ["stress"]}])))
+    seen = 0
+    for place in _leaves(scene):
+        key = ".".join(map(str, place))
+        (change,) = changes(scene, _with(scene, place, "another"), TIME)
+        assert change.key == key or key.startswith(change.key)
+        faults, _ = judged([change], (), "checkpoint.h5", TIME)
+        assert bool(faults) == (not change.of(FREE)), key
+        if faults:
+            assert faults[0].startswith(f"{change.key}: expected ") and "'another'" in faults[0]
+            assert bool(judged([change], (change.key,), "", TIME)[0]) == change.of(FIXED)
+        seen += 1
+    assert seen > 40
+
+
+def _leaves(value, place=()):
+    entries = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, part in entries:
+        yield from _leaves(part, (*place, key))
+    if not isinstance(value, dict | list):
+        yield place
+
+
+def _with(value, place, leaf):
+    if not place:
+        return leaf
+    if isinstance(value, dict):
+        return value | {place[0]: _with(value[place[0]], place[1:], leaf)}
+    return [_with(part, place[1:], leaf) if i == place[0] else part for i, part in enumerate(value)]
+
+
+def test_what_is_free_is_in_a_scene():
+    """No pattern of the list is a misspelt key."""
+    known = set(_keys(Scene)) | _method_keys()
+    for pattern in FREE + FIXED:
+        assert pattern.rstrip("*.").rpartition(".")[2] in known, pattern
+
+
+def _keys(model):
+    for name, field in model.model_fields.items():
+        yield name
+        for part in (field.annotation, *getattr(field.annotation, "__args__", ())):
+            if isinstance(part, type) and issubclass(part, SceneModel):
+                yield from _keys(part)
+
+
+def _method_keys() -> set[str]:
+    from parsolid.methods.mpm import settings as mpm
+    from parsolid.methods.peridynamics import settings as peridynamics
+    from parsolid.methods.tlsph import settings as tlsph
+
+    models = [value for room in (mpm, peridynamics, tlsph) for value in vars(room).values()]
+    return {key for m in models if isinstance(m, type) and issubclass(m, SceneModel) for key in m.model_fields}
+
+
+def history(*rows) -> dict:
+    return {"acceleration": ["0", "-9.81"], "history": {"rows": [list(row) for row in rows]}}
+
+
+BEFORE = history((0.0, 0.0), (0.2, 1.0), (0.4, 1.0), (0.9, 0.0))
+
+
+@pytest.mark.parametrize(
+    "after, accepted",
+    [
+        # later than the checkpoint, from the factor that it had then
+        (history((0.0, 0.0), (0.2, 1.0), (0.4, 1.0), (0.8, 3.0)), True),
+        (history((0.0, 0.0), (0.2, 1.0)), True),
+        # earlier, or another factor at the checkpoint
+        (history((0.0, 0.0), (0.25, 1.0), (0.4, 1.0), (0.9, 0.0)), False),
+        (history((0.0, 0.0), (0.2, 1.0), (0.4, 2.0)), False),
+    ],
+)
+def test_a_load_may_change_after_the_checkpoint(after, accepted):
+    faults, notes = compared(punch(loads=BEFORE), punch(loads=after))
+    assert (not faults) == accepted == bool(notes)
+    assert (faults or notes)[0].startswith("loads.history.rows: ")
+
+
+def test_jumps_may_change_after_the_checkpoint():
+    loads = {"acceleration": ["0", "where(t < 0.5, 0, 1)"], "jumps": [0.1, 0.5]}
+    assert not compared(punch(loads=loads), punch(loads=loads | {"jumps": [0.1, 0.6]}))[0]
+    assert compared(punch(loads=loads), punch(loads=loads | {"jumps": [0.2, 0.5]}))[0]
+
+
+def test_files_are_compared_by_what_is_in_them(tmp_path):
+    points = np.array([[x, y, 0.0] for x in range(3) for y in range(3)], float)
+    cells = np.array([[0, 3, 4, 1], [1, 4, 5, 2], [3, 6, 7, 4], [4, 7, 8, 5]])
+    for folder, stretch in (("a", 1.0), ("b", 1.0), ("c", 1.01)):
+        (tmp_path / folder).mkdir()
+        meshio.write(tmp_path / folder / "m.vtu", meshio.Mesh(points * [stretch, 1.0, 0.0], [("quad", cells)]))
+        end = 0.9 if folder == "a" else 0.8
+        (tmp_path / folder / "f.csv").write_text(f"t,f\n0,0\n0.2,1\n{end},1\n")
+    data = tables((3, 3), loads=history() | {"history": {"file": "f.csv"}})
+    body = data["bodies"][0]
+    body["shape"] = {"mesh": {"file": "m.vtu"}}
+    del body["particles"]
+    scenes = {folder: contents(parse_scene(data, tmp_path / folder)) for folder in "abc"}
+    assert [change.key for change in changes(scenes["a"], scenes["b"], TIME)] == ["loads.history.rows"]
+    (change,) = changes(scenes["a"], scenes["b"], TIME)
+    assert change.later
+    assert [change.key for change in changes(scenes["b"], scenes["c"], TIME)] == ["bodies.0.shape.mesh.file"]
