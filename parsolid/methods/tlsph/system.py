@@ -9,7 +9,7 @@ from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, block_numbers, material_blocks
 from parsolid.materials.hyperelastic.law import isotropic_shear_modulus
 from parsolid.materials.registry import laws_of
-from parsolid.methods.paired import PairedSystem
+from parsolid.methods.pair_method import PairMethod
 from parsolid.methods.tlsph import momentum as motion
 from parsolid.methods.tlsph import state
 from parsolid.methods.tlsph.boundaries import build_boundaries
@@ -30,9 +30,10 @@ from parsolid.scene import initial_deformation_gradient, initial_displacement, i
 from parsolid.solvers.runge_kutta import SSP_RK3, Stage
 
 
-class TotalLagrangianSPH(PairedSystem):
+class TotalLagrangianSPH(PairMethod):
     """The method on one rank. Arrays are laid out as `numerics.layout` and `pairs.passes` say."""
 
+    pairs: PairSystem
     stages = SSP_RK3
     evaluations = len(SSP_RK3)
 

@@ -7,7 +7,7 @@ import numpy as np
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, block_numbers
 from parsolid.materials.registry import laws_of
-from parsolid.methods.paired import PairedSystem
+from parsolid.methods.pair_method import PairMethod
 from parsolid.methods.protocol import Announce, EnergyLedger
 from parsolid.methods.ulsph import kinematics as motion
 from parsolid.methods.ulsph import passes
@@ -37,12 +37,14 @@ from parsolid.scene import Scene, initial_displacement, initial_temperature, ini
 _TRUST = 0.3
 
 
-class UpdatedLagrangianSPH(PairedSystem):
+class UpdatedLagrangianSPH(PairMethod):
     """The method on one rank; arrays as `terms` and `fields` say.
 
     trust: least determinant and diagonal of a moment that is inverted; heating: `terms.Warming` where viscous heat
     warms, else None.
     """
+
+    pairs: MovingPairs
 
     def __init__(self, comm: Any, scene: Scene, particle_set: ParticleSet):
         """particle_set: this rank's particles, sorted by law. Collective."""

@@ -1,19 +1,15 @@
-"""What all methods have that walk lists of pairs."""
-
-from typing import Any
+"""What methods have in common whose particles act on one another in pairs."""
 
 import numpy as np
 
 from parsolid.methods.protocol import ParticleSystem
+from parsolid.pairs.pair_lists import PairLists
 
 
-class PairedSystem(ParticleSystem):
-    """A method whose particles act on one another in pairs of lists.
+class PairMethod(ParticleSystem):
+    """A method with pair lists, whose particles have the field "mass" [kg], and "share" where planes cut any."""
 
-    Set by the method: pairs.
-    """
-
-    pairs: Any  # of its own kind of `pairs.pair_lists.PairLists`
+    pairs: PairLists
 
     @property
     def directed_pairs(self) -> int:  # type: ignore[override]
