@@ -5,7 +5,7 @@ this takes longer than a call over a few hundred particles does.
 """
 
 from collections.abc import Callable
-from operator import is_not
+from operator import is_not, itemgetter
 from typing import Any
 
 from numba import typeof
@@ -15,37 +15,32 @@ class Recalled:
     """A compiled function whose machine code is looked up anew only when other objects are given than the last time.
 
     free: positions of arguments that are other objects at every call, but always of the same types, in all that is in
-    them: numbers, and named tuples of numbers and arrays. Nothing checks that; all others are compared.
+    them: numbers, and named tuples of numbers and arrays. Nothing checks that; all others, two at least, are compared.
     """
 
     def __init__(self, kernel: Callable[..., Any], free: tuple[int, ...] = ()) -> None:
         self.kernel, self.free = kernel, free
+        self._fixed: Callable[[tuple[Any, ...]], Any] = tuple
         self._last: tuple[Any, ...] | None = None
         self._code: Callable[..., Any] | None = None
 
     def __call__(self, *arguments: Any) -> Any:
         """What the kernel returns."""
-        if self._last is not None:
-            same = arguments
-            if self.free:
-                given = list(arguments)
-                for position in self.free:
-                    given[position] = None
-                same = tuple(given)
-            if not any(map(is_not, same, self._last)) and len(same) == len(self._last):
-                return (self._code or self._look_up(arguments))(*arguments)
+        if self._last is not None and not any(map(is_not, self._fixed(arguments), self._last)):
+            return (self._code or self._look_up(arguments))(*arguments)
+        if self._last is None and self.free:
+            # at least two are left, so that a tuple is got
+            self._fixed = itemgetter(*(k for k in range(len(arguments)) if k not in self.free))
         # objects that come once only are numba's affair
-        self._last = tuple(None if k in self.free else value for k, value in enumerate(arguments))
-        self._code = None
+        self._last, self._code = self._fixed(arguments), None
         return self.kernel(*arguments)
 
     def _look_up(self, arguments: tuple[Any, ...]) -> Callable[..., Any]:
         """The machine code for the types of the arguments, which the kernel has been called with."""
         known: dict[Any, Any] = getattr(self.kernel, "overloads", {})
         found = known.get(tuple(typeof(argument) for argument in arguments))
-        code: Callable[..., Any] = self.kernel if found is None else found.entry_point
-        self._code = code
-        return code
+        self._code = self.kernel if found is None else found.entry_point
+        return self._code
 
 
 class RecalledEach:

@@ -1,5 +1,8 @@
 """Reductions over ranks: sums, minima that are asked for a step ahead, and sums whose bits never change."""
 
+from collections.abc import Iterable
+from math import isnan
+
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import ArrayLike
@@ -109,12 +112,11 @@ class MinimumAhead:
         """True between begin and result."""
         return self._request is not None
 
-    def begin(self, values: ArrayLike) -> None:
+    def begin(self, values: Iterable[float]) -> None:
         """Start the reduction of this rank's values (length,); collective. NaN counts as -inf, so none misses it."""
         if self._request is not None:
             raise RuntimeError("MinimumAhead.begin: expected the last result to be fetched first, found it pending")
-        self._values[:] = values
-        self._values[np.isnan(self._values)] = -np.inf
+        self._values[:] = [-np.inf if isnan(value) else value for value in values]
         self._request = self._comm.Iallreduce(self._values, self._minima, MPI.MIN)
 
     def result(self) -> np.ndarray:

@@ -37,10 +37,6 @@ _FUNCTIONS: dict[str, tuple[str, tuple[tuple[str, ...], ...]]] = {
         _PLASTIC,
         (("cold_pressure",), ("grueneisen_coefficient",), ("isentropic_bulk_modulus",), ("room_to_compress",)),
     ),
-    "micro-inertia": (
-        "parsolid.materials.plastic.micro_inertia_solve",
-        (("increments_of",), ("advance_micro",), ("advance_fluxes",)),
-    ),
 }
 
 
@@ -139,7 +135,7 @@ def from_text(path: str, name: str, text: str) -> Declared:
 
 def _complete(declared: Declared) -> None:
     """Raise LawError where the law lacks a function that kernels ask for, one of the names of each group."""
-    if not hasattr(declared, "_fields"):
+    if not hasattr(declared, "_fields") or declared.role not in _FUNCTIONS:
         return
     module, groups = _FUNCTIONS[declared.role]
     room = import_module(module)

@@ -47,15 +47,12 @@ class ParticleSystem:
     dimension: int
     owned: int
     particles: Particles
-    mass: np.ndarray
-    share: np.ndarray
     jumps: tuple[float, ...] = ()
     landings: tuple[float, ...] = ()
     even_steps: bool = False
     energy_scale: float = 0.0
     evaluations: int = 1
     directed_pairs: int = 0
-    communication_seconds: float = 0.0
     news: bool = False
     news_anywhere: bool = False
 
@@ -70,6 +67,21 @@ class ParticleSystem:
         Raises SolverError on all ranks when the scene cannot be set up.
         """
         raise NotImplementedError
+
+    @property
+    def mass(self) -> np.ndarray:
+        """Mass (owned,) [kg], of the whole particle where it lies on a mirror plane."""
+        return self.particles.owned_rows("mass")
+
+    @property
+    def share(self) -> np.ndarray:
+        """The part (owned,) of a particle on this side of mirror planes."""
+        return self.particles.owned_rows("share") if "share" in self.particles else np.ones(self.owned)
+
+    @property
+    def communication_seconds(self) -> float:
+        """Spent on sending and receiving."""
+        return self.particles.communication_seconds
 
     def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
         """Set the state at time 0; collective."""

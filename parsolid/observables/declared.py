@@ -16,8 +16,14 @@ class System(Protocol):
     comm: Any
     dimension: int
     settings: Any
-    mass: np.ndarray
-    share: np.ndarray
+
+    @property
+    def mass(self) -> np.ndarray:
+        """Mass (owned,) [kg]."""
+
+    @property
+    def share(self) -> np.ndarray:
+        """The part (owned,) of a particle on this side of mirror planes."""
 
     @property
     def owned(self) -> int:

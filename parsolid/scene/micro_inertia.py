@@ -2,6 +2,7 @@
 
 import sys
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ else:
     import tomli as tomllib
 
 _LIBRARY = Path(__file__).parents[1] / "materials" / "plastic" / "micro_inertia.toml"
+_STATED = "parsolid.materials.plastic.micro_inertia_stated"
 _ELASTIC = ("youngs_modulus", "poissons_ratio", "shear_modulus", "bulk_modulus")
 
 
@@ -36,6 +38,13 @@ class MicroInertiaSolid(DeclaredModel):
         if any(value.get(key) is not None for key in _ELASTIC):
             known = {key: known[key] for key in known if key not in _ELASTIC}
         return handler(known | {key: stated for key, stated in value.items() if stated is not None})
+
+    @model_validator(mode="after")
+    def _derived(self) -> "MicroInertiaSolid":
+        declared = type(self).declared
+        if not issubclass(declared, import_module(_STATED).StatedMicroInertia):
+            reject((("law",), "a class derived from StatedMicroInertia", declared.__name__))
+        return self
 
     def build(self, state: str) -> Any:
         """The law, the same in every state of strain."""

@@ -6,8 +6,6 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any, Protocol
 
-import numpy as np
-
 from decomposition.reduction import MinimumAhead
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
@@ -145,7 +143,7 @@ class Simulation:
     def _announce(self, stable: float, wishes: tuple[float, float]) -> None:
         """Begin to agree on the stable step, on wishes (to stop, to write a checkpoint) and on the systems' news."""
         news = [-float(system.news) for system in self.systems]
-        self.minimum.begin(np.array([stable, -wishes[0], -wishes[1], *news]))
+        self.minimum.begin((stable, -wishes[0], -wishes[1], *news))
 
     def _result(self) -> tuple[float, float, float]:
         waiting = clock.perf_counter()

@@ -138,6 +138,17 @@ def test_a_rotation_keeps_the_deviator_and_turns_it():
     assert tuple(S)[4:] == pytest.approx((expected[0, 2], expected[1, 2]), abs=2e-6)
 
 
+@pytest.mark.parametrize("flow", [0.0, 1e-3, 1e6, 1e12])
+def test_the_deviator_where_nothing_is_left_of_it(flow):
+    """|S| = 0 at both ends of a step, whatever flows in it, and a start from |S| = 0 along the strain."""
+    zero, strain = SymmetricPlane(0.0, 0.0, 0.0, 0.0), SymmetricPlane(3.0, -1.0, -2.0, 0.5)
+    assert tuple(returned_deviator(zero, strain, 0.0, 0.0, flow)) == (0.0,) * 4
+    assert tuple(returned_deviator(zero, zero, 0.0, 0.0, flow)) == (0.0,) * 4
+    norm = math.sqrt(contract(strain, strain))
+    started = returned_deviator(zero, strain, 0.0, 0.25 * norm, flow)
+    assert tuple(started) == pytest.approx(tuple(0.25 * strain), rel=1e-14)
+
+
 @pytest.mark.parametrize("rate, expected, slow", list(zip(RATES, GREATEST, GREATEST_CLASSICAL)))
 def test_greatest_stress_against_rate(rate, expected, slow):
     """As tabled, to its three or four digits: above 3e4/s it is the first peak of the micro-oscillator."""

@@ -156,6 +156,19 @@ def test_rest_melt_and_a_step_of_no_length():
         assert (still[2], still[4]) == (1e9, 0.0) and (still[0] == 5e4) == (law.inertia_length is not None)
 
 
+@pytest.mark.parametrize("stress", [0.0, 1e-8, 1e-6, 1.0, 1e9])
+def test_a_melt_without_inertia(stress):
+    """A micro-stress that relaxes is all that resists: |S| falls to what is left of it, or stays if it is less."""
+    law = STEEL._replace(inertia_length=None)
+    increments = increments_of(law, 1e-6)
+    for tau in (1e-3, 1e9):
+        rate, _, tau1, stress1, heat, _ = advance_micro(
+            law, increments, 7830.0, tau, tau, 1e3, stress, 1.0, None, 1e4, None, None
+        )
+        assert stress1 == pytest.approx(stress * math.exp(-1.0 / 90.0), rel=1e-12)
+        assert tau1 == pytest.approx(min(tau, stress1), rel=1e-9, abs=1e-12 * tau) and rate >= 0.0 and heat >= 0.0
+
+
 def test_what_is_left_out_costs_nothing():
     """Classical flow: S_0 f R_1 R_2 v/d^p = |S| at the end, elastic while it is not reached."""
     law, step = classical(), 1e-8

@@ -23,4 +23,5 @@ def point_law(parameters: Any, **conditions: Any) -> PointLaw:
     """The law of a material point with the given parameters, hyperelastic if of no other kind; conditions are keywords
     of its class.
     """
-    return POINT_LAWS.get(type(parameters), MaxwellPoint)(parameters, **conditions)
+    chosen = next((POINT_LAWS[kind] for kind in type(parameters).__mro__ if kind in POINT_LAWS), MaxwellPoint)
+    return chosen(parameters, **conditions)

@@ -18,6 +18,13 @@ MOST_STEPS = 1_000_000
 # kinds of materials that warm
 _HEATED = ("elastic-plastic", "micro-inertia")
 
+
+def _warms(material: Any) -> bool:
+    """Whether a material is of one of these kinds, or a file's of the role of one."""
+    role = getattr(getattr(material, "declared", None), "role", None)
+    return material.kind in _HEATED or role in _HEATED
+
+
 Direction = Annotated[list[float], Field(min_length=3, max_length=3)]
 
 
@@ -66,7 +73,7 @@ class MaterialPoint(SceneModel):
             )
         if self.material.kind == "bond-based":
             details.append((("material", "kind"), "a law of stresses (bonds have none)", self.material.kind))
-        if self.material.kind not in _HEATED:
+        if not _warms(self.material):
             stated = [key for key in ("temperature", "heat") if getattr(self, key) is not None]
             details += [
                 ((key,), f"no such key but with the material {' or '.join(map(repr, _HEATED))}", getattr(self, key))
@@ -85,7 +92,7 @@ class MaterialPoint(SceneModel):
     @property
     def conditions(self) -> dict[str, Any]:
         """What the law needs to know besides its parameters."""
-        if self.material.kind not in _HEATED:
+        if not _warms(self.material):
             return {}
         return {"temperature": self.temperature, "isothermal": self.heat == "isothermal"}
 

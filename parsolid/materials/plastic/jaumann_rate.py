@@ -46,9 +46,9 @@ def returned_deviator(rotated, trial, tau, tau1, elastic_flow):
     along the mean of both ends S is along trial - a rotated, a = mu v^p dt/|S|; along trial alone, as a radial return,
     the direction is of first order.
     """
-    mean = 0.5 * (tau + tau1) + 1e-300
-    ratio = elastic_flow / mean
+    mean = 0.5 * (tau + tau1)
     # with more flow than stress all is along the last strain
-    along = trial - choose(ratio - 1.0, 0.0 * ratio + 1.0, ratio) * rotated
+    ratio = elastic_flow / (choose(elastic_flow - mean, elastic_flow, mean) + 1e-300)
+    along = trial - ratio * rotated
     norm = math.sqrt(contract(along, along))
     return choose(norm, tau1 / (norm + 1e-300), 0.0 * norm) * along

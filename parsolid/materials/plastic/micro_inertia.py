@@ -72,9 +72,13 @@ def _with_gradients(length, hardened, curl):
     return math.sqrt(hardened * hardened + length * curl)
 
 
-@register_jitable
+@generic
 def flow_strength(law, gamma, curl, temperature):
     """S_g R_2 [Pa] of gamma, eta^p = curl [1/m] (None without hardening_length) and T [K]; 0 from melting on."""
+
+
+@flow_strength.of(MicroInertia)
+def _flow_strength(law, gamma, curl, temperature):
     hardened = 1.0 + law.hardening / law.yield_stress * _raised(gamma, law.exponent)
     warm = (temperature - law.reference_temperature) / (law.melting_temperature - law.reference_temperature)
     warm = choose(-warm, 0.0 * warm, warm)

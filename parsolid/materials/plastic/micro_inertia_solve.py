@@ -139,7 +139,9 @@ def _mean_rate(law, theta, inertia, softness, weight, power_weight, rate, drive,
         residual = inertia * (x - rate) - weight * (drive + left) + power_weight * value
         steepness = inertia + power_weight * slope + choose(left, weight * softness, 0.0)
         low, high = choose(residual, low, x), choose(residual, x, high)
-        new = _candidate(iteration, x, low, high, residual, steepness + 1e-300, power_weight * curvature)
+        # a floor for where nothing resists, too low to be felt elsewhere
+        steepness = steepness + 1e-12 * weight * softness + 1e-300
+        new = _candidate(iteration, x, low, high, residual, steepness, power_weight * curvature)
         change = new - x
         result = choose(active, value + change * (slope + 0.5 * change * curvature), result)
         # a step over the corner of s(v) is not yet the last

@@ -18,10 +18,10 @@ import math
 from decomposition.compiled import compiled
 from parsolid.methods.mpm.gather import sum_nodes
 from parsolid.methods.mpm.grid import clear_cell, weigh
-from parsolid.methods.mpm.layout import one_gradient
 from parsolid.methods.mpm.scatter import add_particle
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import broadcast, from_floats, lane, load, store
+from parsolid.numerics.tensor_rows import one_gradient
 from parsolid.numerics.tensors import cofactor, determinant
 
 

@@ -8,11 +8,12 @@ from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
 from parsolid.materials.hyperelastic.law import equilibrium_energy, first_piola_kirchhoff_stress, pressure_wave_tensor
-from parsolid.methods.mpm.layout import largest_lane, load_general, load_rate, speed_of, store_general, store_stress
+from parsolid.methods.mpm.layout import load_rate, store_stress
 from parsolid.numerics.elementary import choose
 from parsolid.numerics.lanes import WIDTH, all_positive, broadcast, from_floats, lane
 from parsolid.numerics.layout import four_rows
 from parsolid.numerics.polar import congruence, symmetric_part
+from parsolid.numerics.tensor_rows import largest_lane, load_general, speed_of, store_general
 from parsolid.numerics.tensors import cofactor, contract, determinant, lane_of_general, trace
 
 

@@ -1,102 +1,9 @@
-"""How the particles of the material point method are laid out: tensors as rows over particles, rates and stresses as
-records.
-"""
-
-import math
-
-from numba.extending import register_jitable
+"""How the particles of the material point method are laid out: rates and stresses as records."""
 
 from parsolid.numerics.dispatch import generic
-from parsolid.numerics.lanes import broadcast, lane, load, store_first
-from parsolid.numerics.layout import Plane, Space, four_rows, load_nine, load_six, store_nine, store_rows
-from parsolid.numerics.tensors import GeneralPlane, GeneralSpace, SymmetricPlane
-
-
-@register_jitable
-def _store_four(array, i, values, count):
-    store_first(array, 0, i, values[0], count)
-    store_first(array, 1, i, values[1], count)
-    store_first(array, 2, i, values[2], count)
-    store_first(array, 3, i, values[3], count)
-
-
-@generic
-def load_general(space, array, i):
-    """A general tensor of particles i..i+3 from the rows of an array."""
-
-
-@load_general.of(Plane)
-def _load_general_plane(space, array, i):
-    xx, xy, yx = load(array, 0, i), load(array, 1, i), load(array, 2, i)
-    return GeneralPlane(xx, xy, yx, load(array, 3, i), load(array, 4, i))
-
-
-@load_general.otherwise
-def _load_general_space(space, array, i):
-    return load_nine(array, 0, i)
-
-
-@generic
-def one_gradient(space, F, p):
-    """F of one particle, its nine components."""
-
-
-@one_gradient.of(Space)
-def _one_in_space(space, F, p):
-    return GeneralSpace(F[0, p], F[1, p], F[2, p], F[3, p], F[4, p], F[5, p], F[6, p], F[7, p], F[8, p])
-
-
-@one_gradient.otherwise
-def _one_in_plane(space, F, p):
-    return GeneralSpace(F[0, p], F[1, p], 0.0, F[2, p], F[3, p], 0.0, 0.0, 0.0, F[4, p])
-
-
-@generic
-def store_general(space, array, i, values, count):
-    """A general tensor of the first `count` of particles i..i+3."""
-
-
-@store_general.of(Plane)
-def _store_general_plane(space, array, i, values, count):
-    _store_four(array, i, values, count)
-    store_first(array, 4, i, values[4], count)
-
-
-@store_general.otherwise
-def _store_general_space(space, array, i, values, count):
-    store_nine(array, 0, i, values, count)
-
-
-@generic
-def load_symmetric(space, array, i):
-    """A symmetric tensor of particles i..i+3."""
-
-
-@load_symmetric.of(Plane)
-def _load_symmetric_plane(space, array, i):
-    return SymmetricPlane(load(array, 0, i), load(array, 1, i), load(array, 2, i), load(array, 3, i))
-
-
-@load_symmetric.otherwise
-def _load_symmetric_space(space, array, i):
-    return load_six(array, 0, i)
-
-
-@generic
-def store_symmetric(space, array, i, values, count):
-    """A symmetric tensor of the first `count` of particles i..i+3."""
-
-
-@store_symmetric.of(Plane)
-def _store_symmetric_plane(space, array, i, values, count):
-    _store_four(array, i, values, count)
-
-
-@store_symmetric.otherwise
-def _store_symmetric_space(space, array, i, values, count):
-    _store_four(array, i, values, count)
-    store_first(array, 4, i, values[4], count)
-    store_first(array, 5, i, values[5], count)
+from parsolid.numerics.lanes import broadcast
+from parsolid.numerics.layout import Plane, four_rows, store_rows
+from parsolid.numerics.tensors import GeneralPlane, GeneralSpace
 
 
 @generic
@@ -133,16 +40,3 @@ def _store_stress_space(space, stress, i, values, speed):
     zero = broadcast(0.0)
     store_rows(stress, i, 0, values[0], values[1], values[2], zero)
     store_rows(stress, i, 4, values[5], values[4], values[3], speed)
-
-
-@register_jitable
-def largest_lane(values):
-    """The greatest of four lanes."""
-    first, second = max(lane(values, 0), lane(values, 1)), max(lane(values, 2), lane(values, 3))
-    return max(first, second)
-
-
-@register_jitable
-def speed_of(velocity):
-    """|v| of vx, vy, vz and one more number."""
-    return math.sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1] + velocity[2] * velocity[2])

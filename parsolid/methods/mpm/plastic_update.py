@@ -22,22 +22,21 @@ from parsolid.materials.plastic.plasticity import (
     room_to_compress,
     shear_modulus,
 )
-from parsolid.methods.mpm.layout import (
-    largest_lane,
-    load_general,
-    load_rate,
-    load_symmetric,
-    one_gradient,
-    speed_of,
-    store_general,
-    store_stress,
-    store_symmetric,
-)
+from parsolid.methods.mpm.layout import load_rate, store_stress
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.elementary import choose
 from parsolid.numerics.lanes import WIDTH, aligned_zeros, all_positive, broadcast, from_floats, load, store_first, total
 from parsolid.numerics.layout import four_rows
 from parsolid.numerics.polar import congruence, rotation, rotation_near, symmetric_part
+from parsolid.numerics.tensor_rows import (
+    largest_lane,
+    load_general,
+    load_symmetric,
+    one_gradient,
+    speed_of,
+    store_general,
+    store_symmetric,
+)
 from parsolid.numerics.tensors import I, cofactor, contract, determinant, trace
 
 

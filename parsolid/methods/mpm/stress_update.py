@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from decomposition.recalled import RecalledEach
 from parsolid.boundary.declarations import Declarations, Declared, TemperaturePlane
 from parsolid.materials.blocks import MaterialBlock
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
@@ -35,6 +36,8 @@ class HyperelasticUpdate:
 
     def __init__(self, scene: Scene, points: MaterialPoints):
         self.points = points
+        # rows of a block and the step are other numbers at every step
+        self._advance = RecalledEach(advance_elastic_stress, free=(1, 2, 4))
 
     def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
         """There is no state but F."""
@@ -44,7 +47,8 @@ class HyperelasticUpdate:
         points, storage = self.points, self.points.storage
         deformation, rate = storage("deformation_gradient"), storage("velocity_gradient")
         arrays = (deformation, points.motion, rate, storage("stress_and_volume"))
-        sound, fastest = advance_elastic_stress(points.space, block.first, block.last, block.law, step, *arrays)
+        here = (points.space, block.first, block.last, block.law)
+        sound, fastest = self._advance(id(block.law), *here, step, *arrays)
         return sound, fastest, 0.0, 0.0
 
     def stored_energy(self, block: MaterialBlock) -> float:
@@ -58,7 +62,7 @@ class ElasticPlasticUpdate:
     """The kind of laws with an equation of state, plastic flow and heat."""
 
     def __init__(self, scene: Scene, points: MaterialPoints):
-        self.points = points
+        self.points, self._advance = points, RecalledEach(advance_stress, free=(1, 2, 4))
         viscosity, cell = scene.method.viscosity, float(scene.method.cell)
         self.viscosity = BulkViscosity(float(viscosity.linear), float(viscosity.quadratic), cell)
         kept = functools.partial(Field, checkpointed=True, layout=Columns())
@@ -82,12 +86,12 @@ class ElasticPlasticUpdate:
     def advance(self, block: MaterialBlock, step: float) -> tuple[bool, float, float, float]:
         """See `HyperelasticUpdate.advance`."""
         points, storage, here = self.points, self.points.storage, (block.first, block.last)
-        state = MaterialState(*(storage(name) for name in _STATE))
+        state = points.kept(("material state",), lambda: MaterialState(*map(storage, _STATE)))
         rise = points.find("plastic_rise")
         before = None if rise is None else state.plastic_strain[0].copy()
         arrays = (points.motion, storage("velocity_gradient"), storage("stress_and_volume"))
-        sound, fastest, plastic, viscous = advance_stress(
-            points.space, *here, block.law, step, self.viscosity, state, *arrays
+        sound, fastest, plastic, viscous = self._advance(
+            id(block.law), points.space, *here, block.law, step, self.viscosity, state, *arrays
         )
         if rise is not None:
             heating = block.law.taylor_quinney / (block.law.density * block.law.specific_heat)

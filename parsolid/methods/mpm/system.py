@@ -139,17 +139,17 @@ class MaterialPoint(ParticleSystem):
         return self.points.owned
 
     @property
-    def mass(self) -> np.ndarray:  # type: ignore[override]
+    def mass(self) -> np.ndarray:
         """Mass [kg] (capacity,)."""
         return self.points["mass"]
 
     @property
-    def share(self) -> np.ndarray:  # type: ignore[override]
+    def share(self) -> np.ndarray:
         """No particle lies on a mirror plane."""
         return np.ones(len(self.points.motion))
 
     @property
-    def communication_seconds(self) -> float:  # type: ignore[override]
+    def communication_seconds(self) -> float:
         """Spent on sums over nodes and on handing particles over."""
         return self.nodes.communication_seconds + self.residence.communication_seconds
 

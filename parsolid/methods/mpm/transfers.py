@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from decomposition.recalled import Recalled, RecalledEach
 from parsolid.methods.mpm.gather import gather
 from parsolid.methods.mpm.grid import Apic, CauchyStress, FirstPiolaKirchhoffStress, Flip
 from parsolid.methods.mpm.grid_conditions import GridConditions
@@ -15,6 +16,9 @@ class UpdateStressLast:
 
     def __init__(self, points: MaterialPoints, nodes: Nodes, conditions: GridConditions):
         self.points, self.nodes, self.conditions = points, nodes, conditions
+        # lists of cells, transfers, stresses and loads are other objects of the same types at every step
+        self._scatter = Recalled(scatter, free=(0, 2, 3, 4))
+        self._gather_kernel = RecalledEach(gather, free=(0, 3, 4))
 
     def particles_to_nodes(self, stress: CauchyStress | FirstPiolaKirchhoffStress, forces: np.ndarray | None) -> None:
         """Mass, momentum and force of all ranks' particles; stress: see `scatter`; forces (capacity, 4) [N] of loads,
@@ -23,7 +27,7 @@ class UpdateStressLast:
         points, nodes = self.points, self.nodes
         nodes.clear(nodes.motion)
         arrays = (forces, nodes.motion, nodes.partial)
-        scatter(nodes.interpolation, points.motion, points.velocity_transfer, stress, *arrays)
+        self._scatter(nodes.interpolation, points.motion, points.velocity_transfer, stress, *arrays)
         nodes.sum("motion")
 
     def nodes_to_particles(self, time: float, step: float) -> None:
@@ -34,7 +38,8 @@ class UpdateStressLast:
         self, step: float, transfer: Flip | Apic | None, rate: np.ndarray | None, remapped: np.ndarray | None
     ) -> None:
         nodes = self.nodes
-        gather(nodes.interpolation, nodes.motion, self.points.motion, step, transfer, rate, remapped)
+        arrays, what = (nodes.interpolation, nodes.motion, self.points.motion), (transfer is None, rate is None)
+        self._gather_kernel(what, *arrays, step, transfer, rate, remapped)
 
 
 class ModifiedUpdateStressLast(UpdateStressLast):

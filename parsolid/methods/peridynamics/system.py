@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from parsolid.methods.pair_method import PairMethod
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
 from parsolid.methods.peridynamics.fracture import fracture_of
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
@@ -16,14 +17,13 @@ from parsolid.methods.peridynamics.operator import Operator
 from parsolid.methods.peridynamics.quasi_static import QuasiStatic
 from parsolid.methods.peridynamics.velocity_verlet import VelocityVerlet
 from parsolid.methods.peridynamics.velocity_verlet_kernels import kinetic_energy
-from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.declaration import Field, Rows
 from parsolid.scene import initial_displacement, initial_velocity
 
 TIME_SOLVERS = {"explicit": VelocityVerlet, "quasi-static": QuasiStatic}
 
 
-class Peridynamics(ParticleSystem):
+class Peridynamics(PairMethod):
     """The method on one rank. Bars lie in the plane."""
 
     even_steps = True
@@ -36,6 +36,7 @@ class Peridynamics(ParticleSystem):
         self.loads = PeridynamicLoads(comm, scene, particle_set, particles_of(scene, particle_set))
         forces = build_forces(comm, scene, particle_set, self.loads)
         self.particles, self.bond_system, self.engine, self.history = forces.particles, *forces[2:]
+        self.pairs = self.bond_system
         self.owned, self.dimension = particle_set.position.shape
         self.laws = self.history.laws
         self.loads.install_tractions(self.engine, forces.horizon)
@@ -70,16 +71,6 @@ class Peridynamics(ParticleSystem):
         self.fracture.resume()
         self.history.resume()
         self.fracture.look()
-
-    @property
-    def mass(self) -> np.ndarray:  # type: ignore[override]
-        """Mass (owned,) [kg], of the whole particle where it lies on a mirror plane."""
-        return self.particles.owned_rows("mass")
-
-    @property
-    def share(self) -> np.ndarray:  # type: ignore[override]
-        """The part (owned,) of a particle on this side of mirror planes."""
-        return self.particles.owned_rows("share")
 
     @property
     def velocity(self) -> np.ndarray:
@@ -136,16 +127,6 @@ class Peridynamics(ParticleSystem):
 
     # --- what the output and the reports ask -------------------------------------------------------------------
 
-    @property
-    def communication_seconds(self) -> float:  # type: ignore[override]
-        """Seconds spent on sending and receiving."""
-        return self.particles.communication_seconds
-
-    @property
-    def directed_pairs(self) -> int:  # type: ignore[override]
-        """Bonds counted once a particle."""
-        return self.bond_system.directed_pairs
-
     def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
         """Deformation gradient and Cauchy stress (n, 3, 3); damage (n,)."""
         if name == "damage":
@@ -189,10 +170,6 @@ class Peridynamics(ParticleSystem):
     def summary(self) -> dict[str, Any]:
         """Iterations of quasi-static solutions."""
         return self.solver.summary()
-
-    def numbers(self) -> dict[str, int]:
-        """Ghosts and bonds."""
-        return {"ghosts": self.bond_system.halo.ghosts, "interactions": self.bond_system.directed_pairs}
 
     def exchanged_records(self) -> dict[str, int]:
         """The record of the second pass and the relaxing displacement."""

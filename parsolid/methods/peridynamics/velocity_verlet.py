@@ -5,11 +5,11 @@ et al.), whose velocities are the v_h.
 """
 
 from functools import partial
+from math import isfinite
 from typing import Any
 
 import numpy as np
 
-from decomposition.recalled import Recalled
 from parsolid.methods.peridynamics import velocity_verlet_kernels as kernels
 from parsolid.methods.peridynamics.time_solver import TimeSolver
 from parsolid.particles.declaration import Field
@@ -29,7 +29,6 @@ class VelocityVerlet(TimeSolver):
         clamp[:, : body.dimension] = body.loads.free
         body.particles.declare(Field("clamp", 4, "1"), clamp)
         self.largest_eigenvalue: float | None = None
-        self._kick, self._drift = Recalled(kernels.kick, free=(1,)), Recalled(kernels.drift, free=(1,))
 
     @property
     def clamp(self) -> np.ndarray:
@@ -81,22 +80,26 @@ class VelocityVerlet(TimeSolver):
     def half_velocity(self, time: float, step: float, after_jump: bool) -> float:
         """v += dt/2 a under the loads at a time [s], of a jump just after or just before it; the loads' work [J]."""
         body = self.body
-        motion = (body.particles.storage("velocity"), body.engine.force, body.mass, body.share)
+        motion = body.particles.kept(("kicked",), self._kicked)
         loads = self._accelerations(time, not after_jump)
-        return self._kick(body.dimension, 0.5 * step, *motion, loads, self.clamp)
+        return kernels.kick(body.dimension, 0.5 * step, *motion, loads, self.clamp)
+
+    def _kicked(self) -> tuple[np.ndarray, ...]:
+        body = self.body
+        return body.particles.storage("velocity"), body.engine.force, body.mass, body.share
 
     def new_positions(self, time: float, step: float) -> None:
         """u += dt v_h, or as guided; x = X + u."""
         body, rows = self.body, self.body.particles.owned_rows
         moved = (rows("reference_position"), body.engine.displacement, rows("position"))
-        self._drift(body.dimension, step, body.particles.storage("velocity"), *moved)
+        kernels.drift(body.dimension, step, body.particles.storage("velocity"), *moved)
         if len(body.loads.entries[0]):
             body.loads.move(time, step, body.displacement)
             body.place()
 
     def finite_velocity(self) -> bool:
         """Whether all velocities are numbers."""
-        return bool(np.isfinite(self.body.velocity.sum()))
+        return isfinite(self.body.velocity.sum())
 
     def _accelerations(self, time: float, before: bool) -> np.ndarray | None:
         """Loads over mass (owned, 4) [m/s^2] where components are free; None without loads."""

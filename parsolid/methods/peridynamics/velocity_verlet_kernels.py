@@ -1,22 +1,7 @@
 """Kernels of `velocity_verlet`: velocities and displacements of a rank's particles."""
 
-from numba.extending import register_jitable
-
 from decomposition.compiled import compiled
-
-
-@register_jitable
-def _load(loads, a, i):
-    if loads is None:
-        return 0.0
-    return loads[a, i]
-
-
-@register_jitable
-def _free(clamp, a, i):
-    if clamp is None:
-        return 1.0
-    return clamp[a, i]
+from parsolid.numerics.optional import free_of, load_of
 
 
 @compiled
@@ -29,8 +14,8 @@ def kick(dimension, time, velocity, force, mass, share, loads, clamp):
     work = 0.0
     for a in range(len(mass)):
         for i in range(dimension):
-            v, load = velocity[a, i], _load(loads, a, i)
-            new = (v + time * (force[a, i] / mass[a] + load)) * _free(clamp, a, i)
+            v, load = velocity[a, i], load_of(loads, a, i)
+            new = (v + time * (force[a, i] / mass[a] + load)) * free_of(clamp, a, i)
             work += 0.5 * time * share[a] * mass[a] * load * (v + new)
             velocity[a, i] = new
     return work

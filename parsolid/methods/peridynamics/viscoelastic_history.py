@@ -9,7 +9,6 @@ must be evaluated anew.
 import numpy as np
 
 from decomposition.compiled import compiled
-from decomposition.recalled import RecalledEach
 from parsolid.materials.hyperelastic.law import elastic_moduli
 from parsolid.materials.viscoelastic.prony import Prony, branch_weights, dissipation_weights
 from parsolid.particles.declaration import Field
@@ -101,8 +100,6 @@ class ViscoelasticHistory:
             declare(Field("branch_forces", branches * d, "N", **kept))
         self.factor = np.ones(engine.owned)
         self.step: float | None = None
-        # weights are others at every step
-        self._propose, self._settle = RecalledEach(propose, free=(3,)), RecalledEach(settle, free=(3, 4))
         self.begin(0.0)
 
     @property
@@ -148,10 +145,15 @@ class ViscoelasticHistory:
     def propose(self, step: float) -> None:
         """Fill the engine's field with u~ after a step [s] to its displacement."""
         self.begin(step)
-        engine = self.engine
+        arrays = self.particles.kept(("history",), self._arrays)[:4]
         for (first, last, ratios, _), weights in zip(self.series, self.weights):
-            arrays = (engine.displacement, self.old, self.terms, engine.field)
-            self._propose(first, first, last, ratios, weights, *arrays)
+            propose(first, last, ratios, weights, *arrays)
+
+    def _arrays(self) -> tuple[np.ndarray, ...]:
+        """What `propose` takes, and what `settle` takes besides its first two."""
+        engine = self.engine
+        moved = (engine.displacement, self.old, self.terms)
+        return *moved, engine.field, self.particles.storage("share"), engine.linear_force, self.elastic, self.forces
 
     def internal_force(self, step: float) -> np.ndarray:
         """Force (owned, d) [N] after a step [s] from the settled state to the engine's displacement."""
@@ -163,23 +165,10 @@ class ViscoelasticHistory:
         over it [J].
         """
         self.begin(step)
-        engine, dissipated = self.engine, 0.0
+        new, old, terms, _, share, *forces = self.particles.kept(("history",), self._arrays)
+        dissipated = 0.0
         for (first, last, ratios, _), weights, shares in zip(self.series, self.weights, self.shares):
-            dissipated += self._settle(
-                first,
-                first,
-                last,
-                ratios,
-                weights,
-                shares,
-                self.particles.storage("share"),
-                engine.displacement,
-                self.old,
-                self.terms,
-                engine.linear_force,
-                self.elastic,
-                self.forces,
-            )
+            dissipated += settle(first, last, ratios, weights, shares, share, new, old, terms, *forces)
         return dissipated
 
     def start(self, instantaneous: bool) -> None:

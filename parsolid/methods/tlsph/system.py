@@ -9,7 +9,7 @@ from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, block_numbers, material_blocks
 from parsolid.materials.hyperelastic.law import isotropic_shear_modulus
 from parsolid.materials.registry import laws_of
-from parsolid.methods.protocol import ParticleSystem
+from parsolid.methods.pair_method import PairMethod
 from parsolid.methods.tlsph import momentum as motion
 from parsolid.methods.tlsph import state
 from parsolid.methods.tlsph.boundaries import build_boundaries
@@ -28,9 +28,10 @@ from parsolid.scene import initial_deformation_gradient, initial_displacement, i
 from parsolid.solvers.runge_kutta import SSP_RK3, Stage
 
 
-class TotalLagrangianSPH(ParticleSystem):
+class TotalLagrangianSPH(PairMethod):
     """The method on one rank. Arrays are laid out as `numerics.layout` and `pairs.passes` say."""
 
+    pairs: PairSystem
     stages = SSP_RK3
     evaluations = len(SSP_RK3)
 
@@ -126,16 +127,6 @@ class TotalLagrangianSPH(ParticleSystem):
         L = self.particles.owned_rows("correction").reshape(self.owned, d, d)
         volume = self.particles.owned_rows("pair_volume")[:, None, None]
         return (columns @ L.swapaxes(1, 2) / volume).reshape(self.owned, d * d)
-
-    @property
-    def mass(self) -> np.ndarray:  # type: ignore[override]
-        """rho V (owned,) [kg], of the whole particle where it lies on a mirror plane."""
-        return self.particles.owned_rows("mass")
-
-    @property
-    def share(self) -> np.ndarray:  # type: ignore[override]
-        """The part (owned,) of a particle on this side of mirror planes."""
-        return self.particles.owned_rows("share")
 
     @property
     def kinematics(self) -> np.ndarray:
@@ -244,24 +235,6 @@ class TotalLagrangianSPH(ParticleSystem):
             hints.append("method.dissipation = 1 (there is none)")
         hints.append("more particles where the body is crushed" if settings.cfl <= 0.9 else "more particles")
         return ", or ".join([*hints, "a milder load"])
-
-    @property
-    def directed_pairs(self) -> int:  # type: ignore[override]
-        """Interactions counted once a particle."""
-        return self.pairs.directed_pairs
-
-    @property
-    def communication_seconds(self) -> float:  # type: ignore[override]
-        """Spent on sending and receiving."""
-        return self.particles.communication_seconds
-
-    def numbers(self) -> dict[str, int]:
-        """Ghosts and interactions."""
-        return {"ghosts": self.particles.ghosts, "interactions": self.pairs.directed_pairs}
-
-    def arrays(self) -> list[np.ndarray]:
-        """Pair lists."""
-        return self.pairs.arrays()
 
     def bytes_a_step(self) -> int:
         """Motion and records, in every stage."""

@@ -17,8 +17,9 @@ from parsolid.boundary.rows import keep
 from parsolid.boundary.supports import Supports
 from parsolid.collective import anywhere
 from parsolid.methods.ulsph.kinematics import kick
-from parsolid.particles.container import Particles, Selection
+from parsolid.particles.container import Particles
 from parsolid.particles.particle_set import ParticleSet
+from parsolid.particles.selection import Selection
 from parsolid.scene import Scene
 from parsolid.scene.formulas import FormulaVector
 from parsolid.scene.load_histories import LoadHistory
@@ -64,8 +65,8 @@ class BoundarySet:
         particles = self.particles
         kinematics, mass = particles.storage("kinematics"), particles.storage("mass")
         guided = self.prescribed.guided
-        rows, components = self.prescribed.entries if guided else (None, None)
-        before = kinematics[rows, components] if guided else 0.0
+        rows, components = self.prescribed.entries
+        before = kinematics[rows, components]
         loads = self.loads.at(time) if self.loads.acting else None
         clamp = None if self._clamp is None else self._clamp(slice(None))
         dimension = particles["position"].shape[1]

@@ -52,7 +52,7 @@ class Body(NamedTuple):
     micro_free: Any
 
 
-def body_of(particles: Particles, without: tuple[str, ...] = ()) -> Body:
+def body_of(particles: Particles, without: frozenset[str] = frozenset()) -> Body:
     """The arrays that kernels take; without: fields that a law does not have though others do."""
     names = (name if name in particles and name not in without else None for name in Body._fields)
     return Body(*(None if name is None else particles.storage(name) for name in names))

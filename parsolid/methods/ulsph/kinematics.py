@@ -5,25 +5,12 @@ import math
 from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
+from parsolid.numerics.optional import free_of, load_of
 
 
 @register_jitable
 def _first_of_place(dimension):
     return 2 if dimension == 2 else 4
-
-
-@register_jitable
-def _load(loads, a, i):
-    if loads is None:
-        return 0.0
-    return loads[a, i]
-
-
-@register_jitable
-def _free(clamp, a, i):
-    if clamp is None:
-        return 1.0
-    return clamp[a, i]
 
 
 @register_jitable
@@ -41,8 +28,8 @@ def kick(owned, dimension, step, kinematics, forces, mass, loads, clamp):
     for a in range(owned):
         inverse = 1.0 / mass[0, a]
         for i in range(dimension):
-            old, load = kinematics[a, i], _load(loads, a, i)
-            new = _free(clamp, a, i) * (old + step * (forces[a, i] * inverse + load))
+            old, load = kinematics[a, i], load_of(loads, a, i)
+            new = free_of(clamp, a, i) * (old + step * (forces[a, i] * inverse + load))
             work += mass[0, a] * load * (old + new)
             viscous += forces[a, first + i] * (old + new)
             kinematics[a, i] = new

@@ -22,7 +22,6 @@ from parsolid.materials.plastic.micro_inertia import (
     volumetric_energy,
 )
 from parsolid.materials.plastic.micro_inertia_solve import advance_micro
-from parsolid.methods.mpm.layout import largest_lane, load_symmetric, store_symmetric
 from parsolid.methods.ulsph.layout import (
     load_correction,
     load_moment,
@@ -40,6 +39,7 @@ from parsolid.numerics.elementary import choose
 from parsolid.numerics.lanes import WIDTH, all_positive, broadcast, from_floats, load, store_first, total
 from parsolid.numerics.layout import Plane, four_rows, load_gradient
 from parsolid.numerics.polar import congruence
+from parsolid.numerics.tensor_rows import largest_lane, load_symmetric, store_symmetric
 from parsolid.numerics.tensors import I, contract, trace
 
 
@@ -111,57 +111,62 @@ def _where_free(free, solved, trial, kept_stress):
     )
 
 
+@register_jitable
+def _elastic_step(space, shear_modulus, step, trust, body, i, count):
+    """B, mean and new density, and of S: its norm at the start, turned with the spin, and the elastic trial."""
+    mass, density = load(body.mass, 0, i), load(body.density, 0, i)
+    inverse = 1.0 / (mass * density)
+    B = trusted_inverse(space, inverse * load_moment(space, body.rate_sums, i), trust)
+    store_correction(space, body.correction, i, B, count)
+    L = inverse * (load_gradient(space, body.rate_sums, i) @ B)
+    growth = math.exp(-0.5 * step * trace(L))
+    old, turn = load_symmetric(space, body.deviator, i), jaumann_turn(L, step)
+    rotated = congruence(turn, old)
+    trial = rotated + elastic_increment(turn, L, step, shear_modulus)
+    return B, density * growth, density * growth * growth, math.sqrt(contract(old, old)), rotated, trial
+
+
 @compiled(fastmath={"contract"}, error_model="numpy")
 def advance_state(space, first, last, law, increments, carried, trust, body):
     """Advance density, stress, micro-velocity, pi, gamma and T of particles by a step from the sums of the first pass.
 
     Fills B and the records. Returns (sound, plastic heat [J], energy [J] that time integration lost).
     """
-    sound, plastic, lost = True, broadcast(0.0), broadcast(0.0)
-    step = increments.step
+    sound, plastic, lost, step = True, broadcast(0.0), broadcast(0.0), increments.step
     for i in range(first, last, WIDTH):
         count = min(WIDTH, last - i)
-        mass, density = load(body.mass, 0, i), load(body.density, 0, i)
-        inverse = 1.0 / (mass * density)
-        B = trusted_inverse(space, inverse * load_moment(space, body.rate_sums, i), trust)
-        store_correction(space, body.correction, i, B, count)
-        L = inverse * (load_gradient(space, body.rate_sums, i) @ B)
-        growth = math.exp(-0.5 * step * trace(L))
-        middle, density = density * growth, density * growth * growth
-        old = load_symmetric(space, body.deviator, i)
-        turn = jaumann_turn(L, step)
-        rotated = congruence(turn, old)
-        trial = rotated + elastic_increment(turn, L, step, law.shear_modulus)
-        tau, trial_tau = math.sqrt(contract(old, old)), math.sqrt(contract(trial, trial))
-        direction = (1.0 / max(trial_tau, 1e-300)) * trial
+        elastic = _elastic_step(space, law.shear_modulus, step, trust, body, i, count)
+        B, middle, density, tau, rotated, trial = elastic
+        trial_tau, mass = math.sqrt(contract(trial, trial)), load(body.mass, 0, i)
         force, heat_loss = divergences(space, carried, body, i, middle / mass)
         gradient = load_vector(body.micro_gradient, i, space)
         rate, stress = load(body.micro_rate, 0, i), load(body.micro_stress, 0, i)
         gamma, temperature = load(body.plastic_strain, 0, i), load(body.temperature, 0, i)
-        curl = load_number(body.micro_curl, i)
+        curl, square = load_number(body.micro_curl, i), square_of(gradient)
         solved = advance_micro(
-            law, increments, middle, tau, trial_tau, rate, stress, gamma, curl, temperature, force, square_of(gradient)
+            law, increments, middle, tau, trial_tau, rate, stress, gamma, curl, temperature, force, square
         )
-        solved = _where_free(load_number(body.micro_free, i), solved, trial_tau, _kept(increments.relax_stress, stress))
-        new_rate, mean_rate, new_tau, new_stress, heat, loss = solved
-        diffused = _or_zero(_power(load_vector(body.dissipative_flux, i, space), gradient))
-        heat = heat + (0.5 * step) * diffused
+        free, kept_stress = load_number(body.micro_free, i), _kept(increments.relax_stress, stress)
+        new_rate, mean_rate, new_tau, new_stress, heat, loss = _where_free(free, solved, trial_tau, kept_stress)
+        heat = heat + (0.5 * step) * _or_zero(_power(load_vector(body.dissipative_flux, i, space), gradient))
         temperature = temperature + (heat - step * _or_zero(heat_loss)) / (middle * law.specific_heat)
-        flow = (law.shear_modulus * step) * mean_rate
-        deviator = returned_deviator(rotated, trial, tau, new_tau, flow)
+        deviator = returned_deviator(rotated, trial, tau, new_tau, (law.shear_modulus * step) * mean_rate)
         store_symmetric(space, body.deviator, i, deviator, count)
-        store_first(body.density, 0, i, density, count)
-        store_first(body.micro_rate, 0, i, new_rate, count)
-        store_first(body.micro_stress, 0, i, new_stress, count)
-        store_first(body.plastic_strain, 0, i, gamma + step * mean_rate, count)
-        store_first(body.temperature, 0, i, temperature, count)
+        for row, value in (
+            (body.density, density),
+            (body.micro_rate, new_rate),
+            (body.micro_stress, new_stress),
+            (body.plastic_strain, gamma + step * mean_rate),
+            (body.temperature, temperature),
+        ):
+            store_first(row, 0, i, value, count)
+        direction = (1.0 / max(trial_tau, 1e-300)) * trial
         store_number(body.micro_curl, i, _curl_after(curl, gradient, direction, step), count)
         p = pressure(law, density * (1.0 / law.density))
         P = (1.0 / (density * density)) * ((deviator - p * I) @ B)
         store_stress_record(space, body.record, i, P, density, new_rate, temperature, broadcast(speed_of_sound(law)))
         valid, volume = float(count) - from_floats(0.5, 1.5, 2.5, 3.5), mass / middle
-        plastic = plastic + choose(valid, volume * heat, 0.0)
-        lost = lost + choose(valid, volume * loss, 0.0)
+        plastic, lost = plastic + choose(valid, volume * heat, 0.0), lost + choose(valid, volume * loss, 0.0)
         if not all_positive(choose(valid, choose(new_tau + new_rate + temperature + 1.0, density, -1.0), 1.0)):
             sound = False
     return sound, total(plastic), total(lost)

@@ -7,7 +7,8 @@ import numpy as np
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, block_numbers
 from parsolid.materials.registry import laws_of
-from parsolid.methods.protocol import Announce, EnergyLedger, ParticleSystem
+from parsolid.methods.pair_method import PairMethod
+from parsolid.methods.protocol import Announce, EnergyLedger
 from parsolid.methods.ulsph import kinematics as motion
 from parsolid.methods.ulsph import passes
 from parsolid.methods.ulsph.boundaries import BoundarySet
@@ -36,12 +37,14 @@ from parsolid.scene import Scene, initial_displacement, initial_temperature, ini
 _TRUST = 0.3
 
 
-class UpdatedLagrangianSPH(ParticleSystem):
+class UpdatedLagrangianSPH(PairMethod):
     """The method on one rank; arrays as `terms` and `fields` say.
 
     trust: least determinant and diagonal of a moment that is inverted; heating: `terms.Warming` where viscous heat
     warms, else None.
     """
+
+    pairs: MovingPairs
 
     def __init__(self, comm: Any, scene: Scene, particle_set: ParticleSet):
         """particle_set: this rank's particles, sorted by law. Collective."""
@@ -67,7 +70,8 @@ class UpdatedLagrangianSPH(ParticleSystem):
             self.viscosity = ArtificialViscosity(float(given.linear), float(given.quadratic), float(given.softening))
         skin = (float(settings.skin), self.boundaries.codes, float(settings.rebalance))
         self.pairs = MovingPairs(comm, particles, self.space, self.kernel.support, *skin)
-        self.supplied, self.lists_state = 0.0, None
+        self.supplied = 0.0
+        self.lists_state: dict[str, Any] | None = None
 
     def _declare_constants(self, comm: Any, particle_set: ParticleSet, density: np.ndarray) -> None:
         """Mass, smoothing length and, where bodies meet, the number of the body, known to ghosts."""
@@ -261,16 +265,6 @@ class UpdatedLagrangianSPH(ParticleSystem):
         bounds = self.particles.bounds.tolist()
         return [MaterialBlock(a, b, law) for a, b, law in zip(bounds, bounds[1:], self.laws) if b > a]
 
-    @property
-    def mass(self) -> np.ndarray:  # type: ignore[override]
-        """Mass [kg] (rows,)."""
-        return self.particles["mass"]
-
-    @property
-    def share(self) -> np.ndarray:  # type: ignore[override]
-        """No particle lies on a mirror plane."""
-        return np.ones(self.owned)
-
     def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
         """Cauchy stress (n, 3, 3) [Pa], Jacobian (n,)."""
         return shown(self, name, first, last)
@@ -291,24 +285,6 @@ class UpdatedLagrangianSPH(ParticleSystem):
         if not self.settings.viscosity:
             hints.append("method.viscosity (there is none)")
         return ", or ".join([*hints, "more particles", "a milder load"])
-
-    @property
-    def directed_pairs(self) -> int:  # type: ignore[override]
-        """Interactions listed, those within the skin as well, counted once a particle."""
-        return self.pairs.directed_pairs
-
-    @property
-    def communication_seconds(self) -> float:  # type: ignore[override]
-        """Spent on sending and receiving."""
-        return self.particles.communication_seconds
-
-    def numbers(self) -> dict[str, int]:
-        """Ghosts and listed interactions."""
-        return {"ghosts": self.particles.ghosts, "interactions": self.pairs.directed_pairs}
-
-    def arrays(self) -> list[np.ndarray]:
-        """Pair lists."""
-        return self.pairs.arrays()
 
     def bytes_a_step(self) -> int:
         """Two messages a step; particles that change their rank come on top."""
