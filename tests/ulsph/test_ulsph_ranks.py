@@ -1,4 +1,4 @@
-"""The impact on any number of ranks and through a restart, with particles that change their rank and lists made anew."""
+"""The impact on any number of ranks and through a restart: particles change their rank, lists are made anew."""
 
 import csv
 import json
