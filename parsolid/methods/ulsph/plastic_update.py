@@ -2,7 +2,7 @@
 
 Four particles at a time; a range first..last-1 shares one law. The deviator is a Cauchy stress in Jaumann's rate, its
 trial is what `deviator_update` returns to the flow stress; energy and temperature are those of the material point
-method, but that viscous heat comes with the second pass.
+method, but that viscous heat comes from the sums of the second pass.
 """
 
 import math
@@ -30,7 +30,7 @@ from parsolid.methods.ulsph.layout import (
     trusted_inverse,
 )
 from parsolid.methods.ulsph.sums import divergences, gradients, store_fluxes
-from parsolid.methods.ulsph.viscous_heat import viscous_heat
+from parsolid.methods.ulsph.viscous_heat import centred_heat
 from parsolid.numerics.dispatch import generic, none_without
 from parsolid.numerics.elementary import choose
 from parsolid.numerics.lanes import WIDTH, all_positive, broadcast, from_floats, lane, load, store_first, total
@@ -45,11 +45,14 @@ def _strained(space, step, trust, body, i, count):
     """B, growth of the density over half the step, S turned with the spin and the strain increment dev D dt."""
     weight = 1.0 / (load(body.mass, 0, i) * load(body.density, 0, i))
     B = trusted_inverse(space, weight * load_moment(space, body.rate_sums, i), trust)
-    store_correction(space, body.correction, i, B, count)
     rate = weight * (load_gradient(space, body.rate_sums, i) @ B)
+    # the moment is that of the middle of the step, and so is its density then
+    growth = math.exp(-0.5 * step * trace(rate))
+    B = growth * B
+    store_correction(space, body.correction, i, B, count)
     turn = jaumann_turn(rate, step)
     rotated = congruence(turn, load_symmetric(space, body.deviator, i))
-    return B, math.exp(-0.5 * step * trace(rate)), rotated, elastic_increment(turn, rate, step, 0.5)
+    return B, growth, rotated, elastic_increment(turn, rate, step, 0.5)
 
 
 @generic(on="loss")
@@ -84,13 +87,14 @@ def _speed_in_kinematics(space, kinematics, i, speed, count):
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
-def advance_state(space, first, last, law, step, carried, trust, body):
+def advance_state(space, first, last, law, step, carried, heating, trust, body):
     """Advance density, stress, plastic strain, E and T of particles by a step [s] from the sums of the first pass.
 
-    Fills B, the records and the speeds of sound. Returns (sound, plastic work [J]); sound is False when a particle is
-    compressed beyond its equation of state or is not a number.
+    Fills B, the records and the speeds of sound. The viscous heat is that of the last forces, so that a force and the
+    energy that it takes know the same pressure. Returns (sound, plastic work, viscous heat [J]); sound is False when a
+    particle is compressed beyond its equation of state or is not a number.
     """
-    sound, plastic = True, broadcast(0.0)
+    sound, plastic, viscous = True, broadcast(0.0), broadcast(0.0)
     eos, capacity = law.equation_of_state, law.density * law.specific_heat
     gamma = grueneisen_coefficient(eos)
     for i in range(first, last, WIDTH):
@@ -108,12 +112,13 @@ def advance_state(space, first, last, law, step, carried, trust, body):
             law.flow_stress, rotated, strain, ep, step, temperature, heating, mu, melting
         )
         plastic_work = new_J * plastic_work
+        friction = (1.0 / volume) * centred_heat(heating, space, body, i, step)
         conducted = _supplied(divergences(space, carried, body, i, 1.0 / (volume * half_J))[1], step * half_J)
         # closed form of E+ = E + W - (P + P+)/2 (J+ - J) with P+ = A(J+) + gamma E+; T dS and -gamma T tr d likewise
         cold, part = cold_pressure(eos, new_J), 0.5 * gamma * change
         work = 0.5 * half_J * contract(rotated + s, strain)
-        energy = (energy + work + conducted - 0.5 * (pressure + cold) * change) / (1.0 + part)
-        heat = law.taylor_quinney * plastic_work + conducted
+        energy = (energy + work + friction + conducted - 0.5 * (pressure + cold) * change) / (1.0 + part)
+        heat = law.taylor_quinney * plastic_work + friction + conducted
         temperature = (temperature * (1.0 - part) + heat / capacity) / (1.0 + part)
         pressure = cold + gamma * energy
         store_symmetric(space, body.deviator, i, s, count)
@@ -127,10 +132,11 @@ def advance_state(space, first, last, law, step, carried, trust, body):
         store_stress_record(space, body.record, i, P, density, broadcast(0.0), temperature, speed)
         valid = float(count) - from_floats(0.5, 1.5, 2.5, 3.5)
         plastic = plastic + choose(valid, volume * plastic_work, 0.0)
+        viscous = viscous + choose(valid, volume * friction, 0.0)
         # the second of both where one is not a number
         if not all_positive(choose(valid, min(room_to_compress(eos, new_J), speed), 1.0)):
             sound = False
-    return sound, total(plastic)
+    return sound, total(plastic), total(viscous)
 
 
 @none_without("gradient")
@@ -148,22 +154,12 @@ def _flux(conductivity, gradient):
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
-def advance_gradients(space, first, last, law, step, carried, heating, body):
-    """Viscous heat of a step [s] into E and T, and the heat flux from the gradients that the second pass has summed.
-
-    Returns the viscous heat [J].
-    """
-    viscous, capacity = broadcast(0.0), law.density * law.specific_heat
+def advance_heat_flux(space, first, last, law, carried, body):
+    """The heat flux from the gradients that the second pass has summed, and what it tells the neighbours."""
     for i in range(first, last, WIDTH):
         count = min(WIDTH, last - i)
         mass, density = load(body.mass, 0, i), load(body.density, 0, i)
-        heat = broadcast(0.0) + viscous_heat(heating, space, body, i, step * law.density / mass)
-        store_first(body.energy, 0, i, load(body.energy, 0, i) + heat, count)
-        store_first(body.temperature, 0, i, load(body.temperature, 0, i) + heat / capacity, count)
         B = load_correction(space, body.correction, i)
         q = _flux(law.conductivity, gradients(space, carried, body, i, B, 1.0 / (mass * density))[1])
         store_vector(body.heat_flux, i, q, count)
         store_fluxes(space, carried, body.flux, i, B, 1.0 / (density * density), None, None, q)
-        valid = float(count) - from_floats(0.5, 1.5, 2.5, 3.5)
-        viscous = viscous + choose(valid, mass / law.density * heat, 0.0)
-    return total(viscous)

@@ -126,16 +126,19 @@ class ElasticPlasticUpdate:
     def advance(self, block: MaterialBlock, step: float, body: Body) -> tuple[bool, float, float]:
         """See `MicroInertiaUpdate.advance`; the stored energy holds the plastic heat."""
         system, here = self.system, (block.first, block.last, block.law)
-        sound, work = plastic_update.advance_state(system.space, *here, step, system.carried, system.trust, body)
+        sound, work, heat = plastic_update.advance_state(
+            system.space, *here, step, system.carried, system.heating, system.trust, body
+        )
         self.plastic_work += work
+        self.viscous_heat += heat
         return sound, 0.0, 0.0
 
     def advance_gradients(self, block: MaterialBlock, step: float, body: Body) -> float:
-        """Viscous heat and the flux of heat after the second pass; nothing is dissipated."""
-        system, here = self.system, (block.first, block.last, block.law)
-        self.viscous_heat += plastic_update.advance_gradients(
-            system.space, *here, step, system.carried, system.heating, body
-        )
+        """The flux of heat after the second pass; nothing is dissipated."""
+        system = self.system
+        if system.carried is not None:
+            here = (block.first, block.last, block.law)
+            plastic_update.advance_heat_flux(system.space, *here, system.carried, body)
         return 0.0
 
     def energies(self, block: MaterialBlock, body: Body) -> tuple[float, float]:
