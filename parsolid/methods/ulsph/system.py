@@ -57,8 +57,10 @@ class UpdatedLagrangianSPH(PairMethod):
         declare_generated(particles, particle_set)
         self.updates = Updates(self, self.laws)
         self.carried = self.updates.carried
-        self.heating = Warming() if settings.viscous_heating else None
-        declare_motion(particles, particle_set.position, self.carried, self.heating)
+        warms = settings.viscous_heating or any(self.updates.storing)
+        self.heating = Warming() if warms and settings.viscosity else None
+        speeds_change = self.updates.speeds_change
+        declare_motion(particles, particle_set.position, self.carried, self.heating, speeds_change)
         density = density_of(self.laws, law_of_body, particle_set.body)
         self.boundaries = BoundarySet(comm, scene, particle_set, particles)
         lacks = self.updates.lacks | ({"micro_free"} if self.boundaries.held_micro is None else set())
@@ -71,7 +73,7 @@ class UpdatedLagrangianSPH(PairMethod):
             self.viscosity = ArtificialViscosity(float(given.linear), float(given.quadratic), float(given.softening))
         skin = (float(settings.skin), self.boundaries.codes, float(settings.rebalance))
         self.pairs = MovingPairs(comm, particles, self.space, self.kernel.support, *skin)
-        self.supplied = 0.0
+        self.supplied = self.supplied_to_stored = 0.0
         self.lists_state: dict[str, Any] | None = None
 
     def _declare_constants(self, comm: Any, particle_set: ParticleSet, density: np.ndarray) -> None:
@@ -143,6 +145,9 @@ class UpdatedLagrangianSPH(PairMethod):
         self.second_pass()
         second = self.boundaries.half_kick(time + step, step, time + step)
         plastic += self.advance_gradients(step)
+        if any(self.updates.storing):
+            # what laws store heats them; the others' share is lost
+            second = (second[0], self.viscous_heat_of_others(step) - first[1])
         self.book(ledger, plastic, lost, np.add(first, second))
         return sound
 
@@ -183,6 +188,9 @@ class UpdatedLagrangianSPH(PairMethod):
         ledger.add(1.0, plastic, lost, float(kicked[0]))
         ledger.add_term("viscous_dissipation", float(kicked[1]))
         ledger.add_term("heat_supplied", self.supplied)
+        ledger.add_term("heat_stored", self.supplied_to_stored)
+        for name, energy in self.updates.taken().items():
+            ledger.add_term(name, energy)
 
     def second_pass(self) -> None:
         """Forces, viscous heat and gradients."""
@@ -216,20 +224,36 @@ class UpdatedLagrangianSPH(PairMethod):
         for update, block, body in self.updates.each():
             good, heat, loss = update.advance(block, step, body)
             sound, plastic, lost = sound and good, plastic + heat, lost + loss
-        self.supplied = self._prescribe_temperatures(time) if self.boundaries.sets_temperature else 0.0
+        if self.boundaries.sets_temperature:
+            self.supplied, self.supplied_to_stored = self._prescribe_temperatures(time)
         return sound, plastic, lost
 
-    def _prescribe_temperatures(self, time: float) -> float:
-        """The heat [J] that prescribed temperatures supply."""
-        supplied, temperature = 0.0, self.particles.owned_rows("temperature")
+    def _prescribe_temperatures(self, time: float) -> tuple[float, float]:
+        """The heat [J] that prescribed temperatures supply, and the part of it that goes into stored energy."""
+        supplied, stored, temperature = 0.0, 0.0, self.particles.owned_rows("temperature")
         record, column = self.particles.storage("record"), 6 if self.dimension == 2 else 11
-        capacity = np.array([law.specific_heat for law in self.laws])[self.particles.law_of_body]
+        law_of_body = self.particles.law_of_body
+        capacity = np.array([law.specific_heat for law in self.laws])[law_of_body]
+        kept = np.array([law.density * storing for law, storing in zip(self.laws, self.updates.storing)])[law_of_body]
         for rows, values in self.boundaries.temperatures(time):
-            heat = capacity[self.particles.owned_rows("body")[rows]] * self.mass[rows]
-            supplied += float(heat @ (values - temperature[rows]))
+            body = self.particles.owned_rows("body")[rows]
+            change = capacity[body] * (values - temperature[rows])
+            supplied += float(change @ self.mass[rows])
+            stored += float(change @ (self.mass[rows] * (kept[body] > 0.0)))
+            if kept.any():
+                self.particles.owned_rows("energy")[rows] += kept[body] * change
             temperature[rows] = values
             record[rows, column] = values
-        return supplied
+        return supplied, stored
+
+    def viscous_heat_of_others(self, step: float) -> float:
+        """Viscous heat [J] of a step [s] in particles whose stored energy holds no heat."""
+        sums = self.particles.storage("force_sums")
+        column = sums.shape[1] - 4 if self.dimension == 2 else 3
+        blocks = (b for update, b, _ in self.updates.each() if not update.stores_heat)
+        if self.heating is None:
+            return 0.0
+        return step * sum((float(sums[b.first : b.last, column].sum()) for b in blocks), 0.0)
 
     def advance_gradients(self, step: float) -> float:
         """Fluxes after a step [s], where something flows; what of them is dissipated [J]."""
