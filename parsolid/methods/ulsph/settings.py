@@ -39,7 +39,7 @@ class UpdatedLagrangianSPH(MethodSettings):
 
     system: ClassVar = "parsolid.methods.ulsph.system:UpdatedLagrangianSPH"
     materials: ClassVar = ("micro-inertia", "elastic-plastic")
-    boundaries: ClassVar = ("fixed", "roller", "velocity", "micro_clamped", "temperature")
+    boundaries: ClassVar = ("fixed", "roller", "velocity", "wall", "micro_clamped", "temperature")
     extra_fields: ClassVar = {
         "density": "scalar",
         "temperature": "scalar",

@@ -178,7 +178,8 @@ class UpdatedLagrangianSPH(PairMethod):
 
     def book(self, ledger: EnergyLedger, plastic: float, lost: float, kicked: np.ndarray) -> None:
         """Plastic heat and numerical loss [J]; kicked: work of loads and supports, and what the viscosity took [J]."""
-        ledger.add(1.0, plastic, lost, float(kicked[0]))
+        pushed, caught = self.boundaries.walls.taken()
+        ledger.add(1.0, plastic, lost + caught, float(kicked[0]) + pushed)
         ledger.add_term("viscous_dissipation", float(kicked[1]))
         ledger.add_term("heat_supplied", self.supplied)
         ledger.add_term("heat_stored", self.supplied_to_stored)
