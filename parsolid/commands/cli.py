@@ -1,12 +1,12 @@
 """The command line: run, check, bench, point, study, quadrature, plot.
 
 Exit status: 0 done, 2 bad input, 3 the run went wrong, 75 stopped with a checkpoint to continue from,
-130 interrupted from the keyboard, 1 anything else.
+130 interrupted from the keyboard at once, 1 an error of the machine or of the program.
 """
 
 import argparse
+import os
 import sys
-import traceback
 from importlib import import_module
 from typing import NoReturn
 
@@ -16,9 +16,10 @@ from parsolid import __version__
 from parsolid.collective import SolverError
 from parsolid.commands.arguments import TRUST_CODE, whole_number
 from parsolid.output.errors import OutputError
+from parsolid.output.whereabouts import HERE, report
 from parsolid.scene.validation_errors import SceneError
 
-DONE, BAD_INPUT, WENT_WRONG, INTERRUPTED = 0, 2, 3, 130
+DONE, FAILED, BAD_INPUT, WENT_WRONG, INTERRUPTED = 0, 1, 2, 3, 130
 
 
 class _BadArguments(Exception):
@@ -116,14 +117,15 @@ def parse(arguments: list[str]) -> argparse.Namespace:
 def main(arguments: list[str] | None = None) -> int:
     """Run a command on all ranks; the exit status. Prints one message, on rank 0, for bad input and failed runs."""
     comm = MPI.COMM_WORLD
+    HERE.folder, HERE.checkpoint, HERE.job = None, None, comm.bcast(os.getpid())
     try:
         return _dispatch(comm, sys.argv[1:] if arguments is None else arguments)
     except (_BadArguments, SceneError, SolverError) as error:
         _say(comm, f"parsolid: {_headline(error)}")
         return BAD_INPUT
     except OutputError as error:
-        _say(comm, f"parsolid: {error}")
-        return 1
+        _say(comm, f"parsolid: {error}{HERE.told()}")
+        return FAILED
     except KeyboardInterrupt:
         _say(comm, "parsolid: interrupted")
         if comm.size > 1:
@@ -139,12 +141,14 @@ def main(arguments: list[str] | None = None) -> int:
             return WENT_WRONG
         if isinstance(error, ModuleNotFoundError) and error.name in _PLOTTING:
             _say(comm, f"parsolid: {error.name} is not installed: pip install 'parsolid[plot]'")
-            return 1
-        traceback.print_exc()
-        sys.stderr.flush()
+            return FAILED
+        told = report(error)
+        if told is not None:
+            print(f"parsolid: {told}", file=sys.stderr, flush=True)
         if comm.size > 1:
-            comm.Abort(1)
-        return 1
+            # the others may wait for this one
+            comm.Abort(FAILED)
+        return FAILED
 
 
 def _headline(error: Exception) -> str:

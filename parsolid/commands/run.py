@@ -13,6 +13,7 @@ from parsolid.output.directory import occupy
 from parsolid.output.errors import OutputError, together
 from parsolid.output.progress import Progress
 from parsolid.output.summary import provenance, write_summary
+from parsolid.output.whereabouts import HERE
 from parsolid.scene import Scene, SceneError, dump_scene, load_scene, packaged_scene
 from parsolid.scene.bodies import Body
 from parsolid.scene.declared import law_files
@@ -80,7 +81,7 @@ def _run_in(
     files.open_history(watch.columns)
     if restart:
         watch.resume(restart.header)
-        simulation.last_checkpoint = str(restart.path)
+        simulation.last_checkpoint = HERE.checkpoint = str(restart.path)
     limits = Limits(options.max_steps, None if options.wall_time is None else began + options.wall_time)
     return _follow(comm, simulation, watch, limits)
 

@@ -1,5 +1,6 @@
 """The directory of a run's results: made if need be, and never at the cost of results that are there."""
 
+import itertools
 import os
 from collections.abc import Iterable
 from pathlib import Path
@@ -8,6 +9,7 @@ from mpi4py import MPI
 
 from parsolid.output.errors import OutputError, together
 from parsolid.output.lock import FolderLock
+from parsolid.output.whereabouts import NAME as TRACEBACK
 
 # what a run writes; a new run moves it aside
 RESULTS = (
@@ -58,6 +60,9 @@ def prepare(
             _refuse_inputs(results, inputs, continuing)
             if results and not continuing:
                 _move_aside(directory, results)
+            if (told := directory / TRACEBACK).exists():
+                # whether this run has told an error is seen by whether the file is there
+                told.rename(next_free(told))
     return directory
 
 
@@ -67,6 +72,12 @@ def _refuse_inputs(results: list[Path], inputs: Iterable[Path | str], continuing
         # a continued run reads a checkpoint here, maybe a whole one not renamed yet, and does not lose it
         if path.resolve() in read and not (continuing and ".h5" in path.suffixes):
             raise OutputError(f"{path} is read by this run and would be overwritten: choose another output directory")
+
+
+def next_free(path: Path) -> Path:
+    """fields.vtkhdf -> fields.1.vtkhdf, or the first number that is free."""
+    names = (path.with_name(f"{path.stem}.{number}{path.suffix}") for number in itertools.count(1))
+    return next(name for name in names if not name.exists())
 
 
 def _move_aside(directory: Path, results: list[Path]) -> None:

@@ -12,6 +12,7 @@ from mpi4py import MPI
 
 from decomposition.migration import migrate
 from parsolid.output import vtkhdf
+from parsolid.output.directory import next_free
 from parsolid.output.errors import OutputError, agree, together
 from parsolid.output.slabs import DataSet, SlabWriter, places, probe
 
@@ -140,7 +141,7 @@ class FieldSeries:
                 vtkhdf.lay_out(partial, self._layout)
                 laid = places(partial)
                 if self.path.exists():
-                    self.path.rename(_next_free(self.path))
+                    self.path.rename(next_free(self.path))
                 partial.rename(self.path)
         self._places = self._comm.bcast(laid)
         self._times = np.empty(0)
@@ -198,10 +199,3 @@ def _in_space(values: np.ndarray) -> np.ndarray:
         missing = 3 - values.shape[1]
         return np.pad(values, ((0, 0), (0, missing), (0, missing))).reshape(-1, 9)
     return values
-
-
-def _next_free(path: Path) -> Path:
-    number = 1
-    while (found := path.with_name(f"{path.stem}.{number}{path.suffix}")).exists():
-        number += 1
-    return found

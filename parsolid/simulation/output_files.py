@@ -12,6 +12,7 @@ from parsolid.output.errors import together
 from parsolid.output.fields import FieldSeries
 from parsolid.output.history import History, read_history
 from parsolid.output.lock import FolderLock
+from parsolid.output.whereabouts import HERE
 from parsolid.scene import Scene
 from parsolid.simulation.observables import Observables
 from parsolid.simulation.restart import Restart
@@ -45,6 +46,7 @@ class OutputFiles:
         except BaseException:
             self.close()
             raise
+        HERE.folder = self.directory
         self.checkpoint = self.directory / "checkpoint.h5"
         self.field_times = scene.fields_times
         resume_at = self.continued.header["time"] if self.continued else None

@@ -6,6 +6,7 @@ from typing import Any
 from parsolid.output.checkpoint import write_checkpoint
 from parsolid.output.errors import together
 from parsolid.output.progress import Progress
+from parsolid.output.whereabouts import HERE
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.observables import Observables
 from parsolid.simulation.output_files import OutputFiles
@@ -122,6 +123,7 @@ class Recorder:
         simulation.last_checkpoint = (
             f"{self.files.checkpoint} (step {simulation.clock.step}, t = {simulation.clock.time:.6g} s)"
         )
+        HERE.checkpoint = simulation.last_checkpoint
 
     def summary(self, status: str) -> dict[str, Any]:
         """What summary.json says of the run; collective, the same on all ranks."""

@@ -41,6 +41,7 @@ FIXED = (
     "method.horizon_ratio",
     "method.pre_cracks*",
     "method.formulation",
+    "method.reference",
     "method.initial_state",
     "bodies.*.name",
     "bodies.*.shape*",

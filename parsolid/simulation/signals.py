@@ -7,18 +7,24 @@ import signal
 
 
 class StopRequest:
-    """Remembers SIGTERM and SIGUSR1, so that the loop can end at a step's end with a checkpoint."""
+    """Remembers SIGTERM, SIGUSR1 and Ctrl-C, so that the loop can end at a step's end with a checkpoint.
+
+    Ctrl-C for a second time ends the process at once.
+    """
 
     def __init__(self) -> None:
         self.received: str | None = None
 
     def install(self) -> None:
-        """Catch the signals that batch systems send."""
-        for name in ("SIGTERM", "SIGUSR1"):
+        """Catch the signals that batch systems and the keyboard send."""
+        for name in ("SIGINT", "SIGUSR1", "SIGTERM"):
             signal.signal(getattr(signal, name), self._note)
 
     def _note(self, number: int, frame: object) -> None:
         self.received = signal.Signals(number).name
+        if number == signal.SIGINT:
+            # not an exception: a rank that waits for another one would not come to raise it
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 # commands that keep the usual effect of the signals

@@ -56,6 +56,10 @@ COLUMN = {
     "output": OUTPUT | {"fields_interval": 0.01},
 }
 
+# the reference is moved right after the run was stopped, and where the column asks for it
+MOVED = PUNCH | {"method": {"kind": "tlsph", "reference": "updated", "update_every": 4}}
+MOVING = COLUMN | {"method": {"kind": "tlsph", "reference": "updated", "update_when": 0.1}, "end_time": 0.03}
+
 # two materials, one of them with fewer branches, driven by a wall whose velocity changes, pulled and sheared
 DRIVEN = {
     "title": "Driven plates",
@@ -190,7 +194,16 @@ FLIGHT = {
     "output": OUTPUT | {"fields_interval": 2e-3, "fields": ["velocity", "pressure", "density"]},
 }
 
-SCENES = {"punch": PUNCH, "column": COLUMN, "driven": DRIVEN, "pulled": PULLED, "impact": IMPACT, "flight": FLIGHT}
+SCENES = {
+    "punch": PUNCH,
+    "moved": MOVED,
+    "moving": MOVING,
+    "column": COLUMN,
+    "driven": DRIVEN,
+    "pulled": PULLED,
+    "impact": IMPACT,
+    "flight": FLIGHT,
+}
 
 
 def changed(scene: dict, changes: dict) -> dict:

@@ -91,6 +91,10 @@ BROKEN = {
         {"method.smoothing": 0.2},
         ("method.smoothing", "expected every particle to have a neighbour", "found none"),
     ),
+    "update of a fixed reference": (
+        {"method.update_every": 5},
+        ("method.update_every", "expected no such key with the reference 'fixed'", "found 5"),
+    ),
     "missing reference": (
         {"reference": {"series": "nowhere.json", "columns": {"kinetic": "K"}}},
         ("reference.series", "expected an existing file", "nowhere.json"),

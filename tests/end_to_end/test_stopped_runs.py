@@ -2,6 +2,7 @@
 
 import os
 import signal
+from pathlib import Path
 
 import pytest
 from command_line import all_done, finish, many, ranks_of, start, wait_for
@@ -37,6 +38,7 @@ def test_a_signal_to_one_rank_or_to_mpirun_stops_all_and_a_restart_goes_on(whole
     scene, expected = whole
     # Open MPI's mpirun passes on SIGUSR1 but not SIGTERM
     signals = {"SIGTERM": lambda job: sorted(ranks_of(job))[-1], "SIGUSR1": lambda job: job.pid}
+    signals["SIGINT"] = lambda job: sorted(ranks_of(job))[0]
     for name, receiver in signals.items():
         folder = tmp_path / name
         stopped(scene, folder, getattr(signal, name), receiver)
@@ -45,6 +47,29 @@ def test_a_signal_to_one_rank_or_to_mpirun_stops_all_and_a_restart_goes_on(whole
     all_done(many([[scene, "-q", "-o", tmp_path / name, "--restart"] for name in signals], RANKS, tmp_path / "job"))
     for name in signals:
         assert_same_bits(tmp_path / name, expected)
+
+
+def test_ctrl_c_for_a_second_time_ends_at_once(whole, tmp_path):
+    scene, expected = whole
+    # steps of a stopped run are not waited for: the first signal comes while it sets up
+    job = start([scene, "-q", "-o", tmp_path], RANKS)
+    process = wait_for(lambda: next(iter(ranks_of(job)), None), job)
+    # Python itself catches SIGINT, the run all of them
+    wait_for(lambda: caught(process, signal.SIGTERM), job)
+    os.kill(process, signal.SIGINT)
+    wait_for(lambda: not caught(process, signal.SIGINT), job)
+    os.kill(process, signal.SIGINT)
+    result = finish(job, 20.0)
+    assert result.status not in (0, TO_BE_CONTINUED) and "Traceback" not in result.err
+    all_done(many([[scene, "-q", "-o", tmp_path / "after"]], RANKS, tmp_path / "job"))
+    assert_same_bits(tmp_path / "after", expected)
+
+
+def caught(process: int, number: int) -> bool:
+    """Whether a process has a handler of its own for a signal."""
+    status = Path(f"/proc/{process}/status").read_text()
+    mask = int(status.split("\nSigCgt:")[1].split()[0], 16)
+    return bool(mask >> (number - 1) & 1)
 
 
 def test_the_wall_time_stops_a_run_again_and_again(whole, tmp_path):

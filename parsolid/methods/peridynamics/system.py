@@ -175,10 +175,6 @@ class Peridynamics(PairMethod):
         """The record of the second pass and the relaxing displacement."""
         return {"second-pass record": self.engine.record.shape[1], "relaxing displacement": self.dimension}
 
-    def arrays(self) -> list[np.ndarray]:
-        """Bond lists."""
-        return self.bond_system.arrays()
-
     def bytes_a_step(self) -> int:
         """Fields and records."""
         return self.engine.bytes_sent()

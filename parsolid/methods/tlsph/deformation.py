@@ -17,6 +17,7 @@ from parsolid.materials.hyperelastic.law import (
     shear_wave_tensor,
 )
 from parsolid.materials.viscoelastic.maxwell import branch_dissipation, inverse_right_cauchy_green, relaxed
+from parsolid.methods.tlsph.moved import gradient_in_reference, waves_in_reference
 from parsolid.numerics.dispatch import generic, none_without
 from parsolid.numerics.lanes import WIDTH, all_positive, lane, load
 from parsolid.numerics.layout import (
@@ -125,28 +126,31 @@ def _shear_lane(isotropic, density):
 
 
 @register_jitable
-def _store_shear(shear, space, law, record, i, column, F, branch_sum):
+def _store_shear(shear, space, law, body, i, column, F, branch_sum):
     if shear is not None:
-        store_tensor(space, record, i, column, scale(0.5 * law.density, shear_wave_tensor(law, F, branch_sum)), 0.0)
+        waves = scale(0.5 * law.density, shear_wave_tensor(law, F, branch_sum))
+        store_tensor(space, body.record, i, column, waves_in_reference(body.moved, space, i, waves), 0.0)
 
 
 @generic
-def _store_waves(terms, space, law, record, i, F, H, J, branch_sum, G):
+def _store_waves(terms, space, law, body, i, F, H, J, branch_sum, G):
     """Half velocity gradient and halves of the squared impedance tensors, where the pairs dissipate by them."""
 
 
 @_store_waves.of(None)
-def _store_nothing(terms, space, law, record, i, F, H, J, branch_sum, G):
+def _store_nothing(terms, space, law, body, i, F, H, J, branch_sum, G):
     return None
 
 
 @_store_waves.of(RiemannDissipation)
-def _store_riemann_waves(terms, space, law, record, i, F, H, J, branch_sum, G):
+def _store_riemann_waves(terms, space, law, body, i, F, H, J, branch_sum, G):
     at = record_columns(space, terms)
-    store_matrix(space, record, i, at.gradient, scale(0.5, G))
+    store_matrix(space, body.record, i, at.gradient, scale(0.5, gradient_in_reference(body.moved, space, i, G)))
     waves = scale(0.5 * law.density, pressure_wave_tensor(law, F, H, J, branch_sum))
-    store_tensor(space, record, i, at.pressure_wave, waves, _shear_lane(isotropic_shear_modulus(law), law.density))
-    _store_shear(terms.shear, space, law, record, i, at.shear_wave, F, branch_sum)
+    waves = waves_in_reference(body.moved, space, i, waves)
+    shear = _shear_lane(isotropic_shear_modulus(law), law.density)
+    store_tensor(space, body.record, i, at.pressure_wave, waves, shear)
+    _store_shear(terms.shear, space, law, body, i, at.shear_wave, F, branch_sum)
 
 
 @register_jitable
@@ -190,7 +194,7 @@ def advance_deformation(space, first, last, law, terms, update, relaxation, body
         dissipation += _branch_dissipation(evolved, load(body.tributary, 0, i), count)
         P = first_piola_kirchhoff_stress(law, F, H, J, branch_sum)
         store_matrix(space, body.record, i, record_columns(space, terms).stress, matmul(P, L))
-        _store_waves(terms, space, law, body.record, i, F, H, J, branch_sum, G)
+        _store_waves(terms, space, law, body, i, F, H, J, branch_sum, G)
         dJ = contract(H, G)
         H = add(scale(update.keep, H0), scale(update.take, add(H, scale(update.step, cross(F, G)))))
         F = add(scale(update.keep, F0), scale(update.take, add(F, scale(update.step, G))))

@@ -1,12 +1,12 @@
 """Total-Lagrangian SPH as a scene states it."""
 
-from typing import ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from parsolid.pairs.smoothing import kernel_names
-from parsolid.scene.base_model import NotNegative, Positive
-from parsolid.scene.method_settings import MethodSettings
+from parsolid.scene.base_model import NotNegative, Positive, reject
+from parsolid.scene.method_settings import Detail, MethodSettings
 
 
 class TotalLagrangianSPH(MethodSettings):
@@ -21,7 +21,34 @@ class TotalLagrangianSPH(MethodSettings):
     cfl: Positive = Field(0.7, description="time step over (particle spacing / largest wave speed)")
     dissipation: NotNegative = Field(1.0, description="factor on the Riemann dissipation, 0 = none")
     reconstruction: bool = Field(True, description="linear reconstruction of the velocity jump")
+    reference: Literal["fixed", "updated"] = Field(
+        "fixed", description='configuration in which neighbours are found; "updated" moves it to the present one'
+    )
+    update_every: Annotated[int, Field(ge=1)] | None = Field(None, description="steps between updates of the reference")
+    update_when: Positive | None = Field(
+        None, description="Green strain since the last update of the reference that calls for another"
+    )
     pair_correction: Literal["none", "closure"] = Field(
         "none",
         description='"closure" for irregular particles: weights under which a constant stress has no force inside',
     )
+
+    @model_validator(mode="after")
+    def _one_way_to_update(self) -> "TotalLagrangianSPH":
+        ways = {name: getattr(self, name) for name in ("update_every", "update_when")}
+        given = {name: value for name, value in ways.items() if value is not None}
+        if self.reference == "fixed":
+            reject(*(((name,), "no such key with the reference 'fixed'", value) for name, value in given.items()))
+        elif len(given) != 1:
+            reject(
+                (("reference",), "one of update_every and update_when with 'updated'", ", ".join(given) or "neither")
+            )
+        elif self.pair_correction != "none":
+            reject((("pair_correction",), "'none' with the reference 'updated'", self.pair_correction))
+        return self
+
+    def scene_faults(self, scene: Any) -> list[Detail]:
+        """Planes whose images are exact for small strain only, where the reference follows a large one."""
+        kinds = enumerate(boundary.kind for boundary in scene.boundaries if self.reference == "updated")
+        expected = "'fixed' or 'roller' where the reference is updated"
+        return [(("boundaries", i, "kind"), expected, kind) for i, kind in kinds if kind == "antisymmetric"]

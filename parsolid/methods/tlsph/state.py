@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from parsolid.methods.tlsph.moved import Moved
 from parsolid.numerics.layout import BRANCH_ROWS, DEFORMATION_ROWS
 from parsolid.pairs.terms import KINEMATICS
 from parsolid.particles.container import Particles
@@ -19,7 +20,7 @@ class Body(NamedTuple):
     """Arrays of a rank's particles, see `numerics.layout`; branches is None without Maxwell branches.
 
     volume, tributary: (1, capacity), the particle's volume in the pair sums and its share of the body; sums, record:
-    `pairs.passes`.
+    `pairs.passes`; moved is None where the reference is fixed.
     """
 
     deformation: np.ndarray
@@ -30,21 +31,25 @@ class Body(NamedTuple):
     tributary: np.ndarray
     sums: np.ndarray
     record: np.ndarray
+    moved: Moved | None
 
 
-def body_of(particles: Particles, branches: bool) -> Body:
+def body_of(particles: Particles, branches: bool, moved: Moved | None = None) -> Body:
     """The arrays that the kernels of strain and stress take, of laws with or without branches."""
     names = ("strain", "strain_at_start", "branches", "correction", "pair_volume", "volume", "pair_sums", "record")
     storages: list[Any] = [particles.storage(name) if name != "branches" or branches else None for name in names]
-    return Body(*storages)
+    return Body(*storages, moved)  # type: ignore[call-arg]
 
 
-def declare_motion(particles: Particles, particle_set: Any) -> None:
-    """What a particle is made with, and v and x at rest; ghosts take v and x with the message "motion"."""
+def declare_motion(particles: Particles, particle_set: Any, fixed: bool) -> None:
+    """What a particle is made with, and v and x at rest; ghosts take v and x with the message "motion".
+
+    fixed: whether X is the reference that the passes read.
+    """
     position = particle_set.position
     d = position.shape[1]
     at = KINEMATICS[d]
-    place = Within("kinematics", at.reference)
+    place = Within("kinematics", at.reference) if fixed else Rows()
     declare_generated(particles, particle_set, ("reference_position",), reference_position=place, volume=Columns())
     role: dict[str, Any] = {"ghosts": "forward", "message": "motion", "checkpointed": True, "shown": True}
     particles.declare(Field("velocity", d, "m/s", **role, mirror="vector", layout=Within("kinematics", at.field)))

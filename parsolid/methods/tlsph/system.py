@@ -14,7 +14,9 @@ from parsolid.methods.tlsph import momentum as motion
 from parsolid.methods.tlsph import state
 from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.methods.tlsph.deformation import Relaxation, advance_deformation, largest_wave_modulus
+from parsolid.methods.tlsph.state import Body
 from parsolid.methods.tlsph.stresses import deformation_gradients, first_piola_kirchhoff_stresses
+from parsolid.methods.tlsph.updated_reference import UpdatedReference
 from parsolid.numerics import layout
 from parsolid.pairs.candidates import metrics
 from parsolid.pairs.closure import surface_area
@@ -51,12 +53,15 @@ class TotalLagrangianSPH(PairMethod):
         share = self.boundaries.share
         self.branches = maximum(comm, max((block.branches for block in self.blocks), default=0))
         self.pairs = self._pair_system(particle_set)
-        state.declare_motion(self.particles, particle_set)
+        fixed = self.settings.reference == "fixed"
+        state.declare_motion(self.particles, particle_set, fixed)
         state.declare_strain(self.particles, self.dimension, self.branches)
         volume = particle_set.volume / share
         self.particles.declare(Field("mass", 1, "kg"), volume * density)
         self.particles.declare(Field("share", 1, "1"), share)
         metric = metrics(particle_set.spacing, particle_set.axes, self.settings.smoothing)
+        updated = (self.pairs, self.settings, particle_set.position, self.boundaries)
+        self.reference = None if fixed else UpdatedReference(*updated)
         self.pairs.rebuild(particle_set.position, particle_set.body, metric, volume)
         # the narrowest spacing of all ranks bounds the step (79), so that it does not depend on their number
         self.spacing = minimum(comm, float(particle_set.spacing.min(initial=np.inf)))
@@ -70,7 +75,11 @@ class TotalLagrangianSPH(PairMethod):
 
     def _terms(self) -> RiemannDissipation | None:
         """The dissipation that the scene asks for and its laws need."""
-        directional = anywhere(self.comm, any(isotropic_shear_modulus(block.law) is None for block in self.blocks))
+        # where the reference moves, shear that does not depend on the original direction depends on the moved one
+        moves = self.settings.reference == "updated"
+        directional = moves or anywhere(
+            self.comm, any(isotropic_shear_modulus(block.law) is None for block in self.blocks)
+        )
         if not float(self.settings.dissipation) > 0.0:
             return None
         reconstruction = LinearReconstruction() if self.settings.reconstruction else None
@@ -111,8 +120,19 @@ class TotalLagrangianSPH(PairMethod):
         self.boundaries.prescribe(0.0, self.kinematics)
         self.prescribed_energy_gain()
 
+    def state(self) -> dict[str, Any]:
+        """When the reference was moved."""
+        return {} if self.reference is None else self.reference.state()
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Take back what `state` gave."""
+        if self.reference is not None:
+            self.reference.set_state(state)
+
     def resume(self) -> None:
         """Continue from a state that was put back into the particles."""
+        if self.reference is not None:
+            self.reference.resume()
         self.prescribed_energy_gain()
 
     def displacement_gradient(self) -> np.ndarray:
@@ -145,14 +165,23 @@ class TotalLagrangianSPH(PairMethod):
     def _group_step(self, block: MaterialBlock, modulus: float) -> float:
         return self.settings.cfl * self.spacing * np.sqrt(block.law.density / modulus)
 
-    def body_of(self, block: MaterialBlock) -> state.Body:
+    def body_of(self, block: MaterialBlock) -> Body:
         """The particle arrays as a block's law sees them."""
         branches = bool(block.branches)
-        return self.particles.kept(("body", branches), lambda: state.body_of(self.particles, branches))
+        moved = None if self.reference is None else self.reference.moved
+        return self.particles.kept(("body", branches), lambda: state.body_of(self.particles, branches, moved))
+
+    @property
+    def news(self) -> bool:  # type: ignore[override]
+        """Whether this rank's particles ask for another reference."""
+        return self.reference is not None and self.reference.asks
 
     def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """One step, stage by stage of the integrator, as eqs (70)-(77) say."""
-        sound = True
+        sound = self.reference is None or self.reference.follow(self.news_anywhere)
+        if not sound:
+            announce(False, 0.0)
+            return False
         for stage in self.stages:
             self.pairs.gradient("motion")
             positive, internal, stable = self.advance_deformation(stage, step)
@@ -225,6 +254,17 @@ class TotalLagrangianSPH(PairMethod):
         if name == "first_piola_kirchhoff_stress":
             return first_piola_kirchhoff_stresses(self.space, self.blocks, self.body_of, first, last)
         return None
+
+    def unsound(self) -> tuple[int, str] | None:
+        """Also a reference that could not be moved."""
+        if self.reference is not None and self.reference.fault is not None and self.owned:
+            most = int(np.argmin(self.particles.owned_rows("jacobian")))
+            return most, f"the reference could not be moved: {self.reference.fault}"
+        return super().unsound()
+
+    def summary(self) -> dict[str, Any]:
+        """How often the reference was moved."""
+        return {} if self.reference is None else {"reference_updates": self.reference.updates}
 
     def advice(self) -> str:
         """What most likely helps."""

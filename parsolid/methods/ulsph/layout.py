@@ -1,9 +1,6 @@
 """How four neighbouring particles are loaded from and stored to the arrays of updated-Lagrangian SPH."""
 
-from numba.extending import register_jitable
-
 from parsolid.numerics.dispatch import generic, none_without
-from parsolid.numerics.elementary import choose
 from parsolid.numerics.lanes import broadcast, load, store_first
 from parsolid.numerics.layout import Plane, four_rows, load_six, store_rows
 from parsolid.numerics.tensors import (
@@ -46,35 +43,42 @@ def _space_with_unit(space, A):
     return A
 
 
-@register_jitable
-def trusted_inverse(space, moment, threshold):
-    """B = A^-1 of the dimensionless moment A where its determinant and diagonal exceed a threshold, else 1; 33 = 1 in
-    the plane."""
+@generic(on="correction")
+def bounded_inverse(space, correction, moment):
+    """B = A^-1 of the dimensionless moment A, scaled by det A/least where that is below 1; 33 = 1 in the plane.
+
+    Scaled, not replaced: sigma B A stays symmetric, so that angular momentum is kept where neighbours are few, and B
+    stays bounded where they are in a line or a plane.
+    """
+
+
+@bounded_inverse.of(None)
+def _uncorrected(space, correction, moment):
+    return _identity(_with_unit(space, moment))
+
+
+@bounded_inverse.otherwise
+def _corrected(space, correction, moment):
     A = _with_unit(space, moment)
-    least = min(min(A[0], A[1]), min(A[2], determinant(A)))  # noqa: PLW3301 (lanes have two at a time)
-    return _blended(least - threshold, inverse_symmetric(A))
+    share = determinant(A) * (1.0 / correction.least)
+    return min(share, 1.0) * inverse_symmetric(A)
 
 
-@generic(on="B")
-def _blended(trust, B):
-    """B or 1, lane by lane."""
+@generic
+def _identity(A):
+    """1, as a symmetric tensor of lanes."""
 
 
-@_blended.of(SymmetricPlane)
-def _blended_plane(trust, B):
-    return SymmetricPlane(choose(trust, B[0], 1.0), choose(trust, B[1], 1.0), broadcast(1.0), choose(trust, B[3], 0.0))
+@_identity.of(SymmetricPlane)
+def _plane_identity(A):
+    one, zero = broadcast(1.0), broadcast(0.0)
+    return SymmetricPlane(one, one, one, zero)
 
 
-@_blended.of(SymmetricSpace)
-def _blended_space(trust, B):
-    return SymmetricSpace(
-        choose(trust, B[0], 1.0),
-        choose(trust, B[1], 1.0),
-        choose(trust, B[2], 1.0),
-        choose(trust, B[3], 0.0),
-        choose(trust, B[4], 0.0),
-        choose(trust, B[5], 0.0),
-    )
+@_identity.of(SymmetricSpace)
+def _space_identity(A):
+    one, zero = broadcast(1.0), broadcast(0.0)
+    return SymmetricSpace(one, one, one, zero, zero, zero)
 
 
 @generic

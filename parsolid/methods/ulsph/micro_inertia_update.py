@@ -23,6 +23,7 @@ from parsolid.materials.plastic.micro_inertia import (
 )
 from parsolid.materials.plastic.micro_inertia_solve import advance_micro
 from parsolid.methods.ulsph.layout import (
+    bounded_inverse,
     load_correction,
     load_moment,
     load_number,
@@ -31,7 +32,6 @@ from parsolid.methods.ulsph.layout import (
     store_number,
     store_stress_record,
     store_vector,
-    trusted_inverse,
 )
 from parsolid.methods.ulsph.sums import divergences, gradients, store_fluxes
 from parsolid.methods.ulsph.viscous_heat import viscous_heat
@@ -113,11 +113,11 @@ def _where_free(free, solved, trial, kept_stress):
 
 
 @register_jitable
-def _elastic_step(space, shear_modulus, step, trust, body, i, count):
+def _elastic_step(space, shear_modulus, step, correction, body, i, count):
     """B, mean and new density, and of S: its norm at the start, turned with the spin, and the elastic trial."""
     mass, density = load(body.mass, 0, i), load(body.density, 0, i)
     inverse = 1.0 / (mass * density)
-    B = trusted_inverse(space, inverse * load_moment(space, body.rate_sums, i), trust)
+    B = bounded_inverse(space, correction, inverse * load_moment(space, body.rate_sums, i))
     store_correction(space, body.correction, i, B, count)
     L = inverse * (load_gradient(space, body.rate_sums, i) @ B)
     growth = math.exp(-0.5 * step * trace(L))
@@ -128,7 +128,7 @@ def _elastic_step(space, shear_modulus, step, trust, body, i, count):
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
-def advance_state(space, first, last, law, increments, carried, trust, body):
+def advance_state(space, first, last, law, increments, carried, correction, body):
     """Advance density, stress, micro-velocity, pi, gamma and T of particles by a step from the sums of the first pass.
 
     Fills B and the records. Returns (sound, plastic heat [J], energy [J] that time integration lost).
@@ -136,7 +136,7 @@ def advance_state(space, first, last, law, increments, carried, trust, body):
     sound, plastic, lost, step = True, broadcast(0.0), broadcast(0.0), increments.step
     for i in range(first, last, WIDTH):
         count = min(WIDTH, last - i)
-        elastic = _elastic_step(space, law.shear_modulus, step, trust, body, i, count)
+        elastic = _elastic_step(space, law.shear_modulus, step, correction, body, i, count)
         B, middle, density, tau, rotated, trial = elastic
         trial_tau, mass = math.sqrt(contract(trial, trial)), load(body.mass, 0, i)
         force, heat_loss = divergences(space, carried, body, i, middle / mass)
@@ -163,7 +163,7 @@ def advance_state(space, first, last, law, increments, carried, trust, body):
             store_first(row, 0, i, value, count)
         direction = (1.0 / max(trial_tau, 1e-300)) * trial
         store_number(body.micro_curl, i, _curl_after(curl, gradient, direction, step), count)
-        p = pressure(law, density * (1.0 / law.density))
+        p = pressure(law, density / law.density)
         P = (1.0 / (density * density)) * ((deviator - p * I) @ B)
         store_stress_record(space, body.record, i, P, density, new_rate, temperature, broadcast(speed_of_sound(law)))
         valid, volume = float(count) - from_floats(0.5, 1.5, 2.5, 3.5), mass / middle

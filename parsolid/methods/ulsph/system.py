@@ -18,6 +18,7 @@ from parsolid.methods.ulsph.terms import (
     Arrays,
     ArtificialViscosity,
     CompressionOnly,
+    GradientCorrection,
     ManyLengths,
     OneLength,
     Warming,
@@ -33,14 +34,14 @@ from parsolid.particles.generated import declare_generated
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene, initial_displacement, initial_temperature, initial_velocity
 
-# what moments must have at the least for a correction: see `layout.trusted_inverse`
-_TRUST = 0.3
+# determinant of a moment below which its inverse is scaled down, see `layout.bounded_inverse`
+_LEAST = 0.3
 
 
 class UpdatedLagrangianSPH(PairMethod):
     """The method on one rank; arrays as `terms` and `fields` say.
 
-    trust: least determinant and diagonal of a moment that is inverted; heating: `terms.Warming` where viscous heat
+    correction: `terms.GradientCorrection`, or None for plain gradients; heating: `terms.Warming` where viscous heat
     warms, else None.
     """
 
@@ -65,7 +66,7 @@ class UpdatedLagrangianSPH(PairMethod):
         lacks = self.updates.lacks | ({"micro_free"} if self.boundaries.held_micro is None else set())
         declare_state(particles, self.dimension, density, lacks)
         self._declare_constants(comm, particle_set, density)
-        self.trust = _TRUST if settings.gradient_correction else np.inf
+        self.correction = GradientCorrection(_LEAST) if settings.gradient_correction else None
         self.viscosity: ArtificialViscosity | None = None
         if settings.viscosity:
             given = settings.viscosity

@@ -84,6 +84,12 @@ class Warming(NamedTuple):
     kind: int = 0
 
 
+class GradientCorrection(NamedTuple):
+    """Gradients exact for linear fields where the determinant of the moment is at least `least`."""
+
+    least: float
+
+
 class Columns(NamedTuple):
     """First columns of what the sums hold: moment and flux of `rate_sums`; gradients of `force_sums`."""
 

@@ -52,7 +52,7 @@ class MicroInertiaUpdate:
         """From the sums of the first pass to the records of the second: sound, plastic heat and numerical loss [J]."""
         system, here = self.system, (block.first, block.last, block.law)
         sound, heat, lost = micro_inertia_update.advance_state(
-            system.space, *here, increments_of(block.law, step), system.carried, system.trust, body
+            system.space, *here, increments_of(block.law, step), system.carried, system.correction, body
         )
         return sound, heat, lost
 

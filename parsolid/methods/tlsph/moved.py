@@ -1,0 +1,69 @@
+"""What the kernels know of a reference configuration that has been moved: its deformation F_r from the original one.
+
+The passes stand in the moved configuration, the state and the law in the original one. With J_r = det F_r and the
+correction L of the moved configuration, the arrays `correction` and `pair_volume` hold F_r^T L / J_r and the original
+volume V, by which the gradient and the stress are those of the original configuration without a further product:
+
+    G = [ sum_b (v_b - v_a) (x) g_ab ] (F_r^T L / J_r)^T / V = G_r F_r,      P_r L = P (F_r^T L / J_r).
+
+What is left to be moved is the record of the dissipation: G_r = G F_r^{-1} and rho^2 Q / J_r^2 between F_r and F_r^T.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from decomposition.compiled import compiled
+from parsolid.numerics.dispatch import generic, none_without
+from parsolid.numerics.lanes import WIDTH, broadcast, lane, load
+from parsolid.numerics.layout import Plane, load_deformation, load_nine
+from parsolid.numerics.polar import congruence
+from parsolid.numerics.tensors import GeneralPlane, contract, gram, matmul, plus_identity
+
+
+class Moved(NamedTuple):
+    """Rows (4 or 9, capacity) of F_r / J_r, which carries areas' waves along, and of F_r^{-1}."""
+
+    push: np.ndarray
+    inverse: np.ndarray
+
+
+@generic
+def _load_gradient(space, rows, i):
+    """A deformation gradient of particles i..i+3."""
+
+
+@_load_gradient.of(Plane)
+def _load_plane(space, rows, i):
+    return GeneralPlane(load(rows, 0, i), load(rows, 1, i), load(rows, 2, i), load(rows, 3, i), broadcast(1.0))
+
+
+@_load_gradient.otherwise
+def _load_space(space, rows, i):
+    return load_nine(rows, 0, i)
+
+
+@none_without("moved", returns="G")
+def gradient_in_reference(moved, space, i, G):
+    """G_r = G F_r^{-1}; G itself where the reference is fixed."""
+    return matmul(G, _load_gradient(space, moved.inverse, i))
+
+
+@none_without("moved", returns="waves")
+def waves_in_reference(moved, space, i, waves):
+    """rho_r^2 c_r^2 as a tensor of the moved normal, F_r waves F_r^T / J_r^2; itself where the reference is fixed."""
+    return congruence(_load_gradient(space, moved.push, i), waves)
+
+
+@compiled(error_model="numpy")
+def largest_distortion(space, owned, deformation, inverse):
+    """Greatest |f^T f - 1|/2 of f = F F_r^{-1}, the Green strain since the reference was moved; 0 for rotations."""
+    largest = 0.0
+    for i in range(0, owned, WIDTH):
+        F, _, _ = load_deformation(space, deformation, i)
+        strain = plus_identity(gram(matmul(F, _load_gradient(space, inverse, i))), -1.0)
+        square = contract(strain, strain)
+        for k in range(min(WIDTH, owned - i)):
+            largest = max(largest, lane(square, k))
+    return 0.5 * math.sqrt(largest)
