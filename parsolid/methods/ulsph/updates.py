@@ -127,7 +127,7 @@ class ElasticPlasticUpdate:
         """See `MicroInertiaUpdate.advance`; the stored energy holds the plastic heat."""
         system, here = self.system, (block.first, block.last, block.law)
         sound, work, heat = plastic_update.advance_state(
-            system.space, *here, step, system.carried, system.heating, system.trust, body
+            system.space, *here, step, system.carried, system.heating, system.correction, body
         )
         self.plastic_work += work
         self.viscous_heat += heat
