@@ -118,9 +118,11 @@ def _elastic_step(space, shear_modulus, step, correction, body, i, count):
     mass, density = load(body.mass, 0, i), load(body.density, 0, i)
     inverse = 1.0 / (mass * density)
     B = bounded_inverse(space, correction, inverse * load_moment(space, body.rate_sums, i))
-    store_correction(space, body.correction, i, B, count)
     L = inverse * (load_gradient(space, body.rate_sums, i) @ B)
     growth = math.exp(-0.5 * step * trace(L))
+    # the moment is that of the middle of the step, and so is its density then
+    B = growth * B
+    store_correction(space, body.correction, i, B, count)
     old, turn = load_symmetric(space, body.deviator, i), jaumann_turn(L, step)
     rotated = congruence(turn, old)
     trial = rotated + elastic_increment(turn, L, step, shear_modulus)

@@ -107,9 +107,9 @@ def advance_state(space, first, last, law, step, carried, heating, correction, b
         change, pressure = new_J - J, cold_pressure(eos, J) + gamma * energy
         melting = melting_temperature(law.melting, J)
         mu = shear_modulus(law.shear_modulus, J, pressure, temperature, melting)
-        heating = law.taylor_quinney * new_J / capacity
+        share = law.taylor_quinney * new_J / capacity
         s, increment, plastic_work = deviator_update(
-            law.flow_stress, rotated, strain, ep, step, temperature, heating, mu, melting
+            law.flow_stress, rotated, strain, ep, step, temperature, share, mu, melting
         )
         plastic_work = new_J * plastic_work
         friction = (1.0 / volume) * centred_heat(heating, space, body, i, step)
