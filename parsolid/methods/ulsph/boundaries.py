@@ -72,6 +72,7 @@ class BoundarySet:
         before = kinematics[rows, components]
         loads = self.loads.at(time) if self.loads.acting else None
         clamp = None if self._clamp is None else self._clamp(slice(None))
+        begun = particles.owned_rows("velocity").copy() if self.walls.walls else None
         dimension = particles["position"].shape[1]
         forces = particles.storage("force_sums")
         work, viscous = kick(particles.owned, dimension, 0.5 * step, kinematics, forces, mass, loads, clamp)
@@ -82,7 +83,9 @@ class BoundarySet:
             work += float(0.5 * (mass[0, rows] * (new - free)) @ (before + new))
             column = 2 if dimension == 2 else 4
             viscous += float(0.25 * step * forces[rows, column + components] @ (new - free))
-        self.walls.catch(time)
+        if self.walls.walls:
+            loaded, slowed = self.walls.catch(time, 0.5 * step, begun)
+            work, viscous = work + loaded, viscous + slowed
         return work, -viscous
 
     def hold_motion(self, time: float) -> None:
