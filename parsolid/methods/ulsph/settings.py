@@ -4,6 +4,7 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
+from parsolid.methods.ulsph.state_fields import MICRO_STATE, STATE
 from parsolid.pairs.smoothing import kernel_names
 from parsolid.scene.base_model import NotNegative, Positive, SceneModel
 from parsolid.scene.method_settings import Detail, MethodSettings
@@ -32,13 +33,7 @@ class UpdatedLagrangianSPH(MethodSettings):
     system: ClassVar = "parsolid.methods.ulsph.system:UpdatedLagrangianSPH"
     materials: ClassVar = ("micro-inertia", "elastic-plastic")
     boundaries: ClassVar = ("fixed", "roller", "velocity", "micro_clamped", "temperature")
-    extra_fields: ClassVar = {
-        "density": "scalar",
-        "temperature": "scalar",
-        "plastic_strain": "scalar",
-        "micro_rate": "scalar",
-        "micro_stress": "scalar",
-    }
+    declared_fields: ClassVar = (*STATE, *MICRO_STATE)
     pictured_fields: ClassVar = ("plastic_strain", "temperature", "pressure")
     ledger_terms: ClassVar = {"viscous_dissipation": 1, "heat_supplied": 0}
     extra_quantities: ClassVar = {
