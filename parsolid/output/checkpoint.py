@@ -195,8 +195,13 @@ def _open_whole(path: Path | str) -> h5py.File:
         raise OutputError(f"{path.name}: does not exist")
     try:
         file = open_serial(path, "r")
-        found, version, complete = (file.attrs.get(name) for name in ("format", "version", "complete"))
-    except (OSError, RuntimeError, KeyError) as error:  # what h5py raises depends on where the file is torn
+        try:
+            found, version, complete = (file.attrs.get(name) for name in ("format", "version", "complete"))
+        except BaseException:
+            # HDF5 would give the damaged file again to who opens it next
+            file.close()
+            raise
+    except Exception as error:  # what h5py raises depends on where the file is torn
         raise OutputError(f"{path.name}: not a whole HDF5 file ({words(error)})") from error
     if found != FORMAT:
         fault = f"not a checkpoint (format: expected {FORMAT!r}, found {found!r})"

@@ -3,6 +3,7 @@
 import itertools
 import os
 from collections.abc import Iterable
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 from mpi4py import MPI
@@ -56,7 +57,9 @@ def prepare(
             directory.mkdir(parents=True, exist_ok=True)
             if not os.access(directory, os.W_OK | os.X_OK):
                 raise PermissionError(13, "Permission denied", str(directory))
-            results = sorted({path for pattern in RESULTS for path in directory.glob(pattern)})
+            # by name: a link to nowhere is not there for glob
+            names = sorted(name for name in os.listdir(directory) if any(fnmatchcase(name, one) for one in RESULTS))
+            results = [directory / name for name in names]
             _refuse_inputs(results, inputs, continuing)
             if results and not continuing:
                 _move_aside(directory, results)

@@ -139,8 +139,10 @@ def parse_scene(data: dict[str, Any], folder: str | os.PathLike[str] = ".", trus
 
 
 def dump_scene(scene: Scene, path: str | os.PathLike[str]) -> None:
-    """Write the resolved scene as TOML; it loads again to the same scene."""
-    Path(path).write_text(tomli_w.dumps(scene.resolved()), encoding="utf-8")
+    """Write the resolved scene as TOML, beside and renamed; it loads again to the same scene."""
+    partial = Path(f"{os.fspath(path)}.partial")
+    partial.write_text(tomli_w.dumps(scene.resolved()), encoding="utf-8")
+    os.replace(partial, path)
 
 
 def apply_override(data: dict[str, Any], override: str) -> str | None:

@@ -41,6 +41,14 @@ def law(request, state):
     return prony.of_material(solid(request.param), state)
 
 
+def test_the_relaxed_modulus_is_the_one_of_the_state_of_strain(state):
+    """lambda + 2 G, the stress over a strain along one axis, in Young's modulus and Poisson's ratio."""
+    law, E, nu = prony.of_material(solid(), state), 7.0, 0.4
+    constrained = E * (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
+    expected = {"space": constrained, "plane-strain": constrained, "plane-stress": E / (1.0 - nu**2), "bar": E}[state]
+    assert law.first_lame + 2.0 * law.shear_modulus == pytest.approx(expected, rel=1e-14)
+
+
 @compiled
 def completed(law, factor, carried, strain, relaxing):
     """(strain, relaxing strain, stress) with their lateral components."""

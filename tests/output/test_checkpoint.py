@@ -174,6 +174,31 @@ def test_a_disk_that_fills_while_writing_is_an_error_on_all_ranks(comm, shared_p
     assert read_header(find_checkpoint(shared_path, comm))["step"] == 1
 
 
+class _Short:
+    """A file of which a write reports success and takes nothing."""
+
+    def Write_at(self, offset, buffer, status):
+        pass
+
+    Write_at_all = Write_at
+
+    def Close(self):
+        pass
+
+
+def test_a_write_that_is_short_without_an_error_is_one_on_all_ranks(comm, shared_path, fields, monkeypatch):
+    path = shared_path / "checkpoint.h5"
+    write_checkpoint(comm, path, {"step": 1}, [fields], None, "offsets")
+
+    def open_short(self):
+        self._file = _Short()
+
+    monkeypatch.setattr(SlabWriter, "_open_offsets", open_short)
+    with pytest.raises(OutputError, match="the disk is full: only 0 of .* bytes written"):
+        write_checkpoint(comm, path, {"step": 2}, [fields], None, "offsets")
+    assert read_header(find_checkpoint(shared_path, comm))["step"] == 1
+
+
 def test_a_disk_too_full_to_begin_is_an_error_on_all_ranks(comm, shared_path, small_files):
     path = shared_path / "checkpoint.h5"
     write_checkpoint(comm, path, {"step": 1}, [{"x": np.zeros(10)}])

@@ -73,3 +73,33 @@ def test_pictures_of_an_older_run_are_moved_with_it(comm, shared_path):
     assert set(listing(comm, directory)) == {"history.csv", "pictures/energies.png"}
     prepare(comm, directory)
     assert set(listing(comm, directory)) == {"previous-1/history.csv", "previous-1/pictures/energies.png"}
+
+
+def test_an_input_is_known_by_any_name(comm, shared_path, monkeypatch):
+    """A relative path, or a link in either place."""
+    fill(comm, shared_path / "out", ["scene.toml"])
+    if comm.rank == 0:
+        (shared_path / "link").symlink_to(shared_path / "out")
+        (shared_path / "linked.toml").symlink_to(shared_path / "out" / "scene.toml")
+    comm.Barrier()
+    monkeypatch.chdir(shared_path)
+    names = ("out/scene.toml", "link/scene.toml", "linked.toml", "out/../out/scene.toml")
+    for folder, name in [("out", name) for name in names] + [("link", name) for name in names]:
+        with pytest.raises(OutputError, match="scene.toml is read by this run"):
+            prepare(comm, folder, inputs=(name,))
+    assert listing(comm, shared_path / "out") == {"scene.toml": "old"}
+
+
+def test_what_a_link_points_to_is_not_written_over(comm, shared_path):
+    """Results that are links into another folder are moved aside as links; what is there stays."""
+    fill(comm, shared_path / "other", ["history.csv", "checkpoint.h5"], "precious")
+    if comm.rank == 0:
+        (shared_path / "out").mkdir()
+        for name in ("history.csv", "checkpoint.h5"):
+            (shared_path / "out" / name).symlink_to(shared_path / "other" / name)
+        (shared_path / "out" / "summary.json").symlink_to(shared_path / "nowhere")
+    comm.Barrier()
+    prepare(comm, shared_path / "out")
+    assert set(listing(comm, shared_path / "other").values()) == {"precious"}
+    left = comm.bcast(sorted(path.name for path in (shared_path / "out").iterdir()))
+    assert left == ["previous-1"]

@@ -150,6 +150,16 @@ def test_resumed_series_equals_an_uninterrupted_one(comm, shared_path, method):
     assert sorted(path.name for path in shared_path.glob("*.vtkhdf*")) == ["fields.vtkhdf", "whole.vtkhdf"]
 
 
+def test_the_step_at_the_checkpoint_s_time_is_kept_and_not_written_again(comm, shared_path):
+    particles = Particles(comm)
+    series = FieldSeries(comm, shared_path / "fields.vtkhdf", 4)
+    for time in TIMES[:3]:
+        particles.write(series, time)
+    resumed = FieldSeries(comm, shared_path / "fields.vtkhdf", 4, resume_at=TIMES[1])
+    particles.write(resumed, TIMES[3])
+    assert np.array_equal(resumed.times, [TIMES[0], TIMES[1], TIMES[3]])
+
+
 @pytest.mark.parametrize("other", ["torn", "of fewer particles", "of other fields"])
 def test_a_file_that_does_not_fit_is_set_aside(comm, shared_path, other):
     path = shared_path / "fields.vtkhdf"

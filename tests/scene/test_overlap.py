@@ -24,7 +24,21 @@ SQUARE, CUBE = box([0.0, 0.0], [1.0, 1.0]), box([0.0, 0.0, 0.0], [1.0, 1.0, 1.0]
 DISC = {"sphere": {"centre": [1.5, 0.5], "radius": 0.5}}, [8, 8]
 HOLED = {"perforated_box": {"lower": [0.0, 0.0], "upper": [1.0, 1.0], "centre": [0.5, 0.5], "radius": 0.4}}, [12, 12]
 RING = {"cylindrical_shell": {"centre": [0.0, 0.0], "radius": 1.0, "thickness": 0.2, "angles": [0.0, 90.0]}}, [20, 3]
+LONG = {"cylindrical_shell": RING[0]["cylindrical_shell"] | {"angles": [0.0, 270.0]}}, [60, 3]
 ROD = {"cylinder": {"base": [0.0, 0.0, 0.0], "axis": "Z", "radius": 0.5, "length": 1.0, "part": "quarter"}}, [6, 6, 6]
+REST = (
+    {
+        "cylindrical_shell": {
+            "base": [0.0, 0.0, 0.0],
+            "axis": "Z",
+            "radius": 0.25,
+            "thickness": 0.3,
+            "length": 1.0,
+            "angles": [90.0, 360.0],
+        }
+    },
+    [20, 4, 3],
+)
 PIPE = (
     {"cylindrical_shell": {"base": [0.0, 0.0, 0.0], "axis": "X", "radius": 1.0, "thickness": 0.2, "length": 1.0}},
     [40, 4, 3],
@@ -36,8 +50,12 @@ APART = {
     "in a hole": (2, HOLED, ({"sphere": {"centre": [0.5, 0.5], "radius": 0.4}}, [8, 8])),
     "in a corner": (2, HOLED, box([0.3, 0.3], [0.7, 0.7])),
     "behind a sector's end": (2, RING, box([0.9, -0.2], [1.1, 0.0])),
+    # its end is a face of the box, and other parts of it lie on the box's far side
+    "at a long sector's end": (2, LONG, box([0.5, -0.5], [1.1, 0.0])),
+    "at its other end": (2, LONG, box([0.0, -1.1], [0.5, -0.9])),
     "within a sector": (2, RING, box([0.0, 0.0], [0.5, 0.5])),
     "behind a quarter": (3, ROD, box([-0.5, 0.0, 0.0], [0.0, 1.0, 1.0])),
+    "around the rest of a quarter": (3, ROD, REST),
     "on a rod": (3, ROD, box([0.0, 0.0, 1.0], [1.0, 1.0, 2.0])),
     "in a pipe": (3, PIPE, box([0.0, -0.5, -0.5], [1.0, 0.5, 0.5])),
 }
@@ -75,3 +93,5 @@ def test_bodies_in_one_another_are_refused_with_their_names(comm, name):
 def test_jitter_alone_is_no_overlap(comm):
     bodies = SQUARE, box([1.0, 0.0], [2.0, 1.0])
     generate(scene(2, *bodies, jitter=0.4, placement="cells"), comm)
+    # cells cut by a surface are moved across it
+    generate(scene(2, *APART["in a hole"][1:], jitter=0.45, placement="cells"), comm)

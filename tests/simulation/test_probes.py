@@ -83,6 +83,41 @@ def test_a_twist_is_restored(comm):
     assert dict(zip(again.columns, again.sample())) == before and before["corner.twist"] > 0.0
 
 
+def every_probe(scene: dict) -> list[dict]:
+    """A probe of each quantity and of each field, at a particle, and one that is weighted, of what the method knows."""
+    method = parse_scene(scene).method
+    fields = [*declared.field_kinds(), *method.extra_fields]
+    quantities = [*declared.quantity_kinds(), *method.extra_quantities]
+    # what the material has nothing of is refused
+    fields = [name for name in fields if known(scene, {"at": [0.2, 0.2], "fields": [name]})]
+    quantities = [name for name in quantities if known(scene, {"quantity": name})]
+    probes = [{"name": f"q{i}", "quantity": name} for i, name in enumerate(quantities)]
+    probes.append({"name": "corner", "at": [0.2, 0.2], "fields": fields, "centre": [0.01, 0.02]})
+    return [*probes, {"name": "turn", "weight": "1 + X", "fields": [name for name in fields if name != "twist"]}]
+
+
+def known(scene: dict, probe: dict) -> bool:
+    try:
+        return bool(parse_scene(scene | {"probes": [{"name": "one"} | probe]}).probes)
+    except SceneError:
+        return False
+
+
+def test_every_kind_of_probe_gives_the_same_on_any_number_of_ranks(comm):
+    """With particles that change their rank; what is accumulated must go with them."""
+    data = spinning()
+    data["probes"] = every_probe(data)
+    (many, _, sim), (one, *_) = sampled(data, comm, 120), sampled(data, comm.Split(comm.rank), 120)
+    assert sim.systems[0].summary()["migrated_particles"] > 0 or comm.size == 1
+    assert len(many) > 60
+    for name, values in one.items():
+        family = [other for other in one if other.rpartition("_")[0] == name.rpartition("_")[0]]
+        scale = max(np.nanmax(np.abs(one[other]), initial=0.0) for other in family if other != "owner") or 1.0
+        if name != "owner":
+            # momenta that add up to nothing have the rounding of their parts
+            np.testing.assert_allclose(many[name], values, rtol=0.0, atol=1e-10 * max(scale, 0.01), err_msg=name)
+
+
 NEW_QUANTITY = """
 import numpy as np
 from parsolid.observables.declared import Sampler, quantity

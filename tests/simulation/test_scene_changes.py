@@ -39,6 +39,14 @@ def test_every_key_that_is_not_in_the_list_is_refused():
     assert seen > 40
 
 
+def test_a_key_more_or_less_is_a_change():
+    more = punch(loads={"acceleration": ["0", "-9.81"]})
+    added, removed = compared(punch(), more)[0], compared(more, punch())[0]
+    assert added[0].startswith("loads.acceleration: expected nothing as in the checkpoint checkpoint.h5, found ['0', ")
+    assert removed[0].startswith("loads.acceleration: expected ['0', '-9.81'] as in the checkpoint ")
+    assert "found nothing" in removed[0] and len(added) == len(removed) == 1
+
+
 def _leaves(value, place=()):
     entries = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, part in entries:

@@ -83,6 +83,6 @@ def evaluate(system) -> None:
     for _ in range(2):
         system.first_pass(0.0)
         system.advance_state(0.0, 0.0)
-        system.second_pass()
+        system.sweeps.forces()
         system.advance_gradients(0.0)
     system.first_pass(0.0)

@@ -96,7 +96,7 @@ def test_gradients_of_linear_fields_are_exact(dimension, comm):
     # records are of the state, which a step of length 0 keeps
     system.first_pass(0.0)
     system.advance_state(0.0, 0.0)
-    system.second_pass()
+    system.sweeps.forces()
     system.advance_gradients(0.0)
     system.first_pass(0.0)
     assert np.abs(velocity_gradients(system) - L).max(initial=0.0) < 1e-11

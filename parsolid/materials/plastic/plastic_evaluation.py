@@ -32,6 +32,11 @@ def isentropic_bulk_modulus(law, J, pressure) -> np.ndarray:
     return _over(_bulk_moduli, law, J, pressure)
 
 
+def room_to_compress(law, J) -> np.ndarray:
+    """`plasticity.room_to_compress`."""
+    return _over(_rooms, law, J)
+
+
 def _over(kernel, *arguments):
     fixed = [argument for argument in arguments if isinstance(argument, tuple)]
     arrays = np.broadcast_arrays(
@@ -75,3 +80,9 @@ def _pressures(law, J, energy, result):
 def _bulk_moduli(law, J, pressure, result):
     for i in range(len(result)):
         result[i] = plasticity.isentropic_bulk_modulus(law.equation_of_state, J[i], pressure[i])
+
+
+@compiled(error_model="numpy")
+def _rooms(law, J, result):
+    for i in range(len(result)):
+        result[i] = plasticity.room_to_compress(law.equation_of_state, J[i])

@@ -17,11 +17,11 @@ from parsolid.materials.plastic.plasticity import (
     cold_pressure,
     deviator_update,
     grueneisen_coefficient,
-    isentropic_bulk_modulus,
     melting_temperature,
     room_to_compress,
     shear_modulus,
 )
+from parsolid.materials.plastic.wave_speed import wave_speed
 from parsolid.methods.mpm.layout import load_rate, store_stress
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.elementary import choose
@@ -92,13 +92,6 @@ def _inviscid(viscosity, density, rate, sound_speed):
 
 
 @register_jitable
-def _sound_speed(law, J, pressure, mu):
-    """c [m/s] of pressure waves; where tension makes the volume unstable the shear stiffness alone counts."""
-    bulk = max(isentropic_bulk_modulus(law.equation_of_state, J, pressure), 0.0)
-    return math.sqrt((bulk + 4.0 / 3.0 * mu) * J / law.density)
-
-
-@register_jitable
 def _kinematics(step, rate, F):
     """F+ = (1 + dt l) F with the velocity gradient l, R at its end, and the stretching D at half the step in unrotated
     axes.
@@ -157,7 +150,7 @@ def advance_stress(space, first, last, law, step, viscosity, state, motion, rate
             law.flow_stress, s, strain, ep, step, temperature, heating, mu, melting
         )
         plastic_work = new_J * plastic_work
-        q = _viscous_pressure(viscosity, law.density / half_J, volume_rate, _sound_speed(law, J, pressure, mu))
+        q = _viscous_pressure(viscosity, law.density / half_J, volume_rate, wave_speed(law, J, pressure, mu))
         # closed form of E+ = E + W - [(P + P+)/2 + q] (J+ - J) with P+ = A(J+) + gamma E+; T dS and -gamma T tr d
         # likewise
         cold, part = cold_pressure(eos, new_J), 0.5 * gamma * change
@@ -170,7 +163,7 @@ def advance_stress(space, first, last, law, step, viscosity, state, motion, rate
         velocity = four_rows(motion, i, 4)
         volume = velocity[3]
         valid = float(count) - from_floats(0.5, 1.5, 2.5, 3.5)
-        speed = _sound_speed(law, new_J, pressure, mu) + speed_of(velocity)
+        speed = wave_speed(law, new_J, pressure, mu) + speed_of(velocity)
         sigma = congruence(R, new_s) - (pressure + q) * I
         store_stress(space, stress, i, (volume * new_J) * sigma, speed)
         fastest = choose(valid, max(speed, fastest), fastest)

@@ -8,6 +8,7 @@ from parsolid.boundary.declarations import (
     Declarations,
     HeldMicroVelocity,
     PrescribedMotion,
+    RigidWall,
     Support,
     TemperaturePlane,
 )
@@ -17,6 +18,7 @@ from parsolid.boundary.rows import keep
 from parsolid.boundary.supports import Supports
 from parsolid.collective import anywhere
 from parsolid.methods.ulsph.kinematics import kick
+from parsolid.methods.ulsph.walls import Walls
 from parsolid.particles.container import Particles
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.particles.selection import Selection
@@ -34,7 +36,7 @@ class BoundarySet:
 
     def __init__(self, comm: Any, scene: Scene, particle_set: ParticleSet, particles: Particles):
         """particles: those of the particle_set; collective. Raises SolverError on all ranks."""
-        declared = Declarations(scene, Support, PrescribedMotion, TemperaturePlane, HeldMicroVelocity)
+        declared = Declarations(scene, Support, PrescribedMotion, RigidWall, TemperaturePlane, HeldMicroVelocity)
         supports = Supports(comm, scene, declared.of(Support), particle_set)
         self.particles, self.codes = particles, supports.codes
         self._clamp = None
@@ -42,6 +44,7 @@ class BoundarySet:
             self._clamp = keep(particles, "clamp", np.where(supports.held, 0.0, 1.0))
         motions = declared.of(PrescribedMotion, "velocity")
         self.prescribed = PrescribedRows(comm, scene, motions, particle_set, particles)
+        self.walls = Walls(comm, declared.of(RigidWall), particles)
         self.loads = accelerations(scene, particles)
         self.held_micro: np.ndarray | None = None
         for micro in declared.of(HeldMicroVelocity):
@@ -79,6 +82,7 @@ class BoundarySet:
             work += float(0.5 * (mass[0, rows] * (new - free)) @ (before + new))
             column = 2 if dimension == 2 else 4
             viscous += float(0.25 * step * forces[rows, column + components] @ (new - free))
+        self.walls.catch(time)
         return work, -viscous
 
     def hold_motion(self, time: float) -> None:

@@ -59,7 +59,9 @@ def body_of(particles: Particles, without: frozenset[str] = frozenset()) -> Body
     return Body(*(None if name is None else particles.storage(name) for name in names))
 
 
-def declare_motion(particles: Particles, position: np.ndarray, carried: Any, warming: Any) -> None:
+def declare_motion(
+    particles: Particles, position: np.ndarray, carried: Any, warming: Any, speeds_change: bool = False
+) -> None:
     """v and x, the records that neighbours read, and the sums of both passes; ghosts take x when lists are made."""
     d = position.shape[1]
     role: dict[str, Any] = {"ghosts": "forward", "checkpointed": True, "shown": True, "mirror": "vector"}
@@ -69,8 +71,12 @@ def declare_motion(particles: Particles, position: np.ndarray, carried: Any, war
     particles.declare(Field("velocity", d, "m/s", **role, message="motion", layout=Within("kinematics", 0)))
     speed = Within("kinematics", 3) if d == 3 else Within("record", 7)
     particles.declare(Field("record", RECORD_WIDTH[d], "", checkpointed=True))
-    particles.declare(Field("sound_speed", 1, "m/s", ghosts="forward", message="sound", layout=speed))
-    # what changes in every step: in the plane without the speed of sound
+    # one that changes goes with what changes in every step
+    message = "record" if speeds_change else "sound"
+    particles.declare(
+        Field("sound_speed", 1, "m/s", ghosts="forward", message=message, layout=speed, checkpointed=speeds_change)
+    )
+    # in the plane without the speed of sound
     told = Field("told", 7 if d == 2 else 12, "", ghosts="forward", message="record", layout=Within("record", 0))
     particles.declare(told)
     moved: dict[str, Any] = {"layout": Rows(), "carried": False}

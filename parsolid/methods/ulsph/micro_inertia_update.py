@@ -34,10 +34,11 @@ from parsolid.methods.ulsph.layout import (
     store_vector,
 )
 from parsolid.methods.ulsph.sums import divergences, gradients, store_fluxes
+from parsolid.methods.ulsph.viscous_heat import viscous_heat
 from parsolid.numerics.dispatch import generic, none_without
 from parsolid.numerics.elementary import choose
 from parsolid.numerics.lanes import WIDTH, all_positive, broadcast, from_floats, load, store_first, total
-from parsolid.numerics.layout import Plane, four_rows, load_gradient
+from parsolid.numerics.layout import load_gradient
 from parsolid.numerics.polar import congruence
 from parsolid.numerics.tensor_rows import largest_lane, load_symmetric, store_symmetric
 from parsolid.numerics.tensors import I, contract, trace
@@ -117,9 +118,11 @@ def _elastic_step(space, shear_modulus, step, correction, body, i, count):
     mass, density = load(body.mass, 0, i), load(body.density, 0, i)
     inverse = 1.0 / (mass * density)
     B = bounded_inverse(space, correction, inverse * load_moment(space, body.rate_sums, i))
-    store_correction(space, body.correction, i, B, count)
     L = inverse * (load_gradient(space, body.rate_sums, i) @ B)
     growth = math.exp(-0.5 * step * trace(L))
+    # the moment is that of the middle of the step, and so is its density then
+    B = growth * B
+    store_correction(space, body.correction, i, B, count)
     old, turn = load_symmetric(space, body.deviator, i), jaumann_turn(L, step)
     rotated = congruence(turn, old)
     trial = rotated + elastic_increment(turn, L, step, shear_modulus)
@@ -178,36 +181,6 @@ def speed_of_sound(law):
     return math.sqrt((law.bulk_modulus + 4.0 / 3.0 * law.shear_modulus) / law.density)
 
 
-@generic(on="heating")
-def _viscous_heat(heating, space, body, i, factor):
-    """Heat of the artificial viscosity [J/m^3] of particles i..i+3 in a step; factor: step rho/m."""
-
-
-@_viscous_heat.of(None)
-def _no_viscous_heat(heating, space, body, i, factor):
-    return 0.0
-
-
-@_viscous_heat.otherwise
-def _some_viscous_heat(heating, space, body, i, factor):
-    return factor * _heat_of(space, body.force_sums, i)
-
-
-@generic
-def _heat_of(space, sums, i):
-    """The heat beside the force [W] of particles i..i+3."""
-
-
-@_heat_of.of(Plane)
-def _heat_of_plane(space, sums, i):
-    return four_rows(sums, i, sums.shape[1] - 4)[0]
-
-
-@_heat_of.otherwise
-def _heat_of_space(space, sums, i):
-    return four_rows(sums, i, 0)[3]
-
-
 @compiled(fastmath={"contract"}, error_model="numpy")
 def advance_gradients(space, first, last, law, increments, carried, heating, body):
     """Fluxes after a step from the gradients that the second pass has summed, and what they tell the neighbours.
@@ -226,7 +199,7 @@ def advance_gradients(space, first, last, law, increments, carried, heating, bod
         heat = (0.5 * step) * _or_zero(_power(dissipative, gradient))
         valid = float(count) - from_floats(0.5, 1.5, 2.5, 3.5)
         plastic = plastic + choose(valid, mass / density * heat, 0.0)
-        warmth = heat + _viscous_heat(heating, space, body, i, step * density / mass)
+        warmth = heat + viscous_heat(heating, space, body, i, step * density / mass)
         temperature = temperature + warmth / (density * law.specific_heat)
         store_first(body.temperature, 0, i, temperature, count)
         energetic, dissipative = advance_fluxes(

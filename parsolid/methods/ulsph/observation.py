@@ -6,11 +6,14 @@ import numpy as np
 
 
 def shown(system: Any, name: str, first: int, last: int) -> np.ndarray | None:
-    """Cauchy stress (n, 3, 3) [Pa] and Jacobian rho_0/rho (n,) of particles first..last-1; None for other names."""
+    """Cauchy stress (n, 3, 3) [Pa] Jacobian rho_0/rho (n,), internal energy per reference
+    volume (n,) [J/m^3] of particles first..last-1; None for other names."""
     rows = system.particles.owned_rows
     if name == "jacobian":
         density = np.array([law.density for law in system.laws])[system.particles.law_of_body]
         return np.asarray(density[rows("body")[first:last]] / rows("density")[first:last])
+    if name == "internal_energy":
+        return np.asarray(rows("energy")[first:last])
     if name != "stress":
         return None
     result = np.zeros((last - first, 3, 3))
@@ -53,8 +56,19 @@ def unsound(system: Any) -> tuple[int, str] | None:
         finite &= np.isfinite(values.reshape(len(values), -1)).all(axis=1)
     bad = ~finite | ~(density > 0.0)
     if not bad.any():
-        return None
+        return beyond_its_law(system)
     index = int(np.argmax(bad))
     if not finite[index]:
         return index, "a number is no longer finite"
     return index, f"the density is {density[index]:.4g} kg/m^3, not positive"
+
+
+def beyond_its_law(system: Any) -> tuple[int, str] | None:
+    """The first particle beyond what its law knows, and what is wrong with it."""
+    for update, block, body in system.updates.each():
+        room = update.room(block, body)
+        if room is not None and not (room > 0.0).all():
+            index = block.first + int(np.argmin(room))
+            ratio = block.law.density / body.density[0, index]
+            return index, f"it is compressed beyond its equation of state (to {ratio:.4g} of its volume)"
+    return None

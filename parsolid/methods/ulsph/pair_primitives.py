@@ -241,18 +241,18 @@ def _along_space(space, g):
 
 
 @generic(on="own")
-def flux_terms(space, own, there, g, share):
-    """(X_a + X_b) g, component by component, times a share."""
+def flux_terms(space, own, there, g):
+    """(X_a + X_b) g, component by component."""
 
 
 @flux_terms.of(None)
-def _no_flux_terms(space, own, there, g, share):
+def _no_flux_terms(space, own, there, g):
     return None
 
 
 @flux_terms.otherwise
-def _flux_terms(space, own, there, g, share):
-    along = share * _along(space, g)
+def _flux_terms(space, own, there, g):
+    along = _along(space, g)
     if len(own) == 1:
         return ((own[0] + there[0]) * along,)
     return (own[0] + there[0]) * along, (own[1] + there[1]) * along
@@ -274,12 +274,12 @@ def _numbers_space(space, kinematics, record, b):
 
 
 @generic(on="carried")
-def gradient_terms(space, carried, difference, g, share):
-    """(v^p_b - v^p_a) g and (T_b - T_a) g of the difference of `numbers`, times a share; None where nothing flows."""
+def gradient_terms(space, carried, difference, g):
+    """(v^p_b - v^p_a) g and (T_b - T_a) g of the difference of `numbers`; None where nothing flows."""
 
 
 @gradient_terms.of(None)
-def _no_gradients(space, carried, difference, g, share):
+def _no_gradients(space, carried, difference, g):
     return None
 
 
@@ -299,8 +299,8 @@ def _two_gradients_space(space, difference, g):
 
 
 @gradient_terms.of(MicroAndHeatFlux)
-def _both_gradients(space, carried, difference, g, share):
-    return _two_gradients(space, difference, share * g)
+def _both_gradients(space, carried, difference, g):
+    return _two_gradients(space, difference, g)
 
 
 @generic
@@ -319,10 +319,10 @@ def _one_gradient_space(space, difference, g, which):
 
 
 @gradient_terms.of(MicroFlux)
-def _micro_gradient(space, carried, difference, g, share):
-    return _one_gradient(space, difference, share * g, 1)
+def _micro_gradient(space, carried, difference, g):
+    return _one_gradient(space, difference, g, 1)
 
 
 @gradient_terms.of(HeatFlux)
-def _heat_gradient(space, carried, difference, g, share):
-    return _one_gradient(space, difference, share * g, 2)
+def _heat_gradient(space, carried, difference, g):
+    return _one_gradient(space, difference, g, 2)

@@ -24,14 +24,7 @@ from parsolid.methods.ulsph.pair_primitives import (
     present,
     steps,
 )
-from parsolid.methods.ulsph.pair_terms import (
-    APART,
-    IN_CONTACT,
-    SAME_BODY,
-    contact_of_forces,
-    contact_of_rates,
-    viscous_pressure,
-)
+from parsolid.methods.ulsph.pair_terms import act, meet, viscous_pressure
 from parsolid.methods.ulsph.terms import COLUMNS, MicroAndHeatFlux
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import broadcast, from_floats, lane, load, without_fourth
@@ -91,11 +84,12 @@ def _one_summed(space, carried, sums, a, column):
 @compiled(fastmath={"contract"}, error_model="numpy")
 def add_rates(space, kernel, lengths, carried, contact, pairs, arrays, sums):
     """Add what a list's pairs have of velocity gradients, moments and divergences of fluxes to `rate_sums`."""
-    images, kinematics, at = images_of(pairs), arrays.kinematics, _at(space)
+    images, kinematics, record, at = images_of(pairs), arrays.kinematics, arrays.record, _at(space)
+    mass, flux = arrays.mass, arrays.flux
     for a in range(pairs.start.shape[0] - 1):
         if pairs.start[a] == pairs.start[a + 1]:
             continue
-        here, own = present(space, None, 0, kinematics, a), flux_of(space, carried, None, 0, arrays.flux, a)
+        here, own = present(space, None, 0, kinematics, a), flux_of(space, carried, None, 0, flux, a)
         even = matrix(space, sums, a, 0) + moment_sum(space, sums, a)
         odd = _summed(space, carried, sums, a, at.flux)
         for k in range(pairs.start[a], pairs.start[a + 1]):
@@ -104,13 +98,11 @@ def add_rates(space, kernel, lengths, carried, contact, pairs, arrays, sums):
             weight = pair_weight(space, kernel, lengths, a, b, dot(space, r, r))
             if not weight > 0.0:
                 continue
-            contact_here = contact_of_rates(space, contact, images, k, arrays.record, a, b, dv, r)
-            if contact_here == APART:
+            if not meet(space, contact, images, k, record, a, b, dv, r):
                 continue
-            g = (arrays.mass[0, a] * arrays.mass[0, b] * weight) * r
+            g = (mass[0, a] * mass[0, b] * weight) * r
             rates = outer(space, dv, g) + moment(space, r, g)
-            share = 0.0 if contact_here == IN_CONTACT else 1.0
-            fluxes = flux_terms(space, own, flux_of(space, carried, images, k, arrays.flux, b), g, share)
+            fluxes = flux_terms(space, own, flux_of(space, carried, images, k, flux, b), g)
             even, odd = plus(even, rates), plus(odd, fluxes)
             if mutual(pairs):
                 add_lanes(sums, b, 0, rates)
@@ -231,13 +223,12 @@ def add_forces(space, kernel, lengths, carried, contact, viscosity, warming, pai
             product = arrays.mass[0, a] * arrays.mass[0, b] * weight
             g, there = product * r, numbers(space, kinematics, record, b)
             Pi = viscous_pressure(space, viscosity, length_of(lengths, a, b), 0.5 * (own + there), dv, r, square)
-            contact_here = contact_of_forces(space, contact, images, k, record, a, b, r)
             elastic = broadcast(0.0)
-            if contact_here != APART:
+            if act(space, contact, images, k, record, a, b, r):
                 elastic = sum_times(space, stress, stress_of(space, images, k, record, b, 0), g)
             heat = -0.5 * Pi * product * dot(space, dv, r)
             forces = _forces(space, elastic, broadcast(-Pi) * g, heat)
-            gradients = gradient_terms(space, carried, there - own, g, 1.0 if contact_here == SAME_BODY else 0.0)
+            gradients = gradient_terms(space, carried, there - own, g)
             total, even, heats = plus(total, forces), plus(even, gradients), plus(heats, _heat(space, warming, heat))
             if mutual(pairs):
                 add_lanes(sums, b, 0, _opposed(space, forces))

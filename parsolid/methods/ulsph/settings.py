@@ -9,6 +9,14 @@ from parsolid.pairs.smoothing import kernel_names
 from parsolid.scene.base_model import NotNegative, Positive, SceneModel
 from parsolid.scene.method_settings import Detail, MethodSettings
 
+# what only one kind of material has
+_KIND_OF = {
+    "micro_rate": "micro-inertia",
+    "micro_stress": "micro-inertia",
+    "micro_kinetic": "micro-inertia",
+    "internal_energy": "elastic-plastic",
+}
+
 
 class Viscosity(SceneModel):
     """Artificial viscosity in approach (Monaghan); its work is a column of the history, and heats where the scene says
@@ -24,7 +32,7 @@ class UpdatedLagrangianSPH(MethodSettings):
 
     gradient_correction   gradients exact for linear fields, where a particle has enough neighbours
     viscosity             artificial viscosity; false: none
-    viscous_heating       its heat raises the temperature
+    viscous_heating       its heat raises the temperature of micro-inertia; that of other laws it always raises
     contact               bodies press on one another and part freely ("compression"), or stick ("welded")
     skin                  by how much lists reach beyond the support, as a part of it; made anew when it is used up
     rebalance             largest over mean number of particles on a rank beyond which they are dealt out anew
@@ -32,10 +40,17 @@ class UpdatedLagrangianSPH(MethodSettings):
 
     system: ClassVar = "parsolid.methods.ulsph.system:UpdatedLagrangianSPH"
     materials: ClassVar = ("micro-inertia", "elastic-plastic")
-    boundaries: ClassVar = ("fixed", "roller", "velocity", "micro_clamped", "temperature")
+    boundaries: ClassVar = ("fixed", "roller", "velocity", "wall", "micro_clamped", "temperature")
     declared_fields: ClassVar = (*STATE, *MICRO_STATE)
+    extra_fields: ClassVar = {"internal_energy": "scalar"}
     pictured_fields: ClassVar = ("plastic_strain", "temperature", "pressure")
-    ledger_terms: ClassVar = {"viscous_dissipation": 1, "heat_supplied": 0}
+    ledger_terms: ClassVar = {
+        "viscous_dissipation": 1,
+        "heat_supplied": 0,
+        "heat_stored": -1,
+        "plastic_work": 0,
+        "viscous_heat": 0,
+    }
     extra_quantities: ClassVar = {
         "maximum_temperature": "scalar",
         "maximum_plastic_strain": "scalar",
@@ -67,8 +82,22 @@ class UpdatedLagrangianSPH(MethodSettings):
             details.append((("method", "contact"), "no such key with one body", self.contact))
         if self.viscous_heating and self.viscosity is False:
             details.append((("method", "viscous_heating"), "false without viscosity", True))
+        kinds = {body.material.kind for body in scene.bodies}
+        if self.viscous_heating and kinds == {"elastic-plastic"}:
+            details.append((("method", "viscous_heating"), "no such key: elastic-plastic laws always take it up", True))
         micro = any(body.material.kind == "micro-inertia" for body in scene.bodies)
         for i, boundary in enumerate(scene.boundaries):
             if boundary.kind == "micro_clamped" and not micro:
                 details.append((("boundaries", i, "kind"), "a body with micro-inertia", boundary.kind))
-        return details
+        return details + self._of_no_body(scene, kinds)
+
+    @staticmethod
+    def _of_no_body(scene: Any, kinds: set[str]) -> list[Detail]:
+        """What is to be shown of laws that no body has."""
+        named: list[tuple[tuple[Any, ...], Any]] = []
+        named += [(("output", "fields", i), name) for i, name in enumerate(scene.output.fields or ())]
+        for i, probe in enumerate(scene.probes):
+            named += [(("probes", i, "fields", k), name) for k, name in enumerate(probe.fields or ())]
+            named.append((("probes", i, "quantity"), probe.quantity))
+        wanted = "something that a body of this scene has"
+        return [(place, wanted, name) for place, name in named if _KIND_OF.get(name, next(iter(kinds))) not in kinds]

@@ -10,17 +10,14 @@ from parsolid.materials.registry import laws_of
 from parsolid.methods.pair_method import PairMethod
 from parsolid.methods.protocol import Announce, EnergyLedger
 from parsolid.methods.ulsph import kinematics as motion
-from parsolid.methods.ulsph import passes
 from parsolid.methods.ulsph.boundaries import BoundarySet
 from parsolid.methods.ulsph.fields import declare_motion, declare_state
 from parsolid.methods.ulsph.observation import measure, shown, unsound
+from parsolid.methods.ulsph.sweeps import Sweeps
 from parsolid.methods.ulsph.terms import (
-    Arrays,
     ArtificialViscosity,
     CompressionOnly,
     GradientCorrection,
-    ManyLengths,
-    OneLength,
     Warming,
     Welded,
 )
@@ -51,27 +48,27 @@ class UpdatedLagrangianSPH(PairMethod):
         """particle_set: this rank's particles, sorted by law. Collective."""
         self.comm, self.settings, self.dimension = comm, scene.method, scene.dimension
         settings, laws = scene.method, laws_of(scene)
-        self.space, self.kernel = LAYOUT[self.dimension], smoothing_kernel(settings.kernel)
+        self.space, kernel = LAYOUT[self.dimension], smoothing_kernel(settings.kernel)
         self.laws, law_of_body = block_numbers(laws, np.arange(len(laws)))
         self.particles = particles = Particles(particle_set.body, law_of_body)
         declare_generated(particles, particle_set)
         self.updates = Updates(self, self.laws)
         self.carried = self.updates.carried
-        self.heating = Warming() if settings.viscous_heating else None
-        declare_motion(particles, particle_set.position, self.carried, self.heating)
+        warms = settings.viscous_heating or any(self.updates.storing)
+        self.heating = Warming() if warms and settings.viscosity else None
+        speeds_change = self.updates.speeds_change
+        declare_motion(particles, particle_set.position, self.carried, self.heating, speeds_change)
         density = density_of(self.laws, law_of_body, particle_set.body)
         self.boundaries = BoundarySet(comm, scene, particle_set, particles)
         lacks = self.updates.lacks | ({"micro_free"} if self.boundaries.held_micro is None else set())
         declare_state(particles, self.dimension, density, lacks)
         self._declare_constants(comm, particle_set, density)
         self.correction = GradientCorrection(_LEAST) if settings.gradient_correction else None
-        self.viscosity: ArtificialViscosity | None = None
-        if settings.viscosity:
-            given = settings.viscosity
-            self.viscosity = ArtificialViscosity(float(given.linear), float(given.quadratic), float(given.softening))
         skin = (float(settings.skin), self.boundaries.codes, float(settings.rebalance))
-        self.pairs = MovingPairs(comm, particles, self.space, self.kernel.support, *skin)
-        self.supplied = 0.0
+        self.pairs = MovingPairs(comm, particles, self.space, kernel.support, *skin)
+        terms = (self.carried, _viscosity(settings), self.heating, *self._meeting_and_length(comm, particle_set))
+        self.sweeps = Sweeps(self.space, kernel, self.pairs, particles, *terms)
+        self.supplied = self.supplied_to_stored = 0.0
         self.lists_state: dict[str, Any] | None = None
 
     def _declare_constants(self, comm: Any, particle_set: ParticleSet, density: np.ndarray) -> None:
@@ -85,13 +82,18 @@ class UpdatedLagrangianSPH(PairMethod):
         particles.owned_rows("sound_speed")[:] = speeds[particles.law_of_body[particle_set.body]]
         if self.boundaries.held_micro is not None:
             particles.owned_rows("micro_free")[:] = ~self.boundaries.held_micro
-        several = maximum(comm, int(particle_set.body.max(initial=0))) > 0
-        self.contact = (settings.contact or "compression") if several else None
-        if self.contact is not None:
-            particles.declare(Field("contact_body", 1, "1", **told), particle_set.body.astype(float))
-        least, most = minimum(comm, float(length.min(initial=np.inf))), maximum(comm, float(length.max(initial=0.0)))
         self.whole_mass = float(comm.allreduce(float(self.mass[: self.owned].sum())))
-        self.one_length = least if most - least <= 1e-9 * most else None
+
+    def _meeting_and_length(self, comm: Any, particle_set: ParticleSet) -> tuple[Any, float | None]:
+        """How bodies meet, None of one body; the smoothing length [m] of all particles, None where it differs."""
+        contact: Any = None
+        if maximum(comm, int(particle_set.body.max(initial=0))) > 0:
+            contact = Welded() if self.settings.contact == "welded" else CompressionOnly()
+            told: dict[str, Any] = {"ghosts": "forward", "message": "reference", "layout": Columns()}
+            self.particles.declare(Field("contact_body", 1, "1", **told), particle_set.body.astype(float))
+        length = self.particles.owned_rows("smoothing_length")
+        least, most = minimum(comm, float(length.min(initial=np.inf))), maximum(comm, float(length.max(initial=0.0)))
+        return contact, least if most - least <= 1e-9 * most else None
 
     def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
         """Set the state at time 0 by the bodies' formulas; collective."""
@@ -109,7 +111,7 @@ class UpdatedLagrangianSPH(PairMethod):
         self.tell_all()
         self.first_pass(0.0)
         self.advance_state(0.0, 0.0)
-        self.second_pass()
+        self.sweeps.forces()
         self.advance_gradients(0.0)
 
     def resume(self) -> None:
@@ -140,9 +142,12 @@ class UpdatedLagrangianSPH(PairMethod):
         self.drift(0, self.owned + self.particles.ghosts, 0.5 * step)
         self.look_ahead(time + step, step)
         announce(sound, self.stable_step())
-        self.second_pass()
+        self.sweeps.forces()
         second = self.boundaries.half_kick(time + step, step, time + step)
         plastic += self.advance_gradients(step)
+        if any(self.updates.storing):
+            # what laws store heats them; the others' share is lost
+            second = (second[0], self.viscous_heat_of_others(step) - first[1])
         self.book(ledger, plastic, lost, np.add(first, second))
         return sound
 
@@ -153,7 +158,8 @@ class UpdatedLagrangianSPH(PairMethod):
             self.tell_all()
 
     def tell_all(self) -> None:
-        """What ghosts know besides what every step tells them."""
+        """What ghosts know besides what every step tells them, after lists were made."""
+        self.sweeps.follow()
         self.particles.update("sound")
         self.particles.update("record")
 
@@ -167,48 +173,18 @@ class UpdatedLagrangianSPH(PairMethod):
 
     def first_pass(self, drift: float) -> None:
         """Velocity gradients, moments and divergences; ghosts drift as their owners did before the message."""
-        sums, shared = self.particles.storage("rate_sums"), self._shared()
-        sums[: self.owned] = 0.0
-        arrays = self._arrays()
-
-        def add(pairs: Any) -> None:
-            if pairs is self.pairs.rim:
-                self.drift(self.owned, self.owned + self.particles.ghosts, drift)
-            passes.add_rates(*shared, pairs, arrays, sums)
-
-        self.pairs.sweep(add, "motion")
+        owned = self.owned
+        self.sweeps.rates(lambda: self.drift(owned, owned + self.particles.ghosts, drift))
 
     def book(self, ledger: EnergyLedger, plastic: float, lost: float, kicked: np.ndarray) -> None:
         """Plastic heat and numerical loss [J]; kicked: work of loads and supports, and what the viscosity took [J]."""
-        ledger.add(1.0, plastic, lost, float(kicked[0]))
+        pushed, caught = self.boundaries.walls.taken()
+        ledger.add(1.0, plastic, lost + caught, float(kicked[0]) + pushed)
         ledger.add_term("viscous_dissipation", float(kicked[1]))
         ledger.add_term("heat_supplied", self.supplied)
-
-    def second_pass(self) -> None:
-        """Forces, viscous heat and gradients."""
-        sums, shared, arrays = self.particles.storage("force_sums"), self._shared(), self._arrays()
-        sums[: self.owned] = 0.0
-        terms = (self.viscosity, self.heating)
-        self.pairs.sweep(lambda pairs: passes.add_forces(*shared, *terms, pairs, arrays, sums), "record")
-
-    def _arrays(self) -> Arrays:
-        storage = self.particles.storage
-        flux = storage("flux") if self.carried is not None else None
-        return Arrays(storage("kinematics"), storage("mass"), storage("record"), flux)
-
-    def _shared(self) -> tuple[Any, ...]:
-        """What both passes take first."""
-        lengths: Any = None
-        if self.one_length is not None:
-            inverse = 1.0 / self.one_length
-            lengths = OneLength(self.one_length, inverse, inverse ** (self.dimension + 2))
-        else:
-            lengths = ManyLengths(self.particles.storage("smoothing_length"))
-        contact: Any = None
-        if self.contact is not None:
-            kind = Welded if self.contact == "welded" else CompressionOnly
-            contact = kind(self.particles.storage("contact_body"))
-        return self.space, self.kernel, lengths, self.carried, contact
+        ledger.add_term("heat_stored", self.supplied_to_stored)
+        for name, energy in self.updates.taken().items():
+            ledger.add_term(name, energy)
 
     def advance_state(self, time: float, step: float) -> tuple[bool, float, float]:
         """State and records after a step [s] to a time [s]; sound, plastic heat and numerical loss [J]."""
@@ -216,20 +192,36 @@ class UpdatedLagrangianSPH(PairMethod):
         for update, block, body in self.updates.each():
             good, heat, loss = update.advance(block, step, body)
             sound, plastic, lost = sound and good, plastic + heat, lost + loss
-        self.supplied = self._prescribe_temperatures(time) if self.boundaries.sets_temperature else 0.0
+        if self.boundaries.sets_temperature:
+            self.supplied, self.supplied_to_stored = self._prescribe_temperatures(time)
         return sound, plastic, lost
 
-    def _prescribe_temperatures(self, time: float) -> float:
-        """The heat [J] that prescribed temperatures supply."""
-        supplied, temperature = 0.0, self.particles.owned_rows("temperature")
+    def _prescribe_temperatures(self, time: float) -> tuple[float, float]:
+        """The heat [J] that prescribed temperatures supply, and the part of it that goes into stored energy."""
+        supplied, stored, temperature = 0.0, 0.0, self.particles.owned_rows("temperature")
         record, column = self.particles.storage("record"), 6 if self.dimension == 2 else 11
-        capacity = np.array([law.specific_heat for law in self.laws])[self.particles.law_of_body]
+        law_of_body = self.particles.law_of_body
+        capacity = np.array([law.specific_heat for law in self.laws])[law_of_body]
+        kept = np.array([law.density * storing for law, storing in zip(self.laws, self.updates.storing)])[law_of_body]
         for rows, values in self.boundaries.temperatures(time):
-            heat = capacity[self.particles.owned_rows("body")[rows]] * self.mass[rows]
-            supplied += float(heat @ (values - temperature[rows]))
+            body = self.particles.owned_rows("body")[rows]
+            change = capacity[body] * (values - temperature[rows])
+            supplied += float(change @ self.mass[rows])
+            stored += float(change @ (self.mass[rows] * (kept[body] > 0.0)))
+            if kept.any():
+                self.particles.owned_rows("energy")[rows] += kept[body] * change
             temperature[rows] = values
             record[rows, column] = values
-        return supplied
+        return supplied, stored
+
+    def viscous_heat_of_others(self, step: float) -> float:
+        """Viscous heat [J] of a step [s] in particles whose stored energy holds no heat."""
+        sums = self.particles.storage("force_sums")
+        column = sums.shape[1] - 4 if self.dimension == 2 else 3
+        blocks = (b for update, b, _ in self.updates.each() if not update.stores_heat)
+        if self.heating is None:
+            return 0.0
+        return step * sum((float(sums[b.first : b.last, column].sum()) for b in blocks), 0.0)
 
     def advance_gradients(self, step: float) -> float:
         """Fluxes after a step [s], where something flows; what of them is dissipated [J]."""
@@ -304,3 +296,11 @@ class UpdatedLagrangianSPH(PairMethod):
         """Particles in the middles of cells."""
         tables["bodies"] = [body | {"placement": "cells"} for body in tables["bodies"]]
         return tables
+
+
+def _viscosity(settings: Any) -> ArtificialViscosity | None:
+    """As the scene states it."""
+    given = settings.viscosity
+    if not given:
+        return None
+    return ArtificialViscosity(float(given.linear), float(given.quadratic), float(given.softening))

@@ -58,15 +58,15 @@ class ArtificialViscosity(NamedTuple):
 
 
 class Welded(NamedTuple):
-    """Bodies, by particle (1, rows), that stick to one another; neither micro-velocity nor heat crosses."""
+    """Bodies that stick to one another; neither micro-velocity nor heat crosses."""
 
-    body: np.ndarray
+    kind: int = 0
 
 
 class CompressionOnly(NamedTuple):
-    """Bodies, by particle (1, rows), that press on one another and part freely."""
+    """Bodies that press on one another and part freely; neither micro-velocity nor heat crosses."""
 
-    body: np.ndarray
+    kind: int = 1
 
 
 class Arrays(NamedTuple):

@@ -8,15 +8,23 @@ from typing import Any
 import numpy as np
 
 from parsolid.materials.blocks import MaterialBlock
+from parsolid.materials.plastic import plastic_evaluation
+from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.micro_inertia import MicroInertia, heat_time_step
 from parsolid.materials.plastic.micro_inertia_solve import increments_of
-from parsolid.methods.ulsph import micro_inertia_update
+from parsolid.methods.ulsph import micro_inertia_update, plastic_update
 from parsolid.methods.ulsph.fields import Body, body_of
 from parsolid.methods.ulsph.terms import HeatFlux, MicroAndHeatFlux, MicroFlux
 
 
 class MicroInertiaUpdate:
-    """The kind of laws with micro-velocity and micro-stress."""
+    """The kind of laws with micro-velocity and micro-stress.
+
+    stores_heat: whether the stored energy holds heat, that of the viscosity too; speeds_change: whether c follows the
+    state.
+    """
+
+    stores_heat = speeds_change = False
 
     @staticmethod
     def lacks(law: MicroInertia) -> set[str]:
@@ -51,9 +59,10 @@ class MicroInertiaUpdate:
     def advance_gradients(self, block: MaterialBlock, step: float, body: Body) -> float:
         """Fluxes from the sums of the second pass; what of them is dissipated [J]."""
         system, here = self.system, (block.first, block.last, block.law)
+        warming = system.heating if system.settings.viscous_heating else None
         return float(
             micro_inertia_update.advance_gradients(
-                system.space, *here, increments_of(block.law, step), system.carried, system.heating, body
+                system.space, *here, increments_of(block.law, step), system.carried, warming, body
             )
         )
 
@@ -82,13 +91,93 @@ class MicroInertiaUpdate:
         return result
 
     @staticmethod
+    def room(block: MaterialBlock, body: Body) -> None:
+        """The law holds at every density."""
+
+    @staticmethod
     def sound_speed(law: MicroInertia) -> float:
         """c_L [m/s] of the undeformed solid."""
         return float(micro_inertia_update.speed_of_sound(law))
 
 
-Update = MicroInertiaUpdate
-_KINDS: dict[type, type[Update]] = {MicroInertia: MicroInertiaUpdate}
+class ElasticPlasticUpdate:
+    """The kind of laws with an equation of state of density and internal energy, plastic flow and heat.
+
+    plastic_work, viscous_heat [J]: of this rank's particles since `Updates.taken` was asked.
+    """
+
+    stores_heat = speeds_change = True
+
+    def __init__(self, system: Any):
+        """system: `system.UpdatedLagrangianSPH`."""
+        self.system, self.plastic_work, self.viscous_heat = system, 0.0, 0.0
+
+    @staticmethod
+    def lacks(law: ElasticPlastic) -> set[str]:
+        """Names of `fields.Body` that a law does without."""
+        flux = {"heat_flux"} if law.conductivity is None else set()
+        return {name for name in Body._fields if name.startswith(("micro_", "energetic", "dissipative"))} | flux
+
+    def begin(self, block: MaterialBlock, body: Body) -> None:
+        """The internal energy that belongs to the temperatures at time 0."""
+        here = slice(block.first, block.last)
+        body.energy[0, here] = block.law.internal_energy(body.temperature[0, here])
+
+    def advance(self, block: MaterialBlock, step: float, body: Body) -> tuple[bool, float, float]:
+        """See `MicroInertiaUpdate.advance`; the stored energy holds the plastic heat."""
+        system, here = self.system, (block.first, block.last, block.law)
+        sound, work, heat = plastic_update.advance_state(
+            system.space, *here, step, system.carried, system.heating, system.correction, body
+        )
+        self.plastic_work += work
+        self.viscous_heat += heat
+        return sound, 0.0, 0.0
+
+    def advance_gradients(self, block: MaterialBlock, step: float, body: Body) -> float:
+        """The flux of heat after the second pass; nothing is dissipated."""
+        system = self.system
+        if system.carried is not None:
+            here = (block.first, block.last, block.law)
+            plastic_update.advance_heat_flux(system.space, *here, system.carried, body)
+        return 0.0
+
+    def energies(self, block: MaterialBlock, body: Body) -> tuple[float, float]:
+        """0, and E V0 [J]."""
+        here = slice(block.first, block.last)
+        return 0.0, float(body.energy[0, here] @ body.mass[0, here]) / block.law.density
+
+    def stable_step(self, block: MaterialBlock, body: Body) -> float:
+        """rho C_v h^2/(2 kappa) [s] of conduction by Fourier, see `heat_time_step`."""
+        law, here = block.law, slice(block.first, block.last)
+        if law.conductivity is None:
+            return float(np.inf)
+        least = float((body.density[0, here] * body.smoothing_length[0, here] ** 2).min())
+        return float(0.5 * law.specific_heat * least / law.conductivity)
+
+    @staticmethod
+    def pressures(block: MaterialBlock, body: Body, first: int, last: int) -> np.ndarray:
+        """P (n,) [Pa] of particles first..last-1."""
+        return plastic_evaluation.pressure(
+            block.law, block.law.density / body.density[0, first:last], body.energy[0, first:last]
+        )
+
+    @staticmethod
+    def room(block: MaterialBlock, body: Body) -> np.ndarray:
+        """Room (n,) that the equation of state leaves to compress the particles, see `plasticity.room_to_compress`."""
+        here = slice(block.first, block.last)
+        return plastic_evaluation.room_to_compress(block.law, block.law.density / body.density[0, here])
+
+    @staticmethod
+    def sound_speed(law: ElasticPlastic) -> float:
+        """c_L [m/s] of the undeformed solid at the reference temperature."""
+        mu = plastic_evaluation.shear_modulus(law, 1.0, 0.0, law.reference_temperature)
+        bulk = plastic_evaluation.isentropic_bulk_modulus(law, 1.0, 0.0)
+        return float(np.sqrt((bulk + 4.0 / 3.0 * mu) / law.density))
+
+
+# by the class of the law
+Update = MicroInertiaUpdate | ElasticPlasticUpdate
+_KINDS: dict[type, type[Update]] = {MicroInertia: MicroInertiaUpdate, ElasticPlastic: ElasticPlasticUpdate}
 
 
 class Updates:
@@ -105,6 +194,25 @@ class Updates:
     def lacks(self) -> frozenset[str]:
         """What no law has."""
         return frozenset.intersection(*self.lacking.values())
+
+    @property
+    def storing(self) -> list[bool]:
+        """Of every law whether its stored energy holds heat, the same on all ranks."""
+        return [_KINDS[type(law)].stores_heat for law in self.lacking]
+
+    @property
+    def speeds_change(self) -> bool:
+        """Whether any speed of sound follows the state, the same on all ranks."""
+        return any(update.speeds_change for update in self.of_kind.values())
+
+    def taken(self) -> dict[str, float]:
+        """Plastic work and viscous heat [J] that stored energies have taken up since this was asked."""
+        update = self.of_kind.get(ElasticPlastic)
+        if not isinstance(update, ElasticPlasticUpdate):
+            return {}
+        result = {"plastic_work": update.plastic_work, "viscous_heat": update.viscous_heat}
+        update.plastic_work = update.viscous_heat = 0.0
+        return result
 
     @property
     def carried(self) -> MicroFlux | HeatFlux | MicroAndHeatFlux | None:

@@ -1,0 +1,165 @@
+"""Particle kernels of elastic-plastic laws with an equation of state: the state between the passes, heat after them.
+
+Four particles at a time; a range first..last-1 shares one law. The deviator is a Cauchy stress in Jaumann's rate, its
+trial is what `deviator_update` returns to the flow stress; energy and temperature are those of the material point
+method, but that viscous heat comes from the sums of the second pass.
+"""
+
+import math
+
+from numba.extending import register_jitable
+
+from decomposition.compiled import compiled
+from parsolid.materials.plastic import radial_return, rate_form  # noqa: F401  (their overloads)
+from parsolid.materials.plastic.jaumann_rate import elastic_increment, jaumann_turn
+from parsolid.materials.plastic.plasticity import (
+    cold_pressure,
+    deviator_update,
+    grueneisen_coefficient,
+    melting_temperature,
+    room_to_compress,
+    shear_modulus,
+)
+from parsolid.materials.plastic.wave_speed import wave_speed
+from parsolid.methods.ulsph.layout import (
+    bounded_inverse,
+    load_correction,
+    load_moment,
+    store_correction,
+    store_stress_record,
+    store_vector,
+)
+from parsolid.methods.ulsph.sums import divergences, gradients, store_fluxes
+from parsolid.methods.ulsph.viscous_heat import centred_heat
+from parsolid.numerics.dispatch import generic, none_without
+from parsolid.numerics.elementary import choose
+from parsolid.numerics.lanes import WIDTH, all_positive, broadcast, from_floats, lane, load, store_first, total
+from parsolid.numerics.layout import Plane, load_gradient
+from parsolid.numerics.polar import congruence
+from parsolid.numerics.tensor_rows import load_symmetric, store_symmetric
+from parsolid.numerics.tensors import I, contract, trace
+
+
+@register_jitable
+def _strained(space, step, correction, body, i, count):
+    """B, growth of the density over half the step, S turned with the spin and the strain increment dev D dt."""
+    weight = 1.0 / (load(body.mass, 0, i) * load(body.density, 0, i))
+    B = bounded_inverse(space, correction, weight * load_moment(space, body.rate_sums, i))
+    rate = weight * (load_gradient(space, body.rate_sums, i) @ B)
+    # the moment is that of the middle of the step, and so is its density then
+    growth = math.exp(-0.5 * step * trace(rate))
+    B = growth * B
+    store_correction(space, body.correction, i, B, count)
+    turn = jaumann_turn(rate, step)
+    rotated = congruence(turn, load_symmetric(space, body.deviator, i))
+    return B, growth, rotated, elastic_increment(turn, rate, step, 0.5)
+
+
+@generic(on="loss")
+def _supplied(loss, factor):
+    """Heat that conduction brings: -factor div q, 0 where nothing is conducted."""
+
+
+@_supplied.of(None)
+def _nothing_supplied(loss, factor):
+    return 0.0
+
+
+@_supplied.otherwise
+def _conducted(loss, factor):
+    return -factor * loss
+
+
+@generic
+def _store_speed(space, kinematics, i, speed, count):
+    """c beside the velocity in space; the plane has it in the record."""
+
+
+@_store_speed.of(Plane)
+def _speed_in_record(space, kinematics, i, speed, count):
+    return None
+
+
+@_store_speed.otherwise
+def _speed_in_kinematics(space, kinematics, i, speed, count):
+    for k in range(count):
+        kinematics[i + k, 3] = lane(speed, k)
+
+
+@compiled(fastmath={"contract"}, error_model="numpy")
+def advance_state(space, first, last, law, step, carried, heating, correction, body):
+    """Advance density, stress, plastic strain, E and T of particles by a step [s] from the sums of the first pass.
+
+    Fills B, the records and the speeds of sound. The viscous heat is that of the last forces, so that a force and the
+    energy that it takes know the same pressure. Returns (sound, plastic work, viscous heat [J]); sound is False when a
+    particle is compressed beyond its equation of state or is not a number.
+    """
+    sound, plastic, viscous = True, broadcast(0.0), broadcast(0.0)
+    eos, capacity = law.equation_of_state, law.density * law.specific_heat
+    gamma = grueneisen_coefficient(eos)
+    for i in range(first, last, WIDTH):
+        count = min(WIDTH, last - i)
+        B, growth, rotated, strain = _strained(space, step, correction, body, i, count)
+        volume, old = load(body.mass, 0, i) / law.density, load(body.density, 0, i)
+        middle, density = old * growth, old * growth * growth
+        ep, energy, temperature = load(body.plastic_strain, 0, i), load(body.energy, 0, i), load(body.temperature, 0, i)
+        J, half_J, new_J = law.density / old, law.density / middle, law.density / density
+        change, pressure = new_J - J, cold_pressure(eos, J) + gamma * energy
+        melting = melting_temperature(law.melting, J)
+        mu = shear_modulus(law.shear_modulus, J, pressure, temperature, melting)
+        share = law.taylor_quinney * new_J / capacity
+        s, increment, plastic_work = deviator_update(
+            law.flow_stress, rotated, strain, ep, step, temperature, share, mu, melting
+        )
+        plastic_work = new_J * plastic_work
+        friction = (1.0 / volume) * centred_heat(heating, space, body, i, step)
+        conducted = _supplied(divergences(space, carried, body, i, 1.0 / (volume * half_J))[1], step * half_J)
+        # closed form of E+ = E + W - (P + P+)/2 (J+ - J) with P+ = A(J+) + gamma E+; T dS and -gamma T tr d likewise
+        cold, part = cold_pressure(eos, new_J), 0.5 * gamma * change
+        work = 0.5 * half_J * contract(rotated + s, strain)
+        energy = (energy + work + friction + conducted - 0.5 * (pressure + cold) * change) / (1.0 + part)
+        heat = law.taylor_quinney * plastic_work + friction + conducted
+        temperature = (temperature * (1.0 - part) + heat / capacity) / (1.0 + part)
+        pressure = cold + gamma * energy
+        store_symmetric(space, body.deviator, i, s, count)
+        store_first(body.density, 0, i, density, count)
+        store_first(body.plastic_strain, 0, i, ep + increment, count)
+        store_first(body.energy, 0, i, energy, count)
+        store_first(body.temperature, 0, i, temperature, count)
+        speed = wave_speed(law, new_J, pressure, mu)
+        _store_speed(space, body.kinematics, i, speed, count)
+        P = (1.0 / (density * density)) * ((s - pressure * I) @ B)
+        store_stress_record(space, body.record, i, P, density, broadcast(0.0), temperature, speed)
+        valid = float(count) - from_floats(0.5, 1.5, 2.5, 3.5)
+        plastic = plastic + choose(valid, volume * plastic_work, 0.0)
+        viscous = viscous + choose(valid, volume * friction, 0.0)
+        # the second of both where one is not a number
+        if not all_positive(choose(valid, min(room_to_compress(eos, new_J), speed), 1.0)):
+            sound = False
+    return sound, total(plastic), total(viscous)
+
+
+@none_without("gradient")
+def _fourier(gradient, conductivity):
+    """q = -kappa grad T."""
+    if len(gradient) == 2:
+        return -conductivity * gradient[0], -conductivity * gradient[1]
+    return -conductivity * gradient[0], -conductivity * gradient[1], -conductivity * gradient[2]
+
+
+@none_without("conductivity")
+def _flux(conductivity, gradient):
+    """q of a law that conducts."""
+    return _fourier(gradient, conductivity)
+
+
+@compiled(fastmath={"contract"}, error_model="numpy")
+def advance_heat_flux(space, first, last, law, carried, body):
+    """The heat flux from the gradients that the second pass has summed, and what it tells the neighbours."""
+    for i in range(first, last, WIDTH):
+        count = min(WIDTH, last - i)
+        mass, density = load(body.mass, 0, i), load(body.density, 0, i)
+        B = load_correction(space, body.correction, i)
+        q = _flux(law.conductivity, gradients(space, carried, body, i, B, 1.0 / (mass * density))[1])
+        store_vector(body.heat_flux, i, q, count)
+        store_fluxes(space, carried, body.flux, i, B, 1.0 / (density * density), None, None, q)

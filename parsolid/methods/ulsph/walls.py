@@ -1,0 +1,54 @@
+"""Rigid walls that particles run into: a particle is caught where its half spacing reaches the wall, and parts
+freely."""
+
+from typing import Any
+
+import numpy as np
+
+from parsolid.boundary.declarations import RigidWall
+from parsolid.collective import raise_together
+from parsolid.particles.container import Particles
+
+# of a spacing: a particle in the middle of a cell on the wall touches it
+_TOUCHING = 1e-6
+
+
+class Walls:
+    """The walls of a scene; `work` of moving ones and `lost` to particles that they caught [J] since `taken`."""
+
+    def __init__(self, comm: Any, walls: list[RigidWall], particles: Particles):
+        """Raises SolverError on all ranks where a particle stands beyond a wall. Collective."""
+        self.particles, self.walls, self.work, self.lost = particles, walls, 0.0, 0.0
+        for wall in walls:
+            beyond = self._gap(wall, 0.0) < -_TOUCHING * particles.owned_rows("spacing")[:, wall.plane.axis]
+            fault = f"{wall.key}: expected all bodies {wall.side} the wall, found particles that it cuts"
+            raise_together(comm, fault if beyond.any() else None)
+
+    def _gap(self, wall: RigidWall, time: float) -> np.ndarray:
+        """From the wall to the faces of the particles' cells (n,) [m]."""
+        axis, sign = wall.plane.axis, 1.0 if wall.side == "above" else -1.0
+        speed = 0.0 if wall.velocity is None else wall.velocity[axis]
+        distance = self.particles.owned_rows("position")[:, axis] - (wall.plane.offset + speed * time)
+        return np.asarray(sign * distance - 0.5 * self.particles.owned_rows("spacing")[:, axis])
+
+    def catch(self, time: float) -> None:
+        """Let particles that a wall has reached at a time [s] move with it."""
+        velocity, mass = self.particles.owned_rows("velocity"), self.particles.storage("mass")[0]
+        for wall in self.walls:
+            axis, sign = wall.plane.axis, 1.0 if wall.side == "above" else -1.0
+            own = np.zeros(velocity.shape[1]) if wall.velocity is None else np.asarray(wall.velocity, float)
+            reach = _TOUCHING * self.particles.owned_rows("spacing")[:, axis]
+            pressed = sign * (velocity[:, axis] - own[axis]) < 0.0
+            rows = np.flatnonzero((self._gap(wall, time) <= reach) & pressed)
+            change = np.zeros((len(rows), len(own)))
+            components = slice(None) if wall.sticking else slice(axis, axis + 1)
+            change[:, components] = own[components] - velocity[rows][:, components]
+            velocity[rows] += change
+            self.work += float(mass[rows] @ (change @ own))
+            self.lost += float(0.5 * mass[rows] @ (change**2).sum(axis=1))
+
+    def taken(self) -> tuple[float, float]:
+        """Work and loss [J], forgotten."""
+        result = self.work, self.lost
+        self.work = self.lost = 0.0
+        return result

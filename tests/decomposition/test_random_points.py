@@ -1,0 +1,64 @@
+"""Random points on any number of ranks: partition, migration and halo against the same thing done serially."""
+
+import numpy as np
+import pytest
+
+hypothesis = pytest.importorskip("hypothesis")
+from hypothesis import given  # noqa: E402 (after it is known to be there)
+from hypothesis import strategies as st  # noqa: E402
+
+from decomposition import migrate  # noqa: E402
+from decomposition.partition import bisect  # noqa: E402
+
+# every rank draws the same examples, and none looks for a smaller one while the others wait
+TOGETHER = hypothesis.settings(
+    derandomize=True, deadline=None, database=None, max_examples=40, phases=[hypothesis.Phase.generate]
+)
+POINTS = st.tuples(
+    st.integers(0, 300), st.integers(1, 3), st.integers(0, 2**32 - 1), st.sampled_from(["any", "grid", "place", "line"])
+)
+
+
+def points_of(count: int, dimension: int, seed: int, kind: str) -> np.ndarray:
+    chance = np.random.default_rng(seed)
+    if kind == "place":
+        return np.ones((count, dimension))
+    points = chance.standard_normal((count, dimension)) * 10.0 ** chance.integers(-3, 4)
+    if kind == "line":
+        points[:, 1:] = 0.0
+    # many ties
+    return np.rint(4 * points) if kind == "grid" else points
+
+
+def own(comm, count: int, seed: int) -> np.ndarray:
+    """Which points this rank starts with: anything, some ranks may have none."""
+    return np.flatnonzero(np.random.default_rng(seed + 1).integers(0, comm.size, count) == comm.rank)
+
+
+@TOGETHER
+@given(drawn=POINTS)
+def test_parts_are_even_and_every_point_has_one(comm, drawn):
+    count, dimension, seed, kind = drawn
+    points, rows = points_of(count, dimension, seed, kind), own(comm, count, seed)
+    owner = np.full(count, -1)
+    owner[rows] = bisect(comm, points[rows])
+    owner = np.max(comm.allgather(owner), axis=0)
+    assert owner.min(initial=0) >= 0 and owner.max(initial=0) < comm.size
+    sizes = np.bincount(owner, minlength=comm.size)
+    assert sizes.max() - sizes.min() <= 2 + np.log2(comm.size)
+
+
+@TOGETHER
+@given(drawn=POINTS)
+def test_migrated_rows_are_those_of_a_serial_model(comm, drawn):
+    count, dimension, seed, kind = drawn
+    points, rows = points_of(count, dimension, seed, kind), own(comm, count, seed)
+    target = np.random.default_rng(seed + 2).integers(0, comm.size, count)
+    arrays = {"identifier": rows, "points": points[rows], "flag": points[rows, 0] > 0.0}
+    found = migrate(comm, target[rows], arrays)
+    expected = np.concatenate(
+        [[i for i in comm.bcast(rows, root=rank) if target[i] == comm.rank] for rank in range(comm.size)]
+    ).astype(int)
+    assert found["identifier"].tolist() == expected.tolist()
+    assert found["points"].tobytes() == points[expected].tobytes()
+    assert found["flag"].tolist() == (points[expected, 0] > 0.0).tolist()

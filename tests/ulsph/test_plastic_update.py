@@ -1,0 +1,181 @@
+"""The kernel of elastic-plastic laws in updated-Lagrangian SPH at homogeneous deformation: oracles, order, rotation,
+the material point method."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from parsolid.materials.plastic import plastic_evaluation as evaluation
+from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
+from parsolid.materials.plastic.equation_of_state import LinearElastic, MieGrueneisen
+from parsolid.materials.plastic.linear_hardening import LinearHardening
+from parsolid.materials.plastic.shear_modulus import ConstantShearModulus
+from parsolid.materials.registry import law_of
+from parsolid.methods.mpm.plastic_update import advance_stress, new_state
+from parsolid.methods.ulsph.fields import Body
+from parsolid.methods.ulsph.plastic_update import advance_state
+from parsolid.methods.ulsph.terms import GradientCorrection
+from parsolid.numerics.layout import LAYOUT
+from parsolid.scene.plasticity import library
+
+COPPER = MieGrueneisen(8930.0, 3940.0, 1.489, 2.02)
+FLOWING = ElasticPlastic(
+    8930.0, 383.0, 300.0, 0.9, None, COPPER, ConstantShearModulus(47.7e9), LinearHardening(120e6, 1e8), None
+)
+ELASTIC = FLOWING._replace(
+    equation_of_state=LinearElastic(130e9),
+    shear_modulus=ConstantShearModulus(45e9),
+    flow_stress=LinearHardening(1e20, 0.0),
+)
+COMPONENTS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+class Particles:
+    """Four particles of one law with neighbours in perfect order, driven by a velocity gradient (3, 3)."""
+
+    def __init__(self, law, dimension=3, temperature=300.0):
+        self.law, self.dimension = law, dimension
+        one, rows = (lambda value: np.full((1, 8), value)), {2: 4, 3: 6}[dimension]
+        arrays = dict.fromkeys(Body._fields) | {
+            "kinematics": np.zeros((8, 8)),
+            "mass": one(2.0),
+            "record": np.zeros((12, 12)),
+            "rate_sums": np.zeros((12, 20)),
+            "force_sums": np.zeros((12, 8)),
+            "correction": np.zeros((6, 8)),
+            "density": one(law.density),
+            "deviator": np.zeros((rows, 8)),
+            "temperature": one(temperature),
+            "plastic_strain": one(0.0),
+            "energy": one(law.internal_energy(temperature)),
+        }
+        self.body = Body(**arrays)
+
+    def advance(self, step, gradient):
+        """One step; plastic work over the volume at rest."""
+        body, d = self.body, self.dimension
+        weight = body.mass[0, :4] * body.density[0, :4]
+        body.rate_sums[:] = 0.0
+        for k in range(4):
+            place = 4 if d == 3 else 2
+            for i in range(d):
+                body.rate_sums[k, place * i : place * i + d] = weight[k] * gradient[:d, i]
+            first = {2: 4, 3: 12}[d]
+            body.rate_sums[k, first : first + d] = weight[k]
+        sound, work, heat = advance_state(LAYOUT[d], 0, 4, self.law, step, None, None, GradientCorrection(0.3), body)
+        assert sound and heat == 0.0
+        return work / (4 * 2.0 / self.law.density)
+
+    def deviator(self):
+        """S (3, 3) [Pa] of the first particle."""
+        result = np.zeros((3, 3))
+        for (i, j), value in zip(COMPONENTS, self.body.deviator[:, 0]):
+            result[i, j] = result[j, i] = value
+        return result
+
+    def scalars(self):
+        """J, E, T, plastic strain."""
+        body = self.body
+        J = self.law.density / body.density[0, 0]
+        return np.array([J, body.energy[0, 0], body.temperature[0, 0], body.plastic_strain[0, 0]])
+
+    def pressure(self):
+        J, energy = self.scalars()[:2]
+        return float(evaluation.pressure(self.law, J, energy))
+
+
+def driven(law, gradient, duration, steps, **keys):
+    particles = Particles(law, **keys)
+    for _ in range(steps):
+        particles.advance(duration / steps, gradient)
+    return particles
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_elastic_shear_follows_jaumann(dimension):
+    """S12 = G sin(gamma), S11 = G (1 - cos(gamma)) at a shear of 1: 37.866 and 20.686 GPa; of second order."""
+    gradient = np.array([[0.0, 1e3, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    exact = 45e9 * np.array([1.0 - np.cos(1.0), np.sin(1.0)])
+    errors = [
+        np.abs(driven(ELASTIC, gradient, 1e-3, n, dimension=dimension).deviator()[0, :2] - exact) for n in (20, 40)
+    ]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx([2.0, 2.0], abs=0.1)
+    assert errors[1].max() < 1e-4 * 45e9
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_rotated_state_is_the_same_state(dimension):
+    """A quarter turn in 200 steps turns S and leaves J, E, T and plastic strain; flow goes on in the turned axes."""
+    stretch = np.array([[-300.0, 100.0, 0.0], [100.0, 50.0, 0.0], [0.0, 0.0, 0.0]])
+    spin = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) * 0.5 * np.pi
+    Q = expm(spin)
+    plain, turned = (driven(FLOWING, stretch, 3e-4, 60, dimension=dimension) for _ in range(2))
+    before = turned.scalars()
+    assert before[3] > 0.03
+    for _ in range(200):
+        turned.advance(1e-6, spin / 2e-4)
+    np.testing.assert_allclose(turned.scalars(), before, rtol=1e-10)
+    np.testing.assert_allclose(
+        turned.deviator(), Q @ plain.deviator() @ Q.T, atol=1e-4 * np.abs(plain.deviator()).max()
+    )
+    for _ in range(60):
+        plain.advance(5e-6, -0.5 * stretch)
+        turned.advance(5e-6, -0.5 * Q @ stretch @ Q.T)
+    np.testing.assert_allclose(turned.scalars(), plain.scalars(), rtol=1e-4)
+    np.testing.assert_allclose(
+        turned.deviator(), Q @ plain.deviator() @ Q.T, atol=2e-4 * np.abs(plain.deviator()).max()
+    )
+
+
+def material_point(law, gradient, duration, steps, temperature):
+    """S (3, 3), P and J, E, T, plastic strain by the update of the material point method."""
+    state, motion, rate, record = new_state(3, 8), np.zeros((8, 8)), np.zeros((8, 12)), np.zeros((8, 8))
+    state.temperature[:], state.energy[:] = temperature, law.internal_energy(temperature)
+    motion[:, 7] = 1.0
+    # F+ = (1 + dt l) F, the same deformation as of a steady velocity gradient
+    rate.reshape(-1, 3, 4)[0, :, :3] = (expm(duration / steps * gradient) - np.eye(3)) / (duration / steps)
+    for _ in range(steps):
+        assert advance_stress(LAYOUT[3], 0, 1, law, duration / steps, None, state, motion, rate, record)[0]
+    J = np.linalg.det(state.deformation[:, 0].reshape(3, 3))
+    xx, yy, zz, _, yz, xz, xy, _ = record[0] / J
+    stress = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    pressure = -np.trace(stress) / 3.0
+    scalars = np.array([J, state.energy[0, 0], state.temperature[0, 0], state.plastic_strain[0, 0]])
+    return stress + pressure * np.eye(3), pressure, scalars
+
+
+_OTHERS = [name for name in library() if name != "OFHC copper, Johnson-Cook"]
+
+
+@pytest.mark.parametrize(
+    "name", ["OFHC copper, Johnson-Cook", *(pytest.param(name, marks=pytest.mark.slow) for name in _OTHERS)]
+)
+def test_it_is_the_material_point_methods_state_without_rotation(name):
+    """Compressed by a fifth and sheared along, every law of the library: the difference falls with the square of the
+    step, to 1e-4."""
+    law, gradient = law_of(library()[name]), np.diag([-2.0e4, 6e3, 2e3])
+    worst = []
+    for steps in (200, 400):
+        found = driven(law, gradient, 2e-5, steps, temperature=320.0)
+        S, P, scalars = material_point(law, gradient, 2e-5, steps, 320.0)
+        assert scalars[0] < 0.8 and scalars[3] > 0.1 and scalars[2] > 350.0
+        differences = [np.abs(found.deviator() - S).max() / np.abs(S).max(), abs(found.pressure() / P - 1.0)]
+        worst.append(np.array([*differences, *np.abs(found.scalars() / scalars - 1.0)]))
+    assert worst[1].max() < 1e-4
+    assert worst[1].max() < 0.6 * worst[0].max()
+
+
+def test_energy_is_the_work_of_the_stress():
+    """E rises by the work of stress, -P dJ + J S:D dt by trapezoids, in flow and compression; of second order."""
+    gradient = np.array([[-8e3, 6e3, 0.0], [1e3, 2e3, 0.0], [0.0, 0.0, 1e3]])
+    D, errors = 0.5 * (gradient + gradient.T), []
+    for steps in (100, 200):
+        particles, step, work = Particles(FLOWING), 2e-5 / steps, 0.0
+        power = 0.0
+        for _ in range(steps):
+            particles.advance(step, gradient)
+            J = particles.scalars()[0]
+            now = J * (np.tensordot(particles.deviator(), D) - particles.pressure() * np.trace(D))
+            work, power = work + 0.5 * step * (power + now), now
+        errors.append(abs(particles.scalars()[1] / work - 1.0))
+    assert errors[1] < 2e-4 and errors[0] > 1.7 * errors[1]
