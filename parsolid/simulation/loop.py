@@ -192,9 +192,8 @@ class Simulation:
             return
         # the agreed step is negative when a stage of any rank was not sound
         self.failed_somewhere = stable < 0.0
-        raise RunFailed(
-            describe_failure(self, f"the stable time step {stable:.3g} s fell below the floor {floor:.3g} s")
-        )
+        what = f"the stable time step {stable:.3g} s fell below the floor {floor:.3g} s"
+        raise RunFailed(describe_failure(self, "the state was lost within the step" if stable < 0.0 else what))
 
     def _check_balance(self) -> None:
         balance = self.balance
