@@ -83,7 +83,7 @@ class BoundarySet:
             work += float(0.5 * (mass[0, rows] * (new - free)) @ (before + new))
             column = 2 if dimension == 2 else 4
             viscous += float(0.25 * step * forces[rows, column + components] @ (new - free))
-        if self.walls.walls:
+        if begun is not None:
             loaded, slowed = self.walls.catch(time, 0.5 * step, begun)
             work, viscous = work + loaded, viscous + slowed
         return work, -viscous
