@@ -37,7 +37,7 @@ class BoundarySet:
     def __init__(self, comm: Any, scene: Scene, particle_set: ParticleSet, particles: Particles):
         """particles: those of the particle_set; collective. Raises SolverError on all ranks."""
         declared = Declarations(scene, Support, PrescribedMotion, RigidWall, TemperaturePlane, HeldMicroVelocity)
-        supports = Supports(comm, scene, declared.of(Support), particle_set)
+        supports = Supports(comm, scene, declared.of(Support, "fixed", "roller"), particle_set)
         self.particles, self.codes = particles, supports.codes
         self._clamp = None
         if anywhere(comm, bool(supports.held.any())):
