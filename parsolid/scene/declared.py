@@ -32,13 +32,18 @@ class DeclaredModel(SceneModel):
     def __reduce__(self) -> tuple[Any, ...]:
         # classes made at run time have no place to be found at
         kind = type(self).declared
-        source = getattr(kind, "source", None) or (getattr(kind, "role", None), getattr(kind, "kind", None))
+        source = getattr(kind, "source", None)
+        if source is None:
+            # an entry of a list has no role, but is found by its own name
+            source = (kind.role, kind.kind) if hasattr(kind, "role") else (kind,)
         return _restored, (source, self.__getstate__())
 
 
-def _restored(source: tuple[str, ...], state: dict[Any, Any]) -> DeclaredModel:
+def _restored(source: tuple[Any, ...], state: dict[Any, Any]) -> DeclaredModel:
     """A table that another rank has validated, with the text of the law's file as that rank has read it."""
-    model = model_of(registry.from_text(*source) if len(source) == 3 else registry.declared(*source))
+    ways: dict[int, Any] = {1: lambda kind: kind, 2: registry.declared, 3: registry.from_text}
+    find = ways[len(source)]
+    model = model_of(find(*source))
     result = model.__new__(model)
     result.__setstate__(state)
     return result
