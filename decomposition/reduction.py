@@ -108,6 +108,8 @@ class MinimumAhead:
         self._minima = np.empty(length)
         # a few numbers of Python go to and from an array fastest so
         self._numbers = Struct(f"{length}d")
+        # as MPI wants them, so that it does not ask the arrays each time
+        self._buffers = [self._values, MPI.DOUBLE], [self._minima, MPI.DOUBLE]
         self._request: MPI.Request | None = None
 
     @property
@@ -123,7 +125,7 @@ class MinimumAhead:
         if isnan(sum(values)):
             values = tuple(-inf if isnan(value) else value for value in values)
         self._numbers.pack_into(self._values, 0, *values)
-        self._request = self._comm.Iallreduce(self._values, self._minima, MPI.MIN)
+        self._request = self._comm.Iallreduce(*self._buffers, MPI.MIN)
 
     def result(self) -> tuple[float, ...]:
         """Wait for the minima, as many as were begun."""
