@@ -34,6 +34,11 @@ class MethodSettings(SceneModel):
     kind: str
     maximum_step: Positive | None = Field(None, description="the largest time step [s]")
     minimum_step: Positive | None = Field(None, description="the time step [s] below which the run stops")
+    balance_warning: Positive = Field(0.01, description='energy unaccounted for from which a run is "unbalanced"')
+    balance_limit: Positive = Field(0.05, description="energy unaccounted for, over the largest, at which a run fails")
+    dissipation_warning: Positive = Field(
+        0.1, description='numerical dissipation over the energy that went in from which a run is "dissipative"'
+    )
 
     @classmethod
     def field_kinds(cls, dimension: int | None) -> dict[str, str]:
@@ -53,4 +58,6 @@ class MethodSettings(SceneModel):
     def _ordered(self) -> "MethodSettings":
         if self.maximum_step is not None and self.minimum_step is not None and self.minimum_step > self.maximum_step:
             reject((("minimum_step",), f"at most maximum_step = {self.maximum_step:g}", self.minimum_step))
+        if self.balance_warning > self.balance_limit:
+            reject((("balance_warning",), f"at most balance_limit = {self.balance_limit:g}", self.balance_warning))
         return self

@@ -48,6 +48,7 @@ class Output(SceneModel):
 
 
 _HYPERELASTIC, _PLASTIC, _PRONY = ("mooney-rivlin", "neo-hookean"), ("elastic-plastic",), ("prony", "linear-elastic")
+_MICRO = ("micro-inertia",)
 # exact solutions: the sets of parameters of which each wants one, and the kinds of material that it is for
 SOLUTIONS_KNOWN = {
     "viscoelastic-plate": ((("amplitude",),), _HYPERELASTIC),
@@ -59,6 +60,11 @@ SOLUTIONS_KNOWN = {
     "steady-shock": ((("start", "particle_speed"),), _PLASTIC),
     "uniaxial-creep": (((),), _PRONY),
     "bar-vibration": ((("stretch",),), _PRONY),
+    "delayed-heat-mode": ((("start", "amplitude", "mode"),), _MICRO),
+    "delayed-heat-pulse": ((("start", "amplitude", "centre", "width"),), _MICRO),
+    "elastic-impact": ((("speed",),), _MICRO),
+    "micro-wave": ((("rate", "amplitude", "mode"),), _MICRO),
+    "micro-layer": ((("height", "rate"),), _MICRO),
 }
 
 # those that come with a body force

@@ -73,6 +73,9 @@ class MaterialPoint(MethodSettings):
     transfer: Literal["flip", "apic"] = "flip"
     flip_fraction: float = Field(1.0, ge=0, le=1, description="share of FLIP in the velocity, the rest is PIC")
     order: Literal["usl", "musl"] = "usl"
+    # what transfers between particles and grid do is not in the ledger to the last bit
+    balance_warning: Positive = 0.03
+    balance_limit: Positive = 0.1
     cfl: Positive = Field(0.3, description="time step over h / (wave speed + particle speed)")
     viscosity: ArtificialViscosity = ArtificialViscosity()
     conduction: bool = True

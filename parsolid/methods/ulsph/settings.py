@@ -54,6 +54,7 @@ class UpdatedLagrangianSPH(MethodSettings):
     extra_quantities: ClassVar = {
         "maximum_temperature": "scalar",
         "maximum_plastic_strain": "scalar",
+        "maximum_deviator_norm": "scalar",
         "mean_plastic_strain": "scalar",
         "micro_kinetic": "scalar",
         "heat": "scalar",
@@ -64,6 +65,8 @@ class UpdatedLagrangianSPH(MethodSettings):
     kind: Literal["ulsph"]
     kernel: Literal[kernel_names()] = "cubic-spline"  # type: ignore[valid-type]
     smoothing: Positive = Field(1.3, description="smoothing length over particle spacing, h/dx")
+    # the equation of state is integrated, not the derivative of a stored energy
+    balance_warning: Positive = 0.03
     cfl: Positive = Field(0.3, description="time step over h / (wave speed + particle speed)")
     gradient_correction: bool = True
     viscosity: Viscosity | Literal[False] = Viscosity()
