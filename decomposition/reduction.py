@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from math import inf, isnan
 from struct import Struct
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -104,8 +105,8 @@ class MinimumAhead:
 
     def __init__(self, comm: MPI.Comm, length: int) -> None:
         self._comm = comm
-        self._values = np.empty(length)
-        self._minima = np.empty(length)
+        self._values: Any = np.empty(length)
+        self._minima: Any = np.empty(length)
         # a few numbers of Python go to and from an array fastest so
         self._numbers = Struct(f"{length}d")
         # as MPI wants them, so that it does not ask the arrays each time
