@@ -11,6 +11,7 @@ import h5py
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from PIL import Image
 
 from parsolid.output.history import read_history
 
@@ -100,6 +101,12 @@ def curves(sweeps: Path, extreme: Path) -> Figure:
     return figure
 
 
+def save(figure: Figure, path: Path) -> None:
+    """Write a picture of 256 colours."""
+    figure.savefig(path, dpi=80)
+    Image.open(path).convert("RGB").quantize(256).save(path, optimize=True)
+
+
 def main() -> None:
     """Write microinertia-profiles.png and microinertia-sweeps.png."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -107,8 +114,8 @@ def main() -> None:
     parser.add_argument("extreme", type=Path)
     parser.add_argument("-o", "--output", type=Path, required=True)
     options = parser.parse_args()
-    profiles(options.sweeps).savefig(options.output / "microinertia-profiles.png", dpi=80)
-    curves(options.sweeps, options.extreme).savefig(options.output / "microinertia-sweeps.png", dpi=80)
+    save(profiles(options.sweeps), options.output / "microinertia-profiles.png")
+    save(curves(options.sweeps, options.extreme), options.output / "microinertia-sweeps.png")
 
 
 if __name__ == "__main__":
