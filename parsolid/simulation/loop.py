@@ -10,7 +10,7 @@ from decomposition.reduction import MinimumAhead
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
 from parsolid.simulation.diagnosis import describe_failure
-from parsolid.simulation.energy_balance import EnergyBalance
+from parsolid.simulation.energy_balance import EnergyBalance, EnergyLimits
 from parsolid.simulation.interaction import Interaction
 from parsolid.simulation.ledger import Ledger, terms_of
 from parsolid.simulation.restart import Restart
@@ -72,7 +72,8 @@ class Simulation:
         Raises SceneError or SolverError on all ranks when the scene cannot be set up.
         """
         self.comm, self.scene, self.clock = comm, scene, Clock()
-        self.ledger, self.balance = Ledger(terms_of(scene)), EnergyBalance()
+        limits = EnergyLimits.of(system.settings for system in scene.systems)
+        self.ledger, self.balance = Ledger(terms_of(scene)), EnergyBalance(limits)
         if restart:
             restart.check(scene)
         self.systems, self.particle_sets = build_systems(comm, scene, restart)
@@ -105,7 +106,7 @@ class Simulation:
     def energy_row(self) -> dict[str, float]:
         """The ledger's row [J] of the present state over all ranks; judged before the next step. Collective."""
         row = self.ledger.row(self.comm, *self.energies())
-        self.balance.judge(row, self.energy_scale)
+        self.balance.judge(row, self.energy_scale, self.ledger.initial or 0.0)
         return row
 
     def run(self, watch: Watch, limits: Limits, stop: StopRequest) -> str:
@@ -191,10 +192,12 @@ class Simulation:
             return
         # the agreed step is negative when a stage of any rank was not sound
         self.failed_somewhere = stable < 0.0
-        raise RunFailed(
-            describe_failure(self, f"the stable time step {stable:.3g} s fell below the floor {floor:.3g} s")
-        )
+        what = f"the stable time step {stable:.3g} s fell below the floor {floor:.3g} s"
+        raise RunFailed(describe_failure(self, "the state was lost within the step" if stable < 0.0 else what))
 
     def _check_balance(self) -> None:
-        if self.balance.broken is not None:
-            raise RunFailed(describe_failure(self, f"the energy balance is off by {self.balance.broken:.4g} J"))
+        balance = self.balance
+        if balance.broken is not None:
+            share, limit = balance.relative(abs(balance.broken), self.energy_scale), balance.limits.balance_limit
+            off = f"the energy balance is off by {balance.broken:.4g} J, {share or 0.0:.2g} of the largest energy"
+            raise RunFailed(describe_failure(self, f"{off} (method.balance_limit = {limit:g})"))
