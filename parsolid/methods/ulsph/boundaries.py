@@ -37,7 +37,7 @@ class BoundarySet:
     def __init__(self, comm: Any, scene: Scene, particle_set: ParticleSet, particles: Particles):
         """particles: those of the particle_set; collective. Raises SolverError on all ranks."""
         declared = Declarations(scene, Support, PrescribedMotion, RigidWall, TemperaturePlane, HeldMicroVelocity)
-        supports = Supports(comm, scene, declared.of(Support), particle_set)
+        supports = Supports(comm, scene, declared.of(Support, "fixed", "roller"), particle_set)
         self.particles, self.codes = particles, supports.codes
         self._clamp = None
         if anywhere(comm, bool(supports.held.any())):
@@ -73,6 +73,7 @@ class BoundarySet:
         before = kinematics[rows, components]
         loads = self.loads.at(time) if self.loads.acting else None
         clamp = None if self._clamp is None else self._clamp(slice(None))
+        begun = particles.owned_rows("velocity").copy() if self.walls.walls else None
         dimension = particles["position"].shape[1]
         forces = particles.storage("force_sums")
         work, viscous, swing = kick(particles.owned, dimension, 0.5 * step, kinematics, forces, mass, loads, clamp)
@@ -85,7 +86,9 @@ class BoundarySet:
             of_viscosity = forces[rows, column + components]
             viscous += float(0.25 * step * of_viscosity @ (new - free))
             swing += float(0.25 * step * (forces[rows, components] - of_viscosity) @ (new - free))
-        self.walls.catch(time)
+        if begun is not None:
+            loaded, slowed, stilled = self.walls.catch(time, 0.5 * step, begun)
+            work, viscous, swing = work + loaded, viscous + slowed, swing + stilled
         return work, -viscous, swing
 
     def hold_motion(self, time: float) -> None:

@@ -4,6 +4,7 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
+from parsolid.methods.ulsph.state_fields import MICRO_STATE, STATE
 from parsolid.pairs.smoothing import kernel_names
 from parsolid.scene.base_model import NotNegative, Positive, SceneModel
 from parsolid.scene.method_settings import Detail, MethodSettings
@@ -40,14 +41,8 @@ class UpdatedLagrangianSPH(MethodSettings):
     system: ClassVar = "parsolid.methods.ulsph.system:UpdatedLagrangianSPH"
     materials: ClassVar = ("micro-inertia", "elastic-plastic")
     boundaries: ClassVar = ("fixed", "roller", "velocity", "wall", "micro_clamped", "temperature")
-    extra_fields: ClassVar = {
-        "density": "scalar",
-        "temperature": "scalar",
-        "plastic_strain": "scalar",
-        "micro_rate": "scalar",
-        "micro_stress": "scalar",
-        "internal_energy": "scalar",
-    }
+    declared_fields: ClassVar = (*STATE, *MICRO_STATE)
+    extra_fields: ClassVar = {"internal_energy": "scalar"}
     pictured_fields: ClassVar = ("plastic_strain", "temperature", "pressure")
     ledger_terms: ClassVar = {
         "viscous_dissipation": 1,
@@ -60,6 +55,7 @@ class UpdatedLagrangianSPH(MethodSettings):
     extra_quantities: ClassVar = {
         "maximum_temperature": "scalar",
         "maximum_plastic_strain": "scalar",
+        "maximum_deviator_norm": "scalar",
         "mean_plastic_strain": "scalar",
         "micro_kinetic": "scalar",
         "heat": "scalar",

@@ -285,11 +285,12 @@ class UpdatedLagrangianSPH(PairMethod):
         return self.particles.bytes_sent("motion") + self.particles.bytes_sent("record")
 
     def summary(self) -> dict[str, Any]:
-        """How often lists were made anew, and particles that changed their rank."""
+        """How often lists were made anew, how often too late, and particles that changed their rank."""
         return {
             "lists_made": self.pairs.rebuilds,
             "list_seconds": maximum(self.comm, self.pairs.seconds),
             "migrated_particles": self.comm.allreduce(self.pairs.migrated),
+            "lists_made_late": self.comm.allreduce(self.pairs.late),
         }
 
     @staticmethod
