@@ -66,20 +66,23 @@ class VelocityVerlet(TimeSolver):
         fracture, history = self.body.fracture, self.body.history
         fracture.break_what_ranks_found(ledger)
         before = self.guided_motion()
-        work = self.half_velocity(time, step, after_jump=True)
+        work, swing = self.half_velocity(time, step, after_jump=True)
         sound = self.new_positions(time, step)
         report = partial(announce, sound, self.stable_step())
         fracture.before_forces(report)
         history.internal_force(step)
         fracture.after_forces(report)
         lost = history.settle(step)
-        work += self.half_velocity(time + step, step, after_jump=False)
-        work += self.guided_velocity(before, time, step)
-        ledger.add(1.0, lost, 0.0, work)
+        more, swings = self.half_velocity(time + step, step, after_jump=False)
+        guided = self.guided_velocity(before, time, step)
+        ledger.add(1.0, lost, 0.0, work + more + guided)
+        ledger.add_term("leapfrog_oscillation", swings - swing)
         return sound and self.body.engine.sound
 
-    def half_velocity(self, time: float, step: float, after_jump: bool) -> float:
-        """v += dt/2 a under the loads at a time [s], of a jump just after or just before it; the loads' work [J]."""
+    def half_velocity(self, time: float, step: float, after_jump: bool) -> tuple[float, float]:
+        """v += dt/2 a under the loads at a time [s], of a jump just after or just before it; the loads' work and
+        leapfrog's oscillation [J].
+        """
         body = self.body
         motion = body.particles.kept(("kicked",), self._kicked)
         loads = self._accelerations(time, not after_jump)

@@ -147,7 +147,8 @@ class UpdatedLagrangianSPH(PairMethod):
         plastic += self.advance_gradients(step)
         if any(self.updates.storing):
             # what laws store heats them; the others' share is lost
-            second = (second[0], self.viscous_heat_of_others(step) - first[1])
+            second = (second[0], self.viscous_heat_of_others(step) - first[1], second[2])
+        ledger.add_term("leapfrog_oscillation", second[2] - first[2])
         self.book(ledger, plastic, lost, np.add(first, second))
         return sound
 
