@@ -40,8 +40,8 @@ class MaterialPoint(MethodSettings):
     geometry        of a 2-D scene: plane strain per metre of thickness, or axisymmetric with X the radius and Y the
     axis,
                     per radian
-    order           stress update first with the new grid velocity ("usl") or with particle velocities mapped again
-    ("musl")
+    order           stress update last with particle velocities mapped again ("musl") or with the new grid velocity
+                    ("usl", which loses energy in contact)
     conduction      of heat, where materials have a conductivity
     motion          false: nothing moves, heat alone is conducted
     bitwise         the same bits on any number of ranks, for three times the traffic
@@ -78,7 +78,7 @@ class MaterialPoint(MethodSettings):
     geometry: Literal["plane-strain", "axisymmetric"] | None = Field(None, description="of a 2-D scene")
     transfer: Literal["flip", "apic"] = "flip"
     flip_fraction: float = Field(1.0, ge=0, le=1, description="share of FLIP in the velocity, the rest is PIC")
-    order: Literal["usl", "musl"] = "usl"
+    order: Literal["usl", "musl"] = "musl"
     cfl: Positive = Field(0.3, description="time step over h / (wave speed + particle speed)")
     viscosity: ArtificialViscosity = ArtificialViscosity()
     conduction: bool = True

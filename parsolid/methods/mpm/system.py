@@ -118,10 +118,10 @@ class MaterialPoint(ParticleSystem):
         energies = StepEnergies(self.points, self.nodes, self._forces(time))
         self.transfer.particles_to_nodes(self.stress.on_nodes, energies.forces)
         self.nodes.accelerate(step)
-        worked = self.conditions.obey(self.nodes, self.nodes.motion, time + step)
-        self.transfer.nodes_to_particles(time + step, step)
+        work, caught = self.conditions.obey(self.nodes, self.nodes.motion, time + step)
+        caught += self.transfer.nodes_to_particles(time + step, step)
         sound, terms = self.stress.advance(step)
-        energies.book(ledger, step, worked, terms)
+        energies.book(ledger, step, (work, caught), terms)
         announce(sound, self.stable_step())
         return self.residence.settle() and sound
 
@@ -195,7 +195,8 @@ class MaterialPoint(ParticleSystem):
     def advice(self) -> str:
         """What most likely helps."""
         smaller = f"a smaller method.cfl (it is {self.settings.cfl:g})"
-        return f"{smaller}, order = 'usl' or transfer = 'apic', more particles a cell, or a milder load"
+        damped = "" if self.settings.transfer == "apic" else "transfer = 'apic', "
+        return f"{smaller}, {damped}more particles a cell, or a milder load"
 
     def numbers(self) -> dict[str, int]:
         """Cells, nodes and shared nodes of this rank."""
