@@ -17,6 +17,7 @@ from parsolid.scene.validation_errors import SceneError
 
 pytestmark = pytest.mark.serial
 EXAMPLES = Path(__file__).parents[2] / "runs" / "point"
+HELD = 'heated = "at-constant-volume"\n'
 COPPER = '[material]\nkind = "elastic-plastic"\nlibrary = "OFHC copper, Johnson-Cook"\n'
 STEEL = """[material]
 kind = "elastic-plastic"
@@ -142,7 +143,8 @@ def test_a_law_that_needs_melting_says_so(driven):
 def test_the_sum_that_is_told_adds_up(driven, tmp_path):
     """Of a solid that is not at its reference temperature, so that it stores energy at the start."""
     run = driven(
-        f'end_time = 1e-3\nsteps = 10\ntemperature = 600\n{COPPER}[path]\nkind = "simple-shear"\nshear = "1000*t"\n'
+        f"end_time = 1e-3\nsteps = 10\ntemperature = 600\n{HELD}{COPPER}"
+        '[path]\nkind = "simple-shear"\nshear = "1000*t"\n'
     )
     columns = {name: values for name, values in vars(run).items() if name not in ("point", "law")}
     assert run.stored[0] > 5.0 * run.work[-1] > 0.0
