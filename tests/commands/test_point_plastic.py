@@ -143,7 +143,7 @@ def test_a_law_that_needs_melting_says_so(driven):
 def test_the_sum_that_is_told_adds_up(driven, tmp_path):
     """Of a solid that is not at its reference temperature, so that it stores energy at the start."""
     run = driven(
-        f"end_time = 1e-3\nsteps = 10\ntemperature = 600\n{HELD}{COPPER}"
+        f"end_time = 1e-3\nsteps = 200\ntemperature = 600\n{HELD}{COPPER}"
         '[path]\nkind = "simple-shear"\nshear = "1000*t"\n'
     )
     columns = {name: values for name, values in vars(run).items() if name not in ("point", "law")}

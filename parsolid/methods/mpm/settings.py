@@ -111,6 +111,15 @@ class MaterialPoint(MethodSettings):
             lower = getattr(body.shape.model, "lower", None)
             if self.geometry == "axisymmetric" and lower is not None and lower[0] < 0.0:
                 details.append((("bodies", i, "shape", "box", "lower", 0), "a radius of at least 0", lower[0]))
+        plastic = any(body.material.kind == "elastic-plastic" for body in scene.bodies)
+        if not plastic and self.viscosity not in (
+            ArtificialViscosity(),
+            ArtificialViscosity(linear=0.0, quadratic=0.0),
+        ):
+            # the usual one is on for every scene and means nothing where no law takes it
+            details.append(
+                (("method", "viscosity"), "no such key without an elastic-plastic body", self.viscosity.model_dump())
+            )
         conducting = any(getattr(body.material, "parts", {}).get("conductivity") for body in scene.bodies)
         for i, boundary in enumerate(scene.boundaries):
             if boundary.kind == "wall" and self.formulation == "total-lagrangian":

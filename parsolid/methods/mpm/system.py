@@ -21,6 +21,7 @@ from parsolid.methods.mpm.initial_state import set_initial_motion
 from parsolid.methods.mpm.material_points import MaterialPoints
 from parsolid.methods.mpm.nodes import Nodes
 from parsolid.methods.mpm.observation import can_melt, first_unsound, homologous_temperatures, shown
+from parsolid.methods.mpm.placing import refuse_bad_places
 from parsolid.methods.mpm.reference_grid import ReferenceGrid
 from parsolid.methods.mpm.residence import Residence
 from parsolid.methods.mpm.step_energies import StepEnergies
@@ -43,6 +44,7 @@ class MaterialPoint(ParticleSystem):
         the grid. Collective.
         """
         self.comm, self.settings, self.dimension = comm, scene.method, scene.dimension
+        refuse_bad_places(comm, scene, particle_set)
         self.points = self.particles = points = MaterialPoints(scene, particle_set)
         self.materials = StressUpdate(scene, points)
         self.conditions = GridConditions(comm, scene, particle_set.position, points.origin)
