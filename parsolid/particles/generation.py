@@ -122,14 +122,19 @@ def _as_vector(formulas: Formula | FormulaVector) -> FormulaVector:
 
 
 def _not_finite(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray], comm: MPI.Comm) -> list[str]:
-    """Formulas that are not finite at time 0, each told once: at its particle of lowest id on all ranks."""
+    """Formulas that are not finite at time 0, and temperatures of bodies below 0 K, each told once: at its particle of
+    lowest id on all ranks.
+    """
     first: list[Any] = []
     faults: list[Any] = []
     for key, formulas, here in _formulas(scene, particle_set, chosen):
         rows = np.flatnonzero(here)
         values = formulas.evaluate(particle_set.position[rows])
+        wanted, sound = "a finite value", np.isfinite(values)
+        if key[0] == "bodies" and key[-1] == "temperature":
+            wanted, sound = "a temperature of at least 0 K", sound & (values >= 0.0)
         for component in range(len(formulas)):
-            bad = rows[~np.isfinite(values[:, component])]
+            bad = rows[~sound[:, component]]
             worst = bad[np.argmin(particle_set.identifier[bad])] if len(bad) else None
             first.append(NOBODY if worst is None else particle_set.identifier[worst])
             if worst is None:
@@ -139,7 +144,7 @@ def _not_finite(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray
             value = values[np.searchsorted(rows, worst), component]
             faults.append(
                 f"{key_path(key if len(formulas) == 1 else (*key, component))}: "
-                "expected a finite value at every particle, "
+                f"expected {wanted} at every particle, "
                 f"found {value} at particle {particle_set.identifier[worst]} ({place})"
             )
     mine = np.array(first, np.int64)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
         initial_displacement,
         initial_temperature,
         initial_velocity,
+        initial_zero_energy_temperature,
     )
     from parsolid.scene.loading import dump_scene, load_scene, packaged_scene, parse_scene
     from parsolid.scene.regions import nearest_particles, selected
@@ -30,6 +31,7 @@ __all__ = [
     "initial_displacement",
     "initial_temperature",
     "initial_velocity",
+    "initial_zero_energy_temperature",
     "load_scene",
     "nearest_particles",
     "packaged_scene",

@@ -94,6 +94,10 @@ class Body(FilledShape):
     temperature: InitialScalar | None = Field(
         None, description="the initial temperature [K], that of the material unless given"
     )
+    heated: Literal["stress-free", "at-constant-volume"] | None = Field(
+        None,
+        description="'stress-free' at its temperature, as if not given, or heated 'at-constant-volume' to it",
+    )
     material: Material = Field(description="a table with the key kind")
 
     @field_validator("temperature")
@@ -103,3 +107,9 @@ class Body(FilledShape):
         if value is not None and method and "temperature" not in method.field_kinds(dimension_of(info)):
             raise mismatch("no such key with this method", value.source)
         return value
+
+    @model_validator(mode="after")
+    def _heated_from_somewhere(self) -> "Body":
+        if self.heated is not None and (self.temperature is None or self.material.kind != "elastic-plastic"):
+            reject((("heated",), "no such key but for an elastic-plastic body with a temperature", self.heated))
+        return self

@@ -47,6 +47,18 @@ def initial_temperature(scene: Scene, body: np.ndarray, position: np.ndarray, us
     return result
 
 
+def initial_zero_energy_temperature(
+    scene: Scene, body: np.ndarray, temperature: np.ndarray, reference: float
+) -> np.ndarray:
+    """Temperature (n,) [K] at which particles of body index (n,) and initial temperature (n,) have no internal energy.
+
+    It is the initial one, at which a body is free of stress, but the law's reference in bodies that were heated at
+    constant volume: heat that they took up on the way is a pressure then.
+    """
+    held = np.array([one.heated == "at-constant-volume" for one in scene.bodies])[body]
+    return np.where(held, reference, temperature)
+
+
 def _vectors(scene: Scene, body: np.ndarray, position: np.ndarray, key: str) -> np.ndarray:
     result = np.zeros_like(position)
     for i, one in enumerate(scene.bodies):

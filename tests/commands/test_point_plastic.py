@@ -1,5 +1,6 @@
 """The material point of elastic-plastic solids: adiabatic and isothermal, cycles, free sides, faults."""
 
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -9,13 +10,14 @@ import pytest
 from parsolid.commands.point.choice import point_law
 from parsolid.commands.point.driver import drive
 from parsolid.commands.point.laws import PathLost
-from parsolid.commands.point.report import tabulate
+from parsolid.commands.point.report import summarise, tabulate, told
 from parsolid.commands.point.schema import load_point
 from parsolid.materials.registry import law_of
 from parsolid.scene.validation_errors import SceneError
 
 pytestmark = pytest.mark.serial
 EXAMPLES = Path(__file__).parents[2] / "runs" / "point"
+HELD = 'heated = "at-constant-volume"\n'
 COPPER = '[material]\nkind = "elastic-plastic"\nlibrary = "OFHC copper, Johnson-Cook"\n'
 STEEL = """[material]
 kind = "elastic-plastic"
@@ -136,3 +138,16 @@ def test_a_law_that_needs_melting_says_so(driven):
     text = STEEL.replace("youngs_modulus = 200e9\npoissons_ratio = 0.3\n", table)
     with pytest.raises(SceneError, match="needed by the shear modulus 'linear-softening'"):
         driven(f'end_time = 1.0\nsteps = 5\n{text}[path]\nkind = "simple-shear"\nshear = "t"\n')
+
+
+def test_the_sum_that_is_told_adds_up(driven, tmp_path):
+    """Of a solid that is not at its reference temperature, so that it stores energy at the start."""
+    run = driven(
+        f"end_time = 1e-3\nsteps = 200\ntemperature = 600\n{HELD}{COPPER}"
+        '[path]\nkind = "simple-shear"\nshear = "1000*t"\n'
+    )
+    columns = {name: values for name, values in vars(run).items() if name not in ("point", "law")}
+    assert run.stored[0] > 5.0 * run.work[-1] > 0.0
+    line = told(summarise(run.point, columns, 0.0) | {"picture": "none"}, tmp_path).splitlines()[1]
+    work, stored, dissipated = map(float, re.findall(r"(?:work|stored|dissipated) ([-0-9.e+]+)", line))
+    assert work == pytest.approx(stored + dissipated, rel=5e-3) and work == pytest.approx(run.work[-1], rel=1e-5)

@@ -245,7 +245,8 @@ def test_a_rigid_wall(sticking):
     normal = np.array([0.6, 0.8, 0.0, 0.0])
     wall = grid.RigidWall(np.array([0.1, 0.2, 0.3, 0.0]), normal, np.array([1.0, -0.5, 0.3, 0.0]), sticking)
     before = nodes.copy()
-    *impulse, lost = grid.obey_wall(0, 200, nodes, places, share, wall)
+    found = np.zeros(200, bool)
+    *impulse, lost = grid.obey_wall(0, 200, nodes, places, share, found, nodes, False, wall)
     behind = ((places - wall.point)[:, :3] @ normal[:3] <= 0.0) & (nodes[:, 3] > 0.0)
     relative = before[:, :3] - wall.velocity[:3]
     approach = relative @ normal[:3]
@@ -254,6 +255,7 @@ def test_a_rigid_wall(sticking):
     else:
         held, wanted = behind & (approach < 0.0), before[:, :3] - approach[:, None] * normal[:3]
     assert held.any() and (behind & ~held).any() != bool(sticking)
+    np.testing.assert_array_equal(found, held)
     np.testing.assert_allclose(nodes[held, :3], wanted[held], atol=1e-14)
     np.testing.assert_array_equal(nodes[~held], before[~held])
     gained = nodes[:, :3] - before[:, :3]
@@ -261,3 +263,12 @@ def test_a_rigid_wall(sticking):
     set_by_wall = nodes[held, 4:7] if sticking else nodes[held, 4:7] @ normal[:3, None]
     np.testing.assert_allclose(lost, 0.5 * (share * nodes[:, 3])[held] @ (set_by_wall**2).sum(axis=1), rtol=1e-13)
     np.testing.assert_allclose(impulse, (share * nodes[:, 3]) @ gained, atol=1e-13)
+    again = random.normal(size=(200, 8))
+    again[:, 3] = nodes[:, 3]
+    free = again.copy()
+    lost = grid.obey_wall(0, 200, again, places, share, found, nodes, True, wall)[3]
+    # the nodes that the motion held and no others, those that would leave included
+    np.testing.assert_allclose((again[held, :3] - wall.velocity[:3]) @ normal[:3], 0.0, atol=1e-14)
+    np.testing.assert_array_equal(again[~held], free[~held])
+    kept = ((again - free)[:, :3] * nodes[:, 4:7]).sum(axis=1)
+    np.testing.assert_allclose(lost, 0.5 * (share * nodes[:, 3]) @ kept, rtol=1e-12)

@@ -64,6 +64,45 @@ def test_what_does_not_suit_the_grid_is_refused(comm, changes, words):
         simulation(data, comm)
 
 
+BLOCK = ([0.0, 0.0], [0.4, 0.3], 0.05, 0.1)
+WALL = {"plane": "X = 0", "kind": "wall", "side": "above"}
+
+
+@pytest.mark.parametrize(
+    "wall, body, found",
+    [
+        (WALL | {"plane": "X = 0.2"}, {}, "particles of bodies.0 from X = 0.025 to 0.375"),
+        (WALL | {"side": "below"}, {}, "particles of bodies.0"),
+        (WALL, {"displacement": ["-0.1", "0"]}, "particles of bodies.0 from X = -0.075 to 0.275"),
+        (WALL, {}, None),
+    ],
+)
+def test_a_wall_through_a_body_is_refused(comm, wall, body, found):
+    data = scene(*BLOCK, material=SOFT, boundaries=[wall], body=body)
+    if found is None:
+        simulation(data, comm)
+        return
+    with pytest.raises(SolverError, match=f"boundaries.0.plane: expected a wall with all bodies .*, found {found}"):
+        simulation(data, comm)
+
+
+@pytest.mark.parametrize("gap, formulation", [(0.0, "total-lagrangian"), (0.5, "updated"), (0.5, "total-lagrangian")])
+def test_bodies_that_would_pass_through_one_another_are_refused(comm, gap, formulation):
+    data = scene(*BLOCK, material=SOFT, method={"formulation": formulation})
+    data["bodies"] += scene([0.4 + gap, 0.0], [0.8 + gap, 0.3], 0.05, 0.1, material=SOFT)["bodies"]
+    if gap == 0.0 or formulation == "updated":
+        simulation(data, comm)
+        return
+    with pytest.raises(SolverError, match="bodies.1: expected bodies that are joined"):
+        simulation(data, comm)
+
+
+def test_a_viscosity_that_no_law_takes_is_refused(comm):
+    data = scene(*BLOCK, material=SOFT, method={"viscosity": {"linear": 1.0}})
+    with pytest.raises(SceneError, match="method.viscosity: expected no such key without an elastic-plastic body"):
+        simulation(data, comm)
+
+
 def test_branches_are_refused_where_the_scene_is_read(comm):
     branches = [{"beta": 1.0, "tau": 1.0}]
     data = scene([0.0, 0.0], [0.4, 0.3], 0.05, 0.1, material=SOFT | {"branches": branches})

@@ -32,12 +32,20 @@ class PlasticState(NamedTuple):
 class PlasticPoint:
     """Elastic-plastic solid, adiabatic, or isothermal: then all heat is given away, plastic heat included.
 
-    temperature [K]: of the undeformed state; that of the material's virgin state where it is None.
+    temperature [K]: of the undeformed state, free of stress unless it was heated from the law's reference at
+    constant_volume; the reference temperature where it is None.
     """
 
-    def __init__(self, law: ElasticPlastic, temperature: float | None = None, isothermal: bool = False) -> None:
+    def __init__(
+        self,
+        law: ElasticPlastic,
+        temperature: float | None = None,
+        isothermal: bool = False,
+        constant_volume: bool = False,
+    ) -> None:
         self.law, self.isothermal = law, isothermal
         self.start = law.reference_temperature if temperature is None else temperature
+        self.cold = law.reference_temperature if constant_volume else self.start
         self.share = law.taylor_quinney
         if isothermal:
             # the flow feels no warming within a step either
@@ -47,7 +55,7 @@ class PlasticPoint:
         self.motion[:, 7] = 1.0
 
     def virgin(self) -> PlasticState:
-        energy = self.law.internal_energy(self.start)
+        energy = self.law.internal_energy(self.start, self.cold)
         stress = -plastic_evaluation.pressure(self.law, 1.0, energy) * np.eye(3)
         return PlasticState(np.eye(3), np.zeros(6), 0.0, 0.0, energy, self.start, stress, 0.0, 0.0)
 

@@ -85,6 +85,7 @@ def summarise(point: MaterialPoint, columns: dict[str, np.ndarray], seconds: flo
         "wall_time": seconds,
         "balance_error": worst,
         "balance_error_relative": worst / scale if scale > 0.0 else 0.0,
+        "stored_at_start": columns["stored"][0],
         "stored_at_end": columns["stored"][-1],
         "dissipation_at_end": columns["dissipation"][-1],
         "work_at_end": columns["work"][-1],
@@ -107,7 +108,8 @@ def told(summary: dict[str, Any], directory: Path) -> str:
                 f"{summary['rows']} rows to t = {summary['end_time']:g} s in {summary['wall_time']:.2g} s"
             ),
             (
-                f"  work {summary['work_at_end']:.6g} = stored {summary['stored_at_end']:.6g}"
+                f"  work {summary['work_at_end']:.6g} = newly stored"
+                f" {summary['stored_at_end'] - summary['stored_at_start']:.6g}"
                 f" + dissipated {summary['dissipation_at_end']:.6g} J/m^3, off by at most"
                 f" {summary['balance_error_relative']:.1e} of the largest"
             ),

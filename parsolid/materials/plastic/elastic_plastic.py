@@ -31,9 +31,9 @@ class ElasticPlastic(NamedTuple):
     flow_stress: Any
     melting: Any
 
-    def internal_energy(self, temperature: float) -> float:
-        """E [J/m^3] of the undeformed body at a temperature [K]."""
-        return self.density * self.specific_heat * (temperature - self.reference_temperature)
+    def internal_energy(self, temperature: Any, without_energy: Any) -> Any:
+        """E [J/m^3] of the undeformed body at temperatures [K], and at which it is 0: numbers or arrays."""
+        return self.density * self.specific_heat * (temperature - without_energy)
 
 
 def of_material(material) -> ElasticPlastic:

@@ -192,13 +192,18 @@ def find_velocities(first, last, nodes, least_mass):
 
 
 @compiled
-def obey_wall(first, last, nodes, places, share, wall):
+def obey_wall(first, last, nodes, places, share, held, motion, remapped, wall):
     """Let nodes at or behind a rigid wall move with it; after `update_nodes`. Gives the impulse [N s] on the body and a
     loss [J].
 
     places (nodes, 4): positions [m]; share (nodes,): what counts of a node, see `kinetic_gain`. The wall's work on the
     body is impulse . wall.velocity. Lost is m/2 of the square of what the whole step changes in the velocity that the
     wall sets: all of it when a body is caught, nothing while it stays.
+
+    held (nodes,) bool: which nodes the wall holds in the step, found unless `nodes` are of remapped momentum (MUSL).
+    Those obey where it is True, motion (nodes, 8) being `nodes` of the motion: matter that strained with nodes free to
+    leave, which in the motion are held, would gain energy from the wall. Lost is then what the particles kept
+    of the held nodes' velocity.
     """
     impulse, lost = np.zeros(3), 0.0
     for i in range(first, last):
@@ -206,8 +211,11 @@ def obey_wall(first, last, nodes, places, share, wall):
         for d in range(3):
             distance += wall.normal[d] * (places[i, d] - wall.point[d])
             speed += wall.normal[d] * (nodes[i, d] - wall.velocity[d])
-        if distance > 0.0 or nodes[i, 3] <= 0.0 or (wall.sticking == 0.0 and speed >= 0.0):
+        if not remapped:
+            held[i] = distance <= 0.0 < nodes[i, 3] and (wall.sticking != 0.0 or speed < 0.0)
+        if not held[i]:
             continue
+        caught, along, kept = 0.0, 0.0, 0.0
         for d in range(3):
             change = -speed * wall.normal[d]
             if wall.sticking != 0.0:
@@ -215,11 +223,12 @@ def obey_wall(first, last, nodes, places, share, wall):
             nodes[i, d] += change
             nodes[i, 4 + d] += change
             impulse[d] += share[i] * nodes[i, 3] * change
-        caught, along = 0.0, 0.0
-        for d in range(3):
             caught += nodes[i, 4 + d] ** 2
             along += wall.normal[d] * nodes[i, 4 + d]
-        lost += 0.5 * share[i] * nodes[i, 3] * (caught if wall.sticking != 0.0 else along**2)
+            kept += change * motion[i, 4 + d]
+        if not remapped:
+            kept = caught if wall.sticking != 0.0 else along**2
+        lost += 0.5 * share[i] * nodes[i, 3] * kept
     return impulse[0], impulse[1], impulse[2], lost
 
 

@@ -77,6 +77,13 @@ class MovingWall:
         if wall.velocity is not None:
             self.velocity[:dimension] = wall.velocity
         self.stick = 1.0 if wall.sticking else 0.0
+        self._held, self._seen = np.zeros(0, bool), -1
+
+    def held(self, tables: Any) -> np.ndarray:
+        """Which nodes (count,) it holds in the step, kept from the motion for what is mapped back."""
+        if self._seen != tables.changes:
+            self._held, self._seen = np.zeros(tables.count, bool), tables.changes
+        return self._held
 
     def at(self, time: float) -> kernels.RigidWall:
         """The wall at a time [s]."""
@@ -172,7 +179,8 @@ class GridConditions:
         supplied, caught = 0.0, 0.0
         for wall in self.walls:
             reached = wall.at(time)
-            *impulse, lost = kernels.obey_wall(0, nodes.count, array, nodes.places, nodes.share, reached)
+            here = nodes.places, nodes.share, wall.held(nodes), nodes.motion, array is nodes.again
+            *impulse, lost = kernels.obey_wall(0, nodes.count, array, *here, reached)
             supplied, caught = supplied + float(np.dot(impulse, wall.velocity[:3])), caught + lost
         for region in self.driven:
             supplied += region.drive(array, nodes, time, self.dimension)

@@ -39,8 +39,8 @@ class MaterialPoint(MethodSettings):
     geometry        of a 2-D scene: plane strain per metre of thickness, or axisymmetric with X the radius and Y the
     axis,
                     per radian
-    order           stress update first with the new grid velocity ("usl") or with particle velocities mapped again
-    ("musl")
+    order           stress update last with particle velocities mapped again ("musl") or with the new grid velocity
+                    ("usl", which loses energy in contact)
     conduction      of heat, where materials have a conductivity
     motion          false: nothing moves, heat alone is conducted
     bitwise         the same bits on any number of ranks, for three times the traffic
@@ -72,7 +72,7 @@ class MaterialPoint(MethodSettings):
     geometry: Literal["plane-strain", "axisymmetric"] | None = Field(None, description="of a 2-D scene")
     transfer: Literal["flip", "apic"] = "flip"
     flip_fraction: float = Field(1.0, ge=0, le=1, description="share of FLIP in the velocity, the rest is PIC")
-    order: Literal["usl", "musl"] = "usl"
+    order: Literal["usl", "musl"] = "musl"
     # what transfers between particles and grid do is not in the ledger to the last bit
     balance_warning: Positive = 0.03
     balance_limit: Positive = 0.1
@@ -108,6 +108,15 @@ class MaterialPoint(MethodSettings):
             lower = getattr(body.shape.model, "lower", None)
             if self.geometry == "axisymmetric" and lower is not None and lower[0] < 0.0:
                 details.append((("bodies", i, "shape", "box", "lower", 0), "a radius of at least 0", lower[0]))
+        plastic = any(body.material.kind == "elastic-plastic" for body in scene.bodies)
+        if not plastic and self.viscosity not in (
+            ArtificialViscosity(),
+            ArtificialViscosity(linear=0.0, quadratic=0.0),
+        ):
+            # the usual one is on for every scene and means nothing where no law takes it
+            details.append(
+                (("method", "viscosity"), "no such key without an elastic-plastic body", self.viscosity.model_dump())
+            )
         conducting = any(getattr(body.material, "parts", {}).get("conductivity") for body in scene.bodies)
         for i, boundary in enumerate(scene.boundaries):
             if boundary.kind == "wall" and self.formulation == "total-lagrangian":

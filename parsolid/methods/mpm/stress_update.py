@@ -26,7 +26,7 @@ from parsolid.methods.mpm.plastic_update import (
 )
 from parsolid.particles.declaration import Columns, Field
 from parsolid.particles.particle_set import ParticleSet
-from parsolid.scene import Scene, initial_temperature
+from parsolid.scene import Scene, initial_temperature, initial_zero_energy_temperature
 
 # fields of the container in the order of MaterialState
 _STATE = ("deformation_gradient", "unrotated_deviator", "plastic_strain", "internal_energy", "temperature")
@@ -82,7 +82,9 @@ class ElasticPlasticUpdate:
         rows("temperature")[:] = initial_temperature(scene, particle_set.body, particle_set.position, usual)
         for block in points.warm_blocks:
             here = slice(block.first, block.last)
-            rows("internal_energy")[here] = block.law.internal_energy(rows("temperature")[here])
+            warm, reference = rows("temperature")[here], block.law.reference_temperature
+            cold = initial_zero_energy_temperature(scene, rows("body")[here], warm, reference)
+            rows("internal_energy")[here] = block.law.internal_energy(warm, cold)
 
     def advance(self, block: MaterialBlock, step: float) -> tuple[bool, float, float, float]:
         """See `HyperelasticUpdate.advance`."""

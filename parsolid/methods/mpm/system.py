@@ -21,6 +21,7 @@ from parsolid.methods.mpm.initial_state import set_initial_motion
 from parsolid.methods.mpm.material_points import MaterialPoints
 from parsolid.methods.mpm.nodes import Nodes
 from parsolid.methods.mpm.observation import can_melt, first_unsound, homologous_temperatures, shown
+from parsolid.methods.mpm.placing import refuse_bad_places
 from parsolid.methods.mpm.reference_grid import ReferenceGrid
 from parsolid.methods.mpm.residence import Residence
 from parsolid.methods.mpm.step_energies import StepEnergies
@@ -43,6 +44,7 @@ class MaterialPoint(ParticleSystem):
         the grid. Collective.
         """
         self.comm, self.settings, self.dimension = comm, scene.method, scene.dimension
+        refuse_bad_places(comm, scene, particle_set)
         self.points = self.particles = points = MaterialPoints(scene, particle_set)
         self.materials = StressUpdate(scene, points)
         self.conditions = GridConditions(comm, scene, particle_set.position, points.origin)
@@ -118,10 +120,10 @@ class MaterialPoint(ParticleSystem):
         energies = StepEnergies(self.points, self.nodes, self._forces(time))
         self.transfer.particles_to_nodes(self.stress.on_nodes, energies.forces)
         self.nodes.accelerate(step)
-        worked = self.conditions.obey(self.nodes, self.nodes.motion, time + step)
-        self.transfer.nodes_to_particles(time + step, step)
+        work, caught = self.conditions.obey(self.nodes, self.nodes.motion, time + step)
+        caught += self.transfer.nodes_to_particles(time + step, step)
         sound, terms = self.stress.advance(step)
-        energies.book(ledger, step, worked, terms)
+        energies.book(ledger, step, (work, caught), terms)
         announce(sound, self.stable_step())
         return self.residence.settle() and sound
 

@@ -30,9 +30,13 @@ class UpdateStressLast:
         self._scatter(nodes.interpolation, points.motion, points.velocity_transfer, stress, *arrays)
         nodes.sum("motion")
 
-    def nodes_to_particles(self, time: float, step: float) -> None:
-        """Velocities, places and velocity gradients after a step [s] that ends at a time [s]."""
+    def nodes_to_particles(self, time: float, step: float) -> float:
+        """Velocities, places and velocity gradients after a step [s] that ends at a time [s].
+
+        Gives what is lost [J] where boundaries held nodes to which particles brought a velocity.
+        """
         self._gather(step, self.points.velocity_transfer, self.points.storage("velocity_gradient"), None)
+        return 0.0
 
     def _gather(
         self, step: float, transfer: Flip | Apic | None, rate: np.ndarray | None, remapped: np.ndarray | None
@@ -45,20 +49,21 @@ class UpdateStressLast:
 class ModifiedUpdateStressLast(UpdateStressLast):
     """MUSL: velocity gradients are those of the particles' new velocities, mapped to the nodes once more."""
 
-    def nodes_to_particles(self, time: float, step: float) -> None:
+    def nodes_to_particles(self, time: float, step: float) -> float:
         """See `UpdateStressLast`."""
         self._gather(step, self.points.velocity_transfer, None, None)
-        self._map_back(time)
+        lost = self._map_back(time)
         self._gather(step, None, self.points.storage("velocity_gradient"), self.nodes.again)
+        return lost
 
-    def _map_back(self, time: float) -> None:
+    def _map_back(self, time: float) -> float:
         """Nodal velocities of the particles' momentum; what the boundaries do to them is no work."""
         points, nodes = self.points, self.nodes
         nodes.clear(nodes.again)
         scatter(nodes.interpolation, points.motion, points.velocity_transfer, None, None, nodes.again, nodes.partial)
         nodes.sum("again")
         nodes.find_velocities()
-        self.conditions.obey(nodes, nodes.again, time)
+        return self.conditions.obey(nodes, nodes.again, time)[1]
 
 
 ORDERS = {"usl": UpdateStressLast, "musl": ModifiedUpdateStressLast}

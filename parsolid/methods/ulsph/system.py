@@ -106,7 +106,7 @@ class UpdatedLagrangianSPH(PairMethod):
         rows("temperature")[:] = initial_temperature(scene, particle_set.body, particle_set.position, usual)
         self.boundaries.hold_motion(0.0)
         for update, block, body in self.updates.each():
-            update.begin(block, body)
+            update.begin(scene, block, body)
         self.pairs.rebuild(0.0)
         self.tell_all()
         self.first_pass(0.0)

@@ -15,6 +15,7 @@ from parsolid.materials.plastic.micro_inertia_solve import increments_of
 from parsolid.methods.ulsph import micro_inertia_update, plastic_update
 from parsolid.methods.ulsph.fields import Body, body_of
 from parsolid.methods.ulsph.terms import HeatFlux, MicroAndHeatFlux, MicroFlux
+from parsolid.scene import Scene, initial_zero_energy_temperature
 
 
 class MicroInertiaUpdate:
@@ -44,7 +45,7 @@ class MicroInertiaUpdate:
         """system: `system.UpdatedLagrangianSPH`."""
         self.system = system
 
-    def begin(self, block: MaterialBlock, body: Body) -> None:
+    def begin(self, scene: Scene, block: MaterialBlock, body: Body) -> None:
         """The state at time 0; its temperatures are set."""
         body.micro_stress[0, block.first : block.last] = block.law.initial_micro_stress
 
@@ -118,10 +119,12 @@ class ElasticPlasticUpdate:
         flux = {"heat_flux"} if law.conductivity is None else set()
         return {name for name in Body._fields if name.startswith(("micro_", "energetic", "dissipative"))} | flux
 
-    def begin(self, block: MaterialBlock, body: Body) -> None:
+    def begin(self, scene: Scene, block: MaterialBlock, body: Body) -> None:
         """The internal energy that belongs to the temperatures at time 0."""
         here = slice(block.first, block.last)
-        body.energy[0, here] = block.law.internal_energy(body.temperature[0, here])
+        number, warm = self.system.particles.owned_rows("body")[here], body.temperature[0, here]
+        cold = initial_zero_energy_temperature(scene, number, warm, block.law.reference_temperature)
+        body.energy[0, here] = block.law.internal_energy(warm, cold)
 
     def advance(self, block: MaterialBlock, step: float, body: Body) -> tuple[bool, float, float]:
         """See `MicroInertiaUpdate.advance`; the stored energy holds the plastic heat."""

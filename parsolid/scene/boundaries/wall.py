@@ -16,7 +16,6 @@ class Wall(Condition):
     """A rigid plane that moves with a constant velocity, and on one side of which all bodies are.
 
     contact      "frictionless": the wall's normal velocity; "sticking": its whole velocity
-    separation   a body may leave the wall again; walls that hold it back are not known
     """
 
     on_particles: ClassVar[bool] = False
@@ -28,7 +27,6 @@ class Wall(Condition):
     )
     velocity: Point | None = Field(None, description="the velocity of the wall [m/s], at rest unless given")
     contact: Literal["frictionless", "sticking"] = "frictionless"
-    separation: Literal[True] = Field(True, description="true")
 
     def declare(self, to: "Declarations") -> None:
         """A wall."""
