@@ -1,8 +1,11 @@
 """Closed-form solutions, for scenes, tests and studies alike."""
 
 from parsolid.exact.bar_vibration import BarVibration
+from parsolid.exact.delayed_heat import DelayedMode, DelayedPulse
+from parsolid.exact.elastic_impact import ElasticImpact
 from parsolid.exact.heat import CosineMode, HeatedSlab, PlasticLayer
 from parsolid.exact.manufactured import AxisAligned, GeneralisedVortex
+from parsolid.exact.micro_layer import MicroLayer, MicroWave
 from parsolid.exact.shock import SteadyShock
 from parsolid.exact.uniaxial_creep import UniaxialCreep
 from parsolid.exact.viscoelastic_plate import ViscoelasticPlate
@@ -17,4 +20,9 @@ SOLUTIONS = {
     "steady-shock": SteadyShock,
     "uniaxial-creep": UniaxialCreep,
     "bar-vibration": BarVibration,
+    "delayed-heat-mode": DelayedMode,
+    "delayed-heat-pulse": DelayedPulse,
+    "elastic-impact": ElasticImpact,
+    "micro-wave": MicroWave,
+    "micro-layer": MicroLayer,
 }

@@ -11,6 +11,8 @@ from parsolid.particles.distribution import sort_for_speed
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene
 
+# what a file of fields has in any case
+ALWAYS_WRITTEN = ("identifier", "body", "volume")
 # told (whether the state is sound, the stable step [s] of this rank)
 Announce = Callable[[bool, float], None]
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -88,7 +88,11 @@ class Rows:
         values = self.system.shown(name, self.first, self.last)
         if values is None and name in self.system.particles.fields:
             rows: np.ndarray = self.system.particles.owned_rows(name)
-            return rows[self.first : self.last]
+            rows, d = rows[self.first : self.last], self.system.dimension
+            if self.system.particles.fields[name].kind(d) != "tensor":
+                return rows
+            values = np.zeros((len(rows), 3, 3))
+            values[:, :d, :d] = rows.reshape(len(rows), d, d)
         return values
 
     def _find(self, name: str) -> np.ndarray:
@@ -133,14 +137,30 @@ class Watched(Protocol):
         """A declared field of this rank's particles."""
 
 
+@dataclass(frozen=True)
+class Key:
+    """A key that a sampler adds to the tables of probes: one of some words, or a point of the scene [m] where None."""
+
+    description: str
+    words: tuple[str, ...] | None = None
+
+
 class Sampler:
     """One thing that a probe watches: each rank gives its part, `reduction` joins the parts, columns are made of that.
 
     name: of the probe; columns: names of what it fills in the history. One is made for each run, on every rank.
     reduction: "sum", "minimum" or "maximum", the same on all ranks at the latest when `part` returns.
+    keys: of its own in a probe's table, refused in the tables of others; a quantity that has some is made as
+    `Sampler(name, columns, probe)`.
     """
 
     reduction = "sum"
+    keys: ClassVar[dict[str, Key]] = {}
+
+    @staticmethod
+    def faults(stated: dict[str, Any], dimension: int) -> list[tuple[str, str, object]]:
+        """What is wrong with its keys in a probe's table: (key, what was expected, what was found or None)."""
+        return []
 
     def __init__(self, name: str, columns: list[str]):
         self.name, self.columns = name, columns
@@ -211,3 +231,10 @@ def shown_kinds() -> dict[str, str]:
 def quantity_kinds() -> dict[str, str]:
     """Name -> kind of the quantities of all particles."""
     return {name: declared.kind for name, declared in QUANTITIES.items()}
+
+
+def samplers_with_keys() -> dict[str, type[Sampler]]:
+    """Name of a field or quantity -> its sampler, of those that add keys to the tables of probes."""
+    found: dict[str, Any] = {name: sampler for name, (_, sampler) in PARTICLE_SAMPLERS.items()}
+    found |= {name: declared.sampler for name, declared in QUANTITIES.items()}
+    return {name: sampler for name, sampler in found.items() if sampler.keys}

@@ -76,6 +76,8 @@ class Progress:
         if (balance := summary.get("energy_balance")) is not None:
             text += f", energy balance {balance:.1e}"
         self._say(text)
+        if "trust" in summary:
+            self._say(f"{summary['trust']}: {summary['trust_reason']}")
         for name, value in (summary.get("errors") or {}).items():
             self._say(f"error {name}: {value:.3g}" if isinstance(value, float) else f"error {name}: {value}")
 
@@ -94,10 +96,10 @@ class Progress:
         left = (now - began) * max(self._end_time - time, 0.0) / gone
         parts = [f"dt {step_size:.2e} s", f"ETA {_duration(left)}"]
         if row:
-            dissipated = row["dissipation_internal"] + row["dissipation_numerical"]
-            energies = {"kinetic": row["kinetic"], "stored": row["stored"], "dissipated": dissipated}
+            energies = {"kinetic": row["kinetic"], "stored": row["stored"], "dissipated": row["dissipation_internal"]}
+            energies["lost in the scheme"] = row["dissipation_numerical"]
             if self._level == VERBOSE:
-                energies |= {"numerical": row["dissipation_numerical"], "balance": row["balance"]}
+                energies |= {"balance": row["balance"]}
             parts += [f"{name} {value:.3e} J" for name, value in energies.items()]
         return [*parts, f"{rate:.2e} particle-steps/s"]
 

@@ -65,6 +65,16 @@ class Field:
         roles = {"exchanged": self.ghosts is not None, "checkpointed": self.checkpointed, "shown": self.shown}
         return " ".join(name for name, holds in roles.items() if holds)
 
+    def kind(self, dimension: int) -> str | None:
+        """ "scalar", "vector" or "tensor", by which a scene may name the field; None of a record, or of bits."""
+        if self.unit in ("", "bits"):
+            return None
+        if self.mirror == "tensor":
+            return "tensor" if self.components == dimension**2 else None
+        if self.components == dimension and (dimension > 1 or self.mirror == "vector"):
+            return "vector"
+        return "scalar" if self.components == 1 else None
+
     @property
     def dtype(self) -> type:
         """Whole numbers have 8 bytes, too, so that every field can travel."""

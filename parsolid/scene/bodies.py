@@ -104,7 +104,7 @@ class Body(FilledShape):
     @classmethod
     def _known_to_method(cls, value: Any, info: ValidationInfo) -> Any:
         method: Any = method_of(info)
-        if value is not None and method and "temperature" not in method.extra_fields:
+        if value is not None and method and "temperature" not in method.field_kinds(dimension_of(info)):
             raise mismatch("no such key with this method", value.source)
         return value
 

@@ -12,6 +12,7 @@ from pydantic.fields import FieldInfo
 
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import ByKind, SceneModel
+from parsolid.scene.declared_fields import DeclaredFields
 from parsolid.scene.methods import settings_class
 from parsolid.scene.schema import Parts, Scene, cross_faults
 from parsolid.scene.validation_errors import SceneError, fault, key_path, suggestion, told
@@ -117,6 +118,11 @@ def parse_scene(data: dict[str, Any], folder: str | os.PathLike[str] = ".", trus
     known = isinstance(dimension, int) and dimension in (method.dimensions if method else (1, 2, 3))
     context = {"dimension": dimension if known else None, "method": method, "folder": os.path.abspath(folder)}
     context["trust_code"] = trust_code
+    without_names: dict[str, Any] = {
+        key: data[key] for key in ("dimension", "end_time", "method", "bodies") if key in data
+    }
+    declared_fields = DeclaredFields(lambda: parse_scene(without_names, folder, trust_code))
+    context["declared_fields"] = declared_fields
     scene: Any = None
     faults: list[str] = []
     try:
@@ -125,6 +131,8 @@ def parse_scene(data: dict[str, Any], folder: str | os.PathLike[str] = ".", trus
         faults = told_faults(error, data, Scene)
     parts = Parts.of(data, context)
     faults += cross_faults(parts) if parts is not None else []
+    # faults that kept a name from being judged; all are among those found, unless a table makes up for another
+    faults = faults or declared_fields.faults
     if faults:
         raise SceneError(dict.fromkeys(faults))
     return scene

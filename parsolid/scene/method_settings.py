@@ -4,6 +4,7 @@ from typing import Any, ClassVar
 
 from pydantic import Field, model_validator
 
+from parsolid.particles import declaration as particles
 from parsolid.scene.base_model import Positive, SceneModel, reject
 
 # place, what was expected, what was found
@@ -14,9 +15,10 @@ class MethodSettings(SceneModel):
     """What every method has, and what it says of itself to the other tables of a scene.
 
     system: module and class, "module:class"; dimensions; materials: the roles of laws that the method takes;
-    boundaries: the kinds that it knows; extra_fields, extra_quantities: what can be probed or shown besides the fields
-    of all methods -> "scalar", "vector" or "tensor"; pictured_fields: what colours the bodies, the first that was
-    written; loads: keys of the table of that name; ledger_terms: see `ledger.Ledger`.
+    boundaries: the kinds that it knows; declared_fields: declarations that a scene often names (of others the code is
+    asked); extra_fields, extra_quantities: what the method computes -> "scalar", "vector" or "tensor"; pictured_fields:
+    what colours the bodies, the first that was written; loads: keys of the table of that name; ledger_terms: see
+    `ledger.Ledger`.
     """
 
     system: ClassVar[str]
@@ -24,6 +26,7 @@ class MethodSettings(SceneModel):
     materials: ClassVar[tuple[str, ...]] = ()
     boundaries: ClassVar[tuple[str, ...]] = ()
     loads: ClassVar[tuple[str, ...]] = ("body_force", "acceleration")
+    declared_fields: ClassVar[tuple[particles.Field, ...]] = ()
     extra_fields: ClassVar[dict[str, str]] = {}
     extra_quantities: ClassVar[dict[str, str]] = {}
     pictured_fields: ClassVar[tuple[str, ...]] = ("pressure",)
@@ -31,6 +34,17 @@ class MethodSettings(SceneModel):
     kind: str
     maximum_step: Positive | None = Field(None, description="the largest time step [s]")
     minimum_step: Positive | None = Field(None, description="the time step [s] below which the run stops")
+    balance_warning: Positive = Field(0.01, description='energy unaccounted for from which a run is "unbalanced"')
+    balance_limit: Positive = Field(0.05, description="energy unaccounted for, over the largest, at which a run fails")
+    dissipation_warning: Positive = Field(
+        0.1, description='numerical dissipation over the energy that went in from which a run is "dissipative"'
+    )
+
+    @classmethod
+    def field_kinds(cls, dimension: int | None) -> dict[str, str]:
+        """Name -> kind of the fields that the method is known to have, without its code."""
+        kinds = {field.name: field.kind(dimension or 3) for field in cls.declared_fields}
+        return {name: kind for name, kind in kinds.items() if kind} | cls.extra_fields
 
     def scene_faults(self, scene: Any) -> list[Detail]:
         """What the method cannot make of a scene's other tables: (location, expected, found)."""
@@ -44,4 +58,6 @@ class MethodSettings(SceneModel):
     def _ordered(self) -> "MethodSettings":
         if self.maximum_step is not None and self.minimum_step is not None and self.minimum_step > self.maximum_step:
             reject((("minimum_step",), f"at most maximum_step = {self.maximum_step:g}", self.minimum_step))
+        if self.balance_warning > self.balance_limit:
+            reject((("balance_warning",), f"at most balance_limit = {self.balance_limit:g}", self.balance_warning))
         return self

@@ -1,104 +1,20 @@
-"""What a scene wants to see: probes, output, a reference to compare with."""
+"""What a scene wants to see besides probes: output, a reference to compare with."""
 
 import json
 import sys
-from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.observables.declared import field_kinds, quantity_kinds, shown_kinds
-from parsolid.scene.base_model import NotNegative, Point, Positive, SceneModel, method_of, mismatch, reject
-from parsolid.scene.bodies import Name
-from parsolid.scene.formulas import InitialScalar
-from parsolid.scene.method_settings import Detail, MethodSettings
-from parsolid.scene.shapes import AxisName, ExistingFile
-from parsolid.scene.validation_errors import NOTHING, suggestion
+from parsolid.scene.base_model import NotNegative, Positive, SceneModel, reject
+from parsolid.scene.method_settings import Detail
+from parsolid.scene.probes import ShownField
+from parsolid.scene.shapes import ExistingFile
 
 HISTORY_COLUMNS = ("kinetic", "stored", "dissipation_internal", "dissipation_numerical", "work_external", "balance")
-
-
-def _known_name(common: Callable[[], dict[str, str]], more: str) -> AfterValidator:
-    """Validator of a name that all methods know, or the scene's method by its table `more`."""
-
-    def check(value: str, info: ValidationInfo) -> str:
-        method = method_of(info)
-        known = common() | (getattr(method, more) if method else {})
-        if value not in known and method:
-            raise mismatch(f"one of {', '.join(map(repr, known))}{suggestion(value, known)}", value)
-        return value
-
-    return AfterValidator(check)
-
-
-ProbeField = Annotated[str, _known_name(field_kinds, "extra_fields")]
-ShownField = Annotated[str, _known_name(shown_kinds, "extra_fields")]
-ProbeQuantity = Annotated[str, _known_name(quantity_kinds, "extra_quantities")]
-
-
-def component_names(field: str, dimension: int, *settings: MethodSettings) -> list[str]:
-    """The history's names of a field's components: itself, with _x..., or with _xx, _xy... row by row.
-
-    settings: of the methods that name further fields.
-    """
-    axes, kinds = "xyz"[:dimension], field_kinds() | quantity_kinds()
-    for method in settings:
-        kinds |= method.extra_fields | method.extra_quantities
-    if kinds[field] == "scalar" or (kinds[field] == "rotation" and dimension == 2):
-        return [field]
-    if kinds[field] == "tensor":
-        return [f"{field}_{row}{column}" for row in axes for column in axes]
-    return [f"{field}_{axis}" for axis in axes]
-
-
-class Probe(SceneModel):
-    """Values written to the history: fields of the particle nearest to `at`, or one quantity of all particles.
-
-    With a `weight` w(X, Y, Z) in place of `at` fields are projected on it, sum V w f / sum V w^2 over all particles:
-    the amplitude of a mode w.
-    twist is the angle [rad], accumulated over turns, by which the particle has turned about `axis` through `centre`.
-    """
-
-    exactly_one: ClassVar = (("at", "quantity", "weight"), ("fields", "quantity"))
-    name: Name
-    at: Point | None = None
-    weight: InitialScalar | None = None
-    fields: Annotated[list[ProbeField], Field(min_length=1)] | None = None
-    axis: AxisName | None = None
-    centre: Point | None = None
-    quantity: ProbeQuantity | None = None
-
-    @model_validator(mode="after")
-    def _twist_has_axis(self, info: ValidationInfo) -> "Probe":
-        wanted = "twist" in (self.fields or ())
-        if wanted and self.at is None:
-            reject((("fields",), "no twist without at", self.fields))
-        details: list[Detail] = []
-        dimension = len(self.at or ())
-        if wanted and self.axis is None and dimension == 3:
-            details.append((("axis",), "the axis 'X', 'Y' or 'Z' of the twist", NOTHING))
-        if wanted and self.axis in ("X", "Y") and dimension == 2:
-            details.append((("axis",), "'Z' or nothing in 2-D", self.axis))
-        given = {key: getattr(self, key) for key in ("axis", "centre") if getattr(self, key) is not None}
-        if not wanted:
-            details += [((key,), "no such key without the field twist", value) for key, value in given.items()]
-        reject(*details)
-        return self
-
-    def columns_of_fields(self, dimension: int, *settings: MethodSettings) -> dict[str, list[str]]:
-        """The columns of the history that each field, or the quantity, fills; settings: of the scene's methods."""
-        fields = (self.fields or []) if self.quantity is None else [self.quantity]
-        names = {field: component_names(field, dimension, *settings) for field in fields}
-        return {field: [f"{self.name}.{name}" for name in components] for field, components in names.items()}
-
-    def columns(self, dimension: int, *settings: MethodSettings) -> list[str]:
-        """The columns of the history that the probe fills."""
-        filled = self.columns_of_fields(dimension, *settings)
-        fields = (self.fields or []) if self.quantity is None else [self.quantity]
-        return [column for field in fields for column in filled[field]]
 
 
 class Output(SceneModel):
@@ -132,6 +48,7 @@ class Output(SceneModel):
 
 
 _HYPERELASTIC, _PLASTIC, _PRONY = ("mooney-rivlin", "neo-hookean"), ("elastic-plastic",), ("prony", "linear-elastic")
+_MICRO = ("micro-inertia",)
 # exact solutions: the sets of parameters of which each wants one, and the kinds of material that it is for
 SOLUTIONS_KNOWN = {
     "viscoelastic-plate": ((("amplitude",),), _HYPERELASTIC),
@@ -143,6 +60,11 @@ SOLUTIONS_KNOWN = {
     "steady-shock": ((("start", "particle_speed"),), _PLASTIC),
     "uniaxial-creep": (((),), _PRONY),
     "bar-vibration": ((("stretch",),), _PRONY),
+    "delayed-heat-mode": ((("start", "amplitude", "mode"),), _MICRO),
+    "delayed-heat-pulse": ((("start", "amplitude", "centre", "width"),), _MICRO),
+    "elastic-impact": ((("speed",),), _MICRO),
+    "micro-wave": ((("rate", "amplitude", "mode"),), _MICRO),
+    "micro-layer": ((("height", "rate"),), _MICRO),
 }
 
 # those that come with a body force

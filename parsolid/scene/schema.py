@@ -13,7 +13,8 @@ from parsolid.scene.fillings import filling_of
 from parsolid.scene.lattice import Filling
 from parsolid.scene.loads import Loads
 from parsolid.scene.methods import Method
-from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, SOLUTIONS_KNOWN, Output, Probe, Reference
+from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, SOLUTIONS_KNOWN, Output, Reference
+from parsolid.scene.probes import Probe, ProbeTable
 from parsolid.scene.systems import SystemOfScene
 from parsolid.scene.validation_errors import NOTHING, SceneError, fault, key_path, suggestion
 
@@ -31,7 +32,7 @@ class Scene(SceneModel):
     bodies: Annotated[list[Body], Field(min_length=1)] = Field(description="at least one body")
     boundaries: list[Boundary] = []
     loads: Loads = Loads()
-    probes: list[Probe] = []
+    probes: list[ProbeTable] = []
     output: Output = Output()
     reference: Reference | None = None
 
@@ -127,7 +128,7 @@ class Parts:
             return None
         complete = True
         lists: dict[str, dict[int, Any]] = {}
-        for key, kind in (("bodies", FilledShape), ("boundaries", Boundary), ("probes", Probe)):
+        for key, kind in (("bodies", FilledShape), ("boundaries", Boundary), ("probes", ProbeTable)):
             adapter = TypeAdapter(kind)
             entries = data.get(key, [])
             lists[key] = {}
@@ -239,7 +240,11 @@ def _reference_faults(parts: Parts) -> list[str]:
         return []
     key = "final" if parts.reference.final is not None else "columns"
     known = [*HISTORY_COLUMNS, *parts.method.ledger_terms]
-    known += [column for probe in parts.probes.values() for column in probe.columns(parts.dimension, parts.method)]
+    try:
+        known += [column for probe in parts.probes.values() for column in probe.columns(parts.dimension)]
+    except KeyError:
+        # a field that other faults keep from being known
+        return []
     return [
         fault(("reference", key, column), f"a column of the history{suggestion(column, known)}", column)
         for column in getattr(parts.reference, key) or ()

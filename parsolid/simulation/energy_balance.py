@@ -1,30 +1,48 @@
-"""Whether energy is kept: the ledger's balance against the largest energy a run has shown."""
+"""Whether energy is kept: the ledger's balance against the largest energy a run has shown, and what its end says."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
-# share of the largest energy beyond which no stable run is off
-_BROKEN = 0.2
 # of the methods' energy scale, what rounding leaves
 _ROUND_OFF = 1e-12
+
+
+class EnergyLimits(NamedTuple):
+    """Shares of the largest energy, or of the energy that went in; see `scene.method_settings.MethodSettings`."""
+
+    balance_warning: float
+    balance_limit: float
+    dissipation_warning: float
+
+    @classmethod
+    def of(cls, settings: Iterable[Any]) -> "EnergyLimits":
+        """The tightest of several methods' settings."""
+        return cls(*(min(values) for values in zip(*([getattr(one, key) for key in cls._fields] for one in settings))))
 
 
 class EnergyBalance:
     """Judges rows of the ledger.
 
-    largest: the largest kinetic or stored energy or external work so far [J]; broken: the first balance [J] that was
-    beyond what any stable run shows, None while there was none.
+    limits: what the scene allows; largest: the largest kinetic or stored energy or external work so far [J]; worst: the
+    largest |balance| so far [J]; entered: the most energy that has gone in so far, what there was at the start and the
+    external work [J]; lost: the numerical dissipation [J] of the last row; broken: the first balance [J] beyond the
+    limit, None while there was none.
     """
 
-    def __init__(self) -> None:
-        self.largest = 0.0
+    def __init__(self, limits: EnergyLimits) -> None:
+        self.limits = limits
+        self.largest = self.worst = self.entered = self.lost = 0.0
         self.broken: float | None = None
 
-    def judge(self, row: Mapping[str, float], scale: float) -> None:
-        """Take a row in; scale: the energy [J] of which the balance has the round-off in any case."""
+    def judge(self, row: Mapping[str, float], scale: float, initial: float = 0.0) -> None:
+        """Take a row in; scale: the energy [J] of which the balance has the round-off in any case; initial: the energy
+        at time 0 [J]."""
         self.largest = max(self.largest, *(abs(row[name]) for name in ("kinetic", "stored", "work_external")))
-        allowed = _BROKEN * self.largest + _ROUND_OFF * scale + np.finfo(float).tiny
+        self.worst, self.lost = max(abs(row["balance"]), self.worst), row["dissipation_numerical"]
+        self.entered = max(self.entered, initial + row["work_external"])
+        allowed = self.limits.balance_limit * self.largest + _ROUND_OFF * scale + np.finfo(float).tiny
         if not abs(row["balance"]) <= allowed:
             self.broken = row["balance"]
 
@@ -35,3 +53,33 @@ class EnergyBalance:
         """
         over = self.largest if self.largest > _ROUND_OFF * scale else scale
         return balance / over if over > 0.0 else None
+
+    def verdict(self, scale: float) -> dict[str, Any]:
+        """Entries of summary.json: the largest |balance| over the largest energy, numerical dissipation [J] and its
+        share of the energy that went in, and a word of trust with its reason.
+
+        "resolved" says that the energy is accounted for and that little of it went into the scheme: an answer needs
+        that, but is not right by that alone.
+        """
+        balance = self.relative(self.worst, scale) or 0.0
+        share = self.lost / self.entered if self.entered > _ROUND_OFF * scale else 0.0
+        limits = self.limits
+        word, reason = (
+            "resolved",
+            f"at most {balance:.2g} of the energy unaccounted for, {share:.2g} lost in the scheme",
+        )
+        if abs(share) > limits.dissipation_warning:
+            word = "dissipative"
+            reason = f"the scheme, not the material, took {share:.2g} of the energy that went in"
+            reason += f" (method.dissipation_warning = {limits.dissipation_warning:g})"
+        if not balance <= limits.balance_warning or self.broken is not None:
+            word = "unbalanced"
+            reason = f"{balance:.2g} of the largest energy came from nowhere or went there"
+            reason += f" (method.balance_warning = {limits.balance_warning:g})"
+        return {
+            "energy_balance_largest": balance,
+            "dissipation_numerical": self.lost,
+            "dissipation_numerical_share": share,
+            "trust": word,
+            "trust_reason": reason,
+        }

@@ -4,11 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from parsolid.methods.protocol import ParticleSystem
+from parsolid.methods.protocol import ALWAYS_WRITTEN, ParticleSystem
 from parsolid.observables.declared import FIELDS, field_of
-
-# what a file of fields has in any case
-_ALWAYS = ("identifier", "body", "volume")
 
 
 class Observables:
@@ -63,7 +60,7 @@ class Observables:
             name
             for system in self.systems
             for name, field in system.particles.fields.items()
-            if field.shown and name not in FIELDS and name not in _ALWAYS
+            if field.shown and name not in FIELDS and name not in ALWAYS_WRITTEN
         ]
         return [*dict.fromkeys(declared), *(name for name, field in FIELDS.items() if field.usual)]
 

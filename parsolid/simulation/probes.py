@@ -23,10 +23,9 @@ class Probes:
     def __init__(self, comm: Any, scene: Scene, observables: Observables):
         """Collective."""
         self.comm, self.observables = comm, observables
-        settings = [system.settings for system in observables.systems]
         self.samplers: list[Sampler] = []
         for probe in scene.probes:
-            columns = probe.columns_of_fields(scene.dimension, *settings)
+            columns = probe.columns_of_fields(scene.dimension)
             self.samplers += _samplers(comm, probe, columns, observables)
         self.columns = [column for sampler in self.samplers for column in sampler.columns]
 
@@ -62,7 +61,9 @@ def _samplers(comm: Any, probe: Any, columns: dict[str, list[str]], observables:
     """What finds the columns of a probe of the scene, (name of field -> its columns); collective."""
     if probe.quantity is not None:
         known, names = QUANTITIES.get(probe.quantity), columns[probe.quantity]
-        return [known.sampler(probe.name, names) if known else MethodQuantity(probe.name, names, probe.quantity)]
+        if known is None:
+            return [MethodQuantity(probe.name, names, probe.quantity)]
+        return [known.sampler(probe.name, names, *([probe] if known.sampler.keys else []))]
     if probe.weight is not None:
         names = [column for field in probe.fields for column in columns[field]]
         return [Projected(probe.name, names, probe.weight, probe.fields)]

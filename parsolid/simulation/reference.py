@@ -88,8 +88,7 @@ class Errors:
 def _judged(scene: Scene, solution: Any) -> list[str]:
     """Columns of the history that a solution looks at. Raises SolverError when the scene has no probes for them."""
     wanted: list[str] = solution.history_columns()
-    settings = [system.settings for system in scene.systems]
-    known = {column for probe in scene.probes for column in probe.columns(scene.dimension, *settings)}
+    known = {column for probe in scene.probes for column in probe.columns(scene.dimension)}
     missing = [column for column in wanted if column not in known]
     if missing or not wanted:
         what = ", ".join(missing) or "position and displacement at a point"

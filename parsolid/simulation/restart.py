@@ -104,7 +104,11 @@ class Restart:
             ledger.values[:] = self.rows[self.comm.rank]
         elif self.comm.rank == 0:
             ledger.values[:] = self.rows.sum(axis=0)
-        simulation.balance.largest = header["largest_energy"]
+        balance = simulation.balance
+        # a checkpoint of an earlier version says only the first; the others then count from here
+        balance.largest = header["largest_energy"]
+        balance.worst, balance.entered = header.get("largest_balance", 0.0), header.get("energy_entered", 0.0)
+        balance.lost = float(self.rows[:, 1].sum())
         simulation.time_steps.jumped = header["jumped"]
         simulation.clock.time, simulation.clock.step = header["time"], header["step"]
         simulation.stable = header["stable_step"]
@@ -147,6 +151,8 @@ def header_of(
         **{numbered("method_state", number): system.state() for number, system in systems},
         "initial_energy": simulation.ledger.initial,
         "largest_energy": simulation.balance.largest,
+        "largest_balance": simulation.balance.worst,
+        "energy_entered": simulation.balance.entered,
         "probes": probes,
         "errors": errors,
         "scene": scene,

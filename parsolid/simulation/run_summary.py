@@ -40,6 +40,7 @@ def summary_of(
         "nanoseconds_per_pair": slowest * ranks / (evaluated / 2) * 1e9 if evaluated else None,
         "communication_share": waited / (slowest * ranks) if steps else None,
         "energy_balance": None if balance is None else simulation.balance.relative(balance, simulation.energy_scale),
+        **simulation.balance.verdict(simulation.energy_scale),
         "peak_memory_bytes_per_rank": maximum(comm, peak_memory_bytes()),
         **_of_methods(systems),
         "status": status,

@@ -13,6 +13,7 @@ from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene
 from parsolid.scene.systems import SystemOfScene
 from parsolid.simulation.restart import Restart
+from parsolid.simulation.starting_state import refuse_unsound_start
 
 
 def build_systems(comm: Any, scene: Scene, restart: Restart | None) -> tuple[list[ParticleSystem], list[ParticleSet]]:
@@ -35,6 +36,7 @@ def build_systems(comm: Any, scene: Scene, restart: Restart | None) -> tuple[lis
         systems.append(system)
         if not restart:
             system.begin(part, particle_sets[-1])
+            refuse_unsound_start(comm, part, system, particle_sets[-1])
     if restart:
         restart.apply_state(systems, orders)
     return systems, particle_sets

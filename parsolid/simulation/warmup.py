@@ -11,14 +11,11 @@ from mpi4py import MPI
 
 from decomposition.compiled import folder
 from parsolid.materials.registry import loaded_texts
-from parsolid.methods import method_class
+from parsolid.methods.small_scene import Tables, small_scene
 from parsolid.observables.declared import field_of
 from parsolid.scene import Scene, parse_scene
-from parsolid.scene.method_settings import MethodSettings
 from parsolid.simulation.loop import Simulation
 from parsolid.sources import source_digest
-
-Tables = dict[str, Any]
 
 
 def warm_up(comm: Any, scene: Scene) -> None:
@@ -26,7 +23,7 @@ def warm_up(comm: Any, scene: Scene) -> None:
     if comm.size == 1:
         return
     node = comm.Split_type(MPI.COMM_TYPE_SHARED)
-    tables = [_small_scene(scene.part(system), system.settings) for system in scene.systems]
+    tables = [small_scene(scene.part(system), system.settings) for system in scene.systems]
     if node.rank == 0:
         for table in tables:
             # an error of this rank alone would leave the others waiting; one of the scene's meets all ranks in a moment
@@ -64,23 +61,3 @@ def compile_kernels(tables: Tables) -> None:
 def _mark(tables: Tables) -> Path:
     text = source_digest() + loaded_texts() + json.dumps(tables, sort_keys=True)
     return folder() / f"warm-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
-
-
-def _small_scene(scene: Scene, method: MethodSettings) -> Tables:
-    """A scene of a few particles whose kernels have the same types as those of one system."""
-    d, full = scene.dimension, scene.resolved()
-    bodies = []
-    for index, body in enumerate(full["bodies"]):
-        lower = [10.0 * index] + [0.0] * (d - 1)
-        box = {"lower": lower, "upper": [lower[0] + 1.0] + [1.0] * (d - 1)}
-        bodies.append({"shape": {"box": box}, "particles": [3] * d, "placement": "nodes", "material": body["material"]})
-    kinds = {boundary["kind"] for boundary in full["boundaries"]}
-    axis = "XY"[d > 1]
-    boundaries = [
-        {"plane": f"{axis} = 0", "kind": kind} for kind in sorted(kinds & {"fixed", "roller", "antisymmetric"})[:1]
-    ]
-    if "velocity" in kinds:
-        boundaries.append({"plane": f"{axis} = 1", "kind": "velocity", "velocity": [0.0] * d})
-    loads = {"acceleration": [0.0] * d} if full.get("loads") or "traction" in kinds else {}
-    small = {"dimension": d, "end_time": 1.0, "method": full["method"], "bodies": bodies, "boundaries": boundaries}
-    return method_class(method).small_scene(small | {"loads": loads, "title": "warming up"})

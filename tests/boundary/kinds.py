@@ -9,7 +9,10 @@ from solids import SOFT, tables
 from parsolid.methods.mpm.grid_conditions import GridConditions
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.methods.tlsph.boundaries import build_boundaries
+from parsolid.methods.ulsph.boundaries import BoundarySet
+from parsolid.methods.ulsph.fields import declare_motion
 from parsolid.particles.container import Particles
+from parsolid.particles.generated import declare_generated
 from parsolid.particles.generation import generate
 from parsolid.scene import parse_scene
 
@@ -24,6 +27,7 @@ KINDS = {
     "wall": {"plane": "X = 2", "side": "below"},
     "temperature": {"plane": "X = 0", "temperature": 300.0},
     "heat_flux": {"plane": "X = 0", "heat_flux": 1.0},
+    "micro_clamped": {"plane": "X = 0"},
 }
 PRONY = {"kind": "prony", "density": 1000.0, "youngs_modulus": 7e6, "poissons_ratio": 0.3, "terms": []}
 
@@ -40,6 +44,11 @@ def tables_of(method: str, *boundaries: dict) -> dict:
         return scene([0.0, 0.0], [1.0, 1.0], 0.125, 0.25, material=material, boundaries=list(boundaries))
     if method == "tlsph":
         return tables((9, 9), material=SOFT, boundaries=list(boundaries))
+    if method == "ulsph":
+        steel = {"kind": "micro-inertia", "library": "4340 steel, Rahaman"}
+        data = tables((9, 9), material=steel, boundaries=list(boundaries), body={"placement": "cells"})
+        data["method"] = {"kind": "ulsph"}
+        return data
     data = tables((9, 9), material=PRONY, boundaries=list(boundaries), body={"placement": "cells"})
     data["method"] = {"kind": "peridynamics"}
     return data
@@ -53,4 +62,9 @@ def translated(comm, data: dict):
         return build_boundaries(comm, scene, particle_set, Particles(particle_set.body))
     if scene.method.kind == "peridynamics":
         return PeridynamicLoads(comm, scene, particle_set, Particles(particle_set.body))
+    if scene.method.kind == "ulsph":
+        particles = Particles(particle_set.body)
+        declare_generated(particles, particle_set)
+        declare_motion(particles, particle_set.position, None, None, False)
+        return BoundarySet(comm, scene, particle_set, particles)
     return GridConditions(comm, scene, particle_set.position, np.zeros(4))

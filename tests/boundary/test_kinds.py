@@ -16,7 +16,7 @@ from parsolid.scene.boundaries.condition import BOUNDARY_KINDS
 from parsolid.scene.methods import settings_class
 
 ROOT = Path(__file__).parents[2]
-METHODS = ("tlsph", "peridynamics", "mpm")
+METHODS = ("tlsph", "peridynamics", "mpm", "ulsph")
 TAKEN = {method: settings_class({"kind": method}).boundaries for method in METHODS}
 
 

@@ -36,9 +36,9 @@ class FreeFlight(ParticleSystem):
         self.comm, self.settings = comm, scene.method
         self.owned, self.dimension = particle_set.position.shape
         _, density = material_blocks(laws_of(scene), particle_set.body)
-        self.mass, self.share = density * particle_set.volume, np.ones(self.owned)
         self.particles = particles = Particles(particle_set.body)
         kept, d = {"checkpointed": True}, self.dimension
+        particles.declare(Field("mass", 1, "kg", **kept), density * particle_set.volume)
         particles.declare(Field("identifier", 1, "1", whole=True, **kept), particle_set.identifier)
         particles.declare(Field("reference_position", d, "m", **kept), particle_set.position)
         particles.declare(Field("volume", 1, "m^3", **kept), particle_set.volume)
@@ -88,7 +88,7 @@ poissons_ratio = 0.3
 [[probes]]
 name = "corner"
 at = [1, 1]
-fields = ["position"]
+fields = ["position", "flown"]
 """
 KERNEL = '''
 import math
@@ -138,6 +138,8 @@ def test_a_method_is_one_folder(tmp_path):
     assert float(rows[-1]["time"]) == 1.0 and int(rows[-1]["step"]) >= 8
     place = [float(rows[-1][f"corner.position_{axis}"]) for axis in "xy"]
     assert place == pytest.approx([4.0, 5.0], rel=1e-12)
+    # a field that the folder alone declares
+    assert float(rows[-1]["corner.flown"]) == pytest.approx(5.0, rel=1e-12)
     refused = parsolid(tmp_path, "run", "flight.toml", "-o", "out2", "--set", "method.step=true")
     assert refused.returncode == 2 and "method.step" in refused.stderr
 

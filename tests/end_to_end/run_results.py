@@ -63,7 +63,8 @@ def assert_close(found: Path, expected: Path, tolerance: float) -> None:
 def _assert_fields_close(one: dict, other: dict, tolerance: float) -> None:
     assert set(one) == set(other)
     orders = [np.argsort(fields["identifier"]) for fields in (one, other)]
-    for name in other:
+    # places at which lists were made differ where another number of ranks has made them anew
+    for name in set(other) - {"listed_position"}:
         values, wanted = one[name][orders[0]], other[name][orders[1]]
         scale = np.abs(wanted).max() or 1.0
         assert np.abs(values - wanted).max() <= tolerance * scale, name

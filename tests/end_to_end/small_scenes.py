@@ -194,6 +194,38 @@ FLIGHT = {
     "output": OUTPUT | {"fields_interval": 2e-3, "fields": ["velocity", "pressure", "density"]},
 }
 
+# two laws, contact, fluxes of both, lists made anew on the way
+PLATES = {
+    "title": "Small plates",
+    "dimension": 2,
+    "end_time": 4e-6,
+    "method": {"kind": "ulsph", "viscous_heating": True},
+    "bodies": [
+        {
+            "name": "steel",
+            "shape": {"box": {"lower": [0.0, 0.0], "upper": [0.012, 0.006]}},
+            "particles": [12, 6],
+            "placement": "cells",
+            "velocity": ["400", "3e4*X"],
+            "material": {"kind": "micro-inertia", "library": "4340 steel, Rahaman", "energetic_length": 1e-3},
+        },
+        {
+            "name": "copper",
+            "shape": {"box": {"lower": [0.012, 0.0], "upper": [0.024, 0.006]}},
+            "particles": [12, 6],
+            "placement": "cells",
+            "velocity": ["-400", "0"],
+            "material": {"kind": "elastic-plastic", "library": "OFHC copper, Johnson-Cook"},
+        },
+    ],
+    "probes": [
+        {"name": "corner", "at": [0.024, 0.006], "fields": ["displacement", "velocity", "stress"]},
+        {"name": "whole", "quantity": "linear_momentum"},
+        {"name": "hot", "quantity": "maximum_temperature"},
+    ],
+    "output": OUTPUT | {"fields_interval": 1e-6},
+}
+
 SCENES = {
     "punch": PUNCH,
     "moved": MOVED,
@@ -203,6 +235,7 @@ SCENES = {
     "pulled": PULLED,
     "impact": IMPACT,
     "flight": FLIGHT,
+    "plates": PLATES,
 }
 
 

@@ -30,8 +30,8 @@ def test_any_number_of_ranks_gives_the_same_history_and_state(runs, name, ranks)
 def test_something_happens_in_these_scenes(runs, name):
     columns = history(runs / "1" / name)
     assert 15 < columns["step"][-1] < 100
-    assert (
-        columns["kinetic"].max() > 0.0 and columns["stored"].max() > 0.0 and columns["dissipation_numerical"][-1] > 0.0
-    )
+    assert columns["kinetic"].max() > 0.0
+    assert columns["stored"].max() > 0.0
+    assert columns["dissipation_numerical"][-1] + columns.get("viscous_dissipation", [0.0])[-1] > 0.0
     largest = max(columns[name].max() for name in ("kinetic", "stored", "work_external"))
     assert abs(columns["balance"]).max() < 1e-2 * largest

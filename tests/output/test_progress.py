@@ -47,7 +47,7 @@ def test_a_slow_run_tells_every_five_seconds_with_the_time_left(passing_time):
     assert lines[0] == "Punch: 10 particles, to t = 0.5 s"
     assert len(lines) == 1 + 20 + 2
     assert lines[5].startswith("step      25  t 1.2500e-01 s  25.0 %  dt 5.00e-03 s  ETA 0:01:15")
-    assert "kinetic 1.500e+00 J  stored 2.000e+00 J  dissipated 7.500e-01 J" in lines[5]
+    assert "kinetic 1.500e+00 J  stored 2.000e+00 J  dissipated 2.500e-01 J  lost in the scheme 5.000e-01 J" in lines[5]
     assert lines[5].endswith("1.00e+01 particle-steps/s")
     assert lines[-2:] == ["finished: 99 steps to t = 0.5 s in 12.0 s, energy balance 1.0e-05", "error u: 0.1"]
 

@@ -163,6 +163,22 @@ def test_the_energy_balance_closes_with_the_square_of_the_step(dimension, law):
     assert worst[1] < 0.3 * worst[0]
 
 
+@pytest.mark.parametrize("loads", [{}, {"loads": {"body_force": ["3", "-2*X"]}}], ids=["free", "loaded"])
+def test_the_balance_of_one_kicked_particle_closes_to_rounding(loads):
+    elastic = {"kind": "prony", "youngs_modulus": 3.0, "poissons_ratio": 0.25, "density": 1.1, "terms": []}
+    solution = {"kind": "explicit", "safety": 0.8}
+    data = scene(2, "fixed", material=elastic, jitter=0.0, method={"solution": solution}, **loads)
+    sim = simulation(data)
+    sim.systems[0].velocity[17, 0] = 1.0
+    rows = [sim.energy_row()]
+    for _ in range(20):
+        sim.take_step(sim.systems[0].stable_step())
+        rows.append(sim.energy_row())
+    largest = max(row["kinetic"] for row in rows)
+    assert max(abs(row["leapfrog_oscillation"]) for row in rows) > 0.01 * largest
+    assert max(abs(row["balance"]) for row in rows) < 1e-13 * largest
+
+
 @pytest.mark.parametrize("law", LAWS)
 def test_explicit_runs_do_not_depend_on_ranks(comm, law):
     results = []

@@ -1,19 +1,30 @@
 """A balance is judged against the largest energy seen, and against rounding where there is none."""
 
+from types import SimpleNamespace
+
 import pytest
 
-from parsolid.simulation.energy_balance import EnergyBalance
+from parsolid.simulation.energy_balance import EnergyBalance, EnergyLimits
 
 pytestmark = pytest.mark.serial
+LIMITS = EnergyLimits(0.01, 0.2, 0.1)
 
 
-def row(balance: float, kinetic: float = 1.0, stored: float = 0.0, work: float = 0.0) -> dict[str, float]:
-    return {"kinetic": kinetic, "stored": stored, "work_external": work, "balance": balance}
+def row(
+    balance: float, kinetic: float = 1.0, stored: float = 0.0, work: float = 0.0, lost: float = 0.0
+) -> dict[str, float]:
+    return {
+        "kinetic": kinetic,
+        "stored": stored,
+        "work_external": work,
+        "balance": balance,
+        "dissipation_numerical": lost,
+    }
 
 
 @pytest.mark.parametrize("energies", [{"kinetic": 10.0}, {"stored": 10.0}, {"work": -10.0}])
 def test_a_fifth_of_the_largest_energy_is_too_much(energies):
-    judge = EnergyBalance()
+    judge = EnergyBalance(LIMITS)
     judge.judge(row(0.0, **energies), 0.0)
     judge.judge(row(-1.99), 0.0)
     assert judge.broken is None and judge.largest == 10.0
@@ -22,13 +33,13 @@ def test_a_fifth_of_the_largest_energy_is_too_much(energies):
 
 
 def test_what_is_not_a_number_is_broken():
-    judge = EnergyBalance()
+    judge = EnergyBalance(LIMITS)
     judge.judge(row(float("nan")), 0.0)
     assert judge.broken is not None
 
 
 def test_rounding_of_the_scale_is_allowed():
-    judge = EnergyBalance()
+    judge = EnergyBalance(LIMITS)
     judge.judge(row(1e-6, kinetic=0.0), 1e7)
     assert judge.broken is None
     judge.judge(row(1e-4, kinetic=0.0), 1e7)
@@ -36,7 +47,39 @@ def test_rounding_of_the_scale_is_allowed():
 
 
 def test_the_relative_balance_is_of_the_largest_energy_or_of_the_scale():
-    judge = EnergyBalance()
+    judge = EnergyBalance(LIMITS)
     assert judge.relative(1.0, 0.0) is None and judge.relative(1.0, 4.0) == 0.25
     judge.judge(row(0.0, kinetic=10.0), 0.0)
     assert judge.relative(1.0, 4.0) == 0.1
+
+
+def test_the_tightest_of_several_methods_counts():
+    a, b = SimpleNamespace(**LIMITS._asdict()), SimpleNamespace(**EnergyLimits(0.02, 0.1, 0.3)._asdict())
+    assert EnergyLimits.of([a, b]) == EnergyLimits(0.01, 0.1, 0.1)
+
+
+@pytest.mark.parametrize(
+    "rows, word, reason",
+    [
+        ([row(0.05), row(0.005)], "unbalanced", "0.05 of the largest energy"),
+        ([row(4.5e-5, kinetic=0.3, lost=0.68)], "dissipative", "took 0.68 of the energy"),
+        ([row(0.0, lost=0.15, work=1.0)], "resolved", "0.075 lost"),
+        ([row(0.0, lost=0.15, work=-0.5)], "dissipative", "took 0.15"),
+        ([row(0.0, lost=-0.15)], "dissipative", "took -0.15"),
+        ([row(0.009, lost=0.09)], "resolved", "0.009 of the energy unaccounted for, 0.09"),
+        ([row(float("nan"))], "unbalanced", "nan of the largest energy"),
+    ],
+)
+def test_a_word_of_trust_by_the_largest_balance_and_by_the_energy_that_went_in(rows, word, reason):
+    judge = EnergyBalance(LIMITS)
+    for one in [row(0.0), *rows]:
+        judge.judge(one, 0.0, initial=1.0)
+    said = judge.verdict(0.0)
+    assert said["trust"] == word and reason in said["trust_reason"]
+    assert said["dissipation_numerical"] == rows[-1]["dissipation_numerical"]
+
+
+def test_nothing_that_moves_is_resolved():
+    judge = EnergyBalance(LIMITS)
+    judge.judge(row(0.0, kinetic=0.0), 0.0)
+    assert judge.verdict(0.0)["trust"] == "resolved"

@@ -1,5 +1,6 @@
 """Probes follow their particles from rank to rank, and a new one is a new file."""
 
+import pickle
 import sys
 
 import numpy as np
@@ -128,6 +129,29 @@ class FarthestParticle(Sampler):
     def part(self, watched):
         return np.array([np.linalg.norm(watched.rows("position"), axis=1).max(initial=0.0)])
 """
+NEW_KEYS = """
+import numpy as np
+from parsolid.observables.declared import Key, Sampler, quantity
+
+@quantity("distance_of_mass", "scalar")
+class DistanceOfMass(Sampler):
+    keys = {"origin": Key("a point"), "norm": Key("of the distance", ("sum", "largest"))}
+
+    @staticmethod
+    def faults(stated, dimension):
+        return [] if stated["origin"] is not None else [("origin", "a point with distance_of_mass", None)]
+
+    def __init__(self, name, columns, probe):
+        super().__init__(name, columns)
+        self.origin, self.order = np.array(probe.origin), {"sum": 1, "largest": np.inf}[probe.norm or "sum"]
+
+    def part(self, watched):
+        mass, x = watched.tributary_mass, watched.rows("position")
+        return np.append(mass @ x, mass.sum())
+
+    def values(self, joined):
+        return np.array([np.linalg.norm(joined[:-1] / joined[-1] - self.origin, self.order)])
+"""
 NEW_FIELD = """
 from parsolid.observables.declared import field
 
@@ -143,9 +167,10 @@ def more_files(comm, shared_path, monkeypatch):
     if comm.rank == 0:
         (shared_path / "farthest.py").write_text(NEW_QUANTITY)
         (shared_path / "energy_density.py").write_text(NEW_FIELD)
+        (shared_path / "distance.py").write_text(NEW_KEYS)
     comm.Barrier()
     for registry in (declared.QUANTITIES, declared.FIELDS):
-        for name in ("farthest_particle", "kinetic_energy_density"):
+        for name in ("farthest_particle", "kinetic_energy_density", "distance_of_mass"):
             monkeypatch.delitem(registry, name, raising=False)
     kept = dict(declared.QUANTITIES), dict(declared.FIELDS)
     monkeypatch.setattr(observables, "__path__", [*observables.__path__, str(shared_path)])
@@ -154,7 +179,7 @@ def more_files(comm, shared_path, monkeypatch):
     for registry, before in zip((declared.QUANTITIES, declared.FIELDS), kept):
         registry.clear()
         registry.update(before)
-    for module in ("farthest", "energy_density"):
+    for module in ("farthest", "energy_density", "distance"):
         sys.modules.pop(f"parsolid.observables.{module}")
 
 
@@ -169,6 +194,24 @@ def test_a_new_probe_or_field_is_one_file(comm, more_files):
     expected = 0.5 * 1000.0 * (SPEED * reach) ** 2
     assert columns["corner.kinetic_energy_density"][0] == pytest.approx(expected, rel=1e-12)
     assert Observables(sim.systems).field("kinetic_energy_density").shape == (sim.systems[0].owned,)
+
+
+def test_a_probe_with_keys_of_its_own_is_one_file(comm, more_files):
+    probe = {"name": "all", "quantity": "distance_of_mass", "origin": [0.3, 0.4]}
+    columns, _, sim = sampled(spinning() | {"probes": [probe]}, comm, 1)
+    assert columns["all.distance_of_mass"][0] == pytest.approx(0.7, rel=1e-12)
+    columns, *_ = sampled(spinning() | {"probes": [probe | {"norm": "largest"}]}, comm, 1)
+    assert columns["all.distance_of_mass"][0] == pytest.approx(0.4, rel=1e-12)
+    assert parse_scene(sim.scene.resolved()) == sim.scene == pickle.loads(pickle.dumps(sim.scene))
+    for wrong, told in (
+        ({"origin": None}, "probes.0.origin: expected a point with distance_of_mass, found nothing"),
+        ({"origin": [1.0]}, r"probes.0.origin: expected 2 components \(one per dimension\), found \[1.0\]"),
+        ({"norm": "least"}, "probes.0.norm: expected 'sum' or 'largest' .*, found 'least'"),
+        ({"nrom": "sum"}, "probes.0.nrom: expected one of .*the unknown key 'nrom' .did you mean 'norm'"),
+        ({"quantity": "maximum_speed"}, "probes.0.origin: expected no such key without the quantity distance_of_mass"),
+    ):
+        with pytest.raises(SceneError, match=told):
+            parse_scene(spinning() | {"probes": [probe | wrong]})
 
 
 def test_without_the_file_the_name_is_refused():

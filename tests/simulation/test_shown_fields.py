@@ -8,8 +8,10 @@ from solids import simulation, tables
 from parsolid.commands.report import print_report
 from parsolid.methods.tlsph import state
 from parsolid.particles.declaration import Field
+from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.observables import Observables
 from parsolid.simulation.output_files import OutputFiles
+from parsolid.simulation.probes import Probes
 
 USUAL = ["displacement", "velocity", "pressure", "von_mises_stress", "jacobian"]
 
@@ -49,6 +51,45 @@ def test_a_shown_field_takes_no_more_than_its_declaration(comm, shared_path, mar
     told = capsys.readouterr().out
     if comm.rank == 0:
         assert any(line.split() == ["mark", "1", "kg", "8", "shown"] for line in told.splitlines())
+
+
+def test_a_declared_field_is_named_in_a_scene_and_nowhere_else(comm, shared_path, marked):
+    data = tables((5, 4)) | {"output": {"fields": ["mark", "reference_position", "deformation_gradient"]}}
+    data["probes"] = [
+        {"name": "corner", "at": [0.0, 0.0], "fields": ["mark", "reference_position"]},
+        {"name": "mode", "weight": "1", "fields": ["mark"]},
+    ]
+    sim = simulation(data, comm)
+    found = written(comm, sim, shared_path)
+    assert set(found) == {*data["output"]["fields"], "body", "volume"}
+    assert np.all(found["mark"][:20] % 2 == 1.0) and found["reference_position"].shape == (len(found["mark"]), 3)
+    probes = Probes(comm, sim.scene, Observables(sim.systems))
+    assert probes.columns == ["corner.mark", *(f"corner.reference_position_{axis}" for axis in "xy"), "mode.mark"]
+    mark, *_, mean = probes.sample()
+    assert mark % 2 == 1.0 and mean > 1.0
+    # a column of the history like any other
+    data["reference"] = {"final": {"corner.reference_position_x": 1.0, "corner.mark": 1.0}}
+    assert parse_scene(data).reference.final["corner.mark"] == 1.0
+
+
+@pytest.mark.parametrize("name", ["markk", "kinematics", "marks_0", "volume"])
+def test_what_is_declared_nowhere_a_record_or_written_in_any_case_is_no_name(marked, name):
+    data = tables((5, 4)) | {"output": {"fields": [name]}}
+    data["probes"] = [{"name": "p", "at": [0.0, 0.0], "fields": [name]}]
+    with pytest.raises(SceneError) as caught:
+        parse_scene(data)
+    assert len(caught.value.faults) == 2
+    for place, told in zip(("output.fields.0", "probes.0.fields.0"), sorted(caught.value.faults)):
+        assert told.startswith(f"{place}: expected one of 'displacement'") and told.endswith(f"found {name!r}")
+        assert "'mark'" in told and (name != "markk" or "did you mean 'mark'?" in told)
+
+
+def test_a_name_is_not_judged_where_other_faults_keep_it_from_being_known(marked):
+    data = tables((5, 4)) | {"output": {"fields": ["mark"]}}
+    data["bodies"][0]["material"]["density"] = -1.0
+    with pytest.raises(SceneError) as caught:
+        parse_scene(data)
+    assert [told.partition(":")[0] for told in caught.value.faults] == ["bodies.0.material.density"]
 
 
 MORE = {"peridynamics": {"damage": {"critical_stretch": 0.1}}, "mpm": {"cell": 0.5}}

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from parsolid.methods.small_scene import small_scene
 from parsolid.scene import load_scene
 from parsolid.simulation import warmup
 
@@ -16,4 +17,4 @@ SCENES = ("tlsph/punch", "peridynamics/plate", "peridynamics/branching", "peridy
 def test_every_kernel_that_only_several_ranks_need_is_compiled(name):
     scene = load_scene(RUNS / f"{name}.toml")
     for system in scene.systems:
-        warmup.compile_kernels(warmup._small_scene(scene.part(system), system.settings))
+        warmup.compile_kernels(small_scene(scene.part(system), system.settings))

@@ -21,6 +21,8 @@ def greatest_speed(sim) -> float:
         @ strain["H"]
     )
     M = M + sum((modulus * A for modulus, A in zip(moduli, strain["A"])), np.zeros_like(M))
+    # in plane strain no wave travels out of the plane
+    M = M[:, : sim.systems[0].dimension, : sim.systems[0].dimension]
     return np.sqrt((mu + np.linalg.eigvalsh(M)[:, -1].max()) / rho)
 
 

@@ -179,3 +179,15 @@ def test_energy_is_the_work_of_the_stress():
             work, power = work + 0.5 * step * (power + now), now
         errors.append(abs(particles.scalars()[1] / work - 1.0))
     assert errors[1] < 2e-4 and errors[0] > 1.7 * errors[1]
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_particle_without_neighbours_keeps_its_state(dimension):
+    """Its moment is 0, which has no inverse."""
+    particles = driven(FLOWING, np.diag([-1e4, 0.0, 0.0]), 1e-5, 20, dimension=dimension)
+    before, body = particles.scalars(), particles.body
+    body.rate_sums[:] = 0.0
+    law, correction = particles.law, GradientCorrection(0.3)
+    assert advance_state(LAYOUT[dimension], 0, 4, law, 1e-8, None, None, correction, body)[0]
+    np.testing.assert_allclose(particles.scalars(), before, rtol=1e-12)
+    assert np.isfinite(body.correction).all()

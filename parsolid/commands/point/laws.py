@@ -12,7 +12,7 @@ from parsolid.materials.hyperelastic import acoustics, evaluation, hyperbolicity
 from parsolid.materials.hyperelastic.conjugates import branch_moduli, relaxation_times
 from parsolid.materials.hyperelastic.evaluation import symmetric_rows, symmetric_tensors
 from parsolid.materials.viscoelastic.relaxation import dissipated_energy, relax_branches
-from parsolid.scene.observation import component_names
+from parsolid.scene.probes import component_names
 
 
 class PathLost(ArithmeticError):

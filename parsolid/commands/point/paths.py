@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import NotNegative, Positive, SceneModel, by_kind, mismatch, reject
 from parsolid.scene.formulas import Formula
-from parsolid.scene.observation import component_names
+from parsolid.scene.probes import component_names
 from parsolid.scene.shapes import ExistingFile
 from parsolid.scene.validation_errors import suggestion
 

@@ -9,7 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from parsolid.output.errors import OutputError, words
-from parsolid.scene.observation import component_names
+from parsolid.scene.probes import component_names
 
 
 def draw(path: Path, title: str, columns: dict[str, np.ndarray]) -> None:

@@ -14,7 +14,7 @@ from parsolid.commands.point.schema import MaterialPoint, load_point
 from parsolid.materials.registry import law_of
 from parsolid.output.errors import OutputError, words
 from parsolid.output.summary import provenance, write_summary
-from parsolid.scene.observation import component_names
+from parsolid.scene.probes import component_names
 
 _SHOWN = (
     *("deviator_norm", "plastic_strain_rate", "micro_stress"),

@@ -4,6 +4,7 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, model_validator
 
+from parsolid.methods.mpm.plastic_state import PLASTIC_STATE
 from parsolid.scene.base_model import NotNegative, Point, Positive, SceneModel, dimension_of, reject
 from parsolid.scene.method_settings import MethodSettings
 
@@ -11,9 +12,7 @@ Basis = Literal["linear", "ugimp", "cpgimp", "quadratic-spline", "cubic-spline"]
 
 # what only elastic-plastic particles carry
 _OF_PLASTICITY = (
-    "temperature",
-    "plastic_strain",
-    "internal_energy",
+    *(field.name for field in PLASTIC_STATE),
     "maximum_temperature",
     "maximum_plastic_strain",
     "heat",
@@ -52,13 +51,8 @@ class MaterialPoint(MethodSettings):
     materials: ClassVar = ("hyperelastic", "elastic-plastic")
     boundaries: ClassVar = ("fixed", "roller", "velocity", "wall", "temperature", "heat_flux")
     loads: ClassVar = ("body_force", "acceleration", "heat_source", "manufactured")
-    extra_fields: ClassVar = {
-        "temperature": "scalar",
-        "plastic_strain": "scalar",
-        "internal_energy": "scalar",
-        "density": "scalar",
-        "velocity_gradient": "tensor",
-    }
+    declared_fields: ClassVar = PLASTIC_STATE
+    extra_fields: ClassVar = {"density": "scalar", "velocity_gradient": "tensor"}
     pictured_fields: ClassVar = ("plastic_strain", "temperature", "pressure")
     ledger_terms: ClassVar = {"plastic_work": 0, "viscous_work": 0, "heat_supplied": -1}
     extra_quantities: ClassVar = {
@@ -79,6 +73,9 @@ class MaterialPoint(MethodSettings):
     transfer: Literal["flip", "apic"] = "flip"
     flip_fraction: float = Field(1.0, ge=0, le=1, description="share of FLIP in the velocity, the rest is PIC")
     order: Literal["usl", "musl"] = "musl"
+    # what transfers between particles and grid do is not in the ledger to the last bit
+    balance_warning: Positive = 0.03
+    balance_limit: Positive = 0.1
     cfl: Positive = Field(0.3, description="time step over h / (wave speed + particle speed)")
     viscosity: ArtificialViscosity = ArtificialViscosity()
     conduction: bool = True

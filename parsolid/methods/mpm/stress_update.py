@@ -16,6 +16,7 @@ from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.methods.mpm.grid import CauchyStress
 from parsolid.methods.mpm.hyperelastic_update import advance_elastic_stress, elastic_energy
 from parsolid.methods.mpm.material_points import MaterialPoints
+from parsolid.methods.mpm.plastic_state import PLASTIC_STATE
 from parsolid.methods.mpm.plastic_update import (
     DEVIATOR_ROWS,
     BulkViscosity,
@@ -67,8 +68,8 @@ class ElasticPlasticUpdate:
         self.viscosity = BulkViscosity(float(viscosity.linear), float(viscosity.quadratic), cell)
         kept = functools.partial(Field, checkpointed=True, layout=Columns())
         points.declare(kept("unrotated_deviator", DEVIATOR_ROWS[points.dimension], "Pa"))
-        for name, unit in (("plastic_strain", "1"), ("internal_energy", "J/m^3"), ("temperature", "K")):
-            points.declare(kept(name, 1, unit))
+        for field in PLASTIC_STATE:
+            points.declare(field)
         # planes at a temperature take up the plastic heat of the particles beside them, see `Conduction`
         if scene.method.conduction and Declarations(scene, Declared).of(TemperaturePlane):
             points.declare(kept("plastic_rise", 1, "K"))

@@ -196,9 +196,11 @@ class MaterialPoint(ParticleSystem):
 
     def advice(self) -> str:
         """What most likely helps."""
-        smaller = f"a smaller method.cfl (it is {self.settings.cfl:g})"
-        damped = "" if self.settings.transfer == "apic" else "transfer = 'apic', "
-        return f"{smaller}, {damped}more particles a cell, or a milder load"
+        settings, hints = self.settings, [f"a smaller method.cfl (it is {self.settings.cfl:g})"]
+        others = [f"{key} = '{word}'" for key, word in (("order", "musl"), ("transfer", "apic"))]
+        stated = (settings.order == "musl", settings.transfer == "apic")
+        hints += [" or ".join(word for word, has in zip(others, stated) if not has)] if not all(stated) else []
+        return ", ".join([*hints, "more particles a cell", "or a milder load"])
 
     def numbers(self) -> dict[str, int]:
         """Cells, nodes and shared nodes of this rank."""

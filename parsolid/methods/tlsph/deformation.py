@@ -16,7 +16,7 @@ from parsolid.materials.hyperelastic.law import (
     pressure_wave_tensor,
     shear_wave_tensor,
 )
-from parsolid.materials.viscoelastic.maxwell import branch_dissipation, inverse_right_cauchy_green, relaxed
+from parsolid.materials.viscoelastic.maxwell import branch_dissipation, relaxed
 from parsolid.methods.tlsph.moved import gradient_in_reference, waves_in_reference
 from parsolid.numerics.dispatch import generic, none_without
 from parsolid.numerics.lanes import WIDTH, all_positive, lane, load
@@ -31,11 +31,15 @@ from parsolid.numerics.layout import (
     store_tensor,
 )
 from parsolid.numerics.tensors import (
+    SYMMETRIC_PLANE,
+    SymmetricPlane,
     add,
     contract,
     contract_symmetric,
     cross,
+    formula,
     gram,
+    inverse_symmetric,
     lane_of_symmetric,
     largest_eigenvalue,
     matmul,
@@ -48,24 +52,25 @@ from parsolid.pairs.terms import RiemannDissipation, record_columns
 
 class Relaxation(NamedTuple):
     """Weights (branches, 3) of A_0, C_0^{-1}, C_1^{-1}: `to_stage` from the start of the step to the stage, `to_end`
-    over the step."""
+    over the step; `dissipation` (branches,): factors on the stage's weight in the integral of the dissipation."""
 
     to_stage: np.ndarray
     to_end: np.ndarray
+    dissipation: np.ndarray
 
 
 @none_without("branches")
-def _start_inverse(branches, first, H, J, H0, J0):
+def _start_inverse(branches, F0):
     """C^{-1} at the start of the step, needed by branches alone."""
-    if first:
-        return inverse_right_cauchy_green(H, J)
-    return inverse_right_cauchy_green(H0, J0)
+    return inverse_symmetric(gram(F0))
 
 
 @none_without("branches")
-def _branches_at_stage(branches, space, law, update, relaxation, i, F, H, J, old_inverse):
+def _branches_at_stage(branches, space, law, update, relaxation, i, F, J, old_inverse):
     """sum mu_alpha A_alpha and the internal dissipation rate [W/m^3]; A is relaxed from the start of the step."""
-    C, inverse = gram(F), inverse_right_cauchy_green(H, J)
+    C = gram(F)
+    # of the F that is in the stored energy: A that relaxed to H^T H/J^2 would gain energy where these differ
+    inverse = inverse_symmetric(C)
     total, rate = scale(0.0, C), 0.0 * J
     for alpha in range(len(law.branch_moduli)):
         A = load_branch(space, branches, alpha, i)
@@ -74,7 +79,8 @@ def _branches_at_stage(branches, space, law, update, relaxation, i, F, H, J, old
             weights = (w[alpha, 0], w[alpha, 1], w[alpha, 2])
             A = relaxed(weights, A, old_inverse, inverse)
         total = add(total, scale(law.branch_moduli[alpha], A))
-        rate = rate + branch_dissipation(law.branch_moduli[alpha], law.relaxation_times[alpha], C, inverse, A)
+        lost = branch_dissipation(law.branch_moduli[alpha], law.relaxation_times[alpha], C, inverse, A)
+        rate = rate + relaxation.dissipation[alpha] * lost
     return total, rate
 
 
@@ -95,9 +101,9 @@ def _branch_dissipation(evolved, tributary, count):
 
 
 @none_without("branches")
-def _relax_branches(branches, space, law, relaxation, i, old_inverse, H, J, count):
+def _relax_branches(branches, space, law, relaxation, i, old_inverse, F, count):
     """Relax A over the whole step; sum mu_alpha A_alpha at its end."""
-    inverse = inverse_right_cauchy_green(H, J)
+    inverse = inverse_symmetric(gram(F))
     total = scale(0.0, inverse)
     for alpha in range(len(law.branch_moduli)):
         w = relaxation.to_end
@@ -153,11 +159,19 @@ def _store_riemann_waves(terms, space, law, body, i, F, H, J, branch_sum, G):
     _store_shear(terms.shear, space, law, body, i, at.shear_wave, F, branch_sum)
 
 
+@formula
+def _propagating(waves):
+    """A wave tensor whose largest eigenvalue is that of directions in the plane, where there is one."""
+    if len(waves) == SYMMETRIC_PLANE:
+        return SymmetricPlane(waves[0], waves[1], 0.5 * (waves[0] + waves[1]), waves[3])
+    return waves
+
+
 @register_jitable
 def _largest_speed(largest, rho_c2, first, last):
     """The greatest rho c_max^2 [Pa]: lambda_max of the wave tensor, found exactly only where its bound says so."""
     # lambda_max <= m + sqrt(2/3) |dev|, m the mean eigenvalue: cheap on four particles at once
-    q = rho_c2
+    q = _propagating(rho_c2)
     mean = trace_symmetric(q) * (1.0 / 3.0)
     deviator = contract_symmetric(q, q) - 3.0 * mean * mean
     bound = mean + math.sqrt(deviator * (2.0 / 3.0) + 1e-30 * mean * mean)
@@ -188,8 +202,8 @@ def advance_deformation(space, first, last, law, terms, update, relaxation, body
         L = load_correction(space, body.correction, i)
         # (70): C_ab = 2 L_a g_ab, and L is symmetric only where spacings are equal
         G = scale(1.0 / load(body.volume, 0, i), matmul_transposed(load_gradient(space, body.sums, i), L))
-        old_inverse = _start_inverse(body.branches, update.first, H, J, H0, J0)
-        evolved = _branches_at_stage(body.branches, space, law, update, relaxation, i, F, H, J, old_inverse)
+        old_inverse = _start_inverse(body.branches, F0)
+        evolved = _branches_at_stage(body.branches, space, law, update, relaxation, i, F, J, old_inverse)
         branch_sum = _branch_sum(evolved)
         dissipation += _branch_dissipation(evolved, load(body.tributary, 0, i), count)
         P = first_piola_kirchhoff_stress(law, F, H, J, branch_sum)
@@ -203,7 +217,7 @@ def advance_deformation(space, first, last, law, terms, update, relaxation, body
         if not all_positive(J):
             sound = False
         if update.last:
-            branch_sum = _relax_branches(body.branches, space, law, relaxation, i, old_inverse, H, J, count)
+            branch_sum = _relax_branches(body.branches, space, law, relaxation, i, old_inverse, F, count)
             largest = _largest_speed(largest, pressure_wave_tensor(law, F, H, J, branch_sum), i, i + count)
     return sound, dissipation, largest
 

@@ -200,7 +200,8 @@ class TotalLagrangianSPH(PairMethod):
         sound, dissipation, stable = True, 0.0, np.inf
         for block in self.blocks:
             to_stage = block.relaxation(stage.time * step)
-            relaxation = Relaxation(to_stage, block.relaxation(step) if stage.last else to_stage)
+            to_end = block.relaxation(step) if stage.last else to_stage
+            relaxation = Relaxation(to_stage, to_end, block.dissipation_factors(stage.time, step))
             positive, rate, modulus = self._advance_strain(
                 block.first, *self.part(block), self.pairs.terms, stage.update(step), relaxation, self.body_of(block)
             )

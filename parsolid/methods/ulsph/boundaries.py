@@ -37,7 +37,7 @@ class BoundarySet:
     def __init__(self, comm: Any, scene: Scene, particle_set: ParticleSet, particles: Particles):
         """particles: those of the particle_set; collective. Raises SolverError on all ranks."""
         declared = Declarations(scene, Support, PrescribedMotion, RigidWall, TemperaturePlane, HeldMicroVelocity)
-        supports = Supports(comm, scene, declared.of(Support), particle_set)
+        supports = Supports(comm, scene, declared.of(Support, "fixed", "roller"), particle_set)
         self.particles, self.codes = particles, supports.codes
         self._clamp = None
         if anywhere(comm, bool(supports.held.any())):
@@ -60,10 +60,11 @@ class BoundarySet:
         """Whether a temperature is prescribed, the same on all ranks."""
         return bool(self._temperatures)
 
-    def half_kick(self, time: float, step: float, values_at: float) -> tuple[float, float]:
+    def half_kick(self, time: float, step: float, values_at: float) -> tuple[float, float, float]:
         """v after half a step [s] of the forces at a time [s]; prescribed components are those at another.
 
-        Returns the work of loads and of what moves prescribed components, and what the viscosity takes [J].
+        Returns the work of loads and of what moves prescribed components, what the viscosity takes, and
+        leapfrog's oscillation [J].
         """
         particles = self.particles
         kinematics, mass = particles.storage("kinematics"), particles.storage("mass")
@@ -72,18 +73,23 @@ class BoundarySet:
         before = kinematics[rows, components]
         loads = self.loads.at(time) if self.loads.acting else None
         clamp = None if self._clamp is None else self._clamp(slice(None))
+        begun = particles.owned_rows("velocity").copy() if self.walls.walls else None
         dimension = particles["position"].shape[1]
         forces = particles.storage("force_sums")
-        work, viscous = kick(particles.owned, dimension, 0.5 * step, kinematics, forces, mass, loads, clamp)
+        work, viscous, swing = kick(particles.owned, dimension, 0.5 * step, kinematics, forces, mass, loads, clamp)
         if guided:
             free = kinematics[rows, components]
             new = self.prescribed.values("velocity", values_at)
             kinematics[rows, components] = new
             work += float(0.5 * (mass[0, rows] * (new - free)) @ (before + new))
             column = 2 if dimension == 2 else 4
-            viscous += float(0.25 * step * forces[rows, column + components] @ (new - free))
-        self.walls.catch(time)
-        return work, -viscous
+            of_viscosity = forces[rows, column + components]
+            viscous += float(0.25 * step * of_viscosity @ (new - free))
+            swing += float(0.25 * step * (forces[rows, components] - of_viscosity) @ (new - free))
+        if begun is not None:
+            loaded, slowed, stilled = self.walls.catch(time, 0.5 * step, begun)
+            work, viscous, swing = work + loaded, viscous + slowed, swing + stilled
+        return work, -viscous, swing
 
     def hold_motion(self, time: float) -> None:
         """Held and prescribed components of the velocity at a time [s], for a new state."""

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from parsolid.methods.ulsph.state_fields import MICRO_STATE, STATE
 from parsolid.methods.ulsph.terms import (
     COLUMNS,
     KINEMATICS_WIDTH,
@@ -95,20 +96,19 @@ def declare_state(particles: Particles, dimension: int, density: np.ndarray, lac
     d = dimension
     kept = functools.partial(Field, checkpointed=True, layout=Columns())
     particles.declare(kept("correction", CORRECTION_ROWS[d], "1", padding=_NO_CORRECTION[d]), _NO_CORRECTION[d])
-    particles.declare(kept("density", 1, "kg/m^3", shown=True, padding=(1.0,)), density)
     particles.declare(kept("deviator", DEVIATOR_ROWS[d], "Pa"))
-    particles.declare(kept("temperature", 1, "K", shown=True, padding=(1.0,)))
-    particles.declare(kept("plastic_strain", 1, "1"))
-    for name, components, unit in (
-        ("micro_rate", 1, "1/s"),
-        ("micro_stress", 1, "Pa"),
-        ("micro_curl", 1, "1/m"),
-        ("micro_gradient", d, "1/(m s)"),
-        ("energetic_flux", d, "N/m"),
-        ("dissipative_flux", d, "N/m"),
-        ("heat_flux", d, "W/m^2"),
-        ("energy", 1, "J/m^3"),
-        ("micro_free", 1, "1"),
-    ):
-        if name not in lacks:
-            particles.declare(kept(name, components, unit))
+    for field in STATE:
+        particles.declare(field)
+    particles.owned_rows("density")[:] = density
+    more = (
+        kept("micro_curl", 1, "1/m"),
+        kept("micro_gradient", d, "1/(m s)"),
+        kept("energetic_flux", d, "N/m"),
+        kept("dissipative_flux", d, "N/m"),
+        kept("heat_flux", d, "W/m^2"),
+        kept("energy", 1, "J/m^3"),
+        kept("micro_free", 1, "1"),
+    )
+    for field in (*MICRO_STATE, *more):
+        if field.name not in lacks:
+            particles.declare(field)

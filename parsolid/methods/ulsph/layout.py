@@ -4,11 +4,15 @@ from parsolid.numerics.dispatch import generic, none_without
 from parsolid.numerics.lanes import broadcast, load, store_first
 from parsolid.numerics.layout import Plane, four_rows, load_six, store_rows
 from parsolid.numerics.tensors import (
+    I,
     SymmetricPlane,
     SymmetricSpace,
     determinant,
     inverse_symmetric,
 )
+
+# of the moment, below the rounding of its sum
+_NEGLIGIBLE = 1e-14
 
 
 @generic
@@ -59,7 +63,8 @@ def _uncorrected(space, correction, moment):
 
 @bounded_inverse.otherwise
 def _corrected(space, correction, moment):
-    A = _with_unit(space, moment)
+    # of neighbours in a plane, or none, the inverse is a large number and not 1/0
+    A = _with_unit(space, moment) + _NEGLIGIBLE * I
     share = determinant(A) * (1.0 / correction.least)
     return min(share, 1.0) * inverse_symmetric(A)
 

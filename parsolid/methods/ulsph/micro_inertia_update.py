@@ -232,7 +232,7 @@ def energies(space, first, last, law, body):
         volume = load(body.mass, 0, i) / density
         rate, flux = load(body.micro_rate, 0, i), load_vector(body.energetic_flux, i, space)
         elastic = deviatoric_energy(law, math.sqrt(contract(S, S)))
-        elastic = elastic + density * volumetric_energy(law, density * (1.0 / law.density)) + gradient_energy(law, flux)
+        elastic = elastic + density * volumetric_energy(law, density / law.density) + gradient_energy(law, flux)
         valid = float(count) - from_floats(0.5, 1.5, 2.5, 3.5)
         kinetic = kinetic + choose(valid, volume * micro_kinetic_energy(law, density, rate), 0.0)
         stored = stored + choose(valid, volume * elastic, 0.0)

@@ -32,6 +32,10 @@ def shown(system: Any, name: str, first: int, last: int) -> np.ndarray | None:
 def measure(system: Any, name: str) -> tuple[str, np.ndarray]:
     """ "sum", "minimum" or "maximum", and this rank's part, of one of the settings' quantities."""
     rows, mass = system.particles.owned_rows, system.mass[: system.owned]
+    if name == "maximum_deviator_norm":
+        squares = rows("deviator") ** 2
+        shears = squares[:, 3:].sum(axis=1)
+        return "maximum", np.array([np.sqrt((squares.sum(axis=1) + shears).max(initial=0.0))])
     if name.startswith("maximum_"):
         return "maximum", np.array([rows(name.removeprefix("maximum_")).max(initial=0.0)])
     if name == "mean_plastic_strain":

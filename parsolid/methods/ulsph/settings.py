@@ -4,6 +4,7 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
+from parsolid.methods.ulsph.state_fields import MICRO_STATE, STATE
 from parsolid.pairs.smoothing import kernel_names
 from parsolid.scene.base_model import NotNegative, Positive, SceneModel
 from parsolid.scene.method_settings import Detail, MethodSettings
@@ -40,17 +41,12 @@ class UpdatedLagrangianSPH(MethodSettings):
     system: ClassVar = "parsolid.methods.ulsph.system:UpdatedLagrangianSPH"
     materials: ClassVar = ("micro-inertia", "elastic-plastic")
     boundaries: ClassVar = ("fixed", "roller", "velocity", "wall", "micro_clamped", "temperature")
-    extra_fields: ClassVar = {
-        "density": "scalar",
-        "temperature": "scalar",
-        "plastic_strain": "scalar",
-        "micro_rate": "scalar",
-        "micro_stress": "scalar",
-        "internal_energy": "scalar",
-    }
+    declared_fields: ClassVar = (*STATE, *MICRO_STATE)
+    extra_fields: ClassVar = {"internal_energy": "scalar"}
     pictured_fields: ClassVar = ("plastic_strain", "temperature", "pressure")
     ledger_terms: ClassVar = {
         "viscous_dissipation": 1,
+        "leapfrog_oscillation": -1,
         "heat_supplied": 0,
         "heat_stored": -1,
         "plastic_work": 0,
@@ -59,6 +55,7 @@ class UpdatedLagrangianSPH(MethodSettings):
     extra_quantities: ClassVar = {
         "maximum_temperature": "scalar",
         "maximum_plastic_strain": "scalar",
+        "maximum_deviator_norm": "scalar",
         "mean_plastic_strain": "scalar",
         "micro_kinetic": "scalar",
         "heat": "scalar",
@@ -69,6 +66,8 @@ class UpdatedLagrangianSPH(MethodSettings):
     kind: Literal["ulsph"]
     kernel: Literal[kernel_names()] = "cubic-spline"  # type: ignore[valid-type]
     smoothing: Positive = Field(1.3, description="smoothing length over particle spacing, h/dx")
+    # the equation of state is integrated, not the derivative of a stored energy
+    balance_warning: Positive = 0.03
     cfl: Positive = Field(0.3, description="time step over h / (wave speed + particle speed)")
     gradient_correction: bool = True
     viscosity: Viscosity | Literal[False] = Viscosity()

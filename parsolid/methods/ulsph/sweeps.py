@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
+from decomposition.recalled import RecalledEach
 from parsolid.methods.ulsph import passes
 from parsolid.methods.ulsph.contact import PairsOfBodies
 from parsolid.methods.ulsph.terms import Arrays, ManyLengths, OneLength
@@ -35,22 +36,28 @@ class Sweeps:
 
     def follow(self) -> None:
         """Gather what the passes take anew, after lists were made."""
-        storage, d = self.particles.storage, self.space.dimension
-        self.of_bodies.follow(self.pairs, self.particles)
+        storage, pairs = self.particles.storage, self.pairs
+        self.of_bodies.follow(pairs, self.particles)
         flux = storage("flux") if self.carried is not None else None
-        self._arrays = Arrays(storage("kinematics"), storage("mass"), storage("record"), flux)
+        arrays = Arrays(storage("kinematics"), storage("mass"), storage("record"), flux)
+        # nothing flows from body to body
+        self._flows = {False: (self.carried, arrays), True: (None, arrays._replace(flux=None))}
         lengths: Any = None
         if self.one_length is not None:
             inverse = 1.0 / self.one_length
-            lengths = OneLength(self.one_length, inverse, inverse ** (d + 2))
+            lengths = OneLength(self.one_length, inverse, inverse ** (self.space.dimension + 2))
         else:
             lengths = ManyLengths(storage("smoothing_length"))
         self._first = self.space, self.kernel, lengths
+        self._rates, self._forces = RecalledEach(passes.add_rates), RecalledEach(passes.add_forces)
 
-    def _pieces(self, pairs: Any) -> list[tuple[Any, Any, Any, Arrays]]:
-        """Pairs, contact, what flows, arrays: nothing flows from body to body."""
-        own, alone = (self.carried, self._arrays), (None, self._arrays._replace(flux=None))
-        return [(piece, contact, *(own if contact is None else alone)) for piece, contact in self.of_bodies.of(pairs)]
+    def _each(self, pairs: Any) -> list[tuple[Any, tuple[Any, ...], Arrays]]:
+        """The pieces of a list: (pairs, what flows and how they meet, arrays)."""
+        result = []
+        for piece, contact in self.of_bodies.of(pairs):
+            carried, arrays = self._flows[contact is not None]
+            result.append((piece, (carried, contact), arrays))
+        return result
 
     def rates(self, received: Callable[[], None]) -> None:
         """Velocity gradients, moments and divergences; `received` is called when ghosts have their velocities."""
@@ -60,8 +67,8 @@ class Sweeps:
         def add(pairs: Any) -> None:
             if pairs is self.pairs.rim:
                 received()
-            for piece, contact, carried, arrays in self._pieces(pairs):
-                passes.add_rates(*self._first, carried, contact, piece, arrays, sums)
+            for piece, terms, arrays in self._each(pairs):
+                self._rates(id(piece), *self._first, *terms, piece, arrays, sums)
 
         self.pairs.sweep(add, "motion")
 
@@ -71,7 +78,7 @@ class Sweeps:
         sums[: self.particles.owned] = 0.0
 
         def add(pairs: Any) -> None:
-            for piece, contact, carried, arrays in self._pieces(pairs):
-                passes.add_forces(*self._first, carried, contact, self.viscosity, self.heating, piece, arrays, sums)
+            for piece, terms, arrays in self._each(pairs):
+                self._forces(id(piece), *self._first, *terms, self.viscosity, self.heating, piece, arrays, sums)
 
         self.pairs.sweep(add, "record")

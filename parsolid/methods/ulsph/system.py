@@ -32,7 +32,7 @@ from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene, initial_displacement, initial_temperature, initial_velocity
 
 # determinant of a moment below which its inverse is scaled down, see `layout.bounded_inverse`
-_LEAST = 0.3
+_LEAST = 0.1
 
 
 class UpdatedLagrangianSPH(PairMethod):
@@ -147,7 +147,8 @@ class UpdatedLagrangianSPH(PairMethod):
         plastic += self.advance_gradients(step)
         if any(self.updates.storing):
             # what laws store heats them; the others' share is lost
-            second = (second[0], self.viscous_heat_of_others(step) - first[1])
+            second = (second[0], self.viscous_heat_of_others(step) - first[1], second[2])
+        ledger.add_term("leapfrog_oscillation", second[2] - first[2])
         self.book(ledger, plastic, lost, np.add(first, second))
         return sound
 
@@ -284,11 +285,12 @@ class UpdatedLagrangianSPH(PairMethod):
         return self.particles.bytes_sent("motion") + self.particles.bytes_sent("record")
 
     def summary(self) -> dict[str, Any]:
-        """How often lists were made anew, and particles that changed their rank."""
+        """How often lists were made anew, how often too late, and particles that changed their rank."""
         return {
             "lists_made": self.pairs.rebuilds,
             "list_seconds": maximum(self.comm, self.pairs.seconds),
             "migrated_particles": self.comm.allreduce(self.pairs.migrated),
+            "lists_made_late": self.comm.allreduce(self.pairs.late),
         }
 
     @staticmethod

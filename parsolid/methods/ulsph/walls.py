@@ -31,21 +31,35 @@ class Walls:
         distance = self.particles.owned_rows("position")[:, axis] - (wall.plane.offset + speed * time)
         return np.asarray(sign * distance - 0.5 * self.particles.owned_rows("spacing")[:, axis])
 
-    def catch(self, time: float) -> None:
-        """Let particles that a wall has reached at a time [s] move with it."""
+    def catch(self, time: float, step: float, before: np.ndarray) -> tuple[float, float, float]:
+        """Let particles that a wall has reached at a time [s] move with it, after a kick of a step [s] from velocities
+        `before` (n, d).
+
+        The work of any force is that on the mean of the velocities before and after. Returns what that takes from the
+        work of loads, from that of the viscosity, and from leapfrog's oscillation [J].
+        """
         velocity, mass = self.particles.owned_rows("velocity"), self.particles.storage("mass")[0]
+        forces, d = self.particles.storage("force_sums"), velocity.shape[1]
+        loads = viscous = swing = 0.0
         for wall in self.walls:
             axis, sign = wall.plane.axis, 1.0 if wall.side == "above" else -1.0
-            own = np.zeros(velocity.shape[1]) if wall.velocity is None else np.asarray(wall.velocity, float)
+            own = np.zeros(d) if wall.velocity is None else np.asarray(wall.velocity, float)
             reach = _TOUCHING * self.particles.owned_rows("spacing")[:, axis]
             pressed = sign * (velocity[:, axis] - own[axis]) < 0.0
             rows = np.flatnonzero((self._gap(wall, time) <= reach) & pressed)
-            change = np.zeros((len(rows), len(own)))
+            change = np.zeros((len(rows), d))
             components = slice(None) if wall.sticking else slice(axis, axis + 1)
             change[:, components] = own[components] - velocity[rows][:, components]
+            impulse, first = mass[rows, None] * change, 2 if d == 2 else 4
+            loaded = mass[rows, None] * (velocity[rows] - before[rows]) - step * forces[rows, :d]
+            loads += float(0.5 * (loaded * change).sum())
+            of_viscosity = forces[rows, first : first + d]
+            viscous += float(0.5 * step * (of_viscosity * change).sum())
+            swing += float(0.5 * step * ((forces[rows, :d] - of_viscosity) * change).sum())
             velocity[rows] += change
-            self.work += float(mass[rows] @ (change @ own))
-            self.lost += float(0.5 * mass[rows] @ (change**2).sum(axis=1))
+            self.work += float((impulse @ own).sum())
+            self.lost -= float(0.5 * (impulse * (before[rows] - own)).sum())
+        return loads, viscous, swing
 
     def taken(self) -> tuple[float, float]:
         """Work and loss [J], forgotten."""

@@ -1,0 +1,54 @@
+"""Scenes of a few particles whose systems have the same fields, and kernels of the same types, as those of a scene."""
+
+from typing import Any
+
+from mpi4py import MPI
+
+from parsolid.collective import SolverError
+from parsolid.methods import method_class
+from parsolid.methods.protocol import ALWAYS_WRITTEN
+from parsolid.particles.distribution import take
+from parsolid.particles.generation import generate
+from parsolid.scene import Scene, SceneError, parse_scene
+from parsolid.scene.method_settings import MethodSettings
+
+Tables = dict[str, Any]
+
+
+def small_scene(scene: Scene, method: MethodSettings) -> Tables:
+    """A scene of a few particles whose kernels have the same types as those of one system."""
+    d, full = scene.dimension, scene.resolved()
+    bodies = []
+    for index, body in enumerate(full["bodies"]):
+        lower = [10.0 * index] + [0.0] * (d - 1)
+        box = {"lower": lower, "upper": [lower[0] + 1.0] + [1.0] * (d - 1)}
+        bodies.append({"shape": {"box": box}, "particles": [3] * d, "placement": "nodes", "material": body["material"]})
+    kinds = {boundary["kind"] for boundary in full["boundaries"]}
+    axis = "XY"[d > 1]
+    boundaries = [
+        {"plane": f"{axis} = 0", "kind": kind} for kind in sorted(kinds & {"fixed", "roller", "antisymmetric"})[:1]
+    ]
+    if "velocity" in kinds:
+        boundaries.append({"plane": f"{axis} = 1", "kind": "velocity", "velocity": [0.0] * d})
+    loads = {"acceleration": [0.0] * d} if full.get("loads") or "traction" in kinds else {}
+    small = {"dimension": d, "end_time": 1.0, "method": full["method"], "bodies": bodies, "boundaries": boundaries}
+    return method_class(method).small_scene(small | {"loads": loads, "title": "warming up"})
+
+
+def declared_kinds(scene: Scene) -> dict[str, str]:
+    """Name -> kind of the fields that a scene's systems declare and that are not written in any case.
+
+    On this rank alone; without those of a system that cannot be set up with a few particles.
+    """
+    kinds: dict[str, str] = {}
+    for plan in scene.systems:
+        try:
+            small = parse_scene(small_scene(scene.part(plan), plan.settings), trust_code=True)
+            method, particle_set = method_class(plan.settings), generate(small, MPI.COMM_SELF)
+            order = method.sort(MPI.COMM_SELF, small, particle_set)
+            system = method(MPI.COMM_SELF, small, take(particle_set, order))
+        except (SceneError, SolverError):
+            continue
+        named = {name: field.kind(small.dimension) for name, field in system.particles.fields.items()}
+        kinds |= {name: kind for name, kind in named.items() if kind and name not in ALWAYS_WRITTEN}
+    return kinds

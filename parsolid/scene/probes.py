@@ -1,0 +1,180 @@
+"""Probes of a scene, and the names of the fields and quantities that it may ask for."""
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import AfterValidator, Field, PrivateAttr, ValidationInfo, create_model, model_validator
+
+from parsolid.observables.declared import Key, field_kinds, quantity_kinds, samplers_with_keys, shown_kinds
+from parsolid.scene.base_model import ByKind, Point, SceneModel, dimension_of, method_of, mismatch, reject
+from parsolid.scene.bodies import Name
+from parsolid.scene.declared_fields import DeclaredFields
+from parsolid.scene.formulas import InitialScalar
+from parsolid.scene.validation_errors import NOTHING, suggestion
+
+Kinds = Mapping[str, str]
+
+
+def _kinds(info: ValidationInfo, common: Kinds, value: str) -> Kinds | None:
+    """Name -> kind of the fields that may be asked for; what code declares is looked up for a name in no table.
+
+    None where the scene cannot tell, because of other faults.
+    """
+    method: Any = method_of(info)
+    if method is None:
+        return None
+    known = {**common, **method.field_kinds(dimension_of(info))}
+    declared: DeclaredFields | None = (info.context or {}).get("declared_fields")
+    if value in known or declared is None:
+        return known
+    return None if declared.kinds is None else known | declared.kinds
+
+
+def _known(value: str, known: Kinds | None) -> str:
+    if known is not None and value not in known:
+        raise mismatch(f"one of {', '.join(map(repr, known))}{suggestion(value, known)}", value)
+    return value
+
+
+def _known_field(common: Callable[[], Kinds]) -> AfterValidator:
+    """Validator of the name of a field that all methods know, or the systems of the scene."""
+
+    def check(value: str, info: ValidationInfo) -> str:
+        return _known(value, _kinds(info, common(), value))
+
+    return AfterValidator(check)
+
+
+def _known_quantity(value: str, info: ValidationInfo) -> str:
+    method: Any = method_of(info)
+    return _known(value, None if method is None else quantity_kinds() | method.extra_quantities)
+
+
+ProbeField = Annotated[str, _known_field(field_kinds)]
+ShownField = Annotated[str, _known_field(shown_kinds)]
+ProbeQuantity = Annotated[str, AfterValidator(_known_quantity)]
+
+
+def component_names(field: str, dimension: int, kind: str | None = None) -> list[str]:
+    """The history's names of a field's components: itself, with _x..., or with _xx, _xy... row by row.
+
+    kind: of a field or quantity that not all methods know.
+    """
+    axes, kind = "xyz"[:dimension], kind or (field_kinds() | quantity_kinds())[field]
+    if kind == "scalar" or (kind == "rotation" and dimension == 2):
+        return [field]
+    if kind == "tensor":
+        return [f"{field}_{row}{column}" for row in axes for column in axes]
+    return [f"{field}_{axis}" for axis in axes]
+
+
+class Probe(SceneModel):
+    """Values written to the history: fields of the particle nearest to `at`, or one quantity of all particles.
+
+    With a `weight` w(X, Y, Z) in place of `at` fields are projected on it, sum V w f / sum V w^2 over all particles:
+    the amplitude of a mode w.
+    twist is the angle [rad], accumulated over turns, by which the particle has turned about `axis` through `centre`.
+    """
+
+    exactly_one: ClassVar = (("at", "quantity", "weight"), ("fields", "quantity"))
+    name: Name
+    at: Point | None = None
+    weight: InitialScalar | None = None
+    fields: Annotated[list[ProbeField], Field(min_length=1)] | None = None
+    quantity: ProbeQuantity | None = None
+    # of the fields or the quantity, as the scene's method and declarations have it
+    _kinds: dict[str, str] = PrivateAttr(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _keys_wanted(self, info: ValidationInfo) -> "Probe":
+        """Keys of samplers, which a probe has only with what they are for."""
+        samplers, wanted = samplers_with_keys(), self._watched()
+        details: list[Any] = []
+        for name in wanted:
+            if name in samplers and name in field_kinds() and self.at is None:
+                reject((("fields",), f"no {name} without at", self.fields))
+        stated = {key: getattr(self, key, None) for sampler in samplers.values() for key in sampler.keys}
+        for name in wanted:
+            dimension = dimension_of(info) or len(self.at or ())
+            for key, expected, found in samplers[name].faults(stated, dimension) if name in samplers else ():
+                details.append(((key,), expected, NOTHING if found is None else found))
+        for key, value in stated.items():
+            owners = [name for name, sampler in samplers.items() if key in sampler.keys]
+            if value is not None and not set(owners) & set(wanted):
+                what = "field" if owners[0] in field_kinds() else "quantity"
+                details.append(((key,), f"no such key without the {what} {' or '.join(owners)}", value))
+        reject(*details)
+        return self
+
+    @model_validator(mode="after")
+    def _find_kinds(self, info: ValidationInfo) -> "Probe":
+        method: Any = method_of(info)
+        for name in self._watched() if method else ():
+            known: Kinds = method.extra_quantities
+            if self.quantity is None:
+                known = _kinds(info, field_kinds(), name) or {}
+            if name in known:
+                self._kinds[name] = known[name]
+        return self
+
+    def _watched(self) -> list[str]:
+        return (self.fields or []) if self.quantity is None else [self.quantity]
+
+    def columns_of_fields(self, dimension: int) -> dict[str, list[str]]:
+        """The columns of the history that each field, or the quantity, fills."""
+        names = {name: component_names(name, dimension, self._kinds.get(name)) for name in self._watched()}
+        return {name: [f"{self.name}.{component}" for component in components] for name, components in names.items()}
+
+    def columns(self, dimension: int) -> list[str]:
+        """The columns of the history that the probe fills."""
+        filled = self.columns_of_fields(dimension)
+        return [column for name in self._watched() for column in filled[name]]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # classes made at run time have no place to be found at
+        return _restored, (self.__getstate__(),)
+
+
+def _restored(state: dict[Any, Any]) -> Probe:
+    result = probe_model().__new__(probe_model())
+    result.__setstate__(state)
+    return result
+
+
+def probe_model() -> type[Probe]:
+    """The table of a probe with the keys that all samplers add."""
+    keys = {key: stated for sampler in samplers_with_keys().values() for key, stated in sampler.keys.items()}
+    return _with_keys(tuple(keys.items()))
+
+
+@cache
+def _with_keys(keys: tuple[tuple[str, Key], ...]) -> type[Probe]:
+    fields: dict[str, Any] = {}
+    for name, key in keys:
+        kind: Any = Point if key.words is None else Literal[key.words]
+        fields[name] = (kind | None, Field(None, description=key.description))
+    return create_model("Probe", __base__=Probe, __module__=__name__, **fields)
+
+
+class _ProbeTable(ByKind):
+    """Annotation of a probe, whose table has the keys that are known when it is read."""
+
+    def __init__(self) -> None:
+        self.known, self.models = "", {}
+
+    @property
+    def instances(self) -> tuple[type, ...]:
+        """What needs no validation any more."""
+        return (Probe,)
+
+    def chosen(self, value: dict[str, Any], info: ValidationInfo) -> type[SceneModel]:
+        """The one model."""
+        return probe_model()
+
+    def choose(self, table: object) -> type[SceneModel] | None:
+        """The one model."""
+        return probe_model()
+
+
+ProbeTable = Annotated[Any, _ProbeTable()]

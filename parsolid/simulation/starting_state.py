@@ -1,0 +1,73 @@
+"""States at time 0 that no run should start from: matter inside out, a deformation gradient of another motion."""
+
+from typing import Any
+
+import numpy as np
+
+from parsolid.collective import raise_together
+from parsolid.methods.protocol import ParticleSystem
+from parsolid.particles.particle_set import ParticleSet
+from parsolid.scene import Scene, initial_deformation_gradient, initial_displacement
+
+# of a spacing, for differences of the formulas; what they may be off by, over 1 + |grad u|
+_DIFFERENCE, _TOLERANCE = 1e-5, 1e-3
+
+
+def refuse_unsound_start(comm: Any, scene: Scene, system: ParticleSystem, particle_set: ParticleSet) -> None:
+    """scene, particle_set: of the system alone. Raises SolverError, on all ranks, which names the key; collective."""
+    raise_together(comm, _misfit(scene, system, particle_set))
+    raise_together(comm, _inside_out(scene, system))
+
+
+def _inside_out(scene: Scene, system: ParticleSystem) -> str | None:
+    found = system.unsound() if system.owned else None
+    if found is None:
+        return None
+    index, what = found
+    rows = system.particles.owned_rows
+    body = int(rows("body")[index])
+    key = "displacement" if scene.bodies[body].deformation_gradient is None else "deformation_gradient"
+    return (
+        f"bodies.{system.bodies[body]}.{key}: expected a start that is not folded, found particle "
+        f"{int(rows('identifier')[index])} at X = ({_told(rows('reference_position')[index])}): {what}"
+    )
+
+
+def _misfit(scene: Scene, system: ParticleSystem, particle_set: ParticleSet) -> str | None:
+    """The first particle whose deformation gradient is neither 1 + grad u from one side nor from the other."""
+    given = initial_deformation_gradient(scene, particle_set.body, particle_set.position)
+    if given is None or not len(particle_set):
+        return None
+    stated, where = given
+    off = np.zeros(len(particle_set))
+    small = _DIFFERENCE * float(particle_set.spacing.min())
+    for axis, step in enumerate(small * np.eye(scene.dimension)):
+        # at a kink of the formula, either side will do
+        sides = [_column(scene, particle_set, axis, sign * step) for sign in (1.0, -1.0)]
+        misses = [np.abs(stated[:, :, axis] - side).max(axis=1) / (1.0 + np.abs(side).max(axis=1)) for side in sides]
+        off = np.maximum(off, np.minimum(*misses))
+    # what is not a number fits nothing
+    bad = where & ~(off <= _TOLERANCE)
+    if not bad.any():
+        return None
+    index = int(np.argmax(bad))
+    body = system.bodies[int(particle_set.body[index])]
+    return (
+        f"bodies.{body}.deformation_gradient: expected 1 + the gradient of bodies.{body}.displacement, found one that "
+        f"differs from it by {off[index]:.3g} of its size at X = ({_told(particle_set.position[index])})"
+    )
+
+
+def _column(scene: Scene, particle_set: ParticleSet, axis: int, step: np.ndarray) -> np.ndarray:
+    """Column (n, d) of 1 + grad u along an axis, by a difference to one side."""
+    place, body = particle_set.position, particle_set.body
+    result = np.zeros_like(place)
+    here, there = (initial_displacement(scene, body, at) for at in (place, place + step))
+    if here is not None and there is not None:
+        result = (there - here) / step[axis]
+    result[:, axis] += 1.0
+    return result
+
+
+def _told(values: np.ndarray) -> str:
+    return ", ".join(f"{value:.6g}" for value in values)

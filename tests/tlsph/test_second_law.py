@@ -1,0 +1,58 @@
+"""The internal dissipation never falls and closes the ledger, however short the relaxation time beside the step."""
+
+import numpy as np
+import pytest
+from solids import SOFT, column, punch, run_steps, simulation, supports, tables
+
+SMALL = {2: lambda: punch((9, 9)), 3: lambda: column((3, 9, 3))}
+
+
+def held(dimension: int) -> dict:
+    """Strained alike everywhere, by so little that the rate decays as exp(-2 t/tau), and held by rollers all around."""
+    strain = [-1e-3, 1.5e-3, 0.5e-3][:dimension]
+    gradient = [[str(1.0 + e if i == j else 0.0) for j in range(dimension)] for i, e in enumerate(strain)]
+    planes = {f"{axis}{end}": (float(end), "roller") for axis in "XYZ"[:dimension] for end in (0, 1)}
+    return tables(
+        (5,) * dimension,
+        material={**SOFT, "branches": [{"beta": 1.0, "tau": 1.0}]},
+        body={
+            "displacement": [f"{e}*{axis}" for e, axis in zip(strain, "XYZ")],
+            "deformation_gradient": gradient,
+        },
+        boundaries=supports(**planes),
+    )
+
+
+def with_ratio(data: dict, ratio: float) -> dict:
+    """Relaxation time over the first step; the step does not depend on it."""
+    data["bodies"][0]["material"]["branches"][0]["tau"] = ratio * simulation(data).systems[0].stable_step()
+    return data
+
+
+@pytest.mark.parametrize("ratio", [1e-6, 1e-3, 0.03, 1.0, 30.0, 1e3])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_internal_dissipation_never_falls(dimension, ratio):
+    _, columns = run_steps(with_ratio(SMALL[dimension](), ratio), 60)
+    energy = columns["kinetic"][0]
+    assert np.diff(columns["dissipation_internal"]).min() >= 0.0
+    assert np.abs(columns["balance"]).max() < 6e-3 * energy
+
+
+@pytest.mark.parametrize("ratio", [1e-4, 0.03, 0.2, 1.0, 10.0])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_strained_start_relaxes_by_what_it_dissipates(dimension, ratio):
+    _, columns = run_steps(with_ratio(held(dimension), ratio), 4)
+    assert columns["dissipation_internal"][1] > 0.02 * columns["stored"][0] / (1.0 + ratio)
+    assert np.abs(columns["balance"]).max() < 1e-3 * columns["stored"][0]
+
+
+def test_the_step_of_plane_strain_is_that_of_waves_in_the_plane():
+    # stretched alike in both directions
+    material = {**SOFT, "branches": []}
+    data = tables((5, 5), material=material, body={"displacement": ["X", "Y"]})
+    sim = simulation(data)
+    law = sim.systems[0].blocks[0].law
+    mu, J = 2.0 * law.xi, 4.0
+    # cofactor: 2 in the plane, 4 across it, where waves would be fastest
+    modulus = mu + (law.lambda_hat + mu / J**2) * 2.0**2
+    assert sim.systems[0].stable_step() == pytest.approx(0.7 * 0.25 * np.sqrt(law.density / modulus), rel=1e-12)
