@@ -13,7 +13,7 @@ _DIFFERENCE = 1e-4
 
 
 def set_initial_motion(scene: Scene, particle_set: ParticleSet, points: MaterialPoints) -> None:
-    """Velocity, position and F of `MaterialPoints`, in the order of the particle_set, and slopes of the velocity.
+    """Velocity, position and F of `MaterialPoints`, in the order of the particle_set, and slopes of velocity if any.
 
     The slopes are those at the places that weights belong to; those of a body at rest would smooth its first step.
     """
