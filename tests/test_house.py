@@ -18,7 +18,7 @@ LINE, FILE, FUNCTION, COPY = 120, 350, 50, 6
 ROWS = (
     ("parsolid.commands", "parsolid.__main__"),
     ("parsolid.simulation",),
-    ("parsolid.methods.tlsph", "parsolid.methods.peridynamics", "parsolid.methods.mpm"),
+    ("parsolid.methods.tlsph", "parsolid.methods.peridynamics", "parsolid.methods.mpm", "parsolid.methods.ulsph"),
     ("parsolid.methods",),
     ("parsolid.particles", "parsolid.boundary", "parsolid.output"),
     ("parsolid.scene", "parsolid.exact"),
