@@ -127,7 +127,7 @@ class Exchange:
     not be resized. What is sent is copied at the start; what is received is written at the finish, so between the two
     the arrays are free. Several may be under way at once if all ranks start them in the same order.
 
-    bytes_sent, bytes_received: of one start on this rank.
+    bytes_sent, bytes_received: of one start on this rank; silent: whether start and finish do nothing on it.
     """
 
     def __init__(
@@ -155,7 +155,8 @@ class Exchange:
         self._sends = self._requests(comm.Send_init, outgoing, self._buffers[0], width, tag)
         self._all = self._receives + self._sends
         self._finalizer = weakref.finalize(self, _release, self._all.copy())
-        if not self._all:
+        self.silent = not self._all
+        if self.silent:
             self._turn_into(_nothing)
 
     @staticmethod

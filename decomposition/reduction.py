@@ -1,7 +1,9 @@
 """Reductions over ranks: sums, minima that are asked for a step ahead, and sums whose bits never change."""
 
 from collections.abc import Iterable
-from math import isnan
+from math import inf, isnan
+from struct import Struct
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -103,8 +105,12 @@ class MinimumAhead:
 
     def __init__(self, comm: MPI.Comm, length: int) -> None:
         self._comm = comm
-        self._values = np.empty(length)
-        self._minima = np.empty(length)
+        self._values: Any = np.empty(length)
+        self._minima: Any = np.empty(length)
+        # a few numbers of Python go to and from an array fastest so
+        self._numbers = Struct(f"{length}d")
+        # as MPI wants them, so that it does not ask the arrays each time
+        self._buffers = [self._values, MPI.DOUBLE], [self._minima, MPI.DOUBLE]
         self._request: MPI.Request | None = None
 
     @property
@@ -116,13 +122,16 @@ class MinimumAhead:
         """Start the reduction of this rank's values (length,); collective. NaN counts as -inf, so none misses it."""
         if self._request is not None:
             raise RuntimeError("MinimumAhead.begin: expected the last result to be fetched first, found it pending")
-        self._values[:] = [-np.inf if isnan(value) else value for value in values]
-        self._request = self._comm.Iallreduce(self._values, self._minima, MPI.MIN)
+        values = tuple(values)
+        if isnan(sum(values)):
+            values = tuple(-inf if isnan(value) else value for value in values)
+        self._numbers.pack_into(self._values, 0, *values)
+        self._request = self._comm.Iallreduce(*self._buffers, MPI.MIN)
 
-    def result(self) -> np.ndarray:
-        """Wait for the minima (length,), a new array."""
+    def result(self) -> tuple[float, ...]:
+        """Wait for the minima, as many as were begun."""
         if self._request is None:
             raise RuntimeError("MinimumAhead.result: expected a begin before it, found none pending")
         self._request.Wait()
         self._request = None
-        return self._minima.copy()
+        return self._numbers.unpack_from(self._minima)

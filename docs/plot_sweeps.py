@@ -1,4 +1,4 @@
-"""Curves of the sweeps of docs/microinertia.md: `python docs/plot_sweeps.py SWEEPS EXTREME -o PICTURE`.
+"""Curves and profiles of the sweeps of docs/microinertia.md: `python docs/plot_sweeps.py SWEEPS EXTREME -o FOLDER`.
 
 SWEEPS and EXTREME are the folders of the studies runs/ulsph/studies/sweeps.toml and stiff_and_extreme.toml.
 """
@@ -7,9 +7,11 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from PIL import Image
 
 from parsolid.output.history import read_history
 
@@ -18,13 +20,28 @@ PANELS = (
     ("midpoint.temperature", "T at the midpoint [K]", 1.0),
     ("micro.micro_kinetic", "micro-kinetic energy [kJ/m]", 1e3),
 )
+LENGTHS = {f"{value}-mm-2": f"l_m^2 = {value} mm^2" for value in ("0.1", "1", "10", "100")}
+TIMES = {f"{value}-s": f"t_pi = {value} s" for value in ("1e-6", "9e-6", "9e-5", "9e-4")}
 SPEEDS = (25, 50, 100, 150, 208, 300, 400, 600, 800, 1000)
 
 
-def history_of(study: Path, run: str) -> dict[str, np.ndarray]:
-    """The history (rows,) by column of a study's run whose folder starts with a name."""
+def folder_of(study: Path, run: str) -> Path:
+    """The folder of a study's run that starts with a name."""
     (folder,) = (path for path in (study / "runs").iterdir() if path.name.startswith(f"{run}-"))
-    return {name: np.array(values) for name, values in read_history(folder / "history.csv").items()}
+    return folder
+
+
+def history_of(study: Path, run: str) -> dict[str, np.ndarray]:
+    """The history (rows,) of a run by column."""
+    return {name: np.array(values) for name, values in read_history(folder_of(study, run) / "history.csv").items()}
+
+
+def last_fields(study: Path, run: str, *names: str) -> list[np.ndarray]:
+    """Places (n, 3) [m] and fields (n,) of a run's last written time."""
+    with h5py.File(folder_of(study, run) / "fields.vtkhdf") as file:
+        root = file["VTKHDF"]
+        count = int(root["NumberOfPoints"][-1])
+        return [root[name][-count:] for name in ("Points", *(f"PointData/{name}" for name in names))]
 
 
 def draw_sweep(row: Any, study: Path, series: str, places: dict[str, str]) -> None:
@@ -54,24 +71,51 @@ def draw_speeds(row: Any, study: Path) -> None:
         axes.set(xlabel="v0 [m/s]", ylabel=words)
 
 
+def profiles(study: Path) -> Figure:
+    """gamma and T at the end, for each l_m^2."""
+    figure = Figure(figsize=(12.0, 6.4), layout="constrained")
+    FigureCanvasAgg(figure)
+    rows = figure.subplots(len(LENGTHS), 2)
+    for row, (place, label) in zip(rows, LENGTHS.items()):
+        points, strain, temperature = last_fields(study, f"inertia-length-{place}", "plastic_strain", "temperature")
+        for axes, values, words, range_ in (
+            (row[0], strain, "gamma", (0.0, 1.0)),
+            (row[1], temperature, "T [K]", (298.0, 480.0)),
+        ):
+            drawn = axes.scatter(*points[:, :2].T * 1e3, c=values, s=3, cmap="turbo", vmin=range_[0], vmax=range_[1])
+            axes.set(aspect="equal", title=label, xlim=(0.0, 50.8), ylim=(-4.0, 11.62))
+            figure.colorbar(drawn, ax=axes, label=words)
+    return figure
+
+
+def curves(sweeps: Path, extreme: Path) -> Figure:
+    """The midpoint over time by l_m^2 and t_pi, and what grows with the impact speed."""
+    figure = Figure(figsize=(12.0, 9.5), layout="constrained")
+    FigureCanvasAgg(figure)
+    rows = figure.subplots(3, 3)
+    draw_sweep(rows[0], sweeps, "inertia-length", LENGTHS)
+    draw_sweep(rows[1], sweeps, "relaxation-of-the-micro-stress", TIMES)
+    draw_speeds(rows[2], extreme)
+    for axes in rows.flat:
+        axes.grid(visible=True, alpha=0.25)
+    return figure
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a picture of 256 colours."""
+    figure.savefig(path, dpi=80)
+    Image.open(path).convert("RGB").quantize(256).save(path, optimize=True)
+
+
 def main() -> None:
-    """Draw the curves."""
+    """Write microinertia-profiles.png and microinertia-sweeps.png."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("sweeps", type=Path)
     parser.add_argument("extreme", type=Path)
     parser.add_argument("-o", "--output", type=Path, required=True)
     options = parser.parse_args()
-    figure = Figure(figsize=(12.0, 9.5), layout="constrained")
-    FigureCanvasAgg(figure)
-    rows = figure.subplots(3, 3)
-    lengths = {f"{value}-mm-2": f"l_m^2 = {value} mm^2" for value in ("0.1", "1", "10", "100")}
-    draw_sweep(rows[0], options.sweeps, "inertia-length", lengths)
-    times = {f"{value}-s": f"t_pi = {value} s" for value in ("1e-6", "9e-6", "9e-5", "9e-4")}
-    draw_sweep(rows[1], options.sweeps, "relaxation-of-the-micro-stress", times)
-    draw_speeds(rows[2], options.extreme)
-    for axes in rows.flat:
-        axes.grid(visible=True, alpha=0.25)
-    figure.savefig(options.output, dpi=80)
+    save(profiles(options.sweeps), options.output / "microinertia-profiles.png")
+    save(curves(options.sweeps, options.extreme), options.output / "microinertia-sweeps.png")
 
 
 if __name__ == "__main__":

@@ -98,10 +98,8 @@ class MicroLayer(Solution):
         """Times (m,), gamma and pi (m, nodes) of all steps of a fourth-order Runge-Kutta method."""
         steps = max(1, round(self.end / self.step))
         step, nothing = self.end / steps, np.zeros(self.nodes)
-        state = _State(
-            nothing, nothing, nothing, nothing + self.law.reference_temperature, nothing, nothing, nothing, nothing[1:]
-        )
-        state = state._replace(stress=nothing + self.law.initial_micro_stress)
+        start = (nothing + self.law.initial_micro_stress, nothing, nothing + self.law.reference_temperature)
+        state = _State(nothing, *start, nothing, nothing, nothing, nothing[1:])
         strains, stresses = [state.strain], [state.stress]
         for _ in range(steps):
             first = self._change(state)

@@ -24,14 +24,14 @@ class PronySeries:
 
     @classmethod
     def youngs_of(cls, material: Any) -> "PronySeries":
-        """E(t) of a `scene.viscoelastic.PronySolid` whose moduli all relax alike."""
+        """E(t) of a `materials.viscoelastic.prony_stated.StatedProny` whose moduli all relax alike."""
         modulus = material.equilibrium.youngs_modulus
         factor = modulus / (material.youngs_modulus or material.shear_modulus)
         return cls(modulus, factor * np.array(material.term_moduli), material.relaxation_times)
 
     @classmethod
     def shear_of(cls, material: Any) -> "PronySeries":
-        """G(t) of a `scene.viscoelastic.PronySolid` whose bulk modulus does not relax."""
+        """G(t) of a `materials.viscoelastic.prony_stated.StatedProny` whose bulk modulus does not relax."""
         known = material.equilibrium
         if material.youngs_modulus is not None and material.conversion != "paper":
             series = shear_relaxation(

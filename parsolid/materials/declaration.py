@@ -17,7 +17,17 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 # a declared class, which has its role and its kind
 Declared = Any
-Role = Literal["hyperelastic", "equation-of-state", "shear-modulus", "flow-stress", "melting", "micro-inertia"]
+Role = Literal[
+    "hyperelastic",
+    "prony",
+    "bond-based",
+    "elastic-plastic",
+    "equation-of-state",
+    "shear-modulus",
+    "flow-stress",
+    "melting",
+    "micro-inertia",
+]
 ROLES: tuple[str, ...] = get_args(Role)
 NEEDED = object()
 ATOMIC_MASS_UNIT = 1.66053906660e-27
@@ -34,7 +44,8 @@ class Phrase(str):
 class Parameter:
     """What a scene states: unit ("1" of a pure number), description, bounds, default (none: it must be given).
 
-    factor: from the stated unit to the SI unit that the law keeps.
+    factor: from the stated unit to the SI unit that the law keeps; most: entries of a list of tables, which are plain
+    classes with parameters of their own.
     """
 
     unit: str = "1"
@@ -42,8 +53,10 @@ class Parameter:
     above: float | None = None
     at_least: float | None = None
     below: float | None = None
+    at_most: float | None = None
     default: Any = NEEDED
     factor: float = 1.0
+    most: int | None = None
 
     @property
     def told(self) -> str | None:

@@ -2,8 +2,9 @@
 
 import os
 from functools import cache
+from importlib import import_module
 from types import FunctionType
-from typing import Annotated, Any, ClassVar, Literal, get_args
+from typing import Annotated, Any, ClassVar, Literal, get_args, get_origin
 
 from pydantic import Field, ValidationInfo, model_validator
 
@@ -31,13 +32,18 @@ class DeclaredModel(SceneModel):
     def __reduce__(self) -> tuple[Any, ...]:
         # classes made at run time have no place to be found at
         kind = type(self).declared
-        source = getattr(kind, "source", None) or (getattr(kind, "role", None), getattr(kind, "kind", None))
+        source = getattr(kind, "source", None)
+        if source is None:
+            # an entry of a list has no role, but is found by its own name
+            source = (kind.role, kind.kind) if hasattr(kind, "role") else (kind,)
         return _restored, (source, self.__getstate__())
 
 
-def _restored(source: tuple[str, ...], state: dict[Any, Any]) -> DeclaredModel:
+def _restored(source: tuple[Any, ...], state: dict[Any, Any]) -> DeclaredModel:
     """A table that another rank has validated, with the text of the law's file as that rank has read it."""
-    model = model_of(registry.from_text(*source) if len(source) == 3 else registry.declared(*source))
+    ways: dict[int, Any] = {1: lambda kind: kind, 2: registry.declared, 3: registry.from_text}
+    find = ways[len(source)]
+    model = model_of(find(*source))
     result = model.__new__(model)
     result.__setstate__(state)
     return result
@@ -51,6 +57,7 @@ BASES: dict[str | None, tuple[type[DeclaredModel], dict[str, tuple[Any, Any]]]] 
 def model_of(declared: Declared) -> type[DeclaredModel]:
     """The model of the table in which a scene states a declared law."""
     role = getattr(declared, "role", None)
+    import_module("parsolid.scene.materials")
     base, more = BASES.get(role, (DeclaredModel, {}))
     fields: dict[str, tuple[Any, Any]] = {}
     namespace: dict[str, Any] = {"declared": declared, "__module__": __name__, "__doc__": declared.__doc__}
@@ -78,11 +85,14 @@ _GROUPS = ("exactly_one", "at_most_one")
 def _field(plain: Any, parameter: Parameter) -> tuple[Any, Any]:
     """Type and field of a parameter."""
     bounds: dict[str, Any] = {"gt": parameter.above, "ge": parameter.at_least, "lt": parameter.below}
+    bounds |= {"le": parameter.at_most, "max_length": parameter.most}
     bounds = {word: bound for word, bound in bounds.items() if bound is not None}
     optional = type(None) in get_args(plain)
     kind = next(t for t in get_args(plain) if t is not type(None)) if optional else plain
     if hasattr(kind, "_fields"):
         kind = model_of(kind)
+    if get_origin(kind) is list:
+        kind = list[tuple(map(model_of, get_args(kind)))]  # type: ignore[misc]
     hint = Annotated[kind, Field(**bounds)] if bounds else kind
     default: dict[str, Any] = {} if parameter.default is NEEDED else {"default": parameter.default}
     return hint | None if optional else hint, Field(**default, description=parameter.told)
@@ -98,23 +108,22 @@ def law_files(scene: Any) -> list[str]:
 class ByLaw(ByKind):
     """Annotation of a field whose table names a law: by its `kind`, or by `law`, a file and a class in it.
 
-    roles: those of declared laws; static: kind -> (role, model) of tables that are no declared laws; known: the
-    attribute of a method's settings that lists the roles which the method takes, "" where all will do.
+    roles: those of the laws; known: the attribute of a method's settings that lists the roles which the method takes,
+    "" where all will do.
     """
 
-    def __init__(self, roles: tuple[str, ...], static: dict[str, tuple[str, type[SceneModel]]], known: str = ""):
-        self.roles, self.static, self.known = roles, static, known
+    def __init__(self, roles: tuple[str, ...], known: str = ""):
+        self.roles, self.known = roles, known
         self.files: dict[str, type[DeclaredModel]] = {}
 
     @property
     def instances(self) -> tuple[type, ...]:
         """What needs no validation any more."""
-        return (DeclaredModel, *(model for _, model in self.static.values()))
+        return (DeclaredModel,)
 
     def allowed(self, info: ValidationInfo | None) -> list[str]:
         """Kinds that the scene's method takes."""
         every = {kind: role for role in self.roles for kind in registry.kinds(role)}
-        every |= {kind: role for kind, (role, _) in self.static.items()}
         return [kind for kind, role in every.items() if self._takes(role, info)]
 
     def _takes(self, role: str, info: ValidationInfo | None) -> bool:
@@ -128,8 +137,6 @@ class ByLaw(ByKind):
         kind = table.get("kind")
         if not isinstance(kind, str):
             return self.files.get(table["law"]) if isinstance(table.get("law"), str) else None
-        if kind in self.static:
-            return self.static[kind][1]
         for role in self.roles:
             if kind in registry.kinds(role):
                 return model_of(registry.declared(role, kind))
@@ -166,6 +173,6 @@ class ByLaw(ByKind):
         return self.files[value["law"]]
 
 
-def by_law(*roles: str, static: dict[str, tuple[str, type[SceneModel]]] | None = None, known: str = "") -> Any:
+def by_law(*roles: str, known: str = "") -> Any:
     """The type of a field that holds a law of one of the roles, see `ByLaw`."""
-    return Annotated[Any, ByLaw(roles, static or {}, known)]
+    return Annotated[Any, ByLaw(roles, known)]

@@ -1,8 +1,8 @@
 """The loop: choose a step, advance, look, judge."""
 
 import time as clock
-from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from math import isfinite
 from typing import Any, Protocol
 
@@ -84,6 +84,9 @@ class Simulation:
         if restart:
             restart.apply(self)
         self.minimum = MinimumAhead(comm, 3 + len(self.systems))
+        # what the systems have announced of the step under way, and the wishes that go with it
+        self._told: list[float] = []
+        self._wishes = (0.0, 0.0)
         self.failed, self.failed_somewhere, self.checkpoint_wanted = False, False, False
         self.last_checkpoint: str | None = None
         self.first_step = self.clock.step
@@ -148,7 +151,7 @@ class Simulation:
 
     def _result(self) -> tuple[float, float, float]:
         waiting = clock.perf_counter()
-        stable, interrupted, checkpoint, *news = self.minimum.result().tolist()
+        stable, interrupted, checkpoint, *news = self.minimum.result()
         self.clock.waiting_seconds += clock.perf_counter() - waiting
         for system, first in zip(self.systems, news):
             system.news_anywhere = first < 0.0
@@ -157,25 +160,23 @@ class Simulation:
     def _advance(self, step: float, arrival: float, wishes: tuple[float, float]) -> None:
         """One step [s] to a time [s]; the next stable step and wishes are agreed on while the last system advances."""
         began, processor_began = clock.perf_counter(), clock.process_time()
-        steps: list[float] = []
-
-        def announcement(system: ParticleSystem) -> Callable[[bool, float], None]:
-            def announce(sound: bool, stable: float) -> None:
-                healthy = sound and not self.failed and isfinite(stable)
-                steps.append(stable if healthy or system.owned == 0 else -1.0)
-                if len(steps) == len(self.systems):
-                    self._announce(min(steps), wishes)
-
-            return announce
-
+        self._told.clear()
+        self._wishes = wishes
         for interaction in self.interactions:
             interaction.act(self.clock.time, step, self.ledger)
         for system in self.systems:
-            if not system.advance(self.clock.time, step, self.ledger, announcement(system)):
+            if not system.advance(self.clock.time, step, self.ledger, partial(self._hear, system)):
                 self.failed = True
         self.clock.time, self.clock.step_size = arrival, step
         self.clock.step += 1
         self._count(clock.perf_counter() - began, clock.process_time() - processor_began)
+
+    def _hear(self, system: ParticleSystem, sound: bool, stable: float) -> None:
+        """What a system announces; the last one's announcement begins the agreement of all ranks."""
+        healthy = sound and not self.failed and isfinite(stable)
+        self._told.append(stable if healthy or system.owned == 0 else -1.0)
+        if len(self._told) == len(self.systems):
+            self._announce(min(self._told), self._wishes)
 
     def _count(self, seconds: float, processor_seconds: float) -> None:
         """Add what a step took, on the wall and on this rank's processor [s]."""

@@ -30,6 +30,7 @@ FILES = {
     "peridynamics/kalthoff_winkler": 13,
     "peridynamics/plate": 12,
     "mpm/taylor": 14,
+    "ulsph/plate_impact": 14,
 }
 SHARED = ("simulation", "particles", "boundary", "scene", "numerics")
 
@@ -48,7 +49,7 @@ def test_a_step_is_shown_as_it_stands_in_the_source(module, name, text):
 
 def test_the_steps_of_all_methods_are_shown():
     rooms = {module.split(".")[2] for module, _, _ in SHOWN if module.startswith("parsolid.methods")}
-    assert rooms >= {"tlsph", "peridynamics", "mpm"}
+    assert rooms >= {"tlsph", "peridynamics", "mpm", "ulsph"}
 
 
 @pytest.mark.parametrize(("module", "name", "text"), SHOWN, ids=[f"{one[0]}:{one[1]}" for one in SHOWN])

@@ -9,9 +9,10 @@ from scipy.integrate import quad
 from decomposition.compiled import compiled
 from parsolid.materials.damage.bond_based import influence_moment, micromodulus
 from parsolid.materials.damage.fracture import breaking_limit, critical_bond_energy, critical_stretch
+from parsolid.materials.viscoelastic.prony_stated import StatedProny
 from parsolid.methods.peridynamics.settings import Damage
 from parsolid.pairs.radial_weights import INFLUENCES, influence
-from parsolid.scene.viscoelastic import PronySolid
+from parsolid.scene.declared import model_of
 
 E, GC, DELTA = 72e9, 135.0, 2e-3
 K3 = E / (3.0 * (1.0 - 2.0 * 0.25))
@@ -89,7 +90,7 @@ def test_bonds_across_a_plane_hold_the_fracture_energy(state, dimension, name):
 
 
 def test_which_modulus_counts():
-    material = PronySolid(
+    material = model_of(StatedProny)(
         kind="prony", density=1.0, youngs_modulus=1e6, poissons_ratio=0.3, terms=[{"ratio": 3.0, "tau": 1.0}]
     )
     for modulus, factor in (("equilibrium", 1.0), ("instantaneous", 4.0), (9e6, 9.0)):

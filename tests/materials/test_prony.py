@@ -12,8 +12,9 @@ from scipy.integrate import quad
 from decomposition.compiled import compiled
 from parsolid.exact.prony import PronySeries
 from parsolid.materials.viscoelastic import prony
+from parsolid.materials.viscoelastic.prony_stated import StatedProny
 from parsolid.numerics.lanes import broadcast, from_floats, lane
-from parsolid.scene.viscoelastic import PronySolid
+from parsolid.scene.declared import model_of
 
 STATES = ["space", "plane-strain", "plane-stress", "bar"]
 RATIOS, TIMES = (2.0, 0.7), (0.3, 5.0)
@@ -26,7 +27,7 @@ def solid(bulk="relaxing", dimension=3, **changes):
     """A material as a scene would give it."""
     tables = dict(kind="prony", density=1000.0, youngs_modulus=7.0, poissons_ratio=0.4, bulk=bulk)
     tables["terms"] = [{"ratio": ratio, "tau": time} for ratio, time in zip(RATIOS, TIMES)]
-    return PronySolid.model_validate({**tables, **changes}, context={"dimension": dimension})
+    return model_of(StatedProny).model_validate({**tables, **changes}, context={"dimension": dimension})
 
 
 @pytest.fixture(params=STATES)

@@ -60,7 +60,7 @@ BROKEN = {
     "number for a table": ({"method": 3}, "method: expected a table, found 3"),
     "table for a list": ({"bodies": {}}, "bodies: expected a list, found an empty table"),
     "missing key": ({"end_time": DELETED}, r"end_time: expected the simulated time \[s\], found nothing"),
-    "missing kind": ({"method": {}}, "method.kind: expected one of 'mpm', .*'tlsph', found nothing"),
+    "missing kind": ({"method": {}}, "method.kind: expected one of 'mpm', .*'tlsph', 'ulsph', found nothing"),
     "unknown method": (
         {"method.kind": "tlsp"},
         "method.kind: expected one of 'mpm', .*did you mean 'tlsph'.*, found 'tlsp'",

@@ -1,6 +1,7 @@
 """Peridynamic scenes: each bad key gives one clear message; what is stated is what is meant."""
 
 import copy
+import pickle
 import re
 
 import numpy as np
@@ -260,6 +261,13 @@ def test_scenes_round_trip():
     }
     scene = parse_scene(plate(method, boundaries=[layer, pull], loads={"acceleration": [0.0, -9.81], "jumps": [1.0]}))
     assert parse_scene(scene.resolved()) == scene
+
+
+@pytest.mark.parametrize("kind", ["prony", "linear-elastic", "bond-based"])
+def test_a_solid_goes_to_other_ranks(kind):
+    left_out = {"prony": {}, "linear-elastic": {"terms": []}, "bond-based": {"terms": None, "poissons_ratio": None}}
+    scene = parse_scene(plate(material={"kind": kind} | left_out[kind]))
+    assert pickle.loads(pickle.dumps(scene)) == scene == parse_scene(scene.resolved())
 
 
 def test_elastic_constants_of_a_material():

@@ -1,4 +1,4 @@
-"""The fast ones of the stiff and extreme cases, from the studies behind stiff-and-extreme.md and mpm.md."""
+"""The fast ones of the stiff and extreme cases, from the studies behind stiff-and-extreme, mpm and microinertia.md."""
 
 from functools import cache
 from pathlib import Path
@@ -12,7 +12,7 @@ from parsolid.commands.study.measures import measures_of, not_finite
 from parsolid.commands.study.schema import load_study
 
 RUNS = Path(__file__).parents[2] / "runs"
-METHODS = ("tlsph", "mpm")
+METHODS = ("tlsph", "mpm", "ulsph")
 STATUS = {"stable": 0, "failure": 3, "refused": 2}
 FAST = (
     "punch, relaxation time over time step, 0.001",
@@ -33,6 +33,9 @@ FAST = (
     "plastic layer, conductivity over copper's, 1e4, to 1e-6 s",
     "Taylor bar, time step too long, cfl, 3",
     "a plane of symmetry between nodes",
+    "both at once, 1e-12 m^2, 1e-9 s",
+    "time step, 1.5",
+    "particles across, 17 x 5",
 )
 
 

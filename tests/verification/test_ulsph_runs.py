@@ -108,7 +108,7 @@ def test_plate_impact(run):
     assert np.abs([history[f"both.linear_momentum_{axis}"] for axis in "xy"]).max() < 1e-12 * momentum * len(
         history["time"]
     )
-    assert history["mean.mean_plastic_strain"][-1] == pytest.approx(0.268, rel=0.02)
+    assert history["mean.mean_plastic_strain"][-1] == pytest.approx(0.2678, rel=5e-3)
 
 
 def test_impact_in_space(run):

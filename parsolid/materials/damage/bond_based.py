@@ -8,16 +8,19 @@ bar. Per metre of thickness and square metre of section.
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
+
+from parsolid.materials.declaration import Density, Parameter, law
 
 POISSONS_RATIO = {"bar": 0.0, "plane-stress": 1.0 / 3.0, "plane-strain": 0.25, "space": 0.25}
 
 
+@law("bond-based", "bond-based")
 class BondBased(NamedTuple):
-    """density [kg/m^3], youngs_modulus [Pa]."""
+    """Elastic bond-based solid (Silling); Poisson's ratio is 1/3 in plane stress, 1/4 in plane strain and in space."""
 
-    density: float
-    youngs_modulus: float
+    density: Density
+    youngs_modulus: Annotated[float, Parameter("Pa", "Young's modulus", above=0.0)]
 
     @property
     def branch_moduli(self) -> None:
@@ -26,11 +29,6 @@ class BondBased(NamedTuple):
     @property
     def relaxation_times(self) -> None:
         """It has no branches."""
-
-
-def of_material(material) -> BondBased:
-    """The law of a scene's bond-based solid."""
-    return BondBased(float(material.density), float(material.youngs_modulus))
 
 
 def micromodulus(youngs_modulus: float, state: str, influence: str, horizon):

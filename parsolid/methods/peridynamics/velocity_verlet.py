@@ -5,11 +5,12 @@ et al.), whose velocities are the v_h.
 """
 
 from functools import partial
-from math import isfinite
+from math import isfinite, sqrt
 from typing import Any
 
 import numpy as np
 
+from decomposition.recalled import Recalled
 from parsolid.methods.peridynamics import velocity_verlet_kernels as kernels
 from parsolid.methods.peridynamics.time_solver import TimeSolver
 from parsolid.particles.declaration import Field
@@ -29,6 +30,7 @@ class VelocityVerlet(TimeSolver):
         clamp[:, : body.dimension] = body.loads.free
         body.particles.declare(Field("clamp", 4, "1"), clamp)
         self.largest_eigenvalue: float | None = None
+        self._kick, self._drift = Recalled(kernels.kick, free=(1,)), Recalled(kernels.drift, free=(1,))
 
     @property
     def clamp(self) -> np.ndarray:
@@ -45,7 +47,7 @@ class VelocityVerlet(TimeSolver):
         """Safety times 2/sqrt(lambda_max) [s]; the first call is collective."""
         if self.largest_eigenvalue is None:
             self.largest_eigenvalue = self._power_iteration()
-        return self.body.fracture.safety(self.settings) * 2.0 / np.sqrt(self.largest_eigenvalue)
+        return self.body.fracture.safety(self.settings) * 2.0 / sqrt(self.largest_eigenvalue)
 
     def _power_iteration(self) -> float:
         operator = self.body.operator
@@ -65,8 +67,7 @@ class VelocityVerlet(TimeSolver):
         fracture.break_what_ranks_found(ledger)
         before = self.guided_motion()
         work, swing = self.half_velocity(time, step, after_jump=True)
-        self.new_positions(time, step)
-        sound = self.finite_velocity()
+        sound = self.new_positions(time, step)
         report = partial(announce, sound, self.stable_step())
         fracture.before_forces(report)
         history.internal_force(step)
@@ -85,24 +86,21 @@ class VelocityVerlet(TimeSolver):
         body = self.body
         motion = body.particles.kept(("kicked",), self._kicked)
         loads = self._accelerations(time, not after_jump)
-        return kernels.kick(body.dimension, 0.5 * step, *motion, loads, self.clamp)
+        return self._kick(body.dimension, 0.5 * step, *motion, loads, self.clamp)
 
     def _kicked(self) -> tuple[np.ndarray, ...]:
         body = self.body
         return body.particles.storage("velocity"), body.engine.force, body.mass, body.share
 
-    def new_positions(self, time: float, step: float) -> None:
-        """u += dt v_h, or as guided; x = X + u."""
+    def new_positions(self, time: float, step: float) -> bool:
+        """u += dt v_h, or as guided; x = X + u; whether all velocities are numbers."""
         body, rows = self.body, self.body.particles.owned_rows
         moved = (rows("reference_position"), body.engine.displacement, rows("position"))
-        kernels.drift(body.dimension, step, body.particles.storage("velocity"), *moved)
+        total: float = self._drift(body.dimension, step, body.particles.storage("velocity"), *moved)
         if len(body.loads.entries[0]):
             body.loads.move(time, step, body.displacement)
             body.place()
-
-    def finite_velocity(self) -> bool:
-        """Whether all velocities are numbers."""
-        return isfinite(self.body.velocity.sum())
+        return isfinite(total)
 
     def _accelerations(self, time: float, before: bool) -> np.ndarray | None:
         """Loads over mass (owned, 4) [m/s^2] where components are free; None without loads."""

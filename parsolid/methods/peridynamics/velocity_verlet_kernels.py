@@ -27,11 +27,14 @@ def kick(dimension, time, velocity, force, mass, share, loads, clamp):
 
 @compiled
 def drift(dimension, step, velocity, reference, displacement, position):
-    """u += step v; x = X + u of the owned particles."""
+    """u += step v; x = X + u of the owned particles; the sum of all components of v, a number if all of them are."""
+    total = 0.0
     for a in range(len(position)):
         for i in range(dimension):
+            total += velocity[a, i]
             displacement[a, i] += step * velocity[a, i]
             position[a, i] = reference[a, i] + displacement[a, i]
+    return total
 
 
 @compiled

@@ -9,6 +9,7 @@ must be evaluated anew.
 import numpy as np
 
 from decomposition.compiled import compiled
+from decomposition.recalled import RecalledEach
 from parsolid.materials.hyperelastic.law import elastic_moduli
 from parsolid.materials.viscoelastic.prony import Prony, branch_weights, dissipation_weights
 from parsolid.particles.declaration import Field
@@ -98,6 +99,8 @@ class ViscoelasticHistory:
         if branches:
             declare(Field("branch_displacements", branches * d, "m", **kept))
             declare(Field("branch_forces", branches * d, "N", **kept))
+        # weights are those of a step, all else stays what it is
+        self._propose, self._settle = RecalledEach(propose, free=(3,)), RecalledEach(settle, free=(3, 4))
         self.factor = np.ones(engine.owned)
         self.step: float | None = None
         self.begin(0.0)
@@ -147,7 +150,7 @@ class ViscoelasticHistory:
         self.begin(step)
         arrays = self.particles.kept(("history",), self._arrays)[:4]
         for (first, last, ratios, _), weights in zip(self.series, self.weights):
-            propose(first, last, ratios, weights, *arrays)
+            self._propose(first, first, last, ratios, weights, *arrays)
 
     def _arrays(self) -> tuple[np.ndarray, ...]:
         """What `propose` takes, and what `settle` takes besides its first two."""
@@ -168,7 +171,7 @@ class ViscoelasticHistory:
         new, old, terms, _, share, *forces = self.particles.kept(("history",), self._arrays)
         dissipated = 0.0
         for (first, last, ratios, _), weights, shares in zip(self.series, self.weights, self.shares):
-            dissipated += settle(first, last, ratios, weights, shares, share, new, old, terms, *forces)
+            dissipated += self._settle(first, first, last, ratios, weights, shares, share, new, old, terms, *forces)
         return dissipated
 
     def start(self, instantaneous: bool) -> None:

@@ -32,7 +32,7 @@ from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene, initial_displacement, initial_temperature, initial_velocity
 
 # determinant of a moment below which its inverse is scaled down, see `layout.bounded_inverse`
-_LEAST = 0.3
+_LEAST = 0.1
 
 
 class UpdatedLagrangianSPH(PairMethod):
