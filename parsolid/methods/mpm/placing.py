@@ -51,7 +51,7 @@ def _refuse_apart(lower: np.ndarray, upper: np.ndarray, reach: float) -> None:
     near = ((lower[:, None] < upper[None] + reach) & (lower[None] < upper[:, None] + reach)).all(axis=2)
     while joined.sum() > size:
         size = int(joined.sum())
-        joined = near[joined].any(axis=0)
+        joined = np.asarray(near[joined].any(axis=0))
     if not joined.all():
         raise SolverError(
             f"bodies.{int(np.argmin(joined))}: expected bodies that are joined with formulation 'total-lagrangian', "
