@@ -32,7 +32,7 @@ class ElasticPlastic(NamedTuple):
     melting: Any
 
     def internal_energy(self, temperature: Any, without_energy: Any = None) -> Any:
-        """E [J/m^3] of the undeformed body at temperatures [K], 0 at others, the reference unless given; also arrays."""
+        """E [J/m^3] of the undeformed body at temperatures [K]; 0 at others, the reference unless given."""
         cold = self.reference_temperature if without_energy is None else without_energy
         return self.density * self.specific_heat * (temperature - cold)
 
