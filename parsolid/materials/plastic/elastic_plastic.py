@@ -31,9 +31,10 @@ class ElasticPlastic(NamedTuple):
     flow_stress: Any
     melting: Any
 
-    def internal_energy(self, temperature: Any, without_energy: Any) -> Any:
-        """E [J/m^3] of the undeformed body at temperatures [K], and at which it is 0: numbers or arrays."""
-        return self.density * self.specific_heat * (temperature - without_energy)
+    def internal_energy(self, temperature: Any, without_energy: Any = None) -> Any:
+        """E [J/m^3] of the undeformed body at temperatures [K]; 0 at others, the reference unless given."""
+        cold = self.reference_temperature if without_energy is None else without_energy
+        return self.density * self.specific_heat * (temperature - cold)
 
 
 def of_material(material) -> ElasticPlastic:

@@ -48,10 +48,10 @@ def _refuse_wall_inside(number: int, wall: Any, lower: np.ndarray, upper: np.nda
 def _refuse_apart(lower: np.ndarray, upper: np.ndarray, reach: float) -> None:
     """Bodies that share nodes with none of those that the first is joined to, by boxes around them."""
     joined, size = np.arange(len(lower)) == 0, 0
-    near = np.asarray(((lower[:, None] < upper[None] + reach) & (lower[None] < upper[:, None] + reach)).all(axis=2))
+    near = (lower[:, None] < upper[None] + reach) & (lower[None] < upper[:, None] + reach)
     while joined.sum() > size:
         size = int(joined.sum())
-        joined = np.asarray(near[joined].any(axis=0))
+        joined = np.asarray(np.asarray(near.all(axis=2))[joined].any(axis=0))
     if not joined.all():
         raise SolverError(
             f"bodies.{int(np.argmin(joined))}: expected bodies that are joined with formulation 'total-lagrangian', "
