@@ -145,11 +145,7 @@ class UpdatedLagrangianSPH(PairMethod):
         self.sweeps.forces()
         second = self.boundaries.half_kick(time + step, step, time + step)
         plastic += self.advance_gradients(step)
-        if any(self.updates.storing):
-            # what laws store heats them; the others' share is lost
-            second = (second[0], self.viscous_heat_of_others(step) - first[1], second[2])
-        ledger.add_term("leapfrog_oscillation", second[2] - first[2])
-        self.book(ledger, plastic, lost, np.add(first, second))
+        self.book(ledger, step, (plastic, lost), (first, second))
         return sound
 
     def follow_lists(self, time: float) -> None:
@@ -177,11 +173,20 @@ class UpdatedLagrangianSPH(PairMethod):
         owned = self.owned
         self.sweeps.rates(lambda: self.drift(owned, owned + self.particles.ghosts, drift))
 
-    def book(self, ledger: EnergyLedger, plastic: float, lost: float, kicked: np.ndarray) -> None:
-        """Plastic heat and numerical loss [J]; kicked: work of loads and supports, and what the viscosity took [J]."""
+    def book(
+        self, ledger: EnergyLedger, step: float, state: tuple[float, float], kicks: tuple[tuple[float, ...], ...]
+    ) -> None:
+        """What a step [s] did: plastic heat and numerical loss of the state; of both kicks the work of loads and
+        supports, what the viscosity took, and leapfrog's oscillation [J].
+        """
+        (plastic, lost), (first, second), viscous = state, kicks, kicks[0][1] + kicks[1][1]
+        if any(self.updates.storing):
+            # what laws store heats them; the others' share is lost
+            viscous = self.viscous_heat_of_others(step)
         pushed, caught = self.boundaries.walls.taken()
-        ledger.add(1.0, plastic, lost + caught, float(kicked[0]) + pushed)
-        ledger.add_term("viscous_dissipation", float(kicked[1]))
+        ledger.add(1.0, plastic, lost + caught, float(first[0] + second[0]) + pushed)
+        ledger.add_term("viscous_dissipation", float(viscous))
+        ledger.add_term("leapfrog_oscillation", second[2] - first[2])
         ledger.add_term("heat_supplied", self.supplied)
         ledger.add_term("heat_stored", self.supplied_to_stored)
         for name, energy in self.updates.taken().items():
