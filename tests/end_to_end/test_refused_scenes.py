@@ -160,7 +160,7 @@ def test_a_broken_scene_ends_the_job_with_status_2(tmp_path):
 OTHERS = {
     "bodies.0.particles=[7, 7]": "bodies.0.particles: expected [9, 9] as in the checkpoint CHECKPOINT, found [7, 7]",
     f"{MATERIAL}.density=1120.0": f"{MATERIAL}.density: expected 1100.0 as in the checkpoint CHECKPOINT, "
-    f"found 1200.0 (where that is meant: --allow-change {MATERIAL}.density)",
+    f"found 1120.0 (where that is meant: --allow-change {MATERIAL}.density)",
     f"{MATERIAL}.branches=[{{ beta = 1.0, tau = 1.0 }}]": f"{MATERIAL}.branches: expected [] as in the checkpoint "
     f"CHECKPOINT, found [{{'beta': 1.0, 'tau': 1.0}}] (where that is meant: --allow-change {MATERIAL}.branches)",
     "boundaries.1.kind=fixed": "boundaries.1.kind: expected 'roller' as in the checkpoint CHECKPOINT, found 'fixed' "

@@ -60,9 +60,7 @@ def test_linear_impact(run):
     """sigma = -rho c v0 and |S| = 2 mu sqrt(2/3) v0/c between the fronts; nothing flows."""
     errors, history = run("linear_impact", *both("particles", "[142, 7]"))
     assert max(errors.values()) < 2e-3
-    # the largest is that of the first steps of the contact
-    assert np.abs(history["balance"]).max() < 2e-4 * history["kinetic"][0]
-    assert abs(history["balance"][-1]) < 1e-5 * history["kinetic"][0]
+    assert np.abs(history["balance"]).max() < 2e-5 * history["kinetic"][0]
 
 
 def at_the_middle(clamped: bool) -> tuple[float, float]:

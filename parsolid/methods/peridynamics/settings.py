@@ -173,8 +173,6 @@ class Peridynamics(MethodSettings):
     extra_quantities: ClassVar = {"broken_bonds": "scalar", "crack_tip": "vector"}
 
     kind: Literal["peridynamics"]
-    # a crack, a kick: a step in which much breaks is not closed to a few per cent
-    balance_limit: Positive = 0.1
     horizon_ratio: float = Field(3.0, ge=1, le=30, description="horizon over particle spacing, from 1 to 30")
     influence: Literal["constant", "linear", "cubic-spline"] = "constant"
     traction: Literal["consistent", "consistent-everywhere", "single-layer", "horizon"] = "consistent"

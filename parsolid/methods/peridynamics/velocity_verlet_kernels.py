@@ -17,10 +17,11 @@ def kick(dimension, time, velocity, force, mass, share, loads, clamp):
     work, swing = 0.0, 0.0
     for a in range(len(mass)):
         for i in range(dimension):
-            v, load = velocity[a, i], load_of(loads, a, i)
-            new = (v + time * (force[a, i] / mass[a] + load)) * free_of(clamp, a, i)
+            v, load, free = velocity[a, i], load_of(loads, a, i), free_of(clamp, a, i)
+            new = (v + time * (force[a, i] / mass[a] + load)) * free
             work += 0.5 * time * share[a] * mass[a] * load * (v + new)
-            swing += 0.5 * time * share[a] * force[a, i] * (new - v)
+            # what is held is not kicked, whatever it is moved by
+            swing += 0.5 * time * share[a] * force[a, i] * free * (new - v)
             velocity[a, i] = new
     return work, swing
 
