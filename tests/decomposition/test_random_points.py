@@ -11,6 +11,8 @@ from decomposition import migrate  # noqa: E402
 from decomposition.partition import bisect  # noqa: E402
 
 # every rank draws the same examples, and none looks for a smaller one while the others wait
+# on several ranks hypothesis draws another example on each
+pytestmark = pytest.mark.serial
 TOGETHER = hypothesis.settings(
     derandomize=True, deadline=None, database=None, max_examples=40, phases=[hypothesis.Phase.generate]
 )

@@ -12,6 +12,8 @@ from parsolid.output.checkpoint import read_checkpoint, write_checkpoint  # noqa
 from parsolid.output.checksums import sum_of_rows  # noqa: E402
 
 # every rank draws the same examples, and none looks for a smaller one while the others wait
+# on several ranks hypothesis draws another example on each
+pytestmark = pytest.mark.serial
 TOGETHER = hypothesis.settings(
     derandomize=True,
     deadline=None,
