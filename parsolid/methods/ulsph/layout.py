@@ -123,15 +123,34 @@ def _store_space_correction(space, correction, i, B, count):
     store_first(correction, 5, i, B[5], count)
 
 
+@generic(on="speed")
+def _speed_in_record(speed, record, i):
+    """What the plane's records of particles i..i+3 hold as the speed of sound."""
+
+
+@_speed_in_record.of(None)
+def _speed_as_it_is(speed, record, i):
+    # those beyond the law's last may be ghosts of another law
+    return four_rows(record, i, 4)[3]
+
+
+@_speed_in_record.otherwise
+def _new_speed(speed, record, i):
+    return speed
+
+
 @generic
 def store_stress_record(space, record, i, P, density, rate, temperature, speed):
-    """P B of particles i..i+3 with rho, v^p and T into their records; up to three beyond are written as well."""
+    """P B of particles i..i+3 with rho, v^p and T into their records; up to three beyond are written as well.
+
+    speed: c, which the plane's records hold too; None of a law whose speed of sound does not change.
+    """
 
 
 @store_stress_record.of(Plane)
 def _store_plane_record(space, record, i, P, density, rate, temperature, speed):
     store_rows(record, i, 0, P[0], P[2], P[1], P[3])
-    store_rows(record, i, 4, density, rate, temperature, speed)
+    store_rows(record, i, 4, density, rate, temperature, _speed_in_record(speed, record, i))
 
 
 @store_stress_record.otherwise

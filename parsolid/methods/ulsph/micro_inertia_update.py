@@ -167,7 +167,7 @@ def advance_state(space, first, last, law, increments, carried, correction, body
         store_number(body.micro_curl, i, _curl_after(curl, gradient, direction, step), count)
         p = pressure(law, density / law.density)
         P = (1.0 / (density * density)) * ((deviator - p * I) @ B)
-        store_stress_record(space, body.record, i, P, density, new_rate, temperature, broadcast(speed_of_sound(law)))
+        store_stress_record(space, body.record, i, P, density, new_rate, temperature, None)
         valid, volume = float(count) - from_floats(0.5, 1.5, 2.5, 3.5), mass / middle
         plastic, lost = plastic + choose(valid, volume * heat, 0.0), lost + choose(valid, volume * loss, 0.0)
         if not all_positive(choose(valid, choose(new_tau + new_rate + temperature + 1.0, density, -1.0), 1.0)):
