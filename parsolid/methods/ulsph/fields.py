@@ -80,7 +80,7 @@ def declare_motion(
     told = Field("told", 7 if d == 2 else 12, "", ghosts="forward", message="record", layout=Within("record", 0))
     particles.declare(told)
     moved: dict[str, Any] = {"layout": Rows(), "carried": False}
-    particles.declare(Field("rate_sums", COLUMNS[d].flux + max(flux_width(d, carried), 0), "", **moved))
+    particles.declare(Field("rate_sums", COLUMNS[d].flux + flux_width(d, carried), "", **moved))
     width = COLUMNS[d].gradient + flux_width(d, carried) + (4 if d == 2 and warming is not None else 0)
     particles.declare(Field("force_sums", width, "N", layout=Rows(), checkpointed=True))
     if carried is not None:

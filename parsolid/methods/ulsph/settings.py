@@ -35,7 +35,7 @@ class UpdatedLagrangianSPH(MethodSettings):
     viscous_heating       its heat raises the temperature of micro-inertia; that of other laws it always raises
     contact               bodies press on one another and part freely ("compression"), or stick ("welded")
     skin                  by how much lists reach beyond the support, as a part of it; made anew when it is used up
-    rebalance             largest over mean number of particles on a rank beyond which they are dealt out anew
+    rebalance             growth of the busiest rank's particles and ghosts beyond which all are dealt out anew
     """
 
     system: ClassVar = "parsolid.methods.ulsph.system:UpdatedLagrangianSPH"
@@ -74,7 +74,7 @@ class UpdatedLagrangianSPH(MethodSettings):
     viscous_heating: bool = False
     contact: Literal["compression", "welded"] | None = Field(None, description="of several bodies, 'compression'")
     skin: Positive = Field(0.25, description="reach of the lists beyond the support, over the support")
-    rebalance: float = Field(1.1, gt=1, description="largest over mean particles of a rank beyond which they move")
+    rebalance: float = Field(1.1, gt=1, description="growth of the busiest rank's work beyond which particles move")
 
     def scene_faults(self, scene: Any) -> list[Detail]:
         """Particles on the surface; what has no effect: contact of one body, heat of no viscosity."""
