@@ -47,6 +47,12 @@ def block_numbers(laws: list[Any], body: np.ndarray) -> tuple[list[Any], np.ndar
     return distinct, number[body]
 
 
+def blocks_between(bounds: np.ndarray, laws: list[Any]) -> list[MaterialBlock]:
+    """Particles that share a law, law after law; law g has rows bounds[g] .. bounds[g + 1] - 1, maybe none."""
+    ends = bounds.tolist()
+    return [MaterialBlock(first, last, law) for first, last, law in zip(ends, ends[1:], laws) if last > first]
+
+
 def ranges(distinct: list[Any], number: np.ndarray) -> list[MaterialBlock]:
     """Groups of particles sorted by block number; those without a particle on this rank are left out."""
     blocks = []

@@ -58,20 +58,15 @@ def _add_lanes(array, row, column, values):
     return more
 
 
-def subtract_lanes(array, row, column, values):
-    """array[row, column :] -= values."""
+def opposite(values):
+    """The lanes of a tuple with the other sign."""
     raise NotImplementedError
 
 
-@overload(subtract_lanes, strict=False)
-def _subtract_lanes(array, row, column, values):
+@overload(opposite, strict=False)
+def _opposite(values):
     if isinstance(values, types.NoneType):
-        return lambda array, row, column, values: None
+        return lambda values: None
     if len(values) == 1:
-        return lambda array, row, column, values: store(array, row, column, load(array, row, column) - values[0])
-
-    def more(array, row, column, values):
-        store(array, row, column, load(array, row, column) - values[0])
-        subtract_lanes(array, row, column + WIDTH, values[1:])
-
-    return more
+        return lambda values: (-values[0],)
+    return lambda values: (-values[0], *opposite(values[1:]))

@@ -30,7 +30,7 @@ from numba.extending import overload, register_jitable
 from decomposition.compiled import compiled
 from parsolid.numerics.dispatch import generic, is_instance
 from parsolid.numerics.lanes import WIDTH, broadcast, load
-from parsolid.pairs.lane_tuples import add_lanes, plus, store_lanes, subtract_lanes
+from parsolid.pairs.lane_tuples import add_lanes, opposite, plus, store_lanes
 from parsolid.pairs.lists import images_of, mutual
 from parsolid.pairs.pair_terms import own_side, pair_forces
 from parsolid.pairs.primitives import matrix, outer, reference, vector
@@ -223,5 +223,5 @@ def add_forces(space, pairs, terms, kinematics, record, force):
             t = pair_forces(space, terms, own, images, k, pairs.weight, kinematics, record, b, g)
             total = plus(total, t)
             if mutual(pairs):
-                subtract_lanes(force, b, 0, t)
+                add_lanes(force, b, 0, opposite(t))
         store_lanes(force, a, 0, total)

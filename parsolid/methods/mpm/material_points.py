@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.materials.blocks import MaterialBlock, block_numbers
+from parsolid.materials.blocks import MaterialBlock, block_numbers, blocks_between
 from parsolid.materials.registry import laws_of
 from parsolid.methods.mpm import weights as grid_weights
 from parsolid.methods.mpm.grid import Apic, Flip
@@ -109,8 +109,7 @@ class MaterialPoints(Particles):
     @property
     def blocks(self) -> list[MaterialBlock]:
         """Particles that share a law, law after law."""
-        bounds = self.bounds.tolist()
-        return [MaterialBlock(a, b, law) for a, b, law in zip(bounds, bounds[1:], self.laws) if b > a]
+        return blocks_between(self.bounds, self.laws)
 
     @property
     def warm_blocks(self) -> list[MaterialBlock]:

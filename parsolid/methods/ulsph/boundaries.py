@@ -17,7 +17,7 @@ from parsolid.boundary.prescribed import PrescribedRows
 from parsolid.boundary.rows import keep
 from parsolid.boundary.supports import Supports
 from parsolid.collective import anywhere
-from parsolid.methods.ulsph.kinematics import kick
+from parsolid.methods.ulsph.kinematics import kick, second_vector
 from parsolid.methods.ulsph.walls import Walls
 from parsolid.particles.container import Particles
 from parsolid.particles.particle_set import ParticleSet
@@ -82,8 +82,7 @@ class BoundarySet:
             new = self.prescribed.values("velocity", values_at)
             kinematics[rows, components] = new
             work += float(0.5 * (mass[0, rows] * (new - free)) @ (before + new))
-            column = 2 if dimension == 2 else 4
-            of_viscosity = forces[rows, column + components]
+            of_viscosity = forces[rows, second_vector(dimension) + components]
             viscous += float(0.25 * step * of_viscosity @ (new - free))
             swing += float(0.25 * step * (forces[rows, components] - of_viscosity) @ (new - free))
         if begun is not None:

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from parsolid.methods.ulsph.kinematics import second_vector
 from parsolid.methods.ulsph.state_fields import MICRO_STATE, STATE
 from parsolid.methods.ulsph.terms import (
     COLUMNS,
@@ -66,7 +67,7 @@ def declare_motion(
     d = position.shape[1]
     role: dict[str, Any] = {"ghosts": "forward", "checkpointed": True, "shown": True, "mirror": "vector"}
     particles.declare(Field("kinematics", KINEMATICS_WIDTH[d], ""))
-    place = Within("kinematics", d if d == 2 else 4)
+    place = Within("kinematics", second_vector(d))
     particles.declare(Field("position", d, "m", **role, message="reference", layout=place), position)
     particles.declare(Field("velocity", d, "m/s", **role, message="motion", layout=Within("kinematics", 0)))
     speed = Within("kinematics", 3) if d == 3 else Within("record", 7)

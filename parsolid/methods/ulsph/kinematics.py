@@ -9,12 +9,8 @@ from parsolid.numerics.optional import free_of, load_of
 
 
 @register_jitable
-def _first_of_place(dimension):
-    return 2 if dimension == 2 else 4
-
-
-@register_jitable
-def _first_of_viscous(dimension):
+def second_vector(dimension):
+    """First column of the second vector of `kinematics` and of `force_sums`: of the places, of the viscous forces."""
     return 2 if dimension == 2 else 4
 
 
@@ -25,7 +21,7 @@ def kick(owned, dimension, step, kinematics, forces, mass, loads, clamp):
     Returns the work of the loads and that of the artificial viscosity [J], exact for this change of the velocity, and
     leapfrog's oscillation, step/2 sum F . dv [J] of the other forces.
     """
-    work, viscous, swing, first = 0.0, 0.0, 0.0, _first_of_viscous(dimension)
+    work, viscous, swing, first = 0.0, 0.0, 0.0, second_vector(dimension)
     for a in range(owned):
         inverse = 1.0 / mass[0, a]
         for i in range(dimension):
@@ -41,7 +37,7 @@ def kick(owned, dimension, step, kinematics, forces, mass, loads, clamp):
 @compiled(fastmath={"contract"}, error_model="numpy")
 def drift(first, last, dimension, step, kinematics):
     """x += v step, the same arithmetic for particles and for their ghosts on other ranks."""
-    place = _first_of_place(dimension)
+    place = second_vector(dimension)
     for a in range(first, last):
         for i in range(dimension):
             kinematics[a, place + i] += step * kinematics[a, i]

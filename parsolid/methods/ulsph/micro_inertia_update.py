@@ -47,10 +47,7 @@ from parsolid.numerics.tensors import I, contract, trace
 @none_without("gradient")
 def square_of(gradient):
     """|g|^2."""
-    result = gradient[0] * gradient[0]
-    for k in range(1, len(gradient)):
-        result = result + gradient[k] * gradient[k]
-    return result
+    return _power(gradient, gradient)
 
 
 @none_without("flux")

@@ -9,8 +9,6 @@ With weights k_ab = k_ba, r = x_b - x_a, g_ab = m_a m_b k_ab r (= m_a m_b grad_a
 so that what stresses and fluxes do to velocities is what gradients see of them, to round-off.
 """
 
-from numba.extending import overload
-
 from decomposition.compiled import compiled
 from parsolid.methods.ulsph.pair_primitives import (
     flux_of,
@@ -25,25 +23,14 @@ from parsolid.methods.ulsph.pair_primitives import (
     steps,
 )
 from parsolid.methods.ulsph.pair_terms import act, meet, viscous_pressure
-from parsolid.methods.ulsph.terms import COLUMNS, MicroAndHeatFlux
+from parsolid.methods.ulsph.sums import sum_columns
+from parsolid.methods.ulsph.terms import MicroAndHeatFlux
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import broadcast, from_floats, lane, load, without_fourth
 from parsolid.numerics.layout import Plane
-from parsolid.pairs.lane_tuples import add_lanes, plus, store_lanes, subtract_lanes
+from parsolid.pairs.lane_tuples import add_lanes, opposite, plus, store_lanes
 from parsolid.pairs.lists import images_of, mutual
 from parsolid.pairs.primitives import dot, matrix, outer, stress_of, sum_times
-from parsolid.pairs.terms import dimension_of
-
-
-def _at(space):
-    """First columns of the sums; constants in kernels."""
-    return COLUMNS[space.dimension]
-
-
-@overload(_at)
-def _at_overload(space):
-    columns = COLUMNS[dimension_of(space)]
-    return lambda space: columns
 
 
 @generic(on="carried")
@@ -84,7 +71,7 @@ def _one_summed(space, carried, sums, a, column):
 @compiled(fastmath={"contract"}, error_model="numpy")
 def add_rates(space, kernel, lengths, carried, contact, pairs, arrays, sums):
     """Add what a list's pairs have of velocity gradients, moments and divergences of fluxes to `rate_sums`."""
-    images, kinematics, record, at = images_of(pairs), arrays.kinematics, arrays.record, _at(space)
+    images, kinematics, record, at = images_of(pairs), arrays.kinematics, arrays.record, sum_columns(space)
     mass, flux = arrays.mass, arrays.flux
     for a in range(pairs.start.shape[0] - 1):
         if pairs.start[a] == pairs.start[a + 1]:
@@ -106,7 +93,7 @@ def add_rates(space, kernel, lengths, carried, contact, pairs, arrays, sums):
             even, odd = plus(even, rates), plus(odd, fluxes)
             if mutual(pairs):
                 add_lanes(sums, b, 0, rates)
-                subtract_lanes(sums, b, at.flux, fluxes)
+                add_lanes(sums, b, at.flux, opposite(fluxes))
         store_lanes(sums, a, 0, even)
         store_lanes(sums, a, at.flux, odd)
 
@@ -205,7 +192,7 @@ def _none_in_space(space, lanes):
 @compiled(fastmath={"contract"}, error_model="numpy")
 def add_forces(space, kernel, lengths, carried, contact, viscosity, warming, pairs, arrays, sums):
     """Add what a list's pairs have of forces, viscous heat and gradients of numbers to `force_sums`."""
-    images, kinematics, record, at = images_of(pairs), arrays.kinematics, arrays.record, _at(space)
+    images, kinematics, record, at = images_of(pairs), arrays.kinematics, arrays.record, sum_columns(space)
     last = sums.shape[1] - 4
     for a in range(pairs.start.shape[0] - 1):
         if pairs.start[a] == pairs.start[a + 1]:

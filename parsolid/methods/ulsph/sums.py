@@ -21,13 +21,13 @@ def _places_overload(space, carried):
     return lambda space, carried: places
 
 
-def _first(space):
-    """First columns of what is summed; constants in kernels."""
+def sum_columns(space):
+    """First columns of the sums; constants in kernels."""
     return COLUMNS[space.dimension]
 
 
-@overload(_first)
-def _first_overload(space):
+@overload(sum_columns)
+def _sum_columns(space):
     columns = COLUMNS[dimension_of(space)]
     return lambda space: columns
 
@@ -99,18 +99,18 @@ def _no_divergences(space, carried, body, i, factor):
 
 @divergences.of(MicroFlux)
 def _micro_divergence(space, carried, body, i, factor):
-    return factor * _sum(_vector(space, body.rate_sums, i, _first(space).flux)), None
+    return factor * _sum(_vector(space, body.rate_sums, i, sum_columns(space).flux)), None
 
 
 @divergences.of(HeatFlux)
 def _heat_divergence(space, carried, body, i, factor):
-    column = _first(space).flux + _places(space, carried)[1]
+    column = sum_columns(space).flux + _places(space, carried)[1]
     return None, factor * _sum(_vector(space, body.rate_sums, i, column))
 
 
 @divergences.of(MicroAndHeatFlux)
 def _both_divergences(space, carried, body, i, factor):
-    micro, heat = _first(space).flux, _first(space).flux + _places(space, carried)[1]
+    micro, heat = sum_columns(space).flux, sum_columns(space).flux + _places(space, carried)[1]
     return (
         factor * _sum(_vector(space, body.rate_sums, i, micro)),
         factor * _sum(_vector(space, body.rate_sums, i, heat)),
@@ -129,20 +129,20 @@ def _no_gradients(space, carried, body, i, B, factor):
 
 @gradients.of(MicroFlux)
 def _micro_gradient(space, carried, body, i, B, factor):
-    return _times(space, B, _vector(space, body.force_sums, i, _first(space).gradient), factor), None
+    return _times(space, B, _vector(space, body.force_sums, i, sum_columns(space).gradient), factor), None
 
 
 @gradients.of(HeatFlux)
 def _heat_gradient(space, carried, body, i, B, factor):
-    column = _first(space).gradient + _places(space, carried)[1]
+    column = sum_columns(space).gradient + _places(space, carried)[1]
     return None, _times(space, B, _vector(space, body.force_sums, i, column), factor)
 
 
 @gradients.of(MicroAndHeatFlux)
 def _both_gradients(space, carried, body, i, B, factor):
-    column = _first(space).gradient + _places(space, carried)[1]
+    column = sum_columns(space).gradient + _places(space, carried)[1]
     return (
-        _times(space, B, _vector(space, body.force_sums, i, _first(space).gradient), factor),
+        _times(space, B, _vector(space, body.force_sums, i, sum_columns(space).gradient), factor),
         _times(space, B, _vector(space, body.force_sums, i, column), factor),
     )
 

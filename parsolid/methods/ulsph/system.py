@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.collective import anywhere, maximum, minimum
-from parsolid.materials.blocks import MaterialBlock, block_numbers
+from parsolid.materials.blocks import MaterialBlock, block_numbers, blocks_between
 from parsolid.materials.registry import laws_of
 from parsolid.methods.pair_method import PairMethod
 from parsolid.methods.protocol import Announce, EnergyLedger
@@ -261,8 +261,7 @@ class UpdatedLagrangianSPH(PairMethod):
     @property
     def blocks(self) -> list[MaterialBlock]:
         """Particles that share a law, law after law."""
-        bounds = self.particles.bounds.tolist()
-        return [MaterialBlock(a, b, law) for a, b, law in zip(bounds, bounds[1:], self.laws) if b > a]
+        return blocks_between(self.particles.bounds, self.laws)
 
     def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
         """Cauchy stress (n, 3, 3) [Pa], Jacobian (n,)."""

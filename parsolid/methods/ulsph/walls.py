@@ -7,6 +7,7 @@ import numpy as np
 
 from parsolid.boundary.declarations import RigidWall
 from parsolid.collective import raise_together
+from parsolid.methods.ulsph.kinematics import second_vector
 from parsolid.particles.container import Particles
 
 # of a spacing: a particle in the middle of a cell on the wall touches it
@@ -50,7 +51,7 @@ class Walls:
             change = np.zeros((len(rows), d))
             components = slice(None) if wall.sticking else slice(axis, axis + 1)
             change[:, components] = own[components] - velocity[rows][:, components]
-            impulse, first = mass[rows, None] * change, 2 if d == 2 else 4
+            impulse, first = mass[rows, None] * change, second_vector(d)
             loaded = mass[rows, None] * (velocity[rows] - before[rows]) - step * forces[rows, :d]
             loads += float(0.5 * (loaded * change).sum())
             of_viscosity = forces[rows, first : first + d]
