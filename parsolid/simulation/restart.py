@@ -112,6 +112,16 @@ class Restart:
         simulation.time_steps.jumped = header["jumped"]
         simulation.clock.time, simulation.clock.step = header["time"], header["step"]
         simulation.stable = header["stable_step"]
+        if self.allowed and "balance" in header:
+            self._take_jump(simulation)
+
+    def _take_jump(self, simulation: "Simulation") -> None:
+        """Count what allowed changes did to the energy of the state as energy of the start; collective."""
+        jump = simulation.ledger.row(self.comm, *simulation.energies())["balance"] - self.header["balance"]
+        assert simulation.ledger.initial is not None
+        simulation.ledger.initial += jump
+        if jump:
+            self.notes.append(f"the energy of the state changes by {jump:.4g} J with what was allowed to change")
 
 
 def _offer(comm: Any, path: Path) -> str:
@@ -153,6 +163,7 @@ def header_of(
         "largest_energy": simulation.balance.largest,
         "largest_balance": simulation.balance.worst,
         "energy_entered": simulation.balance.entered,
+        "balance": simulation.ledger.row(simulation.comm, *simulation.energies())["balance"],
         "probes": probes,
         "errors": errors,
         "scene": scene,

@@ -159,8 +159,8 @@ def test_a_broken_scene_ends_the_job_with_status_2(tmp_path):
 # what differs from the scene of the checkpoint, and the message
 OTHERS = {
     "bodies.0.particles=[7, 7]": "bodies.0.particles: expected [9, 9] as in the checkpoint CHECKPOINT, found [7, 7]",
-    f"{MATERIAL}.density=1120.0": f"{MATERIAL}.density: expected 1100.0 as in the checkpoint CHECKPOINT, "
-    f"found 1120.0 (where that is meant: --allow-change {MATERIAL}.density)",
+    f"{MATERIAL}.density=1200.0": f"{MATERIAL}.density: expected 1100.0 as in the checkpoint CHECKPOINT, "
+    f"found 1200.0 (where that is meant: --allow-change {MATERIAL}.density)",
     f"{MATERIAL}.branches=[{{ beta = 1.0, tau = 1.0 }}]": f"{MATERIAL}.branches: expected [] as in the checkpoint "
     f"CHECKPOINT, found [{{'beta': 1.0, 'tau': 1.0}}] (where that is meant: --allow-change {MATERIAL}.branches)",
     "boundaries.1.kind=fixed": "boundaries.1.kind: expected 'roller' as in the checkpoint CHECKPOINT, found 'fixed' "
@@ -200,12 +200,12 @@ def test_a_checkpoint_of_another_scene_is_refused(tmp_path):
 def test_a_change_that_is_allowed_is_told_and_goes_into_the_next_checkpoint(tmp_path):
     scene = write(PUNCH, tmp_path / "scene.toml")
     run = [scene, "-o", tmp_path / "results", "--max-steps", "2"]
-    denser = ["--restart", "--set", f"{MATERIAL}.density=1120.0", "--set", "method.cfl=0.5"]
+    denser = ["--restart", "--set", f"{MATERIAL}.density=1200.0", "--set", "method.cfl=0.5"]
     allowed = [*run, *denser, "--allow-change", f"{MATERIAL}.density"]
     commands = [[*run, "-q"], allowed, [*run, *denser], [*run, "--restart"]]
     first, changed_run, unchanged, refused = many(commands, RANKS, tmp_path / "job")
     assert [first[0].status, changed_run[0].status, unchanged[0].status, refused[0].status] == [0, 0, 0, 2]
     assert f"note: {MATERIAL}.density: 1100.0 until the checkpoint at t = " in changed_run[0].out
-    assert "from there on 1120.0" in changed_run[0].out and "note: method.cfl: 0.7 until" in changed_run[0].out
+    assert "from there on 1200.0" in changed_run[0].out and "note: method.cfl: 0.7 until" in changed_run[0].out
     assert "note:" not in unchanged[0].out
-    assert f"{MATERIAL}.density: expected 1120.0 as in the checkpoint" in refused[0].err
+    assert f"{MATERIAL}.density: expected 1200.0 as in the checkpoint" in refused[0].err
