@@ -10,9 +10,8 @@ from hypothesis import strategies as st  # noqa: E402
 from decomposition import migrate  # noqa: E402
 from decomposition.partition import bisect  # noqa: E402
 
-# every rank draws the same examples, and none looks for a smaller one while the others wait
-# on several ranks hypothesis draws another example on each
-pytestmark = pytest.mark.serial
+# every rank draws as many examples and takes rank 0's, for constants of modules that a rank has loaded are drawn, too;
+# none looks for a smaller one while the others wait
 TOGETHER = hypothesis.settings(
     derandomize=True, deadline=None, database=None, max_examples=40, phases=[hypothesis.Phase.generate]
 )
@@ -40,7 +39,7 @@ def own(comm, count: int, seed: int) -> np.ndarray:
 @TOGETHER
 @given(drawn=POINTS)
 def test_parts_are_even_and_every_point_has_one(comm, drawn):
-    count, dimension, seed, kind = drawn
+    count, dimension, seed, kind = comm.bcast(drawn)
     points, rows = points_of(count, dimension, seed, kind), own(comm, count, seed)
     owner = np.full(count, -1)
     owner[rows] = bisect(comm, points[rows])
@@ -53,7 +52,7 @@ def test_parts_are_even_and_every_point_has_one(comm, drawn):
 @TOGETHER
 @given(drawn=POINTS)
 def test_migrated_rows_are_those_of_a_serial_model(comm, drawn):
-    count, dimension, seed, kind = drawn
+    count, dimension, seed, kind = comm.bcast(drawn)
     points, rows = points_of(count, dimension, seed, kind), own(comm, count, seed)
     target = np.random.default_rng(seed + 2).integers(0, comm.size, count)
     arrays = {"identifier": rows, "points": points[rows], "flag": points[rows, 0] > 0.0}
