@@ -10,6 +10,7 @@ import subprocess
 import sys
 
 import pytest
+from mpi_launch import clean_environment
 
 from parsolid.output import OutputError
 from parsolid.output.directory import occupy
@@ -28,7 +29,8 @@ time.sleep(60)
 @pytest.fixture
 def other(tmp_path):
     """Another process that has locked tmp_path."""
-    process = subprocess.Popen([sys.executable, "-c", HOLDER, str(tmp_path)], stdout=subprocess.PIPE, text=True)
+    command = [sys.executable, "-c", HOLDER, str(tmp_path)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=clean_environment())
     assert process.stdout.readline() == "locked\n"
     yield process
     process.kill()
