@@ -62,7 +62,7 @@ class Particles:
                 body.rate_sums[k, place * i : place * i + d] = weight[k] * gradient[:d, i]
             first = {2: 4, 3: 12}[d]
             body.rate_sums[k, first : first + d] = weight[k]
-        sound, work, heat = advance_state(LAYOUT[d], 0, 4, self.law, step, None, None, GradientCorrection(0.3), body)
+        sound, work, heat = advance_state(LAYOUT[d], 0, 4, self.law, step, None, None, GradientCorrection(6.0), body)
         assert sound and heat == 0.0
         return work / (4 * 2.0 / self.law.density)
 
@@ -187,7 +187,7 @@ def test_a_particle_without_neighbours_keeps_its_state(dimension):
     particles = driven(FLOWING, np.diag([-1e4, 0.0, 0.0]), 1e-5, 20, dimension=dimension)
     before, body = particles.scalars(), particles.body
     body.rate_sums[:] = 0.0
-    law, correction = particles.law, GradientCorrection(0.3)
+    law, correction = particles.law, GradientCorrection(6.0)
     assert advance_state(LAYOUT[dimension], 0, 4, law, 1e-8, None, None, correction, body)[0]
     np.testing.assert_allclose(particles.scalars(), before, rtol=1e-12)
     assert np.isfinite(body.correction).all()

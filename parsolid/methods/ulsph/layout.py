@@ -1,5 +1,7 @@
 """How four neighbouring particles are loaded from and stored to the arrays of updated-Lagrangian SPH."""
 
+import math
+
 from parsolid.numerics.dispatch import generic, none_without
 from parsolid.numerics.lanes import broadcast, load, store_first
 from parsolid.numerics.layout import Plane, four_rows, load_six, store_rows
@@ -7,7 +9,7 @@ from parsolid.numerics.tensors import (
     I,
     SymmetricPlane,
     SymmetricSpace,
-    determinant,
+    contract,
     inverse_symmetric,
 )
 
@@ -49,7 +51,7 @@ def _space_with_unit(space, A):
 
 @generic(on="correction")
 def bounded_inverse(space, correction, moment):
-    """B = A^-1 of the dimensionless moment A, scaled by det A/least where that is below 1; 33 = 1 in the plane.
+    """B = A^-1 of the dimensionless moment A, scaled so that its norm is at most `most`; 33 = 1 in the plane.
 
     Scaled, not replaced: sigma B A stays symmetric, so that angular momentum is kept where neighbours are few, and B
     stays bounded where they are in a line or a plane.
@@ -65,8 +67,8 @@ def _uncorrected(space, correction, moment):
 def _corrected(space, correction, moment):
     # of neighbours in a plane, or none, the inverse is a large number and not 1/0
     A = _with_unit(space, moment) + _NEGLIGIBLE * I
-    share = determinant(A) * (1.0 / correction.least)
-    return min(share, 1.0) * inverse_symmetric(A)
+    B = inverse_symmetric(A)
+    return min(correction.most / math.sqrt(contract(B, B)), 1.0) * B
 
 
 @generic

@@ -31,8 +31,8 @@ from parsolid.particles.generated import declare_generated
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene, initial_displacement, initial_temperature, initial_velocity
 
-# determinant of a moment below which its inverse is scaled down, see `layout.bounded_inverse`
-_LEAST = 0.1
+# norm of the inverse of a moment above which it is scaled down, see `layout.bounded_inverse`: 10 fails at 600 m/s
+_MOST = 6.0
 
 
 class UpdatedLagrangianSPH(PairMethod):
@@ -63,7 +63,7 @@ class UpdatedLagrangianSPH(PairMethod):
         lacks = self.updates.lacks | ({"micro_free"} if self.boundaries.held_micro is None else set())
         declare_state(particles, self.dimension, density, lacks)
         self._declare_constants(comm, particle_set, density)
-        self.correction = GradientCorrection(_LEAST) if settings.gradient_correction else None
+        self.correction = GradientCorrection(_MOST) if settings.gradient_correction else None
         skin = (float(settings.skin), self.boundaries.codes, float(settings.rebalance))
         self.pairs = MovingPairs(comm, particles, self.space, kernel.support, *skin)
         terms = (self.carried, _viscosity(settings), self.heating, *self._meeting_and_length(comm, particle_set))

@@ -85,9 +85,9 @@ class Warming(NamedTuple):
 
 
 class GradientCorrection(NamedTuple):
-    """Gradients exact for linear fields where the determinant of the moment is at least `least`."""
+    """Gradients exact for linear fields where the norm of the inverse of the moment is at most `most`."""
 
-    least: float
+    most: float
 
 
 class Columns(NamedTuple):
