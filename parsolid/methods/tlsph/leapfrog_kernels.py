@@ -1,0 +1,141 @@
+"""Kernels of one force evaluation a step: strain, branches, stress and waves of a new state, and the step it allows."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba.extending import register_jitable
+
+from decomposition.compiled import compiled
+from parsolid.materials.hyperelastic.law import first_piola_kirchhoff_stress, pressure_wave_tensor, shear_wave_tensor
+from parsolid.materials.viscoelastic.maxwell import branch_dissipation, relaxed
+from parsolid.methods.tlsph.deformation import current_branches, largest_bound, propagating, store_waves
+from parsolid.methods.tlsph.state import load_strain
+from parsolid.numerics.dispatch import none_without
+from parsolid.numerics.lanes import WIDTH, all_positive, lane, load
+from parsolid.numerics.layout import (
+    load_branch,
+    load_correction,
+    load_gradient,
+    store_branch,
+    store_deformation_gradient,
+    store_matrix,
+)
+from parsolid.numerics.tensors import (
+    add,
+    cofactor,
+    determinant,
+    gram,
+    inverse_symmetric,
+    lane_of_symmetric,
+    largest_eigenvalue,
+    matmul,
+    matmul_transposed,
+    scale,
+)
+from parsolid.pairs.terms import record_columns
+
+
+class ExactRelaxation(NamedTuple):
+    """Of each branch: weights (branches, 3) of A_0, C_0^{-1}, C_1^{-1} over the step, and weights (branches, 2) [s] of
+    the dissipation's rates at its ends."""
+
+    weights: np.ndarray
+    rates: np.ndarray
+
+
+class WaveWeights(NamedTuple):
+    """What the speeds of pressure and shear waves count in the speed that bounds the step."""
+
+    pressure: float
+    shear: float
+
+
+@none_without("branches")
+def _relax(branches, space, law, relaxation, i, F0, F, count):
+    """Relax A over the step; sum mu_alpha A_alpha at its end, and the energy [J/m^3] that this takes."""
+    C0, C = gram(F0), gram(F)
+    old_inverse, inverse = inverse_symmetric(C0), inverse_symmetric(C)
+    total, lost = scale(0.0, C), 0.0 * F[0]
+    for alpha in range(len(law.branch_moduli)):
+        w, rates = relaxation.weights, relaxation.rates
+        modulus, time = law.branch_moduli[alpha], law.relaxation_times[alpha]
+        before = load_branch(space, branches, alpha, i)
+        A = relaxed((w[alpha, 0], w[alpha, 1], w[alpha, 2]), before, old_inverse, inverse)
+        store_branch(space, branches, alpha, i, A, count)
+        total = add(total, scale(modulus, A))
+        lost = lost + rates[alpha, 0] * branch_dissipation(modulus, time, C0, old_inverse, before)
+        lost = lost + rates[alpha, 1] * branch_dissipation(modulus, time, C, inverse, A)
+    return total, lost
+
+
+@none_without("evolved")
+def _branch_sum(evolved):
+    return evolved[0]
+
+
+@register_jitable
+def _energy_lost(evolved, tributary, count):
+    """Internal dissipation of the first `count` of four particles [J]."""
+    if evolved is None:
+        return 0.0
+    share, result = evolved[1] * tributary, 0.0
+    for k in range(count):
+        result += lane(share, k)
+    return result
+
+
+@register_jitable
+def _greatest_signal(greatest, weights, pressure, shear, count):
+    """The greatest weighted sum of wave speeds [sqrt(Pa)], exact only where its bound says so."""
+    fast, slow = propagating(pressure), propagating(shear)
+    bound = weights.pressure * math.sqrt(largest_bound(fast)) + weights.shear * math.sqrt(largest_bound(slow))
+    for k in range(count):
+        if not lane(bound, k) <= greatest:
+            signal = weights.pressure * math.sqrt(largest_eigenvalue(lane_of_symmetric(fast, k)))
+            signal += weights.shear * math.sqrt(largest_eigenvalue(lane_of_symmetric(slow, k)))
+            greatest = max(greatest, signal)
+    return greatest
+
+
+@compiled(fastmath={"contract"}, error_model="numpy")
+def advance_strain(space, first, last, law, terms, weights, step, relaxation, body):
+    """F after a step [s] by its velocity gradient in the middle, H = cof F and J = det F, A relaxed exactly, and stress
+    and waves of the new state in the records.
+
+    Returns (sound, internal dissipation [J], greatest weighted sum of wave speeds times sqrt(rho) [sqrt(Pa)]); sound
+    is False when a Jacobian is not positive, or not a number.
+    """
+    sound, greatest, dissipation = True, 0.0, 0.0
+    for i in range(first, last, WIDTH):
+        count = min(WIDTH, last - i)
+        F0, _, _ = load_strain(space, body, i)
+        L = load_correction(space, body.correction, i)
+        # (70): C_ab = 2 L_a g_ab, and L is symmetric only where spacings are equal
+        G = scale(1.0 / load(body.volume, 0, i), matmul_transposed(load_gradient(space, body.sums, i), L))
+        F = add(F0, scale(step, G))
+        H, J = cofactor(F), determinant(F)
+        store_deformation_gradient(space, body.deformation, i, F, J, count)
+        if not all_positive(J):
+            sound = False
+        evolved = _relax(body.branches, space, law, relaxation, i, F0, F, count)
+        branch_sum = _branch_sum(evolved)
+        dissipation += _energy_lost(evolved, load(body.tributary, 0, i), count)
+        P = first_piola_kirchhoff_stress(law, F, H, J, branch_sum)
+        store_matrix(space, body.record, i, record_columns(space, terms).stress, matmul(P, L))
+        pressure = pressure_wave_tensor(law, F, H, J, branch_sum)
+        store_waves(terms, space, law, body, i, F, pressure, branch_sum, G)
+        greatest = _greatest_signal(greatest, weights, pressure, shear_wave_tensor(law, F, branch_sum), count)
+    return sound, dissipation, greatest
+
+
+@compiled(fastmath={"contract"}, error_model="numpy")
+def greatest_signal(space, first, last, law, weights, body):
+    """Greatest weighted sum of wave speeds times sqrt(rho) [sqrt(Pa)] of the current state, over all directions."""
+    greatest = 0.0
+    for i in range(first, last, WIDTH):
+        F, H, J = load_strain(space, body, i)
+        branch_sum = current_branches(space, law, body.branches, i, F)
+        pressure, shear = pressure_wave_tensor(law, F, H, J, branch_sum), shear_wave_tensor(law, F, branch_sum)
+        greatest = _greatest_signal(greatest, weights, pressure, shear, min(WIDTH, last - i))
+    return greatest
