@@ -21,7 +21,15 @@ from parsolid.methods.tlsph.leapfrog_kernels import ExactRelaxation, WaveWeights
 # Of c_p and c_s in the speed that takes a particle spacing in the largest stable step. The lagged dissipation bounds
 # it: w^2 dt^2 + 2 b dt = 4 where a wave has the frequency w and the damping b. They bound all waves of square and
 # cubic lattices with h/dx >= 0.85 for Poisson's ratios of 0 to 0.4999, and small free bodies.
-WEIGHTS = {2: WaveWeights(1.09, 0.60), 3: WaveWeights(1.20, 1.02)}
+_WEIGHTS = {2: WaveWeights(1.09, 0.60), 3: WaveWeights(1.20, 1.02)}
+_LEAST_SMOOTHING = 0.85
+
+
+def wave_weights(dimension: int, smoothing: float) -> WaveWeights:
+    """What c_p and c_s count for h/dx = smoothing; below 0.85 as where only the nearest neighbours of a lattice act, of
+    which the wave that alternates along every axis has b = 2 [c_p + (d - 1) c_s]/dx."""
+    weights = _WEIGHTS[dimension]
+    return weights if smoothing >= _LEAST_SMOOTHING else weights._replace(shear=dimension - 1.0)
 
 
 class Leapfrog:
@@ -34,7 +42,7 @@ class Leapfrog:
         """system: `system.TotalLagrangianSPH`, whose particles have the fields of a step without stages."""
         self.system = system
         self.forces_of: int | None = None
-        self.weights = WEIGHTS[system.dimension]
+        self.weights = wave_weights(system.dimension, system.settings.smoothing)
         # D grows with the factor on it; without any, waves alone would allow more
         self.safety = system.settings.safety / max(1.0, system.settings.dissipation)
         self._advance_strain = RecalledEach(advance_strain, free=(6, 7))

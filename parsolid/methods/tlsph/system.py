@@ -141,6 +141,11 @@ class TotalLagrangianSPH(PairMethod):
             self.reference.resume()
         self.prescribed_energy_gain()
 
+    def forget(self) -> None:
+        """Forces of the laws and weights of the checkpoint."""
+        if self.leapfrog is not None:
+            self.leapfrog.forces_of = None
+
     def displacement_gradient(self) -> np.ndarray:
         """grad u (owned, d d) by the gradient pass, with the displacement in the velocity's place."""
         velocity, d = self.particles["velocity"], self.dimension
