@@ -47,7 +47,9 @@ def kernel_tables(particles: int) -> list[tuple[Any, ...]]:
     cases = [(h, n, "ssp-rk3") for h in (0.85, 1.2) for n in (0, 1)] + [(0.85, n, "leapfrog") for n in (0, 1)]
     rows = [_kernel_row(particles, *case) for case in cases]
     names = ["h/dx", "branches", "integrator", "particles", "neighbours", "steps/s", "ns a particle-step"]
-    title = "One core, three dimensions, float64 (processor time; steps of SSP-RK3 have three stages; a pair counts once)"
+    title = (
+        "One core, three dimensions, float64 (processor time; steps of SSP-RK3 have three stages; a pair counts once)"
+    )
     return [(title, [*names, "evaluations/s", "ns/pair"], rows)]
 
 

@@ -27,8 +27,6 @@ from parsolid.numerics.tensors import (
     determinant,
     gram,
     inverse_symmetric,
-    lane_of_symmetric,
-    largest_eigenvalue,
     matmul,
     matmul_transposed,
     scale,
@@ -87,14 +85,13 @@ def _energy_lost(evolved, tributary, count):
 
 @register_jitable
 def _greatest_signal(greatest, weights, pressure, shear, count):
-    """The greatest weighted sum of wave speeds [sqrt(Pa)], exact only where its bound says so."""
-    fast, slow = propagating(pressure), propagating(shear)
-    bound = weights.pressure * math.sqrt(largest_bound(fast)) + weights.shear * math.sqrt(largest_bound(slow))
+    """The greatest weighted sum of wave speeds [sqrt(Pa)], by bounds that are exact where two eigenvalues are equal:
+    the exact ones take as long as the stress."""
+    fast, slow = math.sqrt(largest_bound(propagating(pressure))), math.sqrt(largest_bound(propagating(shear)))
+    signal = weights.pressure * fast + weights.shear * slow
     for k in range(count):
-        if not lane(bound, k) <= greatest:
-            signal = weights.pressure * math.sqrt(largest_eigenvalue(lane_of_symmetric(fast, k)))
-            signal += weights.shear * math.sqrt(largest_eigenvalue(lane_of_symmetric(slow, k)))
-            greatest = max(greatest, signal)
+        if not lane(signal, k) <= greatest:
+            greatest = lane(signal, k)
     return greatest
 
 
