@@ -35,7 +35,8 @@ class BoundarySet:
         self._free = _multipliers(comm, "free", held, particles)
         tractions = (_traction(comm, declared, one, particle_set, particles) for one in declared.of(SurfaceTraction))
         self.loads = accelerations(declared.scene, particles, *tractions)
-        courses = [one.course for kind in (PrescribedMotion, SurfaceTraction) for one in declared.of(kind)]
+        courses = [one.course for one in declared.of(PrescribedMotion)]
+        courses += [one.course for one in declared.of(SurfaceTraction)]
         times = {*declared.scene.loads.jump_times}.union(*(course.jump_times for course in courses))
         self.jump_times = tuple(sorted(time for time in times if 0.0 < time < declared.scene.end_time))
         self.held_energy = 0.0

@@ -18,7 +18,7 @@ from parsolid.materials.hyperelastic.law import (
 )
 from parsolid.materials.viscoelastic.maxwell import branch_dissipation, relaxed
 from parsolid.methods.tlsph.moved import gradient_in_reference, waves_in_reference
-from parsolid.methods.tlsph.state import load_strain
+from parsolid.methods.tlsph.strain import load_strain
 from parsolid.numerics.dispatch import generic, none_without
 from parsolid.numerics.lanes import WIDTH, all_positive, lane, load
 from parsolid.numerics.layout import (
@@ -176,7 +176,8 @@ def largest_bound(q):
     four particles at once."""
     mean = trace_symmetric(q) * (1.0 / 3.0)
     deviator = contract_symmetric(q, q) - 3.0 * mean * mean
-    return mean + math.sqrt(deviator * (2.0 / 3.0) + 1e-30 * mean * mean)
+    # what rounding leaves of no deviator may be negative
+    return mean + math.sqrt(max(deviator * (2.0 / 3.0), 1e-30 * mean * mean))
 
 
 @register_jitable

@@ -6,7 +6,8 @@
     v = v' + dt/2 [(T + D)/m + load(t + dt)]
 
 T and D are state: D belongs to v', so that a new evaluation from v gives other bits. Prescribed components of v' are
-their mean over the step, which kicks do not change. As grad is linear in v, F stays grad x by the same operator.
+their mean over the step, which kicks do not change. As grad is linear in v, F stays grad x by the same operator. The
+dissipation has the impedances of `pairs.mean_impedance`.
 """
 
 from typing import Any

@@ -9,10 +9,11 @@ from numba.extending import register_jitable
 from decomposition.compiled import compiled
 from parsolid.materials.hyperelastic.law import first_piola_kirchhoff_stress, pressure_wave_tensor, shear_wave_tensor
 from parsolid.materials.viscoelastic.maxwell import branch_dissipation, relaxed
-from parsolid.methods.tlsph.deformation import current_branches, largest_bound, propagating, store_waves
-from parsolid.methods.tlsph.state import load_strain
-from parsolid.numerics.dispatch import none_without
-from parsolid.numerics.lanes import WIDTH, all_positive, lane, load
+from parsolid.methods.tlsph.deformation import current_branches, largest_bound, propagating
+from parsolid.methods.tlsph.moved import gradient_in_reference, waves_in_reference
+from parsolid.methods.tlsph.strain import load_strain
+from parsolid.numerics.dispatch import generic, none_without
+from parsolid.numerics.lanes import WIDTH, all_positive, broadcast, lane, load
 from parsolid.numerics.layout import (
     load_branch,
     load_correction,
@@ -30,8 +31,10 @@ from parsolid.numerics.tensors import (
     matmul,
     matmul_transposed,
     scale,
+    trace_symmetric,
 )
-from parsolid.pairs.terms import record_columns
+from parsolid.pairs.mean_impedance import store_with_impedances
+from parsolid.pairs.terms import MeanRiemann, record_columns
 
 
 class ExactRelaxation(NamedTuple):
@@ -83,6 +86,31 @@ def _energy_lost(evolved, tributary, count):
     return result
 
 
+@generic
+def _store_record(terms, space, law, body, i, stress, G, pressure, shear):
+    """What the pairs need of particles i..i+3: P L, and where they dissipate grad v and impedances."""
+
+
+@_store_record.of(None)
+def _store_stress(terms, space, law, body, i, stress, G, pressure, shear):
+    store_matrix(space, body.record, i, record_columns(space, terms).stress, stress)
+
+
+@_store_record.of(MeanRiemann)
+def _store_all(terms, space, law, body, i, stress, G, pressure, shear):
+    fast, slow = _half_impedance(space, law, body, i, pressure), _half_impedance(space, law, body, i, shear)
+    store_with_impedances(space, terms, body.record, i, stress, fast, slow)
+    half = scale(0.5, gradient_in_reference(body.moved, space, i, G))
+    store_matrix(space, body.record, i, record_columns(space, terms).gradient, half)
+
+
+@register_jitable
+def _half_impedance(space, law, body, i, waves):
+    """Half the root of the mean over directions of rho^2 c^2."""
+    mean = trace_symmetric(propagating(waves_in_reference(body.moved, space, i, waves))) * (1.0 / 3.0)
+    return 0.5 * math.sqrt(broadcast(law.density * mean))
+
+
 @register_jitable
 def _greatest_signal(greatest, weights, pressure, shear, count):
     """The greatest weighted sum of wave speeds [sqrt(Pa)], by bounds that are exact where two eigenvalues are equal:
@@ -119,10 +147,9 @@ def advance_strain(space, first, last, law, terms, weights, step, relaxation, bo
         branch_sum = _branch_sum(evolved)
         dissipation += _energy_lost(evolved, load(body.tributary, 0, i), count)
         P = first_piola_kirchhoff_stress(law, F, H, J, branch_sum)
-        store_matrix(space, body.record, i, record_columns(space, terms).stress, matmul(P, L))
-        pressure = pressure_wave_tensor(law, F, H, J, branch_sum)
-        store_waves(terms, space, law, body, i, F, pressure, branch_sum, G)
-        greatest = _greatest_signal(greatest, weights, pressure, shear_wave_tensor(law, F, branch_sum), count)
+        pressure, shear = pressure_wave_tensor(law, F, H, J, branch_sum), shear_wave_tensor(law, F, branch_sum)
+        _store_record(terms, space, law, body, i, matmul(P, L), G, pressure, shear)
+        greatest = _greatest_signal(greatest, weights, pressure, shear, count)
     return sound, dissipation, greatest
 
 

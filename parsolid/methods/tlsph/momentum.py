@@ -5,7 +5,7 @@ from numba.extending import overload, register_jitable
 from decomposition.compiled import compiled
 from parsolid.materials.hyperelastic.law import equilibrium_energy
 from parsolid.materials.viscoelastic.maxwell import branch_energy
-from parsolid.methods.tlsph.state import load_strain
+from parsolid.methods.tlsph.strain import load_strain
 from parsolid.numerics.dispatch import is_instance
 from parsolid.numerics.lanes import WIDTH, broadcast, from_floats, lane, load, store, swizzle, total, without_fourth
 from parsolid.numerics.layout import Plane, load_branch

@@ -3,18 +3,9 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import register_jitable
 
 from parsolid.methods.tlsph.moved import Moved
-from parsolid.numerics.dispatch import generic
-from parsolid.numerics.layout import (
-    BRANCH_ROWS,
-    DEFORMATION_ROWS,
-    GRADIENT_ROWS,
-    load_deformation,
-    load_deformation_gradient,
-)
-from parsolid.numerics.tensors import cofactor, determinant
+from parsolid.numerics.layout import BRANCH_ROWS, DEFORMATION_ROWS, GRADIENT_ROWS
 from parsolid.pairs.terms import KINEMATICS
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field, Rows, Within
@@ -42,28 +33,6 @@ class Body(NamedTuple):
     sums: np.ndarray
     record: np.ndarray
     moved: Moved | None
-
-
-@generic
-def _strain(start, space, deformation, i):
-    """F, H, J of particles i..i+3."""
-
-
-@_strain.of(None)
-def _strain_of_gradient(start, space, deformation, i):
-    F = load_deformation_gradient(space, deformation, i)
-    return F, cofactor(F), determinant(F)
-
-
-@_strain.otherwise
-def _strain_as_stored(start, space, deformation, i):
-    return load_deformation(space, deformation, i)
-
-
-@register_jitable
-def load_strain(space, body, i):
-    """F, H, J of particles i..i+3 of a `Body`."""
-    return _strain(body.start, space, body.deformation, i)
 
 
 def body_of(particles: Particles, branches: bool, moved: Moved | None = None) -> Body:

@@ -5,7 +5,7 @@ import numpy as np
 from decomposition.compiled import compiled
 from parsolid.materials.hyperelastic.law import first_piola_kirchhoff_stress
 from parsolid.methods.tlsph.deformation import current_branches
-from parsolid.methods.tlsph.state import load_strain
+from parsolid.methods.tlsph.strain import load_strain
 from parsolid.numerics.lanes import WIDTH
 from parsolid.numerics.tensors import lane_of_general
 

@@ -24,7 +24,7 @@ from parsolid.pairs.closure import surface_area
 from parsolid.pairs.pair_system import PairSystem
 from parsolid.pairs.smoothed_weights import SmoothedWeights
 from parsolid.pairs.smoothing import smoothing_kernel
-from parsolid.pairs.terms import DirectionalShear, LinearReconstruction, RiemannDissipation
+from parsolid.pairs.terms import DirectionalShear, LinearReconstruction, MeanRiemann, RiemannDissipation
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Field
 from parsolid.scene import initial_deformation_gradient, initial_displacement, initial_velocity
@@ -76,7 +76,7 @@ class TotalLagrangianSPH(PairMethod):
         weights = SmoothedWeights(smoothing_kernel(settings.kernel), float(settings.dissipation), surface)
         return PairSystem(self.comm, self.particles, self.space, weights, self._terms(), boundaries.codes)
 
-    def _terms(self) -> RiemannDissipation | None:
+    def _terms(self) -> RiemannDissipation | MeanRiemann | None:
         """The dissipation that the scene asks for and its laws need."""
         # where the reference moves, shear that does not depend on the original direction depends on the moved one
         moves = self.settings.reference == "updated"
@@ -86,6 +86,8 @@ class TotalLagrangianSPH(PairMethod):
         if not float(self.settings.dissipation) > 0.0:
             return None
         reconstruction = LinearReconstruction() if self.settings.reconstruction else None
+        if self.settings.integrator == "leapfrog":
+            return MeanRiemann(reconstruction)
         return RiemannDissipation(reconstruction, DirectionalShear() if directional else None)
 
     def begin(self, scene: Any, particle_set: Any) -> None:
