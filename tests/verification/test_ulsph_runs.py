@@ -97,7 +97,17 @@ def test_micro_free_layer_is_a_material_point(run):
     assert errors["micro_stress@5e-06"] < 1e-5
 
 
-def test_standing_micro_wave(run):
+def test_free_standing_micro_wave(run):
+    """An initial v^p and nothing else: half a period; energy goes into the micro-stress and comes back."""
+    errors, history = run("free_micro_wave", "end_time=10e-6", "reference.times=[10e-6]")
+    assert max(errors.values()) < 6e-3
+    kinetic = history["kinetic"]
+    assert np.abs(history["balance"]).max() < 1e-4 * kinetic[0]
+    assert history["stored"].max() > 0.25 * kinetic[0] > 1e4 * history["stored"][-1]
+    assert history["mode.micro_rate"][-1] < -0.98 * history["mode.micro_rate"][0]
+
+
+def test_driven_micro_wave(run):
     errors, history = run("micro_wave")
     assert errors["micro_rate@1.5e-06"] < 2e-3
     assert np.abs(history["balance"]).max() < 1e-4 * history["work_external"][-1]
