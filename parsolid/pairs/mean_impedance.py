@@ -14,8 +14,8 @@ from decomposition.compiled import compiled
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import broadcast, fused
 from parsolid.numerics.layout import Plane, store_matrix, store_rows
-from parsolid.pairs.pair_terms import own_side, pair_forces, reconstructed, stress_force
-from parsolid.pairs.primitives import dot, jump_factor, matrix, motion, reference, steps, within
+from parsolid.pairs.pair_terms import own_motion, own_side, pair_forces, reconstructed, stress_force
+from parsolid.pairs.primitives import dot, jump_factor, motion, steps, within
 from parsolid.pairs.terms import MeanRiemann, record_columns
 
 
@@ -59,14 +59,7 @@ def _store_space(space, terms, record, i, stress, pressure, shear):
 @own_side.of(MeanRiemann)
 def _own_impedances(space, terms, kinematics, record, a):
     at = record_columns(space, terms)
-    return (
-        matrix(space, record, a, at.stress),
-        reference(space, None, a, kinematics, a),
-        motion(space, None, a, kinematics, a),
-        matrix(space, record, a, at.gradient),
-        record[a, at.pressure],
-        record[a, at.shear],
-    )
+    return (*own_motion(space, terms, kinematics, record, a), record[a, at.pressure], record[a, at.shear])
 
 
 @pair_forces.of(MeanRiemann)

@@ -41,14 +41,19 @@ def _own_stress(space, terms, kinematics, record, a):
     return matrix(space, record, a, 0), reference(space, None, a, kinematics, a)
 
 
+@register_jitable
+def own_motion(space, terms, kinematics, record, a):
+    """Stress, X, motion and gradient of the first particle."""
+    at, X = record_columns(space, terms), reference(space, None, a, kinematics, a)
+    own = motion(space, None, a, kinematics, a)
+    return matrix(space, record, a, at.stress), X, own, matrix(space, record, a, at.gradient)
+
+
 @own_side.of(RiemannDissipation)
 def _own_waves(space, terms, kinematics, record, a):
     at = record_columns(space, terms)
     return (
-        matrix(space, record, a, at.stress),
-        reference(space, None, a, kinematics, a),
-        motion(space, None, a, kinematics, a),
-        matrix(space, record, a, at.gradient),
+        *own_motion(space, terms, kinematics, record, a),
         symmetric_of(space, None, a, record, a, at.pressure_wave),
         _shear_wave(terms.shear, space, None, a, record, a, at.shear_wave),
     )

@@ -86,13 +86,14 @@ def _branches_at_stage(branches, space, law, update, relaxation, i, F, J, old_in
 
 
 @none_without("evolved")
-def _branch_sum(evolved):
+def branch_sum_of(evolved):
+    """The first of what branches that have evolved give."""
     return evolved[0]
 
 
 @register_jitable
-def _branch_dissipation(evolved, tributary, count):
-    """Internal dissipation of the first `count` of four particles [W]."""
+def dissipation_of(evolved, tributary, count):
+    """Internal dissipation of the first `count` of four particles, the second of what branches give times volumes."""
     if evolved is None:
         return 0.0
     share, result = evolved[1] * tributary, 0.0
@@ -214,8 +215,8 @@ def advance_deformation(space, first, last, law, terms, update, relaxation, body
         G = scale(1.0 / load(body.volume, 0, i), matmul_transposed(load_gradient(space, body.sums, i), L))
         old_inverse = _start_inverse(body.branches, F0)
         evolved = _branches_at_stage(body.branches, space, law, update, relaxation, i, F, J, old_inverse)
-        branch_sum = _branch_sum(evolved)
-        dissipation += _branch_dissipation(evolved, load(body.tributary, 0, i), count)
+        branch_sum = branch_sum_of(evolved)
+        dissipation += dissipation_of(evolved, load(body.tributary, 0, i), count)
         P = first_piola_kirchhoff_stress(law, F, H, J, branch_sum)
         store_matrix(space, body.record, i, record_columns(space, terms).stress, matmul(P, L))
         store_waves(terms, space, law, body, i, F, pressure_wave_tensor(law, F, H, J, branch_sum), branch_sum, G)

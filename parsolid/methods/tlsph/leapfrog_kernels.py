@@ -9,7 +9,13 @@ from numba.extending import register_jitable
 from decomposition.compiled import compiled
 from parsolid.materials.hyperelastic.law import first_piola_kirchhoff_stress, pressure_wave_tensor, shear_wave_tensor
 from parsolid.materials.viscoelastic.maxwell import branch_dissipation, relaxed
-from parsolid.methods.tlsph.deformation import current_branches, largest_bound, propagating
+from parsolid.methods.tlsph.deformation import (
+    branch_sum_of,
+    current_branches,
+    dissipation_of,
+    largest_bound,
+    propagating,
+)
 from parsolid.methods.tlsph.moved import gradient_in_reference, waves_in_reference
 from parsolid.methods.tlsph.strain import load_strain
 from parsolid.numerics.dispatch import generic, none_without
@@ -70,22 +76,6 @@ def _relax(branches, space, law, relaxation, i, F0, F, count):
     return total, lost
 
 
-@none_without("evolved")
-def _branch_sum(evolved):
-    return evolved[0]
-
-
-@register_jitable
-def _energy_lost(evolved, tributary, count):
-    """Internal dissipation of the first `count` of four particles [J]."""
-    if evolved is None:
-        return 0.0
-    share, result = evolved[1] * tributary, 0.0
-    for k in range(count):
-        result += lane(share, k)
-    return result
-
-
 @generic
 def _store_record(terms, space, law, body, i, stress, G, pressure, shear):
     """What the pairs need of particles i..i+3: P L, and where they dissipate grad v and impedances."""
@@ -144,8 +134,8 @@ def advance_strain(space, first, last, law, terms, weights, step, relaxation, bo
         if not all_positive(J):
             sound = False
         evolved = _relax(body.branches, space, law, relaxation, i, F0, F, count)
-        branch_sum = _branch_sum(evolved)
-        dissipation += _energy_lost(evolved, load(body.tributary, 0, i), count)
+        branch_sum = branch_sum_of(evolved)
+        dissipation += dissipation_of(evolved, load(body.tributary, 0, i), count)
         P = first_piola_kirchhoff_stress(law, F, H, J, branch_sum)
         pressure, shear = pressure_wave_tensor(law, F, H, J, branch_sum), shear_wave_tensor(law, F, branch_sum)
         _store_record(terms, space, law, body, i, matmul(P, L), G, pressure, shear)
