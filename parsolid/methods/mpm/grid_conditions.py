@@ -101,7 +101,7 @@ class DrivenRegion:
         free = motion.course.free
         self.components = [(int(i), motion.course.component(int(i))) for i in np.flatnonzero(~free)]
 
-    def _choose(self, tables: Any, dimension: int) -> None:
+    def choose(self, tables: Any, dimension: int) -> None:
         """The nodes in the region, anew when there are others."""
         if self._seen == tables.changes:
             return
@@ -112,7 +112,7 @@ class DrivenRegion:
 
     def drive(self, nodes: np.ndarray, tables: Any, time: float, dimension: int) -> float:
         """Set the nodes' velocities to those of a time [s]; the work [J] done on the nodes that this rank counts."""
-        self._choose(tables, dimension)
+        self.choose(tables, dimension)
         work, mass = 0.0, nodes[self.slots, 3] * tables.share[self.slots]
         for axis, course in self.components:
             wanted, found = course.evaluate(self.places, time)[:, 0], nodes[self.slots, axis]
@@ -186,6 +186,14 @@ class GridConditions:
             supplied += region.drive(array, nodes, time, self.dimension)
         nodes.spread(array)
         return supplied, caught
+
+    def driven_nodes(self, tables: Any) -> np.ndarray:
+        """Which nodes (count,) of `Nodes` are in a driven region."""
+        result = np.zeros(tables.count, bool)
+        for region in self.driven:
+            region.choose(tables, self.dimension)
+            result[region.slots] = True
+        return result
 
     def thermal_planes(self) -> list[ThermalPlane]:
         """Planes at given temperatures, and insulated ones at the other mirror planes of the motion."""

@@ -16,7 +16,7 @@ splines.
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import overload
+from numba.extending import overload, register_jitable
 
 from decomposition.compiled import compiled
 from parsolid.numerics.dispatch import generic
@@ -216,3 +216,10 @@ def _moments(basis, xi, weights):
     scale = 1.0 / spread
     for i in range(nodes_across(basis)):
         store(weights, i, 12, scale * load(weights, i, 12))
+
+
+@register_jitable
+def store_derivatives(basis, weights):
+    """As `store_distances` leaves them, dw_i/dxi for u_i in columns 12..14: the slope is the gradient (TPIC)."""
+    for i in range(nodes_across(basis)):
+        store(weights, i, 12, load(weights, i, 4))
