@@ -12,6 +12,7 @@ import numpy as np
 from parsolid.boundary.heat import HeatSupply
 from parsolid.methods.mpm import heat as grid_heat
 from parsolid.methods.mpm.grid_conditions import GridConditions, ThermalPlane
+from parsolid.methods.mpm.heated_surfaces import HeatedSurfaces
 from parsolid.methods.mpm.material_points import MaterialPoints
 from parsolid.methods.mpm.nodes import Nodes
 from parsolid.numerics.lanes import aligned_zeros
@@ -34,6 +35,7 @@ class Conduction:
         self.points, self.nodes, self.planes = points, nodes, planes
         self.conducting, self.moving = settings.conduction, settings.motion
         self.supply = HeatSupply(conditions.declared, points, points.axisymmetric)
+        self.surfaces = HeatedSurfaces(self.supply, points)
         self.thermal = aligned_zeros((0, 4))
         self._seen, self.diffusivity = -1, 0.0
         self._folds: list[Fold] = []
@@ -76,32 +78,35 @@ class Conduction:
         """
         self.refresh()
         self._update_folds()
-        self._supply(time + 0.5 * step)
+        self._supply_sources(time + 0.5 * step)
         passed = self._pass_plastic_heat(step)
         held = [plane.temperatures(places, time) for plane, _, _, places in self._folds]
         # a plane that is not at the particles' temperature at the start takes them along, as nodes of finite elements
         # on it would
         jumps = self._jumps(held) if time == 0.0 else [np.zeros(1)] * len(held)
-        self._find_temperatures(held)
-        self._find_flows()
+        self._find_temperatures(time)
+        self._find_flows(time + 0.5 * step)
         self._find_increments(held, jumps, time, step)
         return self._take_heat() - passed
 
-    def _find_temperatures(self, held: list[np.ndarray]) -> None:
-        """Of the nodes, planes at the temperatures `held` [K] included."""
+    def _find_temperatures(self, time: float) -> None:
+        """Of the nodes at a time [s], those behind planes included."""
         nodes = self.nodes
-        self._sum_capacities(self.thermal)
-        for (plane, ghosts, images, _), temperature in zip(self._folds, held):
-            grid_heat.fold_capacity(ghosts, images, plane.sign, temperature, nodes.heat)
+        self._sum_capacities(self.thermal, self.points.find("temperature_slope"))
+        lifts = [plane.lift(places, time) for plane, _, _, places in self._folds]
+        for (plane, ghosts, images, _), lift in zip(self._folds, lifts):
+            grid_heat.fold_capacity(ghosts, images, plane.sign, lift, nodes.heat)
         grid_heat.find_temperatures(0, nodes.count, nodes.heat)
-        for (plane, ghosts, images, _), temperature in reversed(list(zip(self._folds, held))):
-            grid_heat.spread_temperature(ghosts, images, plane.sign, temperature, nodes.heat)
+        for (plane, ghosts, images, _), lift in reversed(list(zip(self._folds, lifts))):
+            grid_heat.spread_temperature(ghosts, images, plane.sign, lift, nodes.heat)
 
-    def _find_flows(self) -> None:
-        """Heat flows and powers [W] into the nodes, of all ranks."""
+    def _find_flows(self, time: float) -> None:
+        """Heat flows and powers [W] into the nodes, of all ranks, from surfaces at a time [s]."""
         points, nodes = self.points, self.nodes
         reference = None if points.where == "motion" else points.storage("deformation_gradient")
-        grid_heat.conduct(nodes.interpolation, reference, self.thermal, nodes.heat, nodes.partial)
+        slopes = points.find("temperature_slope")
+        grid_heat.conduct(nodes.interpolation, reference, self.thermal, slopes, nodes.heat, nodes.partial)
+        self.surfaces.supply_to(nodes, time)
         nodes.sum("flow")
         for plane, ghosts, images, _ in self._folds:
             grid_heat.fold_flow(ghosts, images, plane.sign, nodes.heat)
@@ -138,17 +143,16 @@ class Conduction:
             heat += grid_heat.hand_over_rise(block.first, block.last, self.thermal, rise, step, cell)
         return heat
 
-    def _supply(self, time: float) -> None:
-        """Powers of sources and surfaces at a time [s]; only particles with a temperature take any."""
+    def _supply_sources(self, time: float) -> None:
+        """Powers of sources at a time [s]; only particles with a temperature take any."""
         points, thermal, power = self.points, self.thermal[: self.points.owned], self.supply.sources(time)
         if power is not None:
             thermal[:, 3] = np.where(thermal[:, 1] > 0.0, power * points.motion[: points.owned, 7], 0.0)
-        self.supply.add_through_planes(time, thermal[:, 3:])
 
-    def _sum_capacities(self, thermal: np.ndarray) -> None:
+    def _sum_capacities(self, thermal: np.ndarray, slopes: np.ndarray | None = None) -> None:
         nodes = self.nodes
         nodes.clear(nodes.heat)
-        grid_heat.scatter_heat(nodes.interpolation, thermal, nodes.heat, nodes.partial)
+        grid_heat.scatter_heat(nodes.interpolation, thermal, slopes, nodes.heat, nodes.partial)
         nodes.sum("capacity")
 
     def _jumps(self, held: list[np.ndarray]) -> list[np.ndarray]:
@@ -179,6 +183,12 @@ class Conduction:
                 fitted = np.where(spread > _FLAT * capacity * second, (total * second - first * moment) / spread, mean)
             result.append(wanted - fitted)
         return result
+
+
+def common_conductivity(laws: list[Any]) -> float | None:
+    """Of all laws that have one [W/(m K)], None where they differ."""
+    found = {law.conductivity for law in laws if getattr(law, "conductivity", None)}
+    return float(found.pop()) if len(found) == 1 else None
 
 
 def conducts(scene: Scene, laws: list[Any]) -> bool:

@@ -19,15 +19,19 @@ from decomposition.compiled import compiled
 from parsolid.methods.mpm.gather import sum_nodes
 from parsolid.methods.mpm.grid import clear_cell, weigh
 from parsolid.methods.mpm.scatter import add_particle
-from parsolid.numerics.dispatch import generic
-from parsolid.numerics.lanes import broadcast, from_floats, lane, load, store
+from parsolid.methods.mpm.weights import base_offset, store_distances, store_weights
+from parsolid.numerics.dispatch import generic, none_without
+from parsolid.numerics.lanes import broadcast, from_floats, fused, lane, load, store
 from parsolid.numerics.tensor_rows import one_gradient
 from parsolid.numerics.tensors import cofactor, determinant
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
-def scatter_heat(interpolation, thermal, nodes, partials):
-    """Add C T and C of the particles of all cells to nodes; arguments as in `scatter.scatter`."""
+def scatter_heat(interpolation, thermal, slopes, nodes, partials):
+    """Add C T and C of the particles of all cells to nodes; arguments as in `scatter.scatter`.
+
+    slopes (capacity, 4) [K/m]: those of the particles' temperatures, with which they count at the nodes, or None.
+    """
     space, basis, grid, scratch = interpolation.space, interpolation.basis, interpolation.grid, interpolation.scratch
     for c in range(len(grid.start) - 1):
         if grid.start[c] == grid.start[c + 1]:
@@ -37,13 +41,25 @@ def scatter_heat(interpolation, thermal, nodes, partials):
         base = load(grid.base, c, 0)
         for n in range(grid.start[c], grid.start[c + 1]):
             p = grid.order[n]
-            weigh(interpolation, base, p)
+            _, xi = weigh(interpolation, base, p)
             heat = from_floats(thermal[p, 0] * thermal[p, 1], thermal[p, 1], 0.0, 0.0)
-            add_particle(space, basis, scratch.weights, cell, heat, None, None, None)
+            inclined = _inclined(slopes, p, basis, xi, scratch.weights, thermal[p, 1] * grid.spacing)
+            add_particle(space, basis, scratch.weights, cell, heat, inclined, None, None)
         if partials is None:
             for k in range(cell.shape[0]):
                 node = grid.stencil[c, k]
                 store(nodes, node, 0, load(nodes, node, 0) + load(cell, k, 0))
+
+
+@none_without("slopes")
+def _inclined(slopes, p, basis, xi, weights, scale):
+    """Columns of C h grad T, for which node distances are stored."""
+    store_distances(basis, xi, weights)
+    return (
+        from_floats(scale * slopes[p, 0], 0.0, 0.0, 0.0),
+        from_floats(scale * slopes[p, 1], 0.0, 0.0, 0.0),
+        from_floats(scale * slopes[p, 2], 0.0, 0.0, 0.0),
+    )
 
 
 @compiled(error_model="numpy")
@@ -56,11 +72,12 @@ def find_temperatures(first, last, nodes):
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
-def conduct(interpolation, deformation, thermal, nodes, partials):
+def conduct(interpolation, deformation, thermal, slopes, nodes, partials):
     """Add the heat flows and powers of the particles of all cells to column 4 of nodes, from their temperatures.
 
     Arguments as in `scatter.scatter`; deformation: rows of F (5 or 9, capacity) where the weights are those of
-    reference positions, else None. With partials, columns 4..7 of a cell's are its sums and 0..3 are 0.
+    reference positions, else None; slopes (capacity, 4) [K/m] become the gradients there, or None. With partials,
+    columns 4..7 of a cell's are its sums and 0..3 are 0.
     """
     space, basis, grid, scratch = interpolation.space, interpolation.basis, interpolation.grid, interpolation.scratch
     for c in range(len(grid.start) - 1):
@@ -75,6 +92,9 @@ def conduct(interpolation, deformation, thermal, nodes, partials):
             p = grid.order[n]
             weigh(interpolation, base, p)
             gradient = sum_nodes(space, basis, scratch, None, thermal, None)[2]
+            if slopes is not None:
+                for d in range(3):
+                    slopes[p, d] = grid.inverse_spacing * lane(gradient[d], 0)
             # the weights' derivatives are by x/h, here and in the gradient
             scale = -thermal[p, 2] * grid.inverse_spacing * grid.inverse_spacing
             flow = _referred(space, deformation, p, (lane(gradient[0], 0), lane(gradient[1], 0), lane(gradient[2], 0)))
@@ -92,6 +112,34 @@ def conduct(interpolation, deformation, thermal, nodes, partials):
             else:
                 store(partials[c], k, 0, broadcast(0.0))
                 store(partials[c], k, 4, load(cell, k, 4))
+
+
+@compiled(fastmath={"contract"}, error_model="numpy")
+def supply_at_faces(interpolation, feet, power, nodes, partials):
+    """Add powers (capacity,) [W] to column 4 of nodes, by the weights of the places feet (capacity, 4) [m]; after
+    `conduct`.
+
+    A place beyond the cell of its particle counts as at the edge of it.
+    """
+    space, basis, grid, scratch = interpolation.space, interpolation.basis, interpolation.grid, interpolation.scratch
+    first = broadcast(base_offset(basis))
+    for c in range(len(grid.start) - 1):
+        cell, any_power = scratch.cell, False
+        clear_cell(cell)
+        for n in range(grid.start[c], grid.start[c + 1]):
+            p = grid.order[n]
+            if power[p] != 0.0:
+                any_power = True
+                apart = load(feet, p, 0) - load(grid.origin, 0, 0)
+                xi = fused(apart, broadcast(grid.inverse_spacing), -load(grid.base, c, 0))
+                store_weights(basis, p, min(max(xi, first), first + 1.0), scratch.weights)
+                heat = from_floats(power[p], 0.0, 0.0, 0.0)
+                add_particle(space, basis, scratch.weights, cell, heat, None, None, None)
+        for k in range(cell.shape[0] if any_power else 0):
+            if partials is None:
+                nodes[grid.stencil[c, k], 4] += cell[k, 0]
+            else:
+                partials[c, k, 4] += cell[k, 0]
 
 
 @generic(on="deformation")
@@ -144,23 +192,23 @@ def gather_heat(interpolation, nodes, thermal):
 
 
 @compiled
-def fold_capacity(ghost, image, sign, temperature, nodes):
+def fold_capacity(ghost, image, sign, lift, nodes):
     """Add what the mirror image of the body gives to C T and C at a mirror plane; before `find_temperatures`.
 
-    ghost, image: as in `grid.fold_mirror`. sign 1.0: an insulated plane, the image has the same temperatures; -1.0: a
-    plane at the given temperatures (n,) [K], the image has 2 temperature - T.
+    ghost, image: as in `grid.fold_mirror`. The image has the temperatures sign T + lift, lift (n,) [K]: at a plane at a
+    temperature T0 2 T0 - T, at an insulated one T, where heat enters T less 2 d q/kappa at a depth d.
     """
     for k in range(ghost.size):
         here, there = ghost[k], image[k]
-        nodes[there, 0] += sign * nodes[here, 0] + (1.0 - sign) * temperature[k] * nodes[here, 1]
+        nodes[there, 0] += sign * nodes[here, 0] + lift[k] * nodes[here, 1]
         nodes[there, 1] += nodes[here, 1]
 
 
 @compiled
-def spread_temperature(ghost, image, sign, temperature, nodes):
-    """Temperatures behind a mirror plane; after `find_temperatures`."""
+def spread_temperature(ghost, image, sign, lift, nodes):
+    """Temperatures behind a mirror plane, of which `fold_capacity` takes the image; after `find_temperatures`."""
     for k in range(ghost.size):
-        nodes[ghost[k], 0] = sign * nodes[image[k], 0] + (1.0 - sign) * temperature[k]
+        nodes[ghost[k], 0] = sign * (nodes[image[k], 0] - lift[k])
 
 
 @compiled

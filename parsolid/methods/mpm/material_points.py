@@ -50,7 +50,8 @@ class MaterialPoints(Particles):
         place = Rows(4) if self.where == "reference_position" else Rows()
         declare_generated(self, particle_set, reference_position=place)
         self._declare_motion(particle_set)
-        self._declare_transfer(particle_set, any(boundary.kind == "velocity" for boundary in scene.boundaries))
+        kinds = {boundary.kind for boundary in scene.boundaries}
+        self._declare_transfer(particle_set, "velocity" in kinds, "heat_flux" in kinds)
         self._bases = np.empty((0, self.dimension), np.int64)
         self._base_offset = grid_weights.base_offset(self.basis)
 
@@ -69,7 +70,7 @@ class MaterialPoints(Particles):
         self.declare(Field("velocity_gradient", 12, "1/s"))
         self.declare(Field("stress_and_volume", 8, "J", checkpointed=True))
 
-    def _declare_transfer(self, particles: ParticleSet, driven: bool) -> None:
+    def _declare_transfer(self, particles: ParticleSet, driven: bool, heated: bool) -> None:
         """What only some settings need."""
         settings, d = self.settings, self.dimension
         if settings.formulation == "total-lagrangian":
@@ -77,6 +78,9 @@ class MaterialPoints(Particles):
         # FLIP has slopes beside driven nodes alone: see `transfers.UpdateStressLast`
         if settings.transfer != "flip" or driven:
             self.declare(Field("velocity_slope", 12, "1/s", checkpointed=True))
+        # see `HeatedSurfaces`
+        if heated:
+            self.declare(Field("temperature_slope", 4, "K/m", checkpointed=True))
         if settings.basis in ("ugimp", "cpgimp"):
             # cells of a particle's own axes count as boxes along the grid
             halves = np.full((len(particles), 4), 0.5)

@@ -14,7 +14,7 @@ from decomposition.cell_partition import CellPartition
 from decomposition.grid import RankGrid
 from parsolid.boundary.loads import accelerations
 from parsolid.collective import maximum
-from parsolid.methods.mpm.conduction import Conduction, conducts
+from parsolid.methods.mpm.conduction import Conduction, common_conductivity, conducts
 from parsolid.methods.mpm.grid import kinetic_energy
 from parsolid.methods.mpm.grid_conditions import GridConditions
 from parsolid.methods.mpm.initial_state import set_initial_motion
@@ -49,7 +49,7 @@ class MaterialPoint(ParticleSystem):
         self.materials = StressUpdate(scene, points)
         self.conditions = GridConditions(comm, scene, particle_set.position, points.origin)
         conducting = conducts(scene, points.laws)
-        thermal = self.conditions.thermal_planes() if conducting else []
+        thermal = self.conditions.thermal_planes(common_conductivity(points.laws)) if conducting else []
         folded = [plane.mirror for plane in self.conditions.planes] + [plane.mirror for plane in thermal]
         mirrors = tuple(dict.fromkeys(folded))
         self.grid = RankGrid(comm, self.dimension, nodes_across(points.basis), mirrors, scene.method.bitwise)

@@ -94,6 +94,12 @@ def base_offset(basis) -> float:
     return _OFFSETS[type(basis)]
 
 
+@overload(base_offset)
+def _base_offset(basis):
+    offset = _OFFSETS[basis.instance_class]
+    return lambda basis: offset
+
+
 @compiled
 def find_bases(first, last, where, origin, inverse_spacing, offset, base):
     """Base nodes of particles first..last-1, base[p, d] = floor((x_d - origin_d)/h - offset).
