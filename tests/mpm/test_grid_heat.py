@@ -27,7 +27,7 @@ class Conduction:
         grid_heat.find_temperatures(0, len(nodes), nodes)
         for ghost, image, sign, temperature in reversed(self.planes):
             grid_heat.spread_temperature(ghost, image, sign, np.full(len(ghost), (1.0 - sign) * temperature), nodes)
-        self._pass(grid_heat.conduct, None, self.thermal, None, nodes, None)
+        self._pass(grid_heat.conduct, None, self.thermal, None, None, nodes, None)
         return nodes
 
     def step(self, step):

@@ -36,7 +36,8 @@ class Conduction:
         self.conducting, self.moving = settings.conduction, settings.motion
         self.supply = HeatSupply(conditions.declared, points, points.axisymmetric)
         self.surfaces = HeatedSurfaces(self.supply, points)
-        self.thermal = aligned_zeros((0, 4))
+        self.thermal, self.tensors = aligned_zeros((0, 4)), aligned_zeros((0, 8))
+        self.directed = any(getattr(law, "conductivity_tensor", None) for law in points.laws)
         self._seen, self.diffusivity = -1, 0.0
         self._folds: list[Fold] = []
 
@@ -45,13 +46,25 @@ class Conduction:
         points, storage = self.points, self.points.storage
         if len(self.thermal) < points.capacity:
             self.thermal = aligned_zeros((points.capacity, 4))
+            self.tensors = aligned_zeros((points.capacity if self.directed else 0, 8))
         self.thermal[: points.owned] = 0.0
         self.diffusivity = 0.0
         for block in points.warm_blocks:
-            constants = block.law.specific_heat, (block.law.conductivity or 0.0) * self.conducting
+            here, conductivity = (
+                (block.first, block.last, points.space),
+                (block.law.conductivity or 0.0) * self.conducting,
+            )
             state = storage("deformation_gradient"), storage("temperature"), points.motion
-            found = grid_heat.fill_thermal(block.first, block.last, points.space, *constants, *state, self.thermal)
+            found = grid_heat.fill_thermal(*here, block.law, conductivity, *state, self.thermal)
             self.diffusivity = max(self.diffusivity, found)
+            if self.directed:
+                grid_heat.turn_conductivities(*here, self._components(block.law), state[0], points.motion, self.tensors)
+
+    def _components(self, law: Any) -> tuple[float, ...]:
+        """xx yy zz xy xz yz [W/(m K)] of a law."""
+        alike = (law.conductivity or 0.0,) * 3 + (0.0,) * 3
+        found: tuple[float, ...] = (law.conductivity_tensor or alike) if self.conducting else (0.0,) * 6
+        return found
 
     def stable_step(self) -> float:
         """h^2 / (2 d alpha) [s], with a margin, of the present state."""
@@ -105,7 +118,8 @@ class Conduction:
         points, nodes = self.points, self.nodes
         reference = None if points.where == "motion" else points.storage("deformation_gradient")
         slopes = points.find("temperature_slope")
-        grid_heat.conduct(nodes.interpolation, reference, self.thermal, slopes, nodes.heat, nodes.partial)
+        tensors = self.tensors if self.directed else None
+        grid_heat.conduct(nodes.interpolation, reference, self.thermal, tensors, slopes, nodes.heat, nodes.partial)
         self.surfaces.supply_to(nodes, time)
         nodes.sum("flow")
         for plane, ghosts, images, _ in self._folds:
@@ -125,7 +139,7 @@ class Conduction:
         gained: float = grid_heat.gather_heat(self.nodes.interpolation, self.nodes.heat, self.thermal)
         for block in points.warm_blocks:
             state = points.motion, storage("temperature"), storage("internal_energy")
-            grid_heat.take_heat(block.first, block.last, self.thermal, *state)
+            grid_heat.take_heat(block.first, block.last, block.law, self.thermal, *state)
         return gained
 
     def _pass_plastic_heat(self, step: float) -> float:
@@ -186,7 +200,9 @@ class Conduction:
 
 
 def common_conductivity(laws: list[Any]) -> float | None:
-    """Of all laws that have one [W/(m K)], None where they differ."""
+    """Of all laws that have one [W/(m K)], None where they differ or depend on the direction."""
+    if any(getattr(law, "conductivity_tensor", None) for law in laws):
+        return None
     found = {law.conductivity for law in laws if getattr(law, "conductivity", None)}
     return float(found.pop()) if len(found) == 1 else None
 

@@ -171,10 +171,19 @@ class MaterialPoints(Particles):
         axes = rows("axes").reshape(-1, d, d) if "axes" in self else None
         return domain_bounds(rows("position"), self.deformation_gradients(0, self.owned), rows("spacing"), axes)
 
-    def heat(self) -> float:
-        """m C_v T [J] of this rank's particles."""
+    def entropy(self) -> float:
+        """m eta [J/K] of this rank's particles."""
         total = 0.0
         for block in self.warm_blocks:
             here = slice(block.first, block.last)
-            total += block.law.specific_heat * float(self.motion[here, 3] @ self["temperature"][here])
+            eta = block.law.entropy(self["temperature"][here], self.jacobian(block.first, block.last))
+            total += float(self.motion[here, 3] @ eta)
+        return total
+
+    def heat(self) -> float:
+        """m int_0^T C_v dT [J] of this rank's particles."""
+        total = 0.0
+        for block in self.warm_blocks:
+            here = slice(block.first, block.last)
+            total += float(self.motion[here, 3] @ block.law.heat(self["temperature"][here]))
         return total

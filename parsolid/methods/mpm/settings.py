@@ -16,6 +16,7 @@ _OF_PLASTICITY = (
     "maximum_temperature",
     "maximum_plastic_strain",
     "heat",
+    "entropy",
 )
 
 
@@ -63,6 +64,7 @@ class MaterialPoint(MethodSettings):
         "maximum_plastic_strain": "scalar",
         "plastic_work": "scalar",
         "heat": "scalar",
+        "entropy": "scalar",
         "lower_bounds": "vector",
         "upper_bounds": "vector",
     }
@@ -128,7 +130,14 @@ class MaterialPoint(MethodSettings):
         if self.mass_terms > 1 and moved:
             # they set the velocity of nodes one by one, which only lumped masses allow
             details.append((("method", "mass_terms"), f"1 with boundaries of the kind '{moved[0]}'", self.mass_terms))
-        conducting = any(getattr(body.material, "parts", {}).get("conductivity") for body in scene.bodies)
+        parts = [getattr(body.material, "parts", {}) for body in scene.bodies]
+        conducting = any(each.get("conductivity") or each.get("conductivity_tensor") for each in parts)
+        for i, each in enumerate(parts):
+            if self.formulation == "total-lagrangian" and each.get("conductivity_tensor"):
+                place = ("bodies", i, "material", "conductivity_tensor")
+                details.append(
+                    (place, "no such key with the formulation 'total-lagrangian'", each["conductivity_tensor"])
+                )
         for i, boundary in enumerate(scene.boundaries):
             if boundary.kind == "wall" and self.formulation == "total-lagrangian":
                 # the grid lies on the undeformed body and knows nothing of where the body is

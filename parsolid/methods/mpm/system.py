@@ -182,8 +182,8 @@ class MaterialPoint(ParticleSystem):
             return "maximum", np.array([values.max(initial=0.0)])
         if name == "plastic_work":
             return "sum", np.array([self.materials.plastic_work])
-        if name == "heat":
-            return "sum", np.array([self.points.heat()])
+        if name in ("heat", "entropy"):
+            return "sum", np.array([getattr(self.points, name)()])
         lower, upper = self.points.bounds_of_domains()
         return ("minimum", lower[:d]) if name == "lower_bounds" else ("maximum", upper[:d])
 
