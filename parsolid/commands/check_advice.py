@@ -79,8 +79,7 @@ def _thinnest(scene: Scene, number: int, layers: tuple[np.ndarray, np.ndarray, n
     body = scene.bodies[number]
     if body.shape.kind == "cylindrical_shell":
         shape = body.shape.model
-        spacing = float(layers[2][-1])
-        across = round(shape.thickness / spacing) + (body.placed_on == "nodes")
+        across = round(shape.thickness / float(layers[2][-1])) + (body.placed_on == "nodes")
         return (across, "the thickness") if shape.radius > _SLENDER * shape.thickness else None
     lower, upper, spacing = layers
     counts, gap = np.rint((upper - lower) / spacing) + 1.0, 0.0 if body.placed_on == "nodes" else 1.0

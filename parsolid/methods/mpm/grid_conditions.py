@@ -223,16 +223,16 @@ class GridConditions:
             axis, offset = one.plane.axis, float(one.plane.offset)
             result.append(ThermalPlane(self._mirror(one.key, axis, offset), axis, offset, one.formula))
         held = [plane.mirror for plane in result]
-        for one in self.planes:
-            axis, offset = one.plane.axis, float(one.plane.coordinate)
-            entering = [each for each in self.declared.of(SurfaceHeat) if each.plane == Plane(axis, offset)]
-            if one.mirror in held:
+        for fold in self.planes:
+            if fold.mirror in held:
                 continue
+            axis, offset = fold.plane.axis, float(fold.plane.coordinate)
+            entering = [each for each in self.declared.of(SurfaceHeat) if each.plane == Plane(axis, offset)]
             if not entering:
-                result.append(ThermalPlane(one.mirror, axis, offset, None))
+                result.append(ThermalPlane(fold.mirror, axis, offset, None))
             elif conductivity and all(each.where.body is None for each in entering):
                 fluxes = tuple(each.course for each in entering)
-                heated.append(ThermalPlane(one.mirror, axis, offset, None, fluxes, conductivity))
+                heated.append(ThermalPlane(fold.mirror, axis, offset, None, fluxes, conductivity))
         return heated + result
 
 

@@ -23,6 +23,7 @@ from parsolid.scene import Scene
 _IDENTITY = {2: (1.0, 0.0, 0.0, 1.0, 1.0), 3: (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)}
 
 
+VelocityTransfer = Flip | Apic | AffineFlip | Taylor
 # transfers that take the nodes' velocities themselves
 _AFFINE: dict[str, type[Apic] | type[Taylor]] = {"apic": Apic, "tpic": Taylor}
 
@@ -109,7 +110,7 @@ class MaterialPoints(Particles):
         return grid_weights.make_basis(self.settings.basis, self.find("half_widths"))
 
     @property
-    def velocity_transfer(self) -> Flip | Apic | AffineFlip | Taylor:
+    def velocity_transfer(self) -> VelocityTransfer:
         """How particles take velocities from the nodes, one of `grid`."""
         fraction, slope = float(self.settings.flip_fraction), self.find("velocity_slope")
         if slope is None:

@@ -134,8 +134,7 @@ def advance_stress(space, first, last, law, step, viscosity, state, motion, rate
     a number.
     """
     sound, fastest, plastic, viscous = True, broadcast(0.0), broadcast(0.0), broadcast(0.0)
-    eos = law.equation_of_state
-    gamma = grueneisen_coefficient(eos)
+    eos, gamma = law.equation_of_state, grueneisen_coefficient(law.equation_of_state)
     for i in range(first, last, WIDTH):
         count = min(WIDTH, last - i)
         F, s, ep, energy, temperature = _load_state(space, state, i)
@@ -159,8 +158,7 @@ def advance_stress(space, first, last, law, step, viscosity, state, motion, rate
         work = 0.5 * half_J * contract(s + new_s, strain)
         energy = (energy + work - (0.5 * (pressure + cold) + q) * change) / (1.0 + part)
         heat = law.taylor_quinney * plastic_work - q * change
-        rise = temperature_rise(law, capacity, heat)
-        temperature = (temperature * (1.0 - part) + rise) / (1.0 + part)
+        temperature = (temperature * (1.0 - part) + temperature_rise(law, capacity, heat)) / (1.0 + part)
         pressure = cold + gamma * energy
         _store_state(space, state, i, (new_F, new_s, ep + increment, energy, temperature), count)
         velocity = four_rows(motion, i, 4)

@@ -4,9 +4,9 @@ import numpy as np
 
 from decomposition.recalled import Recalled, RecalledEach
 from parsolid.methods.mpm.gather import gather
-from parsolid.methods.mpm.grid import Apic, CauchyStress, FirstPiolaKirchhoffStress, Flip
+from parsolid.methods.mpm.grid import CauchyStress, FirstPiolaKirchhoffStress
 from parsolid.methods.mpm.grid_conditions import GridConditions
-from parsolid.methods.mpm.material_points import MaterialPoints
+from parsolid.methods.mpm.material_points import MaterialPoints, VelocityTransfer
 from parsolid.methods.mpm.nodes import Nodes
 from parsolid.methods.mpm.scatter import scatter
 
@@ -51,14 +51,15 @@ class UpdateStressLast:
             return
         nodes, cells, slopes = self.nodes, self.nodes.ranks.cells, self.points.storage("velocity_slope")
         if self._seen != nodes.changes:
-            self._seen, self._beside = nodes.changes, self.conditions.driven_nodes(nodes)[cells.stencil].any(axis=1)
+            self._seen = nodes.changes
+            self._beside = np.asarray(self.conditions.driven_nodes(nodes)[cells.stencil]).any(axis=1).astype(bool)
         beside = cells.order[: cells.start[-1]][np.repeat(self._beside, np.diff(cells.start))]
         kept = slopes[beside]
         slopes[: self.points.owned] = 0.0
         slopes[beside] = kept
 
     def _gather(
-        self, step: float, transfer: Flip | Apic | None, rate: np.ndarray | None, remapped: np.ndarray | None
+        self, step: float, transfer: VelocityTransfer | None, rate: np.ndarray | None, remapped: np.ndarray | None
     ) -> None:
         nodes = self.nodes
         arrays, what = (nodes.interpolation, nodes.motion, self.points.motion), (transfer is None, rate is None)
