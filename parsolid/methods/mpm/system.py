@@ -156,12 +156,16 @@ class MaterialPoint(ParticleSystem):
         return self.nodes.communication_seconds + self.residence.communication_seconds
 
     def stable_step(self) -> float:
-        """cfl h / (c + |v|) [s] of this rank's fastest particle, and what conduction allows."""
-        stress, conduction = self.stress, self.conduction
+        """cfl h / (c + |v|) [s] of this rank's fastest particle, over the root of `mass_terms`, and what conduction
+        allows.
+        """
+        settings, stress, conduction = self.settings, self.stress, self.conduction
         thermal = conduction.stable_step() * stress.stretch**2 if conduction is not None else np.inf
-        return (
-            min(self.settings.cfl * self.settings.cell * stress.slowness, thermal) if self.settings.motion else thermal
-        )
+        if not settings.motion:
+            return float(thermal)
+        # more terms than the lumped one lift frequencies, see `mass_matrix`
+        waves = settings.cfl * settings.cell * stress.slowness / settings.mass_terms**0.5
+        return float(min(waves, thermal))
 
     # --- what the loop and the reports ask ------------------------------------------------------------------------
 
