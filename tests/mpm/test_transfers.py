@@ -68,6 +68,15 @@ def test_driven_nodes_add_no_energy(comm, order):
     assert work == pytest.approx(columns["stored"][-1] - columns["stored"][0], rel=5e-3)
 
 
+def test_flip_has_slopes_beside_driven_nodes_alone(comm):
+    pulled = [{"kind": "velocity", "box": {"lower": [-1.0, -1.0], "upper": [0.11, 1.0]}, "velocity": ["10*Y", 0.0]}]
+    sim, _ = run_steps(scene([0.0, 0.0], [1.0, 0.2], 0.025, 0.05, material=SOFT, boundaries=pulled), 20, comm)
+    x, slope = gathered(sim, "position", "velocity_slope")
+    sloped = np.abs(slope).max(axis=1) > 0.0
+    # the last driven node is at 0.1, and weights reach a cell and a half
+    assert sloped[x[:, 0] < 0.17].all() and not sloped[x[:, 0] > 0.18].any()
+
+
 def mass_matrix(sim) -> tuple[np.ndarray, np.ndarray]:
     """M (nodes, nodes) and lumped masses (nodes,) of a simulation's particles, by sums over all."""
     system = sim.systems[0]
