@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from solids import simulation, tables
 
 from parsolid.exact.prony import PronySeries
 from parsolid.methods.peridynamics.equilibrium import Equilibrium
@@ -169,3 +170,31 @@ def test_lagrange_weights():
     for power in range(3):
         weights = lagrange_weights(times, 4.2)
         assert np.dot(weights, np.array(times) ** power) == pytest.approx(4.2**power)
+
+
+def test_an_equilibrium_that_was_not_reached_is_told():
+    """The energy balance itself cannot: the residual of conjugate gradients is orthogonal to what they found."""
+    supports = [{"kind": "roller", "plane": "X = 0"}, {"kind": "roller", "plane": "Y = 0"}]
+    load = {"kind": "traction", "plane": "X = 1", "traction": ["0.01", "0.01*Y"]}
+    pulled = []
+    for tolerance in (0.5, 1e-10):
+        solution = {"kind": "quasi-static", "step": 0.5, "tolerance": tolerance, "extrapolation": 0}
+        sim = simulation(
+            tables(
+                (10, 10),
+                material={"kind": "linear-elastic", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": 0.3},
+                method={"kind": "peridynamics", "solution": solution},
+                boundaries=[*supports, load],
+                body={"placement": "cells"},
+            )
+        )
+        sim.energy_row()
+        for step in (0.0, 0.5):
+            sim.take_step(step)
+        row = sim.energy_row()
+        verdict, field = sim.balance.verdict(sim.energy_scale), sim.systems[0].displacement.copy()
+        pulled.append((field, row["residual_work"] / row["work_external"], verdict))
+    error = np.abs(pulled[0][0] - pulled[1][0]).max() / np.abs(pulled[1][0]).max()
+    assert error > 0.02
+    assert pulled[0][1] > 0.02 and pulled[0][2]["trust"] == "unbalanced"
+    assert pulled[1][1] < 1e-9 and pulled[1][2]["trust"] == "resolved"

@@ -168,7 +168,7 @@ class Peridynamics(MethodSettings):
     materials: ClassVar = ("hyperelastic", "prony", "bond-based")
     boundaries: ClassVar = ("fixed", "roller", "velocity", "displacement", "layer", "traction")
     pictured_fields: ClassVar = ("damage", "pressure")
-    ledger_terms: ClassVar = {"dissipation_fracture": 1, "leapfrog_oscillation": -1}
+    ledger_terms: ClassVar = {"dissipation_fracture": 1, "leapfrog_oscillation": -1, "residual_work": 0}
     extra_fields: ClassVar = {"damage": "scalar"}
     extra_quantities: ClassVar = {"broken_bonds": "scalar", "crack_tip": "vector"}
 
