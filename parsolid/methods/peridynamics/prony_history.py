@@ -7,6 +7,7 @@ from parsolid.materials.viscoelastic.prony import (
     branch_form,
     equilibrium_form,
     lateral_strain,
+    less_free_work,
     relaxed_branch,
     strain_measure,
     stress,
@@ -72,6 +73,7 @@ def _with_branches(ratios, space, law, weights, state, i, count, change, stored)
         e = load_state(space, state, 1 + j, i)
         loss = weights[j, 2] * branch_form(law, e, e) + weights[j, 3] * branch_form(law, e, change)
         loss = loss + weights[j, 4] * branch_form(law, change, change)
+        loss = less_free_work(law, (weights[j, 5], weights[j, 6]), e, change, loss)
         lost = lost + 2.0 * ratios[j] * loss
         e = relaxed_branch((weights[j, 0], weights[j, 1]), e, change)
         stored = stored + ratios[j] * branch_form(law, e, e)

@@ -8,7 +8,7 @@ import numpy as np
 
 from decomposition.compiled import compiled
 from parsolid.materials.viscoelastic.maxwell import relaxation_weights
-from parsolid.materials.viscoelastic.prony import Prony, branch_weights, dissipation_weights
+from parsolid.materials.viscoelastic.prony import Prony, branch_weights, dissipation_weights, free_work_weights
 from parsolid.methods.peridynamics import maxwell_history, prony_history  # noqa: F401  (what they implement)
 from parsolid.methods.peridynamics.correspondence import gradient_of, store_record
 from parsolid.methods.peridynamics.tensor_states import TENSOR_ROWS, nominal_stress, scalar_energy, settle_state
@@ -31,12 +31,13 @@ def initial_state(law, dimension: int) -> np.ndarray:
 
 
 def step_weights(law, step: float) -> np.ndarray:
-    """What a step [s] does to each branch: of a Prony solid a, A and `dissipation_weights`, else `relaxation_weights`
-    and the step.
+    """What a step [s] does to each branch: of a Prony solid a, A, `dissipation_weights` and `free_work_weights`, else
+    `relaxation_weights` and the step.
     """
     if isinstance(law, Prony):
-        rows = [(*branch_weights(step, time), *dissipation_weights(step, time)) for time in law.relaxation_times or ()]
-        return np.array(rows).reshape(-1, 5)
+        kinds = (branch_weights, dissipation_weights, free_work_weights)
+        rows = [sum((weights(step, time) for weights in kinds), ()) for time in law.relaxation_times or ()]
+        return np.array(rows).reshape(-1, 7)
     return np.array([(*relaxation_weights(step, time), step) for time in law.relaxation_times or ()]).reshape(-1, 4)
 
 
