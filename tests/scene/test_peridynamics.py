@@ -241,7 +241,7 @@ def test_a_layer_away_from_the_body_is_refused(comm):
 def test_defaults_and_states_of_strain():
     method = parse_scene(plate()).method
     assert method.horizon(0.1) == pytest.approx(0.3015)
-    assert (method.solution.kind, method.solution.safety, method.stabilisation.factor) == ("explicit", 0.8, 0.2)
+    assert (method.solution.kind, method.solution.safety, method.stabilisation.factor) == ("explicit", 0.8, 0.35)
     assert [method.state(dimension) for dimension in (1, 2, 3)] == ["bar", "plane-strain", "space"]
     assert parse_scene(plate({"plane": "stress"})).method.state(2) == "plane-stress"
 

@@ -22,14 +22,14 @@ class Stabilisation(SceneModel):
 
     kind: Literal["shear-scaled", "paper", "none"] = "shear-scaled"
     coefficient: Positive | None = Field(
-        None, description="factor of the control: 0.2 (shear-scaled) or 1 (paper) unless given"
+        None, description="factor of the control: 0.35 (shear-scaled) or 1 (paper) unless given"
     )
     modulus: Positive | None = Field(None, description="Young's modulus in eq (39), at equilibrium unless given [Pa]")
 
     @property
     def factor(self) -> float:
         """The coefficient, with its default."""
-        return self.coefficient or {"shear-scaled": 0.2, "paper": 1.0, "none": 0.0}[self.kind]
+        return self.coefficient or {"shear-scaled": 0.35, "paper": 1.0, "none": 0.0}[self.kind]
 
     @model_validator(mode="after")
     def _used(self) -> "Stabilisation":
