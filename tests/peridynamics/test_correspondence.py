@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bonds_of_bodies import PLANES, body_of, gathered, gradients, random_field, scene, stiffness
+from bonds_of_bodies import PLANES, SOFT, body_of, gathered, gradients, random_field, scene, stiffness
 from mpi4py import MPI
 from solids import run_steps, simulation
 
@@ -161,6 +161,34 @@ def test_the_energy_balance_closes_with_the_square_of_the_step(dimension, law):
         assert columns["dissipation_internal"][-1] > 0.01 * columns["kinetic"].max()
     assert worst[0] < 5e-3
     assert worst[1] < 0.3 * worst[0]
+
+
+@pytest.mark.parametrize("law", ["linear-elastic", "mooney-rivlin"])
+def test_a_body_of_small_strain_that_turns_is_told(comm, law):
+    """It grows by sqrt(1 + angle^2), and its energy balance knows nothing of it."""
+    data = scene(2, material={**SOFT, "kind": law}, jitter=0.0, body={"velocity": ["-0.3*(Y - 0.45)", "0.3*(X - 0.5)"]})
+    sim = simulation(data, comm)
+    said = []
+    for angle in (0.1, 0.2):
+        while sim.clock.time < angle / 0.3:
+            sim.take_step(sim.systems[0].stable_step())
+        said.append(sim.systems[0].doubt())
+    assert said[0] is None
+    assert (said[1] is not None and "of the volume has turned" in said[1]) == (law == "linear-elastic")
+
+
+@pytest.mark.parametrize("law", [{"kind": "mooney-rivlin", "zeta": 0.1}, {"kind": "prony", "strain": "finite"}])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_finite_strain_conserves_angular_momentum(dimension, law):
+    velocity = ["-2*Y + 0.1*sin(9*X)", "2*X", "0.1*sin(7*Y)"][:dimension]
+    material = {"terms": [], **law} if law["kind"] == "prony" else law
+    sim = simulation(scene(dimension, material=material, body={"velocity": velocity}))
+    one, found = sim.systems[0], []
+    for _ in range(50):
+        moment = np.einsum("n,ni,nj->ij", one.mass, one.particles.owned_rows("position"), one.velocity[:, :dimension])
+        found.append(moment - moment.T)
+        sim.take_step(one.stable_step())
+    assert np.abs(np.array(found) - found[0]).max() < ROUND_OFF * np.abs(found[0]).max()
 
 
 @pytest.mark.parametrize("loads", [{}, {"loads": {"body_force": ["3", "-2*X"]}}], ids=["free", "loaded"])

@@ -10,6 +10,7 @@ from parsolid.materials.hyperelastic.law import elastic_moduli
 from parsolid.materials.viscoelastic.prony import Prony, algorithmic_factor
 from parsolid.methods.peridynamics.bond_force import BondForce
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
+from parsolid.methods.peridynamics.tensor_history import is_small_strain
 from parsolid.methods.peridynamics.viscoelastic_history import ViscoelasticHistory, series_of
 
 _SHIFT = 1e-6
@@ -75,7 +76,7 @@ class Operator:
     def __init__(self, engine: BondForce, history: ViscoelasticHistory, loads: PeridynamicLoads) -> None:
         self.engine, self.history, self.loads = engine, history, loads
         self.dimension, self.comm = loads.free.shape[1], engine.bond_system.comm
-        linear = all(isinstance(law, Prony) and law.finite_strain is None for _, _, law in history.laws)
+        linear = all(is_small_strain(law) for _, _, law in history.laws)
         self.is_linear = not anywhere(self.comm, not linear)
         least = minimum(self.comm, float(np.min(engine.bond_system.volume[: engine.owned], initial=np.inf)))
         self.length = least ** (1.0 / self.dimension)

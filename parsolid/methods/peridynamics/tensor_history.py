@@ -22,6 +22,11 @@ def has_tensor_history(law) -> bool:
     return not isinstance(law, Prony) or law.bulk_modulus is not None or law.finite_strain is not None
 
 
+def is_small_strain(law) -> bool:
+    """Whether a law does not know the rotation of its solid."""
+    return isinstance(law, Prony) and law.finite_strain is None
+
+
 def initial_state(law, dimension: int) -> np.ndarray:
     """Rows (r,) of the state of an undeformed particle."""
     rows = np.zeros((1 + len(law.relaxation_times or ()), TENSOR_ROWS[dimension]))
