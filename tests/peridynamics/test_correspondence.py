@@ -191,6 +191,16 @@ def test_finite_strain_conserves_angular_momentum(dimension, law):
     assert np.abs(np.array(found) - found[0]).max() < ROUND_OFF * np.abs(found[0]).max()
 
 
+@pytest.mark.parametrize("stretch", [0.6, 1.5, 2.0])
+@pytest.mark.parametrize("law", [{"kind": "neo-hookean"}, LAWS["hyperelastic"]], ids=["elastic", "viscous"])
+def test_a_released_stretch_runs_with_the_default_safety(law, stretch):
+    """Stiffness grows with the stretch, and in the blow with which the free end comes back."""
+    data = scene(2, "fixed", material=law, jitter=0.0, body={"displacement": [f"{stretch - 1}*X", "0"]}, end_time=1e3)
+    sim, columns = run_steps(data, 150)
+    assert not sim.failed
+    assert np.abs(columns["balance"]).max() < 0.05 * columns["stored"][0]
+
+
 @pytest.mark.parametrize("loads", [{}, {"loads": {"body_force": ["3", "-2*X"]}}], ids=["free", "loaded"])
 def test_the_balance_of_one_kicked_particle_closes_to_rounding(loads):
     elastic = {"kind": "prony", "youngs_modulus": 3.0, "poissons_ratio": 0.25, "density": 1.1, "terms": []}

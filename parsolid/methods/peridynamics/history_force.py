@@ -19,6 +19,7 @@ from parsolid.methods.peridynamics.tensor_history import (
     nominal_stresses,
     settle_states,
     step_weights,
+    undeformed_wave_modulus,
 )
 from parsolid.methods.peridynamics.tensor_states import TENSOR_ROWS
 from parsolid.methods.peridynamics.viscoelastic_history import ViscoelasticHistory
@@ -41,6 +42,7 @@ class HistoryForce(BondForce):
         self, particles: Any, bond_system: Any, scale: Any, fixed_planes: Any, blocks: Any, branches: int
     ) -> None:
         self.blocks = blocks
+        self.stiffens = not all(is_small_strain(block.law) for block in blocks)
         super().__init__(particles, bond_system, scale, fixed_planes)
         d, declare = self.dimension, particles.declare
         rows = TENSOR_ROWS[d] * (1 + branches)
@@ -113,13 +115,15 @@ class HistoryForce(BondForce):
 
     def settle(self) -> float:
         """Take all histories through the step to the displacement of the last evaluation; the energy dissipated [J]."""
-        self.stored, lost, self.sound = 0.0, 0.0, True
+        self.stored, lost, self.sound, self.growth, self.shrunk = 0.0, 0.0, True, 1.0, 1.0
         for block, weights in zip(self.blocks, self.weights):
-            stored, loss, sound = settle_states(
+            at_rest = undeformed_wave_modulus(block.law)
+            stored, loss, sound, waves, shrunk = settle_states(
                 self.space,
                 block.first,
                 block.last,
                 block.law,
+                at_rest,
                 weights,
                 self.body,
                 self.states,
@@ -127,6 +131,7 @@ class HistoryForce(BondForce):
                 self.particles.storage("tributary_volume"),
             )
             self.stored, lost, self.sound = self.stored + stored, lost + loss, self.sound and sound
+            self.growth, self.shrunk = max(self.growth, waves / at_rest), max(self.shrunk, shrunk)
         return lost
 
     def relax_fully(self) -> None:

@@ -15,14 +15,17 @@ from parsolid.materials.viscoelastic.prony import (
     with_relaxing_lateral,
 )
 from parsolid.methods.peridynamics.tensor_states import (
+    largest_principal_value,
     load_state,
     nominal_stress,
     scalar_energy,
     settle_state,
+    squared_volume_ratio,
     store_state,
+    wave_modulus,
 )
 from parsolid.numerics.dispatch import generic
-from parsolid.numerics.tensors import I, SymmetricPlane, expand
+from parsolid.numerics.tensors import I, SymmetricPlane, determinant, expand, gram
 
 
 @nominal_stress.of(Prony)
@@ -44,6 +47,48 @@ def _small(finite_strain, G, S):
 @_first_piola_kirchhoff_stress.otherwise
 def _finite(finite_strain, G, S):
     return (G + I) @ S
+
+
+@wave_modulus.of(Prony)
+def _prony_waves(space, law, undeformed, weights, state, i, G):
+    return _waves(law.finite_strain, space, law, undeformed, weights, state, i, G)
+
+
+@generic
+def _waves(finite_strain, space, law, undeformed, weights, state, i, G):
+    """N . S N + N N : F C F^T : N N is at most the largest S and the largest stretch squared times the modulus."""
+
+
+@_waves.of(None)
+def _unchanged(finite_strain, space, law, undeformed, weights, state, i, G):
+    return 0.0 * G[0]
+
+
+@_waves.otherwise
+def _stretched(finite_strain, space, law, undeformed, weights, state, i, G):
+    strain, relaxing = _strains(space, law, weights, state, i, G)
+    stretched = largest_principal_value(gram(G + I)) * undeformed
+    return stretched + largest_principal_value(stress(law, strain, relaxing))
+
+
+@squared_volume_ratio.of(Prony)
+def _prony_volumes(space, law, state, i, J):
+    return _volumes(law.finite_strain, space, state, i, J)
+
+
+@generic
+def _volumes(finite_strain, space, state, i, J):
+    """`squared_volume_ratio`."""
+
+
+@_volumes.of(None)
+def _no_volumes(finite_strain, space, state, i, J):
+    return 0.0 * J + 1.0
+
+
+@_volumes.otherwise
+def _volume_ratio(finite_strain, space, state, i, J):
+    return determinant(2.0 * expand(load_state(space, state, 0, i)) + I) / (J * J)
 
 
 @settle_state.of(Prony)

@@ -11,6 +11,7 @@ import numpy as np
 
 from decomposition.reduction import sums
 from parsolid.collective import maximum
+from parsolid.materials.viscoelastic.prony import Prony
 from parsolid.methods.pair_method import PairMethod
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
 from parsolid.methods.peridynamics.fracture import fracture_of
@@ -187,6 +188,8 @@ class Peridynamics(PairMethod):
         hints = []
         if self.settings.stabilisation.kind != "shear-scaled":
             hints.append('method.stabilisation.kind = "shear-scaled"')
+        if any(isinstance(law, Prony) and law.finite_strain is not None for _, _, law in self.laws):
+            hints.append("a hyperelastic law (St. Venant and Kirchhoff's gives way when compressed to 0.58)")
         return ", or ".join([*hints, f"a smaller method.solution.{self.solver.setting}", "a milder load"])
 
     def summary(self) -> dict[str, Any]:

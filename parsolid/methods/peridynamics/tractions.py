@@ -9,7 +9,6 @@ What a traction that varies over its face has beyond its mean acts on the partic
 of a uniform stress are not those of the area of each particle, and their moment under t(y) would be too small.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from mpi4py import MPI
 
 from decomposition.reduction import ordered_sum
 from parsolid.boundary.declarations import Declarations, SurfaceTraction
-from parsolid.boundary.loads import Course, Load, area_along
+from parsolid.boundary.loads import BeyondMean, Course, Load, MeanOverFace, area_along
 from parsolid.boundary.rows import keep
 from parsolid.boundary.supports import Supports
 from parsolid.collective import maximum, minimum
@@ -28,42 +27,6 @@ from parsolid.solvers import start_vector
 
 # of a face's particles, so many give the mean of its traction
 _SAMPLE = 256
-
-
-@dataclass(frozen=True)
-class MeanOverFace:
-    """The mean of a course at places (k, d) [m] of a face, by their areas (k,) [m^2], wherever it is asked for."""
-
-    course: Course
-    places: np.ndarray
-    area: np.ndarray
-
-    @property
-    def depends_on_time(self) -> bool:
-        """Whether it changes."""
-        return self.course.depends_on_time
-
-    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
-        """(n, components), alike for all points (n, d)."""
-        mean = self.area @ self.course.evaluate(self.places, time, before) / self.area.sum()
-        return np.broadcast_to(mean, (len(points), len(mean)))
-
-
-@dataclass(frozen=True)
-class BeyondMean:
-    """What a course is more than its mean."""
-
-    course: Course
-    mean: MeanOverFace
-
-    @property
-    def depends_on_time(self) -> bool:
-        """Whether it changes."""
-        return self.course.depends_on_time
-
-    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
-        """(n, components) at points (n, d) [m] and a time [s]."""
-        return self.course.evaluate(points, time, before) - self.mean.evaluate(points, time, before)
 
 
 class Tractions:
