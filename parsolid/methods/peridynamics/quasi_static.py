@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from parsolid.methods.peridynamics.coarse_grid import coarse_grid
 from parsolid.methods.peridynamics.equilibrium import Balance, Equilibrium
 from parsolid.methods.peridynamics.operator import Work
 from parsolid.methods.peridynamics.time_solver import TimeSolver
@@ -21,7 +22,8 @@ class QuasiStatic(TimeSolver):
     def __init__(self, body: Any, settings: Any) -> None:
         """body: `system.Peridynamics`, set up but for its state; settings: `settings.QuasiStatic`."""
         self.body, self.operator, self.settings = body, body.operator, settings
-        self.equilibrium = Equilibrium(body.comm, body.operator, settings)
+        coarse = coarse_grid(body.operator, body.loads.planes) if settings.preconditioner == "two-level" else None
+        self.equilibrium = Equilibrium(body.comm, body.operator, settings, coarse)
         # what has not moved yet meets its loads in a jump
         self.jumps = tuple(sorted({0.0, *body.loads.jumps}))
         self.balance: Balance | None = None

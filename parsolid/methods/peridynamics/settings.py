@@ -65,6 +65,9 @@ class QuasiStatic(SceneModel):
     kind: Literal["quasi-static"]
     step: Positive = Field(description="the material step [s]")
     solver: Literal["conjugate-gradients", "dynamic-relaxation"] = "conjugate-gradients"
+    preconditioner: Literal["two-level", "none"] = Field(
+        "two-level", description="of conjugate gradients: a grid over the particles, or none"
+    )
     tolerance: float = Field(1e-8, gt=0, lt=1, description="residual over the largest load met so far")
     extrapolation: Annotated[int, Field(ge=0, le=3)] = Field(
         2, description="order of extrapolation from earlier states, 0 to 3"
