@@ -7,6 +7,7 @@ that a grid a little wider than that leaves nothing which takes many iterations.
 is bounded, not that of the scene.
 """
 
+from collections.abc import Callable
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -20,6 +21,8 @@ from parsolid.collective import maximum, minimum
 _MOST_NODES = {1: 4000, 2: 8000, 3: 2200}
 # of the greatest stiffness, what keeps motions that nothing holds from being without any
 _FLOOR = 1e-9
+# the same of a motion that nothing holds
+_LOOSE = 1e-10
 
 
 class Grid(NamedTuple):
@@ -131,6 +134,7 @@ class TwoLevel:
         touched[self.corners.ravel()] = 1.0
         self.moving = ~held & (sums(comm, touched) > 0.0)[:, None]
         self.diagonal: np.ndarray | None = None
+        self.loose = np.zeros((0, *free.shape))
 
     def of_moduli(self, lame: np.ndarray, shear: np.ndarray, volume: np.ndarray, diagonal: np.ndarray) -> None:
         """Take moduli (n,) [Pa] and volumes (n,) [m^3] of the particles, and the diagonal D (n, d) [N/m]."""
@@ -145,8 +149,9 @@ class TwoLevel:
         i, j = np.broadcast_arrays(numbers[:, :, None], numbers[:, None, :])
         size = self.grid.nodes * d
         mine = sparse.coo_array((blocks.ravel(), (i.ravel(), j.ravel())), (size, size)).tocsr()
-        for i in np.flatnonzero(~self.free.all(axis=0)):
-            mine = mine + self._held_stiffness(i, diagonal[:, i], size)
+        for component in range(d):
+            if not self.free[:, component].all():
+                mine = mine + self._held_stiffness(component, diagonal[:, component], size)
         whole = sum(self.comm.allgather(mine), start=sparse.csr_array((size, size)))
         chosen = np.flatnonzero(self.moving.ravel())
         A = whole[chosen][:, chosen].tocsc()
@@ -171,4 +176,24 @@ class TwoLevel:
             coarse[self.moving] = self.factors.solve(coarse[self.moving])
             coarse[~self.moving] = 0.0
             result += (self.prolongation @ coarse) * self.free
+        if len(self.loose):
+            parts = sums(self.comm, np.tensordot(self.loose, result, 2))
+            result -= np.tensordot(parts, self.loose, 1)
         return result
+
+    def leave_out(self, motions: np.ndarray, apply: Callable[[np.ndarray, np.ndarray], None]) -> None:
+        """Give no part of those of some motions (k, n, d) that have no stiffness: nothing holds them, and nothing says
+        what they should be. Without a preconditioner conjugate gradients have none of them by themselves.
+        """
+        assert self.diagonal is not None
+        motions = motions * self.free
+        images = np.empty_like(motions)
+        for motion, image in zip(motions, images):
+            apply(motion, image)
+        products = [np.tensordot(motions, other, ((1, 2), (1, 2))) for other in (motions, images * self.free)]
+        scale = float(maximum(self.comm, float(self.diagonal.max(initial=0.0))))
+        gram, stiffness = sums(self.comm, np.array(products))
+        sizes, axes = np.linalg.eigh(gram)
+        basis = axes[:, sizes > 1e-12 * sizes[-1]] / np.sqrt(sizes[sizes > 1e-12 * sizes[-1]])
+        values, modes = np.linalg.eigh(basis.T @ stiffness @ basis)
+        self.loose = np.tensordot((basis @ modes[:, values < _LOOSE * scale]).T, motions, 1)

@@ -1,5 +1,6 @@
 """The preconditioner of quasi-static steps: `solvers.two_level` with the bodies' moduli and supports."""
 
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -67,7 +68,22 @@ class CoarseGrid:
         operator.stiffness(trial, image, step)
         power, measure = sums(self.comm, [np.vdot(trial, image), np.vdot(trial, weight * trial)])
         self.solver.of_moduli(lame, shear, self.volume, weight * float(power / measure) if measure > 0.0 else weight)
+        self.solver.leave_out(self._rigid_motions(), lambda x, y: operator.stiffness(x, y, step))
         return self.solver
+
+    def _rigid_motions(self) -> np.ndarray:
+        """Translations, and where strains are small rotations, (k, n, d)."""
+        places = self.operator.engine.particles.owned_rows("reference_position")
+        n, d = places.shape
+        motions = [np.broadcast_to(np.eye(d)[i], (n, d)) for i in range(d)]
+        if self.operator.is_linear:
+            middle = self.grid.lower + 0.5 * self.grid.width * self.grid.cells
+            arm = (places - middle) / np.max(self.grid.width * self.grid.cells)
+            for i, j in combinations(range(d), 2):
+                spin = np.zeros((n, d))
+                spin[:, i], spin[:, j] = -arm[:, j], arm[:, i]
+                motions.append(spin)
+        return np.array(motions)
 
 
 def coarse_grid(operator: Any, planes: Any) -> CoarseGrid | None:

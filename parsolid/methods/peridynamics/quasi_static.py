@@ -22,7 +22,8 @@ class QuasiStatic(TimeSolver):
     def __init__(self, body: Any, settings: Any) -> None:
         """body: `system.Peridynamics`, set up but for its state; settings: `settings.QuasiStatic`."""
         self.body, self.operator, self.settings = body, body.operator, settings
-        coarse = coarse_grid(body.operator, body.loads.planes) if settings.preconditioner == "two-level" else None
+        plain = settings.solver != "conjugate-gradients" or settings.preconditioner == "none"
+        coarse = None if plain else coarse_grid(body.operator, body.loads.planes)
         self.equilibrium = Equilibrium(body.comm, body.operator, settings, coarse)
         # what has not moved yet meets its loads in a jump
         self.jumps = tuple(sorted({0.0, *body.loads.jumps}))

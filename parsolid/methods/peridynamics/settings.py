@@ -59,14 +59,15 @@ class QuasiStatic(SceneModel):
 
     step           the material step [s]; further steps end at load jumps, each followed by a step of length zero
     tolerance      residual over the largest load (or reaction) met so far
+    preconditioner two-level: a grid over the particles beside these; iterations do then not grow with their number
     extrapolation  of the polynomial through earlier states at which a solution starts, the order: 0 the last state
     """
 
     kind: Literal["quasi-static"]
     step: Positive = Field(description="the material step [s]")
     solver: Literal["conjugate-gradients", "dynamic-relaxation"] = "conjugate-gradients"
-    preconditioner: Literal["two-level", "none"] = Field(
-        "two-level", description="of conjugate gradients: a grid over the particles, or none"
+    preconditioner: Literal["two-level", "none"] | None = Field(
+        None, description="of conjugate gradients: 'two-level' (unless given) or 'none'"
     )
     tolerance: float = Field(1e-8, gt=0, lt=1, description="residual over the largest load met so far")
     extrapolation: Annotated[int, Field(ge=0, le=3)] = Field(
@@ -75,6 +76,12 @@ class QuasiStatic(SceneModel):
     most_iterations: Annotated[int, Field(ge=1)] = Field(
         100_000, description="iterations after which a solution has failed"
     )
+
+    @model_validator(mode="after")
+    def _preconditioned(self) -> "QuasiStatic":
+        if self.preconditioner is not None and self.solver != "conjugate-gradients":
+            reject((("preconditioner",), "no such key but with solver = 'conjugate-gradients'", self.preconditioner))
+        return self
 
 
 class Damage(SceneModel):
