@@ -1,5 +1,6 @@
 """The preconditioner of quasi-static steps: `solvers.two_level` with the bodies' moduli and supports."""
 
+from copy import copy
 from itertools import combinations
 from typing import Any
 
@@ -13,6 +14,8 @@ from parsolid.solvers import Grid, TwoLevel, start_vector
 
 # width of the grid's cells over the particles' spacing: more than the horizon, within which stiffness is nearly flat
 _WIDTH = 4.0
+# lengths of steps whose preconditioners are kept: jumps, the material step, a shorter one
+_KEPT = 3
 
 
 class CoarseGrid:
@@ -34,8 +37,8 @@ class CoarseGrid:
             row[plane.axis] = plane.coordinate
         width = _WIDTH * maximum(self.comm, float(self.length.max(initial=0.0)))
         self.grid = Grid.over(self.comm, np.concatenate((places, ends)), width)
-        self.solver = TwoLevel(self.comm, self.grid, places, operator.free, self._held(planes))
-        self.step: float | None = None
+        self.bare = TwoLevel(self.comm, self.grid, places, operator.free, self._held(planes))
+        self.solvers: dict[float, TwoLevel] = {}
 
     def _held(self, planes: Any) -> np.ndarray:
         """Components (nodes, d) of the grid's nodes that mirror planes hold."""
@@ -51,9 +54,16 @@ class CoarseGrid:
 
     def of_step(self, step: float) -> TwoLevel:
         """The preconditioner of a step of a length [s]."""
-        if step == self.step:
-            return self.solver
-        self.step = step
+        # steps that differ by rounding are alike, to the bit also after a restart
+        key = float(f"{step:.6e}")
+        if key not in self.solvers:
+            if len(self.solvers) == _KEPT:
+                del self.solvers[next(iter(self.solvers))]
+            self.solvers[key] = self._made(key)
+        return self.solvers[key]
+
+    def _made(self, step: float) -> TwoLevel:
+        solver = copy(self.bare)
         operator, history = self.operator, self.operator.history
         history.begin(step)
         lame, shear = np.zeros(len(self.volume)), np.zeros(len(self.volume))
@@ -67,9 +77,9 @@ class CoarseGrid:
         image = np.empty_like(trial)
         operator.stiffness(trial, image, step)
         power, measure = sums(self.comm, [np.vdot(trial, image), np.vdot(trial, weight * trial)])
-        self.solver.of_moduli(lame, shear, self.volume, weight * float(power / measure) if measure > 0.0 else weight)
-        self.solver.leave_out(self._rigid_motions(), lambda x, y: operator.stiffness(x, y, step))
-        return self.solver
+        solver.of_moduli(lame, shear, self.volume, weight * float(power / measure) if measure > 0.0 else weight)
+        solver.leave_out(self._rigid_motions(), lambda x, y: operator.stiffness(x, y, step))
+        return solver
 
     def _rigid_motions(self) -> np.ndarray:
         """Translations, and where strains are small rotations, (k, n, d)."""
