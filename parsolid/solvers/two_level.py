@@ -18,7 +18,7 @@ from decomposition.reduction import sums
 from parsolid.collective import maximum, minimum
 
 # nodes of the grid are as many at most, in so many dimensions: A's factors fill up faster in space
-_MOST_NODES = {1: 4000, 2: 8000, 3: 2200}
+_MOST_NODES = {1: 4000, 2: 8000, 3: 1400}
 # of the greatest stiffness, what keeps motions that nothing holds from being without any
 _FLOOR = 1e-9
 # the same of a motion that nothing holds
