@@ -16,7 +16,7 @@ from parsolid.simulation.loop import Simulation
 BENDING = {
     ("tlsph", "nodes"): {2: 2.3, 3: 1.16},
     ("tlsph", "cells"): {2: 0.59, 3: 0.78, 4: 0.87},
-    ("peridynamics", "cells"): {2: 3.7, 3: 2.0, 4: 1.16},
+    ("peridynamics", "cells"): {2: 5.5, 3: 3.0, 4: 1.7, 5: 1.33, 6: 1.18, 7: 1.11},
     ("mpm", "cells"): {1: 205.0, 2: 0.81},
 }
 # particles across that are too few where no figure is known
