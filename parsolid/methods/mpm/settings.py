@@ -55,6 +55,7 @@ class MaterialPoint(MethodSettings):
     extra_fields: ClassVar = {"density": "scalar", "velocity_gradient": "tensor"}
     pictured_fields: ClassVar = ("plastic_strain", "temperature", "pressure")
     ledger_terms: ClassVar = {"plastic_work": 0, "viscous_work": 0, "heat_supplied": -1}
+    viscous_terms: ClassVar = ("viscous_work",)
     extra_quantities: ClassVar = {
         "maximum_temperature": "scalar",
         "maximum_plastic_strain": "scalar",

@@ -52,6 +52,7 @@ class UpdatedLagrangianSPH(MethodSettings):
         "plastic_work": 0,
         "viscous_heat": 0,
     }
+    viscous_terms: ClassVar = ("viscous_dissipation", "viscous_heat")
     extra_quantities: ClassVar = {
         "maximum_temperature": "scalar",
         "maximum_plastic_strain": "scalar",
