@@ -14,12 +14,10 @@ from parsolid.solvers import Grid, TwoLevel, start_vector
 
 # width of the grid's cells over the particles' spacing: more than the horizon, within which stiffness is nearly flat
 _WIDTH = 4.0
-# lengths of steps whose preconditioners are kept: jumps, the material step, a shorter one
-_KEPT = 3
 
 
 class CoarseGrid:
-    """Makes the preconditioner of a step, anew for steps of another length; all methods are collective.
+    """Makes the preconditioners of steps; all methods are collective.
 
     Of a stiffness that changes with the displacement it is that of the undeformed body, of a cracked one that of the
     whole body: neither changes what is found.
@@ -38,7 +36,6 @@ class CoarseGrid:
         width = _WIDTH * maximum(self.comm, float(self.length.max(initial=0.0)))
         self.grid = Grid.over(self.comm, np.concatenate((places, ends)), width)
         self.bare = TwoLevel(self.comm, self.grid, places, operator.free, self._held(planes))
-        self.solvers: dict[float, TwoLevel] = {}
 
     def _held(self, planes: Any) -> np.ndarray:
         """Components (nodes, d) of the grid's nodes that mirror planes hold."""
@@ -52,17 +49,8 @@ class CoarseGrid:
             result[near] |= plane.held(len(shape))
         return result
 
-    def of_step(self, step: float) -> TwoLevel:
+    def preconditioner(self, step: float) -> TwoLevel:
         """The preconditioner of a step of a length [s]."""
-        # steps that differ by rounding are alike, to the bit also after a restart
-        key = float(f"{step:.6e}")
-        if key not in self.solvers:
-            if len(self.solvers) == _KEPT:
-                del self.solvers[next(iter(self.solvers))]
-            self.solvers[key] = self._made(key)
-        return self.solvers[key]
-
-    def _made(self, step: float) -> TwoLevel:
         solver = copy(self.bare)
         operator, history = self.operator, self.operator.history
         history.begin(step)

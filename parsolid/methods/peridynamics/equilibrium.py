@@ -18,6 +18,8 @@ _INNER = 0.9
 _FORCING = 0.02
 _PASSES, _HALVINGS = 50, 8
 _HEAVIER = 6
+# lengths of steps whose preconditioners are kept: jumps, the material step, a shorter one
+_KEPT = 3
 
 
 class Balance(NamedTuple):
@@ -49,11 +51,12 @@ class Equilibrium:
         """operator: see `operator.Operator`; settings: `settings.QuasiStatic`; coarse: `coarse_grid.CoarseGrid`, or
         None.
         """
-        self.coarse = coarse
         self.comm, self.operator, self.settings = comm, operator, settings
         self.largest_load, self.fault = 0.0, ""
         self.iterations, self.most_iterations = 0, 0
         self._fictitious: dict[float, np.ndarray] = {}
+        self.coarse = coarse
+        self._preconditioners: dict[float, Any] = {}
 
     def solve(self, start: np.ndarray, external: np.ndarray, step: float) -> Balance:
         """Balance at the end of a step [s] under external forces (n, d) [N], from a first guess with prescribed values
@@ -99,7 +102,7 @@ class Equilibrium:
             target,
             operator.free,
             self.settings.most_iterations,
-            None if self.coarse is None else self.coarse.of_step(self.step),
+            self._preconditioner(),
         )
         self.iterations += solution.iterations
         if not solution.converged:
@@ -113,6 +116,18 @@ class Equilibrium:
             factor *= 0.5
         self.fault = "Newton's method: no shorter step reduces what is not balanced"
         return balance
+
+    def _preconditioner(self) -> Any:
+        """Of a step of this length, or None."""
+        if self.coarse is None:
+            return None
+        # steps that differ by rounding are alike, to the bit also after a restart
+        key, kept = float(f"{self.step:.6e}"), self._preconditioners
+        if key not in kept:
+            if len(kept) == _KEPT:
+                del kept[next(iter(kept))]
+            kept[key] = self.coarse.preconditioner(key)
+        return kept[key]
 
     def _linear(self, displacement: np.ndarray) -> Any:
         """K du of the step at a displacement."""
