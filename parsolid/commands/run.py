@@ -120,11 +120,11 @@ def _advice(scene: Scene) -> list[str]:
         f"bodies.{i}"
         for system in scene.systems
         for i in system.bodies
-        if getattr(system.settings, "pair_correction", "") == "none" and _uneven(scene.bodies[i])
+        if getattr(system.settings, "pair_weights", "") == "kernel" and _uneven(scene.bodies[i])
     ]
     if not names:
         return []
-    advice = 'method.pair_correction = "closure" makes them many times more accurate'
+    advice = 'method.weights = "closure" makes them many times more accurate'
     return [f"{', '.join(names)}: uneven particles; {advice}"]
 
 

@@ -45,6 +45,7 @@ FIXED = (
     "method.pre_cracks*",
     "method.formulation",
     "method.reference",
+    "method.weights",
     "method.initial_state",
     "bodies.*.name",
     "bodies.*.shape*",

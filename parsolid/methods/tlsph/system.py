@@ -12,8 +12,10 @@ from parsolid.materials.registry import laws_of
 from parsolid.methods.pair_method import PairMethod
 from parsolid.methods.tlsph import momentum as motion
 from parsolid.methods.tlsph import state
+from parsolid.methods.tlsph.body_weights import ON_LATTICES, weights_of_bodies
 from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.methods.tlsph.deformation import Relaxation, advance_deformation, largest_wave_modulus
+from parsolid.methods.tlsph.lattice_bodies import LatticeBodies, put_on_lattices
 from parsolid.methods.tlsph.state import Body
 from parsolid.methods.tlsph.stresses import deformation_gradients, first_piola_kirchhoff_stresses
 from parsolid.methods.tlsph.updated_reference import UpdatedReference
@@ -49,28 +51,41 @@ class TotalLagrangianSPH(PairMethod):
         # of each block, as its law is; what a stage does is other numbers at every call
         self._advance_strain = RecalledEach(advance_deformation, free=(5, 6))
         self._advance_motion = Recalled(motion.advance_motion, free=(2,))
-        self.boundaries = build_boundaries(comm, scene, particle_set, self.particles)
+        kinds = weights_of_bodies(self.settings.pair_weights, scene)
+        closed = frozenset(i for i, kind in enumerate(kinds) if kind in ON_LATTICES)
+        self.boundaries = build_boundaries(comm, scene, particle_set, self.particles, closed)
+        on_lattices = put_on_lattices(comm, scene, particle_set, self.boundaries.planes, kinds)
         share = self.boundaries.share
         self.branches = maximum(comm, max((block.branches for block in self.blocks), default=0))
-        self.pairs = self._pair_system(particle_set)
+        self.pairs = self._pair_system(particle_set, kinds, on_lattices)
         fixed = self.settings.reference == "fixed"
         state.declare_motion(self.particles, particle_set, fixed)
         state.declare_strain(self.particles, self.dimension, self.branches)
         volume = particle_set.volume / share
         self.particles.declare(Field("mass", 1, "kg"), volume * density)
         self.particles.declare(Field("share", 1, "1"), share)
-        metric = metrics(particle_set.spacing, particle_set.axes, self.settings.smoothing)
+        metric = metrics(particle_set.spacing, particle_set.axes, self._smoothing(on_lattices))
         updated = (self.pairs, self.settings, particle_set.position, self.boundaries)
         self.reference = None if fixed else UpdatedReference(*updated)
         self.pairs.rebuild(particle_set.position, particle_set.body, metric, volume)
         # the narrowest spacing of all ranks bounds the step (79), so that it does not depend on their number
-        self.spacing = minimum(comm, float(particle_set.spacing.min(initial=np.inf)))
+        spacing = particle_set.spacing.min(axis=1) * (1.0 if on_lattices is None else on_lattices.stable_part)
+        self.spacing = minimum(comm, float(spacing.min(initial=np.inf)))
 
-    def _pair_system(self, particle_set: Any) -> PairSystem:
+    def _smoothing(self, on_lattices: LatticeBodies | None) -> Any:
+        """h/dx, (n, 1) where bodies on lattices have their own."""
+        if on_lattices is None:
+            return self.settings.smoothing
+        own = on_lattices.reach / self.pairs.weights.support
+        return np.where(own > 0.0, own, self.settings.smoothing)[:, None]
+
+    def _pair_system(self, particle_set: Any, kinds: list[str], on_lattices: LatticeBodies | None) -> PairSystem:
         settings, boundaries, surface = self.settings, self.boundaries, None
-        if settings.pair_correction == "closure":
-            surface = (surface_area(self.comm, particle_set, boundaries.planes), boundaries.share)
-        weights = SmoothedWeights(smoothing_kernel(settings.kernel), float(settings.dissipation), surface)
+        if "closure" in kinds:
+            here = np.array(kinds)[particle_set.body] == "closure"
+            surface = (surface_area(self.comm, particle_set, boundaries.planes, here), boundaries.share, here)
+        lattices = None if on_lattices is None else on_lattices.lattices
+        weights = SmoothedWeights(smoothing_kernel(settings.kernel), float(settings.dissipation), surface, lattices)
         return PairSystem(self.comm, self.particles, self.space, weights, self._terms(), boundaries.codes)
 
     def _terms(self) -> RiemannDissipation | None:

@@ -1,0 +1,101 @@
+"""Bodies whose particles are the nodes of a lattice: their pair weights in closed form, with their own volumes and
+areas."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from parsolid.collective import SolverError, minimum, raise_together
+from parsolid.methods.tlsph.body_weights import ON_LATTICES
+from parsolid.pairs.lattice_pairs import Lattices
+from parsolid.pairs.lattice_stencils import WIDEST, Axis, Stencils, box_stencils, cell_stencils
+from parsolid.particles.particle_set import ParticleSet
+from parsolid.scene.fillings import filling_of
+
+# part of the kernel's stable step that weights of fourth order bear: in space they run at .55 and fail at .6 where
+# kernel and cells run at .7 and fail at .9
+_STABLE_PART = 5.0 / 7.0
+# a hair more than the offset of the farthest neighbour
+_HAIR = 1.02
+
+
+class LatticeBodies(NamedTuple):
+    """lattices: those of a rank's particles; reach (n,): distance of the farthest neighbour in spacings, 0 on none;
+    stable_part (n,): part of the kernel's stable step that the weights bear."""
+
+    lattices: Lattices
+    reach: np.ndarray
+    stable_part: np.ndarray
+
+
+def put_on_lattices(
+    comm: Any, scene: Any, particle_set: ParticleSet, planes: list[Any], kinds: list[str]
+) -> LatticeBodies | None:
+    """Weights of the bodies that are on lattices by their kinds (`body_weights`), None where no body is; collective.
+
+    planes: those with images. Sets volume and area of their particles in the particle_set.
+    Raises SolverError on all ranks where a mirror plane lies beside the nodes, and for boxes without room.
+    """
+    if not set(kinds) & set(ON_LATTICES):
+        return None
+    n, d = particle_set.position.shape
+    lattices = Lattices(np.full(n, -1), particle_set.spacing.copy(), np.zeros((n, d, 2 * WIDEST + 1)))
+    result = LatticeBodies(lattices, np.zeros(n), np.ones(n))
+    first = np.full(len(kinds), np.inf)
+    np.minimum.at(first, particle_set.body, particle_set.identifier)
+    first = minimum(comm, first)
+    fault = None
+    for body, kind in enumerate(kinds):
+        if kind not in ON_LATTICES:
+            continue
+        rows = np.flatnonzero(particle_set.body == body)
+        filling = filling_of(scene.bodies[body], d)
+        try:
+            axes = _axes(filling, [plane for plane in planes if plane.body in (None, body)])
+            wide = kind == "fourth-order" and any(axis.wide for axis in axes)
+            if scene.method.weights == kind == "fourth-order" and not wide:
+                raise SolverError(_no_room(body, axes))
+        except SolverError as error:
+            fault = fault or str(error)
+            continue
+        stencils = _stencils(filling, particle_set.identifier[rows] - int(first[body]), axes, wide)
+        lattices.number[rows], lattices.weight[rows] = body, stencils.weight
+        particle_set.volume[rows], particle_set.area[rows] = stencils.volume, stencils.area
+        result.reach[rows] = _HAIR * (WIDEST if wide else 1)
+        result.stable_part[rows] = _STABLE_PART if wide else 1.0
+    raise_together(comm, fault)
+    return result
+
+
+def _no_room(body: int, axes: list[Axis]) -> str:
+    counts = [axis.count for axis in axes]
+    return (
+        'method.weights: expected for "fourth-order" an axis with 8 nodes or more, those beyond mirror planes counted, '
+        f"found particles = {counts} in bodies.{body}"
+    )
+
+
+def _stencils(filling: Any, identifier: np.ndarray, axes: list[Axis], wide: bool) -> Stencils:
+    """identifier (n,): within the body."""
+    index = filling.nodes(identifier)
+    return box_stencils(index, axes) if wide else cell_stencils(index, axes, filling.holds_cells)
+
+
+def _axes(filling: Any, planes: list[Any]) -> list[Axis]:
+    """The lattice of a body, and which of its ends are mirrored; planes: those meant for it."""
+    result = []
+    for k, line in enumerate(filling.lines):
+        ends = [False, False]
+        for plane in planes:
+            if plane.axis != k:
+                continue
+            distance = np.abs(np.array([line.lower, line.upper]) - plane.coordinate) / line.step
+            for end in (0, 1):
+                ends[end] = ends[end] or bool(distance[end] <= 1e-6)
+            if 1e-6 < distance.min() < WIDEST:
+                raise SolverError(
+                    f"boundaries: expected mirror planes through nodes of bodies on lattices or far from them, found "
+                    f"{'XYZ'[k]} = {plane.coordinate:g} at {distance.min():.3g} spacings from the nearest end"
+                )
+        result.append(Axis(line.count, line.step, (ends[0], ends[1])))
+    return result
