@@ -67,3 +67,22 @@ def fill_lattice_weights(lattices, pairs, places, positions):
             axis, weight = lattice_weight(lattices, positions, a, pairs.neighbour[k], R, T)
             for i in range(positions.shape[1]):
                 pairs.weight[k, i] = weight if i == axis else 0.0
+
+
+@compiled
+def keep_near_jumps(lattices, pairs, places, positions):
+    """Set k_ab of pairs on lattices to 0 but of nearest neighbours.
+
+    The jump of a pair over two spacings, reconstructed, is no positive form: with it waves of short length grow.
+    """
+    d = positions.shape[1]
+    for a in range(pairs.start.shape[0] - 1):
+        if lattices.number[a] < 0:
+            continue
+        Xa = point(positions, a)
+        for k in range(pairs.start[a], pairs.start[a + 1]):
+            R, T = places.reflections[places.code[k]], places.shifts[places.code[k]]
+            Xb = image_point(positions, pairs.neighbour[k], R, T)
+            for i in range(d):
+                if abs(Xb[i] - Xa[i]) > 1.5 * lattices.spacing[a, i]:
+                    pairs.weight[k, d] = 0.0

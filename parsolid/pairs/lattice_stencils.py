@@ -42,6 +42,22 @@ class Axis(NamedTuple):
         """Whether the operator of fourth order fits."""
         return self.count + (self.count - 1) * sum(self.mirrored) >= FEWEST
 
+    @property
+    def highest_frequency(self) -> float:
+        """Of waves of speed 1 m/s along the axis with free ends [1/s], times the step, of fourth order where `wide`.
+
+        A mirrored axis has frequencies of one of twice its length; more than 16 nodes change nothing.
+        """
+        nodes = min(self.count + (self.count - 1) * sum(self.mirrored), 16)
+        free = Axis(nodes, 1.0, (False, False))
+        norm, operator = np.sqrt(_norms(free)), _operator(free)
+        slope = np.zeros((nodes, nodes + 2 * WIDEST))
+        for i in range(nodes):
+            slope[i, i : i + 2 * WIDEST + 1] = operator[i]
+            slope[i, i + WIDEST] = -operator[i].sum()
+        slope = slope[:, WIDEST:-WIDEST]
+        return float(np.linalg.norm(slope / norm[:, None] / norm, 2))
+
 
 class Stencils(NamedTuple):
     """weight (n, d, 7): g_ab = e_k weight[a, k, 3 + offset] for the neighbour at an offset along axis k, images too.

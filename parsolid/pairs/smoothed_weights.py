@@ -8,7 +8,7 @@ from parsolid.collective import raise_together
 from parsolid.numerics.lanes import WIDTH, aligned_zeros
 from parsolid.pairs import weights
 from parsolid.pairs.closure import close
-from parsolid.pairs.lattice_pairs import Lattices, fill_lattice_weights, keep_lattice_pairs
+from parsolid.pairs.lattice_pairs import Lattices, fill_lattice_weights, keep_lattice_pairs, keep_near_jumps
 from parsolid.pairs.weights import PairWeights
 
 
@@ -57,6 +57,8 @@ class SmoothedWeights(PairWeights):
             correction = close(system, correction, self.surface, lambda: corrections(system))
         for pairs, places in system.lists():
             weights.jump_factors(self.dissipation, pairs, places, correction)
+            if self.lattices is not None:
+                keep_near_jumps(self.lattices, pairs, places, system.positions)
         return correction[: system.owned]
 
 

@@ -12,20 +12,39 @@ from parsolid.pairs.lattice_stencils import WIDEST, Axis, Stencils, box_stencils
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.fillings import filling_of
 
-# part of the kernel's stable step that weights of fourth order bear: in space they run at .55 and fail at .6 where
-# kernel and cells run at .7 and fail at .9
-_STABLE_PART = 5.0 / 7.0
+# what bounds a step: on the axes of frequencies and of damping the region of three-stage Runge-Kutta schemes ends here
+_RK3_FREQUENCY, _RK3_DAMPING = 1.7320, 2.5127
+# part of a bound that is used
+_SAFETY = 0.95
+# highest frequency of cells along an axis with steps of 1 m and waves of 1 m/s: of one cell, which bounds any union of
+# them, and of two or more in a row
+_ONE_CELL, _MORE_CELLS = 2.0, 1.5
+# damping of the wave that alternates from node to node along an axis, over that of cells: twice the largest weight
+_DAMPING = {"cells": 1.0, "fourth-order": 4.0 / 3.0}
 # a hair more than the offset of the farthest neighbour
 _HAIR = 1.02
 
 
 class LatticeBodies(NamedTuple):
-    """lattices: those of a rank's particles; reach (n,): distance of the farthest neighbour in spacings, 0 on none;
-    stable_part (n,): part of the kernel's stable step that the weights bear."""
+    """lattices: those of a rank's particles; reach (n,): distance of the farthest neighbour in spacings, 0 on none.
+
+    frequency, damping: greatest of all bodies, of pressure waves and of the dissipation, in units of the spacing, the
+    wave speed and, for the damping, of that of cells.
+    """
 
     lattices: Lattices
     reach: np.ndarray
-    stable_part: np.ndarray
+    frequency: float
+    damping: float
+
+    def largest_step(self, pressure: float, shear: float) -> float:
+        """Largest step, in spacings, of SSP-RK3 for waves of these speeds.
+
+        The dissipation acts on nearest neighbours with the impedances of both waves: a velocity that alternates from
+        node to node along every axis decays at the rate 2 [c_p + (d - 1) c_s] times `damping`.
+        """
+        decay = 2.0 * self.damping * (pressure + (self.lattices.spacing.shape[1] - 1) * shear)
+        return _SAFETY * min(_RK3_FREQUENCY / (self.frequency * pressure), _RK3_DAMPING / decay)
 
 
 def put_on_lattices(
@@ -40,7 +59,7 @@ def put_on_lattices(
         return None
     n, d = particle_set.position.shape
     lattices = Lattices(np.full(n, -1), particle_set.spacing.copy(), np.zeros((n, d, 2 * WIDEST + 1)))
-    result = LatticeBodies(lattices, np.zeros(n), np.ones(n))
+    reach, frequency, damping = np.zeros(n), 0.0, 0.0
     first = np.full(len(kinds), np.inf)
     np.minimum.at(first, particle_set.body, particle_set.identifier)
     first = minimum(comm, first)
@@ -61,10 +80,21 @@ def put_on_lattices(
         stencils = _stencils(filling, particle_set.identifier[rows] - int(first[body]), axes, wide)
         lattices.number[rows], lattices.weight[rows] = body, stencils.weight
         particle_set.volume[rows], particle_set.area[rows] = stencils.volume, stencils.area
-        result.reach[rows] = _HAIR * (WIDEST if wide else 1)
-        result.stable_part[rows] = _STABLE_PART if wide else 1.0
+        reach[rows] = _HAIR * (WIDEST if wide else 1)
+        frequency = max(frequency, _frequency(axes, wide, scene.bodies[body].shape.kind == "box"))
+        damping = max(damping, _DAMPING["fourth-order" if wide else "cells"])
     raise_together(comm, fault)
-    return result
+    return LatticeBodies(lattices, reach, frequency, damping)
+
+
+def _frequency(axes: list[Axis], wide: bool, box: bool) -> float:
+    """Of pressure waves along all axes at once, times the least step."""
+    least, found = min(axis.step for axis in axes), []
+    for axis in axes:
+        single = not box or (axis.count == 2 and not any(axis.mirrored))
+        cells = _ONE_CELL if single else _MORE_CELLS
+        found.append((axis.highest_frequency if wide else cells) * least / axis.step)
+    return float(np.linalg.norm(found))
 
 
 def _no_room(body: int, axes: list[Axis]) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 from decomposition.recalled import Recalled, RecalledEach
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, block_numbers, material_blocks
-from parsolid.materials.hyperelastic.law import isotropic_shear_modulus
+from parsolid.materials.hyperelastic.law import elastic_moduli, isotropic_shear_modulus, total_modulus
 from parsolid.materials.registry import laws_of
 from parsolid.methods.pair_method import PairMethod
 from parsolid.methods.tlsph import momentum as motion
@@ -15,7 +15,7 @@ from parsolid.methods.tlsph import state
 from parsolid.methods.tlsph.body_weights import ON_LATTICES, weights_of_bodies
 from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.methods.tlsph.deformation import Relaxation, advance_deformation, largest_wave_modulus
-from parsolid.methods.tlsph.lattice_bodies import LatticeBodies, put_on_lattices
+from parsolid.methods.tlsph.lattice_bodies import put_on_lattices
 from parsolid.methods.tlsph.state import Body
 from parsolid.methods.tlsph.stresses import deformation_gradients, first_piola_kirchhoff_stresses
 from parsolid.methods.tlsph.updated_reference import UpdatedReference
@@ -54,37 +54,36 @@ class TotalLagrangianSPH(PairMethod):
         kinds = weights_of_bodies(self.settings.pair_weights, scene)
         closed = frozenset(i for i, kind in enumerate(kinds) if kind in ON_LATTICES)
         self.boundaries = build_boundaries(comm, scene, particle_set, self.particles, closed)
-        on_lattices = put_on_lattices(comm, scene, particle_set, self.boundaries.planes, kinds)
+        self.on_lattices = put_on_lattices(comm, scene, particle_set, self.boundaries.planes, kinds)
         share = self.boundaries.share
         self.branches = maximum(comm, max((block.branches for block in self.blocks), default=0))
-        self.pairs = self._pair_system(particle_set, kinds, on_lattices)
+        self.pairs = self._pair_system(particle_set, kinds)
         fixed = self.settings.reference == "fixed"
         state.declare_motion(self.particles, particle_set, fixed)
         state.declare_strain(self.particles, self.dimension, self.branches)
         volume = particle_set.volume / share
         self.particles.declare(Field("mass", 1, "kg"), volume * density)
         self.particles.declare(Field("share", 1, "1"), share)
-        metric = metrics(particle_set.spacing, particle_set.axes, self._smoothing(on_lattices))
+        metric = metrics(particle_set.spacing, particle_set.axes, self._smoothing())
         updated = (self.pairs, self.settings, particle_set.position, self.boundaries)
         self.reference = None if fixed else UpdatedReference(*updated)
         self.pairs.rebuild(particle_set.position, particle_set.body, metric, volume)
         # the narrowest spacing of all ranks bounds the step (79), so that it does not depend on their number
-        spacing = particle_set.spacing.min(axis=1) * (1.0 if on_lattices is None else on_lattices.stable_part)
-        self.spacing = minimum(comm, float(spacing.min(initial=np.inf)))
+        self.spacing = minimum(comm, float(particle_set.spacing.min(initial=np.inf)))
 
-    def _smoothing(self, on_lattices: LatticeBodies | None) -> Any:
+    def _smoothing(self) -> Any:
         """h/dx, (n, 1) where bodies on lattices have their own."""
-        if on_lattices is None:
+        if self.on_lattices is None:
             return self.settings.smoothing
-        own = on_lattices.reach / self.pairs.weights.support
+        own = self.on_lattices.reach / self.pairs.weights.support
         return np.where(own > 0.0, own, self.settings.smoothing)[:, None]
 
-    def _pair_system(self, particle_set: Any, kinds: list[str], on_lattices: LatticeBodies | None) -> PairSystem:
+    def _pair_system(self, particle_set: Any, kinds: list[str]) -> PairSystem:
         settings, boundaries, surface = self.settings, self.boundaries, None
         if "closure" in kinds:
             here = np.array(kinds)[particle_set.body] == "closure"
             surface = (surface_area(self.comm, particle_set, boundaries.planes, here), boundaries.share, here)
-        lattices = None if on_lattices is None else on_lattices.lattices
+        lattices = None if self.on_lattices is None else self.on_lattices.lattices
         weights = SmoothedWeights(smoothing_kernel(settings.kernel), float(settings.dissipation), surface, lattices)
         return PairSystem(self.comm, self.particles, self.space, weights, self._terms(), boundaries.codes)
 
@@ -178,7 +177,12 @@ class TotalLagrangianSPH(PairMethod):
         return largest_wave_modulus(self.space, block.first, block.last, block.law, self.body_of(block))
 
     def _group_step(self, block: MaterialBlock, modulus: float) -> float:
-        return self.settings.cfl * self.spacing * np.sqrt(block.law.density / modulus)
+        step = self.settings.cfl * self.spacing * np.sqrt(block.law.density / modulus)
+        if self.on_lattices is None:
+            return step
+        shear = elastic_moduli(block.law)[0] + total_modulus(block.law.branch_moduli)
+        pressure, shear = np.sqrt(modulus / block.law.density), np.sqrt(shear / block.law.density)
+        return min(step, self.spacing * self.on_lattices.largest_step(pressure, shear))
 
     def body_of(self, block: MaterialBlock) -> Body:
         """The particle arrays as a block's law sees them."""
