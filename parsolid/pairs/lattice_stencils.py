@@ -33,14 +33,14 @@ _AT_END = {(0, 1): 59 / 96, (0, 2): -1 / 12, (0, 3): -1 / 32, (1, 2): 59 / 96, (
 class Axis(NamedTuple):
     """Nodes along an axis, their distance [m], and whether a mirror plane is at the lower and the upper end."""
 
-    count: int
+    nodes: int
     step: float
     mirrored: tuple[bool, bool]
 
     @property
     def wide(self) -> bool:
         """Whether the operator of fourth order fits."""
-        return self.count + (self.count - 1) * sum(self.mirrored) >= FEWEST
+        return self.nodes + (self.nodes - 1) * sum(self.mirrored) >= FEWEST
 
     @property
     def highest_frequency(self) -> float:
@@ -48,7 +48,7 @@ class Axis(NamedTuple):
 
         A mirrored axis has frequencies of one of twice its length; more than 16 nodes change nothing.
         """
-        nodes = min(self.count + (self.count - 1) * sum(self.mirrored), 16)
+        nodes = min(self.nodes + (self.nodes - 1) * sum(self.mirrored), 16)
         free = Axis(nodes, 1.0, (False, False))
         norm, operator = np.sqrt(_norms(free)), _operator(free)
         slope = np.zeros((nodes, nodes + 2 * WIDEST))
@@ -99,7 +99,7 @@ def _with_images(
         beyond = np.ones(len(result), bool)
         for k, axis in enumerate(axes):
             if other[k] != side[k]:
-                end = 0 if side[k] < 0 else axis.count - 1
+                end = 0 if side[k] < 0 else axis.nodes - 1
                 beyond &= axis.mirrored[0 if side[k] < 0 else 1] & (index[k] == end)
         result |= beyond & found
     return result
@@ -113,7 +113,7 @@ def box_stencils(index: list[np.ndarray], axes: list[Axis]) -> Stencils:
     result = Stencils(np.zeros((n, d, 2 * WIDEST + 1)), np.prod(own, axis=0), np.zeros((n, d)))
     for k, axis in enumerate(axes):
         across = np.ones(n)
-        result.area[:, k] = (index[k] == axis.count - 1).astype(float) - (index[k] == 0)
+        result.area[:, k] = (index[k] == axis.nodes - 1).astype(float) - (index[k] == 0)
         for j in range(d):
             if j != k:
                 across = across * norms[j]
@@ -124,30 +124,30 @@ def box_stencils(index: list[np.ndarray], axes: list[Axis]) -> Stencils:
 
 def _share(axis: Axis, index: np.ndarray) -> np.ndarray:
     """Half on mirror planes."""
-    on = (axis.mirrored[0] & (index == 0)).astype(int) + (axis.mirrored[1] & (index == axis.count - 1))
+    on = (axis.mirrored[0] & (index == 0)).astype(int) + (axis.mirrored[1] & (index == axis.nodes - 1))
     return np.asarray(0.5**on)
 
 
 def _norms(axis: Axis) -> np.ndarray:
     """H (count,) of an axis; whole on mirror planes."""
     end = _NORM if axis.wide else np.array([0.5])
-    norm = np.ones(axis.count)
+    norm = np.ones(axis.nodes)
     if not axis.mirrored[0]:
         norm[: len(end)] = end
     if not axis.mirrored[1]:
-        norm[axis.count - len(end) :] = end[::-1]
+        norm[axis.nodes - len(end) :] = end[::-1]
     return norm
 
 
 def _operator(axis: Axis) -> np.ndarray:
     """q (count, 7) of an axis, by node and offset."""
-    return np.array([[_entry(axis, i, o) for o in range(-WIDEST, WIDEST + 1)] for i in range(axis.count)])
+    return np.array([[_entry(axis, i, o) for o in range(-WIDEST, WIDEST + 1)] for i in range(axis.nodes)])
 
 
 def _entry(axis: Axis, i: int, offset: int) -> float:
     """q of node i and the one at an offset, which may be an image."""
     low, high = min(i, i + offset), max(i, i + offset)
-    last, sign = axis.count - 1, float(np.sign(offset))
+    last, sign = axis.nodes - 1, float(np.sign(offset))
     if (low < 0 and not axis.mirrored[0]) or (high > last and not axis.mirrored[1]) or offset == 0:
         return 0.0
     if not axis.wide:

@@ -66,10 +66,10 @@ def lattice_faults(wanted: str, scene: Any) -> list[Detail]:
         return []
     found = [f"{reason} in bodies.{i}" for i, reason in enumerate(reasons) if reason is not None]
     if found:
-        return [(("weights",), expected, Phrase(", ".join(found)))]
+        return [(("method", "weights"), expected, Phrase(", ".join(found)))]
     touching = [f"bodies.{i} and bodies.{j}" for i, others in enumerate(bonded) for j in others if i < j]
     expected = f'for "{wanted}" bodies farther apart than a kernel reaches, as those that touch are bonded by a kernel'
-    return [(("weights",), expected, Phrase(", ".join(touching)))] if touching else []
+    return [(("method", "weights"), expected, Phrase(", ".join(touching)))] if touching else []
 
 
 def _touching(scene: Any) -> list[list[int]]:

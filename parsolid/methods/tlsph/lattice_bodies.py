@@ -91,14 +91,14 @@ def _frequency(axes: list[Axis], wide: bool, box: bool) -> float:
     """Of pressure waves along all axes at once, times the least step."""
     least, found = min(axis.step for axis in axes), []
     for axis in axes:
-        single = not box or (axis.count == 2 and not any(axis.mirrored))
+        single = not box or (axis.nodes == 2 and not any(axis.mirrored))
         cells = _ONE_CELL if single else _MORE_CELLS
         found.append((axis.highest_frequency if wide else cells) * least / axis.step)
     return float(np.linalg.norm(found))
 
 
 def _no_room(body: int, axes: list[Axis]) -> str:
-    counts = [axis.count for axis in axes]
+    counts = [axis.nodes for axis in axes]
     return (
         'method.weights: expected for "fourth-order" an axis with 8 nodes or more, those beyond mirror planes counted, '
         f"found particles = {counts} in bodies.{body}"

@@ -68,4 +68,4 @@ class TotalLagrangianSPH(MethodSettings):
         faults: list[Detail] = [
             (("boundaries", i, "kind"), expected, kind) for i, kind in kinds if kind == "antisymmetric"
         ]
-        return faults + [(("method", *key), *rest) for key, *rest in lattice_faults(self.pair_weights, scene)]
+        return faults + lattice_faults(self.pair_weights, scene)
