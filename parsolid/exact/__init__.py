@@ -5,7 +5,7 @@ from parsolid.exact.delayed_heat import DelayedMode, DelayedPulse
 from parsolid.exact.elastic_impact import ElasticImpact
 from parsolid.exact.heat import CosineMode, HeatedSlab, PlasticLayer
 from parsolid.exact.manufactured import AxisAligned, GeneralisedVortex
-from parsolid.exact.micro_layer import MicroLayer, MicroWave
+from parsolid.exact.micro_layer import FreeMicroWave, MicroLayer, MicroWave
 from parsolid.exact.shock import SteadyShock
 from parsolid.exact.uniaxial_creep import UniaxialCreep
 from parsolid.exact.viscoelastic_plate import ViscoelasticPlate
@@ -24,5 +24,6 @@ SOLUTIONS = {
     "delayed-heat-pulse": DelayedPulse,
     "elastic-impact": ElasticImpact,
     "micro-wave": MicroWave,
+    "free-micro-wave": FreeMicroWave,
     "micro-layer": MicroLayer,
 }

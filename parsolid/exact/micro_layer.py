@@ -1,6 +1,6 @@
 """A layer 0 < Y < H with micro-inertia whose velocity is prescribed: what v^p and gamma do across it.
 
-The micro-wave has a closed form, the sheared layer is solved by differences along Y that share no code with the
+The micro-waves have closed forms, the sheared layer is solved by differences along Y that share no code with the
 particles. Energetic length alone: no l2, l3 and conductivity.
 """
 
@@ -45,6 +45,34 @@ class MicroWave(Solution):
         return {
             "micro_rate": shapes @ (self.steady * (1.0 - np.cos(phase))),
             "plastic_strain": shapes @ (self.steady * strain),
+        }
+
+
+class FreeMicroWave(Solution):
+    """Matter at rest, free of stress, whose micro-velocity at the start is v0 + a cos(k Y), k = n pi/H, pi = 0 (t_pi is
+    long): a standing wave v^p = v0 + a cos(k Y) cos(w t), w = k l1/l_m sqrt(S0/rho), with a <= v0.
+    """
+
+    def __init__(self, law: Any, height: float, mode: float, rates: tuple[float, float]) -> None:
+        """law: a `MicroInertia` with l1; H [m], n, rates v0 and a [1/s]."""
+        self.wave_number, self.rates = mode * np.pi / height, rates
+        speed = law.energetic_length / law.inertia_length * np.sqrt(law.yield_stress / law.density)
+        self.frequency = float(self.wave_number * speed)
+
+    @classmethod
+    def of_scene(cls, scene: Any) -> "FreeMicroWave":
+        """For a scene's first body, a box from Y = 0, and the reference's rate v0, amplitude a [1/s] and mode n."""
+        given, body = scene.reference.parameters, scene.bodies[0]
+        rates = (given["rate"], given["amplitude"])
+        return cls(body.material.micro_inertia_law(), body.shape.model.upper[1], given["mode"], rates)
+
+    def fields(self, positions: np.ndarray, time: float) -> dict[str, np.ndarray]:
+        """micro_rate (n,) [1/s], plastic_strain (n,) at X (n, d) [m]."""
+        phase, (mean, amplitude) = self.frequency * time, self.rates
+        wave = amplitude * np.cos(positions[:, 1] * self.wave_number)
+        return {
+            "micro_rate": mean + wave * np.cos(phase),
+            "plastic_strain": mean * time + wave * np.sin(phase) / self.frequency,
         }
 
 

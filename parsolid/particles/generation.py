@@ -105,8 +105,9 @@ def _formulas(
         for key in ("velocity", "displacement"):
             if getattr(body, key) is not None:
                 yield ("bodies", i, key), getattr(body, key), here
-        if body.temperature is not None:
-            yield ("bodies", i, "temperature"), _as_vector(body.temperature), here
+        for key in ("temperature", "micro_rate"):
+            if getattr(body, key) is not None:
+                yield ("bodies", i, key), _as_vector(getattr(body, key)), here
         for row, formulas in enumerate(body.deformation_gradient or ()):
             yield ("bodies", i, "deformation_gradient", row), formulas, here
     for i, boundary in enumerate(scene.boundaries):
@@ -133,6 +134,8 @@ def _not_finite(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray
         wanted, sound = "a finite value", np.isfinite(values)
         if key[0] == "bodies" and key[-1] == "temperature":
             wanted, sound = "a temperature of at least 0 K", sound & (values >= 0.0)
+        if key[0] == "bodies" and key[-1] == "micro_rate":
+            wanted, sound = "a rate that is not negative (plastic flow does not run backwards)", sound & (values >= 0.0)
         for component in range(len(formulas)):
             bad = rows[~sound[:, component]]
             worst = bad[np.argmin(particle_set.identifier[bad])] if len(bad) else None

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from parsolid.scene.initial import (
         initial_deformation_gradient,
         initial_displacement,
+        initial_micro_rate,
         initial_temperature,
         initial_velocity,
         initial_zero_energy_temperature,
@@ -29,6 +30,7 @@ __all__ = [
     "dump_scene",
     "initial_deformation_gradient",
     "initial_displacement",
+    "initial_micro_rate",
     "initial_temperature",
     "initial_velocity",
     "initial_zero_energy_temperature",

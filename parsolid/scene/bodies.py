@@ -97,6 +97,9 @@ class Body(FilledShape):
     temperature: InitialScalar | None = Field(
         None, description="the initial temperature [K], that of the material unless given"
     )
+    micro_rate: InitialScalar | None = Field(
+        None, description="the initial micro-velocity v^p [1/s] of micro-inertia, 0 unless given"
+    )
     heated: Literal["stress-free", "at-constant-volume"] | None = Field(
         None,
         description="'stress-free' at its temperature, as if not given, or heated 'at-constant-volume' to it",
@@ -115,4 +118,7 @@ class Body(FilledShape):
     def _heated_from_somewhere(self) -> "Body":
         if self.heated is not None and (self.temperature is None or self.material.kind != "elastic-plastic"):
             reject((("heated",), "no such key but for an elastic-plastic body with a temperature", self.heated))
+        if self.micro_rate is not None and not getattr(self.material, "inertia_length", None):
+            found = self.micro_rate.source
+            reject((("micro_rate",), "no such key but for a body of micro-inertia with an inertia_length", found))
         return self

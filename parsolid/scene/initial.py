@@ -47,6 +47,18 @@ def initial_temperature(scene: Scene, body: np.ndarray, position: np.ndarray, us
     return result
 
 
+def initial_micro_rate(scene: Scene, body: np.ndarray, position: np.ndarray) -> np.ndarray | None:
+    """Initial micro-velocity v^p (n,) [1/s], 0 in bodies that state none; None when no body has one."""
+    if all(one.micro_rate is None for one in scene.bodies):
+        return None
+    result = np.zeros(len(position))
+    for i, one in enumerate(scene.bodies):
+        if one.micro_rate is not None:
+            here = np.flatnonzero(body == i)
+            result[here] = one.micro_rate.evaluate(position[here])
+    return result
+
+
 def initial_zero_energy_temperature(
     scene: Scene, body: np.ndarray, temperature: np.ndarray, reference: float
 ) -> np.ndarray:

@@ -64,6 +64,7 @@ SOLUTIONS_KNOWN = {
     "delayed-heat-pulse": ((("start", "amplitude", "centre", "width"),), _MICRO),
     "elastic-impact": ((("speed",),), _MICRO),
     "micro-wave": ((("rate", "amplitude", "mode"),), _MICRO),
+    "free-micro-wave": ((("rate", "amplitude", "mode"),), _MICRO),
     "micro-layer": ((("height", "rate"),), _MICRO),
 }
 

@@ -74,12 +74,10 @@ def test_momentum_is_kept_while_lists_are_made_anew(comm):
 
 
 def test_restart_is_bitwise(comm, shared_path):
-    """Stopped between two lists and continued: the last rows of the history have the same digits."""
-    text = json.dumps(spinning() | {"end_time": 4e-6})
-    path = shared_path / "scene.json"
-    data = spinning()
-    data["end_time"] = 4e-6
-    del text, path
+    """Stopped between two lists and continued, with migration before and after: the last rows have the same digits."""
+    data = spinning() | {"end_time": 4e-6}
+    data["method"]["skin"] = 0.03
+    data["bodies"][0]["velocity"] = ["-6e4*(Y - 0.012)", "6e4*(X - 0.012)"]
     toml = as_toml(data)
     if comm.rank == 0:
         (shared_path / "scene.toml").write_text(toml)
@@ -88,11 +86,15 @@ def test_restart_is_bitwise(comm, shared_path):
     arguments = ["run", str(shared_path / "scene.toml"), "-q", "--set", "output.history_steps=1"]
     assert main([*arguments, "-o", str(whole)]) == 0
     assert main([*arguments, "-o", str(parts), "--max-steps", "37"]) == 0
+    stopped = (parts / "summary.json").read_text()
+    comm.barrier()
     assert main([*arguments, "-o", str(parts), "--restart"]) == 0
     if comm.rank == 0:
         first, second = ([*csv.reader(open(folder / "history.csv"))] for folder in (whole, parts))
         assert first[-1] == second[-1]
         assert len(first) == len(second) > 60
+        half, end = (json.loads(text)["migrated_particles"] for text in (stopped, (parts / "summary.json").read_text()))
+        assert comm.size == 1 or 0 < half < end
 
 
 def as_toml(data) -> str:

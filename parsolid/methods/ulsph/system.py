@@ -29,7 +29,13 @@ from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field
 from parsolid.particles.generated import declare_generated
 from parsolid.particles.particle_set import ParticleSet
-from parsolid.scene import Scene, initial_displacement, initial_temperature, initial_velocity
+from parsolid.scene import (
+    Scene,
+    initial_displacement,
+    initial_micro_rate,
+    initial_temperature,
+    initial_velocity,
+)
 
 # norm of the inverse of a moment above which it is scaled down, see `layout.bounded_inverse`: 10 fails at 600 m/s
 _MOST = 6.0
@@ -104,6 +110,10 @@ class UpdatedLagrangianSPH(PairMethod):
             rows("position")[:] += displacement
         usual = np.array([law.reference_temperature for law in self.laws])[self.particles.law_of_body]
         rows("temperature")[:] = initial_temperature(scene, particle_set.body, particle_set.position, usual)
+        flowing = initial_micro_rate(*place)
+        if flowing is not None:
+            held = self.boundaries.held_micro
+            rows("micro_rate")[:] = flowing if held is None else np.where(held, 0.0, flowing)
         self.boundaries.hold_motion(0.0)
         for update, block, body in self.updates.each():
             update.begin(scene, block, body)
