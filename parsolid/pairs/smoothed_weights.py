@@ -9,6 +9,8 @@ from parsolid.numerics.lanes import WIDTH, aligned_zeros
 from parsolid.pairs import weights
 from parsolid.pairs.closure import close
 from parsolid.pairs.lattice_pairs import Lattices, fill_lattice_weights, keep_lattice_pairs, keep_near_jumps
+from parsolid.pairs.mean_impedance import whole_jump_factors
+from parsolid.pairs.terms import MeanRiemann
 from parsolid.pairs.weights import PairWeights
 
 
@@ -59,6 +61,8 @@ class SmoothedWeights(PairWeights):
             weights.jump_factors(self.dissipation, pairs, places, correction)
             if self.lattices is not None:
                 keep_near_jumps(self.lattices, pairs, places, system.positions)
+            if isinstance(system.terms, MeanRiemann):
+                whole_jump_factors(pairs, correction.shape[1])
         return correction[: system.owned]
 
 

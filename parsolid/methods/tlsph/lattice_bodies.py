@@ -14,6 +14,8 @@ from parsolid.scene.fillings import filling_of
 
 # what bounds a step: on the axes of frequencies and of damping the region of three-stage Runge-Kutta schemes ends here
 _RK3_FREQUENCY, _RK3_DAMPING = 1.7320, 2.5127
+# of leapfrog, twice as many steps, and the damping of small free bodies at Poisson's ratio 0.4999
+_LEAPFROG = 0.56
 # part of a bound that is used
 _SAFETY = 0.95
 # highest frequency of cells along an axis with steps of 1 m and waves of 1 m/s: of one cell, which bounds any union of
@@ -45,6 +47,14 @@ class LatticeBodies(NamedTuple):
         """
         decay = 2.0 * self.damping * (pressure + (self.lattices.spacing.shape[1] - 1) * shear)
         return _SAFETY * min(_RK3_FREQUENCY / (self.frequency * pressure), _RK3_DAMPING / decay)
+
+    @property
+    def wave_weights(self) -> tuple[float, float]:
+        """Of c_p and c_s in the speed that takes a spacing in the largest step of leapfrog, w^2 dt^2 + 2 b dt = 4.
+
+        The alternating wave has no frequency, only the damping b; waves of the highest frequency have a little of it.
+        """
+        return max(self.damping, _LEAPFROG * self.frequency), self.damping * (self.lattices.spacing.shape[1] - 1)
 
 
 def put_on_lattices(
