@@ -94,7 +94,8 @@ def put_on_lattices(
         frequency = max(frequency, _frequency(axes, wide, scene.bodies[body].shape.kind == "box"))
         damping = max(damping, _DAMPING["fourth-order" if wide else "cells"])
     raise_together(comm, fault)
-    return LatticeBodies(lattices, reach, frequency, damping)
+    # less dissipation than the usual does not make the step longer
+    return LatticeBodies(lattices, reach, frequency, damping * max(1.0, scene.method.dissipation))
 
 
 def _frequency(axes: list[Axis], wide: bool, box: bool) -> float:
