@@ -199,9 +199,10 @@ def test_the_dissipation_makes_no_motion_grow(weights, least):
 @pytest.mark.parametrize("weights", ["cells", "fourth-order"])
 @pytest.mark.parametrize("particles", [(9, 8, 8), (2, 4, 9)], ids=["box", "thin"])
 @pytest.mark.parametrize("ratio", [0.0, 0.3, 0.499])
-def test_waves_of_every_length_are_stable(weights, particles, ratio):
+@pytest.mark.parametrize("integrator", ["ssp-rk3", "leapfrog"])
+def test_waves_of_every_length_are_stable(weights, particles, ratio, integrator):
     data = tables(particles, material=RUBBER | {"poissons_ratio": ratio, "branches": [{"beta": 2.0, "tau": 1e3}]})
-    data["method"]["weights"] = weights
+    data["method"] |= {"weights": weights, "integrator": integrator}
     if weights == "fourth-order" and max(particles) < 8:
         pytest.skip("no room")
     sim = simulation(data)
@@ -209,7 +210,8 @@ def test_waves_of_every_length_are_stable(weights, particles, ratio):
     velocity[:] = np.random.default_rng(0).normal(size=velocity.shape)
     rows = follow(sim, Record(), 400)
     total = rows["kinetic"] + rows["stored"]
-    assert np.diff(total).max() < 1e-3 * total[0]
+    # leapfrog's energy swings with its highest frequency
+    assert total.max() < (1.001 if integrator == "ssp-rk3" else 1.3) * total[0]
     assert total[-1] < 0.5 * total[0]
 
 
