@@ -15,7 +15,11 @@ DENSITY, YOUNGS_MODULUS, POISSONS_RATIO = 1100.0, 17e6, 0.45
 SIDE = 0.5
 # length of the block [m], end of the series [s], initial velocity [m/s] of places (X, Y, Z), what is observed
 CASES = {
-    "torsion": (6.0, 0.25, lambda X, Y, Z: (0.1 * np.sin(np.pi * Y / 12) * Z, 0 * Y, -0.1 * np.sin(np.pi * Y / 12) * X)),
+    "torsion": (
+        6.0,
+        0.25,
+        lambda X, Y, Z: (0.1 * np.sin(np.pi * Y / 12) * Z, 0 * Y, -0.1 * np.sin(np.pi * Y / 12) * X),
+    ),
     "bending": (3.0, 0.5, lambda X, Y, Z: (0.1 * (1 - np.cos(np.pi * Y / 6)), 0 * Y, 0 * Y)),
 }
 
@@ -43,9 +47,9 @@ class Block:
         self.slope, self.elements = derivative * 2.0 / SIDE, int(np.prod(cells))
         lines = [np.arange(count)[:, None] * order + np.arange(n) for count in cells]
         counts = [count * order + 1 for count in cells]
-        grid = np.ravel_multi_index(
-            np.ix_(*(line.ravel() for line in lines)), counts
-        ).reshape(cells[0], n, cells[1], n, cells[2], n)
+        grid = np.ravel_multi_index(np.ix_(*(line.ravel() for line in lines)), counts).reshape(
+            cells[0], n, cells[1], n, cells[2], n
+        )
         self.of_element = grid.transpose(0, 2, 4, 1, 3, 5).reshape(self.elements, n, n, n)
         self.weight = np.einsum("i,j,k->ijk", weights, weights, weights) * (SIDE / 2) ** 3
         self.total = int(np.prod(counts))
@@ -54,7 +58,9 @@ class Block:
         ends = [(step[:, None] + SIDE * (nodes + 1) / 2)[:, :order].ravel() for step in steps]
         axes = [np.append(end, SIDE * count) for end, count in zip(ends, cells)]
         self.places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3) - (0.5, 0.0, 0.5)
-        speed = np.sqrt(YOUNGS_MODULUS * (1 - POISSONS_RATIO) / (1 + POISSONS_RATIO) / (1 - 2 * POISSONS_RATIO) / DENSITY)
+        speed = np.sqrt(
+            YOUNGS_MODULUS * (1 - POISSONS_RATIO) / (1 + POISSONS_RATIO) / (1 - 2 * POISSONS_RATIO) / DENSITY
+        )
         self.step = 0.3 * SIDE * (nodes[1] - nodes[0]) / 2 / speed
 
     def gathered(self, values: np.ndarray) -> np.ndarray:
@@ -66,8 +72,10 @@ class Block:
         shear = YOUNGS_MODULUS / 2 / (1 + POISSONS_RATIO)
         lame = 2 * shear * POISSONS_RATIO / (1 - 2 * POISSONS_RATIO)
         local, D = u[self.of_element], self.slope
-        G = np.stack([np.einsum(f"{a}m,{b}c->eijkc", D, local) for a, b in
-                      (("i", "emjk"), ("j", "eimk"), ("k", "eijm"))], axis=-1)
+        G = np.stack(
+            [np.einsum(f"{a}m,{b}c->eijkc", D, local) for a, b in (("i", "emjk"), ("j", "eimk"), ("k", "eijm"))],
+            axis=-1,
+        )
         strain = 0.5 * (G + G.swapaxes(-1, -2))
         stress = 2 * shear * strain + lame * np.trace(G, axis1=-2, axis2=-1)[..., None, None] * np.eye(3)
         energy = 0.5 * np.einsum("eijkcd,eijkcd,ijk->", stress, strain, self.weight)
