@@ -39,13 +39,14 @@ class LatticeBodies(NamedTuple):
     frequency: float
     damping: float
 
-    def largest_step(self, pressure: float, shear: float) -> float:
-        """Largest step, in spacings, of SSP-RK3 for waves of these speeds.
+    def largest_step(self, pressure: float, shear: float, dissipation: float) -> float:
+        """Largest step, in spacings, of SSP-RK3 for waves of these speeds and a factor on the dissipation.
 
         The dissipation acts on nearest neighbours with the impedances of both waves: a velocity that alternates from
-        node to node along every axis decays at the rate 2 [c_p + (d - 1) c_s] times `damping`.
+        node to node along every axis decays at the rate 2 [c_p + (d - 1) c_s] times `damping`. Less dissipation than
+        the usual does not make the step longer.
         """
-        decay = 2.0 * self.damping * (pressure + (self.lattices.spacing.shape[1] - 1) * shear)
+        decay = 2.0 * self.damping * max(1.0, dissipation) * (pressure + (self.lattices.spacing.shape[1] - 1) * shear)
         return _SAFETY * min(_RK3_FREQUENCY / (self.frequency * pressure), _RK3_DAMPING / decay)
 
     @property
@@ -94,8 +95,7 @@ def put_on_lattices(
         frequency = max(frequency, _frequency(axes, wide, scene.bodies[body].shape.kind == "box"))
         damping = max(damping, _DAMPING["fourth-order" if wide else "cells"])
     raise_together(comm, fault)
-    # less dissipation than the usual does not make the step longer
-    return LatticeBodies(lattices, reach, frequency, damping * max(1.0, scene.method.dissipation))
+    return LatticeBodies(lattices, reach, frequency, damping)
 
 
 def _frequency(axes: list[Axis], wide: bool, box: bool) -> float:

@@ -197,7 +197,7 @@ class TotalLagrangianSPH(PairMethod):
             return step
         shear = elastic_moduli(block.law)[0] + total_modulus(block.law.branch_moduli)
         pressure, shear = np.sqrt(modulus / block.law.density), np.sqrt(shear / block.law.density)
-        return min(step, self.spacing * self.on_lattices.largest_step(pressure, shear))
+        return min(step, self.spacing * self.on_lattices.largest_step(pressure, shear, self.settings.dissipation))
 
     def body_of(self, block: MaterialBlock) -> Body:
         """The particle arrays as a block's law sees them."""
