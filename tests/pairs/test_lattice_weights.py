@@ -236,6 +236,7 @@ def test_the_best_weights_of_bodies_side_by_side_are_those_that_each_has_alone(c
         return data
 
     alone, together = [simulation(scene(i), comm) for i in range(3)], simulation(scene(0, 1, 2), comm)
+    assert together.systems[0].summary() == {"pair_weights": ["fourth-order", "closure", "kernel"]}
     volumes = [gathered(sim, "volume")[0] for sim in alone]
     assert len({tuple(np.sort(one)[[0, -1]]) for one in volumes}) == 3
     assert np.allclose(gathered(together, "volume")[0], np.concatenate(volumes), rtol=1e-14)

@@ -51,13 +51,13 @@ class TotalLagrangianSPH(PairMethod):
         # of each block, as its law is; what a stage does is other numbers at every call
         self._advance_strain = RecalledEach(advance_deformation, free=(5, 6))
         self._advance_motion = Recalled(motion.advance_motion, free=(2,))
-        kinds = weights_of_bodies(self.settings.pair_weights, scene)
-        closed = frozenset(i for i, kind in enumerate(kinds) if kind in ON_LATTICES)
+        self.body_weights = weights_of_bodies(self.settings.pair_weights, scene)
+        closed = frozenset(i for i, kind in enumerate(self.body_weights) if kind in ON_LATTICES)
         self.boundaries = build_boundaries(comm, scene, particle_set, self.particles, closed)
-        self.on_lattices = put_on_lattices(comm, scene, particle_set, self.boundaries.planes, kinds)
+        self.on_lattices = put_on_lattices(comm, scene, particle_set, self.boundaries.planes, self.body_weights)
         share = self.boundaries.share
         self.branches = maximum(comm, max((block.branches for block in self.blocks), default=0))
-        self.pairs = self._pair_system(particle_set, kinds)
+        self.pairs = self._pair_system(particle_set)
         fixed, staged = self.settings.reference == "fixed", self.settings.integrator == "ssp-rk3"
         self.leapfrog = None if staged else Leapfrog(self)
         self.evaluations = len(self.stages) if staged else 1
@@ -81,10 +81,10 @@ class TotalLagrangianSPH(PairMethod):
         own = self.on_lattices.reach / self.pairs.weights.support
         return np.where(own > 0.0, own, self.settings.smoothing)[:, None]
 
-    def _pair_system(self, particle_set: Any, kinds: list[str]) -> PairSystem:
+    def _pair_system(self, particle_set: Any) -> PairSystem:
         settings, boundaries, surface = self.settings, self.boundaries, None
-        if "closure" in kinds:
-            here = np.array(kinds)[particle_set.body] == "closure"
+        if "closure" in self.body_weights:
+            here = np.array(self.body_weights)[particle_set.body] == "closure"
             surface = (surface_area(self.comm, particle_set, boundaries.planes, here), boundaries.share, here)
         lattices = None if self.on_lattices is None else self.on_lattices.lattices
         weights = SmoothedWeights(smoothing_kernel(settings.kernel), float(settings.dissipation), surface, lattices)
@@ -303,8 +303,9 @@ class TotalLagrangianSPH(PairMethod):
         return super().unsound()
 
     def summary(self) -> dict[str, Any]:
-        """How often the reference was moved."""
-        return {} if self.reference is None else {"reference_updates": self.reference.updates}
+        """How often the reference was moved, and which weights each body has where a scene leaves the choice."""
+        moved = {} if self.reference is None else {"reference_updates": self.reference.updates}
+        return moved if self.settings.weights != "best" else {**moved, "pair_weights": list(self.body_weights)}
 
     def advice(self) -> str:
         """What most likely helps."""
