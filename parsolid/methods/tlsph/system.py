@@ -211,13 +211,16 @@ class TotalLagrangianSPH(PairMethod):
         return self.reference is not None and self.reference.asks
 
     def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
-        """One step, stage by stage of the integrator, as eqs (70)-(77) say."""
-        sound = self.reference is None or self.reference.follow(self.news_anywhere)
-        if not sound:
+        """One step by the scene's integrator, of a reference that follows where it is moved; collective."""
+        if self.reference is not None and not self.reference.follow(self.news_anywhere):
             announce(False, 0.0)
             return False
-        if self.leapfrog is not None:
-            return self.leapfrog.advance(time, step, ledger, announce)
+        advance = self.advance_in_stages if self.leapfrog is None else self.leapfrog.advance
+        return advance(time, step, ledger, announce)
+
+    def advance_in_stages(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
+        """One step, stage by stage of the integrator, as eqs (70)-(77) say."""
+        sound = True
         for stage in self.stages:
             self.pairs.gradient("motion")
             positive, internal, stable = self.advance_deformation(stage, step)
