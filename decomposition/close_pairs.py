@@ -203,6 +203,22 @@ class ClosePairs:
         forward = strips.windows[strips.windows[:, 1] >= 0].copy()
         return (*self._rows(own, own, forward, True), *self._rows(own, ghosts, strips.windows, False))
 
+    def across(
+        self, points: np.ndarray, radius: np.ndarray, others: np.ndarray, other_radius: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Pairs of points (n, d) [m] and others (m, d) with radii (n,), (m,) [m]: start (n + 1,) and rows of the others
+        int32, as `find` gives them for owned points and ghosts.
+        """
+        points, others = checked_points(points), checked_points(others)
+        if not (len(points) and len(others)):
+            return np.zeros(len(points) + 1, np.int64), np.empty(0, np.int32)
+        both = [checked_bounds(points), checked_bounds(others)]
+        bounds = np.minimum(both[0][0], both[1][0]), np.maximum(both[0][1], both[1][1])
+        strips = strips_of(*bounds, float(radius.max() + other_radius.max()))
+        first = _sorted(points, np.ascontiguousarray(radius), 0, *strips.order(points))
+        second = _sorted(others, np.ascontiguousarray(other_radius), 0, *strips.order(others))
+        return self._rows(first, second, strips.windows, False)
+
     def _rows(self, own: _Sorted, others: _Sorted, windows: np.ndarray, later: bool) -> tuple[np.ndarray, np.ndarray]:
         begin = np.zeros(len(own.row) + 1, np.int64)
         if len(others.row):

@@ -17,7 +17,7 @@ from decomposition.halo import Halo
 from decomposition.migration import migrate
 from decomposition.partition import bisect
 from parsolid.collective import maximum, raise_together
-from parsolid.pairs.candidates import Reach, coincident, mirror_candidates
+from parsolid.pairs.candidates import coincident
 from parsolid.pairs.displacement import Allowance, body_bounds, body_motions, skin_use
 from parsolid.pairs.lists import Images, InnerList, OneSidedList
 from parsolid.pairs.pair_lists import PairLists
@@ -170,13 +170,20 @@ class MovingPairs(PairLists):
     def _images(self, positions: np.ndarray, radius: np.ndarray, body: np.ndarray) -> OneSidedList:
         """Pairs of owned particles with images behind mirror planes."""
         codes, d = self.codes, positions.shape[1]
-        reach = Reach(np.ones(d), self.reach * _HAIR)
-        start, neighbour, code = mirror_candidates(positions, body, self.owned, codes, reach)
-        row = np.repeat(np.arange(self.owned), np.diff(start))
-        images = positions[neighbour] * codes.reflections[code, :d] + codes.shifts[code, :d]
-        near = ((positions[row] - images) ** 2).sum(axis=1) < (radius[row] + radius[neighbour]) ** 2
-        start = np.concatenate(([0], np.cumsum(np.bincount(row[near], minlength=self.owned))))
-        return OneSidedList(start, neighbour[near], np.empty((0, 4)), Images(code[near], codes.table(d)))
+        rows, neighbours, kinds = [], [], []
+        for code in range(len(codes.signs)):
+            near = codes.near(positions, body, code, np.full(d, self.reach * _HAIR))
+            receivers = np.flatnonzero(near[: self.owned])
+            givers = np.flatnonzero(near & ~codes.on_planes(positions, code))
+            images = positions[givers] * codes.reflections[code, :d] + codes.shifts[code, :d]
+            start, image = self._search.across(positions[receivers], radius[receivers], images, radius[givers])
+            rows.append(np.repeat(receivers, np.diff(start)))
+            neighbours.append(givers[image].astype(np.int32))
+            kinds.append(np.full(len(image), code, np.int8))
+        row, neighbour, kind = (np.concatenate(parts) for parts in (rows, neighbours, kinds))
+        order = np.argsort(row, kind="stable")
+        start = np.concatenate(([0], np.cumsum(np.bincount(row, minlength=self.owned))))
+        return OneSidedList(start, neighbour[order], np.empty((0, 4)), Images(kind[order], codes.table(d)))
 
     def _check(self) -> None:
         """Raise SolverError on all ranks for what no list can be made of."""

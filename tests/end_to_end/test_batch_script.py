@@ -27,11 +27,11 @@ def submit(tmp_path, scene, folder, restarts: int = 0) -> subprocess.Popen:
     return subprocess.Popen(command, env=values, text=True, start_new_session=True, **pipes)
 
 
-def warned(job, folder) -> tuple[int, str]:
-    """Send the warning signal once steps are taken; exit status and output."""
+def warned(job, folder, number=signal.SIGUSR1) -> tuple[int, str]:
+    """Send the warning signal, or another, once steps are taken; exit status and output."""
     before = (folder / "history.csv").stat().st_ino if (folder / "history.csv").exists() else None
     wait_for(lambda: (folder / "history.csv").exists() and (folder / "history.csv").stat().st_ino != before, job)
-    os.kill(job.pid, signal.SIGUSR1)
+    os.kill(job.pid, number)
     result = finish(job)
     assert "Traceback" not in result.err, result.err
     return result.status, result.out
@@ -48,7 +48,12 @@ def test_the_script_puts_its_job_back_and_restarts(tmp_path):
     # put back as often as it may be: it stops for good, with the status that says that there is more to do
     status, out = warned(submit(tmp_path, long, folder, restarts=1), folder)
     assert status == 75 and out == "" and (tmp_path / "asked").read_text() == "requeue 17\n"
-    assert summary(folder)["status"] == "interrupted" and summary(folder)["steps"] > first["steps"]
+    second = summary(folder)
+    assert second["status"] == "interrupted" and second["steps"] > first["steps"]
+    # cancelled: a checkpoint, and not put back though it might be
+    status, out = warned(submit(tmp_path, long, folder), folder, signal.SIGTERM)
+    assert status == 75 and out == "" and (tmp_path / "asked").read_text() == "requeue 17\n"
+    assert summary(folder)["steps"] > second["steps"]
 
 
 def test_the_scripts_are_sound():
