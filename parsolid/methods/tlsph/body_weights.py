@@ -60,7 +60,7 @@ def lattice_faults(wanted: str, scene: Any) -> list[Detail]:
     expected = f'for "{wanted}" the nodes of a {shapes} (placement = "nodes"), two or more along each axis, no jitter'
     try:
         reasons = [_off_lattice(wanted, body, scene.dimension) for body in scene.bodies]
-        bonded = _touching(scene)
+        bonded = [] if any(reasons) else _touching(scene)
     except SceneError:
         # told where the body is
         return []
