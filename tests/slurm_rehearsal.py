@@ -134,13 +134,20 @@ class Rehearsal:
     def again(self, job: str, restarts: int) -> None:
         """Let a job that was put back so often start now."""
         self.until(lambda: int(self.show(job, "Restarts") or 0) >= restarts, "it is put back")
+        self.until(lambda: self.show(job, "JobState") == "PENDING", "it is in the queue")
+        # what Slurm's two minutes are for: its daemon has to be done with the job
+        time.sleep(10.0)
         self.slurm("scontrol", "update", f"JobId={job}", "StartTime=now")
 
     def ends(self, job: str, state: str = "COMPLETED") -> None:
         """Wait until a job has ended in a state."""
         over = ("COMPLETED", "FAILED", "CANCELLED", "TIMEOUT", "NODE_FAIL")
         self.until(lambda: self.show(job, "JobState") in over, "it ends")
-        assert self.show(job, "JobState") == state, self.slurm("scontrol", "show", "job", job)
+        log = Path(self.show(job, "StdOut"))
+        said = log.read_text()[-500:] if log.exists() else "no log"
+        assert self.show(job, "JobState") == state, (
+            f"{self.show(job, 'JobState')}, {self.show(job, 'ExitCode')}: {said}"
+        )
 
     def same(self, name: str) -> None:
         """A finished run's folder holds the bits of the uninterrupted one."""

@@ -25,6 +25,42 @@ class Course(Protocol):
         """(n, components) at points (n, d) [m] and a time [s], of a jump just after, or just before it."""
 
 
+@dataclass(frozen=True)
+class MeanOverFace:
+    """The mean of a course at places (k, d) [m] of a face, by their areas (k,) [m^2], wherever it is asked for."""
+
+    course: Course
+    places: np.ndarray
+    area: np.ndarray
+
+    @property
+    def depends_on_time(self) -> bool:
+        """Whether it changes."""
+        return self.course.depends_on_time
+
+    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
+        """(n, components), alike for all points (n, d)."""
+        mean = self.area @ self.course.evaluate(self.places, time, before) / self.area.sum()
+        return np.broadcast_to(mean, (len(points), len(mean)))
+
+
+@dataclass(frozen=True)
+class BeyondMean:
+    """What a course is more than its mean."""
+
+    course: Course
+    mean: MeanOverFace
+
+    @property
+    def depends_on_time(self) -> bool:
+        """Whether it changes."""
+        return self.course.depends_on_time
+
+    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
+        """(n, components) at points (n, d) [m] and a time [s]."""
+        return self.course.evaluate(points, time, before) - self.mean.evaluate(points, time, before)
+
+
 class Part(Protocol):
     """What adds to values in time."""
 

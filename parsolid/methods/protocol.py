@@ -140,6 +140,10 @@ class ParticleSystem:
             what = "a number is no longer finite"
         return index, what
 
+    def doubt(self) -> str | None:
+        """Why the state is beyond what the method describes; collective, the same on all ranks."""
+        return None
+
     def advice(self) -> str:
         """What most likely helps when a run goes wrong."""
         return "more particles, or a milder load"

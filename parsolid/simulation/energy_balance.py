@@ -1,6 +1,6 @@
 """Whether energy is kept: the ledger's balance against the largest energy a run has shown, and what its end says."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,7 +40,9 @@ class EnergyBalance:
         """Take a row in; scale: the energy [J] of which the balance has the round-off in any case; initial: the energy
         at time 0 [J]."""
         self.largest = max(self.largest, *(abs(row[name]) for name in ("kinetic", "stored", "work_external")))
-        self.worst, self.lost = max(abs(row["balance"]), self.worst), row["dissipation_numerical"]
+        # an equilibrium that was not reached may close the balance all the same: conjugate gradients always do
+        self.worst = max(abs(row["balance"]), row.get("residual_work", 0.0), self.worst)
+        self.lost = row["dissipation_numerical"]
         self.entered = max(self.entered, initial + row["work_external"])
         allowed = self.limits.balance_limit * self.largest + _ROUND_OFF * scale + np.finfo(float).tiny
         if not abs(row["balance"]) <= allowed:
@@ -54,9 +56,9 @@ class EnergyBalance:
         over = self.largest if self.largest > _ROUND_OFF * scale else scale
         return balance / over if over > 0.0 else None
 
-    def verdict(self, scale: float) -> dict[str, Any]:
+    def verdict(self, scale: float, doubts: Sequence[str] = ()) -> dict[str, Any]:
         """Entries of summary.json: the largest |balance| over the largest energy, numerical dissipation [J] and its
-        share of the energy that went in, and a word of trust with its reason.
+        share of the energy that went in, and a word of trust with its reason; doubts: why methods do not apply.
 
         "resolved" says that the energy is accounted for and that little of it went into the scheme: an answer needs
         that, but is not right by that alone.
@@ -72,9 +74,11 @@ class EnergyBalance:
             word = "dissipative"
             reason = f"the scheme, not the material, took {share:.2g} of the energy that went in"
             reason += f" (method.dissipation_warning = {limits.dissipation_warning:g})"
+        if doubts:
+            word, reason = "inapplicable", doubts[0]
         if not balance <= limits.balance_warning or self.broken is not None:
             word = "unbalanced"
-            reason = f"{balance:.2g} of the largest energy came from nowhere or went there"
+            reason = f"{balance:.2g} of the largest energy is not accounted for"
             reason += f" (method.balance_warning = {limits.balance_warning:g})"
         return {
             "energy_balance_largest": balance,

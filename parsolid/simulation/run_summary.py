@@ -20,6 +20,7 @@ def summary_of(
     evaluated = comm.allreduce(sum(system.evaluations * system.directed_pairs for system in systems)) * steps
     slowest = maximum(comm, spent.loop_seconds)
     waited = comm.allreduce(sum(system.communication_seconds for system in systems) + spent.waiting_seconds)
+    doubts = [doubt for doubt in (system.doubt() for system in systems) if doubt is not None]
     return {
         "scene": scene.title,
         "method": " and ".join(dict.fromkeys(system.settings.kind for system in systems)),
@@ -40,7 +41,7 @@ def summary_of(
         "nanoseconds_per_pair": slowest * ranks / (evaluated / 2) * 1e9 if evaluated else None,
         "communication_share": waited / (slowest * ranks) if steps else None,
         "energy_balance": None if balance is None else simulation.balance.relative(balance, simulation.energy_scale),
-        **simulation.balance.verdict(simulation.energy_scale),
+        **simulation.balance.verdict(simulation.energy_scale, doubts),
         "peak_memory_bytes_per_rank": maximum(comm, peak_memory_bytes()),
         **_of_methods(systems),
         "status": status,

@@ -9,9 +9,12 @@ from parsolid.solvers.conjugate_gradients import conjugate_gradients
 from parsolid.solvers.dynamic_relaxation import dynamic_relaxation, relaxation_mass
 from parsolid.solvers.power_iteration import largest_eigenvalue, start_vector
 from parsolid.solvers.solution import Solution
+from parsolid.solvers.two_level import Grid, TwoLevel
 
 __all__ = [
+    "Grid",
     "Solution",
+    "TwoLevel",
     "conjugate_gradients",
     "dynamic_relaxation",
     "largest_eigenvalue",

@@ -48,19 +48,26 @@ def conjugate_gradients(
     target: float,
     free: np.ndarray | None = None,
     limit: int | None = None,
+    precondition: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> Solution:
     """Solve K u = load on free components for a symmetric positive definite K; collective.
 
     load (n, d) [N], only its free components are looked at; ends when |load - K u|_2 over all ranks is at most target
     [N], after `limit` products (default: ten times the number of components), or when a direction has no positive
-    stiffness (`converged` is then false). Two global sums an iteration. Source: M. R. Hestenes, E. Stiefel, J. Res.
+    stiffness (`converged` is then false). Two global sums an iteration. precondition(r) gives M^-1 r (n, d), M
+    symmetric positive definite, of a residual that is 0 where not free. Source: M. R. Hestenes, E. Stiefel, J. Res.
     Nat. Bur. Standards 49 (1952) 409.
     """
     residual = (load.copy() if free is None else load * free).ravel()
     mask = None if free is None else np.ascontiguousarray(free, bool).ravel()
-    solution, direction, product = np.zeros_like(residual), residual.copy(), np.zeros(load.shape)
+
+    def better() -> np.ndarray:
+        return residual if precondition is None else precondition(residual.reshape(load.shape)).ravel()
+
+    turned = better()
+    solution, direction, product = np.zeros_like(residual), turned.copy(), np.zeros(load.shape)
     flat, shaped = product.ravel(), direction.reshape(load.shape)
-    square, count = sums(comm, [np.vdot(residual, residual), float(residual.size)])
+    square, power, count = sums(comm, [np.vdot(residual, residual), np.vdot(residual, turned), float(residual.size)])
     limit = 10 * int(count) if limit is None else limit
     iterations, reason = 0, ""
     while square > target * target and not reason:
@@ -75,9 +82,10 @@ def conjugate_gradients(
                 "a direction without positive stiffness" if np.isfinite(stiffness) else "a product that is not finite"
             )
             break
-        before = square
-        square = float(sums(comm, [_advance(square / stiffness, direction, flat, solution, residual)])[0])
-        _turn(square / before, residual, direction)
+        before, square = power, _advance(power / stiffness, direction, flat, solution, residual)
+        turned = better()
+        square, power = map(float, sums(comm, [square, np.vdot(residual, turned)]))
+        _turn(power / before, turned, direction)
     if not reason and not np.isfinite(square):
         reason = "a residual that is not finite"
     return Solution(solution.reshape(load.shape), iterations, float(np.sqrt(square)), not reason, reason)

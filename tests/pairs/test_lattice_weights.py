@@ -225,7 +225,9 @@ def test_any_number_of_ranks_makes_the_same_run(comm):
 
 def test_the_best_weights_of_bodies_side_by_side_are_those_that_each_has_alone(comm):
     def scene(*which):
-        data = tables([9, 5], method={"weights": "best"})
+        # images at the first plane for some of them, at the second for all
+        planes = supports(Y0=(0.0, "fixed"), Y1=(1.0, "roller"))
+        data = tables([9, 5], method={"weights": "best"}, boundaries=planes)
         whole = data["bodies"][0]
         shapes = [
             {"shape": {"box": {"lower": [0.0, 0.0], "upper": [2.0, 1.0]}}},

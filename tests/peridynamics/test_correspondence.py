@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bonds_of_bodies import PLANES, body_of, gathered, gradients, random_field, scene, stiffness
+from bonds_of_bodies import PLANES, SOFT, body_of, gathered, gradients, random_field, scene, stiffness
 from mpi4py import MPI
 from solids import run_steps, simulation
 
@@ -163,6 +163,44 @@ def test_the_energy_balance_closes_with_the_square_of_the_step(dimension, law):
     assert worst[1] < 0.3 * worst[0]
 
 
+@pytest.mark.parametrize("law", ["linear-elastic", "mooney-rivlin"])
+def test_a_body_of_small_strain_that_turns_is_told(comm, law):
+    """It grows by sqrt(1 + angle^2), and its energy balance knows nothing of it."""
+    data = scene(2, material={**SOFT, "kind": law}, jitter=0.0, body={"velocity": ["-0.3*(Y - 0.45)", "0.3*(X - 0.5)"]})
+    sim = simulation(data, comm)
+    said = []
+    for angle in (0.1, 0.2):
+        while sim.clock.time < angle / 0.3:
+            sim.take_step(sim.systems[0].stable_step())
+        said.append(sim.systems[0].doubt())
+    assert said[0] is None
+    assert (said[1] is not None and "of the volume has turned" in said[1]) == (law == "linear-elastic")
+
+
+@pytest.mark.parametrize("law", [{"kind": "mooney-rivlin", "zeta": 0.1}, {"kind": "prony", "strain": "finite"}])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_finite_strain_conserves_angular_momentum(dimension, law):
+    velocity = ["-2*Y + 0.1*sin(9*X)", "2*X", "0.1*sin(7*Y)"][:dimension]
+    material = {"terms": [], **law} if law["kind"] == "prony" else law
+    sim = simulation(scene(dimension, material=material, body={"velocity": velocity}))
+    one, found = sim.systems[0], []
+    for _ in range(50):
+        moment = np.einsum("n,ni,nj->ij", one.mass, one.particles.owned_rows("position"), one.velocity[:, :dimension])
+        found.append(moment - moment.T)
+        sim.take_step(one.stable_step())
+    assert np.abs(np.array(found) - found[0]).max() < ROUND_OFF * np.abs(found[0]).max()
+
+
+@pytest.mark.parametrize("stretch", [0.6, 1.5, 2.0])
+@pytest.mark.parametrize("law", [{"kind": "neo-hookean"}, LAWS["hyperelastic"]], ids=["elastic", "viscous"])
+def test_a_released_stretch_runs_with_the_default_safety(law, stretch):
+    """Stiffness grows with the stretch, and in the blow with which the free end comes back."""
+    data = scene(2, "fixed", material=law, jitter=0.0, body={"displacement": [f"{stretch - 1}*X", "0"]}, end_time=1e3)
+    sim, columns = run_steps(data, 150)
+    assert not sim.failed
+    assert np.abs(columns["balance"]).max() < 0.05 * columns["stored"][0]
+
+
 @pytest.mark.parametrize("loads", [{}, {"loads": {"body_force": ["3", "-2*X"]}}], ids=["free", "loaded"])
 def test_the_balance_of_one_kicked_particle_closes_to_rounding(loads):
     elastic = {"kind": "prony", "youngs_modulus": 3.0, "poissons_ratio": 0.25, "density": 1.1, "terms": []}
@@ -177,6 +215,21 @@ def test_the_balance_of_one_kicked_particle_closes_to_rounding(loads):
     largest = max(row["kinetic"] for row in rows)
     assert max(abs(row["leapfrog_oscillation"]) for row in rows) > 0.01 * largest
     assert max(abs(row["balance"]) for row in rows) < 1e-13 * largest
+
+
+@pytest.mark.parametrize("dimension", [1, 2], ids=["bar", "plane stress"])
+def test_what_relaxes_across_a_free_direction_within_a_step_is_dissipated(dimension):
+    """Released from a stretch, tau << dt: the lateral strain jumps in the first step, however short that is."""
+    material, worst = {**LAWS["elastic bulk"], "terms": [{"ratio": 2.0, "tau": 1e-7}]}, []
+    for safety, steps in ((0.2, 20), (0.05, 80)):
+        method = {"solution": {"kind": "explicit", "safety": safety}}
+        if dimension == 2:
+            method["plane"] = "stress"
+        body = {"displacement": ["0.01*X", "0"][:dimension]}
+        data = scene(dimension, "fixed", material=material, jitter=0.0, body=body, method=method)
+        _, columns = run_steps(data, steps)
+        worst.append(np.abs(columns["balance"]).max() / columns["stored"][0])
+    assert worst[1] < 4e-4 and worst[1] < 0.07 * worst[0]
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -4,6 +4,7 @@ ranks.
 
 import numpy as np
 import pytest
+from solids import simulation, tables
 
 from parsolid.materials.registry import laws_of
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
@@ -134,6 +135,43 @@ def test_forces_at_the_face_or_spread_are_not_exact_but_have_the_same_resultant(
 def test_irregular_particles_carry_the_force_of_the_face(comm):
     body = Body(comm, 2, plane="stress", filling=IRREGULAR)
     assert body.total() == pytest.approx(STRESS * area(2), rel=1e-11)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_traction_that_varies_over_its_face_carries_its_moment(comm, dimension):
+    """But for 1/N^2, what midpoints of N cells leave out of a square, and on top of a mean that is exact."""
+    pull = {"kind": "traction", "plane": "X = 1", "traction": ["1e4 + 1e4*(Y - 0.4)", "0", "0"][:dimension]}
+    body = Body(comm, dimension, boundaries=[{"kind": "roller", "plane": "X = 0"}, pull])
+    force, y = body.loads.external(0.0)[:, 0], body.particle_set.position[:, 1]
+    total, moment = (comm.allreduce(float(np.sum(force * arm))) for arm in (np.ones(len(y)), y - 0.4))
+    width = area(dimension) / SIZE[1]
+    assert total == pytest.approx(1e4 * area(dimension), rel=1e-11)
+    assert moment == pytest.approx(1e4 * width * SIZE[1] ** 3 / 12.0 * (1.0 - 1.0 / PARTICLES[1] ** 2), rel=1e-11)
+
+
+@pytest.mark.parametrize("dimension, particles", [(2, [20, 10]), (3, [24, 12, 6])])
+def test_a_beam_bends_as_it_should(dimension, particles):
+    """Half a beam under t = S Y at its end, 10 or 12 particles thick; the curvature by projection on X Y."""
+    body = {"placement": "cells"}
+    method = {"kind": "peridynamics", "solution": {"kind": "quasi-static", "step": 1.0, "tolerance": 1e-6}}
+    sim = simulation(
+        tables(
+            particles,
+            [2.0, 0.5, 0.25][:dimension],
+            [0.0, -0.5, -0.25][:dimension],
+            material={"kind": "linear-elastic", "density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3},
+            method=method if dimension == 3 else {**method, "plane": "stress"},
+            body=body,
+            boundaries=[
+                {"kind": "roller", "plane": "X = 0"},
+                {"kind": "traction", "plane": "X = 2", "traction": ["1e-4*Y", "0", "0"][:dimension]},
+            ],
+        )
+    )
+    sim.take_step(0.0)
+    one = sim.systems[0]
+    mode = np.prod(one.particles.owned_rows("reference_position")[:, :2], axis=1)
+    assert np.vdot(mode, one.displacement[:, 0]) / np.vdot(mode, mode) == pytest.approx(1e-4, rel=0.02)
 
 
 HISTORY = {"rows": [[0.0, 1.0], [2.0, 3.0], [2.0, 0.0]]}

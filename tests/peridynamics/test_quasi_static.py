@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from solids import simulation, tables
 
 from parsolid.exact.prony import PronySeries
 from parsolid.methods.peridynamics.equilibrium import Equilibrium
@@ -60,7 +61,7 @@ class Chain:
 
 def settings(**changes):
     values = {"solver": "conjugate-gradients", "tolerance": 1e-8, "extrapolation": 1, "most_iterations": 100_000}
-    return SimpleNamespace(**(values | changes))
+    return SimpleNamespace(**({"preconditioner": "none"} | values | changes))
 
 
 def solver_of(chain, chosen):
@@ -169,3 +170,61 @@ def test_lagrange_weights():
     for power in range(3):
         weights = lagrange_weights(times, 4.2)
         assert np.dot(weights, np.array(times) ** power) == pytest.approx(4.2**power)
+
+
+def test_an_equilibrium_that_was_not_reached_is_told():
+    """The energy balance itself cannot: the residual of conjugate gradients is orthogonal to what they found."""
+    supports = [{"kind": "roller", "plane": "X = 0"}, {"kind": "roller", "plane": "Y = 0"}]
+    load = {"kind": "traction", "plane": "X = 1", "traction": ["0.01", "0.01*Y"]}
+    pulled = []
+    for tolerance in (0.5, 1e-10):
+        solution = {"kind": "quasi-static", "step": 0.5, "tolerance": tolerance, "extrapolation": 0}
+        sim = simulation(
+            tables(
+                (10, 10),
+                material={"kind": "linear-elastic", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": 0.3},
+                method={"kind": "peridynamics", "solution": solution},
+                boundaries=[*supports, load],
+                body={"placement": "cells"},
+            )
+        )
+        sim.energy_row()
+        for step in (0.0, 0.5):
+            sim.take_step(step)
+        row = sim.energy_row()
+        verdict, field = sim.balance.verdict(sim.energy_scale), sim.systems[0].displacement.copy()
+        pulled.append((field, row["residual_work"] / row["work_external"], verdict))
+    error = np.abs(pulled[0][0] - pulled[1][0]).max() / np.abs(pulled[1][0]).max()
+    assert error > 0.02
+    assert pulled[0][1] > 0.02 and pulled[0][2]["trust"] == "unbalanced"
+    assert pulled[1][1] < 1e-9 and pulled[1][2]["trust"] == "resolved"
+
+
+@pytest.mark.parametrize("held", [False, True], ids=["rollers", "held"])
+def test_iterations_do_not_grow_with_the_particles(comm, held):
+    """A bent plate of irregular particles; what is found does not depend on the preconditioner."""
+    supports = [{"kind": "roller", "plane": "X = 0"}, {"kind": "roller", "plane": "Y = 0"}]
+    if held:
+        supports = [{"kind": "displacement", "plane": "X = 0", "displacement": ["0", "0"]}]
+    load = {"kind": "traction", "plane": "X = 1", "traction": ["0.01*Y", "0.003"]}
+    iterations, work = {}, {}
+    for case in ((16, "none"), (16, "two-level"), (48, "none"), (48, "two-level")):
+        solution = {"kind": "quasi-static", "step": 1.0, "preconditioner": case[1]}
+        sim = simulation(
+            tables(
+                (case[0], case[0]),
+                material={"kind": "linear-elastic", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": 0.3},
+                method={"kind": "peridynamics", "solution": solution},
+                boundaries=[*supports, load],
+                body={"placement": "cells", "jitter": 0.2},
+            ),
+            comm,
+        )
+        sim.take_step(0.0)
+        iterations[case] = sim.systems[0].solver.equilibrium.iterations
+        work[case] = sim.energy_row()["work_external"]
+    assert work[16, "two-level"] == pytest.approx(work[16, "none"], rel=1e-6)
+    assert work[48, "two-level"] == pytest.approx(work[48, "none"], rel=1e-6)
+    assert iterations[48, "none"] > 2 * iterations[16, "none"]
+    assert iterations[48, "two-level"] < 1.2 * iterations[16, "two-level"]
+    assert iterations[48, "two-level"] < 30

@@ -69,6 +69,19 @@ BROKEN = {
         plate({"solution": {"kind": "implicit"}}),
         "method.solution.kind: expected one of 'explicit', 'quasi-static' .*found 'implicit'",
     ),
+    "preconditioner of relaxation": (
+        plate(
+            {
+                "solution": {
+                    "kind": "quasi-static",
+                    "step": 0.1,
+                    "solver": "dynamic-relaxation",
+                    "preconditioner": "none",
+                }
+            }
+        ),
+        "method.solution.preconditioner: expected no such key but with solver = 'conjugate-gradients'",
+    ),
     "solution as text": (plate({"solution": "explicit"}), "method.solution: expected a table, found 'explicit'"),
     "no material step": (
         plate({"solution": {"kind": "quasi-static"}}),
@@ -241,7 +254,7 @@ def test_a_layer_away_from_the_body_is_refused(comm):
 def test_defaults_and_states_of_strain():
     method = parse_scene(plate()).method
     assert method.horizon(0.1) == pytest.approx(0.3015)
-    assert (method.solution.kind, method.solution.safety, method.stabilisation.factor) == ("explicit", 0.8, 0.2)
+    assert (method.solution.kind, method.solution.safety, method.stabilisation.factor) == ("explicit", 0.8, 0.35)
     assert [method.state(dimension) for dimension in (1, 2, 3)] == ["bar", "plane-strain", "space"]
     assert parse_scene(plate({"plane": "stress"})).method.state(2) == "plane-stress"
 

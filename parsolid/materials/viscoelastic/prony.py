@@ -127,6 +127,17 @@ def dissipation_weights(step, relaxation_time):
     return decayed, gone * gone / x, square
 
 
+@compiled
+def free_work_weights(step, relaxation_time):
+    """Weights (p, q) of the mean of e_j over a step less that of its ends, p e_j + q de; see `less_free_work`."""
+    x = step / relaxation_time
+    if x < 0.02:
+        # series, because both cancel
+        return -x * x * (1.0 / 12.0 - x * (1.0 / 24.0 - x / 80.0)), x * (1.0 / 12.0 - x * (1.0 / 24.0 - x / 80.0))
+    a, A = branch_weights(step, relaxation_time)
+    return A - 0.5 * (1.0 + a), (1.0 - A) / x - 0.5 * A
+
+
 @formula
 def relaxed_branch(weights, branch, change):
     """Branch strain e_j after a step with the given (a, A) and change of strain; symmetric tensors."""
@@ -265,6 +276,28 @@ def _whole_form(bulk_modulus, law, a, b):
 @_form_of.otherwise
 def _deviatoric_form(bulk_modulus, law, a, b):
     return law.shear_modulus * (contract(a, b) - trace(a) * trace(b) / 3.0)
+
+
+@register_jitable
+def less_free_work(law, weights, branch, change, loss):
+    """What a branch dissipates over a step over 2 gamma_j, from what it does on strains that are linear in time.
+
+    Along free directions stress vanishes at the ends of a step, and with strain linear between them not in between. No
+    one does the work of that stress: in truth the lateral strain follows at once, and dissipates it.
+    """
+    return _less_work(law.bulk_modulus, law.free_directions, law.shear_modulus, weights, branch, change, loss)
+
+
+@none_without("K", returns="loss")
+def _less_work(K, n, G, weights, branch, change, loss):
+    return _less_work_along(n, G, weights, branch, change, loss)
+
+
+@none_without("n", returns="loss")
+def _less_work_along(n, G, weights, branch, change, loss):
+    p, q = weights
+    deviator = p * (branch[2] - trace(branch) / 3.0) + q * (change[2] - trace(change) / 3.0)
+    return loss - n * G * deviator * change[2]
 
 
 def algorithmic_factor(law: Prony, step: float) -> float:

@@ -22,9 +22,12 @@ class BondForce:
     field, displacement (rows, d) [m], force (rows, 4) [N]: views of the particles' fields, the force of the last
     evaluation, of the whole particle where it lies on a mirror plane. evaluations: so many of the forces so far. sound:
     whether every settled Jacobian is positive; at small strain there is none to look at.
+    stiffens: whether stiffness depends on the state; growth: bound of the largest of the settled state over that at
+    rest, at least 1; shrunk: the largest (J_old/J)^2 of the last step, at least 1.
     """
 
     sound = True
+    stiffens, growth, shrunk = False, 1.0, 1.0
 
     def __init__(
         self, particles: Particles, bond_system: PairSystem, scale: np.ndarray | None, fixed_planes: np.ndarray
@@ -57,9 +60,7 @@ class BondForce:
             )
             particles.declare(lanes, scale[:, None])
         elif isinstance(self.stabiliser, ShearScaled):
-            # C1 = coefficient G (tr K^-1 I + 2 K^-1) with all bonds whole
-            K = self.bond_system.weights.initial_inverse_shape
-            C = scale[:, None, None] * (np.trace(K, axis1=1, axis2=2)[:, None, None] * np.eye(d) + 2.0 * K)
+            C = self.control_matrices(scale)
             upper = [C[:, i, j] for i, j in SYMMETRIC_ROWS[d]]
             particles.declare(Field("stiffness", len(upper), "Pa/m^2", layout=Columns()), np.stack(upper, axis=1))
             whole = np.zeros((self.owned, d, matrix_columns(d) // d))
@@ -69,6 +70,11 @@ class BondForce:
             )
             particles.declare(kept, whole.reshape(self.owned, -1))
         particles.update("stiffness")
+
+    def control_matrices(self, scale: np.ndarray) -> np.ndarray:
+        """C1 = coefficient G (tr K^-1 I + 2 K^-1) (owned, d, d) of `ShearScaled`, with all bonds whole."""
+        K = self.bond_system.weights.initial_inverse_shape
+        return scale[:, None, None] * (np.trace(K, axis1=1, axis2=2)[:, None, None] * np.eye(self.dimension) + 2.0 * K)
 
     # --- fields, as kernels take them ---------------------------------------------------------------------------
 

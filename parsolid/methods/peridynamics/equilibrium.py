@@ -45,8 +45,11 @@ class Equilibrium:
     of the run so far, most_iterations: of a step at most.
     """
 
-    def __init__(self, comm: Any, operator: Any, settings: Any) -> None:
-        """operator: see `operator.Operator`; settings: `settings.QuasiStatic`."""
+    def __init__(self, comm: Any, operator: Any, settings: Any, coarse: Any = None) -> None:
+        """operator: see `operator.Operator`; settings: `settings.QuasiStatic`; coarse: `coarse_grid.CoarseGrid`, or
+        None.
+        """
+        self.coarse = coarse
         self.comm, self.operator, self.settings = comm, operator, settings
         self.largest_load, self.fault = 0.0, ""
         self.iterations, self.most_iterations = 0, 0
@@ -90,7 +93,13 @@ class Equilibrium:
         if not operator.is_linear:
             target = max(target, _FORCING * balance.norm)
         solution = conjugate_gradients(
-            self.comm, apply, balance.residual, target, operator.free, self.settings.most_iterations
+            self.comm,
+            apply,
+            balance.residual,
+            target,
+            operator.free,
+            self.settings.most_iterations,
+            None if self.coarse is None else self.coarse.of_step(self.step),
         )
         self.iterations += solution.iterations
         if not solution.converged:

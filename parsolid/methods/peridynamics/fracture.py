@@ -27,11 +27,12 @@ class NoFracture:
     """All bonds are whole and stay so.
 
     found: whether this rank has found bonds that fail in the last state it looked at; found_anywhere: whether any rank
-    had, told before the next step.
+    had, told before the next step. late: whether the stable step follows from the new forces.
     """
 
     found = False
     found_anywhere = False
+    late = False
 
     def __init__(self, owned: int, dimension: int) -> None:
         self.owned, self.dimension = owned, dimension
@@ -39,11 +40,14 @@ class NoFracture:
     # --- in a step ---------------------------------------------------------------------------------------------
 
     def before_forces(self, report: Callable[[], None]) -> None:
-        """Report on the step as soon as particles have moved, unless bonds may fail."""
-        report()
+        """Report on the step as soon as particles have moved, unless bonds may fail or stiffness changes."""
+        if not self.late:
+            report()
 
     def after_forces(self, report: Callable[[], None]) -> None:
-        """Bonds that fail in the new state are part of what is reported."""
+        """Report on what is known only now; bonds that fail in the new state are part of it."""
+        if self.late:
+            report()
 
     def look(self) -> None:
         """Look for bonds that fail in the state just evaluated."""

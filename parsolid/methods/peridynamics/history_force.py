@@ -14,10 +14,12 @@ from parsolid.methods.peridynamics.bond_force import BondForce, pushed_forward
 from parsolid.methods.peridynamics.correspondence import stabiliser_records
 from parsolid.methods.peridynamics.tensor_history import (
     initial_state,
+    is_small_strain,
     nominal_records,
     nominal_stresses,
     settle_states,
     step_weights,
+    undeformed_wave_modulus,
 )
 from parsolid.methods.peridynamics.tensor_states import TENSOR_ROWS
 from parsolid.methods.peridynamics.viscoelastic_history import ViscoelasticHistory
@@ -39,6 +41,8 @@ class HistoryForce(BondForce):
     def __init__(
         self, particles: Any, bond_system: Any, scale: Any, fixed_planes: Any, blocks: Any, branches: int
     ) -> None:
+        self.blocks = blocks
+        self.stiffens = not all(is_small_strain(block.law) for block in blocks)
         super().__init__(particles, bond_system, scale, fixed_planes)
         d, declare = self.dimension, particles.declare
         rows = TENSOR_ROWS[d] * (1 + branches)
@@ -55,8 +59,18 @@ class HistoryForce(BondForce):
         declare(Field("displacement_sums", matrix_columns(d), "m"))
         self.stored = 0.0
         self.step: float | None = None
-        self.blocks = blocks
         self.prepare(0.0)
+
+    def control_matrices(self, scale: np.ndarray) -> np.ndarray:
+        """Of laws of finite strain a multiple of 1, that of a whole family: what a body has in its surface does not
+        turn with it, and only what is along the jump of a bond has no moment.
+        """
+        C, d = super().control_matrices(scale), self.dimension
+        for block in self.blocks:
+            if not is_small_strain(block.law):
+                rows = slice(block.first, block.last)
+                C[rows] = np.trace(C[rows], axis1=1, axis2=2)[:, None, None] * np.eye(d) / d
+        return C
 
     @property
     def states(self) -> np.ndarray:
@@ -101,13 +115,15 @@ class HistoryForce(BondForce):
 
     def settle(self) -> float:
         """Take all histories through the step to the displacement of the last evaluation; the energy dissipated [J]."""
-        self.stored, lost, self.sound = 0.0, 0.0, True
+        self.stored, lost, self.sound, self.growth, self.shrunk = 0.0, 0.0, True, 1.0, 1.0
         for block, weights in zip(self.blocks, self.weights):
-            stored, loss, sound = settle_states(
+            at_rest = undeformed_wave_modulus(block.law)
+            stored, loss, sound, waves, shrunk = settle_states(
                 self.space,
                 block.first,
                 block.last,
                 block.law,
+                at_rest,
                 weights,
                 self.body,
                 self.states,
@@ -115,6 +131,7 @@ class HistoryForce(BondForce):
                 self.particles.storage("tributary_volume"),
             )
             self.stored, lost, self.sound = self.stored + stored, lost + loss, self.sound and sound
+            self.growth, self.shrunk = max(self.growth, waves / at_rest), max(self.shrunk, shrunk)
         return lost
 
     def relax_fully(self) -> None:
@@ -129,7 +146,7 @@ class HistoryForce(BondForce):
         gradients.
         """
         P = self.nominal_stresses(laws)[first:last]
-        small = all(isinstance(law, Prony) and law.finite_strain is None for _, _, law in laws)
+        small = all(is_small_strain(law) for _, _, law in laws)
         return P if small else pushed_forward(P, F)
 
     def nominal_stresses(self, laws: Any) -> np.ndarray:

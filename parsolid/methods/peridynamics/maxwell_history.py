@@ -1,6 +1,10 @@
 """Hyperelastic Maxwell solids of every kind: C^{-1} and the branches' A_alpha as histories."""
 
-from parsolid.materials.hyperelastic.law import equilibrium_energy, first_piola_kirchhoff_stress
+from parsolid.materials.hyperelastic.law import (
+    equilibrium_energy,
+    first_piola_kirchhoff_stress,
+    pressure_wave_tensor,
+)
 from parsolid.materials.viscoelastic.maxwell import (
     branch_dissipation,
     branch_energy,
@@ -8,14 +12,17 @@ from parsolid.materials.viscoelastic.maxwell import (
     relaxed,
 )
 from parsolid.methods.peridynamics.tensor_states import (
+    largest_principal_value,
     load_state,
     nominal_stress,
     scalar_energy,
     settle_state,
+    squared_volume_ratio,
     store_state,
+    wave_modulus,
 )
 from parsolid.numerics.dispatch import generic, none_without
-from parsolid.numerics.tensors import I, cofactor, determinant, gram, inverse_symmetric, lane_of
+from parsolid.numerics.tensors import I, cofactor, determinant, expand, gram, inverse_symmetric, lane_of
 
 
 @nominal_stress.otherwise
@@ -35,6 +42,19 @@ def _branch_sum(moduli, space, weights, state, i, inverse):
         A = relaxed((weights[j, 0], weights[j, 1], weights[j, 2]), A, old, inverse)
         total = total + moduli[j] * A
     return total
+
+
+@wave_modulus.otherwise
+def _maxwell_waves(space, law, undeformed, weights, state, i, G):
+    F = G + I
+    H, J = cofactor(F), determinant(F)
+    total = _branch_sum(law.branch_moduli, space, weights, state, i, inverse_right_cauchy_green(H, J))
+    return largest_principal_value(pressure_wave_tensor(law, F, H, J, total))
+
+
+@squared_volume_ratio.otherwise
+def _maxwell_volumes(space, law, state, i, J):
+    return 1.0 / (J * J * determinant(expand(load_state(space, state, 0, i))))
 
 
 @settle_state.otherwise

@@ -10,6 +10,7 @@ from parsolid.materials.hyperelastic.law import elastic_moduli
 from parsolid.materials.viscoelastic.prony import Prony, algorithmic_factor
 from parsolid.methods.peridynamics.bond_force import BondForce
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
+from parsolid.methods.peridynamics.tensor_history import is_small_strain
 from parsolid.methods.peridynamics.viscoelastic_history import ViscoelasticHistory, series_of
 
 _SHIFT = 1e-6
@@ -53,6 +54,17 @@ class Settled(NamedTuple):
     stored: float
 
 
+class Work(NamedTuple):
+    """What a step has done [J]: work of loads and of what guides, work against internal forces, the most that forces
+    out of balance at its end can have done, sum |F| |du|, and what stored energy has gained.
+    """
+
+    external: float
+    internal: float
+    residual: float
+    stored: float
+
+
 class Operator:
     """F(u) of one rank's particles over a step whose history is frozen, and its tangent K = -dF/du.
 
@@ -64,7 +76,7 @@ class Operator:
     def __init__(self, engine: BondForce, history: ViscoelasticHistory, loads: PeridynamicLoads) -> None:
         self.engine, self.history, self.loads = engine, history, loads
         self.dimension, self.comm = loads.free.shape[1], engine.bond_system.comm
-        linear = all(isinstance(law, Prony) and law.finite_strain is None for _, _, law in history.laws)
+        linear = all(is_small_strain(law) for _, _, law in history.laws)
         self.is_linear = not anywhere(self.comm, not linear)
         least = minimum(self.comm, float(np.min(engine.bond_system.volume[: engine.owned], initial=np.inf)))
         self.length = least ** (1.0 / self.dimension)
@@ -138,12 +150,15 @@ class Operator:
         """The last committed state, as a copy."""
         return Settled(self.displacement.copy(), self.settled_force(), self.history.stored_energy())
 
-    def work_since(self, start: Settled) -> tuple[float, float]:
-        """Work [J] of loads and reactions, which internal forces balance at both ends of a step, and what stored energy
-        has gained.
-        """
-        work = -0.5 * np.vdot(start.force + self.settled_force(), self.displacement - start.displacement)
-        return float(work), self.history.stored_energy() - start.stored
+    def work_since(self, start: Settled, before: np.ndarray, after: np.ndarray) -> "Work":
+        """What a step has done, by the trapezoidal rule, under loads (owned, d) [N] at its start and at its end."""
+        change, force = self.displacement - start.displacement, self.settled_force()
+        internal = -0.5 * (start.force + force) * change
+        external = np.where(self.free, 0.5 * (before + after) * change, internal)
+        left = np.linalg.norm((force + after) * self.free, axis=1)
+        residual = float(left @ np.linalg.norm(change, axis=1))
+        stored = self.history.stored_energy() - start.stored
+        return Work(float(external.sum()), float(internal.sum()), residual, stored)
 
     def commit(self, displacement: np.ndarray, step: float) -> float:
         """End a step at a displacement [m], whose force is evaluated once more: history takes it in; the energy

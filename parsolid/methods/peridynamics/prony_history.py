@@ -7,6 +7,7 @@ from parsolid.materials.viscoelastic.prony import (
     branch_form,
     equilibrium_form,
     lateral_strain,
+    less_free_work,
     relaxed_branch,
     strain_measure,
     stress,
@@ -14,14 +15,17 @@ from parsolid.materials.viscoelastic.prony import (
     with_relaxing_lateral,
 )
 from parsolid.methods.peridynamics.tensor_states import (
+    largest_principal_value,
     load_state,
     nominal_stress,
     scalar_energy,
     settle_state,
+    squared_volume_ratio,
     store_state,
+    wave_modulus,
 )
 from parsolid.numerics.dispatch import generic
-from parsolid.numerics.tensors import I, SymmetricPlane, expand
+from parsolid.numerics.tensors import I, SymmetricPlane, determinant, expand, gram
 
 
 @nominal_stress.of(Prony)
@@ -43,6 +47,48 @@ def _small(finite_strain, G, S):
 @_first_piola_kirchhoff_stress.otherwise
 def _finite(finite_strain, G, S):
     return (G + I) @ S
+
+
+@wave_modulus.of(Prony)
+def _prony_waves(space, law, undeformed, weights, state, i, G):
+    return _waves(law.finite_strain, space, law, undeformed, weights, state, i, G)
+
+
+@generic
+def _waves(finite_strain, space, law, undeformed, weights, state, i, G):
+    """N . S N + N N : F C F^T : N N is at most the largest S and the largest stretch squared times the modulus."""
+
+
+@_waves.of(None)
+def _unchanged(finite_strain, space, law, undeformed, weights, state, i, G):
+    return 0.0 * G[0]
+
+
+@_waves.otherwise
+def _stretched(finite_strain, space, law, undeformed, weights, state, i, G):
+    strain, relaxing = _strains(space, law, weights, state, i, G)
+    stretched = largest_principal_value(gram(G + I)) * undeformed
+    return stretched + largest_principal_value(stress(law, strain, relaxing))
+
+
+@squared_volume_ratio.of(Prony)
+def _prony_volumes(space, law, state, i, J):
+    return _volumes(law.finite_strain, space, state, i, J)
+
+
+@generic
+def _volumes(finite_strain, space, state, i, J):
+    """`squared_volume_ratio`."""
+
+
+@_volumes.of(None)
+def _no_volumes(finite_strain, space, state, i, J):
+    return 0.0 * J + 1.0
+
+
+@_volumes.otherwise
+def _volume_ratio(finite_strain, space, state, i, J):
+    return determinant(2.0 * expand(load_state(space, state, 0, i)) + I) / (J * J)
 
 
 @settle_state.of(Prony)
@@ -72,6 +118,7 @@ def _with_branches(ratios, space, law, weights, state, i, count, change, stored)
         e = load_state(space, state, 1 + j, i)
         loss = weights[j, 2] * branch_form(law, e, e) + weights[j, 3] * branch_form(law, e, change)
         loss = loss + weights[j, 4] * branch_form(law, change, change)
+        loss = less_free_work(law, (weights[j, 5], weights[j, 6]), e, change, loss)
         lost = lost + 2.0 * ratios[j] * loss
         e = relaxed_branch((weights[j, 0], weights[j, 1]), e, change)
         stored = stored + ratios[j] * branch_form(law, e, e)

@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from parsolid.methods.peridynamics.coarse_grid import coarse_grid
 from parsolid.methods.peridynamics.equilibrium import Balance, Equilibrium
+from parsolid.methods.peridynamics.operator import Work
 from parsolid.methods.peridynamics.time_solver import TimeSolver
 from parsolid.particles.declaration import Field
 
@@ -20,7 +22,9 @@ class QuasiStatic(TimeSolver):
     def __init__(self, body: Any, settings: Any) -> None:
         """body: `system.Peridynamics`, set up but for its state; settings: `settings.QuasiStatic`."""
         self.body, self.operator, self.settings = body, body.operator, settings
-        self.equilibrium = Equilibrium(body.comm, body.operator, settings)
+        plain = settings.solver != "conjugate-gradients" or settings.preconditioner == "none"
+        coarse = None if plain else coarse_grid(body.operator, body.loads.planes)
+        self.equilibrium = Equilibrium(body.comm, body.operator, settings, coarse)
         # what has not moved yet meets its loads in a jump
         self.jumps = tuple(sorted({0.0, *body.loads.jumps}))
         self.balance: Balance | None = None
@@ -53,34 +57,42 @@ class QuasiStatic(TimeSolver):
 
     def material_step(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """Balance at the end of a step, with the bonds as they are, and the histories through it."""
-        start = self.operator.settled_state()
+        # what held the bodies' start lets go as the first loads come
+        first = time == step == 0.0
+        before = -self.operator.settled_force() if first else self.body.loads.external(time, step == 0.0)
+        self.step_from(before, time, step, ledger, announce)
+        assert self.balance is not None
+        return self.balance.reached
+
+    def step_from(self, before: np.ndarray, time: float, step: float, ledger: Any, announce: Any) -> Work:
+        """As `material_step`, with the loads (owned, d) [N] at its start; what was done."""
+        loads, start = self.body.loads, self.operator.settled_state()
         guess = self.extrapolated(start.displacement, time, step)
         # a step ends before a jump of that time, one of length 0 after it
-        self.body.loads.move(time, step, guess)
-        self.balance = self.equilibrium.solve(guess, self.body.loads.external(time + step, step > 0.0), step)
-        announce(self.balance.reached, self.settings.step)
-        lost = self.operator.commit(self.balance.displacement, step)
-        work, stored = self.operator.work_since(start)
+        loads.move(time, step, guess)
+        after = loads.external(time + step, step > 0.0)
+        self.balance = balance = self.equilibrium.solve(guess, after, step)
+        announce(balance.reached, self.settings.step)
+        lost = self.operator.commit(balance.displacement, step)
+        work = self.operator.work_since(start, before, after)
         # within a step strain goes linearly whatever the loads do, so that forces are out of balance; a jump is as it
         # should be
-        ledger.add(1.0, lost, work - lost - stored if step > 0.0 else 0.0, work)
-        self.remember(self.balance.displacement, time + step, step)
-        return self.balance.reached
+        ledger.add(1.0, lost, work.internal - lost - work.stored if step > 0.0 else 0.0, work.external)
+        ledger.add_term("residual_work", work.residual)
+        self.remember(balance.displacement, time + step, step)
+        return work
 
     def balance_anew(self, time: float, ledger: Any) -> bool:
         """Balance at a time [s] after bonds have broken, in a jump; what loads do beyond the work of internal forces,
         cracks take.
         """
         self.equilibrium.stiffness_changed()
-        start = self.operator.settled_state()
-        reached = self.material_step(time, 0.0, ledger, lambda *announced: None)
-        change = self.operator.displacement - start.displacement
+        before = self.body.loads.external(time)
+        work = self.step_from(before, time, 0.0, ledger, lambda *announced: None)
         # loads do more work than the forces that were out of balance take up: cracks run by it
-        mean = 0.5 * (start.force + self.operator.settled_force())
-        excess = float(np.vdot(self.body.loads.external(time) + mean, change))
-        ledger.add(1.0, 0.0, 0.0, excess)
-        ledger.add_term("dissipation_fracture", excess)
-        return reached
+        ledger.add_term("dissipation_fracture", work.external - work.internal)
+        assert self.balance is not None
+        return self.balance.reached
 
     # --- first guesses -----------------------------------------------------------------------------------------
 

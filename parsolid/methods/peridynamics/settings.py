@@ -22,14 +22,14 @@ class Stabilisation(SceneModel):
 
     kind: Literal["shear-scaled", "paper", "none"] = "shear-scaled"
     coefficient: Positive | None = Field(
-        None, description="factor of the control: 0.2 (shear-scaled) or 1 (paper) unless given"
+        None, description="factor of the control: 0.35 (shear-scaled) or 1 (paper) unless given"
     )
     modulus: Positive | None = Field(None, description="Young's modulus in eq (39), at equilibrium unless given [Pa]")
 
     @property
     def factor(self) -> float:
         """The coefficient, with its default."""
-        return self.coefficient or {"shear-scaled": 0.2, "paper": 1.0, "none": 0.0}[self.kind]
+        return self.coefficient or {"shear-scaled": 0.35, "paper": 1.0, "none": 0.0}[self.kind]
 
     @model_validator(mode="after")
     def _used(self) -> "Stabilisation":
@@ -59,12 +59,16 @@ class QuasiStatic(SceneModel):
 
     step           the material step [s]; further steps end at load jumps, each followed by a step of length zero
     tolerance      residual over the largest load (or reaction) met so far
+    preconditioner two-level: a grid over the particles beside these; iterations do then not grow with their number
     extrapolation  of the polynomial through earlier states at which a solution starts, the order: 0 the last state
     """
 
     kind: Literal["quasi-static"]
     step: Positive = Field(description="the material step [s]")
     solver: Literal["conjugate-gradients", "dynamic-relaxation"] = "conjugate-gradients"
+    preconditioner: Literal["two-level", "none"] | None = Field(
+        None, description="of conjugate gradients: 'two-level' (unless given) or 'none'"
+    )
     tolerance: float = Field(1e-8, gt=0, lt=1, description="residual over the largest load met so far")
     extrapolation: Annotated[int, Field(ge=0, le=3)] = Field(
         2, description="order of extrapolation from earlier states, 0 to 3"
@@ -72,6 +76,12 @@ class QuasiStatic(SceneModel):
     most_iterations: Annotated[int, Field(ge=1)] = Field(
         100_000, description="iterations after which a solution has failed"
     )
+
+    @model_validator(mode="after")
+    def _preconditioned(self) -> "QuasiStatic":
+        if self.preconditioner is not None and self.solver != "conjugate-gradients":
+            reject((("preconditioner",), "no such key but with solver = 'conjugate-gradients'", self.preconditioner))
+        return self
 
 
 class Damage(SceneModel):
@@ -168,7 +178,7 @@ class Peridynamics(MethodSettings):
     materials: ClassVar = ("hyperelastic", "prony", "bond-based")
     boundaries: ClassVar = ("fixed", "roller", "velocity", "displacement", "layer", "traction")
     pictured_fields: ClassVar = ("damage", "pressure")
-    ledger_terms: ClassVar = {"dissipation_fracture": 1, "leapfrog_oscillation": -1}
+    ledger_terms: ClassVar = {"dissipation_fracture": 1, "leapfrog_oscillation": -1, "residual_work": 0}
     extra_fields: ClassVar = {"damage": "scalar"}
     extra_quantities: ClassVar = {"broken_bonds": "scalar", "crack_tip": "vector"}
 

@@ -9,17 +9,23 @@ from typing import Any
 
 import numpy as np
 
+from decomposition.reduction import sums
+from parsolid.collective import maximum
+from parsolid.materials.viscoelastic.prony import Prony
 from parsolid.methods.pair_method import PairMethod
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
 from parsolid.methods.peridynamics.fracture import fracture_of
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.methods.peridynamics.operator import Operator
 from parsolid.methods.peridynamics.quasi_static import QuasiStatic
+from parsolid.methods.peridynamics.tensor_history import is_small_strain
 from parsolid.methods.peridynamics.velocity_verlet import VelocityVerlet
 from parsolid.methods.peridynamics.velocity_verlet_kernels import kinetic_energy
 from parsolid.particles.declaration import Field, Rows
 from parsolid.scene import initial_displacement, initial_velocity
 
+# small strain takes a turn for a strain of half its square: 1 %; that of a few particles, of crumbs say, is no matter
+_TURN, _TURNED = 0.14, 0.05
 TIME_SOLVERS = {"explicit": VelocityVerlet, "quasi-static": QuasiStatic}
 
 
@@ -160,11 +166,30 @@ class Peridynamics(PairMethod):
             return index, f"the Jacobian is {jacobian[index]:.4g}, not positive: matter is turned inside out"
         return self.solver.unsound()
 
+    def doubt(self) -> str | None:
+        """Whether more than a little of what has small strain has turned so far that this is strain; collective."""
+        G = self._displacement_gradients()
+        angle = np.linalg.norm(G - G.swapaxes(1, 2), axis=(1, 2)) / np.sqrt(8.0)
+        small = np.zeros(self.owned, bool)
+        for first, last, law in self.laws:
+            small[first:last] = is_small_strain(law)
+        volume = self.particles.owned_rows("volume") * self.share
+        turned, whole = sums(self.comm, [volume[small & (angle > _TURN)].sum(), volume.sum()])
+        if not turned > _TURNED * whole:
+            return None
+        most = maximum(self.comm, float(angle[small].max(initial=0.0)))
+        return (
+            f"{turned / whole:.2g} of the volume has turned by more than {_TURN:g} rad, {most:.2g} rad at most: small "
+            'strain takes that for a strain of half its square (material.strain = "finite", or a hyperelastic law)'
+        )
+
     def advice(self) -> str:
         """What most likely helps."""
         hints = []
         if self.settings.stabilisation.kind != "shear-scaled":
             hints.append('method.stabilisation.kind = "shear-scaled"')
+        if any(isinstance(law, Prony) and law.finite_strain is not None for _, _, law in self.laws):
+            hints.append("a hyperelastic law (St. Venant and Kirchhoff's gives way when compressed to 0.58)")
         return ", or ".join([*hints, f"a smaller method.solution.{self.solver.setting}", "a milder load"])
 
     def summary(self) -> dict[str, Any]:

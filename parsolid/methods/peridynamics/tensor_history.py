@@ -7,11 +7,25 @@ see `tensor_states` for what they implement.
 import numpy as np
 
 from decomposition.compiled import compiled
+from parsolid.materials.hyperelastic.law import elastic_moduli, total_modulus
 from parsolid.materials.viscoelastic.maxwell import relaxation_weights
-from parsolid.materials.viscoelastic.prony import Prony, branch_weights, dissipation_weights
+from parsolid.materials.viscoelastic.prony import (
+    Prony,
+    branch_weights,
+    dissipation_weights,
+    free_work_weights,
+    pressure_wave_modulus,
+)
 from parsolid.methods.peridynamics import maxwell_history, prony_history  # noqa: F401  (what they implement)
 from parsolid.methods.peridynamics.correspondence import gradient_of, store_record
-from parsolid.methods.peridynamics.tensor_states import TENSOR_ROWS, nominal_stress, scalar_energy, settle_state
+from parsolid.methods.peridynamics.tensor_states import (
+    TENSOR_ROWS,
+    nominal_stress,
+    scalar_energy,
+    settle_state,
+    squared_volume_ratio,
+    wave_modulus,
+)
 from parsolid.numerics.lanes import WIDTH, lane
 from parsolid.numerics.layout import load_correction
 from parsolid.numerics.tensors import I, determinant, lane_of
@@ -22,6 +36,11 @@ def has_tensor_history(law) -> bool:
     return not isinstance(law, Prony) or law.bulk_modulus is not None or law.finite_strain is not None
 
 
+def is_small_strain(law) -> bool:
+    """Whether a law does not know the rotation of its solid."""
+    return isinstance(law, Prony) and law.finite_strain is None
+
+
 def initial_state(law, dimension: int) -> np.ndarray:
     """Rows (r,) of the state of an undeformed particle."""
     rows = np.zeros((1 + len(law.relaxation_times or ()), TENSOR_ROWS[dimension]))
@@ -30,13 +49,22 @@ def initial_state(law, dimension: int) -> np.ndarray:
     return rows.ravel()
 
 
+def undeformed_wave_modulus(law) -> float:
+    """rho c_max^2 [Pa] at rest, of all moduli before they relax."""
+    if isinstance(law, Prony):
+        return pressure_wave_modulus(law)
+    shear, lame = elastic_moduli(law)
+    return lame + 2.0 * (shear + total_modulus(law.branch_moduli))
+
+
 def step_weights(law, step: float) -> np.ndarray:
-    """What a step [s] does to each branch: of a Prony solid a, A and `dissipation_weights`, else `relaxation_weights`
-    and the step.
+    """What a step [s] does to each branch: of a Prony solid a, A, `dissipation_weights` and `free_work_weights`, else
+    `relaxation_weights` and the step.
     """
     if isinstance(law, Prony):
-        rows = [(*branch_weights(step, time), *dissipation_weights(step, time)) for time in law.relaxation_times or ()]
-        return np.array(rows).reshape(-1, 5)
+        kinds = (branch_weights, dissipation_weights, free_work_weights)
+        rows = [sum((weights(step, time) for weights in kinds), ()) for time in law.relaxation_times or ()]
+        return np.array(rows).reshape(-1, 7)
     return np.array([(*relaxation_weights(step, time), step) for time in law.relaxation_times or ()]).reshape(-1, 4)
 
 
@@ -52,23 +80,28 @@ def nominal_records(space, first, last, law, weights, body, state, gradient, rec
 
 
 @compiled(error_model="numpy")
-def settle_states(space, first, last, law, weights, body, state, gradient, tributary):
+def settle_states(space, first, last, law, undeformed, weights, body, state, gradient, tributary):
     """Take the states through the step whose gradient sums are given.
 
-    tributary (capacity,) [m^3]. Returns (stored energy after it, dissipated over it [J], are all Jacobians positive).
+    tributary (capacity,) [m^3]; undeformed: rho c_max^2 [Pa] of a solid at rest. Returns (stored energy after it,
+    dissipated over it [J], are all Jacobians positive, the bound of rho c_max^2 after it [Pa], most (J_old/J)^2).
     """
-    stored, lost, sound = 0.0, 0.0, True
+    stored, lost, sound, largest, shrunk = 0.0, 0.0, True, 0.0, 1.0
     for i in range(first, last, WIDTH):
         count = min(WIDTH, last - i)
         G = gradient_of(space, body, gradient, i)
-        energy, loss = settle_state(space, law, weights, state, i, count, G)
+        waves = wave_modulus(space, law, undeformed, weights, state, i, G)
         J = determinant(G + I)
+        ratio = squared_volume_ratio(space, law, state, i, J)
+        energy, loss = settle_state(space, law, weights, state, i, count, G)
         for k in range(count):
             stored += tributary[i + k] * (lane(energy, k) + scalar_energy(space, law, state, i, k, G))
             lost += tributary[i + k] * lane(loss, k)
+            largest = max(largest, lane(waves, k))
+            shrunk = max(shrunk, lane(ratio, k))
             if not lane(J, k) > 0.0:
                 sound = False
-    return stored, lost, sound
+    return stored, lost, sound, largest, shrunk
 
 
 @compiled(error_model="numpy")

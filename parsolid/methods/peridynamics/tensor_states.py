@@ -5,12 +5,14 @@ The rows of a state (rows, capacity) are symmetric tensors of particles (11, 22,
 branches' e_j, or A_j.
 """
 
+import math
+
 from numba.extending import register_jitable
 
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import load, store_first
 from parsolid.numerics.layout import Plane, load_six
-from parsolid.numerics.tensors import SymmetricPlane, Tensor
+from parsolid.numerics.tensors import SymmetricPlane, Tensor, contract, formula, trace
 
 TENSOR_ROWS = {2: 4, 3: 6}
 
@@ -46,6 +48,40 @@ def store_state(state, number, i, tensor, count):
 @generic(on="law")
 def nominal_stress(space, law, weights, state, i, G: Tensor):
     """First Piola-Kirchhoff stress [Pa] of particles i..i+3 after a step; the state stays as it is."""
+
+
+@generic(on="law")
+def wave_modulus(space, law, undeformed, weights, state, i, G: Tensor):
+    """Bound of rho c_max^2 [Pa] of particles i..i+3 after a step, in which `undeformed` [Pa] is the same at rest; 0.0
+    of small strain, whose waves do not change.
+    """
+
+
+@generic(on="law")
+def squared_volume_ratio(space, law, state, i, J):
+    """(J_old/J)^2 of particles i..i+3 with the state before the step; 1.0 of small strain."""
+
+
+@formula
+def _mean(s):
+    """The mean eigenvalue; of a plane tensor that of those in the plane."""
+    return 0.5 * (s[0] + s[1]) if len(s) == 4 else trace(s) * (1.0 / 3.0)
+
+
+@formula
+def _square(s):
+    """The square of the most by which an eigenvalue can exceed the mean, kept above rounding below 0."""
+    if len(s) == 4:
+        half = 0.5 * (s[0] - s[1])
+        return half * half + s[3] * s[3]
+    whole, sum_of_values = contract(s, s), trace(s)
+    return (2.0 / 3.0) * (whole - sum_of_values * sum_of_values * (1.0 / 3.0)) + 1e-14 * whole
+
+
+@register_jitable
+def largest_principal_value(s):
+    """Bound of the largest eigenvalue of a symmetric tensor, sharp in the plane, whose 33 does not count."""
+    return _mean(s) + math.sqrt(_square(s))
 
 
 @generic(on="law")

@@ -4,6 +4,9 @@ A traction t on a plane with normal n acts as the forces that balance a uniform 
 the plane ("consistent"): then a uniform stress is an exact solution on a lattice, which it is not under forces on the
 particles at the face ("single-layer") or spread over the horizon ("horizon"). Irregular particles carry a uniform
 stress only under small forces inside, too ("consistent-everywhere").
+
+What a traction that varies over its face has beyond its mean acts on the particles at the face: near edges the forces
+of a uniform stress are not those of the area of each particle, and their moment under t(y) would be too small.
 """
 
 from typing import Any
@@ -13,13 +16,17 @@ from mpi4py import MPI
 
 from decomposition.reduction import ordered_sum
 from parsolid.boundary.declarations import Declarations, SurfaceTraction
-from parsolid.boundary.loads import Load, area_along
+from parsolid.boundary.loads import BeyondMean, Course, Load, MeanOverFace, area_along
 from parsolid.boundary.rows import keep
 from parsolid.boundary.supports import Supports
 from parsolid.collective import maximum, minimum
 from parsolid.particles.container import Particles
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.regions import selected
+from parsolid.solvers import start_vector
+
+# of a face's particles, so many give the mean of its traction
+_SAMPLE = 256
 
 
 class Tractions:
@@ -45,22 +52,41 @@ class Tractions:
         if kind == "horizon":
             return [self._spread(one, reach) for one in tractions]
         if not kind.startswith("consistent"):
-            return [self._at_face(one) for one in tractions]
+            return [self._at_face(one, one.course) for one in tractions]
         if not tractions:
             return []
         unit_stress = np.tile(np.eye(engine.dimension), (len(self.particle_set), 1, 1))
         unit = engine.of_stress(unit_stress) * self.supports.share[:, None]
         depth = 2.0 * reach if kind == "consistent" else np.inf
-        return [self._consistent(one, unit[:, one.plane.axis], depth) for one in tractions]
+        means = [self._mean(one) for one in tractions]
+        inside = [self._consistent(one, mean, unit[:, one.plane.axis], depth) for one, mean in zip(tractions, means)]
+        return inside + [self._at_face(one, BeyondMean(one.course, mean)) for one, mean in zip(tractions, means)]
 
-    def _at_face(self, one: SurfaceTraction) -> Load:
+    def _mean(self, one: SurfaceTraction) -> MeanOverFace:
+        """The mean of a traction over its face, or over some particles of a large one, the same on any number of
+        ranks."""
+        mine, particles = self._face(one), self.particle_set
+        places = particles.position[mine].copy()
+        places[:, one.plane.axis] = one.plane.offset
+        area = np.abs(particles.area[mine, one.plane.axis])
+        lot = start_vector(particles.identifier[mine], 1)[:, 0]
+        rows = sorted(zip(lot, area, *places.T))[:_SAMPLE]
+        found = sorted(row for piece in self.comm.allgather(rows) for row in piece)[:_SAMPLE]
+        sample = np.array(found).reshape(-1, 2 + places.shape[1])
+        return MeanOverFace(one.course, np.ascontiguousarray(sample[:, 2:]), sample[:, 1])
+
+    def _face(self, one: SurfaceTraction) -> np.ndarray:
+        """Which particles (owned,) bool are those of the face."""
+        return selected(self.declared.scene, one.where, self.particle_set, self.comm)
+
+    def _at_face(self, one: SurfaceTraction, course: Course) -> Load:
         """Traction times area on the particles of the face."""
-        chosen = self.particles.selection(selected(self.declared.scene, one.where, self.particle_set, self.comm))
-        return Load(self.particles, chosen, area_along(self.particles, one.plane.axis), one.course)
+        area = area_along(self.particles, one.plane.axis)
+        return Load(self.particles, self.particles.selection(self._face(one)), area, course, one.plane)
 
     def _area(self, one: SurfaceTraction) -> float:
         """Area [m^2] of the face on all ranks."""
-        face = selected(self.declared.scene, one.where, self.particle_set, self.comm)
+        face = self._face(one)
         return float(ordered_sum(self.comm, np.abs(self.particle_set.area[face, one.plane.axis])))
 
     def _spread(self, one: SurfaceTraction, reach: float) -> Load:
@@ -70,8 +96,9 @@ class Tractions:
         chosen = particles.selection(beneath)
         return Load(particles, chosen, lambda rows: particles.owned_rows("volume")[rows] / depth, one.course, one.plane)
 
-    def _consistent(self, one: SurfaceTraction, unit: np.ndarray, depth: float) -> Load:
-        """Forces that balance the uniform stress t (x) n down to a depth [m]; unit (owned,): those of n (x) n."""
+    def _consistent(self, one: SurfaceTraction, mean: MeanOverFace, unit: np.ndarray, depth: float) -> Load:
+        """Forces that balance the uniform stress t (x) n of the mean traction down to a depth [m]; unit (owned,): those
+        of n (x) n."""
         distance, outward = self._beneath(one)
         within = distance <= min(depth, self._middle(one, distance))
         # what is left inside a regular body is rounding
@@ -82,7 +109,7 @@ class Tractions:
             # where particles are irregular the force of the face's area is not quite met
             scale *= self._area(one) / ordered_sum(self.comm, scale[within])
         kept = keep(self.particles, f"force_per_traction_{one.key}", scale)
-        return Load(self.particles, self.particles.selection(within), kept, one.course, one.plane)
+        return Load(self.particles, self.particles.selection(within), kept, mean)
 
     def _beneath(self, one: SurfaceTraction) -> tuple[np.ndarray, float]:
         """Distance (owned,) [m] of particles meant from the face, infinite for others; sign of its normal."""

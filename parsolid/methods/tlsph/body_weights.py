@@ -6,14 +6,13 @@ from typing import Any
 import numpy as np
 
 from parsolid.materials.declaration import Phrase
+from parsolid.pairs.smoothing import smoothing_kernel
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.method_settings import Detail
 from parsolid.scene.validation_errors import SceneError
 
 # weights in closed form, see `pairs.lattice_stencils`, and the shapes whose nodes have them
 ON_LATTICES = {"cells": ("box", "perforated_box"), "fourth-order": ("box",)}
-# least reach of a kernel, in spacings, beyond which bodies that lie apart have nothing to do with each other
-_APART = 2.0
 
 
 def weights_of_bodies(wanted: str, scene: Any) -> list[str]:
@@ -60,7 +59,7 @@ def lattice_faults(wanted: str, scene: Any) -> list[Detail]:
     expected = f'for "{wanted}" the nodes of a {shapes} (placement = "nodes"), two or more along each axis, no jitter'
     try:
         reasons = [_off_lattice(wanted, body, scene.dimension) for body in scene.bodies]
-        bonded = _touching(scene)
+        bonded = [] if any(reasons) else _touching(scene)
     except SceneError:
         # told where the body is
         return []
@@ -77,13 +76,13 @@ def _touching(scene: Any) -> list[list[int]]:
     if len(scene.bodies) < 2:
         return [[]]
     fillings = [filling_of(body, scene.dimension) for body in scene.bodies]
+    support = smoothing_kernel(scene.method.kernel).support * scene.method.smoothing
     result: list[list[int]] = []
     for i, one in enumerate(fillings):
         result.append([])
         for j, other in enumerate(fillings):
             gap = np.maximum(np.maximum(other.lower - one.upper, one.lower - other.upper), 0.0)
-            reach = _APART * max(scene.method.smoothing, 1.0) * max(one.coarsest, other.coarsest)
-            if i != j and np.linalg.norm(gap) < reach:
+            if i != j and np.linalg.norm(gap) < support * max(one.coarsest, other.coarsest):
                 result[-1].append(j)
     return result
 
