@@ -18,7 +18,7 @@ class MethodSettings(SceneModel):
     boundaries: the kinds that it knows; declared_fields: declarations that a scene often names (of others the code is
     asked); extra_fields, extra_quantities: what the method computes -> "scalar", "vector" or "tensor"; pictured_fields:
     what colours the bodies, the first that was written; loads: keys of the table of that name; ledger_terms: see
-    `ledger.Ledger`.
+    `ledger.Ledger`; viscous_terms: those of them that artificial viscosity fills.
     """
 
     system: ClassVar[str]
@@ -31,6 +31,7 @@ class MethodSettings(SceneModel):
     extra_quantities: ClassVar[dict[str, str]] = {}
     pictured_fields: ClassVar[tuple[str, ...]] = ("pressure",)
     ledger_terms: ClassVar[dict[str, int]] = {}
+    viscous_terms: ClassVar[tuple[str, ...]] = ()
     kind: str
     maximum_step: Positive | None = Field(None, description="the largest time step [s]")
     minimum_step: Positive | None = Field(None, description="the time step [s] below which the run stops")

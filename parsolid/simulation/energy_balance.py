@@ -27,13 +27,14 @@ class EnergyBalance:
 
     limits: what the scene allows; largest: the largest kinetic or stored energy or external work so far [J]; worst: the
     largest |balance| so far [J]; entered: the most energy that has gone in so far, what there was at the start and the
-    external work [J]; lost: the numerical dissipation [J] of the last row; broken: the first balance [J] beyond the
-    limit, None while there was none.
+    external work [J]; lost, viscous: the numerical dissipation and what artificial viscosity took [J] by the last row;
+    broken: the first balance [J] beyond the limit, None while there was none.
     """
 
-    def __init__(self, limits: EnergyLimits) -> None:
-        self.limits = limits
-        self.largest = self.worst = self.entered = self.lost = 0.0
+    def __init__(self, limits: EnergyLimits, viscous_terms: Sequence[str] = ()) -> None:
+        """viscous_terms: entries of a row that the artificial viscosity fills."""
+        self.limits, self.viscous_terms = limits, viscous_terms
+        self.largest = self.worst = self.entered = self.lost = self.viscous = 0.0
         self.broken: float | None = None
 
     def judge(self, row: Mapping[str, float], scale: float, initial: float = 0.0) -> None:
@@ -42,7 +43,7 @@ class EnergyBalance:
         self.largest = max(self.largest, *(abs(row[name]) for name in ("kinetic", "stored", "work_external")))
         # an equilibrium that was not reached may close the balance all the same: conjugate gradients always do
         self.worst = max(abs(row["balance"]), row.get("residual_work", 0.0), self.worst)
-        self.lost = row["dissipation_numerical"]
+        self.lost, self.viscous = row["dissipation_numerical"], sum(row[name] for name in self.viscous_terms)
         self.entered = max(self.entered, initial + row["work_external"])
         allowed = self.limits.balance_limit * self.largest + _ROUND_OFF * scale + np.finfo(float).tiny
         if not abs(row["balance"]) <= allowed:
@@ -64,12 +65,17 @@ class EnergyBalance:
         that, but is not right by that alone.
         """
         balance = self.relative(self.worst, scale) or 0.0
-        share = self.lost / self.entered if self.entered > _ROUND_OFF * scale else 0.0
+        share, viscous = (
+            energy / self.entered if self.entered > _ROUND_OFF * scale else 0.0 for energy in (self.lost, self.viscous)
+        )
         limits = self.limits
         word, reason = (
             "resolved",
             f"at most {balance:.2g} of the energy unaccounted for, {share:.2g} lost in the scheme",
         )
+        if self.viscous_terms:
+            # in a shock that is what heats matter, elsewhere it is a loss: told, not judged
+            reason += f", {viscous:.2g} in artificial viscosity"
         if abs(share) > limits.dissipation_warning:
             word = "dissipative"
             reason = f"the scheme, not the material, took {share:.2g} of the energy that went in"
@@ -84,6 +90,7 @@ class EnergyBalance:
             "energy_balance_largest": balance,
             "dissipation_numerical": self.lost,
             "dissipation_numerical_share": share,
+            **({"artificial_viscosity_share": viscous} if self.viscous_terms else {}),
             "trust": word,
             "trust_reason": reason,
         }

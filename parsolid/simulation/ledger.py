@@ -59,6 +59,11 @@ class Ledger:
         return result
 
 
+def viscous_terms_of(scene: Scene) -> tuple[str, ...]:
+    """The entries of a row that artificial viscosity fills, of all methods of a scene."""
+    return tuple(dict.fromkeys(name for system in scene.systems for name in system.settings.viscous_terms))
+
+
 def terms_of(scene: Scene) -> dict[str, int]:
     """The energy terms that the methods of a scene add, with their signs."""
     return {name: sign for system in scene.systems for name, sign in system.settings.ledger_terms.items()}

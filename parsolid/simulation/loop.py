@@ -12,7 +12,7 @@ from parsolid.scene import Scene
 from parsolid.simulation.diagnosis import describe_failure
 from parsolid.simulation.energy_balance import EnergyBalance, EnergyLimits
 from parsolid.simulation.interaction import Interaction
-from parsolid.simulation.ledger import Ledger, terms_of
+from parsolid.simulation.ledger import Ledger, terms_of, viscous_terms_of
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.setup import build_systems
 from parsolid.simulation.signals import StopRequest
@@ -73,7 +73,7 @@ class Simulation:
         """
         self.comm, self.scene, self.clock = comm, scene, Clock()
         limits = EnergyLimits.of(system.settings for system in scene.systems)
-        self.ledger, self.balance = Ledger(terms_of(scene)), EnergyBalance(limits)
+        self.ledger, self.balance = Ledger(terms_of(scene)), EnergyBalance(limits, viscous_terms_of(scene))
         if restart:
             restart.check(scene)
         self.systems, self.particle_sets = build_systems(comm, scene, restart)

@@ -79,6 +79,17 @@ def test_a_word_of_trust_by_the_largest_balance_and_by_the_energy_that_went_in(r
     assert said["dissipation_numerical"] == rows[-1]["dissipation_numerical"]
 
 
+def test_what_artificial_viscosity_took_is_told():
+    judge = EnergyBalance(LIMITS, ("viscous_work", "viscous_heat"))
+    for one in (row(0.0), row(0.0, lost=0.01)):
+        judge.judge(one | {"viscous_work": 0.1, "viscous_heat": 0.2}, 0.0, initial=1.0)
+    said = judge.verdict(0.0)
+    assert (
+        said["trust"] == "resolved" and "0.01 lost in the scheme, 0.3 in artificial viscosity" in said["trust_reason"]
+    )
+    assert said["artificial_viscosity_share"] == pytest.approx(0.3)
+
+
 def test_nothing_that_moves_is_resolved():
     judge = EnergyBalance(LIMITS)
     judge.judge(row(0.0, kinetic=0.0), 0.0)
