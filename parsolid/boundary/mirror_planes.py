@@ -92,7 +92,9 @@ class MirrorCodes:
         planes = [codes[0] for codes in self.planes if len(codes) == 1]
         for first, second in combinations(planes, 2):
             distance = abs(first.coordinate - second.coordinate)
-            if first.axis == second.axis and 2.0 * distance <= reach[first.axis]:
+            # neither has images of what the other is meant for
+            apart = None not in (first.body, second.body) and first.body != second.body
+            if not apart and first.axis == second.axis and 2.0 * distance <= reach[first.axis]:
                 return (
                     f"boundaries: expected parallel mirror planes farther apart than half the kernel's reach, "
                     f"{0.5 * reach[first.axis]:.4g} m, found two {distance:.4g} m apart along {'XYZ'[first.axis]}"

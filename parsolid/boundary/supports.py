@@ -1,5 +1,7 @@
 """Supports of a scene on a rank's particles: mirror planes and clamps."""
 
+from dataclasses import replace
+
 import numpy as np
 from mpi4py import MPI
 
@@ -17,8 +19,18 @@ class Supports:
     part of a particle on this side of mirror planes.
     """
 
-    def __init__(self, comm: MPI.Comm, scene: Scene, supports: list[Support], particle_set: ParticleSet):
-        """Raises SolverError on all ranks when a mirror plane cuts a body. Collective."""
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        scene: Scene,
+        supports: list[Support],
+        particle_set: ParticleSet,
+        closed: frozenset[int] = frozenset(),
+    ):
+        """closed: bodies whose operators end at a fixed plane, so that they have no images there.
+
+        Raises SolverError on all ranks when a mirror plane cuts a body. Collective.
+        """
         dimension = particle_set.position.shape[1]
         self.planes: list[MirrorPlane] = []
         self.held = np.zeros((len(particle_set), dimension), bool)
@@ -26,7 +38,7 @@ class Supports:
             chosen = selected(scene, one.where, particle_set, comm)
             if one.mirrored:
                 check_sides(comm, one.plane, particle_set, one.key)
-                self.planes.append(one.plane)
+                self.planes += _with_images(one.plane, closed, len(scene.bodies))
                 # cell-centred particles beside the plane move; their images hold them
                 chosen &= one.plane.contains(particle_set)
             self.held |= chosen[:, None] & one.plane.held(dimension)
@@ -35,3 +47,10 @@ class Supports:
         for plane in self.planes:
             count += plane.contains(particle_set)
         self.share: np.ndarray = 0.5**count
+
+
+def _with_images(plane: MirrorPlane, closed: frozenset[int], bodies: int) -> list[MirrorPlane]:
+    """A plane for the bodies that have images there."""
+    if plane.kind != "fixed" or not closed:
+        return [plane]
+    return [replace(plane, body=i) for i in range(bodies) if i not in closed and plane.body in (None, i)]

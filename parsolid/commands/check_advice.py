@@ -31,11 +31,11 @@ def scene_advice(scene: Scene) -> list[str]:
         f"bodies.{i}"
         for system in scene.systems
         for i in system.bodies
-        if getattr(system.settings, "pair_correction", "") == "none" and _uneven(scene.bodies[i])
+        if getattr(system.settings, "pair_weights", "") == "kernel" and _uneven(scene.bodies[i])
     ]
     if not names:
         return []
-    advice = 'method.pair_correction = "closure" makes them many times more accurate'
+    advice = 'method.weights = "closure" makes them many times more accurate'
     return [f"{', '.join(names)}: uneven particles; {advice}"]
 
 
@@ -47,10 +47,12 @@ def advice(simulation: Simulation) -> list[str]:
     """The same, and bodies that are slender and have too few particles across; collective, the same on all ranks."""
     scene, result = simulation.scene, scene_advice(simulation.scene)
     for stated, system in zip(scene.systems, simulation.systems):
+        # the figures are of the kernel's weights
+        kind = stated.settings.kind if getattr(stated.settings, "pair_weights", "kernel") == "kernel" else ""
         for i in stated.bodies:
             thin = _thinnest(scene, i, _layers(simulation.comm, system, i))
             if thin is not None:
-                result += _told(f"bodies.{i}", *thin, stated.settings.kind, scene.bodies[i].placed_on)
+                result += _told(f"bodies.{i}", *thin, kind, scene.bodies[i].placed_on)
     return result
 
 

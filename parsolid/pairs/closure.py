@@ -25,13 +25,13 @@ PASSES, ITERATIONS = 10, 10
 LEFT_OVER = 0.5
 
 
-def surface_area(comm: Any, particle_set: Any, planes: Any) -> np.ndarray:
+def surface_area(comm: Any, particle_set: Any, planes: Any, closed: np.ndarray) -> np.ndarray:
     """Area vectors A_a (n, d) [m^2] of particles with their halves beyond mirror planes; particle_set:
-    `scene.ParticleSet`; collective.
+    `scene.ParticleSet`; closed (n,): particles whose weights are to be closed; collective.
 
-    Raises SolverError on all ranks when the areas are not where the particles are.
+    Raises SolverError on all ranks when their areas are not where the particles are.
     """
-    raise_together(comm, _surface_fault(comm, particle_set))
+    raise_together(comm, _surface_fault(comm, particle_set, closed))
     area = particle_set.area.copy()
     for plane in planes:
         on = plane.contains(particle_set)
@@ -40,18 +40,17 @@ def surface_area(comm: Any, particle_set: Any, planes: Any) -> np.ndarray:
     return area
 
 
-def _surface_fault(comm: Any, particle_set: Any) -> str | None:
+def _surface_fault(comm: Any, particle_set: Any, closed: np.ndarray) -> str | None:
     """sum_a A_a . X_a is d times the volume for particles on the surface, and less by half a spacing for cells beside
     it."""
-    depth = 0.5 * np.linalg.norm(particle_set.area, axis=1) * particle_set.spacing.min(axis=1)
-    moment = particle_set.position.shape[1] * particle_set.volume.sum() - np.sum(
-        particle_set.area * particle_set.position
-    )
+    area, position = particle_set.area[closed], particle_set.position[closed]
+    depth = 0.5 * np.linalg.norm(area, axis=1) * particle_set.spacing[closed].min(axis=1)
+    moment = position.shape[1] * particle_set.volume[closed].sum() - np.sum(area * position)
     missing, between = sums(comm, np.array([moment, depth.sum()]))
     if missing <= 0.2 * between:
         return None
     return (
-        'method.pair_correction: expected particles on the surface of the bodies (placement = "nodes") for "closure", '
+        'method.weights: expected particles on the surface of the bodies (placement = "nodes") for "closure", '
         "found cells"
     )
 
@@ -60,13 +59,15 @@ class Closure:
     """The discrete divergence theorem on the lists of a pair system; arrays of particles have this rank's owned
     rows."""
 
-    def __init__(self, pairs: Any, area: Any, share: Any) -> None:
+    def __init__(self, pairs: Any, area: Any, share: Any, closed: Any = None) -> None:
         """pairs: `PairSystem`, whose weights are rows (g_ab, number); area (owned, d): `surface_area`.
 
-        share (owned,): the part of each particle on this side of mirror planes.
+        share (owned,): the part of each particle on this side of mirror planes; closed (owned,) bool: particles whose
+        weights are to be closed, all unless given; no other has a pair with one of them.
         """
         self.halo, self.lists, self.positions = pairs.halo, list(pairs.lists()), pairs.positions
         self.owned, self.area, self.share = pairs.owned, area, share[:, None]
+        self.closed = np.ones((pairs.owned, 1), bool) if closed is None else closed[:, None]
         self.potential = np.zeros_like(self.positions)
         self.exchange = self.halo.exchange([self.potential])
 
@@ -78,8 +79,8 @@ class Closure:
         return total[: self.owned]
 
     def left_over(self, correction: np.ndarray) -> np.ndarray:
-        """A_a + sum_b (L_a + L_b) g_ab (owned, d) [m^2], zero for closed weights."""
-        return self.area + self.fluxes(correction)
+        """A_a + sum_b (L_a + L_b) g_ab (owned, d) [m^2], zero for closed weights and those that are not to be."""
+        return self.closed * (self.area + self.fluxes(correction))
 
     def improve(self, correction: np.ndarray) -> None:
         """Change the weights of all lists towards closure, with the corrections held; collective."""
@@ -125,14 +126,14 @@ class Closure:
         return float(sums(self.halo.comm, np.array([np.sum(self.share * values)]))[0])
 
 
-def close(pairs: Any, correction: np.ndarray, area: np.ndarray, share: np.ndarray, correct: Any) -> np.ndarray:
+def close(pairs: Any, correction: np.ndarray, surface: Any, correct: Any) -> np.ndarray:
     """Close the weights of a `PairSystem`; the corrections (n, d, d) that go with them, which correct() makes anew.
     Collective.
 
-    area, share: see `Closure`. Raises SolverError on all ranks when a particle's volume and its neighbours fit so badly
-    that the passes diverge.
+    surface: area, share and closed of `Closure`. Raises SolverError on all ranks when a particle's volume and its
+    neighbours fit so badly that the passes diverge.
     """
-    theorem = Closure(pairs, area, share)
+    theorem = Closure(pairs, *surface)
     for _ in range(PASSES):
         theorem.improve(correction)
         correction = correct()
@@ -147,6 +148,6 @@ def _fault(left_over: np.ndarray, positions: np.ndarray) -> str | None:
         return None
     place = ", ".join(f"{x:.6g}" for x in positions[np.argmax(left_over)])
     return (
-        "method.pair_correction: expected particles whose volumes fit their distances, found one at "
+        "method.weights: expected particles whose volumes fit their distances, found one at "
         f"({place}) of which {left_over.max():.2g} of a face is left over"
     )

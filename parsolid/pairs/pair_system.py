@@ -115,6 +115,7 @@ class PairSystem(PairLists):
         )
         if fault >= 0:
             self.fault = coincident(self.positions, candidates[0], fault)
+        start, neighbour, code = self.weights.kept(self, start, neighbour, code, reflections, shifts)
         pairs = OneSidedList(start, neighbour, self.weights.empty(len(neighbour)), None)
         self.weights.fill(self, pairs, Places(code, reflections, shifts))
         return pairs, code

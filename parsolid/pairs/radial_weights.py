@@ -14,7 +14,7 @@ from decomposition.compiled import compiled
 from parsolid.collective import raise_together
 from parsolid.numerics.dispatch import is_instance
 from parsolid.pairs.lists import mutual
-from parsolid.pairs.weights import distance_in_support
+from parsolid.pairs.weights import PairWeights, distance_in_support
 
 
 class Constant(NamedTuple):
@@ -148,7 +148,7 @@ def invert_shapes(chosen, bar, owned, volume, shape, inverse, determinant):
                     inverse[a, j, i] = inverse[a, i, j]
 
 
-class RadialWeights:
+class RadialWeights(PairWeights):
     """Weights of an influence function; a broken bond has weight 0.
 
     Of owned particles: inverse_shape, initial_inverse_shape (owned, d, d), K^{-1} now and with all bonds whole;

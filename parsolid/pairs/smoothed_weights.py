@@ -8,22 +8,27 @@ from parsolid.collective import raise_together
 from parsolid.numerics.lanes import WIDTH, aligned_zeros
 from parsolid.pairs import weights
 from parsolid.pairs.closure import close
+from parsolid.pairs.lattice_pairs import Lattices, fill_lattice_weights, keep_lattice_pairs, keep_near_jumps
 from parsolid.pairs.mean_impedance import whole_jump_factors
 from parsolid.pairs.terms import MeanRiemann
+from parsolid.pairs.weights import PairWeights
 
 
-class SmoothedWeights:
-    """g_ab = V_a V_b grad_a W of a smoothing kernel; k_ab scales a Riemann dissipation."""
+class SmoothedWeights(PairWeights):
+    """g_ab = V_a V_b grad_a W of a smoothing kernel, or of a lattice in closed form; k_ab scales a Riemann
+    dissipation."""
 
     def __init__(
-        self, kernel: Any, dissipation: float = 1.0, surface: tuple[np.ndarray, np.ndarray] | None = None
+        self, kernel: Any, dissipation: float = 1.0, surface: Any = None, lattices: Lattices | None = None
     ) -> None:
         """kernel: of `smoothing.smoothing_kernel`; dissipation: factor on k_ab.
 
-        surface: (area vectors (owned, d) [m^2], parts of the particles on this side of planes (owned,)) where the
-        weights are to be closed, see `pairs.closure`.
+        surface: what `pairs.closure.Closure` takes of the particles whose weights are to be closed: (area vectors
+        (owned, d) [m^2], parts of the particles on this side of planes (owned,), and which (owned,) unless all);
+        lattices: those of owned particles; pairs of two lattices, or of one and a particle on none, have no weight.
         """
         self.kernel, self.dissipation, self.surface, self.support = kernel, dissipation, surface, kernel.support
+        self.lattices = lattices
 
     def empty(self, pairs: int) -> np.ndarray:
         """Room for the weights of so many pairs."""
@@ -32,6 +37,17 @@ class SmoothedWeights:
     def fill(self, system: Any, pairs: Any, places: Any) -> None:
         """g_ab of one list of a `PairSystem`."""
         weights.pair_weights(self.kernel, pairs, places, system.positions, system.metric, system.volume)
+        if self.lattices is not None:
+            fill_lattice_weights(self.lattices, pairs, places, system.positions)
+
+    def kept(
+        self, system: Any, start: np.ndarray, neighbour: np.ndarray, code: np.ndarray, *places: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Those on one lattice with a weight, or both on none; collective."""
+        if self.lattices is None:
+            return start, neighbour, code
+        number = system.halo.with_ghosts(self.lattices.number)
+        return keep_lattice_pairs(self.lattices, number, start, neighbour, code, system.positions, *places)
 
     def complete(self, system: Any) -> np.ndarray:
         """Corrections L_a (owned, d, d), and k_ab, when all lists are filled; collective.
@@ -40,9 +56,11 @@ class SmoothedWeights:
         """
         correction = corrections(system)
         if self.surface is not None:
-            correction = close(system, correction, *self.surface, lambda: corrections(system))
+            correction = close(system, correction, self.surface, lambda: corrections(system))
         for pairs, places in system.lists():
             weights.jump_factors(self.dissipation, pairs, places, correction)
+            if self.lattices is not None:
+                keep_near_jumps(self.lattices, pairs, places, system.positions)
             if isinstance(system.terms, MeanRiemann):
                 whole_jump_factors(pairs, correction.shape[1])
         return correction[: system.owned]

@@ -7,6 +7,7 @@ out-of-plane terms are 0.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from numba.extending import register_jitable
@@ -46,15 +47,16 @@ def _determinant(M):
 
 
 @register_jitable
-def _point(positions, a):
+def point(positions, a):
+    """X_a, with a third component of 0 in the plane."""
     if positions.shape[1] == 2:
         return positions[a, 0], positions[a, 1], 0.0
     return positions[a, 0], positions[a, 1], positions[a, 2]
 
 
 @register_jitable
-def _image_point(positions, b, reflection, shift):
-    X = _point(positions, b)
+def image_point(positions, b, reflection, shift):
+    X = point(positions, b)
     return (
         reflection[0] * X[0] + shift[0],
         reflection[1] * X[1] + shift[1],
@@ -65,7 +67,7 @@ def _image_point(positions, b, reflection, shift):
 @compiled
 def distance_in_support(positions, metric, a, b, reflection, shift):
     """q of particle a and particle b, or b's image R X_b + T; reflection and shift are (3,)."""
-    Xa, Xb = _point(positions, a), _image_point(positions, b, reflection, shift)
+    Xa, Xb = point(positions, a), image_point(positions, b, reflection, shift)
     x = (Xa[0] - Xb[0], Xa[1] - Xb[1], Xa[2] - Xb[2])
     Mx = _product(_pair_metric(metric, a, b, reflection), x)
     return math.sqrt(x[0] * Mx[0] + x[1] * Mx[1] + x[2] * Mx[2])
@@ -110,10 +112,10 @@ def pair_weights(kernel, pairs, places, positions, metric, volume):
     """Fill g_ab = V_a V_b grad_a W(X_a - X_b) [m^5 in space, m^3 in the plane] into the weights' first columns."""
     dimension = positions.shape[1]
     for a in range(pairs.start.shape[0] - 1):
-        Xa = _point(positions, a)
+        Xa = point(positions, a)
         for k in range(pairs.start[a], pairs.start[a + 1]):
             b, code = pairs.neighbour[k], places.code[k]
-            Xb = _image_point(positions, b, places.reflections[code], places.shifts[code])
+            Xb = image_point(positions, b, places.reflections[code], places.shifts[code])
             x = (Xa[0] - Xb[0], Xa[1] - Xb[1], Xa[2] - Xb[2])
             M = _pair_metric(metric, a, b, places.reflections[code])
             Mx = _product(M, x)
@@ -128,10 +130,10 @@ def add_moments(pairs, places, positions, moment):
     """Add sum_b g_ab (x) (X_b - X_a) to moment (n, d, d) of the particles that receive."""
     d = positions.shape[1]
     for a in range(pairs.start.shape[0] - 1):
-        Xa = _point(positions, a)
+        Xa = point(positions, a)
         for k in range(pairs.start[a], pairs.start[a + 1]):
             b, code = pairs.neighbour[k], places.code[k]
-            Xb = _image_point(positions, b, places.reflections[code], places.shifts[code])
+            Xb = image_point(positions, b, places.reflections[code], places.shifts[code])
             for i in range(d):
                 for j in range(d):
                     term = pairs.weight[k, i] * (Xb[j] - Xa[j])
@@ -159,3 +161,13 @@ def jump_factors(factor, pairs, places, correction):
                 skew += component * component
                 length += weight[k, i] * weight[k, i]
             weight[k, d] = 0.5 * factor * math.sqrt(skew / length) if length > 0.0 else 0.0
+
+
+class PairWeights:
+    """What a `PairSystem` asks of every kind of weights beside `empty`, `fill` and `complete`."""
+
+    def kept(
+        self, system: Any, start: np.ndarray, neighbour: np.ndarray, code: np.ndarray, *places: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(start, neighbour, code) of the pairs within the support that have a weight; places: reflections, shifts."""
+        return start, neighbour, code

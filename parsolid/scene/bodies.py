@@ -15,6 +15,8 @@ Placement = Literal["nodes", "cells"]
 
 # shapes whose lattice is cut by a surface
 _CUT = ("cylinder", "sphere", "perforated_box")
+# of these, shapes whose cells are not scaled, so that their corners can carry the particles
+_WITH_CORNERS = ("perforated_box",)
 
 
 class FilledShape(SceneModel):
@@ -24,7 +26,8 @@ class FilledShape(SceneModel):
     of a
                 cylinder or sphere; hoop, axial, radial of a shell (hoop, radial in 2-D)
     spacing     distance of particles [m] along the same directions, or one for all; rounded so that whole numbers fit
-    placement   "nodes": on the boundary too, with trapezoid volumes; "cells": in the middle of equal cells
+    placement   "nodes": on the boundary too, with trapezoid volumes (of a perforated box at the corners of its cells);
+                "cells": in the middle of equal cells
     jitter      random offset of each particle as a fraction of the spacing, the same on any number of ranks; particles
     on
                 the boundary stay
@@ -69,7 +72,7 @@ class FilledShape(SceneModel):
             details.append(((key,), "no such key with a mesh (it has its own particles)", getattr(self, key)))
         if self.shape.kind != "mesh" and not counted:
             details.append(((), "exactly one of particles, spacing", Phrase("none")))
-        if self.shape.kind in _CUT and self.placement == "nodes":
+        if self.shape.kind in _CUT and self.shape.kind not in _WITH_CORNERS and self.placement == "nodes":
             details.append(
                 (("placement",), f"'cells' for a {self.shape.kind} (its lattice is cut by the surface)", "nodes")
             )

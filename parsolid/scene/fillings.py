@@ -7,6 +7,7 @@ from parsolid.scene.clipped import ClippedFilling
 from parsolid.scene.lattice import BoxFilling, Filling
 from parsolid.scene.mesh import MeshFilling
 from parsolid.scene.perforated import PerforatedFilling
+from parsolid.scene.perforated_nodes import PerforatedNodes
 from parsolid.scene.shell import ShellFilling
 
 _FILLINGS = {
@@ -22,5 +23,7 @@ _FILLINGS = {
 def filling_of(body: FilledShape, dimension: int) -> Filling:
     """The particles of a body, not yet made. Raises SceneError for a mesh that cannot be used."""
     filling: Any = _FILLINGS[body.shape.kind]
+    if body.shape.kind == "perforated_box" and body.placed_on == "nodes":
+        filling = PerforatedNodes
     made: Filling = filling(body, dimension)
     return made

@@ -188,3 +188,12 @@ class BoxFilling(Lattice):
             body=np.zeros(len(identifier), np.int32),
             area=side * volume[:, None] / weight,
         )
+
+    def nodes(self, identifier: np.ndarray) -> list[np.ndarray]:
+        """Index along each line of particles (n,) by their ids."""
+        return list(np.unravel_index(identifier, self.shape))
+
+    def holds_cells(self, index: list[np.ndarray]) -> np.ndarray:
+        """Which cells between nodes, by the index of their lower node, are in the box."""
+        inside = [(i >= 0) & (i < count - 1) for i, count in zip(index, self.shape)]
+        return np.logical_and.reduce(inside)

@@ -46,6 +46,7 @@ FIXED = (
     "method.pre_cracks*",
     "method.formulation",
     "method.reference",
+    "method.weights",
     "method.initial_state",
     "bodies.*.name",
     "bodies.*.shape*",

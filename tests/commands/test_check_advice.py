@@ -65,6 +65,6 @@ def test_check_prints_what_it_knows(tmp_path, capsys):
     )
     assert main(["check", str(scene)]) == 0
     printed = capsys.readouterr().out
-    assert "note: bodies.0: uneven particles; method.pair_correction" in printed
+    assert "note: bodies.0: uneven particles; method.weights" in printed
     assert "note: bodies.0: 3 particles across Y" in printed
     assert np.all([line.startswith("note") for line in printed.splitlines()[-2:]])

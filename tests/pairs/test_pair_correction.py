@@ -10,15 +10,15 @@ from parsolid.pairs.candidates import metrics
 from parsolid.pairs.smoothed_weights import SmoothedWeights
 from parsolid.pairs.smoothing.wendland_c2 import WendlandC2
 
-CLOSED = {"pair_correction": "closure"}
+CLOSED = {"weights": "closure"}
 JITTERED = {2: {"jitter": 0.15}, 3: {"jitter": 0.15}}
 PARTICLES = {2: (12, 11), 3: (6, 7, 6)}
 ROLLERS = supports(X=(0.0, "roller"), Y=(0.0, "roller"))
 
 
-def body(dimension, correction="closure", boundaries=(), **keys) -> dict:
+def body(dimension, weights="closure", boundaries=(), **keys) -> dict:
     """A box with an uneven inside."""
-    data = tables(PARTICLES[dimension], method={"pair_correction": correction}, boundaries=list(boundaries))
+    data = tables(PARTICLES[dimension], method={"weights": weights}, boundaries=list(boundaries))
     data["bodies"][0] |= {**JITTERED[dimension], **keys}
     return data
 
@@ -51,7 +51,7 @@ def left_over(sim) -> np.ndarray:
 @pytest.mark.parametrize("boundaries", [(), ROLLERS], ids=["free", "mirror"])
 @pytest.mark.serial
 def test_a_constant_stress_has_almost_no_force_inside(dimension, boundaries):
-    plain = left_over(simulation(body(dimension, "none", boundaries)))
+    plain = left_over(simulation(body(dimension, "kernel", boundaries)))
     closed = left_over(simulation(body(dimension, "closure", boundaries)))
     assert np.abs(plain).max() > 0.5
     assert np.abs(closed).max() < 0.04
@@ -112,8 +112,8 @@ def test_any_number_of_ranks_makes_the_same_weights(comm):
 @pytest.mark.serial
 @pytest.mark.parametrize("jitter", [0.1, 0.2])
 def test_an_irregular_punch_is_as_good_as_a_regular_one(jitter):
-    def history(jitter, correction):
-        data = punch((17, 17), end_time=0.005, method={"pair_correction": correction})
+    def history(jitter, weights):
+        data = punch((17, 17), end_time=0.005, method={"weights": weights})
         data["bodies"][0]["jitter"] = jitter
         return run_to_end(data)[1]
 
@@ -123,8 +123,8 @@ def test_an_irregular_punch_is_as_good_as_a_regular_one(jitter):
         ]
         return np.abs(energies).max() / (regular["kinetic"][0] + regular["stored"][0])
 
-    regular = history(0.0, "none")
-    assert difference(history(jitter, "none")) > 0.25
+    regular = history(0.0, "kernel")
+    assert difference(history(jitter, "kernel")) > 0.25
     # the regular body itself is 0.02 from the reference
     assert difference(history(jitter, "closure")) < 0.012
 
@@ -147,7 +147,7 @@ def test_momentum_and_energy_are_kept():
 
 def test_cells_are_refused(comm):
     data = body(2, placement="cells")
-    with pytest.raises(SolverError, match="method.pair_correction: expected particles on the surface .* found cells"):
+    with pytest.raises(SolverError, match="method.weights: expected particles on the surface .* found cells"):
         simulation(data, comm)
 
 
@@ -158,5 +158,5 @@ def test_volumes_that_do_not_fit_are_refused():
     place += rng.uniform(-0.45, 0.45, place.shape)
     metric = metrics(np.ones_like(place), None, 0.85)
     area = np.zeros_like(place)
-    with pytest.raises(SolverError, match="method.pair_correction: expected particles whose volumes fit"):
+    with pytest.raises(SolverError, match="method.weights: expected particles whose volumes fit"):
         system_of(place, metric, SmoothedWeights(WendlandC2(), 1.0, (area, np.ones(144))))

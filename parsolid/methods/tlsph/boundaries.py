@@ -22,9 +22,16 @@ class BoundarySet:
     planes, codes, share: see `boundary.supports.Supports`; jump_times [s]: at which loads or prescribed motions jump.
     """
 
-    def __init__(self, comm: MPI.Comm, declared: Declarations, particle_set: ParticleSet, particles: Particles):
-        """particles: those of the particle_set; collective."""
-        supports = Supports(comm, declared.scene, declared.of(Support), particle_set)
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        declared: Declarations,
+        particle_set: ParticleSet,
+        particles: Particles,
+        closed: frozenset[int] = frozenset(),
+    ):
+        """particles: those of the particle_set; closed: see `Supports`; collective."""
+        supports = Supports(comm, declared.scene, declared.of(Support), particle_set, closed)
         self.planes, self.codes, self.share = supports.planes, supports.codes, supports.share
         self._clamp = _multipliers(comm, "clamp", supports.held, particles)
         self.prescribed = PrescribedRows(
@@ -91,14 +98,20 @@ class BoundarySet:
         return gain
 
 
-def build_boundaries(comm: MPI.Comm, scene: Scene, particle_set: ParticleSet, particles: Particles) -> BoundarySet:
+def build_boundaries(
+    comm: MPI.Comm,
+    scene: Scene,
+    particle_set: ParticleSet,
+    particles: Particles,
+    closed: frozenset[int] = frozenset(),
+) -> BoundarySet:
     """Boundaries and loads of a scene for this rank's particle_set; collective.
 
-    particles: those of the particle_set. Raises SolverError on all ranks when a mirror plane cuts a body or the method
-    cannot do what a condition means.
+    particles: those of the particle_set; closed: see `Supports`. Raises SolverError on all ranks when a
+    mirror plane cuts a body or the method cannot do what a condition means.
     """
     declared = Declarations(scene, Support, PrescribedMotion, SurfaceTraction)
-    return BoundarySet(comm, declared, particle_set, particles)
+    return BoundarySet(comm, declared, particle_set, particles, closed)
 
 
 def _traction(

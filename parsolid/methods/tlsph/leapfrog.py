@@ -43,7 +43,9 @@ class Leapfrog:
         """system: `system.TotalLagrangianSPH`, whose particles have the fields of a step without stages."""
         self.system = system
         self.forces_of: int | None = None
-        self.weights = wave_weights(system.dimension, system.settings.smoothing)
+        lattices = system.on_lattices
+        kernel = wave_weights(system.dimension, system.settings.smoothing)
+        self.weights = kernel if lattices is None else WaveWeights(*lattices.wave_weights)
         # D grows with the factor on it; without any, waves alone would allow more
         self.safety = system.settings.safety / max(1.0, system.settings.dissipation)
         self._advance_strain = RecalledEach(advance_strain, free=(6, 7))

@@ -4,6 +4,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from parsolid.methods.tlsph.body_weights import lattice_faults
 from parsolid.pairs.smoothing import kernel_names
 from parsolid.scene.base_model import NotNegative, Positive, reject
 from parsolid.scene.method_settings import Detail, MethodSettings
@@ -36,10 +37,19 @@ class TotalLagrangianSPH(MethodSettings):
     update_when: Positive | None = Field(
         None, description="Green strain since the last update of the reference that calls for another"
     )
-    pair_correction: Literal["none", "closure"] = Field(
-        "none",
-        description='"closure" for irregular particles: weights under which a constant stress has no force inside',
+    weights: Literal["kernel", "closure", "cells", "fourth-order", "best"] | None = Field(
+        None,
+        description='pair weights: "kernel" unless given; "closure" for irregular particles; "cells" and '
+        '"fourth-order" in closed form for nodes of lattices; "best": for each body what fits it',
     )
+    pair_correction: Literal["none", "closure"] = Field(
+        "none", description='"closure": the former way to say weights = "closure"'
+    )
+
+    @property
+    def pair_weights(self) -> str:
+        """What `weights` or the former `pair_correction` asks for."""
+        return "closure" if self.pair_correction == "closure" else self.weights or "kernel"
 
     @model_validator(mode="before")
     @classmethod
@@ -68,10 +78,17 @@ class TotalLagrangianSPH(MethodSettings):
             )
         elif self.pair_correction != "none":
             reject((("pair_correction",), "'none' with the reference 'updated'", self.pair_correction))
+        elif self.pair_weights != "kernel":
+            reject((("weights",), "'kernel' with the reference 'updated'", self.weights))
+        if self.pair_correction == "closure" and self.weights not in (None, "closure"):
+            reject((("pair_correction",), f"weights alone, which is '{self.weights}'", self.pair_correction))
         return self
 
     def scene_faults(self, scene: Any) -> list[Detail]:
         """Planes whose images are exact for small strain only, where the reference follows a large one."""
         kinds = enumerate(boundary.kind for boundary in scene.boundaries if self.reference == "updated")
         expected = "'fixed' or 'roller' where the reference is updated"
-        return [(("boundaries", i, "kind"), expected, kind) for i, kind in kinds if kind == "antisymmetric"]
+        faults: list[Detail] = [
+            (("boundaries", i, "kind"), expected, kind) for i, kind in kinds if kind == "antisymmetric"
+        ]
+        return faults + lattice_faults(self.pair_weights, scene)

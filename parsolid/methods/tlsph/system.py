@@ -7,13 +7,15 @@ import numpy as np
 from decomposition.recalled import Recalled, RecalledEach
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, block_numbers, material_blocks
-from parsolid.materials.hyperelastic.law import isotropic_shear_modulus
+from parsolid.materials.hyperelastic.law import elastic_moduli, isotropic_shear_modulus, total_modulus
 from parsolid.materials.registry import laws_of
 from parsolid.methods.pair_method import PairMethod
 from parsolid.methods.tlsph import momentum as motion
 from parsolid.methods.tlsph import state
+from parsolid.methods.tlsph.body_weights import ON_LATTICES, weights_of_bodies
 from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.methods.tlsph.deformation import Relaxation, advance_deformation, largest_wave_modulus
+from parsolid.methods.tlsph.lattice_bodies import put_on_lattices
 from parsolid.methods.tlsph.leapfrog import Leapfrog
 from parsolid.methods.tlsph.state import Body
 from parsolid.methods.tlsph.stresses import deformation_gradients, first_piola_kirchhoff_stresses
@@ -49,7 +51,10 @@ class TotalLagrangianSPH(PairMethod):
         # of each block, as its law is; what a stage does is other numbers at every call
         self._advance_strain = RecalledEach(advance_deformation, free=(5, 6))
         self._advance_motion = Recalled(motion.advance_motion, free=(2,))
-        self.boundaries = build_boundaries(comm, scene, particle_set, self.particles)
+        self.body_weights = weights_of_bodies(self.settings.pair_weights, scene)
+        closed = frozenset(i for i, kind in enumerate(self.body_weights) if kind in ON_LATTICES)
+        self.boundaries = build_boundaries(comm, scene, particle_set, self.particles, closed)
+        self.on_lattices = put_on_lattices(comm, scene, particle_set, self.boundaries.planes, self.body_weights)
         share = self.boundaries.share
         self.branches = maximum(comm, max((block.branches for block in self.blocks), default=0))
         self.pairs = self._pair_system(particle_set)
@@ -62,18 +67,27 @@ class TotalLagrangianSPH(PairMethod):
         volume = particle_set.volume / share
         self.particles.declare(Field("mass", 1, "kg"), volume * density)
         self.particles.declare(Field("share", 1, "1"), share)
-        metric = metrics(particle_set.spacing, particle_set.axes, self.settings.smoothing)
+        metric = metrics(particle_set.spacing, particle_set.axes, self._smoothing())
         updated = (self.pairs, self.settings, particle_set.position, self.boundaries)
         self.reference = None if fixed else UpdatedReference(*updated)
         self.pairs.rebuild(particle_set.position, particle_set.body, metric, volume)
         # the narrowest spacing of all ranks bounds the step (79), so that it does not depend on their number
         self.spacing = minimum(comm, float(particle_set.spacing.min(initial=np.inf)))
 
+    def _smoothing(self) -> Any:
+        """h/dx, (n, 1) where bodies on lattices have their own."""
+        if self.on_lattices is None:
+            return self.settings.smoothing
+        own = self.on_lattices.reach / self.pairs.weights.support
+        return np.where(own > 0.0, own, self.settings.smoothing)[:, None]
+
     def _pair_system(self, particle_set: Any) -> PairSystem:
         settings, boundaries, surface = self.settings, self.boundaries, None
-        if settings.pair_correction == "closure":
-            surface = (surface_area(self.comm, particle_set, boundaries.planes), boundaries.share)
-        weights = SmoothedWeights(smoothing_kernel(settings.kernel), float(settings.dissipation), surface)
+        if "closure" in self.body_weights:
+            here = np.array(self.body_weights)[particle_set.body] == "closure"
+            surface = (surface_area(self.comm, particle_set, boundaries.planes, here), boundaries.share, here)
+        lattices = None if self.on_lattices is None else self.on_lattices.lattices
+        weights = SmoothedWeights(smoothing_kernel(settings.kernel), float(settings.dissipation), surface, lattices)
         return PairSystem(self.comm, self.particles, self.space, weights, self._terms(), boundaries.codes)
 
     def _terms(self) -> RiemannDissipation | MeanRiemann | None:
@@ -178,7 +192,12 @@ class TotalLagrangianSPH(PairMethod):
         return largest_wave_modulus(self.space, block.first, block.last, block.law, self.body_of(block))
 
     def _group_step(self, block: MaterialBlock, modulus: float) -> float:
-        return self.settings.cfl * self.spacing * np.sqrt(block.law.density / modulus)
+        step = self.settings.cfl * self.spacing * np.sqrt(block.law.density / modulus)
+        if self.on_lattices is None:
+            return step
+        shear = elastic_moduli(block.law)[0] + total_modulus(block.law.branch_moduli)
+        pressure, shear = np.sqrt(modulus / block.law.density), np.sqrt(shear / block.law.density)
+        return min(step, self.spacing * self.on_lattices.largest_step(pressure, shear, self.settings.dissipation))
 
     def body_of(self, block: MaterialBlock) -> Body:
         """The particle arrays as a block's law sees them."""
@@ -287,8 +306,9 @@ class TotalLagrangianSPH(PairMethod):
         return super().unsound()
 
     def summary(self) -> dict[str, Any]:
-        """How often the reference was moved."""
-        return {} if self.reference is None else {"reference_updates": self.reference.updates}
+        """How often the reference was moved, and which weights each body has where a scene leaves the choice."""
+        moved = {} if self.reference is None else {"reference_updates": self.reference.updates}
+        return moved if self.settings.weights != "best" else {**moved, "pair_weights": list(self.body_weights)}
 
     def advice(self) -> str:
         """What most likely helps."""

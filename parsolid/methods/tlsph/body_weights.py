@@ -1,0 +1,97 @@
+"""Which pair weights each body of a scene has, and which it cannot have; known before any particle is made."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from parsolid.materials.declaration import Phrase
+from parsolid.pairs.smoothing import smoothing_kernel
+from parsolid.scene.fillings import filling_of
+from parsolid.scene.method_settings import Detail
+from parsolid.scene.validation_errors import SceneError
+
+# weights in closed form, see `pairs.lattice_stencils`, and the shapes whose nodes have them
+ON_LATTICES = {"cells": ("box", "perforated_box"), "fourth-order": ("box",)}
+
+
+def weights_of_bodies(wanted: str, scene: Any) -> list[str]:
+    """For each body "kernel", "closure", "cells" or "fourth-order"; wanted: one of them for all, or "best".
+
+    "best" is "fourth-order" for nodes of boxes, "cells" for those of perforated boxes, "closure" for other uneven
+    nodes, and "kernel" for the rest and for all bodies that touch, unless all of them are closed.
+    """
+    if wanted != "best":
+        return [wanted] * len(scene.bodies)
+    result = [_best(body, scene.dimension) for body in scene.bodies]
+    bonded = _touching(scene)
+    for i, others in enumerate(bonded):
+        if others and not all(result[j] == "closure" for j in _reached(i, bonded)):
+            result[i] = "kernel"
+    return result
+
+
+def _best(body: Any, dimension: int) -> str:
+    for kind in ("fourth-order", "cells"):
+        if _off_lattice(kind, body, dimension) is None:
+            return kind
+    uneven = body.jitter > 0.0 or body.shape.kind == "mesh"
+    return "closure" if uneven and body.placed_on == "nodes" else "kernel"
+
+
+def _off_lattice(kind: str, body: Any, dimension: int) -> str | None:
+    """Why a body cannot have weights of a kind, in words."""
+    if body.shape.kind not in ON_LATTICES[kind]:
+        return f"a {body.shape.kind.replace('_', ' ')}"
+    if body.placed_on != "nodes":
+        return "particles in cells"
+    if body.jitter > 0.0:
+        return "jitter"
+    counts = [line.count for line in filling_of(body, dimension).lines]  # type: ignore[attr-defined]
+    return f"particles = {counts}" if min(counts) < 2 else None
+
+
+def lattice_faults(wanted: str, scene: Any) -> list[Detail]:
+    """Bodies for which weights in closed form do not hold: (location, expected, found)."""
+    if wanted not in ON_LATTICES:
+        return []
+    shapes = " or ".join(shape.replace("_", " ") for shape in ON_LATTICES[wanted])
+    expected = f'for "{wanted}" the nodes of a {shapes} (placement = "nodes"), two or more along each axis, no jitter'
+    try:
+        reasons = [_off_lattice(wanted, body, scene.dimension) for body in scene.bodies]
+        bonded = [] if any(reasons) else _touching(scene)
+    except SceneError:
+        # told where the body is
+        return []
+    found = [f"{reason} in bodies.{i}" for i, reason in enumerate(reasons) if reason is not None]
+    if found:
+        return [(("method", "weights"), expected, Phrase(", ".join(found)))]
+    touching = [f"bodies.{i} and bodies.{j}" for i, others in enumerate(bonded) for j in others if i < j]
+    expected = f'for "{wanted}" bodies farther apart than a kernel reaches, as those that touch are bonded by a kernel'
+    return [(("method", "weights"), expected, Phrase(", ".join(touching)))] if touching else []
+
+
+def _touching(scene: Any) -> list[list[int]]:
+    """For each body the others that are within a kernel's reach of it, by their bounding boxes."""
+    if len(scene.bodies) < 2:
+        return [[]]
+    fillings = [filling_of(body, scene.dimension) for body in scene.bodies]
+    support = smoothing_kernel(scene.method.kernel).support * scene.method.smoothing
+    result: list[list[int]] = []
+    for i, one in enumerate(fillings):
+        result.append([])
+        for j, other in enumerate(fillings):
+            gap = np.maximum(np.maximum(other.lower - one.upper, one.lower - other.upper), 0.0)
+            if i != j and np.linalg.norm(gap) < support * max(one.coarsest, other.coarsest):
+                result[-1].append(j)
+    return result
+
+
+def _reached(start: int, neighbours: Sequence[Sequence[int]]) -> set[int]:
+    """A body and all that it is bonded to through others."""
+    found, waiting = {start}, [start]
+    while waiting:
+        new = set(neighbours[waiting.pop()]) - found
+        found |= new
+        waiting += sorted(new)
+    return found

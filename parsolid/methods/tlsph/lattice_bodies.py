@@ -1,0 +1,142 @@
+"""Bodies whose particles are the nodes of a lattice: their pair weights in closed form, with their own volumes and
+areas."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from parsolid.collective import SolverError, minimum, raise_together
+from parsolid.methods.tlsph.body_weights import ON_LATTICES
+from parsolid.pairs.lattice_pairs import Lattices
+from parsolid.pairs.lattice_stencils import WIDEST, Axis, Stencils, box_stencils, cell_stencils
+from parsolid.particles.particle_set import ParticleSet
+from parsolid.scene.fillings import filling_of
+
+# what bounds a step: on the axes of frequencies and of damping the region of three-stage Runge-Kutta schemes ends here
+_RK3_FREQUENCY, _RK3_DAMPING = 1.7320, 2.5127
+# of leapfrog, twice as many steps, and the damping of small free bodies at Poisson's ratio 0.4999
+_LEAPFROG = 0.56
+# part of a bound that is used
+_SAFETY = 0.95
+# highest frequency of cells along an axis with steps of 1 m and waves of 1 m/s: of one cell, which bounds any union of
+# them, and of two or more in a row
+_ONE_CELL, _MORE_CELLS = 2.0, 1.5
+# damping of the wave that alternates from node to node along an axis, over that of cells: twice the largest weight
+_DAMPING = {"cells": 1.0, "fourth-order": 4.0 / 3.0}
+# a hair more than the offset of the farthest neighbour
+_HAIR = 1.02
+
+
+class LatticeBodies(NamedTuple):
+    """lattices: those of a rank's particles; reach (n,): distance of the farthest neighbour in spacings, 0 on none.
+
+    frequency, damping: greatest of all bodies, of pressure waves and of the dissipation, in units of the spacing, the
+    wave speed and, for the damping, of that of cells.
+    """
+
+    lattices: Lattices
+    reach: np.ndarray
+    frequency: float
+    damping: float
+
+    def largest_step(self, pressure: float, shear: float, dissipation: float) -> float:
+        """Largest step, in spacings, of SSP-RK3 for waves of these speeds and a factor on the dissipation.
+
+        The dissipation acts on nearest neighbours with the impedances of both waves: a velocity that alternates from
+        node to node along every axis decays at the rate 2 [c_p + (d - 1) c_s] times `damping`. Less dissipation than
+        the usual does not make the step longer.
+        """
+        decay = 2.0 * self.damping * max(1.0, dissipation) * (pressure + (self.lattices.spacing.shape[1] - 1) * shear)
+        return _SAFETY * min(_RK3_FREQUENCY / (self.frequency * pressure), _RK3_DAMPING / decay)
+
+    @property
+    def wave_weights(self) -> tuple[float, float]:
+        """Of c_p and c_s in the speed that takes a spacing in the largest step of leapfrog, w^2 dt^2 + 2 b dt = 4.
+
+        The alternating wave has no frequency, only the damping b; waves of the highest frequency have a little of it.
+        """
+        return max(self.damping, _LEAPFROG * self.frequency), self.damping * (self.lattices.spacing.shape[1] - 1)
+
+
+def put_on_lattices(
+    comm: Any, scene: Any, particle_set: ParticleSet, planes: list[Any], kinds: list[str]
+) -> LatticeBodies | None:
+    """Weights of the bodies that are on lattices by their kinds (`body_weights`), None where no body is; collective.
+
+    planes: those with images. Sets volume and area of their particles in the particle_set.
+    Raises SolverError on all ranks where a mirror plane lies beside the nodes, and for boxes without room.
+    """
+    if not set(kinds) & set(ON_LATTICES):
+        return None
+    n, d = particle_set.position.shape
+    lattices = Lattices(np.full(n, -1), particle_set.spacing.copy(), np.zeros((n, d, 2 * WIDEST + 1)))
+    reach, frequency, damping = np.zeros(n), 0.0, 0.0
+    first = np.full(len(kinds), np.inf)
+    np.minimum.at(first, particle_set.body, particle_set.identifier)
+    first = minimum(comm, first)
+    fault = None
+    for body, kind in enumerate(kinds):
+        if kind not in ON_LATTICES:
+            continue
+        rows = np.flatnonzero(particle_set.body == body)
+        filling = filling_of(scene.bodies[body], d)
+        try:
+            axes = _axes(filling, [plane for plane in planes if plane.body in (None, body)])
+            wide = kind == "fourth-order" and any(axis.wide for axis in axes)
+            if scene.method.weights == kind == "fourth-order" and not wide:
+                raise SolverError(_no_room(body, axes))
+        except SolverError as error:
+            fault = fault or str(error)
+            continue
+        stencils = _stencils(filling, particle_set.identifier[rows] - int(first[body]), axes, wide)
+        lattices.number[rows], lattices.weight[rows] = body, stencils.weight
+        particle_set.volume[rows], particle_set.area[rows] = stencils.volume, stencils.area
+        reach[rows] = _HAIR * (WIDEST if wide else 1)
+        frequency = max(frequency, _frequency(axes, wide, scene.bodies[body].shape.kind == "box"))
+        damping = max(damping, _DAMPING["fourth-order" if wide else "cells"])
+    raise_together(comm, fault)
+    return LatticeBodies(lattices, reach, frequency, damping)
+
+
+def _frequency(axes: list[Axis], wide: bool, box: bool) -> float:
+    """Of pressure waves along all axes at once, times the least step."""
+    least, found = min(axis.step for axis in axes), []
+    for axis in axes:
+        single = not box or (axis.nodes == 2 and not any(axis.mirrored))
+        cells = _ONE_CELL if single else _MORE_CELLS
+        found.append((axis.highest_frequency if wide else cells) * least / axis.step)
+    return float(np.linalg.norm(found))
+
+
+def _no_room(body: int, axes: list[Axis]) -> str:
+    counts = [axis.nodes for axis in axes]
+    return (
+        'method.weights: expected for "fourth-order" an axis with 8 nodes or more, those beyond mirror planes counted, '
+        f"found particles = {counts} in bodies.{body}"
+    )
+
+
+def _stencils(filling: Any, identifier: np.ndarray, axes: list[Axis], wide: bool) -> Stencils:
+    """identifier (n,): within the body."""
+    index = filling.nodes(identifier)
+    return box_stencils(index, axes) if wide else cell_stencils(index, axes, filling.holds_cells)
+
+
+def _axes(filling: Any, planes: list[Any]) -> list[Axis]:
+    """The lattice of a body, and which of its ends are mirrored; planes: those meant for it."""
+    result = []
+    for k, line in enumerate(filling.lines):
+        ends = [False, False]
+        for plane in planes:
+            if plane.axis != k:
+                continue
+            distance = np.abs(np.array([line.lower, line.upper]) - plane.coordinate) / line.step
+            for end in (0, 1):
+                ends[end] = ends[end] or bool(distance[end] <= 1e-6)
+            if 1e-6 < distance.min() < WIDEST:
+                raise SolverError(
+                    f"boundaries: expected mirror planes through nodes of bodies on lattices or far from them, found "
+                    f"{'XYZ'[k]} = {plane.coordinate:g} at {distance.min():.3g} spacings from the nearest end"
+                )
+        result.append(Axis(line.count, line.step, (ends[0], ends[1])))
+    return result
