@@ -14,11 +14,7 @@ _REACH = 0.51
 
 
 class HeatSupply:
-    """Heat of a rank's particles.
-
-    Heat through a plane goes to the particles there, not to the plane itself: then what they store has the gradient
-    that the flow needs (measured: half the error).
-    """
+    """Heat of a rank's particles: `surfaces` are loads [W] on the particles at `planes`."""
 
     def __init__(self, declared: Declarations, particles: Particles, per_radian: bool):
         """per_radian: areas are multiplied with the radius."""
@@ -27,6 +23,7 @@ class HeatSupply:
         if formula is not None:
             course = LoadHistory(FormulaVector((formula,)))
         self._sources = InTime(particles, [Load(particles, Everywhere(), ones, course)] if course else [], 1)
+        self.planes = [one.plane for one in declared.of(SurfaceHeat)]
         self.surfaces = [self._surface(declared, one) for one in declared.of(SurfaceHeat)]
 
     def _surface(self, declared: Declarations, one: SurfaceHeat) -> Load:
@@ -49,8 +46,3 @@ class HeatSupply:
     def sources(self, time: float) -> np.ndarray | None:
         """(owned,) [W/m^3] per reference volume at a time [s]; None without any."""
         return self._sources.at(time)[:, 0] if self._sources.acting else None
-
-    def add_through_planes(self, time: float, power: np.ndarray) -> None:
-        """Add the heat through planes at a time [s] to powers (owned, 1) [W]."""
-        for surface in self.surfaces:
-            surface.put(power, time)

@@ -8,6 +8,7 @@ from pathlib import Path
 from mpi4py import MPI
 
 from parsolid.collective import SolverError, anywhere
+from parsolid.commands.check_advice import advice, scene_advice
 from parsolid.output.checkpoint import find_checkpoint
 from parsolid.output.directory import occupy
 from parsolid.output.errors import OutputError, together
@@ -15,7 +16,6 @@ from parsolid.output.progress import Progress
 from parsolid.output.summary import provenance, write_summary
 from parsolid.output.whereabouts import HERE
 from parsolid.scene import Scene, SceneError, dump_scene, load_scene, packaged_scene
-from parsolid.scene.bodies import Body
 from parsolid.scene.declared import law_files
 from parsolid.scene.shapes import MeshFile
 from parsolid.simulation.loop import FINISHED, INTERRUPTED, Limits, RunFailed, Simulation
@@ -73,7 +73,7 @@ def _run_in(
     progress = None
     if comm.rank == 0:
         level = 0 if options.quiet else 2 if options.verbose else 1
-        notes = [*_advice(scene), *(restart.notes if restart else ())]
+        notes = [*scene_advice(scene), *(restart.notes if restart else ())]
         for note in notes if level else ():
             print(f"note: {note}", flush=True)
         progress = Progress(scene.title, scene.end_time, simulation.particles, level)
@@ -112,24 +112,6 @@ def _set_up(
         if comm.rank == 0:
             dump_scene(scene, files.directory / "scene.toml")
     return simulation, files, restart
-
-
-def _advice(scene: Scene) -> list[str]:
-    """What a scene asks for that costs accuracy where it need not."""
-    names = [
-        f"bodies.{i}"
-        for system in scene.systems
-        for i in system.bodies
-        if getattr(system.settings, "pair_correction", "") == "none" and _uneven(scene.bodies[i])
-    ]
-    if not names:
-        return []
-    advice = 'method.pair_correction = "closure" makes them many times more accurate'
-    return [f"{', '.join(names)}: uneven particles; {advice}"]
-
-
-def _uneven(body: Body) -> bool:
-    return bool(body.jitter > 0.0 or body.shape.kind == "mesh")
 
 
 def _inputs(options: Namespace, scene: Scene, restart: Restart | None) -> tuple[Path | str, ...]:
@@ -180,5 +162,8 @@ def check(comm: MPI.Intracomm, options: Namespace) -> int:
     scene = load(comm, options)
     warm_up(comm, scene)
     simulation = Simulation(comm, scene)
+    notes = advice(simulation)
     print_report(comm, simulation)
+    for note in notes if comm.rank == 0 else ():
+        print(f"note: {note}", flush=True)
     return 0

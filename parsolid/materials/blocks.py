@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.materials.viscoelastic.maxwell import dissipation_factor, relaxation_weights
+from parsolid.materials.viscoelastic.maxwell import dissipation_factor, end_weights, relaxation_weights
 
-_NO_BRANCHES = np.zeros((0, 3))
+_NO_BRANCHES, _NO_WEIGHTS = np.zeros((0, 3)), np.zeros((0, 2))
 
 
 @dataclass
@@ -32,6 +32,12 @@ class MaterialBlock:
     def dissipation_factors(self, time: float, step: float) -> np.ndarray:
         """Factors (branches,) on Simpson's weight of the dissipation at a time (0, 1/2, 1) of a step [s]."""
         return np.array([dissipation_factor(time, step, tau) for tau in self.law.relaxation_times or ()], float)
+
+    def dissipation_weights(self, step: float) -> np.ndarray:
+        """Weights (branches, 2) [s] of the dissipation's rates at both ends of a step [s]."""
+        if not self.branches:
+            return _NO_WEIGHTS
+        return step * np.array([end_weights(step, time) for time in self.law.relaxation_times])
 
 
 def material_blocks(laws: list[Any], body: np.ndarray) -> tuple[list[MaterialBlock], np.ndarray]:

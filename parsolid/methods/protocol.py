@@ -92,6 +92,9 @@ class ParticleSystem:
     def resume(self) -> None:
         """Continue from fields that were put back and from `set_state`; collective."""
 
+    def forget(self) -> None:
+        """After `resume`, where the scene was allowed to change: forget what was kept that follows from it."""
+
     def state(self) -> dict[str, Any]:
         """What a restart needs besides the checkpointed fields, as JSON has it, the same on all ranks; collective."""
         return {}

@@ -34,6 +34,8 @@ class Space(NamedTuple):
 
 LAYOUT = {2: Plane(), 3: Space()}
 DEFORMATION_ROWS = {2: 5, 3: 19}
+# F and J alone, where H and J follow from F
+GRADIENT_ROWS = {2: 5, 3: 10}
 BRANCH_ROWS = {2: 3, 3: 6}
 CORRECTION_ROWS = {2: 4, 3: 9}
 
@@ -66,6 +68,37 @@ def load_nine(array, row, i):
     """Nine consecutive rows of four particles, as a general tensor."""
     x, y, z = _three(array, row, i), _three(array, row + 3, i), _three(array, row + 6, i)
     return GeneralSpace(x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2])
+
+
+@generic
+def load_deformation_gradient(space, rows, i):
+    """F alone of particles i..i+3, from the first rows of an array."""
+
+
+@load_deformation_gradient.of(Plane)
+def _plane_gradient_of_deformation(space, rows, i):
+    return GeneralPlane(load(rows, 0, i), load(rows, 1, i), load(rows, 2, i), load(rows, 3, i), broadcast(1.0))
+
+
+@load_deformation_gradient.otherwise
+def _space_gradient_of_deformation(space, rows, i):
+    return load_nine(rows, 0, i)
+
+
+@generic
+def store_deformation_gradient(space, rows, i, F, J, count):
+    """Store F and J, one behind the other, of the first `count` of particles i..i+3."""
+
+
+@store_deformation_gradient.of(Plane)
+def _store_plane_gradient(space, rows, i, F, J, count):
+    store_deformation(space, rows, i, F, F, J, count)
+
+
+@store_deformation_gradient.otherwise
+def _store_space_gradient(space, rows, i, F, J, count):
+    store_nine(rows, 0, i, F, count)
+    store_first(rows, 9, i, J, count)
 
 
 @generic

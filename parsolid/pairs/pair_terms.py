@@ -41,14 +41,19 @@ def _own_stress(space, terms, kinematics, record, a):
     return matrix(space, record, a, 0), reference(space, None, a, kinematics, a)
 
 
+@register_jitable
+def own_motion(space, terms, kinematics, record, a):
+    """Stress, X, motion and gradient of the first particle."""
+    at, X = record_columns(space, terms), reference(space, None, a, kinematics, a)
+    own = motion(space, None, a, kinematics, a)
+    return matrix(space, record, a, at.stress), X, own, matrix(space, record, a, at.gradient)
+
+
 @own_side.of(RiemannDissipation)
 def _own_waves(space, terms, kinematics, record, a):
     at = record_columns(space, terms)
     return (
-        matrix(space, record, a, at.stress),
-        reference(space, None, a, kinematics, a),
-        motion(space, None, a, kinematics, a),
-        matrix(space, record, a, at.gradient),
+        *own_motion(space, terms, kinematics, record, a),
         symmetric_of(space, None, a, record, a, at.pressure_wave),
         _shear_wave(terms.shear, space, None, a, record, a, at.shear_wave),
     )
@@ -74,18 +79,18 @@ def pair_forces(space, terms, own, images, k, weight, kinematics, record, b, g):
 
 @pair_forces.of(None)
 def _stress_alone(space, terms, own, images, k, weight, kinematics, record, b, g):
-    return (_stress_force(space, own[0], weight, images, k, record, b, g),)
+    return (stress_force(space, own[0], weight, images, k, record, b, g),)
 
 
 @pair_forces.of(RiemannDissipation)
 def _stress_and_riemann(space, terms, own, images, k, weight, kinematics, record, b, g):
-    t = _stress_force(space, own[0], weight, images, k, record, b, g)
+    t = stress_force(space, own[0], weight, images, k, record, b, g)
     return t, _riemann_force(space, terms, own, images, k, kinematics, record, b, g)
 
 
 @pair_forces.of(ShearScaled)
 def _stress_and_shear(space, terms, own, images, k, weight, kinematics, record, b, g):
-    t = _stress_force(space, own[0], weight, images, k, record, b, g)
+    t = stress_force(space, own[0], weight, images, k, record, b, g)
     jump = broadcast(weight[k]) * (vector(images, k, kinematics, b, _FIELD) - own[2])
     there = stiffness_of(space, images, k, record, b, record_columns(space, terms).stiffness)
     return (t + sum_times(space, own[3], there, jump),)
@@ -93,21 +98,21 @@ def _stress_and_shear(space, terms, own, images, k, weight, kinematics, record, 
 
 @pair_forces.of(AlongBonds)
 def _stress_and_bond(space, terms, own, images, k, weight, kinematics, record, b, g):
-    t = _stress_force(space, own[0], weight, images, k, record, b, g)
+    t = stress_force(space, own[0], weight, images, k, record, b, g)
     return (t + _force_along_bond(space, terms, own, images, k, kinematics, record, b, g),)
 
 
 @generic(on="weight")
-def _stress_force(space, own, weight, images, k, record, b, g):
+def stress_force(space, own, weight, images, k, record, b, g):
     """(P_a L_a + P_b L_b) g_ab; of radial lists with the image that makes the two passes adjoint at any plane."""
 
 
-@_stress_force.of(2)
+@stress_force.of(2)
 def _stress_force_of_vectors(space, own, weight, images, k, record, b, g):
     return sum_times(space, own, stress_of(space, images, k, record, b, 0), g)
 
 
-@_stress_force.of(1)
+@stress_force.of(1)
 def _stress_force_of_bonds(space, own, weight, images, k, record, b, g):
     return sum_times(space, own, gradient_of(space, images, k, record, b, 0), g)
 
@@ -132,7 +137,7 @@ def _shear_wave(shear, space, images, k, record, b, column):
 
 
 @none_without("reconstruction", returns="jump")
-def _reconstructed(reconstruction, space, jump, own, images, k, record, b, column, X):
+def reconstructed(reconstruction, space, jump, own, images, k, record, b, column, X):
     """The jump less what the mean of both gradients explains."""
     return less_sum_times(space, jump, own, gradient_of(space, images, k, record, b, column), X)
 
@@ -158,7 +163,7 @@ def _riemann_force(space, terms, own, images, k, kinematics, record, b, g):
     _, _, here, gradient, pressure, shear = own
     at = record_columns(space, terms)
     jump, x, X = steps(space, motion(space, images, k, kinematics, b), here)
-    jump = _reconstructed(terms.reconstruction, space, jump, gradient, images, k, record, b, at.gradient, X)
+    jump = reconstructed(terms.reconstruction, space, jump, gradient, images, k, record, b, at.gradient, X)
     squares = dyad(space, g)
     there = symmetric_of(space, images, k, record, b, at.pressure_wave)
     fast = along(space, pressure, there, squares)

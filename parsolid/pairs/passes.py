@@ -14,7 +14,7 @@ Arrays (rows are particles, owned first; columns by name in `pairs.terms`):
                 of a scalar sum (q_b - q_a) g, padded to 4
     force       (n, 8) T padded to 4, D padded to 4; (n, 4) T alone where nothing dissipates apart
 Pair weights (m, 4) are rows: d=3: (g1, g2, g3, k); d=2: (g1, g2, k, 0), where k is 1/2 |C_skew| / |g| times the factor
-on the dissipation, and C_skew = (L_a + L_b) g.
+on the dissipation, and C_skew = (L_a + L_b) g; without |g| where impedances have no direction (`mean_impedance`).
 
 Radial lists (peridynamics) hold one number a pair, weight (m,) = w(|xi|) V_a V_b, and g_ab = weight xi with xi = X_b -
 X_a is formed as it is needed: 12 bytes a pair; 0 is a broken bond. Their kinematics are f u X, f the field that drives
@@ -34,7 +34,7 @@ from parsolid.pairs.lane_tuples import add_lanes, opposite, plus, store_lanes
 from parsolid.pairs.lists import images_of, mutual
 from parsolid.pairs.pair_terms import own_side, pair_forces
 from parsolid.pairs.primitives import matrix, outer, reference, vector
-from parsolid.pairs.terms import RiemannDissipation, dimension_of, matrix_columns
+from parsolid.pairs.terms import MeanRiemann, RiemannDissipation, dimension_of, matrix_columns
 
 
 class Vector(NamedTuple):
@@ -180,7 +180,7 @@ def _forces(terms, force, a):
     """(T,) or (T, D) so far of particle a."""
 
 
-@_forces.of(RiemannDissipation)
+@_forces.of(RiemannDissipation, MeanRiemann)
 def _stress_and_dissipation(terms, force, a):
     return load(force, a, 0), load(force, a, WIDTH)
 

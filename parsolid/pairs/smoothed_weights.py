@@ -8,6 +8,8 @@ from parsolid.collective import raise_together
 from parsolid.numerics.lanes import WIDTH, aligned_zeros
 from parsolid.pairs import weights
 from parsolid.pairs.closure import close
+from parsolid.pairs.mean_impedance import whole_jump_factors
+from parsolid.pairs.terms import MeanRiemann
 
 
 class SmoothedWeights:
@@ -41,6 +43,8 @@ class SmoothedWeights:
             correction = close(system, correction, *self.surface, lambda: corrections(system))
         for pairs, places in system.lists():
             weights.jump_factors(self.dissipation, pairs, places, correction)
+            if isinstance(system.terms, MeanRiemann):
+                whole_jump_factors(pairs, correction.shape[1])
         return correction[: system.owned]
 
 

@@ -1,8 +1,8 @@
 """What acts between two particles beside their stresses, chosen by type, and the named columns of the arrays that the
 passes read.
 
-Terms of the divergence pass: None for the stresses alone, `RiemannDissipation`, `ShearScaled` or `AlongBonds`. Kernels
-take them as arguments; columns are constants when a kernel is compiled.
+Terms of the divergence pass: None for the stresses alone, `RiemannDissipation`, `MeanRiemann`, `ShearScaled` or
+`AlongBonds`. Kernels take them as arguments; columns are constants when a kernel is compiled.
 
 Columns of a matrix stand one after the other, padded to 4 in space; a symmetric tensor stands as its diagonal (11, 22,
 33, free) and its off-diagonal part (12, 13, 23, 0) in space, as (11, 22, 12, free) in the plane.
@@ -38,6 +38,15 @@ class RiemannDissipation(NamedTuple):
 
     reconstruction: LinearReconstruction | None
     shear: DirectionalShear | None
+
+
+class MeanRiemann(NamedTuple):
+    """The same with one impedance of each wave for all directions, see `pairs.mean_impedance`.
+
+    reconstruction: `LinearReconstruction` or None.
+    """
+
+    reconstruction: LinearReconstruction | None
 
 
 class ShearScaled(NamedTuple):
@@ -82,6 +91,16 @@ class RiemannRecord(NamedTuple):
     width: int
 
 
+class MeanRiemannRecord(NamedTuple):
+    """P L, 1/2 grad v, and halves of the impedances of pressure and shear waves, in space in pads of P L."""
+
+    stress: int
+    gradient: int
+    pressure: int
+    shear: int
+    width: int
+
+
 class ShearScaledRecord(NamedTuple):
     """M = S - C1 G, C1; the first `changing` columns are new in every evaluation."""
 
@@ -112,6 +131,10 @@ def _columns(dimension: int, kind: type, directional: bool):
     if kind is RiemannDissipation:
         pressure, shear = 2 * matrix, 2 * matrix + tensor
         return RiemannRecord(0, matrix, pressure, shear, shear + (tensor if directional else 0))
+    if kind is MeanRiemann:
+        first = 2 * matrix if dimension == 2 else WIDTH - 1
+        step = 1 if dimension == 2 else WIDTH
+        return MeanRiemannRecord(0, matrix, first, first + step, 2 * matrix + (WIDTH if dimension == 2 else 0))
     if kind is ShearScaled:
         return ShearScaledRecord(0, matrix, matrix, 2 * matrix)
     if kind is AlongBonds:

@@ -8,7 +8,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field, model_validator
+import numpy as np
+from pydantic import Field, FiniteFloat, model_validator
 
 from parsolid.materials.registry import declared
 from parsolid.scene.base_model import reject
@@ -47,6 +48,15 @@ class ElasticPlasticTable(DeclaredModel):
             part = self.parts[key]
             if self.parts["melting"] is None and getattr(getattr(part, "declared", None), "needs_melting", False):
                 details.append((("melting",), f"a table, needed by the {key.replace('_', ' ')} {part.kind!r}", NOTHING))
+        heat, slope = self.parts["specific_heat"], self.parts["specific_heat_slope"]
+        if heat is not None and not heat > slope * self.parts["reference_temperature"]:
+            details.append((("specific_heat_slope",), "a specific heat that is positive at 0 K", slope))
+        tensor = stated.conductivity_tensor
+        if tensor is not None and stated.conductivity is not None:
+            details.append((("conductivity",), "no such key with conductivity_tensor", stated.conductivity))
+        if tensor is not None and not (len(tensor) == 6 and positive_definite(tensor)):
+            expected = "six numbers xx yy zz xy xz yz of a positive definite tensor"
+            details.append((("conductivity_tensor",), expected, tensor))
         reject(*details)
         return self
 
@@ -61,6 +71,8 @@ class ElasticPlasticTable(DeclaredModel):
         known = None if table.library is None else library()[table.library]
         result: dict[str, Any] = {
             "conductivity": None,
+            "conductivity_tensor": None,
+            "specific_heat_slope": 0.0,
             "melting": None,
             "reference_temperature": 300.0,
             "taylor_quinney": 0.9,
@@ -71,6 +83,9 @@ class ElasticPlasticTable(DeclaredModel):
                 stated = known.parts[key]
             if stated is not None or key not in result:
                 result[key] = stated
+        if table.conductivity_tensor is not None:
+            # that of the library is of the isotropic solid
+            result["conductivity"] = None
         if table.youngs_modulus is not None:
             E, nu = table.youngs_modulus, table.poissons_ratio or 0.0
             linear: Any = model_of(declared("equation-of-state", "linear"))
@@ -84,6 +99,10 @@ class ElasticPlasticTable(DeclaredModel):
 BASES["elastic-plastic"] = (
     ElasticPlasticTable,
     {
+        "conductivity_tensor": (
+            list[FiniteFloat] | None,
+            Field(None, description="xx yy zz xy xz yz [W/(m K)] in axes that turn with the matter"),
+        ),
         "library": (str | None, Field(None, description="a name of parsolid/materials/plastic/library.toml")),
         "equation_of_state": (EquationOfState | None, None),
         "shear_modulus": (ShearModulus | None, None),
@@ -91,7 +110,16 @@ BASES["elastic-plastic"] = (
         "melting": (Melting | None, None),
     },
 )
-_SHARED = ("density", "specific_heat", "reference_temperature", "taylor_quinney", "conductivity")
+_SHARED = (
+    *("density", "specific_heat", "specific_heat_slope", "reference_temperature", "taylor_quinney"),
+    *("conductivity", "conductivity_tensor"),
+)
+
+
+def positive_definite(components: list[float]) -> bool:
+    """Whether xx yy zz xy xz yz are those of a positive definite tensor."""
+    xx, yy, zz, xy, xz, yz = components
+    return bool(np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])[0] > 0.0)
 
 
 @cache

@@ -90,6 +90,8 @@ class Restart:
             system.particles.restore({name: rows[order] for name, rows in values.items()})
             system.set_state(self.header[numbered("method_state", number)])
             system.resume()
+            if self.allowed:
+                system.forget()
 
     def apply(self, simulation: "Simulation") -> None:
         """Put ledger, balance, clock and steps back. Raises SolverError, on all ranks, for other energy terms."""

@@ -23,6 +23,7 @@ FREE = (
     "end_time",
     "output.*",
     "method.cfl",
+    "method.safety",
     "method.maximum_step",
     "method.minimum_step",
     "method.rebalance",

@@ -117,8 +117,8 @@ def test_heat_through_planes(comm):
     for _ in range(2):
         shuffle(particles)
         expected, power = np.zeros((2, particles.owned, 1))
-        fixed.add_through_planes(0.5, expected)
-        found.add_through_planes(0.5, power)
+        fixed.surfaces[0].put(expected, 0.5)
+        found.surfaces[0].put(power, 0.5)
         assert np.array_equal(by_particle(particles, power), by_particle(still, expected))
         assert np.array_equal(by_particle(particles, found.sources(0.5)), by_particle(still, fixed.sources(0.5)))
     # eight particles of side 1/8 at X = 0, at Y = 1/16, 3/16 ...

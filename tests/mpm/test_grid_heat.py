@@ -21,13 +21,13 @@ class Conduction:
         """Heat flows of the nodes."""
         nodes = self.particle_set.nodes
         nodes[:] = 0.0
-        self._pass(grid_heat.scatter_heat, self.thermal, nodes, None)
+        self._pass(grid_heat.scatter_heat, self.thermal, None, nodes, None)
         for ghost, image, sign, temperature in self.planes:
-            grid_heat.fold_capacity(ghost, image, sign, np.full(len(ghost), temperature), nodes)
+            grid_heat.fold_capacity(ghost, image, sign, np.full(len(ghost), (1.0 - sign) * temperature), nodes)
         grid_heat.find_temperatures(0, len(nodes), nodes)
         for ghost, image, sign, temperature in reversed(self.planes):
-            grid_heat.spread_temperature(ghost, image, sign, np.full(len(ghost), temperature), nodes)
-        self._pass(grid_heat.conduct, None, self.thermal, nodes, None)
+            grid_heat.spread_temperature(ghost, image, sign, np.full(len(ghost), (1.0 - sign) * temperature), nodes)
+        self._pass(grid_heat.conduct, None, self.thermal, None, None, nodes, None)
         return nodes
 
     def step(self, step):

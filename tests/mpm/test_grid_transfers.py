@@ -94,7 +94,11 @@ def test_gather_is_the_plain_sum(name, dimension):
     gradients = np.einsum("ia,pib->pab", particle_set.nodes[:, :3], gradient)
     if name == "linear":
         moments = gradients
-    for transfer, velocity in ((grid.Flip(fraction), flip), (grid.Apic(affine), nodal)):
+    cases = [(grid.Flip(fraction), flip), (grid.Apic(affine), nodal)]
+    if (name, dimension) == ("quadratic-spline", 2):
+        by_gradient, by_moments = aligned_zeros(affine.shape), aligned_zeros(affine.shape)
+        cases += [(grid.Taylor(by_gradient), nodal), (grid.AffineFlip(by_moments, fraction), flip)]
+    for transfer, velocity in cases:
         particle_set.motion[:n] = before
         moved = (particle_set.nodes, particle_set.motion, step)
         gather(particle_set.interpolation(), *moved, transfer, rate, None)
@@ -104,3 +108,6 @@ def test_gather_is_the_plain_sum(name, dimension):
         np.testing.assert_allclose(rate.reshape(-1, 3, 4)[:n, :, :3], gradients, atol=1e-11)
     shown = affine.reshape(-1, 3, 4)[:n, :dimension, :dimension]
     np.testing.assert_allclose(shown, moments[:, :dimension, :dimension], atol=2e-11)
+    if len(cases) > 2:
+        np.testing.assert_allclose(by_gradient.reshape(-1, 3, 4)[:n, :2, :3], gradients[:, :2], atol=1e-11)
+        np.testing.assert_array_equal(by_moments, affine)

@@ -70,7 +70,17 @@ def stem(column: str) -> str:
     return re.sub("_[xyz]+$", "", column)
 
 
-@pytest.mark.parametrize("scene", [punch, column, ring, pulled])
+def leapfrog(scene):
+    """The same with one force evaluation a step."""
+    data = scene()
+    data["method"]["integrator"] = "leapfrog"
+    return data
+
+
+LEAPS = [lambda: leapfrog(column), lambda: leapfrog(pulled)]
+
+
+@pytest.mark.parametrize("scene", [punch, column, ring, pulled, *LEAPS])
 def test_histories_and_fields_do_not_depend_on_the_ranks(scene, comm):
     alone = comm.Split(comm.rank)
     (many, spread), (one, single) = history(scene(), comm), history(scene(), alone)

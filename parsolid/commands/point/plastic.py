@@ -75,10 +75,8 @@ class PlasticPoint:
         energy, temperature, heat = arrays.energy[0, 0], arrays.temperature[0, 0], 0.0
         if self.isothermal:
             # of the flow, and of dE = T dS = -gamma rho0 C_v T dJ that keeps the temperature
-            capacity, gamma = (
-                self.law.density * self.law.specific_heat,
-                getattr(self.law.equation_of_state, "gamma", 0.0),
-            )
+            capacity = self.law.density * self.law.specific_heat_at(state.temperature)
+            gamma = getattr(self.law.equation_of_state, "gamma", 0.0)
             heat = self.share * work - gamma * capacity * state.temperature * (J - np.linalg.det(state.F))
             energy, temperature = energy - heat, state.temperature
         xx, yy, zz, _, yz, xz, xy, _ = self.record[0] / J

@@ -12,7 +12,7 @@ from parsolid.output.history import read_history
 # name -> (heading in a table, format, what it is)
 MEASURES = {
     "particles": ("particles", ",d", "particles"),
-    "steps": ("steps", ",d", "time steps of three stages"),
+    "steps": ("steps", ",d", "time steps"),
     "particle_steps": ("particle-steps", ".3g", "particles times steps"),
     "iterations_per_step": ("iterations a step", ".1f", "force evaluations of a quasi-static step, on average"),
     "core_seconds": ("core-s", ".3g", "seconds of the time loop times ranks, kernels being loaded, at the least"),

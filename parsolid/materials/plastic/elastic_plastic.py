@@ -7,6 +7,8 @@ alone.
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from parsolid.materials.plastic.rate_form import RateForm
 
 # parts, each told apart by its kind or found in a file of its own
@@ -16,9 +18,10 @@ PARTS = ("equation_of_state", "shear_modulus", "flow_stress", "melting")
 class ElasticPlastic(NamedTuple):
     """Parameters in SI units; the parts are NamedTuples of `materials`.
 
-    density [kg/m^3], specific_heat C_v [J/(kg K)], reference_temperature [K] of the state without stress and energy,
-    taylor_quinney: share of the plastic work that heats; conductivity [W/(m K)] or None; equation_of_state,
-    shear_modulus, flow_stress, melting (None: never).
+    density [kg/m^3], specific_heat C_v [J/(kg K)] at the reference_temperature [K], that of the state without stress
+    and energy, and specific_heat_slope dC_v/dT [J/(kg K^2)]; taylor_quinney: share of the plastic work that heats;
+    conductivity [W/(m K)] or None, the largest if there is a conductivity_tensor (xx yy zz xy xz yz, None: isotropic);
+    equation_of_state, shear_modulus, flow_stress, melting (None: never).
     """
 
     density: float
@@ -30,11 +33,33 @@ class ElasticPlastic(NamedTuple):
     shear_modulus: Any
     flow_stress: Any
     melting: Any
+    specific_heat_slope: float = 0.0
+    conductivity_tensor: tuple[float, ...] | None = None
 
     def internal_energy(self, temperature: Any, without_energy: Any = None) -> Any:
         """E [J/m^3] of the undeformed body at temperatures [K]; 0 at others, the reference unless given."""
         cold = self.reference_temperature if without_energy is None else without_energy
-        return self.density * self.specific_heat * (temperature - cold)
+        return self.density * (self.heat(temperature) - self.heat(cold))
+
+    def heat(self, temperature: Any) -> Any:
+        """int_0^T C_v dT [J/kg] at temperatures [K]."""
+        start = self.specific_heat - self.specific_heat_slope * self.reference_temperature
+        return (start + 0.5 * self.specific_heat_slope * temperature) * temperature
+
+    def entropy(self, temperature: Any, jacobian: Any) -> Any:
+        """[J/(kg K)], 0 of the undeformed body at the reference temperature; exact if C_v does not depend on it.
+
+        T deta = C_v (dT + gamma T dJ), which for a C_v that depends on T and a gamma is no differential.
+        """
+        slope, reference = self.specific_heat_slope, self.reference_temperature
+        gamma = getattr(self.equation_of_state, "gamma", 0.0)
+        by_heat = (self.specific_heat - slope * reference) * np.log(temperature / reference)
+        by_heat += slope * (temperature - reference)
+        return by_heat + gamma * self.specific_heat_at(temperature) * (jacobian - 1.0)
+
+    def specific_heat_at(self, temperature: Any) -> Any:
+        """C_v [J/(kg K)] at temperatures [K]."""
+        return self.specific_heat + self.specific_heat_slope * (temperature - self.reference_temperature)
 
 
 def of_material(material) -> ElasticPlastic:
@@ -44,7 +69,17 @@ def of_material(material) -> ElasticPlastic:
     parts = {key: None if stated[key] is None else stated[key].part_of(density=density) for key in PARTS}
     if material.integration == "rate-form":
         parts["flow_stress"] = RateForm(parts["flow_stress"])
-    numbers = ("density", "specific_heat", "reference_temperature", "taylor_quinney")
-    conductivity = stated["conductivity"]
-    numbers = {key: float(stated[key]) for key in numbers}
-    return ElasticPlastic(conductivity=None if conductivity is None else float(conductivity), **numbers, **parts)
+    names = ("density", "specific_heat", "specific_heat_slope", "reference_temperature", "taylor_quinney")
+    numbers = {key: float(stated[key]) for key in names}
+    conductivity, tensor = stated["conductivity"], stated["conductivity_tensor"]
+    if tensor is not None:
+        tensor = tuple(map(float, tensor))
+        conductivity = np.linalg.eigvalsh(full_tensor(tensor))[-1]
+    isotropic = None if conductivity is None else float(conductivity)
+    return ElasticPlastic(conductivity=isotropic, conductivity_tensor=tensor, **numbers, **parts)
+
+
+def full_tensor(components: Any) -> np.ndarray:
+    """(3, 3) of xx yy zz xy xz yz."""
+    xx, yy, zz, xy, xz, yz = components
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

@@ -14,6 +14,9 @@ class StatedElasticPlastic:
 
     density: Annotated[float | None, Parameter("kg/m^3", "the density", above=0.0, default=None)]
     specific_heat: Annotated[float | None, Parameter("J/(kg K)", "C_v", above=0.0, default=None)]
+    specific_heat_slope: Annotated[
+        float | None, Parameter("J/(kg K^2)", "dC_v/dT, 0 unless given", at_least=0.0, default=None)
+    ]
     reference_temperature: Annotated[
         float | None, Parameter("K", "of no stress and energy, 300 unless given", above=0.0, default=None)
     ]

@@ -45,6 +45,23 @@ def dissipation_factor(time, step, relaxation_time):
     return 1.5 * middle if time == 0.5 else 3.0 * (1.0 - middle)
 
 
+@compiled
+def end_weights(step, relaxation_time):
+    """Weights, of the step, of the rates of a branch's dissipation at its start and its end.
+
+    They are exact for 1 and exp(-2 s/tau), of which the rate (28) is made after a jump of C, and never negative, so
+    that the dissipation never falls: with y = 2 step/tau that of the start is 1/y - 1/(e^y - 1), 1/2 for y -> 0.
+    """
+    y = 2.0 * step / relaxation_time
+    if y < 0.1:
+        # series, because both cancel
+        square = y * y
+        start = 0.5 - y * (1.0 / 12.0 - square * (1.0 / 720.0 - square / 30240.0))
+    else:
+        start = 1.0 / y - math.exp(-y) / -math.expm1(-y)
+    return start, 1.0 - start
+
+
 @formula
 def relaxed(weights, A, old_inverse, new_inverse):
     """A after a step with the given weights; symmetric tensors."""

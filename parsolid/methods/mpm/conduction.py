@@ -12,6 +12,7 @@ import numpy as np
 from parsolid.boundary.heat import HeatSupply
 from parsolid.methods.mpm import heat as grid_heat
 from parsolid.methods.mpm.grid_conditions import GridConditions, ThermalPlane
+from parsolid.methods.mpm.heated_surfaces import HeatedSurfaces
 from parsolid.methods.mpm.material_points import MaterialPoints
 from parsolid.methods.mpm.nodes import Nodes
 from parsolid.numerics.lanes import aligned_zeros
@@ -34,7 +35,9 @@ class Conduction:
         self.points, self.nodes, self.planes = points, nodes, planes
         self.conducting, self.moving = settings.conduction, settings.motion
         self.supply = HeatSupply(conditions.declared, points, points.axisymmetric)
-        self.thermal = aligned_zeros((0, 4))
+        self.surfaces = HeatedSurfaces(self.supply, points)
+        self.thermal, self.tensors = aligned_zeros((0, 4)), aligned_zeros((0, 8))
+        self.directed = any(getattr(law, "conductivity_tensor", None) for law in points.laws)
         self._seen, self.diffusivity = -1, 0.0
         self._folds: list[Fold] = []
 
@@ -43,13 +46,25 @@ class Conduction:
         points, storage = self.points, self.points.storage
         if len(self.thermal) < points.capacity:
             self.thermal = aligned_zeros((points.capacity, 4))
+            self.tensors = aligned_zeros((points.capacity if self.directed else 0, 8))
         self.thermal[: points.owned] = 0.0
         self.diffusivity = 0.0
         for block in points.warm_blocks:
-            constants = block.law.specific_heat, (block.law.conductivity or 0.0) * self.conducting
+            here, conductivity = (
+                (block.first, block.last, points.space),
+                (block.law.conductivity or 0.0) * self.conducting,
+            )
             state = storage("deformation_gradient"), storage("temperature"), points.motion
-            found = grid_heat.fill_thermal(block.first, block.last, points.space, *constants, *state, self.thermal)
+            found = grid_heat.fill_thermal(*here, block.law, conductivity, *state, self.thermal)
             self.diffusivity = max(self.diffusivity, found)
+            if self.directed:
+                grid_heat.turn_conductivities(*here, self._components(block.law), state[0], points.motion, self.tensors)
+
+    def _components(self, law: Any) -> tuple[float, ...]:
+        """xx yy zz xy xz yz [W/(m K)] of a law."""
+        alike = (law.conductivity or 0.0,) * 3 + (0.0,) * 3
+        found: tuple[float, ...] = (law.conductivity_tensor or alike) if self.conducting else (0.0,) * 6
+        return found
 
     def stable_step(self) -> float:
         """h^2 / (2 d alpha) [s], with a margin, of the present state."""
@@ -76,32 +91,36 @@ class Conduction:
         """
         self.refresh()
         self._update_folds()
-        self._supply(time + 0.5 * step)
+        self._supply_sources(time + 0.5 * step)
         passed = self._pass_plastic_heat(step)
         held = [plane.temperatures(places, time) for plane, _, _, places in self._folds]
         # a plane that is not at the particles' temperature at the start takes them along, as nodes of finite elements
         # on it would
         jumps = self._jumps(held) if time == 0.0 else [np.zeros(1)] * len(held)
-        self._find_temperatures(held)
-        self._find_flows()
+        self._find_temperatures(time)
+        self._find_flows(time + 0.5 * step)
         self._find_increments(held, jumps, time, step)
         return self._take_heat() - passed
 
-    def _find_temperatures(self, held: list[np.ndarray]) -> None:
-        """Of the nodes, planes at the temperatures `held` [K] included."""
+    def _find_temperatures(self, time: float) -> None:
+        """Of the nodes at a time [s], those behind planes included."""
         nodes = self.nodes
-        self._sum_capacities(self.thermal)
-        for (plane, ghosts, images, _), temperature in zip(self._folds, held):
-            grid_heat.fold_capacity(ghosts, images, plane.sign, temperature, nodes.heat)
+        self._sum_capacities(self.thermal, self.points.find("temperature_slope"))
+        lifts = [plane.lift(places, time) for plane, _, _, places in self._folds]
+        for (plane, ghosts, images, _), lift in zip(self._folds, lifts):
+            grid_heat.fold_capacity(ghosts, images, plane.sign, lift, nodes.heat)
         grid_heat.find_temperatures(0, nodes.count, nodes.heat)
-        for (plane, ghosts, images, _), temperature in reversed(list(zip(self._folds, held))):
-            grid_heat.spread_temperature(ghosts, images, plane.sign, temperature, nodes.heat)
+        for (plane, ghosts, images, _), lift in reversed(list(zip(self._folds, lifts))):
+            grid_heat.spread_temperature(ghosts, images, plane.sign, lift, nodes.heat)
 
-    def _find_flows(self) -> None:
-        """Heat flows and powers [W] into the nodes, of all ranks."""
+    def _find_flows(self, time: float) -> None:
+        """Heat flows and powers [W] into the nodes, of all ranks, from surfaces at a time [s]."""
         points, nodes = self.points, self.nodes
         reference = None if points.where == "motion" else points.storage("deformation_gradient")
-        grid_heat.conduct(nodes.interpolation, reference, self.thermal, nodes.heat, nodes.partial)
+        slopes = points.find("temperature_slope")
+        tensors = self.tensors if self.directed else None
+        grid_heat.conduct(nodes.interpolation, reference, self.thermal, tensors, slopes, nodes.heat, nodes.partial)
+        self.surfaces.supply_to(nodes, time)
         nodes.sum("flow")
         for plane, ghosts, images, _ in self._folds:
             grid_heat.fold_flow(ghosts, images, plane.sign, nodes.heat)
@@ -120,7 +139,7 @@ class Conduction:
         gained: float = grid_heat.gather_heat(self.nodes.interpolation, self.nodes.heat, self.thermal)
         for block in points.warm_blocks:
             state = points.motion, storage("temperature"), storage("internal_energy")
-            grid_heat.take_heat(block.first, block.last, self.thermal, *state)
+            grid_heat.take_heat(block.first, block.last, block.law, self.thermal, *state)
         return gained
 
     def _pass_plastic_heat(self, step: float) -> float:
@@ -138,17 +157,16 @@ class Conduction:
             heat += grid_heat.hand_over_rise(block.first, block.last, self.thermal, rise, step, cell)
         return heat
 
-    def _supply(self, time: float) -> None:
-        """Powers of sources and surfaces at a time [s]; only particles with a temperature take any."""
+    def _supply_sources(self, time: float) -> None:
+        """Powers of sources at a time [s]; only particles with a temperature take any."""
         points, thermal, power = self.points, self.thermal[: self.points.owned], self.supply.sources(time)
         if power is not None:
             thermal[:, 3] = np.where(thermal[:, 1] > 0.0, power * points.motion[: points.owned, 7], 0.0)
-        self.supply.add_through_planes(time, thermal[:, 3:])
 
-    def _sum_capacities(self, thermal: np.ndarray) -> None:
+    def _sum_capacities(self, thermal: np.ndarray, slopes: np.ndarray | None = None) -> None:
         nodes = self.nodes
         nodes.clear(nodes.heat)
-        grid_heat.scatter_heat(nodes.interpolation, thermal, nodes.heat, nodes.partial)
+        grid_heat.scatter_heat(nodes.interpolation, thermal, slopes, nodes.heat, nodes.partial)
         nodes.sum("capacity")
 
     def _jumps(self, held: list[np.ndarray]) -> list[np.ndarray]:
@@ -179,6 +197,14 @@ class Conduction:
                 fitted = np.where(spread > _FLAT * capacity * second, (total * second - first * moment) / spread, mean)
             result.append(wanted - fitted)
         return result
+
+
+def common_conductivity(laws: list[Any]) -> float | None:
+    """Of all laws that have one [W/(m K)], None where they differ or depend on the direction."""
+    if any(getattr(law, "conductivity_tensor", None) for law in laws):
+        return None
+    found = {law.conductivity for law in laws if getattr(law, "conductivity", None)}
+    return float(found.pop()) if len(found) == 1 else None
 
 
 def conducts(scene: Scene, laws: list[Any]) -> bool:

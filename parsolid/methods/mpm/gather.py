@@ -4,15 +4,17 @@ its nodes.
 FLIP  v_p <- fraction (v_p + sum_i w_ip a_i) + (1 - fraction) sum_i w_ip v_i        a_i: change of nodal velocity in the
 step
 APIC  v_p <- sum_i w_ip v_i,   C_p <- sum_i v_i (x) u_ip                            u_ip: see weights.store_distances
-both  x_p <- x_p + dt sum_i w_ip v_i,   l_p = sum_i v_i (x) grad w_ip
+AFLIP v_p as FLIP, C_p as APIC
+TPIC  v_p as APIC, C_p <- sum_i v_i (x) grad w_ip
+all   x_p <- x_p + dt sum_i w_ip v_i,   l_p = sum_i v_i (x) grad w_ip
 """
 
 from numba import types
 from numba.extending import overload, register_jitable
 
 from decomposition.compiled import compiled
-from parsolid.methods.mpm.grid import Apic, Flip, weigh
-from parsolid.methods.mpm.weights import nodes_across, store_distances
+from parsolid.methods.mpm.grid import AffineFlip, Apic, Flip, Taylor, weigh
+from parsolid.methods.mpm.weights import nodes_across, store_derivatives, store_distances
 from parsolid.numerics.dispatch import generic, is_instance
 from parsolid.numerics.lanes import broadcast, from_floats, fused, lane, load, shuffle, store, transpose, without_fourth
 from parsolid.numerics.layout import Axisymmetric, Space
@@ -66,9 +68,14 @@ def _prepare(transfer, basis, xi, weights):
     """What a transfer needs beside the weights."""
 
 
-@_prepare.of(Apic)
+@_prepare.of(Apic, AffineFlip)
 def _prepare_slopes(transfer, basis, xi, weights):
     store_distances(basis, xi, weights)
+
+
+@_prepare.of(Taylor)
+def _prepare_gradient(transfer, basis, xi, weights):
+    store_derivatives(basis, weights)
 
 
 @_prepare.otherwise
@@ -81,17 +88,29 @@ def _move_velocity(transfer, motion, p, sums, inverse_spacing):
     """New velocity of a particle, and its slope."""
 
 
-@_move_velocity.of(Apic)
+@_move_velocity.of(Apic, Taylor)
 def _take_nodal(transfer, motion, p, sums, inverse_spacing):
     store(motion, p, 4, _fourth_from(sums[0], load(motion, p, 4)))
     _store_rows(transfer.affine, p, sums[3], inverse_spacing, 0.0)
 
 
+@_move_velocity.of(AffineFlip)
+def _add_change_and_take_slope(transfer, motion, p, sums, inverse_spacing):
+    store(motion, p, 4, _changed(load(motion, p, 4), sums, transfer.fraction))
+    _store_rows(transfer.affine, p, sums[3], inverse_spacing, 0.0)
+
+
 @_move_velocity.of(Flip)
 def _add_change(transfer, motion, p, sums, inverse_spacing):
-    moved = load(motion, p, 4) + sums[1]
+    store(motion, p, 4, _changed(load(motion, p, 4), sums, transfer.fraction))
+
+
+@register_jitable
+def _changed(velocity, sums, fraction):
+    """A velocity with the change of the nodes', the rest of the fraction the nodes' own; the fourth stays."""
+    moved = velocity + sums[1]
     nodal = _fourth_from(sums[0], moved)
-    store(motion, p, 4, fused(moved - nodal, broadcast(transfer.fraction), nodal))
+    return fused(moved - nodal, broadcast(fraction), nodal)
 
 
 @register_jitable
@@ -132,8 +151,8 @@ def _row(basis, weights, offset, cell, row, column):
 def sum_nodes(space, basis, scratch, transfer, rate, remapped):
     """Sums over scratch.cell, v its columns 0..3: (sum w v, sum w of columns 4..7, sums of v dw/dxi_d, sums of v u_d).
 
-    The second only for Flip or where remapped is not None, and then the third is of columns 4..7; the third only where
-    rate is not None, the fourth only for Apic. What is not asked for is 0.
+    The second only for Flip, AffineFlip or where remapped is not None, and then the third is of columns 4..7; the third
+    only where rate is not None, the fourth only with slopes. What is not asked for is 0.
     """
     raise NotImplementedError
 
@@ -142,9 +161,10 @@ def sum_nodes(space, basis, scratch, transfer, rate, remapped):
 def _choose_sums(space, basis, scratch, transfer, rate, remapped):
     # constants of the compiled code, which drops what the transfer, the rate or remapped momentum does not need
     source = 0 if isinstance(remapped, types.NoneType) else 4
-    with_second = source == 4 or is_instance(transfer, Flip)
+    with_second = source == 4 or is_instance(transfer, Flip) or is_instance(transfer, AffineFlip)
+    with_slope = any(is_instance(transfer, affine) for affine in (Apic, AffineFlip, Taylor))
     sums = _sums_in_space if is_instance(space, Space) else _sums_in_plane
-    return sums(source, with_second, not isinstance(rate, types.NoneType), is_instance(transfer, Apic))
+    return sums(source, with_second, not isinstance(rate, types.NoneType), with_slope)
 
 
 def _sums_in_space(source, with_second, with_rate, with_slope):

@@ -106,6 +106,26 @@ class Apic(NamedTuple):
     affine: np.ndarray
 
 
+class AffineFlip(NamedTuple):
+    """Particles add the change of the nodal velocity as with `Flip` and give its slope with their momentum as with
+    `Apic`, of which affine is the array.
+
+    Fei et al., ACM Trans. Graph. 40 (2021) 109 (AFLIP).
+    """
+
+    affine: np.ndarray
+    fraction: float
+
+
+class Taylor(NamedTuple):
+    """As `Apic`, with the gradient of the nodal velocity in the place of the slope that fits its moments.
+
+    Nakamura, Matsumura and Mizutani, Comput. Methods Appl. Mech. Engrg. 403 (2023) 115720 (TPIC).
+    """
+
+    affine: np.ndarray
+
+
 class CauchyStress(NamedTuple):
     """rows (capacity, 8): V sigma [N m] of the current volume, xx yy zz 0 | yz xz xy and a number that is not read."""
 

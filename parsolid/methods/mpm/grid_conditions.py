@@ -19,7 +19,9 @@ from parsolid.boundary.declarations import (
 from parsolid.boundary.mirror_planes import MirrorPlane
 from parsolid.collective import SolverError, maximum, minimum
 from parsolid.methods.mpm import grid as kernels
+from parsolid.scene.base_model import Plane
 from parsolid.scene.formulas import Formula
+from parsolid.scene.load_histories import LoadHistory
 from parsolid.scene.regions import NearestTo
 from parsolid.scene.schema import Scene
 
@@ -45,12 +47,15 @@ class FoldedPlane:
 
 @dataclass
 class ThermalPlane:
-    """A plane at a temperature, formula(X, t) [K], or an insulated plane of symmetry (formula None)."""
+    """A plane at a temperature, formula(X, t) [K], or a plane of symmetry (formula None) through which fluxes
+    [W/m^2] may enter matter of a conductivity [W/(m K)]."""
 
     mirror: Mirror
     axis: int
     offset: float
     formula: Formula | None
+    fluxes: tuple[LoadHistory, ...] = ()
+    conductivity: float = 1.0
 
     @property
     def sign(self) -> float:
@@ -64,6 +69,18 @@ class ThermalPlane:
         feet = places.copy()
         feet[:, self.axis] = self.offset
         return self.formula.evaluate(feet, time)
+
+    def lift(self, places: np.ndarray, time: float) -> np.ndarray:
+        """What the image's temperatures (n,) [K] are beyond those of the matter times the sign, at a time [s]; places
+        (n, d) [m]: behind the plane.
+        """
+        if self.formula is not None:
+            return 2.0 * self.temperatures(places, time)
+        slope, feet = np.zeros(len(places)), places.copy()
+        feet[:, self.axis] = self.offset
+        for flux in self.fluxes:
+            slope += flux.evaluate(feet, time)[:, 0] / self.conductivity
+        return -2.0 * slope * np.abs(places[:, self.axis] - self.offset)
 
 
 class MovingWall:
@@ -101,7 +118,7 @@ class DrivenRegion:
         free = motion.course.free
         self.components = [(int(i), motion.course.component(int(i))) for i in np.flatnonzero(~free)]
 
-    def _choose(self, tables: Any, dimension: int) -> None:
+    def choose(self, tables: Any, dimension: int) -> None:
         """The nodes in the region, anew when there are others."""
         if self._seen == tables.changes:
             return
@@ -112,7 +129,7 @@ class DrivenRegion:
 
     def drive(self, nodes: np.ndarray, tables: Any, time: float, dimension: int) -> float:
         """Set the nodes' velocities to those of a time [s]; the work [J] done on the nodes that this rank counts."""
-        self._choose(tables, dimension)
+        self.choose(tables, dimension)
         work, mass = 0.0, nodes[self.slots, 3] * tables.share[self.slots]
         for axis, course in self.components:
             wanted, found = course.evaluate(self.places, time)[:, 0], nodes[self.slots, axis]
@@ -187,16 +204,36 @@ class GridConditions:
         nodes.spread(array)
         return supplied, caught
 
-    def thermal_planes(self) -> list[ThermalPlane]:
-        """Planes at given temperatures, and insulated ones at the other mirror planes of the motion."""
-        result = []
+    def driven_nodes(self, tables: Any) -> np.ndarray:
+        """Which nodes (count,) of `Nodes` are in a driven region."""
+        result = np.zeros(tables.count, bool)
+        for region in self.driven:
+            region.choose(tables, self.dimension)
+            result[region.slots] = True
+        return result
+
+    def thermal_planes(self, conductivity: float | None) -> list[ThermalPlane]:
+        """Mirror planes of the motion and planes at given temperatures, those through which heat enters first.
+
+        conductivity [W/(m K)]: of all matter. Where there is more than one (None), or where heat enters one body alone,
+        the temperatures of an image are not known, and the plane is a surface like others.
+        """
+        result, heated = [], []
         for one in self.declared.of(TemperaturePlane):
             axis, offset = one.plane.axis, float(one.plane.offset)
             result.append(ThermalPlane(self._mirror(one.key, axis, offset), axis, offset, one.formula))
         held = [plane.mirror for plane in result]
-        return result + [
-            ThermalPlane(one.mirror, one.mirror.axis, 0.0, None) for one in self.planes if one.mirror not in held
-        ]
+        for fold in self.planes:
+            if fold.mirror in held:
+                continue
+            axis, offset = fold.plane.axis, float(fold.plane.coordinate)
+            entering = [each for each in self.declared.of(SurfaceHeat) if each.plane == Plane(axis, offset)]
+            if not entering:
+                result.append(ThermalPlane(fold.mirror, axis, offset, None))
+            elif conductivity and all(each.where.body is None for each in entering):
+                fluxes = tuple(each.course for each in entering)
+                heated.append(ThermalPlane(fold.mirror, axis, offset, None, fluxes, conductivity))
+        return heated + result
 
 
 def _refuse_body(one: Declared) -> None:

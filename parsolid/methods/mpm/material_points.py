@@ -9,7 +9,7 @@ import numpy as np
 from parsolid.materials.blocks import MaterialBlock, block_numbers, blocks_between
 from parsolid.materials.registry import laws_of
 from parsolid.methods.mpm import weights as grid_weights
-from parsolid.methods.mpm.grid import Apic, Flip
+from parsolid.methods.mpm.grid import AffineFlip, Apic, Flip, Taylor
 from parsolid.numerics.lanes import aligned_zeros
 from parsolid.numerics.layout import LAYOUT
 from parsolid.particles.container import Particles
@@ -21,6 +21,11 @@ from parsolid.scene import Scene
 
 # F of the undeformed body: 11, 12, 21, 22, 33 in two dimensions, its rows in three
 _IDENTITY = {2: (1.0, 0.0, 0.0, 1.0, 1.0), 3: (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)}
+
+
+VelocityTransfer = Flip | Apic | AffineFlip | Taylor
+# transfers that take the nodes' velocities themselves
+_AFFINE: dict[str, type[Apic] | type[Taylor]] = {"apic": Apic, "tpic": Taylor}
 
 
 class MaterialPoints(Particles):
@@ -46,7 +51,8 @@ class MaterialPoints(Particles):
         place = Rows(4) if self.where == "reference_position" else Rows()
         declare_generated(self, particle_set, reference_position=place)
         self._declare_motion(particle_set)
-        self._declare_transfer(particle_set)
+        kinds = {boundary.kind for boundary in scene.boundaries}
+        self._declare_transfer(particle_set, "velocity" in kinds, "heat_flux" in kinds)
         self._bases = np.empty((0, self.dimension), np.int64)
         self._base_offset = grid_weights.base_offset(self.basis)
 
@@ -65,13 +71,17 @@ class MaterialPoints(Particles):
         self.declare(Field("velocity_gradient", 12, "1/s"))
         self.declare(Field("stress_and_volume", 8, "J", checkpointed=True))
 
-    def _declare_transfer(self, particles: ParticleSet) -> None:
+    def _declare_transfer(self, particles: ParticleSet, driven: bool, heated: bool) -> None:
         """What only some settings need."""
         settings, d = self.settings, self.dimension
         if settings.formulation == "total-lagrangian":
             self.declare(Field("nominal_stress_and_volume", 12, "J"))
-        if settings.transfer == "apic":
+        # FLIP has slopes beside driven nodes alone: see `transfers.UpdateStressLast`
+        if settings.transfer != "flip" or driven:
             self.declare(Field("velocity_slope", 12, "1/s", checkpointed=True))
+        # see `HeatedSurfaces`
+        if heated:
+            self.declare(Field("temperature_slope", 4, "K/m", checkpointed=True))
         if settings.basis in ("ugimp", "cpgimp"):
             # cells of a particle's own axes count as boxes along the grid
             halves = np.full((len(particles), 4), 0.5)
@@ -100,11 +110,14 @@ class MaterialPoints(Particles):
         return grid_weights.make_basis(self.settings.basis, self.find("half_widths"))
 
     @property
-    def velocity_transfer(self) -> Flip | Apic:
-        """How particles take velocities from the nodes: `grid.Flip` or `grid.Apic`."""
-        if self.settings.transfer == "apic":
-            return Apic(self.storage("velocity_slope"))
-        return Flip(float(self.settings.flip_fraction))
+    def velocity_transfer(self) -> VelocityTransfer:
+        """How particles take velocities from the nodes, one of `grid`."""
+        fraction, slope = float(self.settings.flip_fraction), self.find("velocity_slope")
+        if slope is None:
+            return Flip(fraction)
+        if self.settings.transfer in _AFFINE:
+            return _AFFINE[self.settings.transfer](slope)
+        return AffineFlip(slope, fraction)
 
     @property
     def blocks(self) -> list[MaterialBlock]:
@@ -159,10 +172,19 @@ class MaterialPoints(Particles):
         axes = rows("axes").reshape(-1, d, d) if "axes" in self else None
         return domain_bounds(rows("position"), self.deformation_gradients(0, self.owned), rows("spacing"), axes)
 
-    def heat(self) -> float:
-        """m C_v T [J] of this rank's particles."""
+    def entropy(self) -> float:
+        """m eta [J/K] of this rank's particles."""
         total = 0.0
         for block in self.warm_blocks:
             here = slice(block.first, block.last)
-            total += block.law.specific_heat * float(self.motion[here, 3] @ self["temperature"][here])
+            eta = block.law.entropy(self["temperature"][here], self.jacobian(block.first, block.last))
+            total += float(self.motion[here, 3] @ eta)
+        return total
+
+    def heat(self) -> float:
+        """m int_0^T C_v dT [J] of this rank's particles."""
+        total = 0.0
+        for block in self.warm_blocks:
+            here = slice(block.first, block.last)
+            total += float(self.motion[here, 3] @ block.law.heat(self["temperature"][here]))
         return total

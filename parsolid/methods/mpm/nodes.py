@@ -9,6 +9,7 @@ from decomposition.node_sum import CellSum, NodeSum
 from parsolid.collective import minimum
 from parsolid.methods.mpm import grid as kernels
 from parsolid.methods.mpm.grid_conditions import FoldedPlane
+from parsolid.methods.mpm.mass_matrix import MassMatrix
 from parsolid.methods.mpm.material_points import MaterialPoints
 from parsolid.numerics.lanes import aligned_zeros
 from parsolid.numerics.layout import Axisymmetric
@@ -36,13 +37,15 @@ class Nodes:
         self.ranks, self.points, self.planes = ranks, points, planes
         self.space = Axisymmetric() if points.axisymmetric else points.space
         self.spacing = float(points.settings.cell)
-        self.twice, self.warm = points.settings.order == "musl", conducts
+        self.mass = MassMatrix(points) if points.settings.mass_terms > 1 else None
+        self.twice, self.warm = points.settings.order == "musl" or self.mass is not None, conducts
         self.scratch = kernels.make_scratch(points.basis, ranks.dimension)
         self.motion = self.again = self.heat = aligned_zeros((0, 8))
         self.partial: np.ndarray | None = None
         self.changes, self.communication_seconds = 0, 0.0
         self._seen: tuple[int, int] | None = None
         self._sums: dict[str, NodeSum | CellSum] = {}
+        self._impulse = np.zeros((0, 3))
 
     @property
     def cells(self) -> int:
@@ -126,15 +129,42 @@ class Nodes:
         """New velocities after a step [s], and their changes, from the sums of momentum and force."""
         self._fold(self.motion)
         kernels.update_nodes(0, self.count, self.motion, step, self._no_gravity, self.least_mass)
+        if self.mass is not None:
+            self._impulse = self.share[:, None] * self.motion[: self.count, 3:4] * self.motion[: self.count, 4:7]
+            self.mass.solve(self, self.motion, 0)
+            self.mass.solve(self, self.motion, 4)
+
+    def divide_by_mass(self, nodes: np.ndarray) -> None:
+        """Velocities of all ranks' momentum in an array (slots, 8), with lumped masses."""
+        self._fold(nodes)
+        kernels.find_velocities(0, self.count, nodes, self.least_mass)
 
     def find_velocities(self) -> None:
         """Velocities of the momentum that was mapped back."""
-        self._fold(self.again)
-        kernels.find_velocities(0, self.count, self.again, self.least_mass)
+        self.divide_by_mass(self.again)
+        if self.mass is not None:
+            self.mass.solve(self, self.again, 0)
 
     def kinetic_gain(self) -> float:
         """What the step has added to the nodes' kinetic energy [J], on this rank."""
+        if self.mass is not None:
+            mean = self.motion[: self.count, :3] - 0.5 * self.motion[: self.count, 4:7]
+            return float((self._impulses() * mean).sum())
         return float(kernels.kinetic_gain(0, self.count, self.motion, self.share))
+
+    def energy_of_changes(self) -> float:
+        """sum_i m_i a_i^2 / 2 [J] of the nodes' changes of velocity in the step, on this rank."""
+        return 0.5 * float((self._impulses() * self.motion[: self.count, 4:7]).sum())
+
+    def energy_of_mapping_back(self) -> float:
+        """sum_i m_i a_i . (v_i - u_i) / 2 [J] on this rank, u_i the velocities of the momentum that was mapped back."""
+        return 0.5 * float((self._impulses() * (self.motion - self.again)[: self.count, :3]).sum())
+
+    def _impulses(self) -> np.ndarray:
+        """m_i a_i (count, 3) [N s] as far as this rank counts them; of the forces, if masses are not lumped."""
+        if self.mass is not None:
+            return self._impulse
+        return (self.share * self.motion[: self.count, 3])[:, None] * self.motion[: self.count, 4:7]
 
     def _fold(self, nodes: np.ndarray) -> None:
         """Add what the body's images give."""
@@ -154,4 +184,5 @@ class Nodes:
     def arrays(self) -> list[np.ndarray]:
         """Arrays that count as memory."""
         partial = [] if self.partial is None else [self.partial]
-        return [self.motion, self.again, self.heat, *partial]
+        series = [] if self.mass is None else self.mass.arrays()
+        return [self.motion, self.again, self.heat, *partial, *series]

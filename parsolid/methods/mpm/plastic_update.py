@@ -21,6 +21,7 @@ from parsolid.materials.plastic.plasticity import (
     room_to_compress,
     shear_modulus,
 )
+from parsolid.materials.plastic.specific_heat import specific_heat, temperature_rise
 from parsolid.materials.plastic.wave_speed import wave_speed
 from parsolid.methods.mpm.layout import load_rate, store_stress
 from parsolid.numerics.dispatch import generic
@@ -133,8 +134,7 @@ def advance_stress(space, first, last, law, step, viscosity, state, motion, rate
     a number.
     """
     sound, fastest, plastic, viscous = True, broadcast(0.0), broadcast(0.0), broadcast(0.0)
-    eos, capacity = law.equation_of_state, law.density * law.specific_heat
-    gamma = grueneisen_coefficient(eos)
+    eos, gamma = law.equation_of_state, grueneisen_coefficient(law.equation_of_state)
     for i in range(first, last, WIDTH):
         count = min(WIDTH, last - i)
         F, s, ep, energy, temperature = _load_state(space, state, i)
@@ -145,6 +145,7 @@ def advance_stress(space, first, last, law, step, viscosity, state, motion, rate
         melting = melting_temperature(law.melting, J)
         mu = shear_modulus(law.shear_modulus, J, pressure, temperature, melting)
         strain = step * (D + (volume_rate * (-1.0 / 3.0)) * I)
+        capacity = law.density * specific_heat(law, temperature)
         heating = law.taylor_quinney * new_J / capacity
         new_s, increment, plastic_work = deviator_update(
             law.flow_stress, s, strain, ep, step, temperature, heating, mu, melting
@@ -157,7 +158,7 @@ def advance_stress(space, first, last, law, step, viscosity, state, motion, rate
         work = 0.5 * half_J * contract(s + new_s, strain)
         energy = (energy + work - (0.5 * (pressure + cold) + q) * change) / (1.0 + part)
         heat = law.taylor_quinney * plastic_work - q * change
-        temperature = (temperature * (1.0 - part) + heat / capacity) / (1.0 + part)
+        temperature = (temperature * (1.0 - part) + temperature_rise(law, capacity, heat)) / (1.0 + part)
         pressure = cold + gamma * energy
         _store_state(space, state, i, (new_F, new_s, ep + increment, energy, temperature), count)
         velocity = four_rows(motion, i, 4)
@@ -176,11 +177,11 @@ def advance_stress(space, first, last, law, step, viscosity, state, motion, rate
 
 
 @compiled(error_model="numpy")
-def note_plastic_rise(first, last, space, heating, state, before, rise):
+def note_plastic_rise(first, last, space, law, state, before, rise):
     """Add to rise (1, capacity) [K] how far plastic flow beyond the strains `before` (capacity,) warms particles
     first..last-1.
 
-    heating [m3 K/J]: share of the plastic work that heats over rho0 C_v; state: `MaterialState` after the step.
+    state: `MaterialState` after the step.
     """
     deviator, plastic_strain = state.deviator, state.plastic_strain
     for p in range(first, last):
@@ -188,4 +189,5 @@ def note_plastic_rise(first, last, space, heating, state, before, rise):
         for k in range(3, deviator.shape[0]):
             norm += 2.0 * deviator[k, p] ** 2
         J = determinant(one_gradient(space, state.deformation, p))
+        heating = law.taylor_quinney / (law.density * specific_heat(law, state.temperature[0, p]))
         rise[0, p] += heating * J * math.sqrt(1.5 * norm) * (plastic_strain[0, p] - before[p])

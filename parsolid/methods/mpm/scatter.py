@@ -4,7 +4,7 @@ nodes once.
     m_i = sum_p w_ip m_p      p_i = sum_p w_ip m_p [v_p + C_p (x_i - x_p)]      f_i = sum_p [w_ip f_p - V_p sigma_p grad
     w_ip]
 
-f_p is an external force on a particle; C_p only in the affine transfer. A row of nodes along the last direction takes
+f_p is an external force on a particle; C_p only in affine transfers. A row of nodes along the last direction takes
 its factors of the other directions once: of sigma grad w, w' of the last direction multiplies `along` and w multiplies
 `across`.
 """
@@ -12,7 +12,15 @@ its factors of the other directions once: of sigma grad w, w' of the last direct
 from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
-from parsolid.methods.mpm.grid import Apic, CauchyStress, FirstPiolaKirchhoffStress, clear_cell, weigh
+from parsolid.methods.mpm.grid import (
+    AffineFlip,
+    Apic,
+    CauchyStress,
+    FirstPiolaKirchhoffStress,
+    Taylor,
+    clear_cell,
+    weigh,
+)
 from parsolid.methods.mpm.weights import nodes_across, store_distances
 from parsolid.numerics.dispatch import generic, none_without
 from parsolid.numerics.lanes import broadcast, from_floats, fused, lane, load, shuffle, store, swizzle, transpose
@@ -27,9 +35,9 @@ _fourth_from = shuffle(0, 1, 2, 7)
 def scatter(interpolation, motion, transfer, stress, external, nodes, partials):
     """Add mass, momentum and force of the particles of all cells to nodes (see `grid`), which must be zeroed before.
 
-    transfer: Flip or Apic; stress: CauchyStress or FirstPiolaKirchhoffStress; external (capacity, 4): forces [N],
-    fourth 0, or None; partials (cells, K**dimension, 8): if not None the sums of each cell are left there and nothing
-    is added to nodes. motion None: forces alone; stress None: mass and momentum alone.
+    transfer: one of `grid`, of velocities; stress: CauchyStress or FirstPiolaKirchhoffStress; external (capacity, 4):
+    forces [N], fourth 0, or None; partials (cells, K**dimension, 8): if not None the sums of each cell are left there
+    and nothing is added to nodes. motion None: forces alone; stress None: mass and momentum alone.
     """
     space, basis, grid, scratch = interpolation.space, interpolation.basis, interpolation.grid, interpolation.scratch
     for c in range(len(grid.start) - 1):
@@ -71,7 +79,7 @@ def _affine_slopes(transfer, motion, basis, grid, scratch, xi, p):
     """As `_slopes`, of particles with a mass."""
 
 
-@_affine_slopes.of(Apic)
+@_affine_slopes.of(Apic, AffineFlip, Taylor)
 def _apic_slopes(transfer, motion, basis, grid, scratch, xi, p):
     store_distances(basis, xi, scratch.weights)
     return _scaled_columns(transfer.affine, p, motion[p, 3] * grid.spacing)

@@ -16,6 +16,7 @@ _OF_PLASTICITY = (
     "maximum_temperature",
     "maximum_plastic_strain",
     "heat",
+    "entropy",
 )
 
 
@@ -39,6 +40,9 @@ class MaterialPoint(MethodSettings):
     geometry        of a 2-D scene: plane strain per metre of thickness, or axisymmetric with X the radius and Y the
     axis,
                     per radian
+    transfer        of velocities: "flip"; "apic", which keeps angular momentum; "aflip", FLIP with the slopes of APIC,
+                    which keeps it nearly and loses no energy; "tpic", APIC with gradients for slopes
+    mass_terms      of the series for the inverse of the consistent mass matrix; 1: lumped masses
     order           stress update last with particle velocities mapped again ("musl") or with the new grid velocity
                     ("usl", which loses energy in contact)
     conduction      of heat, where materials have a conductivity
@@ -61,6 +65,7 @@ class MaterialPoint(MethodSettings):
         "maximum_plastic_strain": "scalar",
         "plastic_work": "scalar",
         "heat": "scalar",
+        "entropy": "scalar",
         "lower_bounds": "vector",
         "upper_bounds": "vector",
     }
@@ -71,8 +76,9 @@ class MaterialPoint(MethodSettings):
     basis: Basis = "quadratic-spline"
     formulation: Literal["updated", "total-lagrangian"] = "updated"
     geometry: Literal["plane-strain", "axisymmetric"] | None = Field(None, description="of a 2-D scene")
-    transfer: Literal["flip", "apic"] = "flip"
+    transfer: Literal["flip", "apic", "aflip", "tpic"] = "flip"
     flip_fraction: float = Field(1.0, ge=0, le=1, description="share of FLIP in the velocity, the rest is PIC")
+    mass_terms: int = Field(1, ge=1, description="terms of the inverse of the mass matrix; 1: lumped masses")
     order: Literal["usl", "musl"] = "musl"
     # what transfers between particles and grid do is not in the ledger to the last bit
     balance_warning: Positive = 0.03
@@ -89,8 +95,11 @@ class MaterialPoint(MethodSettings):
         details: list[Any] = []
         if dimension_of(info) == 3 and self.geometry is not None:
             details.append((("geometry",), "no such key in 3-D", self.geometry))
-        if self.transfer == "apic" and self.flip_fraction != 1.0:
-            details.append((("flip_fraction",), "no such key with the transfer 'apic'", self.flip_fraction))
+        if self.transfer in ("apic", "tpic") and self.flip_fraction != 1.0:
+            found = f"no such key with the transfer '{self.transfer}'"
+            details.append((("flip_fraction",), found, self.flip_fraction))
+        if self.mass_terms > 1 and self.transfer != "flip":
+            details.append((("mass_terms",), "1 with a transfer that is not 'flip'", self.mass_terms))
         if self.formulation == "total-lagrangian" and self.basis == "cpgimp":
             details.append((("basis",), "a basis with fixed particle domains, 'ugimp'", self.basis))
         reject(*details)
@@ -118,7 +127,18 @@ class MaterialPoint(MethodSettings):
             details.append(
                 (("method", "viscosity"), "no such key without an elastic-plastic body", self.viscosity.model_dump())
             )
-        conducting = any(getattr(body.material, "parts", {}).get("conductivity") for body in scene.bodies)
+        moved = [boundary.kind for boundary in scene.boundaries if boundary.kind in ("velocity", "wall")]
+        if self.mass_terms > 1 and moved:
+            # they set the velocity of nodes one by one, which only lumped masses allow
+            details.append((("method", "mass_terms"), f"1 with boundaries of the kind '{moved[0]}'", self.mass_terms))
+        parts = [getattr(body.material, "parts", {}) for body in scene.bodies]
+        conducting = any(each.get("conductivity") or each.get("conductivity_tensor") for each in parts)
+        for i, each in enumerate(parts):
+            if self.formulation == "total-lagrangian" and each.get("conductivity_tensor"):
+                place = ("bodies", i, "material", "conductivity_tensor")
+                details.append(
+                    (place, "no such key with the formulation 'total-lagrangian'", each["conductivity_tensor"])
+                )
         for i, boundary in enumerate(scene.boundaries):
             if boundary.kind == "wall" and self.formulation == "total-lagrangian":
                 # the grid lies on the undeformed body and knows nothing of where the body is

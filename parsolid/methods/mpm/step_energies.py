@@ -5,7 +5,6 @@ import numpy as np
 from parsolid.methods.mpm.grid import kinetic_energy
 from parsolid.methods.mpm.material_points import MaterialPoints
 from parsolid.methods.mpm.nodes import Nodes
-from parsolid.methods.mpm.settings import MaterialPoint as MaterialPointSettings
 from parsolid.methods.protocol import EnergyLedger
 
 
@@ -16,9 +15,13 @@ class StepEnergies:
 
     def __init__(self, points: MaterialPoints, nodes: Nodes, forces: np.ndarray | None):
         self.points, self.nodes, self.forces = points, nodes, forces
-        self.passes = _lossy_passes(points.settings)
-        self.kinetic = kinetic_energy(points.owned, points.motion) if self.passes else 0.0
-        self.before = None if forces is None else points.motion[: points.owned].copy()
+        settings = points.settings
+        self.adds = settings.transfer in ("flip", "aflip") and settings.flip_fraction == 1.0
+        self.again = settings.order == "musl"
+        self.loses = "velocity_slope" in points or not (self.adds and self.again)
+        self.kinetic = kinetic_energy(points.owned, points.motion) if self.loses else 0.0
+        kept = forces is not None or (self.adds and not self.again)
+        self.before = points.motion[: points.owned].copy() if kept else None
 
     def book(
         self, ledger: EnergyLedger, step: float, boundaries: tuple[float, float], materials: dict[str, float]
@@ -29,25 +32,31 @@ class StepEnergies:
         supplied, caught = boundaries
         if self.forces is not None and self.before is not None:
             supplied += _work(self.forces, self.before, self.points.motion[: self.points.owned], step)
-        lost = 0.0
-        if self.passes:
-            filtered = self.kinetic + self.nodes.kinetic_gain() - kinetic_energy(self.points.owned, self.points.motion)
-            lost = self.passes * filtered
-        ledger.add(1.0, 0.0, lost + caught, supplied)
+        ledger.add(1.0, 0.0, self._lost() + caught, supplied)
         for name, energy in materials.items():
             ledger.add_term(name, energy)
 
+    def _lost(self) -> float:
+        """What the scheme takes in the step [J].
 
-def _lossy_passes(settings: MaterialPointSettings) -> int:
-    """How often a step loses what particles do not keep of the nodes' kinetic energy, D = K_p + dK_i - K_p+.
+        Particles do not keep D = K_p + dK_i - K_p+ of the nodes' kinetic energy. MUSL strains matter with velocities
+        u_i of the momentum that is mapped back instead of v_i, and loses sum_i m_i a_i . (v_i - u_i) / 2 less: where
+        particles add the changes a_i alone, nothing. USL strains with all of a_i, of which the next step's nodes keep
+        but what particles took: it loses L = (sum_i m_i a_i^2 - sum_p m_p (sum_i w_ip a_i)^2) / 2 once more there.
+        """
+        if not self.loses:
+            return 0.0
+        lost = self.kinetic + self.nodes.kinetic_gain() - kinetic_energy(self.points.owned, self.points.motion)
+        if self.again:
+            return lost - self.nodes.energy_of_mapping_back()
+        return lost + self._filtered() if self.adds else lost
 
-    With FLIP, D = (sum_i m_i a_i^2 - sum_p m_p (sum_i w_ip a_i)^2) / 2. USL strains matter with all of a_i, of which
-    the next step's nodes keep but what the particles took: it loses D in the motion and D in the strain. MUSL strains
-    with what they took, and has neither. Transfers that filter the velocity itself lose D.
-    """
-    if settings.transfer == "apic" or settings.flip_fraction < 1.0:
-        return 1
-    return 2 if settings.order == "usl" else 0
+    def _filtered(self) -> float:
+        """L above [J]."""
+        assert self.before is not None
+        now = self.points.motion[: self.points.owned]
+        change = now[:, 4:7] - self.before[:, 4:7]
+        return self.nodes.energy_of_changes() - 0.5 * float(now[:, 3] @ (change**2).sum(axis=1))
 
 
 def _work(forces: np.ndarray, before: np.ndarray, after: np.ndarray, step: float) -> float:

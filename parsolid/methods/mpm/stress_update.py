@@ -97,8 +97,7 @@ class ElasticPlasticUpdate:
             id(block.law), points.space, *here, block.law, step, self.viscosity, state, *arrays
         )
         if rise is not None:
-            heating = block.law.taylor_quinney / (block.law.density * block.law.specific_heat)
-            note_plastic_rise(*here, points.space, heating, state, before, rise)
+            note_plastic_rise(*here, points.space, block.law, state, before, rise)
         return sound, fastest, plastic, viscous
 
     def stored_energy(self, block: MaterialBlock) -> float:

@@ -14,7 +14,7 @@ from decomposition.cell_partition import CellPartition
 from decomposition.grid import RankGrid
 from parsolid.boundary.loads import accelerations
 from parsolid.collective import maximum
-from parsolid.methods.mpm.conduction import Conduction, conducts
+from parsolid.methods.mpm.conduction import Conduction, common_conductivity, conducts
 from parsolid.methods.mpm.grid import kinetic_energy
 from parsolid.methods.mpm.grid_conditions import GridConditions
 from parsolid.methods.mpm.initial_state import set_initial_motion
@@ -49,7 +49,7 @@ class MaterialPoint(ParticleSystem):
         self.materials = StressUpdate(scene, points)
         self.conditions = GridConditions(comm, scene, particle_set.position, points.origin)
         conducting = conducts(scene, points.laws)
-        thermal = self.conditions.thermal_planes() if conducting else []
+        thermal = self.conditions.thermal_planes(common_conductivity(points.laws)) if conducting else []
         folded = [plane.mirror for plane in self.conditions.planes] + [plane.mirror for plane in thermal]
         mirrors = tuple(dict.fromkeys(folded))
         self.grid = RankGrid(comm, self.dimension, nodes_across(points.basis), mirrors, scene.method.bitwise)
@@ -156,12 +156,16 @@ class MaterialPoint(ParticleSystem):
         return self.nodes.communication_seconds + self.residence.communication_seconds
 
     def stable_step(self) -> float:
-        """cfl h / (c + |v|) [s] of this rank's fastest particle, and what conduction allows."""
-        stress, conduction = self.stress, self.conduction
+        """cfl h / (c + |v|) [s] of this rank's fastest particle, over the root of `mass_terms`, and what conduction
+        allows.
+        """
+        settings, stress, conduction = self.settings, self.stress, self.conduction
         thermal = conduction.stable_step() * stress.stretch**2 if conduction is not None else np.inf
-        return (
-            min(self.settings.cfl * self.settings.cell * stress.slowness, thermal) if self.settings.motion else thermal
-        )
+        if not settings.motion:
+            return float(thermal)
+        # more terms than the lumped one lift frequencies, see `mass_matrix`
+        waves = settings.cfl * settings.cell * stress.slowness / settings.mass_terms**0.5
+        return float(min(waves, thermal))
 
     # --- what the loop and the reports ask ------------------------------------------------------------------------
 
@@ -182,8 +186,8 @@ class MaterialPoint(ParticleSystem):
             return "maximum", np.array([values.max(initial=0.0)])
         if name == "plastic_work":
             return "sum", np.array([self.materials.plastic_work])
-        if name == "heat":
-            return "sum", np.array([self.points.heat()])
+        if name in ("heat", "entropy"):
+            return "sum", np.array([getattr(self.points, name)()])
         lower, upper = self.points.bounds_of_domains()
         return ("minimum", lower[:d]) if name == "lower_bounds" else ("maximum", upper[:d])
 

@@ -4,9 +4,9 @@ import numpy as np
 
 from decomposition.recalled import Recalled, RecalledEach
 from parsolid.methods.mpm.gather import gather
-from parsolid.methods.mpm.grid import Apic, CauchyStress, FirstPiolaKirchhoffStress, Flip
+from parsolid.methods.mpm.grid import CauchyStress, FirstPiolaKirchhoffStress
 from parsolid.methods.mpm.grid_conditions import GridConditions
-from parsolid.methods.mpm.material_points import MaterialPoints
+from parsolid.methods.mpm.material_points import MaterialPoints, VelocityTransfer
 from parsolid.methods.mpm.nodes import Nodes
 from parsolid.methods.mpm.scatter import scatter
 
@@ -19,12 +19,15 @@ class UpdateStressLast:
         # lists of cells, transfers, stresses and loads are other objects of the same types at every step
         self._scatter = Recalled(scatter, free=(0, 2, 3, 4))
         self._gather_kernel = RecalledEach(gather, free=(0, 3, 4))
+        self._local = points.settings.transfer == "flip" and "velocity_slope" in points
+        self._seen, self._beside = -1, np.zeros(0, bool)
 
     def particles_to_nodes(self, stress: CauchyStress | FirstPiolaKirchhoffStress, forces: np.ndarray | None) -> None:
         """Mass, momentum and force of all ranks' particles; stress: see `scatter`; forces (capacity, 4) [N] of loads,
         or None.
         """
         points, nodes = self.points, self.nodes
+        self._keep_slopes_beside_driven()
         nodes.clear(nodes.motion)
         arrays = (forces, nodes.motion, nodes.partial)
         self._scatter(nodes.interpolation, points.motion, points.velocity_transfer, stress, *arrays)
@@ -38,8 +41,25 @@ class UpdateStressLast:
         self._gather(step, self.points.velocity_transfer, self.points.storage("velocity_gradient"), None)
         return 0.0
 
+    def _keep_slopes_beside_driven(self) -> None:
+        """Of FLIP's particles only those with a driven node in their stencil give slopes.
+
+        Without them the nodes' velocities before they are driven are not those of the particles even where these move
+        as the nodes are driven to, and what changes them in every step drifts into the particles.
+        """
+        if not self._local:
+            return
+        nodes, cells, slopes = self.nodes, self.nodes.ranks.cells, self.points.storage("velocity_slope")
+        if self._seen != nodes.changes:
+            self._seen = nodes.changes
+            self._beside = np.asarray(self.conditions.driven_nodes(nodes)[cells.stencil]).any(axis=1).astype(bool)
+        beside = cells.order[: cells.start[-1]][np.repeat(self._beside, np.diff(cells.start))]
+        kept = slopes[beside]
+        slopes[: self.points.owned] = 0.0
+        slopes[beside] = kept
+
     def _gather(
-        self, step: float, transfer: Flip | Apic | None, rate: np.ndarray | None, remapped: np.ndarray | None
+        self, step: float, transfer: VelocityTransfer | None, rate: np.ndarray | None, remapped: np.ndarray | None
     ) -> None:
         nodes = self.nodes
         arrays, what = (nodes.interpolation, nodes.motion, self.points.motion), (transfer is None, rate is None)
@@ -59,6 +79,7 @@ class ModifiedUpdateStressLast(UpdateStressLast):
     def _map_back(self, time: float) -> float:
         """Nodal velocities of the particles' momentum; what the boundaries do to them is no work."""
         points, nodes = self.points, self.nodes
+        self._keep_slopes_beside_driven()
         nodes.clear(nodes.again)
         scatter(nodes.interpolation, points.motion, points.velocity_transfer, None, None, nodes.again, nodes.partial)
         nodes.sum("again")

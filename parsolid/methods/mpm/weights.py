@@ -16,7 +16,7 @@ splines.
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import overload
+from numba.extending import overload, register_jitable
 
 from decomposition.compiled import compiled
 from parsolid.numerics.dispatch import generic
@@ -92,6 +92,12 @@ _OFFSETS = {Linear: 0.0, UniformGimp: 0.5, ConvectedGimp: 1.0, QuadraticSpline: 
 def base_offset(basis) -> float:
     """Where a base cell starts: base node = floor((x - origin)/h - offset)."""
     return _OFFSETS[type(basis)]
+
+
+@overload(base_offset)
+def _base_offset(basis):
+    offset = _OFFSETS[basis.instance_class]
+    return lambda basis: offset
 
 
 @compiled
@@ -216,3 +222,10 @@ def _moments(basis, xi, weights):
     scale = 1.0 / spread
     for i in range(nodes_across(basis)):
         store(weights, i, 12, scale * load(weights, i, 12))
+
+
+@register_jitable
+def store_derivatives(basis, weights):
+    """As `store_distances` leaves them, dw_i/dxi for u_i in columns 12..14: the slope is the gradient (TPIC)."""
+    for i in range(nodes_across(basis)):
+        store(weights, i, 12, load(weights, i, 4))

@@ -19,19 +19,26 @@ from parsolid.scene.schema import Scene
 class BoundarySet:
     """What the momentum equation needs of a scene's boundaries and loads.
 
-    planes, codes, share: see `boundary.supports.Supports`.
+    planes, codes, share: see `boundary.supports.Supports`; jump_times [s]: at which loads or prescribed motions jump.
     """
 
     def __init__(self, comm: MPI.Comm, declared: Declarations, particle_set: ParticleSet, particles: Particles):
         """particles: those of the particle_set; collective."""
         supports = Supports(comm, declared.scene, declared.of(Support), particle_set)
         self.planes, self.codes, self.share = supports.planes, supports.codes, supports.share
-        self._clamp = _clamp(comm, supports.held, particles)
+        self._clamp = _multipliers(comm, "clamp", supports.held, particles)
         self.prescribed = PrescribedRows(
             comm, declared.scene, declared.of(PrescribedMotion, "velocity"), particle_set, particles
         )
+        held = supports.held.copy()
+        held[self.prescribed.entries] = True
+        self._free = _multipliers(comm, "free", held, particles)
         tractions = (_traction(comm, declared, one, particle_set, particles) for one in declared.of(SurfaceTraction))
         self.loads = accelerations(declared.scene, particles, *tractions)
+        courses = [one.course for one in declared.of(PrescribedMotion)]
+        courses += [one.course for one in declared.of(SurfaceTraction)]
+        times = {*declared.scene.loads.jump_times}.union(*(course.jump_times for course in courses))
+        self.jump_times = tuple(sorted(time for time in times if 0.0 < time < declared.scene.end_time))
         self.held_energy = 0.0
 
     @property
@@ -39,14 +46,27 @@ class BoundarySet:
         """Multipliers (n, 4) of velocities, None where no rank holds any."""
         return None if self._clamp is None else self._clamp(slice(None))
 
-    def loads_at(self, time: float) -> np.ndarray | None:
-        """Accelerations (n, 4) of body forces and tractions [m/s^2]; None without loads."""
-        return self.loads.at(time) if self.loads.acting else None
+    @property
+    def free(self) -> np.ndarray | None:
+        """Multipliers (n, 4) of accelerations, 0 also where the motion is prescribed; None where no rank has any."""
+        return None if self._free is None else self._free(slice(None))
+
+    def loads_at(self, time: float, before: bool = False) -> np.ndarray | None:
+        """Accelerations (n, 4) of body forces and tractions [m/s^2], of a jump just after, or just before it; None
+        without loads."""
+        return self.loads.at(time, before) if self.loads.acting else None
 
     def prescribe(self, time: float, kinematics: np.ndarray) -> None:
         """Set prescribed velocity components to their values at a time [s]."""
         if self.prescribed.guided:
             motion.prescribe(*self.prescribed.entries, self.prescribed.values("velocity", time), kinematics)
+
+    def prescribe_mean(self, time: float, step: float, kinematics: np.ndarray) -> None:
+        """Set prescribed velocity components to their mean over a step [s] from a time [s], by Simpson's rule."""
+        if self.prescribed.guided:
+            first, middle = (self.prescribed.values("velocity", time + part * step) for part in (0.0, 0.5))
+            last = self.prescribed.values("velocity", time + step, step > 0.0)
+            motion.prescribe(*self.prescribed.entries, (first + 4.0 * middle + last) / 6.0, kinematics)
 
     def prescribed_power(
         self,
@@ -92,10 +112,10 @@ def _traction(
     )
 
 
-def _clamp(comm: MPI.Comm, held: np.ndarray, particles: Particles) -> OfRows | None:
-    """Multipliers (n, 4) of velocity components; None when no rank holds any."""
+def _multipliers(comm: MPI.Comm, name: str, held: np.ndarray, particles: Particles) -> OfRows | None:
+    """A field (n, 4), 0 for held components (n, d), else 1; None when no rank holds any."""
     if not anywhere(comm, bool(held.any())):
         return None
-    clamp = np.ones((len(held), 4))
-    clamp[:, : held.shape[1]][held] = 0.0
-    return keep(particles, "clamp", clamp)
+    multipliers = np.ones((len(held), 4))
+    multipliers[:, : held.shape[1]][held] = 0.0
+    return keep(particles, name, multipliers)

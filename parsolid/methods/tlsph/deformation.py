@@ -18,6 +18,7 @@ from parsolid.materials.hyperelastic.law import (
 )
 from parsolid.materials.viscoelastic.maxwell import branch_dissipation, relaxed
 from parsolid.methods.tlsph.moved import gradient_in_reference, waves_in_reference
+from parsolid.methods.tlsph.strain import load_strain
 from parsolid.numerics.dispatch import generic, none_without
 from parsolid.numerics.lanes import WIDTH, all_positive, lane, load
 from parsolid.numerics.layout import (
@@ -85,13 +86,14 @@ def _branches_at_stage(branches, space, law, update, relaxation, i, F, J, old_in
 
 
 @none_without("evolved")
-def _branch_sum(evolved):
+def branch_sum_of(evolved):
+    """The first of what branches that have evolved give."""
     return evolved[0]
 
 
 @register_jitable
-def _branch_dissipation(evolved, tributary, count):
-    """Internal dissipation of the first `count` of four particles [W]."""
+def dissipation_of(evolved, tributary, count):
+    """Internal dissipation of the first `count` of four particles, the second of what branches give times volumes."""
     if evolved is None:
         return 0.0
     share, result = evolved[1] * tributary, 0.0
@@ -139,28 +141,30 @@ def _store_shear(shear, space, law, body, i, column, F, branch_sum):
 
 
 @generic
-def _store_waves(terms, space, law, body, i, F, H, J, branch_sum, G):
-    """Half velocity gradient and halves of the squared impedance tensors, where the pairs dissipate by them."""
+def store_waves(terms, space, law, body, i, F, pressure, branch_sum, G):
+    """Half velocity gradient and halves of the squared impedance tensors, where the pairs dissipate by them.
+
+    pressure: the pressure wave tensor [Pa].
+    """
 
 
-@_store_waves.of(None)
-def _store_nothing(terms, space, law, body, i, F, H, J, branch_sum, G):
+@store_waves.of(None)
+def _store_nothing(terms, space, law, body, i, F, pressure, branch_sum, G):
     return None
 
 
-@_store_waves.of(RiemannDissipation)
-def _store_riemann_waves(terms, space, law, body, i, F, H, J, branch_sum, G):
+@store_waves.of(RiemannDissipation)
+def _store_riemann_waves(terms, space, law, body, i, F, pressure, branch_sum, G):
     at = record_columns(space, terms)
     store_matrix(space, body.record, i, at.gradient, scale(0.5, gradient_in_reference(body.moved, space, i, G)))
-    waves = scale(0.5 * law.density, pressure_wave_tensor(law, F, H, J, branch_sum))
-    waves = waves_in_reference(body.moved, space, i, waves)
+    waves = waves_in_reference(body.moved, space, i, scale(0.5 * law.density, pressure))
     shear = _shear_lane(isotropic_shear_modulus(law), law.density)
     store_tensor(space, body.record, i, at.pressure_wave, waves, shear)
     _store_shear(terms.shear, space, law, body, i, at.shear_wave, F, branch_sum)
 
 
 @formula
-def _propagating(waves):
+def propagating(waves):
     """A wave tensor whose largest eigenvalue is that of directions in the plane, where there is one."""
     if len(waves) == SYMMETRIC_PLANE:
         return SymmetricPlane(waves[0], waves[1], 0.5 * (waves[0] + waves[1]), waves[3])
@@ -168,13 +172,20 @@ def _propagating(waves):
 
 
 @register_jitable
-def _largest_speed(largest, rho_c2, first, last):
-    """The greatest rho c_max^2 [Pa]: lambda_max of the wave tensor, found exactly only where its bound says so."""
-    # lambda_max <= m + sqrt(2/3) |dev|, m the mean eigenvalue: cheap on four particles at once
-    q = _propagating(rho_c2)
+def largest_bound(q):
+    """A bound on the largest eigenvalue of a symmetric tensor, m + sqrt(2/3) |dev| with the mean eigenvalue m: cheap on
+    four particles at once."""
     mean = trace_symmetric(q) * (1.0 / 3.0)
     deviator = contract_symmetric(q, q) - 3.0 * mean * mean
-    bound = mean + math.sqrt(deviator * (2.0 / 3.0) + 1e-30 * mean * mean)
+    # what rounding leaves of no deviator may be negative
+    return mean + math.sqrt(max(deviator * (2.0 / 3.0), 1e-30 * mean * mean))
+
+
+@register_jitable
+def _largest_speed(largest, rho_c2, first, last):
+    """The greatest rho c_max^2 [Pa]: lambda_max of the wave tensor, found exactly only where its bound says so."""
+    q = propagating(rho_c2)
+    bound = largest_bound(q)
     for k in range(last - first):
         if not lane(bound, k) <= largest:
             largest = max(largest, largest_eigenvalue(lane_of_symmetric(q, k)))
@@ -204,11 +215,11 @@ def advance_deformation(space, first, last, law, terms, update, relaxation, body
         G = scale(1.0 / load(body.volume, 0, i), matmul_transposed(load_gradient(space, body.sums, i), L))
         old_inverse = _start_inverse(body.branches, F0)
         evolved = _branches_at_stage(body.branches, space, law, update, relaxation, i, F, J, old_inverse)
-        branch_sum = _branch_sum(evolved)
-        dissipation += _branch_dissipation(evolved, load(body.tributary, 0, i), count)
+        branch_sum = branch_sum_of(evolved)
+        dissipation += dissipation_of(evolved, load(body.tributary, 0, i), count)
         P = first_piola_kirchhoff_stress(law, F, H, J, branch_sum)
         store_matrix(space, body.record, i, record_columns(space, terms).stress, matmul(P, L))
-        _store_waves(terms, space, law, body, i, F, H, J, branch_sum, G)
+        store_waves(terms, space, law, body, i, F, pressure_wave_tensor(law, F, H, J, branch_sum), branch_sum, G)
         dJ = contract(H, G)
         H = add(scale(update.keep, H0), scale(update.take, add(H, scale(update.step, cross(F, G)))))
         F = add(scale(update.keep, F0), scale(update.take, add(F, scale(update.step, G))))
@@ -227,7 +238,7 @@ def largest_wave_modulus(space, first, last, law, body):
     """Greatest rho c_max^2 [Pa] of the current state, c_max over all directions (sharper than (79))."""
     largest = 0.0
     for i in range(first, last, WIDTH):
-        F, H, J = load_deformation(space, body.deformation, i)
+        F, H, J = load_strain(space, body, i)
         branch_sum = current_branches(space, law, body.branches, i, F)
         largest = _largest_speed(largest, pressure_wave_tensor(law, F, H, J, branch_sum), i, min(i + WIDTH, last))
     return largest

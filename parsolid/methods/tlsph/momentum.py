@@ -5,9 +5,10 @@ from numba.extending import overload, register_jitable
 from decomposition.compiled import compiled
 from parsolid.materials.hyperelastic.law import equilibrium_energy
 from parsolid.materials.viscoelastic.maxwell import branch_energy
+from parsolid.methods.tlsph.strain import load_strain
 from parsolid.numerics.dispatch import is_instance
 from parsolid.numerics.lanes import WIDTH, broadcast, from_floats, lane, load, store, swizzle, total, without_fourth
-from parsolid.numerics.layout import Plane, load_branch, load_deformation
+from parsolid.numerics.layout import Plane, load_branch
 from parsolid.numerics.tensors import gram, lane_of_general, lane_of_stored_symmetric
 
 _swap = swizzle(2, 3, 0, 1)
@@ -113,6 +114,35 @@ def advance_motion(space, owned, update, kinematics, start, force, sums, mass, s
     return dissipation, power
 
 
+@compiled(fastmath={"contract"}, error_model="numpy")
+def kick(space, owned, opening, step, kinematics, force, sums, mass, share, loads, free):
+    """v after half a step [s]; the opening half of a step also moves x by its v and sets the pair forces to zero, the
+    other one the pair sums.
+
+    free (n, 4): 0 for components that forces do not change, else 1, or None; otherwise as in `advance_motion`.
+    Returns numerical dissipation and work of the loads [J], both with the velocity in the middle of the step.
+    """
+    dissipation, work, half = 0.0, 0.0, 0.5 * step
+    zero = broadcast(0.0)
+    for a in range(owned):
+        v, x = split_motion(space, kinematics, a)
+        D = _within(space, load(force, a, 4))
+        rate = _loaded(loads, a, (_within(space, load(force, a, 0)) + D) * (1.0 / mass[a]))
+        new = v + half * _clamped(free, a, rate)
+        middle = new if opening else v
+        dissipation -= share[a] * total(D * middle)
+        work += _load_power(loads, a, mass[a] * share[a], middle)
+        if opening:
+            join_motion(space, kinematics, a, new, x + step * new)
+            store(force, a, 0, zero)
+            store(force, a, 4, zero)
+        else:
+            join_motion(space, kinematics, a, new, x)
+            for column in range(0, sums.shape[1], WIDTH):
+                store(sums, a, column, zero)
+    return half * dissipation, half * work
+
+
 @register_jitable
 def _load_force(loads, a, i, mass):
     if loads is None:
@@ -166,7 +196,7 @@ def stored_energy(space, first, last, law, body):
     """Sum of W V [J] with tributary volumes (eqs (19), (20))."""
     energy = 0.0
     for i in range(first, last, WIDTH):
-        F4, H4, J4 = load_deformation(space, body.deformation, i)
+        F4, H4, J4 = load_strain(space, body, i)
         for k in range(min(WIDTH, last - i)):
             F, H, J = lane_of_general(F4, k), lane_of_general(H4, k), lane(J4, k)
             W = equilibrium_energy(law, F, H, J) + _branch_energies(space, law, body.branches, i, k, F, J)

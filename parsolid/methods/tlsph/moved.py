@@ -15,11 +15,11 @@ from typing import NamedTuple
 import numpy as np
 
 from decomposition.compiled import compiled
-from parsolid.numerics.dispatch import generic, none_without
-from parsolid.numerics.lanes import WIDTH, broadcast, lane, load
-from parsolid.numerics.layout import Plane, load_deformation, load_nine
+from parsolid.numerics.dispatch import none_without
+from parsolid.numerics.lanes import WIDTH, lane
+from parsolid.numerics.layout import load_deformation_gradient
 from parsolid.numerics.polar import congruence
-from parsolid.numerics.tensors import GeneralPlane, contract, gram, matmul, plus_identity
+from parsolid.numerics.tensors import contract, gram, matmul, plus_identity
 
 
 class Moved(NamedTuple):
@@ -29,31 +29,16 @@ class Moved(NamedTuple):
     inverse: np.ndarray
 
 
-@generic
-def _load_gradient(space, rows, i):
-    """A deformation gradient of particles i..i+3."""
-
-
-@_load_gradient.of(Plane)
-def _load_plane(space, rows, i):
-    return GeneralPlane(load(rows, 0, i), load(rows, 1, i), load(rows, 2, i), load(rows, 3, i), broadcast(1.0))
-
-
-@_load_gradient.otherwise
-def _load_space(space, rows, i):
-    return load_nine(rows, 0, i)
-
-
 @none_without("moved", returns="G")
 def gradient_in_reference(moved, space, i, G):
     """G_r = G F_r^{-1}; G itself where the reference is fixed."""
-    return matmul(G, _load_gradient(space, moved.inverse, i))
+    return matmul(G, load_deformation_gradient(space, moved.inverse, i))
 
 
 @none_without("moved", returns="waves")
 def waves_in_reference(moved, space, i, waves):
     """rho_r^2 c_r^2 as a tensor of the moved normal, F_r waves F_r^T / J_r^2; itself where the reference is fixed."""
-    return congruence(_load_gradient(space, moved.push, i), waves)
+    return congruence(load_deformation_gradient(space, moved.push, i), waves)
 
 
 @compiled(error_model="numpy")
@@ -61,8 +46,8 @@ def largest_distortion(space, owned, deformation, inverse):
     """Greatest |f^T f - 1|/2 of f = F F_r^{-1}, the Green strain since the reference was moved; 0 for rotations."""
     largest = 0.0
     for i in range(0, owned, WIDTH):
-        F, _, _ = load_deformation(space, deformation, i)
-        strain = plus_identity(gram(matmul(F, _load_gradient(space, inverse, i))), -1.0)
+        F = load_deformation_gradient(space, deformation, i)
+        strain = plus_identity(gram(matmul(F, load_deformation_gradient(space, inverse, i))), -1.0)
         square = contract(strain, strain)
         for k in range(min(WIDTH, owned - i)):
             largest = max(largest, lane(square, k))

@@ -18,7 +18,15 @@ class TotalLagrangianSPH(MethodSettings):
     kind: Literal["tlsph"]
     kernel: Literal[kernel_names()] = "wendland-c2"  # type: ignore[valid-type]
     smoothing: float = Field(0.85, gt=0, le=30, description="smoothing length over particle spacing, h/dx, at most 30")
-    cfl: Positive = Field(0.7, description="time step over (particle spacing / largest wave speed)")
+    integrator: Literal["ssp-rk3", "leapfrog"] = Field(
+        "ssp-rk3", description='"ssp-rk3": three force evaluations a step, order 3; "leapfrog": one, order 2'
+    )
+    cfl: Positive | None = Field(
+        None, description="time step over (particle spacing / largest wave speed), 0.7 unless given; of ssp-rk3"
+    )
+    safety: Positive | None = Field(
+        None, description="time step over the largest stable one on a lattice, 0.9 unless given; of leapfrog"
+    )
     dissipation: NotNegative = Field(1.0, description="factor on the Riemann dissipation, 0 = none")
     reconstruction: bool = Field(True, description="linear reconstruction of the velocity jump")
     reference: Literal["fixed", "updated"] = Field(
@@ -32,6 +40,21 @@ class TotalLagrangianSPH(MethodSettings):
         "none",
         description='"closure" for irregular particles: weights under which a constant stress has no force inside',
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _usual_step(cls, table: Any) -> Any:
+        if not isinstance(table, dict):
+            return table
+        key, usual = ("safety", 0.9) if table.get("integrator") == "leapfrog" else ("cfl", 0.7)
+        return {key: usual} | table
+
+    @model_validator(mode="after")
+    def _one_way_to_step(self) -> "TotalLagrangianSPH":
+        other = "cfl" if self.integrator == "leapfrog" else "safety"
+        if getattr(self, other) is not None:
+            reject(((other,), f"no such key with the integrator {self.integrator!r}", getattr(self, other)))
+        return self
 
     @model_validator(mode="after")
     def _one_way_to_update(self) -> "TotalLagrangianSPH":

@@ -5,8 +5,8 @@ import numpy as np
 from decomposition.compiled import compiled
 from parsolid.materials.hyperelastic.law import first_piola_kirchhoff_stress
 from parsolid.methods.tlsph.deformation import current_branches
+from parsolid.methods.tlsph.strain import load_strain
 from parsolid.numerics.lanes import WIDTH
-from parsolid.numerics.layout import load_deformation
 from parsolid.numerics.tensors import lane_of_general
 
 
@@ -15,7 +15,7 @@ def stress_components(space, first, last, law, body, result):
     """First Piola-Kirchhoff stress [Pa] of particles first..last-1 into result (last - first, 9 or 5),
     `numerics.tensors` order."""
     for i in range(first, last, WIDTH):
-        F, H, J = load_deformation(space, body.deformation, i)
+        F, H, J = load_strain(space, body, i)
         P = first_piola_kirchhoff_stress(law, F, H, J, current_branches(space, law, body.branches, i, F))
         for k in range(min(WIDTH, last - i)):
             values = lane_of_general(P, k)

@@ -14,6 +14,7 @@ from parsolid.methods.tlsph import momentum as motion
 from parsolid.methods.tlsph import state
 from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.methods.tlsph.deformation import Relaxation, advance_deformation, largest_wave_modulus
+from parsolid.methods.tlsph.leapfrog import Leapfrog
 from parsolid.methods.tlsph.state import Body
 from parsolid.methods.tlsph.stresses import deformation_gradients, first_piola_kirchhoff_stresses
 from parsolid.methods.tlsph.updated_reference import UpdatedReference
@@ -23,7 +24,7 @@ from parsolid.pairs.closure import surface_area
 from parsolid.pairs.pair_system import PairSystem
 from parsolid.pairs.smoothed_weights import SmoothedWeights
 from parsolid.pairs.smoothing import smoothing_kernel
-from parsolid.pairs.terms import DirectionalShear, LinearReconstruction, RiemannDissipation
+from parsolid.pairs.terms import DirectionalShear, LinearReconstruction, MeanRiemann, RiemannDissipation
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Field
 from parsolid.scene import initial_deformation_gradient, initial_displacement, initial_velocity
@@ -35,7 +36,6 @@ class TotalLagrangianSPH(PairMethod):
 
     pairs: PairSystem
     stages = SSP_RK3
-    evaluations = len(SSP_RK3)
 
     def __init__(self, comm: Any, scene: Any, particle_set: Any) -> None:
         """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when particles cannot be
@@ -53,9 +53,12 @@ class TotalLagrangianSPH(PairMethod):
         share = self.boundaries.share
         self.branches = maximum(comm, max((block.branches for block in self.blocks), default=0))
         self.pairs = self._pair_system(particle_set)
-        fixed = self.settings.reference == "fixed"
-        state.declare_motion(self.particles, particle_set, fixed)
-        state.declare_strain(self.particles, self.dimension, self.branches)
+        fixed, staged = self.settings.reference == "fixed", self.settings.integrator == "ssp-rk3"
+        self.leapfrog = None if staged else Leapfrog(self)
+        self.evaluations = len(self.stages) if staged else 1
+        self.landings = () if staged else self.boundaries.jump_times
+        state.declare_motion(self.particles, particle_set, fixed, staged)
+        state.declare_strain(self.particles, self.dimension, self.branches, staged)
         volume = particle_set.volume / share
         self.particles.declare(Field("mass", 1, "kg"), volume * density)
         self.particles.declare(Field("share", 1, "1"), share)
@@ -73,7 +76,7 @@ class TotalLagrangianSPH(PairMethod):
         weights = SmoothedWeights(smoothing_kernel(settings.kernel), float(settings.dissipation), surface)
         return PairSystem(self.comm, self.particles, self.space, weights, self._terms(), boundaries.codes)
 
-    def _terms(self) -> RiemannDissipation | None:
+    def _terms(self) -> RiemannDissipation | MeanRiemann | None:
         """The dissipation that the scene asks for and its laws need."""
         # where the reference moves, shear that does not depend on the original direction depends on the moved one
         moves = self.settings.reference == "updated"
@@ -83,6 +86,8 @@ class TotalLagrangianSPH(PairMethod):
         if not float(self.settings.dissipation) > 0.0:
             return None
         reconstruction = LinearReconstruction() if self.settings.reconstruction else None
+        if self.settings.integrator == "leapfrog":
+            return MeanRiemann(reconstruction)
         return RiemannDissipation(reconstruction, DirectionalShear() if directional else None)
 
     def begin(self, scene: Any, particle_set: Any) -> None:
@@ -112,7 +117,7 @@ class TotalLagrangianSPH(PairMethod):
         F[:, :d, :d] = rows("deformation_gradient").reshape(owned, d, d)
         F[:, d:, d:] = 1.0
         rows("jacobian")[:] = np.linalg.det(F)
-        if d == 3:
+        if "cofactor" in self.particles:
             cofactor = np.cross(F[:, (1, 2, 0)], F[:, (2, 0, 1)])
             rows("cofactor")[:] = cofactor.reshape(owned, 9)
         if self.boundaries.clamp is not None:
@@ -121,19 +126,27 @@ class TotalLagrangianSPH(PairMethod):
         self.prescribed_energy_gain()
 
     def state(self) -> dict[str, Any]:
-        """When the reference was moved."""
-        return {} if self.reference is None else self.reference.state()
+        """When the reference was moved, and whether the particles have the forces that a step begins with."""
+        moved = {} if self.reference is None else self.reference.state()
+        return moved if self.leapfrog is None else {**moved, "forces_of": self.leapfrog.forces_of}
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave."""
         if self.reference is not None:
             self.reference.set_state(state)
+        if self.leapfrog is not None:
+            self.leapfrog.forces_of = state["forces_of"]
 
     def resume(self) -> None:
         """Continue from a state that was put back into the particles."""
         if self.reference is not None:
             self.reference.resume()
         self.prescribed_energy_gain()
+
+    def forget(self) -> None:
+        """Forces of the laws and weights of the checkpoint."""
+        if self.leapfrog is not None:
+            self.leapfrog.forces_of = None
 
     def displacement_gradient(self) -> np.ndarray:
         """grad u (owned, d d) by the gradient pass, with the displacement in the velocity's place."""
@@ -156,7 +169,9 @@ class TotalLagrangianSPH(PairMethod):
     # --- what the loop asks -----------------------------------------------------------------------------------
 
     def stable_step(self) -> float:
-        """Largest step [s] of this rank's particles, eq (79) with the exact c_max over all directions."""
+        """Largest step [s] here, eq (79) with the exact c_max over all directions, or leapfrog's."""
+        if self.leapfrog is not None:
+            return min((self.leapfrog.stable_step(block) for block in self.blocks), default=np.inf)
         return min((self._group_step(block, self._modulus(block)) for block in self.blocks), default=np.inf)
 
     def _modulus(self, block: MaterialBlock) -> float:
@@ -177,11 +192,16 @@ class TotalLagrangianSPH(PairMethod):
         return self.reference is not None and self.reference.asks
 
     def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
-        """One step, stage by stage of the integrator, as eqs (70)-(77) say."""
-        sound = self.reference is None or self.reference.follow(self.news_anywhere)
-        if not sound:
+        """One step by the scene's integrator, of a reference that follows where it is moved; collective."""
+        if self.reference is not None and not self.reference.follow(self.news_anywhere):
             announce(False, 0.0)
             return False
+        advance = self.advance_in_stages if self.leapfrog is None else self.leapfrog.advance
+        return advance(time, step, ledger, announce)
+
+    def advance_in_stages(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
+        """One step, stage by stage of the integrator, as eqs (70)-(77) say."""
+        sound = True
         for stage in self.stages:
             self.pairs.gradient("motion")
             positive, internal, stable = self.advance_deformation(stage, step)
@@ -228,6 +248,9 @@ class TotalLagrangianSPH(PairMethod):
 
     def evaluate_forces(self) -> None:
         """One stabilised force evaluation of the current state, which stays as it is (for measurements)."""
+        if self.leapfrog is not None:
+            self.leapfrog.evaluate()
+            return
         sums = self.pairs.gradient("motion")
         self.advance_deformation(self.stages[0], 0.0)
         force = self.pairs.divergence(self.pairs.terms)
@@ -270,16 +293,19 @@ class TotalLagrangianSPH(PairMethod):
     def advice(self) -> str:
         """What most likely helps."""
         settings, hints = self.settings, []
-        if settings.cfl > 0.9:
+        crushed = "more particles where the body is crushed"
+        if settings.integrator == "leapfrog" and settings.safety > 1.0:
+            hints.append(f"a smaller method.safety (it is {settings.safety:g}; 0.9 is stable)")
+        if settings.integrator == "ssp-rk3" and settings.cfl > 0.9:
             hints.append(f"a smaller method.cfl (it is {settings.cfl:g}; 0.7 is stable for smoothing of 0.85 and more)")
         if settings.dissipation == 0.0:
             hints.append("method.dissipation = 1 (there is none)")
-        hints.append("more particles where the body is crushed" if settings.cfl <= 0.9 else "more particles")
+        hints.append("more particles" if hints and "smaller" in hints[0] else crushed)
         return ", or ".join([*hints, "a milder load"])
 
     def bytes_a_step(self) -> int:
-        """Motion and records, in every stage."""
-        return len(self.stages) * (self.particles.bytes_sent("motion") + self.particles.bytes_sent("record"))
+        """Motion and records, in every evaluation."""
+        return self.evaluations * (self.particles.bytes_sent("motion") + self.particles.bytes_sent("record"))
 
     def warm(self) -> None:
         """Lists of ghosts have no images."""

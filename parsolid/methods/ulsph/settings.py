@@ -16,6 +16,8 @@ _KIND_OF = {
     "micro_kinetic": "micro-inertia",
     "internal_energy": "elastic-plastic",
 }
+# of elastic-plastic solids, known to the material point method alone
+_OF_THE_GRID = ("specific_heat_slope", "conductivity_tensor")
 
 
 class Viscosity(SceneModel):
@@ -83,6 +85,9 @@ class UpdatedLagrangianSPH(MethodSettings):
         for i, body in enumerate(scene.bodies):
             if body.shape.kind != "mesh" and body.placed_on == "nodes":
                 details.append((("bodies", i, "placement"), "'cells' with this method", "nodes"))
+            parts = getattr(body.material, "parts", {})
+            here, other = ("bodies", i, "material"), [key for key in _OF_THE_GRID if parts.get(key)]
+            details += [((*here, key), "no such key with this method", parts[key]) for key in other]
         if self.contact is not None and len(scene.bodies) == 1:
             details.append((("method", "contact"), "no such key with one body", self.contact))
         if self.viscous_heating and self.viscosity is False:

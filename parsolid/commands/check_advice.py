@@ -1,0 +1,108 @@
+"""What a scene asks for that costs accuracy where it need not, told before it is run."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from parsolid.collective import maximum, minimum
+from parsolid.methods.protocol import ParticleSystem
+from parsolid.scene import Scene
+from parsolid.scene.bodies import Body
+from parsolid.simulation.loop import Simulation
+
+# stiffness of a cantilever ten times as long as thick, in plane strain, in its first mode over that of many particles
+# across, by method and placement: particles across -> figure; with grid methods two particles a cell
+BENDING = {
+    ("tlsph", "nodes"): {2: 2.3, 3: 1.16},
+    ("tlsph", "cells"): {2: 0.59, 3: 0.78, 4: 0.87},
+    ("peridynamics", "cells"): {2: 5.5, 3: 3.0, 4: 1.7, 5: 1.33, 6: 1.18, 7: 1.11},
+    ("mpm", "cells"): {1: 205.0, 2: 0.81},
+}
+# particles across that are too few where no figure is known
+_FEW = 3
+# a part is bent rather than sheared where it is so many times as long as thick
+_SLENDER = 4.0
+
+
+def scene_advice(scene: Scene) -> list[str]:
+    """What follows from the scene alone."""
+    names = [
+        f"bodies.{i}"
+        for system in scene.systems
+        for i in system.bodies
+        if getattr(system.settings, "pair_correction", "") == "none" and _uneven(scene.bodies[i])
+    ]
+    if not names:
+        return []
+    advice = 'method.pair_correction = "closure" makes them many times more accurate'
+    return [f"{', '.join(names)}: uneven particles; {advice}"]
+
+
+def _uneven(body: Body) -> bool:
+    return bool(body.jitter > 0.0 or body.shape.kind == "mesh")
+
+
+def advice(simulation: Simulation) -> list[str]:
+    """The same, and bodies that are slender and have too few particles across; collective, the same on all ranks."""
+    scene, result = simulation.scene, scene_advice(simulation.scene)
+    for stated, system in zip(scene.systems, simulation.systems):
+        for i in stated.bodies:
+            thin = _thinnest(scene, i, _layers(simulation.comm, system, i))
+            if thin is not None:
+                result += _told(f"bodies.{i}", *thin, stated.settings.kind, scene.bodies[i].placed_on)
+    return result
+
+
+def _told(body: str, across: int, axis: str, kind: str, placement: str) -> Iterator[str]:
+    figure = BENDING.get((kind, placement), {}).get(across)
+    here = f"{body}: {across} {'particle' if across == 1 else 'particles'} across {axis}, where it is thin"
+    if figure is not None:
+        yield f"{here}; a cantilever with so many bends as if it were {figure:g} times as stiff"
+    elif across <= _FEW and (kind, placement) not in BENDING:
+        yield f"{here}; too few for bending"
+
+
+def _layers(comm: Any, system: ParticleSystem, body: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Lower and upper bounds of a body's particles and their mean spacing, each (d,) [m]; collective."""
+    rows = system.particles.owned_rows
+    here = rows("body") == body
+    place, spacing = rows("reference_position")[here][:, : system.dimension], rows("spacing")[here]
+    lower = minimum(comm, place.min(axis=0, initial=np.inf))
+    upper = maximum(comm, place.max(axis=0, initial=-np.inf))
+    count = max(1, comm.allreduce(len(place)))
+    return lower, upper, np.asarray(comm.allreduce(spacing.sum(axis=0))) / count
+
+
+def _thinnest(scene: Scene, number: int, layers: tuple[np.ndarray, np.ndarray, np.ndarray]) -> tuple[int, str] | None:
+    """Particles across a slender body where they are fewest, and the name of that direction; None if it is stout."""
+    body = scene.bodies[number]
+    if body.shape.kind == "cylindrical_shell":
+        shape = body.shape.model
+        across = round(shape.thickness / float(layers[2][-1])) + (body.placed_on == "nodes")
+        return (across, "the thickness") if shape.radius > _SLENDER * shape.thickness else None
+    lower, upper, spacing = layers
+    counts, gap = np.rint((upper - lower) / spacing) + 1.0, 0.0 if body.placed_on == "nodes" else 1.0
+    lengths = np.maximum(counts - 1.0 + gap, 1.0) * spacing
+    best: tuple[int, str] | None = None
+    for axis in range(len(counts)):
+        images, bends = _symmetry(scene, axis, (lower[axis], upper[axis]), spacing[axis])
+        if not bends or lengths.max() < _SLENDER * lengths[axis] * (1 + images):
+            continue
+        across = int(counts[axis] * (1 + images) - images * (1.0 - gap))
+        if best is None or across < best[0]:
+            best = across, "XYZ"[axis]
+    return best
+
+
+def _symmetry(scene: Scene, axis: int, ends: tuple[float, float], spacing: float) -> tuple[int, bool]:
+    """Planes of symmetry that a body ends at along an axis, at most one, and whether it may bend across it."""
+    found = 0
+    for boundary in scene.boundaries:
+        plane = getattr(boundary, "plane", None)
+        if plane is None or plane.axis != axis or min(abs(plane.offset - end) for end in ends) > 0.6 * spacing:
+            continue
+        if boundary.kind == "fixed":
+            return 0, False
+        found += boundary.kind in ("roller", "antisymmetric")
+    return min(found, 1), found < 2

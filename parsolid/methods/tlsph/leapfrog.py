@@ -1,0 +1,116 @@
+"""One force evaluation a step: velocity Verlet whose dissipation lags by half a step, with exact relaxation.
+
+    v' = v + dt/2 [(T + D)/m + load(t)],   x += dt v'
+    F += dt grad v',   H = cof F,   J = det F,   A relaxed exactly (`materials.viscoelastic.maxwell`)
+    T from P(F, A),   D from v', x and the waves of the new state
+    v = v' + dt/2 [(T + D)/m + load(t + dt)]
+
+T and D are state: D belongs to v', so that a new evaluation from v gives other bits. Prescribed components of v' are
+their mean over the step, which kicks do not change. As grad is linear in v, F stays grad x by the same operator. The
+dissipation has the impedances of `pairs.mean_impedance`.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from decomposition.recalled import Recalled, RecalledEach
+from parsolid.materials.blocks import MaterialBlock
+from parsolid.methods.tlsph import momentum as motion
+from parsolid.methods.tlsph.leapfrog_kernels import ExactRelaxation, WaveWeights, advance_strain, greatest_signal
+
+# Of c_p and c_s in the speed that takes a particle spacing in the largest stable step. The lagged dissipation bounds
+# it: w^2 dt^2 + 2 b dt = 4 where a wave has the frequency w and the damping b. They bound all waves of square and
+# cubic lattices with h/dx >= 0.85 for Poisson's ratios of 0 to 0.4999, and small free bodies.
+_WEIGHTS = {2: WaveWeights(1.09, 0.60), 3: WaveWeights(1.20, 1.02)}
+_LEAST_SMOOTHING = 0.85
+
+
+def wave_weights(dimension: int, smoothing: float) -> WaveWeights:
+    """What c_p and c_s count for h/dx = smoothing; below 0.85 as where only the nearest neighbours of a lattice act, of
+    which the wave that alternates along every axis has b = 2 [c_p + (d - 1) c_s]/dx."""
+    weights = _WEIGHTS[dimension]
+    return weights if smoothing >= _LEAST_SMOOTHING else weights._replace(shear=dimension - 1.0)
+
+
+class Leapfrog:
+    """Moves one rank's particles.
+
+    forces_of: how often the reference had been moved when the forces of the state were found, None before that.
+    """
+
+    def __init__(self, system: Any) -> None:
+        """system: `system.TotalLagrangianSPH`, whose particles have the fields of a step without stages."""
+        self.system = system
+        self.forces_of: int | None = None
+        self.weights = wave_weights(system.dimension, system.settings.smoothing)
+        # D grows with the factor on it; without any, waves alone would allow more
+        self.safety = system.settings.safety / max(1.0, system.settings.dissipation)
+        self._advance_strain = RecalledEach(advance_strain, free=(6, 7))
+        self._kick = Recalled(motion.kick, free=(2, 3))
+
+    def stable_step(self, block: MaterialBlock) -> float:
+        """Largest step [s] of this rank's particles of a block."""
+        body = self.system.body_of(block)
+        return self._step_of(block, greatest_signal(*self.system.part(block), self.weights, body))
+
+    def _step_of(self, block: MaterialBlock, signal: float) -> float:
+        return self.safety * self.system.spacing * np.sqrt(block.law.density) / signal if signal > 0.0 else 0.0
+
+    def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
+        """One step [s] from a time [s]."""
+        system, boundaries = self.system, self.system.boundaries
+        if self.forces_of != self._reference_updates:
+            self.evaluate()
+        boundaries.prescribe_mean(time, step, system.kinematics)
+        taken, work = self._half_kick(True, time, step)
+        system.pairs.gradient("motion")
+        sound, internal, stable = self._advance_strain_of_all(step)
+        announce(sound, stable)
+        system.pairs.divergence(system.pairs.terms)
+        more, done = self._half_kick(False, time + step, step)
+        boundaries.prescribe(time + step, system.kinematics)
+        ledger.add(1.0, internal, taken + more, work + done + system.prescribed_energy_gain())
+        return sound
+
+    def evaluate(self) -> None:
+        """Forces of the current state, with the dissipation of its own velocity; collective."""
+        pairs, storage = self.system.pairs, self.system.particles.storage
+        storage("pair_force")[:] = 0.0
+        pairs.gradient("motion")
+        self._advance_strain_of_all(0.0)
+        storage("pair_sums")[:] = 0.0
+        pairs.divergence(pairs.terms)
+        self.forces_of = self._reference_updates
+
+    @property
+    def _reference_updates(self) -> int:
+        return 0 if self.system.reference is None else self.system.reference.updates
+
+    def _advance_strain_of_all(self, step: float) -> tuple[bool, float, float]:
+        """(sound, internal dissipation [J], stable step [s] of the new state)."""
+        system, sound, dissipation, stable = self.system, True, 0.0, np.inf
+        for block in system.blocks:
+            relaxation = ExactRelaxation(block.relaxation(step), block.dissipation_weights(step))
+            positive, lost, signal = self._advance_strain(
+                block.first,
+                *system.part(block),
+                system.pairs.terms,
+                self.weights,
+                step,
+                relaxation,
+                system.body_of(block),
+            )
+            sound, dissipation = sound and positive, dissipation + lost
+            stable = min(stable, self._step_of(block, signal))
+        return sound, dissipation, stable
+
+    def _half_kick(self, opening: bool, time: float, step: float) -> tuple[float, float]:
+        """Half a step [s] of the forces at a time [s]; numerical dissipation and external work [J]."""
+        system, boundaries = self.system, self.system.boundaries
+        kinematics, force, sums = map(system.particles.storage, ("kinematics", "pair_force", "pair_sums"))
+        weights = (system.mass, system.share, boundaries.loads_at(time, before=not opening))
+        held = boundaries.prescribed_power(kinematics, force, *weights)
+        arrays = (kinematics, force, sums, *weights, boundaries.free)
+        dissipation, work = self._kick(system.space, system.owned, opening, step, *arrays)
+        return dissipation, work + 0.5 * step * held

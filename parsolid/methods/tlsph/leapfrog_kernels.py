@@ -1,0 +1,155 @@
+"""Kernels of one force evaluation a step: strain, branches, stress and waves of a new state, and the step it allows."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba.extending import register_jitable
+
+from decomposition.compiled import compiled
+from parsolid.materials.hyperelastic.law import first_piola_kirchhoff_stress, pressure_wave_tensor, shear_wave_tensor
+from parsolid.materials.viscoelastic.maxwell import branch_dissipation, relaxed
+from parsolid.methods.tlsph.deformation import (
+    branch_sum_of,
+    current_branches,
+    dissipation_of,
+    largest_bound,
+    propagating,
+)
+from parsolid.methods.tlsph.moved import gradient_in_reference, waves_in_reference
+from parsolid.methods.tlsph.strain import load_strain
+from parsolid.numerics.dispatch import generic, none_without
+from parsolid.numerics.lanes import WIDTH, all_positive, broadcast, lane, load
+from parsolid.numerics.layout import (
+    load_branch,
+    load_correction,
+    load_gradient,
+    store_branch,
+    store_deformation_gradient,
+    store_matrix,
+)
+from parsolid.numerics.tensors import (
+    add,
+    cofactor,
+    determinant,
+    gram,
+    inverse_symmetric,
+    matmul,
+    matmul_transposed,
+    scale,
+    trace_symmetric,
+)
+from parsolid.pairs.mean_impedance import store_with_impedances
+from parsolid.pairs.terms import MeanRiemann, record_columns
+
+
+class ExactRelaxation(NamedTuple):
+    """Of each branch: weights (branches, 3) of A_0, C_0^{-1}, C_1^{-1} over the step, and weights (branches, 2) [s] of
+    the dissipation's rates at its ends."""
+
+    weights: np.ndarray
+    rates: np.ndarray
+
+
+class WaveWeights(NamedTuple):
+    """What the speeds of pressure and shear waves count in the speed that bounds the step."""
+
+    pressure: float
+    shear: float
+
+
+@none_without("branches")
+def _relax(branches, space, law, relaxation, i, F0, F, count):
+    """Relax A over the step; sum mu_alpha A_alpha at its end, and the energy [J/m^3] that this takes."""
+    C0, C = gram(F0), gram(F)
+    old_inverse, inverse = inverse_symmetric(C0), inverse_symmetric(C)
+    total, lost = scale(0.0, C), 0.0 * F[0]
+    for alpha in range(len(law.branch_moduli)):
+        w, rates = relaxation.weights, relaxation.rates
+        modulus, time = law.branch_moduli[alpha], law.relaxation_times[alpha]
+        before = load_branch(space, branches, alpha, i)
+        A = relaxed((w[alpha, 0], w[alpha, 1], w[alpha, 2]), before, old_inverse, inverse)
+        store_branch(space, branches, alpha, i, A, count)
+        total = add(total, scale(modulus, A))
+        lost = lost + rates[alpha, 0] * branch_dissipation(modulus, time, C0, old_inverse, before)
+        lost = lost + rates[alpha, 1] * branch_dissipation(modulus, time, C, inverse, A)
+    return total, lost
+
+
+@generic
+def _store_record(terms, space, law, body, i, stress, G, pressure, shear):
+    """What the pairs need of particles i..i+3: P L, and where they dissipate grad v and impedances."""
+
+
+@_store_record.of(None)
+def _store_stress(terms, space, law, body, i, stress, G, pressure, shear):
+    store_matrix(space, body.record, i, record_columns(space, terms).stress, stress)
+
+
+@_store_record.of(MeanRiemann)
+def _store_all(terms, space, law, body, i, stress, G, pressure, shear):
+    fast, slow = _half_impedance(space, law, body, i, pressure), _half_impedance(space, law, body, i, shear)
+    store_with_impedances(space, terms, body.record, i, stress, fast, slow)
+    half = scale(0.5, gradient_in_reference(body.moved, space, i, G))
+    store_matrix(space, body.record, i, record_columns(space, terms).gradient, half)
+
+
+@register_jitable
+def _half_impedance(space, law, body, i, waves):
+    """Half the root of the mean over directions of rho^2 c^2."""
+    mean = trace_symmetric(propagating(waves_in_reference(body.moved, space, i, waves))) * (1.0 / 3.0)
+    return 0.5 * math.sqrt(broadcast(law.density * mean))
+
+
+@register_jitable
+def _greatest_signal(greatest, weights, pressure, shear, count):
+    """The greatest weighted sum of wave speeds [sqrt(Pa)], by bounds that are exact where two eigenvalues are equal:
+    the exact ones take as long as the stress."""
+    fast, slow = math.sqrt(largest_bound(propagating(pressure))), math.sqrt(largest_bound(propagating(shear)))
+    signal = weights.pressure * fast + weights.shear * slow
+    for k in range(count):
+        if not lane(signal, k) <= greatest:
+            greatest = lane(signal, k)
+    return greatest
+
+
+@compiled(fastmath={"contract"}, error_model="numpy")
+def advance_strain(space, first, last, law, terms, weights, step, relaxation, body):
+    """F after a step [s] by its velocity gradient in the middle, H = cof F and J = det F, A relaxed exactly, and stress
+    and waves of the new state in the records.
+
+    Returns (sound, internal dissipation [J], greatest weighted sum of wave speeds times sqrt(rho) [sqrt(Pa)]); sound
+    is False when a Jacobian is not positive, or not a number.
+    """
+    sound, greatest, dissipation = True, 0.0, 0.0
+    for i in range(first, last, WIDTH):
+        count = min(WIDTH, last - i)
+        F0, _, _ = load_strain(space, body, i)
+        L = load_correction(space, body.correction, i)
+        # (70): C_ab = 2 L_a g_ab, and L is symmetric only where spacings are equal
+        G = scale(1.0 / load(body.volume, 0, i), matmul_transposed(load_gradient(space, body.sums, i), L))
+        F = add(F0, scale(step, G))
+        H, J = cofactor(F), determinant(F)
+        store_deformation_gradient(space, body.deformation, i, F, J, count)
+        if not all_positive(J):
+            sound = False
+        evolved = _relax(body.branches, space, law, relaxation, i, F0, F, count)
+        branch_sum = branch_sum_of(evolved)
+        dissipation += dissipation_of(evolved, load(body.tributary, 0, i), count)
+        P = first_piola_kirchhoff_stress(law, F, H, J, branch_sum)
+        pressure, shear = pressure_wave_tensor(law, F, H, J, branch_sum), shear_wave_tensor(law, F, branch_sum)
+        _store_record(terms, space, law, body, i, matmul(P, L), G, pressure, shear)
+        greatest = _greatest_signal(greatest, weights, pressure, shear, count)
+    return sound, dissipation, greatest
+
+
+@compiled(fastmath={"contract"}, error_model="numpy")
+def greatest_signal(space, first, last, law, weights, body):
+    """Greatest weighted sum of wave speeds times sqrt(rho) [sqrt(Pa)] of the current state, over all directions."""
+    greatest = 0.0
+    for i in range(first, last, WIDTH):
+        F, H, J = load_strain(space, body, i)
+        branch_sum = current_branches(space, law, body.branches, i, F)
+        pressure, shear = pressure_wave_tensor(law, F, H, J, branch_sum), shear_wave_tensor(law, F, branch_sum)
+        greatest = _greatest_signal(greatest, weights, pressure, shear, min(WIDTH, last - i))
+    return greatest

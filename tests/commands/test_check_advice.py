@@ -1,0 +1,70 @@
+"""What `check` says of scenes that would run and be wrong."""
+
+import numpy as np
+import pytest
+from solids import RUBBER, simulation, supports, tables
+
+from parsolid.commands.check_advice import BENDING, advice
+from parsolid.commands.cli import main
+
+METHODS = {"tlsph": {}, "mpm": {"cell": 0.05}, "peridynamics": {"horizon_ratio": 3}}
+
+
+def beam(kind, across, placement, length=1.0, **rest) -> dict:
+    """A body along X, 0.1 thick."""
+    spacing = 0.1 / (across - (placement == "nodes"))
+    along = round(length / spacing) + (placement == "nodes")
+    material = {key: value for key, value in RUBBER.items() if key != "kind"} | {"poissons_ratio": 0.2}
+    material["kind"] = "prony" if kind == "peridynamics" else "neo-hookean"
+    method = METHODS[kind] | {"kind": kind} | ({"cell": 2.0 * spacing} if kind == "mpm" else {})
+    return tables(
+        [along, across], [length, 0.1], material=material, method=method, body={"placement": placement}, **rest
+    )
+
+
+@pytest.mark.parametrize("kind, placement", sorted(BENDING))
+def test_few_particles_across_a_beam(comm, kind, placement):
+    figures = BENDING[kind, placement]
+    two, many = (advice(simulation(beam(kind, across, placement), comm)) for across in (2, max(figures) + 1))
+    assert len(two) == 1 and many == []
+    assert two[0].startswith("bodies.0: 2 particles across Y, where it is thin; ")
+    assert f"{figures[2]:g} times as stiff" in two[0]
+
+
+@pytest.mark.parametrize(
+    "change, notes",
+    [
+        ({"boundaries": supports(Y=(0.0, "roller"))}, 0),
+        ({"boundaries": supports(X=(0.0, "fixed"))}, 1),
+        ({"boundaries": supports(Y=(0.0, "fixed"))}, 0),
+        ({"boundaries": supports(Y0=(0.0, "roller"), Y1=(0.1, "roller"))}, 0),
+        ({"length": 0.3}, 0),
+    ],
+)
+def test_what_does_not_bend_is_not_told(change, notes):
+    """A half of 3 has 5 nodes across, and is but 5 times as long as the whole is thick."""
+    assert len(advice(simulation(beam("tlsph", 3, "nodes", **change)))) == notes
+
+
+def test_a_thin_shell():
+    shell = {"cylindrical_shell": {"base": [0.0] * 3, "axis": "Z", "radius": 1.0, "thickness": 0.1, "length": 1.0}}
+    data = tables([40, 6, 2], body={"shape": shell})
+    found = advice(simulation(data))
+    across = (
+        "bodies.0: 2 particles across the thickness, where it is thin; a cantilever with so many bends as if it were"
+    )
+    assert found == [f"{across} 2.3 times as stiff"]
+
+
+def test_check_prints_what_it_knows(tmp_path, capsys):
+    scene = tmp_path / "scene.toml"
+    scene.write_text(
+        'dimension = 2\nend_time = 1e-6\nmethod = { kind = "tlsph" }\n[[bodies]]\nspacing = 0.05\njitter = 0.1\n'
+        "shape = { box = { lower = [0, 0], upper = [1, 0.1] } }\n"
+        'material = { kind = "neo-hookean", density = 1.0, youngs_modulus = 1.0, poissons_ratio = 0.3 }\n'
+    )
+    assert main(["check", str(scene)]) == 0
+    printed = capsys.readouterr().out
+    assert "note: bodies.0: uneven particles; method.pair_correction" in printed
+    assert "note: bodies.0: 3 particles across Y" in printed
+    assert np.all([line.startswith("note") for line in printed.splitlines()[-2:]])
