@@ -92,7 +92,7 @@ def build_parser(command: str) -> argparse.ArgumentParser:
 
 
 # modules of parsolid.commands.bench
-_BENCHES = ("tlsph", "peridynamics", "mpm")
+_BENCHES = ("tlsph", "peridynamics", "mpm", "ulsph")
 _PLOTTING = ("pyvista", "vtkmodules", "matplotlib")
 # commands of their own modules, imported only when they are asked for
 _MODULES = {

@@ -22,12 +22,11 @@ class BondForce:
     field, displacement (rows, d) [m], force (rows, 4) [N]: views of the particles' fields, the force of the last
     evaluation, of the whole particle where it lies on a mirror plane. evaluations: so many of the forces so far. sound:
     whether every settled Jacobian is positive; at small strain there is none to look at.
-    stiffens: whether stiffness depends on the state; growth: bound of the largest of the settled state over that at
-    rest, at least 1; shrunk: the largest (J_old/J)^2 of the last step, at least 1.
+    stiffens: whether stiffness depends on the state; growth: bound of the largest to come over that at rest.
     """
 
     sound = True
-    stiffens, growth, shrunk = False, 1.0, 1.0
+    stiffens, growth = False, 1.0
 
     def __init__(
         self, particles: Particles, bond_system: PairSystem, scale: np.ndarray | None, fixed_planes: np.ndarray

@@ -115,10 +115,10 @@ class HistoryForce(BondForce):
 
     def settle(self) -> float:
         """Take all histories through the step to the displacement of the last evaluation; the energy dissipated [J]."""
-        self.stored, lost, self.sound, self.growth, self.shrunk = 0.0, 0.0, True, 1.0, 1.0
+        self.stored, lost, self.sound, self.growth = 0.0, 0.0, True, 1.0
         for block, weights in zip(self.blocks, self.weights):
             at_rest = undeformed_wave_modulus(block.law)
-            stored, loss, sound, waves, shrunk = settle_states(
+            stored, loss, sound, waves = settle_states(
                 self.space,
                 block.first,
                 block.last,
@@ -131,7 +131,7 @@ class HistoryForce(BondForce):
                 self.particles.storage("tributary_volume"),
             )
             self.stored, lost, self.sound = self.stored + stored, lost + loss, self.sound and sound
-            self.growth, self.shrunk = max(self.growth, waves / at_rest), max(self.shrunk, shrunk)
+            self.growth = max(self.growth, waves / at_rest)
         return lost
 
     def relax_fully(self) -> None:

@@ -84,9 +84,10 @@ def settle_states(space, first, last, law, undeformed, weights, body, state, gra
     """Take the states through the step whose gradient sums are given.
 
     tributary (capacity,) [m^3]; undeformed: rho c_max^2 [Pa] of a solid at rest. Returns (stored energy after it,
-    dissipated over it [J], are all Jacobians positive, the bound of rho c_max^2 after it [Pa], most (J_old/J)^2).
+    dissipated over it [J], are all Jacobians positive, the bound of rho c_max^2 [Pa] to come: that after the step times
+    (J_old/J)^4 where a particle has shrunk, for what shrinks goes on shrinking).
     """
-    stored, lost, sound, largest, shrunk = 0.0, 0.0, True, 0.0, 1.0
+    stored, lost, sound, largest = 0.0, 0.0, True, 0.0
     for i in range(first, last, WIDTH):
         count = min(WIDTH, last - i)
         G = gradient_of(space, body, gradient, i)
@@ -97,11 +98,11 @@ def settle_states(space, first, last, law, undeformed, weights, body, state, gra
         for k in range(count):
             stored += tributary[i + k] * (lane(energy, k) + scalar_energy(space, law, state, i, k, G))
             lost += tributary[i + k] * lane(loss, k)
-            largest = max(largest, lane(waves, k))
-            shrunk = max(shrunk, lane(ratio, k))
+            # of each particle: greatest of both apart would depend on which rank has which
+            largest = max(largest, lane(waves, k) * max(lane(ratio, k), 1.0) ** 2)
             if not lane(J, k) > 0.0:
                 sound = False
-    return stored, lost, sound, largest, shrunk
+    return stored, lost, sound, largest
 
 
 @compiled(error_model="numpy")

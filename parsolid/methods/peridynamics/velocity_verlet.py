@@ -52,9 +52,8 @@ class VelocityVerlet(TimeSolver):
         """Safety times 2/sqrt(lambda_max) [s] of the last settled state; the first call is collective."""
         if self.largest_eigenvalue is None:
             self.largest_eigenvalue = self._power_iteration()
-        # leapfrog likes steps of one length: the bound is followed in stairs; what shrinks goes on shrinking
-        growth = self.body.engine.growth * self.body.engine.shrunk**2
-        growth = _STAIR ** ceil(log(growth) / log(_STAIR) - 1e-3)
+        # leapfrog likes steps of one length: the bound is followed in stairs
+        growth = _STAIR ** ceil(log(self.body.engine.growth) / log(_STAIR) - 1e-3)
         return self.body.fracture.safety(self.settings) * 2.0 / sqrt(self.largest_eigenvalue * growth)
 
     def _power_iteration(self) -> float:
