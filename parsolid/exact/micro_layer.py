@@ -12,16 +12,31 @@ import numpy as np
 from parsolid.exact.solution import Solution
 
 
-class MicroWave(Solution):
+class _Wave(Solution):
+    """A wave of the mode n along Y in a scene's first body, a box from Y = 0 to H."""
+
+    def __init__(self, law: Any, height: float, mode: float, rates: tuple[float, float]) -> None:
+        """law: a `MicroInertia` with l1; H [m], n, a mean rate and an amplitude [1/s]."""
+        self.law, self.wave_number, self.rates = law, mode * np.pi / height, rates
+
+    @classmethod
+    def of_scene(cls, scene: Any) -> "_Wave":
+        """With the reference's rate, amplitude [1/s] and mode."""
+        given, body = scene.reference.parameters, scene.bodies[0]
+        rates = (given["rate"], given["amplitude"])
+        return cls(body.material.micro_inertia_law(), body.shape.model.upper[1], given["mode"], rates)
+
+
+class MicroWave(_Wave):
     """Shear at the rate r + a cos(k Y), k = n pi/H, small strains, pi = 0 (t_pi is long): v^p = v_0 + v_n cos(k Y),
 
     each mode v_j = D_j 2 mu/(2 mu + S0 l1^2 k_j^2) (1 - cos(w_j t)), w_j^2 = (2 mu + S0 l1^2 k_j^2)/(rho l_m^2),
-    D_j = rate_j/sqrt(2), while |S| > 0 everywhere.
+    D_j = rate_j/sqrt(2), while |S| > 0 everywhere; r is the mean rate, a the amplitude.
     """
 
     def __init__(self, law: Any, height: float, mode: float, rates: tuple[float, float]) -> None:
-        """law: a `MicroInertia` with l1; H [m], n, rates r and a [1/s]."""
-        self.wave_number = mode * np.pi / height
+        """As `_Wave`."""
+        super().__init__(law, height, mode, rates)
         stiffness = 2.0 * law.shear_modulus + law.yield_stress * (law.energetic_length * self.waves) ** 2
         self.frequencies = np.sqrt(stiffness / (law.density * law.inertia_length**2))
         self.steady = np.array(rates) / np.sqrt(2.0) * 2.0 * law.shear_modulus / stiffness
@@ -30,13 +45,6 @@ class MicroWave(Solution):
     def waves(self) -> np.ndarray:
         """Wave numbers (2,) of both modes [1/m]."""
         return np.array([0.0, self.wave_number])
-
-    @classmethod
-    def of_scene(cls, scene: Any) -> "MicroWave":
-        """For a scene's first body, a box from Y = 0, and the reference's rate r, amplitude a [1/s] and mode n."""
-        given, body = scene.reference.parameters, scene.bodies[0]
-        rates = (given["rate"], given["amplitude"])
-        return cls(body.material.micro_inertia_law(), body.shape.model.upper[1], given["mode"], rates)
 
     def fields(self, positions: np.ndarray, time: float) -> dict[str, np.ndarray]:
         """micro_rate (n,) [1/s], plastic_strain (n,) at X (n, d) [m]."""
@@ -48,23 +56,16 @@ class MicroWave(Solution):
         }
 
 
-class FreeMicroWave(Solution):
+class FreeMicroWave(_Wave):
     """Matter at rest, free of stress, whose micro-velocity at the start is v0 + a cos(k Y), k = n pi/H, pi = 0 (t_pi is
-    long): a standing wave v^p = v0 + a cos(k Y) cos(w t), w = k l1/l_m sqrt(S0/rho), with a <= v0.
+    long): a standing wave v^p = v0 + a cos(k Y) cos(w t), w = k l1/l_m sqrt(S0/rho), with a <= v0, the mean rate.
     """
 
     def __init__(self, law: Any, height: float, mode: float, rates: tuple[float, float]) -> None:
-        """law: a `MicroInertia` with l1; H [m], n, rates v0 and a [1/s]."""
-        self.wave_number, self.rates = mode * np.pi / height, rates
+        """As `_Wave`."""
+        super().__init__(law, height, mode, rates)
         speed = law.energetic_length / law.inertia_length * np.sqrt(law.yield_stress / law.density)
         self.frequency = float(self.wave_number * speed)
-
-    @classmethod
-    def of_scene(cls, scene: Any) -> "FreeMicroWave":
-        """For a scene's first body, a box from Y = 0, and the reference's rate v0, amplitude a [1/s] and mode n."""
-        given, body = scene.reference.parameters, scene.bodies[0]
-        rates = (given["rate"], given["amplitude"])
-        return cls(body.material.micro_inertia_law(), body.shape.model.upper[1], given["mode"], rates)
 
     def fields(self, positions: np.ndarray, time: float) -> dict[str, np.ndarray]:
         """micro_rate (n,) [1/s], plastic_strain (n,) at X (n, d) [m]."""

@@ -1,6 +1,7 @@
 """Which particles may interact: metrics, how far they reach, and candidates among particles, ghosts and mirror
 images."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,16 +63,34 @@ def reach_of(comm: Any, metric: np.ndarray, support: float, dimension: int) -> R
     return Reach(scale, support * np.sqrt(maximum(comm, float(largest))) * (1 + 1e-9))
 
 
+def images_near(
+    positions: np.ndarray, body: Any, owned: int, codes: Any, reach: np.ndarray
+) -> Iterator[tuple[int, np.ndarray, np.ndarray, np.ndarray]]:
+    """For each code of `MirrorCodes`: code, rows of owned particles within reach (d,) [m] of its planes, rows of the
+    particles that have an image there of their own, and those images (k, d) [m].
+    """
+    d = positions.shape[1]
+    for code in range(len(codes.signs)):
+        near = codes.near(positions, body, code, reach)
+        givers = np.flatnonzero(near & ~codes.on_planes(positions, code))
+        images = positions[givers] * codes.reflections[code, :d] + codes.shifts[code, :d]
+        yield code, np.flatnonzero(near[:owned]), givers, images
+
+
+def rows_of_images(found: tuple[list[np.ndarray], ...], owned: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Receivers, neighbours and codes of pairs in any order, piece by piece, as (start, neighbour, code)."""
+    receiver, neighbour, kind = (np.concatenate(pieces) for pieces in found)
+    order = np.lexsort((neighbour, kind, receiver))
+    start = np.zeros(owned + 1, np.int64)
+    np.cumsum(np.bincount(receiver, minlength=owned), out=start[1:])
+    return start, neighbour[order].astype(np.int32), kind[order]
+
+
 def mirror_candidates(positions: np.ndarray, body: Any, owned: int, codes: Any, reach: Reach) -> Any:
     """Pairs of owned particles and images near the planes, as (start, neighbour, code), unfiltered by the metric."""
     starts, neighbours, kinds = [], [], []
-    for code in range(len(codes.signs)):
-        near = codes.near(positions, body, code, reach.scale * reach.distance)
-        apart = near & ~codes.on_planes(positions, code)
-        receivers = np.flatnonzero(near[:owned])
-        givers = np.flatnonzero(apart)
-        d = positions.shape[1]
-        images = positions[givers] * codes.reflections[code, :d] + codes.shifts[code, :d]
+    nearby = images_near(positions, body, owned, codes, reach.scale * reach.distance)
+    for code, receivers, givers, images in nearby:
         points = np.concatenate((positions[receivers], images)) / reach.scale
         start, neighbour = half_pairs(np.ascontiguousarray(points), len(receivers), reach.distance)
         row = np.repeat(np.arange(len(receivers)), np.diff(start))
@@ -79,11 +98,7 @@ def mirror_candidates(positions: np.ndarray, body: Any, owned: int, codes: Any, 
         starts.append(receivers[row[across]])
         neighbours.append(givers[neighbour[across] - len(receivers)])
         kinds.append(np.full(across.sum(), code, np.int8))
-    receiver, neighbour, kind = (np.concatenate(parts) for parts in (starts, neighbours, kinds))
-    order = np.lexsort((neighbour, kind, receiver))
-    start = np.zeros(owned + 1, np.int64)
-    np.cumsum(np.bincount(receiver, minlength=owned), out=start[1:])
-    return start, neighbour[order].astype(np.int32), kind[order]
+    return rows_of_images((starts, neighbours, kinds), owned)
 
 
 def plain_candidates(positions: np.ndarray, owned: int, reach: Reach) -> Any:

@@ -17,7 +17,7 @@ from decomposition.halo import Halo
 from decomposition.migration import migrate
 from decomposition.partition import bisect
 from parsolid.collective import maximum, raise_together
-from parsolid.pairs.candidates import coincident
+from parsolid.pairs.candidates import coincident, images_near, rows_of_images
 from parsolid.pairs.displacement import Allowance, body_bounds, body_motions, skin_use
 from parsolid.pairs.lists import Images, InnerList, OneSidedList
 from parsolid.pairs.pair_lists import PairLists
@@ -169,21 +169,15 @@ class MovingPairs(PairLists):
 
     def _images(self, positions: np.ndarray, radius: np.ndarray, body: np.ndarray) -> OneSidedList:
         """Pairs of owned particles with images behind mirror planes."""
-        codes, d = self.codes, positions.shape[1]
-        rows, neighbours, kinds = [], [], []
-        for code in range(len(codes.signs)):
-            near = codes.near(positions, body, code, np.full(d, self.reach * _HAIR))
-            receivers = np.flatnonzero(near[: self.owned])
-            givers = np.flatnonzero(near & ~codes.on_planes(positions, code))
-            images = positions[givers] * codes.reflections[code, :d] + codes.shifts[code, :d]
+        d, rows, neighbours, kinds = positions.shape[1], [], [], []
+        nearby = images_near(positions, body, self.owned, self.codes, np.full(d, self.reach * _HAIR))
+        for code, receivers, givers, images in nearby:
             start, image = self._search.across(positions[receivers], radius[receivers], images, radius[givers])
             rows.append(np.repeat(receivers, np.diff(start)))
-            neighbours.append(givers[image].astype(np.int32))
+            neighbours.append(givers[image])
             kinds.append(np.full(len(image), code, np.int8))
-        row, neighbour, kind = (np.concatenate(parts) for parts in (rows, neighbours, kinds))
-        order = np.argsort(row, kind="stable")
-        start = np.concatenate(([0], np.cumsum(np.bincount(row, minlength=self.owned))))
-        return OneSidedList(start, neighbour[order], np.empty((0, 4)), Images(kind[order], codes.table(d)))
+        start, neighbour, kind = rows_of_images((rows, neighbours, kinds), self.owned)
+        return OneSidedList(start, neighbour, np.empty((0, 4)), Images(kind, self.codes.table(d)))
 
     def _check(self) -> None:
         """Raise SolverError on all ranks for what no list can be made of."""

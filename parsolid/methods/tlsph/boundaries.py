@@ -33,13 +33,11 @@ class BoundarySet:
         """particles: those of the particle_set; closed: see `Supports`; collective."""
         supports = Supports(comm, declared.scene, declared.of(Support), particle_set, closed)
         self.planes, self.codes, self.share = supports.planes, supports.codes, supports.share
-        self._clamp = _multipliers(comm, "clamp", supports.held, particles)
+        self._particles = particles
+        self._clamp = _clamp(comm, supports.held, particles)
         self.prescribed = PrescribedRows(
             comm, declared.scene, declared.of(PrescribedMotion, "velocity"), particle_set, particles
         )
-        held = supports.held.copy()
-        held[self.prescribed.entries] = True
-        self._free = _multipliers(comm, "free", held, particles)
         tractions = (_traction(comm, declared, one, particle_set, particles) for one in declared.of(SurfaceTraction))
         self.loads = accelerations(declared.scene, particles, *tractions)
         courses = [one.course for one in declared.of(PrescribedMotion)]
@@ -56,7 +54,14 @@ class BoundarySet:
     @property
     def free(self) -> np.ndarray | None:
         """Multipliers (n, 4) of accelerations, 0 also where the motion is prescribed; None where no rank has any."""
-        return None if self._free is None else self._free(slice(None))
+        return self._particles.owned_rows("free") if "free" in self._particles else self.clamp
+
+    def declare_free(self) -> None:
+        """Particles carry `free` where it is not `clamp`."""
+        if self.prescribed.guided:
+            free = np.ones((self._particles.owned, 4)) if self.clamp is None else self.clamp.copy()
+            free[self.prescribed.entries] = 0.0
+            keep(self._particles, "free", free)
 
     def loads_at(self, time: float, before: bool = False) -> np.ndarray | None:
         """Accelerations (n, 4) of body forces and tractions [m/s^2], of a jump just after, or just before it; None
@@ -125,10 +130,10 @@ def _traction(
     )
 
 
-def _multipliers(comm: MPI.Comm, name: str, held: np.ndarray, particles: Particles) -> OfRows | None:
-    """A field (n, 4), 0 for held components (n, d), else 1; None when no rank holds any."""
+def _clamp(comm: MPI.Comm, held: np.ndarray, particles: Particles) -> OfRows | None:
+    """Multipliers (n, 4), 0 for held components (n, d), else 1; None when no rank holds any."""
     if not anywhere(comm, bool(held.any())):
         return None
-    multipliers = np.ones((len(held), 4))
-    multipliers[:, : held.shape[1]][held] = 0.0
-    return keep(particles, name, multipliers)
+    clamp = np.ones((len(held), 4))
+    clamp[:, : held.shape[1]][held] = 0.0
+    return keep(particles, "clamp", clamp)

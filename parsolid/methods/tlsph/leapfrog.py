@@ -42,6 +42,7 @@ class Leapfrog:
     def __init__(self, system: Any) -> None:
         """system: `system.TotalLagrangianSPH`, whose particles have the fields of a step without stages."""
         self.system = system
+        system.boundaries.declare_free()
         self.forces_of: int | None = None
         lattices = system.on_lattices
         kernel = wave_weights(system.dimension, system.settings.smoothing)
