@@ -49,8 +49,8 @@ def advice(simulation: Simulation) -> list[str]:
     for stated, system in zip(scene.systems, simulation.systems):
         # the figures are of the kernel's weights
         kind = stated.settings.kind if getattr(stated.settings, "pair_weights", "kernel") == "kernel" else ""
-        for i in stated.bodies:
-            thin = _thinnest(scene, i, _layers(simulation.comm, system, i))
+        for number, i in enumerate(stated.bodies):
+            thin = _thinnest(scene, i, _layers(simulation.comm, system, number))
             if thin is not None:
                 result += _told(f"bodies.{i}", *thin, kind, scene.bodies[i].placed_on)
     return result

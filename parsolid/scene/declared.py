@@ -121,7 +121,7 @@ class ByLaw(ByKind):
         """What needs no validation any more."""
         return (DeclaredModel,)
 
-    def allowed(self, info: ValidationInfo | None) -> list[str]:
+    def allowed(self, info: ValidationInfo | None, table: object = None) -> list[str]:
         """Kinds that the scene's method takes."""
         every = {kind: role for role in self.roles for kind in registry.kinds(role)}
         return [kind for kind, role in every.items() if self._takes(role, info)]

@@ -52,6 +52,7 @@ class MaterialPoint(MethodSettings):
     """
 
     system: ClassVar = "parsolid.methods.mpm.system:MaterialPoint"
+    shared_field: ClassVar = True
     materials: ClassVar = ("hyperelastic", "elastic-plastic")
     boundaries: ClassVar = ("fixed", "roller", "velocity", "wall", "temperature", "heat_flux")
     loads: ClassVar = ("body_force", "acceleration", "heat_source", "manufactured")
