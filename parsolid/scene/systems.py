@@ -117,7 +117,7 @@ def faults_of_systems(scene: "Scene") -> list[Detail]:
         knowing = [one for one in systems if _knows(one.settings, told[0][2], scene.dimension)]
         if len(told) >= len(knowing):
             details.append(told[0])
-    return details + (_uncarried(scene, systems) if len(systems) > 1 else []) + _unused_methods(scene)
+    return details + (_uncarried(scene, systems) if len(systems) > 1 else []) + _faults_of_methods(scene)
 
 
 def _knows(settings: MethodSettings, name: object, dimension: int) -> bool:
@@ -165,12 +165,30 @@ def _uncarried(scene: "Scene", systems: tuple[SystemOfScene, ...]) -> list[Detai
     return details
 
 
-def _unused_methods(scene: "Scene") -> list[Detail]:
+def _faults_of_methods(scene: "Scene") -> list[Detail]:
+    """Methods that no body has, and one per radian of an axis beside one per metre of thickness."""
     methods = scene.methods or ()
     used = {body.method for body in scene.bodies}
     wanted = "the name of a method that a body has"
-    return [
+    details: list[Detail] = [
         (("methods", i, "name"), wanted, one.name)
         for i, one in enumerate(methods)
         if len(methods) > 1 and one.name not in used
     ]
+    round_an_axis = [getattr(one.settings, "geometry", None) == "axisymmetric" for one in methods]
+    if any(round_an_axis) and not all(round_an_axis):
+        place = ("methods", round_an_axis.index(True), "geometry")
+        details.append((place, "'axisymmetric' for all methods or for none", "axisymmetric"))
+    return details
+
+
+def notes_of(scene: "Scene") -> list[str]:
+    """What bodies of several systems do not take part in, in words."""
+    systems, notes = scene.systems, []
+    for i, boundary in enumerate(scene.boundaries if len(systems) > 1 else ()):
+        without = [one for one in systems if boundary.kind not in one.settings.boundaries]
+        # what has no temperature needs to know none
+        if boundary.kind == "wall" and without:
+            names = ", ".join(f"bodies.{body}" for one in without for body in one.bodies)
+            notes.append(f"boundaries.{i}: {names} know nothing of this {boundary.kind}, as their methods have none")
+    return notes

@@ -184,8 +184,9 @@ class Simulation:
         self._wishes = wishes
         for interaction in self.interactions:
             interaction.before(self.clock.time, step, self.ledger)
+        advance = self._advance_system if len(self.systems) == 1 else self._advance_and_count
         for number in range(len(self.systems)):
-            self._advance_system(number, step)
+            advance(number, step)
         for interaction in self.interactions:
             interaction.after(arrival, step, self.ledger)
             self.failed = self.failed or not interaction.sound()
@@ -194,11 +195,16 @@ class Simulation:
         self._count(clock.perf_counter() - began, clock.process_time() - processor_began)
 
     def _advance_system(self, number: int, step: float) -> None:
-        """One step [s] of one system, and what work it is for this rank."""
-        system, began = self.systems[number], clock.perf_counter()
-        waited = system.communication_seconds
+        """One step [s] of one system."""
+        system = self.systems[number]
         if not system.advance(self.clock.time, step, self._ledgers[number], partial(self._hear, system)):
             self.failed = True
+
+    def _advance_and_count(self, number: int, step: float) -> None:
+        """One step [s] of one of several systems, and what work it is for this rank."""
+        system, began = self.systems[number], clock.perf_counter()
+        waited = system.communication_seconds
+        self._advance_system(number, step)
         if self.clock.step > self.first_step:
             # without what the first step of a program loads
             self.clock.work[number] += clock.perf_counter() - began - (system.communication_seconds - waited)

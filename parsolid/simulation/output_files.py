@@ -51,7 +51,8 @@ class OutputFiles:
         self.checkpoint = self.directory / "checkpoint.h5"
         self.field_times = scene.fields_times
         resume_at = self.continued.header["time"] if self.continued else None
-        names, file = [plan.name for plan in scene.systems], self.directory / "fields.vtkhdf"
+        names = [plan.name or f"system-{number}" for number, plan in enumerate(scene.systems)]
+        file = self.directory / "fields.vtkhdf"
         capacity = max(1, len(self.field_times))
         self.blocks = FieldBlocks(comm, file, names, capacity, resume_at) if len(names) > 1 else None
         self.fields = None if self.blocks else FieldSeries(comm, file, capacity, resume_at)
