@@ -11,6 +11,7 @@ from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import Plane, Positive, SceneModel, method_of, mismatch, reject
 from parsolid.scene.bodies import FilledShape, OwnBody, own_method
 from parsolid.scene.boundaries import Boundary
+from parsolid.scene.contact import CONTACT_TERMS, Contact, contact_faults, contact_pairs, unbonded
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.lattice import Filling
 from parsolid.scene.loads import Loads
@@ -35,6 +36,7 @@ class Scene(SceneModel):
     bodies: Annotated[list[OwnBody], Field(min_length=1)] = Field(description="at least one body")
     boundaries: list[Boundary] = []
     loads: Loads = Loads()
+    contact: list[Contact] = []
     probes: list[ProbeTable] = []
     output: Output = Output()
     reference: Reference | None = None
@@ -99,9 +101,15 @@ class Scene(SceneModel):
         return self.model_dump(exclude_none=True)
 
     @property
+    def unbonded(self) -> np.ndarray | None:
+        """Which bodies (bodies, bodies) are in contact with which, so that nothing bonds them; None without any."""
+        return unbonded(self.contact, [body.name for body in self.bodies])
+
+    @property
     def apart(self) -> frozenset[frozenset[int]]:
         """Pairs of numbers of bodies that are not to stick together where they meet."""
-        return frozenset()
+        pairs = contact_pairs(self.contact, [body.name for body in self.bodies])
+        return frozenset(frozenset((pair.first, pair.second)) for pair in pairs if pair.first != pair.second)
 
     @property
     def systems(self) -> tuple[SystemOfScene, ...]:
@@ -139,6 +147,7 @@ class Parts:
     bodies: dict[int, FilledShape]
     boundaries: dict[int, Any]
     probes: dict[int, Probe]
+    contact: dict[int, Contact]
     reference: Reference | None
     method: Any
     complete: bool
@@ -153,7 +162,12 @@ class Parts:
             return None
         complete = True
         lists: dict[str, dict[int, Any]] = {}
-        for key, kind in (("bodies", FilledShape), ("boundaries", Boundary), ("probes", ProbeTable)):
+        for key, kind in (
+            ("bodies", FilledShape),
+            ("boundaries", Boundary),
+            ("probes", ProbeTable),
+            ("contact", Contact),
+        ):
             adapter = TypeAdapter(kind)
             entries = data.get(key, [])
             lists[key] = {}
@@ -170,10 +184,12 @@ class Parts:
         except ValidationError:
             reference = None
         stated = len(data["bodies"]) if isinstance(data.get("bodies"), list) else 0
-        bodies, boundaries, probes = lists["bodies"], lists["boundaries"], lists["probes"]
         dimension, method = context["dimension"], context["method"]
+        sound: Any = lists
+        bodies = lists["bodies"]
         own = {i: own_method(data["bodies"][i], context) for i in bodies} if context.get("methods") else {}
-        return cls(dimension, bodies, boundaries, probes, reference, method, complete, stated, own)
+        sound |= {"dimension": dimension, "reference": reference, "method": method, "complete": complete}
+        return cls(**sound, stated_bodies=stated, methods_of_bodies=own)
 
 
 def cross_faults(parts: Parts) -> list[str]:
@@ -190,6 +206,7 @@ def cross_faults(parts: Parts) -> list[str]:
     faults += _empty_bodies(fillings) + _boundary_faults(parts, fillings, every_body_known)
     if every_body_known:
         faults += _distant_probes(parts, fillings) + _fields_elsewhere(parts, fillings)
+    faults += contact_faults(parts.contact, parts.bodies, parts.complete)
     return faults + _reference_faults(parts)
 
 
@@ -280,7 +297,7 @@ def _reference_faults(parts: Parts) -> list[str]:
     if parts.reference is None or not parts.complete or parts.method is None:
         return []
     key = "final" if parts.reference.final is not None else "columns"
-    known = [*HISTORY_COLUMNS, *parts.method.ledger_terms]
+    known = [*HISTORY_COLUMNS, *parts.method.ledger_terms, *(CONTACT_TERMS if parts.contact else ())]
     try:
         known += [column for probe in parts.probes.values() for column in probe.columns(parts.dimension)]
     except KeyError:

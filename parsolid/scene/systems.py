@@ -108,7 +108,11 @@ def faults_of_systems(scene: "Scene") -> list[Detail]:
     # of what a probe or the output names, a method that has no such thing can say nothing
     doubted: dict[tuple[str | int, ...], list[Detail]] = {}
     for system in systems:
-        for place, expected, found in system.settings.scene_faults(scene.part(system)):
+        part = scene.part(system)
+        refused = system.settings.contact_refused(part) if _touching(scene, system) else None
+        if refused is not None:
+            details.append((("contact",), f"no such table {refused}", _touching(scene, system)))
+        for place, expected, found in system.settings.scene_faults(part):
             if place[0] in ("probes", "output"):
                 doubted.setdefault(place, []).append((place, expected, found))
             else:
@@ -118,6 +122,12 @@ def faults_of_systems(scene: "Scene") -> list[Detail]:
         if len(told) >= len(knowing):
             details.append(told[0])
     return details + (_uncarried(scene, systems) if len(systems) > 1 else []) + _faults_of_methods(scene)
+
+
+def _touching(scene: "Scene", system: SystemOfScene) -> list[str]:
+    """The bodies of the first contact that one of a system's is in."""
+    own = {scene.bodies[number].name for number in system.bodies}
+    return next((one.bodies for one in scene.contact if own.intersection(one.bodies)), [])
 
 
 def _knows(settings: MethodSettings, name: object, dimension: int) -> bool:

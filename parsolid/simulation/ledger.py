@@ -7,6 +7,7 @@ import numpy as np
 
 from parsolid.methods.protocol import EnergyLedger
 from parsolid.scene import Scene
+from parsolid.scene.contact import CONTACT_TERMS
 
 ACCUMULATED = ("dissipation_internal", "dissipation_numerical", "work_external")
 COLUMNS = ("kinetic", "stored", *ACCUMULATED, "balance")
@@ -100,6 +101,7 @@ def viscous_terms_of(scene: Scene) -> tuple[str, ...]:
 
 
 def terms_of(scene: Scene) -> dict[str, int]:
-    """The energy terms that the methods of a scene add, with their signs."""
+    """The energy terms that the methods and contacts of a scene add, with their signs."""
     named = zip(scene.systems, names_of_terms(scene))
-    return {names[one]: sign for system, names in named for one, sign in system.settings.ledger_terms.items()}
+    terms = {names[one]: sign for system, names in named for one, sign in system.settings.ledger_terms.items()}
+    return terms | (CONTACT_TERMS if scene.contact else {})

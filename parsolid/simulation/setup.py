@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.collective import SolverError
+from parsolid.contact.kernel_contact import declare_fields
 from parsolid.methods import method_class
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.distribution import distribute, take
@@ -37,6 +38,7 @@ def build_systems(comm: Any, scene: Scene, restart: Restart | None) -> tuple[lis
             orders.append(order)
             system = kind(comm, part, particle_sets[-1])
             system.bodies, system.name = plan.bodies, plan.name
+            declare_fields(scene, system)
             systems.append(system)
             if not restart:
                 system.begin(part, particle_sets[-1])

@@ -106,6 +106,11 @@ class MaterialPoint(MethodSettings):
         reject(*details)
         return self
 
+    def contact_refused(self, scene: Any) -> str | None:
+        """Between bodies with grids of their own; nothing of one body could part on its grid."""
+        alone = any(len(one.bodies) == 1 and one.bodies[0] in {b.name for b in scene.bodies} for one in scene.contact)
+        return "within one body of this method" if alone else None
+
     def scene_faults(self, scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
         """Particles on the surface; Maxwell branches; bodies beyond the axis; heat without conductivity; fields that no
         body has.

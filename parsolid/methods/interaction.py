@@ -22,8 +22,8 @@ class Interaction:
     news: bool = False
     news_anywhere: bool = False
 
-    def begin(self) -> None:
-        """Forces of the state at hand, which is that of time 0 or of a restart; collective."""
+    def begin(self, time: float) -> None:
+        """Forces of the state at hand, at time 0 or at that of a restart [s]; collective."""
 
     def before(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Half a kick before a step [s] from a time [s], of length 0 too. Collective only where `news_anywhere`.
