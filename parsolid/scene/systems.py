@@ -67,9 +67,15 @@ def part_of(scene: "Scene", system: SystemOfScene) -> dict[str, Any]:
         "method": system.settings,
         "methods": None,
         "bodies": [scene.bodies[number] for number in system.bodies],
-        "boundaries": [scene.boundaries[number] for number in boundaries_of(scene, system)],
+        "boundaries": [_of_part(scene.boundaries[number], system) for number in boundaries_of(scene, system)],
         "loads": loads,
     }
+
+
+def _of_part(boundary: Any, system: SystemOfScene) -> Any:
+    """A boundary as the system states it: that of its only body is one of all, as conditions on a grid's nodes are."""
+    alone = system.settings.shared_field and len(system.bodies) == 1
+    return boundary.model_copy(update={"body": None}) if alone and boundary.body is not None else boundary
 
 
 def boundaries_of(scene: "Scene", system: SystemOfScene) -> list[int]:

@@ -144,11 +144,13 @@ class MaterialPoint(ParticleSystem):
 
     def _with_impulses(self, forces: np.ndarray | None, step: float) -> np.ndarray | None:
         """Forces (capacity, 4) [N] of loads and of the impulses that have been given since the last step [s]."""
+        self.transfer.impulse = None
         if "impulse" not in self.points or step == 0.0:
             return forces
         impulse = self.points.owned_rows("impulse")
         if not impulse.any():
             return forces
+        self.transfer.impulse = impulse.copy()
         result = aligned_zeros((self.points.capacity, 4)) if forces is None else forces.copy()
         result[: self.owned, : self.dimension] += impulse / step
         impulse[:] = 0.0

@@ -2,13 +2,14 @@
 
 import numpy as np
 
-from decomposition.recalled import Recalled, RecalledEach
+from decomposition.recalled import RecalledEach
 from parsolid.methods.mpm.gather import gather
-from parsolid.methods.mpm.grid import CauchyStress, FirstPiolaKirchhoffStress
+from parsolid.methods.mpm.grid import CauchyStress, FirstPiolaKirchhoffStress, Flip
 from parsolid.methods.mpm.grid_conditions import GridConditions
 from parsolid.methods.mpm.material_points import MaterialPoints, VelocityTransfer
 from parsolid.methods.mpm.nodes import Nodes
 from parsolid.methods.mpm.scatter import scatter
+from parsolid.numerics.lanes import aligned_zeros
 
 
 class UpdateStressLast:
@@ -17,10 +18,13 @@ class UpdateStressLast:
     def __init__(self, points: MaterialPoints, nodes: Nodes, conditions: GridConditions):
         self.points, self.nodes, self.conditions = points, nodes, conditions
         # lists of cells, transfers, stresses and loads are other objects of the same types at every step
-        self._scatter = Recalled(scatter, free=(0, 2, 3, 4))
+        self._scatter = RecalledEach(scatter, free=(0, 2, 3, 4))
         self._gather_kernel = RecalledEach(gather, free=(0, 3, 4))
         self._local = points.settings.transfer == "flip" and "velocity_slope" in points
         self._seen, self._beside = -1, np.zeros(0, bool)
+        # those (owned, d) [N s] that have entered the step's forces besides loads
+        self.impulse: np.ndarray | None = None
+        self.books_impulses = points.settings.transfer in ("flip", "aflip") and points.settings.flip_fraction == 1.0
 
     def particles_to_nodes(self, stress: CauchyStress | FirstPiolaKirchhoffStress, forces: np.ndarray | None) -> None:
         """Mass, momentum and force of all ranks' particles; stress: see `scatter`; forces (capacity, 4) [N] of loads,
@@ -30,7 +34,8 @@ class UpdateStressLast:
         self._keep_slopes_beside_driven()
         nodes.clear(nodes.motion)
         arrays = (forces, nodes.motion, nodes.partial)
-        self._scatter(nodes.interpolation, points.motion, points.velocity_transfer, stress, *arrays)
+        # impulses make forces in some steps, loads in all
+        self._scatter(forces is None, nodes.interpolation, points.motion, points.velocity_transfer, stress, *arrays)
         nodes.sum("motion")
 
     def nodes_to_particles(self, time: float, step: float) -> float:
@@ -73,8 +78,23 @@ class ModifiedUpdateStressLast(UpdateStressLast):
         """See `UpdateStressLast`."""
         self._gather(step, self.points.velocity_transfer, None, None)
         lost = self._map_back(time)
+        if self.impulse is not None and self.books_impulses:
+            lost += self._lost_of_impulses(self.impulse)
         self._gather(step, None, self.points.storage("velocity_gradient"), self.nodes.again)
         return lost
+
+    def _lost_of_impulses(self, impulse: np.ndarray) -> float:
+        """Energy [J] of impulses J (owned, d) [N s] that the mapping back takes.
+
+        Particles move with the nodes' velocities v_i, but bring the next step u_i, those of the momentum that is mapped
+        back: sum_p J_p . sum_i w_ip (v_i - u_i) is the work of J that no velocity shows.
+        """
+        nodes, points = self.nodes, self.points
+        between, probe = aligned_zeros(nodes.motion.shape), aligned_zeros(points.motion.shape)
+        between[: nodes.count, 4:7] = (nodes.motion - nodes.again)[: nodes.count, :3]
+        gather(nodes.interpolation, between, probe, 0.0, Flip(1.0), None, None)
+        owned, d = impulse.shape
+        return float(np.sum(impulse * probe[:owned, 4 : 4 + d]))
 
     def _map_back(self, time: float) -> float:
         """Nodal velocities of the particles' momentum; what the boundaries do to them is no work."""
