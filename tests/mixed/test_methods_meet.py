@@ -1,0 +1,95 @@
+"""Bodies of several methods that meet: bars exchange their velocities, on any number of ranks and after a restart."""
+
+import numpy as np
+import pytest
+from bodies_apart import RUBBER
+from mpi4py import MPI
+from solids import Record, follow
+from test_bodies_apart import run
+
+from parsolid.scene import SceneError, parse_scene
+from parsolid.simulation.loop import Simulation
+from parsolid.simulation.restart import Restart
+
+SOLID = RUBBER | {"density": 1000.0, "poissons_ratio": 0.3}
+# 2 L/c of a bar of 1 m
+SPEED = np.sqrt(17e6 * 0.7 / (1.3 * 0.4) / 1000.0)
+CLOSING = 0.0172 * SPEED
+METHODS = {
+    "sph": {"kind": "tlsph"},
+    "bonds": {"kind": "peridynamics", "horizon_ratio": 2.0},
+    "points": {"kind": "mpm", "cell": 2.0 / 25},
+}
+
+
+def bars(first: str, second: str, **rest) -> dict:
+    """Raw tables of two bars that close with a gap of half a spacing, guided at their sides; 25 spacings long."""
+    h, bodies = 1.0 / 25, []
+    for number, name in enumerate((first, second)):
+        nodes, sign = name == "sph", 1.0 - 2.0 * number
+        lower = [-1.0 - 0.5 * h, 0.0] if number == 0 else [0.0, 0.0]
+        box = {"lower": lower, "upper": [lower[0] + 1.0, 5 * h]}
+        kind = {"placement": "nodes" if nodes else "cells", "particles": [25 + nodes, 5 + nodes]}
+        speed = [sign * 0.5 * CLOSING, 0.0]
+        body = {"name": "ab"[number], "shape": {"box": box}, "velocity": speed, "material": SOLID, "method": name}
+        bodies.append(body | kind)
+    methods = [{"name": name} | METHODS[name] for name in dict.fromkeys((first, second))]
+    guided = [{"plane": f"Y = {place}", "kind": "roller"} for place in (0.0, 5 * h)]
+    data = {"dimension": 2, "end_time": 3.7 / SPEED, "methods": methods, "bodies": bodies, "boundaries": guided}
+    return data | {"contact": [{"bodies": ["a", "b"]}]} | rest
+
+
+def momenta(sim) -> dict[str, np.ndarray]:
+    """Of both bodies along the bars [N s], impulses that are on their way included."""
+    found = np.zeros(2)
+    for system in sim.systems:
+        rows, owned = system.particles.owned_rows, system.owned
+        along = system.mass[:owned] * system.share[:owned] * rows("velocity")[:, 0]
+        if "impulse" in system.particles:
+            along = along + rows("impulse")[:, 0]
+        np.add.at(found, np.asarray(system.bodies)[rows("body")], along)
+    return {"momenta": sim.comm.allreduce(found)}
+
+
+# restitution and the largest residual of the energy over what there was, at 25 spacings, as measured
+@pytest.mark.parametrize(
+    ("first", "second", "restitution", "residual"),
+    [("sph", "points", 0.910, 0.02), ("points", "points", 0.878, 0.03), ("bonds", "points", 0.898, 0.03)],
+)
+def test_bars_of_two_methods_exchange_their_velocities(first, second, restitution, residual):
+    sim = Simulation(MPI.COMM_SELF, parse_scene(bars(first, second)))
+    assert len(sim.systems) == 2
+    found = follow(sim, Record(momenta))
+    start, end, energy = found["momenta"][0], found["momenta"][-1], found["kinetic"][0]
+    assert end[0] == pytest.approx(-restitution * start[0], rel=0.01) and end[1] == pytest.approx(-end[0], rel=1e-9)
+    assert np.abs(found["momenta"].sum(axis=1)).max() < 1e-12 * np.abs(start).max()
+    assert np.abs(found["balance"]).max() < residual * energy
+    # they touch for 2 L/c, and not before the gap is closed
+    touching = found["time"][found["contact_energy"] > 1e-9 * energy]
+    assert touching[0] * CLOSING * 25 == pytest.approx(0.5, abs=0.05)
+    assert (touching[-1] - touching[0]) * SPEED / 2.0 == pytest.approx(0.98, abs=0.08)
+    assert found["contact_energy"][-1] < 1e-12 * energy
+
+
+def test_on_any_ranks_and_after_a_restart_bars_move_alike(comm, shared_path):
+    single = comm.Split(comm.rank)
+    data = bars("sph", "points", end_time=1.5 / SPEED, output={"history_steps": 1, "fields_times": []})
+    scene = parse_scene(data)
+    whole = follow(Simulation(single, scene), Record(momenta))
+    spread = follow(Simulation(comm, scene), Record(momenta))
+    if comm.rank == 0:
+        # in the middle of the contact
+        run(single, scene, shared_path / "one", steps=len(whole["time"]) - 10)
+    comm.Barrier()
+    sim = Simulation(comm, scene, Restart(comm, shared_path / "one" / "checkpoint.h5"))
+    again = follow(sim, Record(momenta))
+    assert whole["contact_energy"][-1] > 1e-3 * whole["kinetic"][0]
+    for name in ("time", "kinetic", "stored", "contact_energy", "balance", "momenta"):
+        scale = 1e-9 * (1.0 if name == "time" else np.abs(whole["momenta" if name == "momenta" else "kinetic"]).max())
+        np.testing.assert_allclose(spread[name], whole[name], rtol=0.0, atol=scale, err_msg=name)
+        np.testing.assert_allclose(again[name], whole[name][-len(again[name]) :], rtol=0.0, atol=scale, err_msg=name)
+
+
+def test_within_one_body_a_grid_knows_no_contact():
+    with pytest.raises(SceneError, match="contact: expected no such table within one body of this method"):
+        parse_scene(bars("sph", "points", contact=[{"bodies": ["b"]}]))
