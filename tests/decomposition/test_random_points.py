@@ -73,15 +73,16 @@ def test_a_halo_has_the_ghosts_of_a_serial_model_and_adds_up_what_they_give(comm
     points, rows = points_of(count, dimension, seed, kind), own(comm, count, seed)
     reach = comm.bcast(reach) * max(float(np.std(points)) if count else 0.0, 0.1)
     halo = Halo.plan(comm, points[rows], reach)
-    holders, expected = [], []
+    expected = []
     for rank in range(comm.size):
         theirs = comm.bcast(rows, root=rank)
-        holders.append(theirs)
         if rank != comm.rank:
             square = ((points[theirs][:, None] - points[rows][None]) ** 2).sum(axis=2)
             expected += theirs[(square < reach * reach).any(axis=1)].tolist() if len(rows) else []
     everyone = halo.with_ghosts(rows)
-    assert everyone[: len(rows)].tolist() == rows.tolist() and everyone[len(rows) :].tolist() == expected
+    same = everyone[: len(rows)].tolist() == rows.tolist() and everyone[len(rows) :].tolist() == expected
+    # all or none, for what follows is collective
+    assert comm.allreduce(int(same)) == comm.size
     given_back = np.random.default_rng(seed + 3).standard_normal((comm.size, count, 2))
     values = given_back[comm.rank, everyone].copy()
     accumulate = halo.accumulate([values])
