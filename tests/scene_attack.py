@@ -2,7 +2,7 @@
 
 Every scene of `runs/` and every small scene of the tests is changed in one to three places. A changed scene of `runs/`
 is read and validated; a small one goes through the whole program for two steps (one in `--every`). What ends with
-anything but a scene, a message, or a status of 0, 2, 3 or 75, warns of its arithmetic, lasts over a minute, or takes
+anything but a scene, a message, or a status of 0, 2, 3 or 75, warns of its arithmetic, lasts over three minutes, or takes
 its process along is a fault, and is kept in the folder `--keep`. Status 1 when there was one.
 """
 
@@ -31,7 +31,7 @@ from small_scenes import SCENES, write
 
 ROOT = Path(__file__).parents[1]
 # seconds that a scene may take, kernels that it compiles included
-PATIENCE = 60
+PATIENCE = 180
 # scenes that one process changes; another takes over then, so that what it leaves behind does not add up
 BATCH = 200
 

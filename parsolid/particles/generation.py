@@ -8,6 +8,7 @@ from mpi4py import MPI
 
 from parsolid.particles.memory import check_memory
 from parsolid.particles.particle_set import ParticleSet
+from parsolid.scene.base_model import LEAST, MOST
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.formulas import Formula, FormulaVector
 from parsolid.scene.lattice import Filling
@@ -15,9 +16,6 @@ from parsolid.scene.overlap import overlap_faults
 from parsolid.scene.regions import NOBODY, nearest_particles, selected
 from parsolid.scene.schema import Scene, unbounded_plane
 from parsolid.scene.validation_errors import SceneError, agree, fault, key_path
-
-# sides of bodies [m] whose squares and cubes are numbers
-LEAST, MOST = 1e-60, 1e60
 
 
 def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:

@@ -10,6 +10,9 @@ from parsolid.scene.validation_errors import NOTHING, suggestion, told
 
 AXES = ("X", "Y", "Z")
 
+# sizes of numbers of which products of five are within what floating-point numbers hold
+LEAST, MOST = 1e-60, 1e60
+
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 
