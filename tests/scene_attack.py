@@ -2,8 +2,8 @@
 
 Every scene of `runs/` and every small scene of the tests is changed in one to three places. A changed scene of `runs/`
 is read and validated; a small one goes through the whole program for two steps (one in `--every`). What ends with
-anything but a scene, a message, or a status of 0, 2, 3 or 75, warns of its arithmetic, lasts over three minutes, or takes
-its process along is a fault, and is kept in the folder `--keep`. Status 1 when there was one.
+anything but a scene, a message, or a status of 0, 2, 3 or 75, warns of its arithmetic, lasts over three minutes, or
+takes its process along is a fault, and is kept in the folder `--keep`. Status 1 when there was one.
 """
 
 import argparse
