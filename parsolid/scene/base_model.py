@@ -142,6 +142,23 @@ class ByKind:
         return self.models.get(kind) if isinstance(kind, str) else None
 
 
+class TableOr:
+    """The type of a field that holds a model, or one value that stands for none."""
+
+    def __init__(self, model: type[SceneModel], none: object) -> None:
+        self.model, self.none = model, none
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        return core_schema.with_info_plain_validator_function(self._validate)
+
+    def _validate(self, value: Any, info: ValidationInfo) -> Any:
+        if value is self.none or isinstance(value, self.model):
+            return value
+        if not isinstance(value, dict):
+            raise mismatch(f"a table or {told(self.none).lower()}", value)
+        return self.model.model_validate(value, context=info.context)
+
+
 def by_kind(*models: type[SceneModel], known: str = "") -> Any:
     """The type of a field that holds one of the models; each has a literal field `kind`; known as in `ByKind`."""
     return Annotated[Any, ByKind(models, known)]

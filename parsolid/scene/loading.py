@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import LEAST, MOST, ByKind, SceneModel
+from parsolid.scene.base_model import LEAST, MOST, ByKind, SceneModel, TableOr
 from parsolid.scene.declared_fields import DeclaredFields
 from parsolid.scene.methods import settings_class
 from parsolid.scene.schema import Parts, Scene, cross_faults
@@ -248,6 +248,8 @@ def _model_of(annotation: Any, value: Any) -> type[SceneModel] | None:
         candidates = [*annotation.metadata, annotation.annotation]
     elif isinstance(annotation, ByKind):
         return annotation.choose(value)
+    elif isinstance(annotation, TableOr):
+        return annotation.model
     elif isinstance(annotation, type) and issubclass(annotation, SceneModel):
         return annotation
     else:

@@ -31,7 +31,7 @@ class MicroInertiaSolid(DeclaredModel):
         name = value.get("library") if isinstance(value, dict) else None
         if name is None:
             return handler(value)
-        if name not in library():
+        if not isinstance(name, str) or name not in library():
             expected = f"one of {', '.join(map(repr, library()))}{suggestion(name, library())}"
             reject((("library",), expected, name))
         known = library()[name]

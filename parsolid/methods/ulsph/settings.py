@@ -1,12 +1,12 @@
 """Updated-Lagrangian SPH as a scene states it."""
 
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
 from parsolid.methods.ulsph.state_fields import MICRO_STATE, STATE
 from parsolid.pairs.smoothing import kernel_names
-from parsolid.scene.base_model import NotNegative, Positive, SceneModel
+from parsolid.scene.base_model import NotNegative, Positive, SceneModel, TableOr
 from parsolid.scene.method_settings import Detail, MethodSettings
 
 # what only one kind of material has
@@ -73,7 +73,7 @@ class UpdatedLagrangianSPH(MethodSettings):
     balance_warning: Positive = 0.03
     cfl: Positive = Field(0.3, description="time step over h / (wave speed + particle speed)")
     gradient_correction: bool = True
-    viscosity: Viscosity | Literal[False] = Viscosity()
+    viscosity: Annotated[Viscosity | Literal[False], TableOr(Viscosity, False)] = Viscosity()
     viscous_heating: bool = False
     contact: Literal["compression", "welded"] | None = Field(None, description="of several bodies, 'compression'")
     skin: Positive = Field(0.25, description="reach of the lists beyond the support, over the support")
