@@ -20,6 +20,8 @@ _BAR_SECONDS = 0.2
 _LINES = {NORMAL: (5.0, 0.1), VERBOSE: (1.0, 0.02)}
 _LEAST_SECONDS = 0.5
 
+_WORDS_OF_TERMS = {"dissipation_fracture": "fracture", "leapfrog_oscillation": "oscillation of the steps"}
+
 Told = tuple[float, int, float]
 
 
@@ -96,12 +98,23 @@ class Progress:
         left = (now - began) * max(self._end_time - time, 0.0) / gone
         parts = [f"dt {step_size:.2e} s", f"ETA {_duration(left)}"]
         if row:
-            energies = {"kinetic": row["kinetic"], "stored": row["stored"], "dissipated": row["dissipation_internal"]}
-            energies["lost in the scheme"] = row["dissipation_numerical"]
-            if self._level == VERBOSE:
-                energies |= {"balance": row["balance"]}
-            parts += [f"{name} {value:.3e} J" for name, value in energies.items()]
+            parts += [f"{name} {value:.3e} J" for name, value in self._energies(row).items()]
         return [*parts, f"{rate:.2e} particle-steps/s"]
+
+    def _energies(self, row: dict[str, float]) -> dict[str, float]:
+        """What a history row tells, in words: the terms that its method has, too, once there is something in them."""
+        energies = {"kinetic": row["kinetic"], "stored": row["stored"]}
+        columns = list(row)
+        # between the work and the balance stand the terms of the methods
+        bounded = "work_external" in row and "balance" in row
+        own = columns[columns.index("work_external") + 1 : columns.index("balance")] if bounded else []
+        terms = {"dissipated": row["dissipation_internal"], "lost in the scheme": row["dissipation_numerical"]}
+        terms |= {_WORDS_OF_TERMS.get(name, name.replace("_", " ")): row[name] for name in own}
+        least = 1e-12 * max(map(abs, [*energies.values(), *terms.values()]))
+        energies |= {name: value for name, value in terms.items() if abs(value) > least}
+        if self._level == VERBOSE:
+            energies["balance"] = row["balance"]
+        return energies
 
     def _start_bar(self, columns: int) -> None:
         console = Console(file=self._stream, force_terminal=True, width=columns)

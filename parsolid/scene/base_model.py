@@ -108,6 +108,10 @@ class ByKind:
         """What needs no validation any more."""
         return tuple(self.models.values())
 
+    def tables(self) -> dict[str, type[SceneModel]]:
+        """Every kind and its model, of any method."""
+        return self.models
+
     def allowed(self, info: ValidationInfo) -> list[str]:
         """Kinds that the scene's method knows, in the method's order."""
         method = method_of(info)

@@ -121,6 +121,10 @@ class ByLaw(ByKind):
         """What needs no validation any more."""
         return (DeclaredModel,)
 
+    def tables(self) -> dict[str, type[SceneModel]]:
+        """Every kind and its model; laws of files have none before a scene names them."""
+        return {kind: model_of(registry.declared(role, kind)) for role in self.roles for kind in registry.kinds(role)}
+
     def allowed(self, info: ValidationInfo | None) -> list[str]:
         """Kinds that the scene's method takes."""
         every = {kind: role for role in self.roles for kind in registry.kinds(role)}

@@ -6,7 +6,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from parsolid.scene.base_model import reject
 from parsolid.scene.declared import BASES, DeclaredModel
@@ -60,4 +60,7 @@ def library() -> dict[str, dict[str, Any]]:
     return {name: {key: value for key, value in table.items() if key != "source"} for name, table in tables.items()}
 
 
-BASES["micro-inertia"] = (MicroInertiaSolid, {"library": (str | None, None)})
+BASES["micro-inertia"] = (
+    MicroInertiaSolid,
+    {"library": (str | None, Field(None, description="a material of the library"))},
+)

@@ -104,10 +104,10 @@ BASES["elastic-plastic"] = (
             Field(None, description="xx yy zz xy xz yz [W/(m K)] in axes that turn with the matter"),
         ),
         "library": (str | None, Field(None, description="a name of parsolid/materials/plastic/library.toml")),
-        "equation_of_state": (EquationOfState | None, None),
-        "shear_modulus": (ShearModulus | None, None),
-        "flow_stress": (FlowStress | None, None),
-        "melting": (Melting | None, None),
+        "equation_of_state": (EquationOfState | None, Field(None, description="a table: pressure of volume and heat")),
+        "shear_modulus": (ShearModulus | None, Field(None, description="a table: that of pressure and temperature")),
+        "flow_stress": (FlowStress | None, Field(None, description="a table: that of strain, rate and temperature")),
+        "melting": (Melting | None, Field(None, description="a table: the melting temperature under pressure")),
     },
 )
 _SHARED = (

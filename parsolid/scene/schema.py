@@ -25,14 +25,14 @@ MOST_OUTPUTS = {"history_interval": 10**7, "fields_interval": 10**5, "checkpoint
 class Scene(SceneModel):
     """Everything that a run needs to know, in SI units; made by `load_scene` or `parse_scene`."""
 
-    title: str = ""
+    title: str = Field("", description="what the run is called")
     dimension: Literal[1, 2, 3] = Field(description="1, 2 or 3, as the method allows")
     end_time: Positive = Field(description="the simulated time [s]")
     method: Method = Field(description="a table with the key kind")
     bodies: Annotated[list[Body], Field(min_length=1)] = Field(description="at least one body")
-    boundaries: list[Boundary] = []
+    boundaries: list[Boundary] = Field([], description="supports, loads on surfaces and prescribed motion")
     loads: Loads = Loads()
-    probes: list[ProbeTable] = []
+    probes: list[ProbeTable] = Field([], description="what is watched: columns of history.csv")
     output: Output = Output()
     reference: Reference | None = None
 

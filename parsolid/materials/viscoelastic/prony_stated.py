@@ -49,11 +49,13 @@ class StatedProny:
     ]
     bulk_modulus: Annotated[float | None, Parameter("Pa", "the bulk modulus at equilibrium", above=0.0, default=None)]
     terms: Annotated[list[PronyTerm], Parameter(default=[])]
-    bulk: Annotated[Literal["relaxing", "elastic"], Parameter(default="relaxing")]
+    bulk: Annotated[
+        Literal["relaxing", "elastic"], Parameter(description="whether the bulk relaxes", default="relaxing")
+    ]
     conversion: Annotated[
         Literal["exact", "paper"] | None, Parameter("1", "'exact' or 'paper'; exact unless given", default=None)
     ]
-    strain: Annotated[Literal["small", "finite"], Parameter(default="small")]
+    strain: Annotated[Literal["small", "finite"], Parameter(description="what the law is for", default="small")]
 
     @property
     def _stated_modulus(self) -> float:

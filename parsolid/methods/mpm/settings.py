@@ -73,7 +73,7 @@ class MaterialPoint(MethodSettings):
     kind: Literal["mpm"]
     cell: Positive = Field(description="the spacing of the background grid [m]")
     origin: Point | None = Field(None, description="a point of the grid [m], zero unless given")
-    basis: Basis = "quadratic-spline"
+    basis: Basis = Field("quadratic-spline", description="shape functions of the grid")
     formulation: Literal["updated", "total-lagrangian"] = "updated"
     geometry: Literal["plane-strain", "axisymmetric"] | None = Field(None, description="of a 2-D scene")
     transfer: Literal["flip", "apic", "aflip", "tpic"] = "flip"

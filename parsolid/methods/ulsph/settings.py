@@ -67,7 +67,9 @@ class UpdatedLagrangianSPH(MethodSettings):
     }
 
     kind: Literal["ulsph"]
-    kernel: Literal[kernel_names()] = "cubic-spline"  # type: ignore[valid-type]
+    kernel: Literal[kernel_names()] = Field(  # type: ignore[valid-type]
+        "cubic-spline", description="the smoothing kernel"
+    )
     smoothing: Positive = Field(1.3, description="smoothing length over particle spacing, h/dx")
     # the equation of state is integrated, not the derivative of a stored energy
     balance_warning: Positive = 0.03
