@@ -8,12 +8,13 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+from decomposition.compiled import LISTENERS, folder
 from parsolid.collective import SolverError, anywhere
 from parsolid.commands.check_advice import advice, scene_advice
 from parsolid.output.checkpoint import find_checkpoint
 from parsolid.output.directory import occupy
 from parsolid.output.errors import OutputError, together
-from parsolid.output.progress import Progress
+from parsolid.output.progress import Compilations, Progress
 from parsolid.output.summary import provenance, write_summary
 from parsolid.output.whereabouts import HERE
 from parsolid.scene import Scene, SceneError, dump_scene, load_scene, packaged_scene
@@ -62,6 +63,9 @@ def run(comm: MPI.Intracomm, options: Namespace) -> int:
 def run_scene(comm: MPI.Intracomm, scene: Scene, options: Namespace, began: float) -> int:
     """Run a scene with the options of a command line; began: reading of the performance counter [s]. Collective."""
     with ExitStack() as kept:
+        if comm.rank == 0 and not options.quiet:
+            LISTENERS.append(Compilations(folder()))
+            kept.callback(LISTENERS.clear)
         try:
             simulation, files, restart = _set_up(comm, scene, options, kept)
         except OutputError as error:

@@ -3,6 +3,7 @@
 import os
 import sys
 import time as clock
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -19,6 +20,7 @@ _BAR_SECONDS = 0.2
 # a line is due after so many seconds, or after this share of the simulated time if half a second has passed
 _LINES = {NORMAL: (5.0, 0.1), VERBOSE: (1.0, 0.02)}
 _LEAST_SECONDS = 0.5
+_COMPILING_SECONDS = 5.0
 
 _WORDS_OF_TERMS = {"dissipation_fracture": "fracture", "leapfrog_oscillation": "oscillation of the steps"}
 
@@ -38,6 +40,8 @@ class Progress:
         # (reading of the clock [s], step, time [s]) of the first step, and of the last that was told
         self._first: Told | None = None
         self._last: Told = (0.0, 0, 0.0)
+        # the step that the run started from
+        self._before = 0
         self._bar: Live | None = None
         if level == QUIET:
             return
@@ -52,8 +56,12 @@ class Progress:
             return
         now = clock.perf_counter()
         if self._first is None:
-            self._first = self._last = (now, step, time)
+            self._first, self._before = (now, step, time), step
+            self._last = self._first
             return
+        if step == self._before + 1:
+            # the first step also loads kernels, or compiles them: it says nothing of the others
+            self._first = (now, step, time)
         if not self._due(now, time):
             return
         words = self._words(self._first, (now, step, time), step_size, row or {})
@@ -136,6 +144,32 @@ class Progress:
             print(text, file=self._stream, flush=True)
         except (OSError, ValueError):  # nobody listens any more: the run goes on
             self._level = QUIET
+
+
+class Compilations:
+    """Tells that kernels are being compiled, which takes a minute before the first step; called with each one's name.
+
+    Parameters: folder, where they are kept; stream, standard output by default.
+    """
+
+    def __init__(self, folder: Path, stream: TextIO | None = None):
+        self._folder, self._stream = folder, stream or sys.stdout
+        self._count, self._began, self._last = 0, 0.0, 0.0
+
+    def __call__(self, name: str) -> None:
+        now = clock.perf_counter()
+        if self._count == 0:
+            self._began = self._last = now
+            self._say(f"compiling kernels, once for such scenes; they are kept in {self._folder}")
+        self._count += 1
+        if now - self._last >= _COMPILING_SECONDS:
+            self._last = now
+            self._say(f"compiling kernel {self._count}, {name}, after {now - self._began:.0f} s")
+
+    def _say(self, text: str) -> None:
+        # nobody may listen any more: the run goes on
+        with suppress(OSError, ValueError):
+            print(text, file=self._stream, flush=True)
 
 
 def terminal_columns(stream: Any) -> int | None:

@@ -8,7 +8,7 @@ import threading
 import pytest
 
 from parsolid.output import progress
-from parsolid.output.progress import NORMAL, QUIET, VERBOSE, Progress, terminal_columns
+from parsolid.output.progress import NORMAL, QUIET, VERBOSE, Compilations, Progress, terminal_columns
 
 pytestmark = pytest.mark.serial
 
@@ -113,3 +113,27 @@ def test_a_closed_stream_does_not_stop_the_run(passing_time):
     assert passing_time[0] == 202.0
     with pytest.raises(BrokenPipeError):
         stream.close()
+
+
+def test_compilation_is_told_at_once_and_then_every_five_seconds(passing_time):
+    log = io.StringIO()
+    tell = Compilations("/kernels", log)
+    assert log.getvalue() == ""
+    for number in range(13):
+        tell(f"kernel_{number}")
+        passing_time[0] += 1.0
+    assert log.getvalue().splitlines() == [
+        "compiling kernels, once for such scenes; they are kept in /kernels",
+        "compiling kernel 6, kernel_5, after 5 s",
+        "compiling kernel 11, kernel_10, after 10 s",
+    ]
+
+
+def test_the_first_step_says_nothing_of_the_time_left(passing_time):
+    log = io.StringIO()
+    shown = Progress("Punch", 0.5, 10, NORMAL, log)
+    # the kernels are compiled in the first step
+    for step, seconds in ((7, 0.0), (8, 60.0), (9, 1.0), (10, 1.0)):
+        passing_time[0] += seconds
+        shown.update(step, 0.05 * step, 0.05, None)
+    assert "ETA 0:00:00" in log.getvalue().splitlines()[-1]
