@@ -19,6 +19,7 @@ ROWS = (
     ("parsolid.api",),
     ("parsolid.commands", "parsolid.__main__"),
     ("parsolid.simulation",),
+    ("parsolid.contact",),
     ("parsolid.methods.tlsph", "parsolid.methods.peridynamics", "parsolid.methods.mpm", "parsolid.methods.ulsph"),
     ("parsolid.methods",),
     ("parsolid.particles", "parsolid.boundary", "parsolid.output"),

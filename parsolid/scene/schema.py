@@ -9,6 +9,7 @@ from pydantic import Field, TypeAdapter, ValidationError, ValidationInfo, field_
 from parsolid.scene.base_model import Plane, Positive, SceneModel, method_of, mismatch, reject
 from parsolid.scene.bodies import Body, FilledShape
 from parsolid.scene.boundaries import Boundary
+from parsolid.scene.contact import CONTACT_TERMS, Contact, contact_faults, unbonded
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.lattice import Filling
 from parsolid.scene.loads import Loads
@@ -32,6 +33,7 @@ class Scene(SceneModel):
     bodies: Annotated[list[Body], Field(min_length=1)] = Field(description="at least one body")
     boundaries: list[Boundary] = Field([], description="supports, loads on surfaces and prescribed motion")
     loads: Loads = Loads()
+    contact: list[Contact] = Field([], description="bodies that meet")
     probes: list[ProbeTable] = Field([], description="what is watched: columns of history.csv")
     output: Output = Output()
     reference: Reference | None = None
@@ -47,6 +49,8 @@ class Scene(SceneModel):
     @model_validator(mode="after")
     def _fits_method(self) -> "Scene":
         details = self.method.scene_faults(self)
+        if self.contact and self.method.contact_refused(self) is not None:
+            details.append((("contact",), f"no such table {self.method.contact_refused(self)}", self.contact[0].bodies))
         exact = None if self.reference is None else self.reference.exact
         if self.loads.manufactured and exact not in MANUFACTURED:
             known = " or ".join(map(repr, MANUFACTURED))
@@ -75,6 +79,11 @@ class Scene(SceneModel):
     def resolved(self) -> dict[str, Any]:
         """The scene with its defaults, as plain tables that validate to the same scene."""
         return self.model_dump(exclude_none=True)
+
+    @property
+    def unbonded(self) -> np.ndarray | None:
+        """Which bodies (bodies, bodies) are in contact with which, so that nothing bonds them; None without any."""
+        return unbonded(self.contact, [body.name for body in self.bodies])
 
     @property
     def systems(self) -> tuple[SystemOfScene, ...]:
@@ -116,6 +125,7 @@ class Parts:
     bodies: dict[int, FilledShape]
     boundaries: dict[int, Any]
     probes: dict[int, Probe]
+    contact: dict[int, Contact]
     reference: Reference | None
     method: Any
     complete: bool
@@ -128,7 +138,12 @@ class Parts:
             return None
         complete = True
         lists: dict[str, dict[int, Any]] = {}
-        for key, kind in (("bodies", FilledShape), ("boundaries", Boundary), ("probes", ProbeTable)):
+        for key, kind in (
+            ("bodies", FilledShape),
+            ("boundaries", Boundary),
+            ("probes", ProbeTable),
+            ("contact", Contact),
+        ):
             adapter = TypeAdapter(kind)
             entries = data.get(key, [])
             lists[key] = {}
@@ -145,9 +160,11 @@ class Parts:
         except ValidationError:
             reference = None
         stated = len(data["bodies"]) if isinstance(data.get("bodies"), list) else 0
-        bodies, boundaries, probes = lists["bodies"], lists["boundaries"], lists["probes"]
         dimension, method = context["dimension"], context["method"]
-        return cls(dimension, bodies, boundaries, probes, reference, method, complete, stated)
+        sound: Any = lists
+        return cls(
+            **sound, dimension=dimension, reference=reference, method=method, complete=complete, stated_bodies=stated
+        )
 
 
 def cross_faults(parts: Parts) -> list[str]:
@@ -164,6 +181,7 @@ def cross_faults(parts: Parts) -> list[str]:
     faults += _empty_bodies(fillings) + _boundary_faults(parts, fillings, every_body_known)
     if every_body_known:
         faults += _distant_probes(parts, fillings)
+    faults += contact_faults(parts.contact, parts.bodies, parts.complete)
     return faults + _reference_faults(parts)
 
 
@@ -239,7 +257,7 @@ def _reference_faults(parts: Parts) -> list[str]:
     if parts.reference is None or not parts.complete or parts.method is None:
         return []
     key = "final" if parts.reference.final is not None else "columns"
-    known = [*HISTORY_COLUMNS, *parts.method.ledger_terms]
+    known = [*HISTORY_COLUMNS, *parts.method.ledger_terms, *(CONTACT_TERMS if parts.contact else ())]
     try:
         known += [column for probe in parts.probes.values() for column in probe.columns(parts.dimension)]
     except KeyError:

@@ -3,15 +3,16 @@
 import time as clock
 from dataclasses import dataclass, field
 from functools import partial
-from math import isfinite
+from math import inf, isfinite, sqrt
 from typing import Any, Protocol
 
 from decomposition.reduction import MinimumAhead
+from parsolid.contact.kernel_contact import build_contact
+from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
 from parsolid.simulation.diagnosis import describe_failure
 from parsolid.simulation.energy_balance import EnergyBalance, EnergyLimits
-from parsolid.simulation.interaction import Interaction
 from parsolid.simulation.ledger import Ledger, terms_of, viscous_terms_of
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.setup import build_systems
@@ -63,7 +64,7 @@ class Watch(Protocol):
 class Simulation:
     """One scene on all ranks of a communicator, from its particles to its last step.
 
-    systems: methods with their bodies, see `setup`; interactions: what acts between pairs of them, none in scenes yet.
+    systems: methods with their bodies, see `setup`; interactions: what acts between their particles besides.
     """
 
     def __init__(self, comm: Any, scene: Scene, restart: Restart | None = None):
@@ -77,13 +78,15 @@ class Simulation:
         if restart:
             restart.check(scene)
         self.systems, self.particle_sets = build_systems(comm, scene, restart)
-        self.interactions: list[Interaction] = []
+        self.interactions: list[Interaction] = build_contact(comm, scene, self.systems)
         self.time_steps = TimeSteps.of(scene, self.systems)
         # the step agreed on for the current state; a restart takes it from the checkpoint, for the same bits
         self.stable: float | None = None
         if restart:
             restart.apply(self)
-        self.minimum = MinimumAhead(comm, 3 + len(self.systems))
+        for interaction in self.interactions:
+            interaction.begin(self.clock.time)
+        self._minimum: MinimumAhead | None = None
         # what the systems have announced of the step under way, and the wishes that go with it
         self._told: list[float] = []
         self._wishes = (0.0, 0.0)
@@ -96,10 +99,30 @@ class Simulation:
     def energies(self) -> tuple[float, float]:
         """Kinetic and stored energy [J] of this rank's particles."""
         kinetic, stored = self.systems[0].energies()
-        for system in self.systems[1:]:
-            more = system.energies()
+        for one in self.parts[1:]:
+            more = one.energies()
             kinetic, stored = kinetic + more[0], stored + more[1]
         return kinetic, stored
+
+    @property
+    def parts(self) -> list[ParticleSystem | Interaction]:
+        """Systems and interactions."""
+        return [*self.systems, *self.interactions]
+
+    @property
+    def minimum(self) -> MinimumAhead:
+        """The one collective of a step: stable step, wishes, and news of all systems and interactions."""
+        if self._minimum is None:
+            self._minimum = MinimumAhead(self.comm, 4 + len(self.parts))
+        return self._minimum
+
+    def stable_step(self) -> float:
+        """Largest step [s] of this rank's particles in the current state."""
+        return _together(min(system.stable_step() for system in self.systems), self._allowed())
+
+    def _allowed(self) -> float:
+        """Step [s] that interactions allow on this rank where nothing else acts."""
+        return min((interaction.stable_step() for interaction in self.interactions), default=inf)
 
     @property
     def energy_scale(self) -> float:
@@ -121,8 +144,9 @@ class Simulation:
         self.first_step = self.clock.step
         stable = self.stable
         if stable is None:
-            stable = min(system.stable_step() for system in self.systems)
-        self._announce(stable, (0.0, 0.0))
+            self._announce(min(system.stable_step() for system in self.systems), (0.0, 0.0))
+        else:
+            self._announce(stable, (0.0, 0.0), alone=True)
         while True:
             self.stable, interrupted, checkpoint = self._result()
             self.checkpoint_wanted = checkpoint < 0.0
@@ -144,18 +168,21 @@ class Simulation:
         self._advance(step, self.clock.time + step, (0.0, 0.0))
         self._result()
 
-    def _announce(self, stable: float, wishes: tuple[float, float]) -> None:
-        """Begin to agree on the stable step, on wishes (to stop, to write a checkpoint) and on the systems' news."""
-        news = [-float(system.news) for system in self.systems]
-        self.minimum.begin((stable, -wishes[0], -wishes[1], *news))
+    def _announce(self, stable: float, wishes: tuple[float, float], alone: bool = False) -> None:
+        """Begin to agree on the stable step, on wishes (to stop, to write a checkpoint) and on everyone's news.
+
+        alone: the stable step is one that takes interactions into account.
+        """
+        news = [-float(one.news) for one in self.parts]
+        self.minimum.begin((stable, inf if alone else self._allowed(), -wishes[0], -wishes[1], *news))
 
     def _result(self) -> tuple[float, float, float]:
         waiting = clock.perf_counter()
-        stable, interrupted, checkpoint, *news = self.minimum.result()
+        stable, allowed, interrupted, checkpoint, *news = self.minimum.result()
         self.clock.waiting_seconds += clock.perf_counter() - waiting
-        for system, first in zip(self.systems, news):
-            system.news_anywhere = first < 0.0
-        return stable, interrupted, checkpoint
+        for one, first in zip(self.parts, news):
+            one.news_anywhere = first < 0.0
+        return _together(stable, allowed), interrupted, checkpoint
 
     def _advance(self, step: float, arrival: float, wishes: tuple[float, float]) -> None:
         """One step [s] to a time [s]; the next stable step and wishes are agreed on while the last system advances."""
@@ -163,10 +190,13 @@ class Simulation:
         self._told.clear()
         self._wishes = wishes
         for interaction in self.interactions:
-            interaction.act(self.clock.time, step, self.ledger)
+            interaction.before(self.clock.time, step, self.ledger)
         for system in self.systems:
             if not system.advance(self.clock.time, step, self.ledger, partial(self._hear, system)):
                 self.failed = True
+        for interaction in self.interactions:
+            interaction.after(arrival, step, self.ledger)
+            self.failed = self.failed or not interaction.sound()
         self.clock.time, self.clock.step_size = arrival, step
         self.clock.step += 1
         self._count(clock.perf_counter() - began, clock.process_time() - processor_began)
@@ -202,3 +232,8 @@ class Simulation:
             share, limit = balance.relative(abs(balance.broken), self.energy_scale), balance.limits.balance_limit
             off = f"the energy balance is off by {balance.broken:.4g} J, {share or 0.0:.2g} of the largest energy"
             raise RunFailed(describe_failure(self, f"{off} (method.balance_limit = {limit:g})"))
+
+
+def _together(stable: float, allowed: float) -> float:
+    """Step [s] of a motion with the squares of two frequencies added, whose steps alone are these."""
+    return stable if stable <= 0.0 or allowed == inf else stable / sqrt(1.0 + (stable / allowed) ** 2)

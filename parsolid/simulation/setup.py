@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from parsolid.contact.kernel_contact import declare_fields
 from parsolid.methods import method_class
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.distribution import distribute, take
@@ -33,6 +34,7 @@ def build_systems(comm: Any, scene: Scene, restart: Restart | None) -> tuple[lis
         orders.append(order)
         system = kind(comm, part, particle_sets[-1])
         system.bodies = plan.bodies
+        declare_fields(scene, system)
         systems.append(system)
         if not restart:
             system.begin(part, particle_sets[-1])

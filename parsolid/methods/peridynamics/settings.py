@@ -178,6 +178,7 @@ class Peridynamics(MethodSettings):
     """
 
     system: ClassVar = "parsolid.methods.peridynamics.system:Peridynamics"
+    bodies_meet: ClassVar = False
     dimensions: ClassVar = (1, 2, 3)
     materials: ClassVar = ("hyperelastic", "prony", "bond-based")
     boundaries: ClassVar = ("fixed", "roller", "velocity", "displacement", "layer", "traction")
@@ -212,3 +213,7 @@ class Peridynamics(MethodSettings):
             details.append((("plane",), "no such key but in 2-D", self.plane))
         reject(*details)
         return self
+
+    def contact_refused(self, scene: Any) -> str | None:
+        """Equilibrium has no motion that impulses could change."""
+        return None if self.solution.kind == "explicit" else "with equilibrium instead of motion"

@@ -14,6 +14,7 @@ class TotalLagrangianSPH(MethodSettings):
     """Upwind total-Lagrangian smoothed particle hydrodynamics (Lee et al.)."""
 
     system: ClassVar = "parsolid.methods.tlsph.system:TotalLagrangianSPH"
+    bodies_meet: ClassVar = False
     materials: ClassVar = ("hyperelastic",)
     boundaries: ClassVar = ("fixed", "roller", "antisymmetric", "velocity", "traction")
     kind: Literal["tlsph"]
@@ -85,6 +86,10 @@ class TotalLagrangianSPH(MethodSettings):
         if self.pair_correction == "closure" and self.weights not in (None, "closure"):
             reject((("pair_correction",), f"weights alone, which is '{self.weights}'", self.pair_correction))
         return self
+
+    def contact_refused(self, scene: Any) -> str | None:
+        """It can."""
+        return None
 
     def scene_faults(self, scene: Any) -> list[Detail]:
         """Planes whose images are exact for small strain only, where the reference follows a large one."""
