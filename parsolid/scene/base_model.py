@@ -39,9 +39,15 @@ def dimension_of(info: ValidationInfo) -> int | None:
     return (info.context or {}).get("dimension")
 
 
-def method_of(info: ValidationInfo) -> type | None:
-    """The class of the scene's method while the scene is validated; None where it is not known (or itself at fault)."""
-    return (info.context or {}).get("method")
+def method_of(info: ValidationInfo, table: object = None) -> type | None:
+    """The class of the scene's method while the scene is validated; None where it is not known (or itself at fault).
+
+    Of several methods it is what they know together; table: a raw one that may name its body, whose method it then is.
+    """
+    context = info.context or {}
+    of_body: dict[str, type | None] = context.get("method_of_body", {})
+    name = table.get("body") if isinstance(table, dict) else None
+    return of_body[name] if isinstance(name, str) and name in of_body else context.get("method")
 
 
 class SceneModel(BaseModel):
@@ -112,9 +118,9 @@ class ByKind:
         """Every kind and its model, of any method."""
         return self.models
 
-    def allowed(self, info: ValidationInfo) -> list[str]:
-        """Kinds that the scene's method knows, in the method's order."""
-        method = method_of(info)
+    def allowed(self, info: ValidationInfo, table: object = None) -> list[str]:
+        """Kinds that the scene's method knows, or that of the body which a raw table names, in the method's order."""
+        method = method_of(info, table)
         stated = getattr(method, self.known) if self.known and method else self.models
         return [kind for kind in stated if kind in self.models]
 
@@ -128,7 +134,7 @@ class ByKind:
 
     def chosen(self, value: dict[str, Any], info: ValidationInfo) -> type[SceneModel]:
         """The model for a raw table; raises ValidationError where it names none."""
-        allowed = self.allowed(info)
+        allowed = self.allowed(info, value)
         kinds = ", ".join(map(repr, allowed))
         if "kind" not in value:
             reject((("kind",), f"one of {kinds}", NOTHING))
@@ -136,7 +142,8 @@ class ByKind:
         if model is None:
             reject((("kind",), f"one of {kinds}{suggestion(value['kind'], allowed)}", value["kind"]))
         if value["kind"] not in allowed:
-            reject((("kind",), f"one of {kinds}, which the method of the scene knows", value["kind"]))
+            whose = "of the body" if (info.context or {}).get("methods") else "of the scene"
+            reject((("kind",), f"one of {kinds}, which the method {whose} knows", value["kind"]))
         assert model is not None
         return model
 

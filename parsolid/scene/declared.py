@@ -125,7 +125,7 @@ class ByLaw(ByKind):
         """Every kind and its model; laws of files have none before a scene names them."""
         return {kind: model_of(registry.declared(role, kind)) for role in self.roles for kind in registry.kinds(role)}
 
-    def allowed(self, info: ValidationInfo | None) -> list[str]:
+    def allowed(self, info: ValidationInfo | None, table: object = None) -> list[str]:
         """Kinds that the scene's method takes."""
         every = {kind: role for role in self.roles for kind in registry.kinds(role)}
         return [kind for kind, role in every.items() if self._takes(role, info)]

@@ -15,7 +15,7 @@ from pydantic.fields import FieldInfo
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import LEAST, MOST, ByKind, SceneModel, TableOr
 from parsolid.scene.declared_fields import DeclaredFields
-from parsolid.scene.methods import settings_class
+from parsolid.scene.methods import context_of
 from parsolid.scene.schema import Parts, Scene, cross_faults
 from parsolid.scene.validation_errors import SceneError, fault, key_path, suggestion, told
 
@@ -133,13 +133,10 @@ def parse_scene(data: dict[str, Any], folder: str | os.PathLike[str] = ".", trus
     """
     if raw := _raw_faults(data):
         raise SceneError(raw)
-    dimension = data.get("dimension")
-    method = settings_class(data.get("method"))
-    known = isinstance(dimension, int) and dimension in (method.dimensions if method else (1, 2, 3))
-    context = {"dimension": dimension if known else None, "method": method, "folder": os.path.abspath(folder)}
+    context = context_of(data, folder)
     context["trust_code"] = trust_code
     without_names: dict[str, Any] = {
-        key: data[key] for key in ("dimension", "end_time", "method", "bodies") if key in data
+        key: data[key] for key in ("dimension", "end_time", "method", "methods", "bodies") if key in data
     }
     declared_fields = DeclaredFields(lambda: parse_scene(without_names, folder, trust_code))
     context["declared_fields"] = declared_fields

@@ -19,10 +19,12 @@ class MethodSettings(SceneModel):
     asked); extra_fields, extra_quantities: what the method computes -> "scalar", "vector" or "tensor"; pictured_fields:
     what colours the bodies, the first that was written; loads: keys of the table of that name; ledger_terms: see
     `ledger.Ledger`; viscous_terms: those of them that artificial viscosity fills; bodies_meet: whether bodies that come
-    together feel each other without contact.
+    together feel each other without contact; shared_field: whether bodies stick together on a field of velocities that
+    they share, so that those which do not need systems of their own.
     """
 
     system: ClassVar[str]
+    shared_field: ClassVar[bool] = False
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
     materials: ClassVar[tuple[str, ...]] = ()
     boundaries: ClassVar[tuple[str, ...]] = ()

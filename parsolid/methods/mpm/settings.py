@@ -52,6 +52,7 @@ class MaterialPoint(MethodSettings):
     """
 
     system: ClassVar = "parsolid.methods.mpm.system:MaterialPoint"
+    shared_field: ClassVar = True
     materials: ClassVar = ("hyperelastic", "elastic-plastic")
     boundaries: ClassVar = ("fixed", "roller", "velocity", "wall", "temperature", "heat_flux")
     loads: ClassVar = ("body_force", "acceleration", "heat_source", "manufactured")
@@ -104,6 +105,11 @@ class MaterialPoint(MethodSettings):
             details.append((("basis",), "a basis with fixed particle domains, 'ugimp'", self.basis))
         reject(*details)
         return self
+
+    def contact_refused(self, scene: Any) -> str | None:
+        """Between bodies with grids of their own; nothing of one body could part on its grid."""
+        alone = any(len(one.bodies) == 1 and one.bodies[0] in {b.name for b in scene.bodies} for one in scene.contact)
+        return "within one body of this method" if alone else None
 
     def scene_faults(self, scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
         """Particles on the surface; Maxwell branches; bodies beyond the axis; heat without conductivity; fields that no

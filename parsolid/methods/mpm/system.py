@@ -13,7 +13,11 @@ from mpi4py import MPI
 from decomposition.cell_partition import CellPartition
 from decomposition.grid import RankGrid
 from parsolid.boundary.loads import accelerations
+from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.collective import maximum
+from parsolid.materials.hyperelastic.law import elastic_moduli
+from parsolid.materials.plastic import plastic_evaluation
+from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.methods.mpm.conduction import Conduction, common_conductivity, conducts
 from parsolid.methods.mpm.grid import kinetic_energy
 from parsolid.methods.mpm.grid_conditions import GridConditions
@@ -30,6 +34,7 @@ from parsolid.methods.mpm.transfers import ORDERS
 from parsolid.methods.mpm.weights import nodes_across
 from parsolid.methods.protocol import Announce, EnergyLedger, ParticleSystem
 from parsolid.numerics.lanes import aligned_zeros
+from parsolid.particles.declaration import Field
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene
 
@@ -46,6 +51,8 @@ class MaterialPoint(ParticleSystem):
         self.comm, self.settings, self.dimension = comm, scene.method, scene.dimension
         refuse_bad_places(comm, scene, particle_set)
         self.points = self.particles = points = MaterialPoints(scene, particle_set)
+        if scene.contact:
+            points.declare(Field("impulse", self.dimension, "N s", checkpointed=True))
         self.materials = StressUpdate(scene, points)
         self.conditions = GridConditions(comm, scene, particle_set.position, points.origin)
         conducting = conducts(scene, points.laws)
@@ -118,7 +125,7 @@ class MaterialPoint(ParticleSystem):
             announce(True, self.stable_step())
             return True
         energies = StepEnergies(self.points, self.nodes, self._forces(time))
-        self.transfer.particles_to_nodes(self.stress.on_nodes, energies.forces)
+        self.transfer.particles_to_nodes(self.stress.on_nodes, self._with_impulses(energies.forces, step))
         self.nodes.accelerate(step)
         work, caught = self.conditions.obey(self.nodes, self.nodes.motion, time + step)
         caught += self.transfer.nodes_to_particles(time + step, step)
@@ -135,7 +142,41 @@ class MaterialPoint(ParticleSystem):
         result[: self.owned] = self.points.motion[: self.owned, 3:4] * self.loads.at(time)
         return result
 
+    def _with_impulses(self, forces: np.ndarray | None, step: float) -> np.ndarray | None:
+        """Forces (capacity, 4) [N] of loads and of the impulses that have been given since the last step [s]."""
+        if "impulse" not in self.points or step == 0.0:
+            return forces
+        impulse = self.points.owned_rows("impulse")
+        if not impulse.any():
+            return forces
+        result = aligned_zeros((self.points.capacity, 4)) if forces is None else forces.copy()
+        result[: self.owned, : self.dimension] += impulse / step
+        impulse[:] = 0.0
+        return result
+
+    def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
+        """Impulses act in the next step by way of the nodes: what only particles had, no node would know of.
+
+        None of the energy is in the particles yet. See `ParticleSystem.kick`.
+        """
+        self.points.owned_rows("impulse")[slice(None) if rows is None else rows] += impulse
+        return 0.0
+
     placements = None
+
+    @property
+    def symmetry_planes(self) -> list[MirrorPlane]:
+        """Rollers."""
+        return symmetry_planes([one.plane for one in self.conditions.planes])
+
+    def wave_modulus(self, body: int) -> tuple[float, float]:
+        """By the speed of pressure waves in the undeformed solid."""
+        law = self.points.laws[self.points.law_of_body[body]]
+        if isinstance(law, ElasticPlastic):
+            mu = plastic_evaluation.shear_modulus(law, 1.0, 0.0, law.reference_temperature)
+            return float(plastic_evaluation.isentropic_bulk_modulus(law, 1.0, 0.0) + 4.0 / 3.0 * mu), law.density
+        shear, lame = elastic_moduli(law)
+        return float(lame + 2.0 * shear), law.density
 
     @property
     def owned(self) -> int:  # type: ignore[override]
