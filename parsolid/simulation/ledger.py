@@ -65,5 +65,8 @@ def viscous_terms_of(scene: Scene) -> tuple[str, ...]:
 
 
 def terms_of(scene: Scene) -> dict[str, int]:
-    """The energy terms that the methods of a scene add, with their signs."""
-    return {name: sign for system in scene.systems for name, sign in system.settings.ledger_terms.items()}
+    """The energy terms that the methods of a scene and their bodies' materials add, with their signs."""
+    terms: dict[str, int] = {}
+    for system in scene.systems:
+        terms |= system.settings.energy_terms(scene.bodies[i].material for i in system.bodies)
+    return terms
