@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from numba.extending import register_jitable
 
-from parsolid.materials.failure import johnson_cook_damage, plastic_strain, tension  # noqa: F401  (their overloads)
+from parsolid.materials.failure import johnson_cook_damage, maximum_tension, plastic_strain  # noqa: F401  (overloads)
 from parsolid.materials.failure.failure import Criteria, damage_after
 from parsolid.materials.plastic.plasticity import isentropic_bulk_modulus
 from parsolid.materials.plastic.specific_heat import temperature_rise
@@ -200,31 +200,35 @@ def _stored(law, loading, elasticity):
 
 
 @generic
-def failing(whole, law, state, i, count, loading, elasticity):
-    """Deviator, pressure and temperature of particles i..i+3 after a step in which some fail, what is released there
-    [J/m^3], and `whole` after it; damage is advanced.
+def failing(whole, law, state, i, count, loading, elasticity, energy, change, strain):
+    """Deviator, pressure, energy and temperature of particles i..i+3 after a step in which some fail, what is released
+    there [J/m^3], and `whole` after it; damage is advanced.
 
-    loading: `Loading`, elasticity: `Elasticity` at the end of the step.
+    loading: `Loading`, elasticity: `Elasticity` at the end of the step; change of J and deviatoric strain in it.
     """
 
 
 @failing.of(None)
-def _none_fails(whole, law, state, i, count, loading, elasticity):
-    return loading.deviator, loading.pressure, loading.temperature, 0.0, None
+def _none_fails(whole, law, state, i, count, loading, elasticity, energy, change, strain):
+    return loading.deviator, loading.pressure, energy, loading.temperature, 0.0, None
 
 
 @failing.otherwise
-def _some_fail(whole, law, state, i, count, loading, elasticity):
+def _some_fail(whole, law, state, i, count, loading, elasticity, energy, change, strain):
     old = load(state.damage, 0, i)
     strength = _strength(state.strength_factor, i)
     worst = _worst(law.failure.criteria, 0, state, i, count, strength, loading, old)
     damage = choose(whole, min(worst, 1.0), old)
     store_first(state.damage, 0, i, damage, count)
     left = 1.0 - damage
-    released = choose(whole, choose(left, 0.0, _stored(law, loading, elasticity)), 0.0)
+    # the forces of the next step do not know the stress that is lost, so its half of this step's work was not done
+    unpaid = 0.5 * (elasticity.J - 0.5 * change) * contract(loading.deviator, strain)
+    unpaid = unpaid - 0.5 * min(loading.pressure, 0.0) * change
+    unpaid = choose(whole, choose(left, 0.0, unpaid), 0.0)
+    released = choose(whole, choose(left, 0.0, max(_stored(law, loading, elasticity) - unpaid, 0.0)), 0.0)
     temperature = loading.temperature + temperature_rise(law, elasticity.capacity, released)
     s = choose(left, 1.0, 0.0) * loading.deviator
-    return s, borne(left, loading.pressure), temperature, released, left
+    return s, borne(left, loading.pressure), energy - unpaid, temperature, released, left
 
 
 @generic

@@ -169,8 +169,7 @@ def advance_stress(space, first, last, law, step, viscosity, state, motion, rate
     motion (capacity, 8): x y z m | vx vy vz V0; rate (capacity, 12): rows of l, each padded to 4; stress (capacity, 8):
     V sigma is written, artificial viscosity included, xx yy zz 0 | yz xz xy c + |v| (up to three records beyond `last`
     are overwritten). viscosity is a BulkViscosity or None. Returns (sound, largest c + |v| [m/s], plastic work, viscous
-    work, what failure released [J]); sound is False when a particle has J <= 0, is compressed beyond its equation of
-    state, or is not a number.
+    work, what failure released [J]); sound is False where J <= 0, beyond the equation of state, or not a number.
     """
     sound, fastest, plastic, viscous, freed = True, broadcast(0.0), broadcast(0.0), broadcast(0.0), broadcast(0.0)
     eos, gamma = law.equation_of_state, grueneisen_coefficient(law.equation_of_state)
@@ -188,8 +187,7 @@ def advance_stress(space, first, last, law, step, viscosity, state, motion, rate
         melting, elasticity = flow[3], flow[4]
         q = _viscous_pressure(viscosity, law.density / half_J, volume_rate, wave_speed(law, J, pressure, elasticity[1]))
         q = resisted(whole, pressure, q)
-        # closed form of E+ = E + W - [(P + P+)/2 + q] (J+ - J) with P+ = A(J+) + gamma E+; T dS and -gamma T tr d
-        # likewise
+        # closed form of E+ = E + W - [(P + P+)/2 + q] (J+ - J), P+ = A(J+) + gamma E+; T dS and -gamma T tr d likewise
         cold, part = cold_pressure(eos, new_J), 0.5 * gamma * change
         work = 0.5 * half_J * contract(s + new_s, strain)
         rise = temperature_rise(law, elasticity[2], law.taylor_quinney * plastic_work - q * change)
@@ -198,7 +196,9 @@ def advance_stress(space, first, last, law, step, viscosity, state, motion, rate
         energy, temperature, pressure = settled(whole, closed, opened, cold, gamma, part)
         new_ep, flow_rate = ep + increment, increment / max(step, 1e-300)
         loading = Loading(new_s, pressure, new_ep, increment, flow_rate, temperature, melting)
-        new_s, pressure, temperature, released, whole = failing(whole, law, state, i, count, loading, elasticity)
+        new_s, pressure, energy, temperature, released, whole = failing(
+            whole, law, state, i, count, loading, elasticity, energy, change, strain
+        )
         _store_state(space, state, i, (formless(whole, new_F, new_J), new_s, new_ep, energy, temperature), count)
         velocity = four_rows(motion, i, 4)
         volume = velocity[3]

@@ -126,9 +126,9 @@ def _store_state(space, body, i, values, count):
 def advance_state(space, first, last, law, step, carried, heating, correction, body):
     """Advance density, stress, plastic strain, E and T of particles by a step [s] from the sums of the first pass.
 
-    Fills B, the records and the speeds of sound. The viscous heat is that of the last forces, so that a force and the
-    energy that it takes know the same pressure. Returns (sound, plastic work, viscous heat, what failure released [J]);
-    sound is False when a particle is compressed beyond its equation of state or is not a number.
+    Fills B, the records and the speeds of sound. Viscous heat is that of the last forces, whose work knows the same
+    pressure. Returns (sound, plastic work, viscous heat, what failure released [J]); sound is False where a particle is
+    compressed beyond its equation of state or is not a number.
     """
     sound, plastic, viscous, freed = True, broadcast(0.0), broadcast(0.0), broadcast(0.0)
     eos, gamma = law.equation_of_state, grueneisen_coefficient(law.equation_of_state)
@@ -153,7 +153,9 @@ def advance_state(space, first, last, law, step, carried, heating, correction, b
         opened = worked - 0.5 * pressure * change, temperature + rise
         energy, temperature, pressure = settled(whole, closed, opened, cold, gamma, part)
         loading = Loading(s, pressure, ep + increment, increment, increment / max(step, 1e-300), temperature, flow[3])
-        s, pressure, temperature, released, whole = failing(whole, law, body, i, count, loading, flow[4])
+        s, pressure, energy, temperature, released, whole = failing(
+            whole, law, body, i, count, loading, flow[4], energy, change, strain
+        )
         _store_state(space, body, i, (s, density, ep + increment, energy, temperature), count)
         speed = wave_speed(law, sounding(whole, new_J), pressure, flow[4][1])
         _store_speed(space, body.kinematics, i, speed, count)

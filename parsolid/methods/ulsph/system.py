@@ -12,7 +12,7 @@ from parsolid.methods.pair_method import PairMethod
 from parsolid.methods.protocol import Announce, EnergyLedger
 from parsolid.methods.ulsph import kinematics as motion
 from parsolid.methods.ulsph.boundaries import BoundarySet
-from parsolid.methods.ulsph.deletion import delete_failed, due_to_delete, without_deleted
+from parsolid.methods.ulsph.deletion import Deletion
 from parsolid.methods.ulsph.fields import declare_motion, declare_state
 from parsolid.methods.ulsph.observation import measure, shown, unsound
 from parsolid.methods.ulsph.sweeps import Sweeps
@@ -79,7 +79,7 @@ class UpdatedLagrangianSPH(PairMethod):
         self.sweeps = Sweeps(self.space, kernel, self.pairs, particles, *terms)
         self.supplied = self.supplied_to_stored = 0.0
         self.lists_state: dict[str, Any] | None = None
-        self.deleted: dict[str, float] = {}
+        self.deletion = Deletion(self)
 
     def _declare_constants(self, comm: Any, particle_set: ParticleSet, density: np.ndarray) -> None:
         """Mass, smoothing length and, where bodies meet, the number of the body, known to ghosts."""
@@ -131,7 +131,7 @@ class UpdatedLagrangianSPH(PairMethod):
     def resume(self) -> None:
         """Continue with the lists of the checkpoint; collective."""
         assert self.lists_state is not None
-        without_deleted(self)
+        self.deletion.hold()
         self.pairs.restore(self.lists_state["pairs"], self.lists_state["time"])
         self.tell_all()
 
@@ -166,8 +166,9 @@ class UpdatedLagrangianSPH(PairMethod):
     def follow_lists(self, time: float) -> None:
         """Make the lists anew where a rank has found them used up; collective then."""
         if self.news_anywhere:
-            self.deleted = delete_failed(self)
+            self.deletion.announce()
             self.pairs.rebuild(time)
+            self.deletion.give_back()
             self.tell_all()
 
     def tell_all(self) -> None:
@@ -178,7 +179,7 @@ class UpdatedLagrangianSPH(PairMethod):
 
     def look_ahead(self, time: float, step: float) -> None:
         """Whether the lists will be used up by the next step."""
-        self.time, self.news = time, bool(self.pairs.due(time, step)) or due_to_delete(self)
+        self.time, self.news = time, bool(self.pairs.due(time, step)) or self.deletion.due()
 
     def drift(self, first: int, last: int, step: float) -> None:
         """Move particles first..last-1."""
@@ -186,6 +187,7 @@ class UpdatedLagrangianSPH(PairMethod):
 
     def first_pass(self, drift: float) -> None:
         """Velocity gradients, moments and divergences; ghosts drift as their owners did before the message."""
+        self.deletion.carry_out()
         owned = self.owned
         self.sweeps.rates(lambda: self.drift(owned, owned + self.particles.ghosts, drift))
 
@@ -205,9 +207,8 @@ class UpdatedLagrangianSPH(PairMethod):
         ledger.add_term("leapfrog_oscillation", second[2] - first[2])
         ledger.add_term("heat_supplied", self.supplied)
         ledger.add_term("heat_stored", self.supplied_to_stored)
-        for name, energy in (self.updates.taken() | self.deleted).items():
+        for name, energy in (self.updates.taken() | self.deletion.taken()).items():
             ledger.add_term(name, energy)
-        self.deleted = {}
 
     def advance_state(self, time: float, step: float) -> tuple[bool, float, float]:
         """State and records after a step [s] to a time [s]; sound, plastic heat and numerical loss [J]."""
