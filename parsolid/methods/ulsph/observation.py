@@ -4,6 +4,8 @@ from typing import Any
 
 import numpy as np
 
+from parsolid.methods import failed_matter
+
 
 def shown(system: Any, name: str, first: int, last: int) -> np.ndarray | None:
     """Cauchy stress (n, 3, 3) [Pa] Jacobian rho_0/rho (n,), internal energy per reference
@@ -32,6 +34,9 @@ def shown(system: Any, name: str, first: int, last: int) -> np.ndarray | None:
 def measure(system: Any, name: str) -> tuple[str, np.ndarray]:
     """ "sum", "minimum" or "maximum", and this rank's part, of one of the settings' quantities."""
     rows, mass = system.particles.owned_rows, system.mass[: system.owned]
+    failed = failed_matter.measure(system.particles, mass, name) if "damage" in system.particles else None
+    if failed is not None:
+        return failed
     if name == "maximum_deviator_norm":
         squares = rows("deviator") ** 2
         shears = squares[:, 3:].sum(axis=1)
