@@ -11,6 +11,7 @@ from parsolid.materials.viscoelastic.prony import Prony, algorithmic_factor
 from parsolid.methods.peridynamics.bond_force import BondForce
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.methods.peridynamics.tensor_history import is_small_strain
+from parsolid.methods.peridynamics.unlike_series import UnlikeSeries
 from parsolid.methods.peridynamics.viscoelastic_history import ViscoelasticHistory, series_of
 
 _SHIFT = 1e-6
@@ -73,7 +74,7 @@ class Operator:
     [s] is the length of the material step that starts at the last committed state, 0.0 a jump.
     """
 
-    def __init__(self, engine: BondForce, history: ViscoelasticHistory, loads: PeridynamicLoads) -> None:
+    def __init__(self, engine: BondForce, history: ViscoelasticHistory | UnlikeSeries, loads: PeridynamicLoads) -> None:
         self.engine, self.history, self.loads = engine, history, loads
         self.dimension, self.comm = loads.free.shape[1], engine.bond_system.comm
         linear = all(is_small_strain(law) for _, _, law in history.laws)
@@ -132,10 +133,9 @@ class Operator:
         if step != self.step:
             self.step = step
             self.tangents = [(first, last, algorithmic_law(law, step)) for first, last, law in self.history.laws]
-        d, engine = self.dimension, self.engine
         self.history.begin(step)
-        engine.field[: engine.owned, :d] = self.history.factor[:, None] * change
-        np.multiply(engine.evaluate_stiffness(self.tangents)[:, :d], -self.share[:, None], out=out)
+        force = self.history.stiffness_force(self.tangents, change)
+        np.multiply(force[:, : self.dimension], -self.share[:, None], out=out)
 
     @property
     def displacement(self) -> np.ndarray:
