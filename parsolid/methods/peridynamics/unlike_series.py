@@ -129,8 +129,7 @@ class UnlikeSeries:
         self.engine.prepare(0.0)
         for part in self.parts:
             part.start(instantaneous)
-        self._whole_force()
-        self.engine.settle()
+        self._settled_force()
         if not instantaneous:
             self.engine.relax_fully()
         self.resume()
@@ -141,8 +140,7 @@ class UnlikeSeries:
         for part in self.parts:
             part.resume()
             self._keep_sums(part)
-        self._whole_force()
-        self.engine.settle()
+        self._settled_force()
 
     def evaluate_anew(self) -> None:
         """Forces of the settled state and of each part of its history, after bonds were broken."""
@@ -150,8 +148,7 @@ class UnlikeSeries:
         for part in self.parts:
             part.evaluate_anew()
             self._keep_sums(part)
-        self._whole_force()
-        self.engine.settle()
+        self._settled_force()
 
     def stored_energy(self) -> float:
         """Of all series [J], in the settled state."""
@@ -160,6 +157,10 @@ class UnlikeSeries:
     def _keep_sums(self, part: ViscoelasticHistory) -> None:
         mine = part.engine.mine
         self.sums[mine] = self.engine.particles.storage("pair_sums")[mine]
+
+    def _settled_force(self) -> None:
+        self._whole_force()
+        self.engine.settle()
 
     def _whole_force(self) -> np.ndarray:
         # gradients of each particle's own relaxing displacement, for its stress
