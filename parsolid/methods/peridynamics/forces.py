@@ -8,6 +8,7 @@ from parsolid.collective import raise_together
 from parsolid.materials.blocks import block_numbers, material_blocks
 from parsolid.materials.damage.bond_based import BondBased, micromodulus
 from parsolid.materials.registry import laws_of
+from parsolid.materials.viscoelastic.hyperelastic_series import HyperelasticSeries
 from parsolid.methods.peridynamics.bond_based import BondBasedForce, BondBasedHistory
 from parsolid.methods.peridynamics.bond_force import BondForce
 from parsolid.methods.peridynamics.bond_system import build_bond_system, horizons
@@ -118,4 +119,8 @@ def _faults(scene: Any, laws: list[Any], series: list[Any]) -> str | None:
     damage = scene.method.damage
     if len(series) > 1 and damage is not None and damage.criterion == "energy":
         return "method.damage.criterion: expected 'stretch' where bodies relax differently, found 'energy'"
+    state = scene.method.state(scene.dimension)
+    for index, law in enumerate(laws):
+        if isinstance(law, HyperelasticSeries) and state in ("bar", "plane-stress"):
+            return f"bodies.{index}.material.base: expected plane strain or space, found {state!r}"
     return _kinds_mixed(laws)

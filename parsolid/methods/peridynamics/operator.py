@@ -7,6 +7,7 @@ import numpy as np
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.damage.bond_based import BondBased
 from parsolid.materials.hyperelastic.law import elastic_moduli
+from parsolid.materials.viscoelastic.hyperelastic_series import HyperelasticSeries
 from parsolid.materials.viscoelastic.prony import Prony, algorithmic_factor
 from parsolid.methods.peridynamics.bond_force import BondForce
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
@@ -24,6 +25,8 @@ def algorithmic_law(law: Prony, step: float) -> Prony:
     if isinstance(law, BondBased):
         # its engine needs no constants to be linear
         return Prony(law.density, 0.0, 0.0, None, None, None, None, None)
+    if isinstance(law, HyperelasticSeries):
+        return Prony(law.density, *elastic_moduli(law.solid), None, None, None, None, None)
     if not isinstance(law, Prony):
         return _undeformed(law, step)
     factor = algorithmic_factor(law, step)

@@ -11,6 +11,7 @@ import numpy as np
 from decomposition.compiled import compiled
 from decomposition.recalled import RecalledEach
 from parsolid.materials.hyperelastic.law import elastic_moduli
+from parsolid.materials.viscoelastic.hyperelastic_series import HyperelasticSeries
 from parsolid.materials.viscoelastic.prony import Prony, branch_weights, dissipation_weights
 from parsolid.particles.declaration import Field
 
@@ -69,7 +70,7 @@ def settle(first, last, ratios, weights, shares, share, new, old, terms, force, 
 def series_of(law) -> tuple:
     """gamma_j and tau_j [s] of a law's branches, of Maxwell solids relative to the equilibrium shear modulus."""
     times = law.relaxation_times or ()
-    if isinstance(law, Prony):
+    if isinstance(law, Prony | HyperelasticSeries):
         return law.ratios or (), times
     if not law.branch_moduli:
         return (), times
