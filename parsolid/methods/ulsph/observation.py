@@ -81,3 +81,11 @@ def beyond_its_law(system: Any) -> tuple[int, str] | None:
             ratio = block.law.density / body.density[0, index]
             return index, f"it is compressed beyond its equation of state (to {ratio:.4g} of its volume)"
     return None
+
+
+def advice(settings: Any) -> str:
+    """What most likely helps when a run goes wrong."""
+    hints = [f"a smaller method.cfl (it is {settings.cfl:g}; 0.3 is stable)"] if settings.cfl > 0.3 else []
+    if not settings.viscosity:
+        hints.append("method.viscosity (there is none)")
+    return ", or ".join([*hints, "more particles", "a milder load"])

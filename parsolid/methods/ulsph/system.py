@@ -15,7 +15,7 @@ from parsolid.methods.ulsph import kinematics as motion
 from parsolid.methods.ulsph.boundaries import BoundarySet
 from parsolid.methods.ulsph.deletion import Deletion
 from parsolid.methods.ulsph.fields import declare_motion, declare_state
-from parsolid.methods.ulsph.observation import measure, shown, unsound
+from parsolid.methods.ulsph.observation import advice, measure, shown, unsound
 from parsolid.methods.ulsph.sweeps import Sweeps
 from parsolid.methods.ulsph.terms import (
     ArtificialViscosity,
@@ -316,12 +316,7 @@ class UpdatedLagrangianSPH(PairMethod):
 
     def advice(self) -> str:
         """What most likely helps."""
-        hints = (
-            [f"a smaller method.cfl (it is {self.settings.cfl:g}; 0.3 is stable)"] if self.settings.cfl > 0.3 else []
-        )
-        if not self.settings.viscosity:
-            hints.append("method.viscosity (there is none)")
-        return ", or ".join([*hints, "more particles", "a milder load"])
+        return advice(self.settings)
 
     def bytes_a_step(self) -> int:
         """Two messages a step; particles that change their rank come on top."""
