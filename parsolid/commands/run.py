@@ -2,17 +2,20 @@
 
 import time as clock
 from argparse import Namespace
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
 from mpi4py import MPI
 
+from decomposition.compiled import LISTENERS, folder
 from parsolid.collective import SolverError, anywhere
 from parsolid.commands.check_advice import advice, scene_advice
+from parsolid.contact.relations import relations
 from parsolid.output.checkpoint import find_checkpoint
 from parsolid.output.directory import occupy
 from parsolid.output.errors import OutputError, together
-from parsolid.output.progress import Progress
+from parsolid.output.progress import Compilations, Progress
 from parsolid.output.summary import provenance, write_summary
 from parsolid.output.whereabouts import HERE
 from parsolid.scene import Scene, SceneError, dump_scene, load_scene, packaged_scene
@@ -28,30 +31,66 @@ from parsolid.simulation.warmup import warm_up
 TO_BE_CONTINUED = 75
 
 
-def load(comm: MPI.Intracomm, options: Namespace) -> Scene:
-    """The scene of a command line, read by rank 0 alone; the same on all ranks. Raises SceneError on all ranks."""
+def bcast_scene(comm: MPI.Intracomm, read: Callable[[], Scene]) -> Scene:
+    """What rank 0 alone reads, the same on all ranks. Raises SceneError on all ranks."""
     scene = error = None
     if comm.rank == 0:
-        overrides = list(options.set)
-        if options.end_time is not None:
-            overrides.append(f"end_time={options.end_time!r}")
         try:
-            scene = load_scene(options.scene or packaged_scene(), overrides, options.trust_code)
+            scene = read()
         except SceneError as found:
             error = found.faults
-    read: Scene
-    read, error = comm.bcast((scene, error))
+    known: Scene
+    known, error = comm.bcast((scene, error))
     if error is not None:
         raise SceneError(error)
-    return read
+    return known
+
+
+def load(comm: MPI.Intracomm, options: Namespace) -> Scene:
+    """The scene of a command line, read by rank 0 alone; the same on all ranks. Raises SceneError on all ranks."""
+    overrides = list(options.set)
+    if options.end_time is not None:
+        overrides.append(f"end_time={options.end_time!r}")
+    path = _stated_scene(options)
+    return bcast_scene(comm, lambda: _load(path, overrides, options))
+
+
+def _stated_scene(options: Namespace) -> Path | str:
+    """The scene's file: the one that is named, that of the run which is continued, or the packaged one."""
+    restart = getattr(options, "restart", None)
+    if options.scene is None and restart and restart.endswith(".toml"):
+        # "--restart SCENE": the words stand in the other order
+        options.scene, options.restart = restart, ""
+    elif options.scene is None and (restart or (restart is not None and options.output)):
+        folder = Path(restart).parent if restart else Path(options.output)
+        options.output = options.output or str(folder)
+        return folder / "scene.toml"
+    return options.scene or packaged_scene()
+
+
+def _load(path: Path | str, overrides: list[str], options: Namespace) -> Scene:
+    """For one rank. Raises SceneError."""
+    restart = getattr(options, "restart", None)
+    if options.scene is None and restart and not Path(restart).is_file():
+        raise SceneError([f"--restart {restart}: expected a checkpoint, found no such file"])
+    if options.scene is None and restart is not None and not Path(path).is_file():
+        raise SceneError([f"{path}: expected the scene of the run to go on with, found none"])
+    return load_scene(path, overrides, options.trust_code)
 
 
 def run(comm: MPI.Intracomm, options: Namespace) -> int:
     """Run a scene to its end; the exit status. Collective."""
     began = clock.perf_counter()
     REQUEST.install()
-    scene = load(comm, options)
+    return run_scene(comm, load(comm, options), options, began)
+
+
+def run_scene(comm: MPI.Intracomm, scene: Scene, options: Namespace, began: float) -> int:
+    """Run a scene with the options of a command line; began: reading of the performance counter [s]. Collective."""
     with ExitStack() as kept:
+        if comm.rank == 0 and not options.quiet:
+            LISTENERS.append(Compilations(folder()))
+            kept.callback(LISTENERS.clear)
         try:
             simulation, files, restart = _set_up(comm, scene, options, kept)
         except OutputError as error:
@@ -70,10 +109,10 @@ def _run_in(
 ) -> int:
     """Run a simulation into its files; began: reading of the performance counter at the command's start [s]."""
     scene = simulation.scene
-    progress = None
+    progress, meetings = None, relations(comm, scene, simulation.systems)
     if comm.rank == 0:
         level = 0 if options.quiet else 2 if options.verbose else 1
-        notes = [*scene_advice(scene), *(restart.notes if restart else ())]
+        notes = [*scene_advice(scene), *(restart.notes if restart else ()), *meetings]
         for note in notes if level else ():
             print(f"note: {note}", flush=True)
         progress = Progress(scene.title, scene.end_time, simulation.particles, level)

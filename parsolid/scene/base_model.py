@@ -10,6 +10,9 @@ from parsolid.scene.validation_errors import NOTHING, suggestion, told
 
 AXES = ("X", "Y", "Z")
 
+# sizes of numbers of which products of five are within what floating-point numbers hold
+LEAST, MOST = 1e-60, 1e60
+
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 
@@ -111,6 +114,10 @@ class ByKind:
         """What needs no validation any more."""
         return tuple(self.models.values())
 
+    def tables(self) -> dict[str, type[SceneModel]]:
+        """Every kind and its model, of any method."""
+        return self.models
+
     def allowed(self, info: ValidationInfo, table: object = None) -> list[str]:
         """Kinds that the scene's method knows, or that of the body which a raw table names, in the method's order."""
         method = method_of(info, table)
@@ -144,6 +151,23 @@ class ByKind:
         """The model for a table's kind, None when there is no such kind."""
         kind = table.get("kind") if isinstance(table, dict) else None
         return self.models.get(kind) if isinstance(kind, str) else None
+
+
+class TableOr:
+    """The type of a field that holds a model, or one value that stands for none."""
+
+    def __init__(self, model: type[SceneModel], none: object) -> None:
+        self.model, self.none = model, none
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        return core_schema.with_info_plain_validator_function(self._validate)
+
+    def _validate(self, value: Any, info: ValidationInfo) -> Any:
+        if value is self.none or isinstance(value, self.model):
+            return value
+        if not isinstance(value, dict):
+            raise mismatch(f"a table or {told(self.none).lower()}", value)
+        return self.model.model_validate(value, context=info.context)
 
 
 def by_kind(*models: type[SceneModel], known: str = "") -> Any:

@@ -35,13 +35,13 @@ class FilledShape(SceneModel):
     """
 
     at_most_one: ClassVar = (("particles", "spacing"),)
-    name: Name | None = None
+    name: Name | None = Field(None, description="by which other tables call the body")
     shape: Shape
     particles: list[Annotated[int, Field(ge=1, le=10**12)]] | None = None
-    spacing: list[Positive] | None = None
+    spacing: list[Positive] | None = Field(None, json_schema_extra={"or": "number"})
     placement: Placement | None = Field(None, description="'nodes' or 'cells'")
     jitter: float = Field(0.0, ge=0.0, lt=0.5)
-    seed: int = Field(0, ge=0)
+    seed: int = Field(0, ge=0, description="of the random offsets")
 
     @field_validator("spacing", mode="before")
     @classmethod
@@ -92,9 +92,9 @@ class Body(FilledShape):
     Without `deformation_gradient` the initial one is that of `displacement`, and without either the identity.
     """
 
-    velocity: InitialVector | None = None
-    displacement: InitialVector | None = None
-    deformation_gradient: InitialMatrix | None = None
+    velocity: InitialVector | None = Field(None, description="a formula in X, Y, Z for each component [m/s]")
+    displacement: InitialVector | None = Field(None, description="the initial one, a formula for each component [m]")
+    deformation_gradient: InitialMatrix | None = Field(None, description="the initial one, rows of formulas")
     temperature: InitialScalar | None = Field(
         None, description="the initial temperature [K], that of the material unless given"
     )

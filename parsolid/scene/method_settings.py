@@ -1,5 +1,6 @@
 """What the settings of all methods have in common."""
 
+from collections.abc import Iterable
 from typing import Any, ClassVar
 
 from pydantic import Field, model_validator
@@ -18,8 +19,9 @@ class MethodSettings(SceneModel):
     boundaries: the kinds that it knows; declared_fields: declarations that a scene often names (of others the code is
     asked); extra_fields, extra_quantities: what the method computes -> "scalar", "vector" or "tensor"; pictured_fields:
     what colours the bodies, the first that was written; loads: keys of the table of that name; ledger_terms: see
-    `ledger.Ledger`; viscous_terms: those of them that artificial viscosity fills; shared_field: whether bodies stick
-    together on a field of velocities that they share, so that those which do not need systems of their own.
+    `ledger.Ledger`; viscous_terms: those of them that artificial viscosity fills; bodies_meet: whether bodies that come
+    together feel each other without contact; shared_field: whether bodies stick together on a field of velocities that
+    they share, so that those which do not need systems of their own.
     """
 
     system: ClassVar[str]
@@ -34,6 +36,7 @@ class MethodSettings(SceneModel):
     pictured_fields: ClassVar[tuple[str, ...]] = ("pressure",)
     ledger_terms: ClassVar[dict[str, int]] = {}
     viscous_terms: ClassVar[tuple[str, ...]] = ()
+    bodies_meet: ClassVar[bool] = True
     kind: str
     maximum_step: Positive | None = Field(None, description="the largest time step [s]")
     minimum_step: Positive | None = Field(None, description="the time step [s] below which the run stops")
@@ -48,6 +51,13 @@ class MethodSettings(SceneModel):
         """Name -> kind of the fields that the method is known to have, without its code."""
         kinds = {field.name: field.kind(dimension or 3) for field in cls.declared_fields}
         return {name: kind for name, kind in kinds.items() if kind} | cls.extra_fields
+
+    def energy_terms(self, materials: Iterable[Any]) -> dict[str, int]:
+        """The method's `ledger_terms`, and those of the materials of its bodies."""
+        terms = dict(self.ledger_terms)
+        for material in materials:
+            terms |= getattr(material, "ledger_terms", {})
+        return terms
 
     def scene_faults(self, scene: Any) -> list[Detail]:
         """What the method cannot make of a scene's other tables: (location, expected, found)."""
@@ -68,3 +78,13 @@ class MethodSettings(SceneModel):
         if self.balance_warning > self.balance_limit:
             reject((("balance_warning",), f"at most balance_limit = {self.balance_limit:g}", self.balance_warning))
         return self
+
+
+def named_observables(scene: Any) -> list[tuple[tuple[Any, ...], Any]]:
+    """Location and name of the fields and quantities that a scene asks for."""
+    named: list[tuple[tuple[Any, ...], Any]] = []
+    named += [(("output", "fields", i), name) for i, name in enumerate(scene.output.fields or ())]
+    for i, probe in enumerate(scene.probes):
+        named += [(("probes", i, "fields", k), name) for k, name in enumerate(probe.fields or ())]
+        named.append((("probes", i, "quantity"), probe.quantity))
+    return named

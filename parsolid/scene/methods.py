@@ -34,6 +34,11 @@ _SETTINGS = _settings_of_all_methods()
 Method: Any = by_kind(*_SETTINGS)
 
 
+def method_kinds() -> tuple[str, ...]:
+    """Names of all methods."""
+    return tuple(ByKind(_SETTINGS).models)
+
+
 def settings_class(table: object) -> type[MethodSettings] | None:
     """The class of a raw table's settings; None when it names no method."""
     kinds: Any = ByKind(_SETTINGS)

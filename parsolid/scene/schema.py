@@ -28,16 +28,18 @@ MOST_OUTPUTS = {"history_interval": 10**7, "fields_interval": 10**5, "checkpoint
 class Scene(SceneModel):
     """Everything that a run needs to know, in SI units; made by `load_scene` or `parse_scene`."""
 
-    title: str = ""
+    title: str = Field("", description="what the run is called")
     dimension: Literal[1, 2, 3] = Field(description="1, 2 or 3, as the method allows")
     end_time: Positive = Field(description="the simulated time [s]")
     method: Method = Field(None, description="a table with the key kind")
-    methods: Annotated[list[NamedMethodTable], Field(min_length=1)] | None = None
+    methods: Annotated[list[NamedMethodTable], Field(min_length=1)] | None = Field(
+        None, description="in place of method: several, with names, of which each body names one"
+    )
     bodies: Annotated[list[OwnBody], Field(min_length=1)] = Field(description="at least one body")
-    boundaries: list[Boundary] = []
+    boundaries: list[Boundary] = Field([], description="supports, loads on surfaces and prescribed motion")
     loads: Loads = Loads()
-    contact: list[Contact] = []
-    probes: list[ProbeTable] = []
+    contact: list[Contact] = Field([], description="bodies that meet")
+    probes: list[ProbeTable] = Field([], description="what is watched: columns of history.csv")
     output: Output = Output()
     reference: Reference | None = None
 

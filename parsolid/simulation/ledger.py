@@ -8,6 +8,7 @@ import numpy as np
 from parsolid.methods.protocol import EnergyLedger
 from parsolid.scene import Scene
 from parsolid.scene.contact import CONTACT_TERMS
+from parsolid.scene.systems import SystemOfScene
 
 ACCUMULATED = ("dissipation_internal", "dissipation_numerical", "work_external")
 COLUMNS = ("kinetic", "stored", *ACCUMULATED, "balance")
@@ -84,12 +85,9 @@ def names_of_terms(scene: Scene) -> list[dict[str, str]]:
     signs: dict[str, int] = {}
     names = []
     for system in scene.systems:
-        settings = system.settings
-        own = {
-            name: name if signs.get(name, sign) == sign else f"{name}_{settings.kind}"
-            for name, sign in settings.ledger_terms.items()
-        }
-        signs |= {own[name]: sign for name, sign in settings.ledger_terms.items()}
+        terms, kind = _own_terms(scene, system), system.settings.kind
+        own = {name: name if signs.get(name, sign) == sign else f"{name}_{kind}" for name, sign in terms.items()}
+        signs |= {own[name]: sign for name, sign in terms.items()}
         names.append(own)
     return names
 
@@ -101,7 +99,12 @@ def viscous_terms_of(scene: Scene) -> tuple[str, ...]:
 
 
 def terms_of(scene: Scene) -> dict[str, int]:
-    """The energy terms that the methods and contacts of a scene add, with their signs."""
+    """The energy terms that the methods and contacts of a scene and their bodies' materials add, with their signs."""
     named = zip(scene.systems, names_of_terms(scene))
-    terms = {names[one]: sign for system, names in named for one, sign in system.settings.ledger_terms.items()}
+    terms = {names[one]: sign for system, names in named for one, sign in _own_terms(scene, system).items()}
     return terms | (CONTACT_TERMS if scene.contact else {})
+
+
+def _own_terms(scene: Scene, system: SystemOfScene) -> dict[str, int]:
+    """Those of one system, with the names that its method gives them."""
+    return system.settings.energy_terms(scene.bodies[i].material for i in system.bodies)

@@ -100,6 +100,16 @@ class Results:
         return [(file, layout) for file, layout, _ in found], times
 
     @property
+    def tables(self) -> dict[str, Any]:
+        """The scene as the run resolved it."""
+        return self._tables
+
+    @property
+    def layout(self) -> Any:
+        """What fields the file holds, see `output.vtkhdf.Layout`. Raises SceneError when there are none."""
+        return self._published[0]
+
+    @property
     def times(self) -> np.ndarray:
         """Times at which fields were written [s]."""
         return self._published[1]

@@ -18,6 +18,7 @@ from parsolid.collective import maximum
 from parsolid.materials.hyperelastic.law import elastic_moduli
 from parsolid.materials.plastic import plastic_evaluation
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
+from parsolid.methods import failed_matter
 from parsolid.methods.mpm.conduction import Conduction, common_conductivity, conducts
 from parsolid.methods.mpm.grid import kinetic_energy
 from parsolid.methods.mpm.grid_conditions import GridConditions
@@ -85,6 +86,7 @@ class MaterialPoint(ParticleSystem):
 
     def resume(self) -> None:
         """Continue with the checkpoint's owners of cells; on other ranks with new ones; collective."""
+        self.points.without_deleted()
         self.residence.deal_out(self.partition)
         self.stress.resume()
         self._look_at_heat()
@@ -229,6 +231,11 @@ class MaterialPoint(ParticleSystem):
             field = name.removeprefix("maximum_")
             values = rows(field) if field in self.particles else np.zeros(0)
             return "maximum", np.array([values.max(initial=0.0)])
+        failed = (
+            failed_matter.measure(self.particles, self.mass[: self.owned], name) if "damage" in self.particles else None
+        )
+        if failed is not None:
+            return failed
         if name == "plastic_work":
             return "sum", np.array([self.materials.plastic_work])
         if name in ("heat", "entropy"):
@@ -273,10 +280,11 @@ class MaterialPoint(ParticleSystem):
         """Particles that changed their rank, how often cells were dealt out anew, and particles that have melted if any
         can.
         """
-        result = {
+        result: dict[str, Any] = {
             "migrated_particles": self.comm.allreduce(self.grid.migrated),
             "rebalanced": self.residence.rebalanced,
         }
+        result |= failed_matter.summary(self.comm, self.points, self.mass[: self.owned])
         if can_melt(self.points):
             ratios = homologous_temperatures(self.points)
             result["melted_particles"] = self.comm.allreduce(int((ratios >= 1.0).sum()))
