@@ -1,0 +1,79 @@
+"""Two bars that meet, each of any method: python docs/bars_of_methods.py tlsph mpm 25 50, see mixed.md."""
+
+import sys
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from parsolid.scene import Scene, parse_scene
+from parsolid.simulation.loop import Limits, Simulation, StopRequest
+
+DENSITY, YOUNG, POISSON = 1000.0, 17e6, 0.3
+SPEED = np.sqrt(YOUNG * (1 - POISSON) / ((1 + POISSON) * (1 - 2 * POISSON)) / DENSITY)
+CLOSING = 0.0172 * SPEED
+RUBBER = {"kind": "neo-hookean", "density": DENSITY, "youngs_modulus": YOUNG, "poissons_ratio": POISSON}
+STRONG = {
+    "kind": "elastic-plastic",
+    "density": DENSITY,
+    "youngs_modulus": YOUNG,
+    "poissons_ratio": POISSON,
+    "specific_heat": 1000.0,
+    "taylor_quinney": 0.9,
+    "flow_stress": {"kind": "linear-hardening", "yield_stress": 1e12, "hardening": 0.0},
+}
+
+
+def bars(kinds: list[str], count: int) -> Scene:
+    """Bars of 1 m and 10 spacings, half a spacing apart, guided at their sides."""
+    h, bodies = 1.0 / count, []
+    settings: dict[str, Any] = {"tlsph": {}, "peridynamics": {}, "mpm": {"cell": 2 * h}, "ulsph": {"viscosity": False}}
+    for number, kind in enumerate(kinds):
+        nodes, lower = kind == "tlsph", [0.0 if number else -1.0 - 0.5 * h, 0.0]
+        body = {"name": "ab"[number], "shape": {"box": {"lower": lower, "upper": [lower[0] + 1.0, 10 * h]}}}
+        body |= {"particles": [count + nodes, 10 + nodes], "placement": "nodes" if nodes else "cells", "method": kind}
+        body |= {"velocity": [(0.5 - number) * CLOSING, 0.0], "material": STRONG if kind == "ulsph" else RUBBER}
+        bodies.append(body)
+    methods = [{"name": kind, "kind": kind} | settings[kind] for kind in dict.fromkeys(kinds)]
+    guides = [{"plane": f"Y = {place}", "kind": "roller"} for place in (0.0, 10 * h)]
+    data = {"dimension": 2, "end_time": 3.7 / SPEED, "methods": methods, "bodies": bodies, "boundaries": guides}
+    return parse_scene(data | {"contact": [{"bodies": ["a", "b"]}]})
+
+
+class Rows:
+    """The ledger after every step, and the mean velocity of the first bar."""
+
+    def __init__(self) -> None:
+        self.rows: list[tuple[float, ...]] = []
+
+    def look(self, simulation: Simulation) -> None:
+        """Take a row."""
+        system, row = simulation.systems[0], simulation.energy_row()
+        first = system.particles.owned_rows("body") == 0
+        mass = (system.mass[: system.owned] * system.share[: system.owned])[first]
+        velocity = system.particles.owned_rows("velocity")[first, 0]
+        names = ("kinetic", "contact_energy", "balance", "dissipation_numerical")
+        self.rows.append((simulation.clock.time, float(mass @ velocity / mass.sum()), *(row[name] for name in names)))
+
+    def wall_checkpoint_due(self) -> bool:
+        """Never."""
+        return False
+
+
+def main() -> None:
+    """A line for each number of spacings."""
+    for count in map(int, sys.argv[3:]):
+        rows = Rows()
+        Simulation(MPI.COMM_SELF, bars(sys.argv[1:3], count)).run(rows, Limits(), StopRequest())
+        time, velocity, kinetic, contact, balance, lost = np.array(rows.rows).T
+        touching = time[contact > 1e-9 * kinetic[0]]
+        print(
+            f"{' and '.join(sys.argv[1:3])}, {count} spacings: restitution {-velocity[-1] / velocity[0]:.3f}, contact "
+            f"{(touching[-1] - touching[0]) * SPEED / 2:.3f} of 2 L/c, lost {lost[-1] / kinetic[0]:.3f}, "
+            f"residual {np.abs(balance).max() / kinetic[0]:.2g}",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()
