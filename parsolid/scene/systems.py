@@ -40,7 +40,7 @@ def systems_of(scene: "Scene") -> tuple[SystemOfScene, ...]:
     result = []
     for name, place, settings, bodies in stated:
         groups = fields_of(bodies, scene.apart) if settings.shared_field else [bodies]
-        for number, group in enumerate(groups):
+        for number, group in enumerate(groups if bodies else ()):
             told = f"{name or settings.kind}-{number + 1}" if len(groups) > 1 else name
             result.append(SystemOfScene(settings, group, told, place))
     return tuple(result)
