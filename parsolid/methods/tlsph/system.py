@@ -138,6 +138,8 @@ class TotalLagrangianSPH(PairMethod):
             rows("cofactor")[:] = cofactor.reshape(owned, 9)
         if self.boundaries.clamp is not None:
             rows("velocity")[:] *= self.boundaries.clamp[:, :d]
+        if self.boundaries.surfaces is not None:
+            self.boundaries.surfaces.stop(rows("velocity"))
         self.boundaries.prescribe(0.0, self.kinematics)
         self.prescribed_energy_gain()
 
@@ -187,8 +189,10 @@ class TotalLagrangianSPH(PairMethod):
     def stable_step(self) -> float:
         """Largest step [s] here, eq (79) with the exact c_max over all directions, or leapfrog's."""
         if self.leapfrog is not None:
-            return min((self.leapfrog.stable_step(block) for block in self.blocks), default=np.inf)
-        return min((self._group_step(block, self._modulus(block)) for block in self.blocks), default=np.inf)
+            steps = [self.leapfrog.stable_step(block) for block in self.blocks]
+            return min(self.boundaries.largest_step, *steps, np.inf)
+        steps = [self._group_step(block, self._modulus(block)) for block in self.blocks]
+        return min(self.boundaries.largest_step, *steps, np.inf)
 
     def _modulus(self, block: MaterialBlock) -> float:
         return largest_wave_modulus(self.space, block.first, block.last, block.law, self.body_of(block))
@@ -218,7 +222,18 @@ class TotalLagrangianSPH(PairMethod):
             announce(False, 0.0)
             return False
         advance = self.advance_in_stages if self.leapfrog is None else self.leapfrog.advance
-        return advance(time, step, ledger, announce)
+        reactions = self.boundaries.reactions
+        if reactions is not None:
+            reactions.begin()
+        sound = advance(time, step, ledger, announce)
+        self.boundaries.place(time + step)
+        if reactions is not None:
+            reactions.finish(step, self.mass, self.share, ledger)
+        return sound
+
+    def reaction(self, name: str) -> np.ndarray | None:
+        """Of the last step."""
+        return None if self.boundaries.reactions is None else self.boundaries.reactions.told(name)
 
     def advance_in_stages(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """One step, stage by stage of the integrator, as eqs (70)-(77) say."""
@@ -238,7 +253,8 @@ class TotalLagrangianSPH(PairMethod):
     def advance_deformation(self, stage: Stage, step: float) -> tuple[bool, float, float]:
         """Stress at a stage, and F, H, J after it; (sound, internal dissipation rate [W], stable step [s] after the
         last stage)."""
-        sound, dissipation, stable = True, 0.0, np.inf
+        sound, dissipation, stable = True, 0.0, self.boundaries.largest_step
+        self.boundaries.look()
         for block in self.blocks:
             to_stage = block.relaxation(stage.time * step)
             to_end = block.relaxation(step) if stage.last else to_stage
@@ -253,14 +269,16 @@ class TotalLagrangianSPH(PairMethod):
     def advance_motion(self, stage: Stage, time: float, step: float) -> tuple[float, float]:
         """v and x of a stage; (numerical dissipation rate, external power) [W]."""
         boundaries, stored, mass, share = self.boundaries, self.particles.storage, self.mass, self.share
-        loads = boundaries.loads_at(time + stage.time * step)
         kinematics, force = stored("kinematics"), stored("pair_force")
+        loads, _ = boundaries.meet(time + stage.time * step, stage.time > 0.0, force, mass, share)
+        if boundaries.reactions is not None:
+            boundaries.reactions.book(stage.quadrature, stage.quadrature * step)
         held = boundaries.prescribed_power(kinematics, force, mass, share, loads)
         arrays = (kinematics, stored("motion_at_start"), force, stored("pair_sums"))
         dissipation, power = self._advance_motion(
             self.space, self.owned, stage.update(step), *arrays, mass, share, loads, boundaries.clamp
         )
-        boundaries.prescribe(time + stage.next_time * step, kinematics)
+        boundaries.prescribe(time + stage.next_time * step, kinematics, before=not stage.last)
         return dissipation, held + power
 
     def prescribed_energy_gain(self) -> float:
