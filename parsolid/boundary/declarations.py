@@ -9,6 +9,7 @@ from parsolid.scene.base_model import Plane
 from parsolid.scene.boundaries import Condition
 from parsolid.scene.formulas import Formula
 from parsolid.scene.load_histories import LoadHistory
+from parsolid.scene.rigid_motion import RigidMotion
 from parsolid.scene.schema import Scene
 
 
@@ -44,12 +45,25 @@ class Support(Declared):
 
 
 @dataclass(frozen=True)
+class HeldRegion(Declared):
+    """Particles of a region with a name that do not move, or not along or across the normal of the surface there."""
+
+    name: ClassVar[str] = "a support in a region"
+    kind: str
+
+    @property
+    def sort(self) -> str:
+        return self.kind
+
+
+@dataclass(frozen=True)
 class PrescribedMotion(Declared):
-    """A velocity [m/s] or displacement [m] in a region; the last one holds."""
+    """A velocity [m/s] or displacement [m] in a region; the last one holds; turn: the motion of a rotation."""
 
     name: ClassVar[str] = "a prescribed motion"
     quantity: Literal["velocity", "displacement"]
-    course: LoadHistory
+    course: LoadHistory | RigidMotion
+    turn: RigidMotion | None = None
 
     @property
     def sort(self) -> str:
@@ -66,11 +80,37 @@ class SurfaceTraction(Declared):
 
 
 @dataclass(frozen=True)
+class RegionTraction(Declared):
+    """A traction [Pa] on the surface of bodies in a region with a name."""
+
+    name: ClassVar[str] = "a traction in a region"
+    course: LoadHistory
+
+
+@dataclass(frozen=True)
 class SurfacePressure(Declared):
     """A pressure [Pa] on a body's surface in a region."""
 
     name: ClassVar[str] = "a pressure on a surface"
     course: LoadHistory
+
+
+@dataclass(frozen=True)
+class FollowingPressure(Declared):
+    """A pressure [Pa] on the present surface."""
+
+    name: ClassVar[str] = "a pressure"
+    course: LoadHistory
+
+
+@dataclass(frozen=True)
+class SurfaceSpring(Declared):
+    """Springs [Pa/m] and dashpots [Pa s/m] to rest, along the normal alone or in all directions."""
+
+    name: ClassVar[str] = "springs"
+    stiffness: float
+    damping: float
+    normal: bool
 
 
 @dataclass(frozen=True)
@@ -161,13 +201,36 @@ class Declarations:
         mirror = MirrorPlane(plane.axis, plane.offset, kind, body)
         self._add(Support(self._key, where, mirror, mirrored))
 
-    def prescribe(self, where: Condition, quantity: Literal["velocity", "displacement"], course: LoadHistory) -> None:
-        """Motion in the condition's region; components that are None in its formulas are free."""
-        self._add(PrescribedMotion(self._key, where, quantity, course))
+    def hold(self, where: Condition, kind: str) -> None:
+        """A support without images in the condition's region; kind: "fixed", "roller" or "antisymmetric"."""
+        self._add(HeldRegion(self._key, where, kind))
+
+    def prescribe(
+        self, where: Condition, quantity: Literal["velocity", "displacement"], course: LoadHistory | RigidMotion
+    ) -> None:
+        """Motion in the condition's region; components that are None in its formulas are free.
+
+        Methods that take no displacement have the velocity of a rotation.
+        """
+        turn = course if isinstance(course, RigidMotion) else None
+        if turn is not None and quantity not in self.scene.method.prescribes:
+            quantity, course = "velocity", turn.velocity()
+        self._add(PrescribedMotion(self._key, where, quantity, course, turn))
 
     def traction(self, where: Condition, course: LoadHistory) -> None:
-        """A traction on the condition's plane."""
-        self._add(SurfaceTraction(self._key, where, self._plane(where), course))
+        """A traction on the condition's plane, or on the surface in its region."""
+        if where.plane is None:
+            self._add(RegionTraction(self._key, where, course))
+        else:
+            self._add(SurfaceTraction(self._key, where, where.plane, course))
+
+    def pressure(self, where: Condition, course: LoadHistory) -> None:
+        """A pressure that follows the surface."""
+        self._add(FollowingPressure(self._key, where, course))
+
+    def springs(self, where: Condition, stiffness: float, damping: float, normal: bool) -> None:
+        """Springs and dashpots on the surface."""
+        self._add(SurfaceSpring(self._key, where, stiffness, damping, normal))
 
     def surface_pressure(self, where: Condition, course: LoadHistory) -> None:
         """A pressure on the surface in the condition's region."""

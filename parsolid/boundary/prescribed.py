@@ -12,6 +12,7 @@ from parsolid.particles.container import Particles
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.load_histories import LoadHistory
 from parsolid.scene.regions import selected
+from parsolid.scene.rigid_motion import RigidMotion
 from parsolid.scene.schema import Scene
 
 
@@ -22,7 +23,8 @@ class _Component:
     quantity: str
     chosen: HasRows
     index: int
-    course: LoadHistory
+    course: LoadHistory | RigidMotion
+    motion: PrescribedMotion
     part: slice = field(default_factory=lambda: slice(0))
 
     @property
@@ -56,10 +58,11 @@ class PrescribedRows:
             chosen, free = selected(scene, one.where, particle_set, comm), one.course.free
             for index in np.flatnonzero(~free[:dimension])[::-1]:
                 # work is counted once: on what holds
-                wanted.append((one.quantity, chosen & ~taken[:, index], int(index), one.course.component(index)))
+                course = one.course.component(int(index))
+                wanted.append((one, chosen & ~taken[:, index], int(index), course))
                 taken[:, index] |= chosen
-        for quantity, mask, index, course in reversed(wanted):
-            self.components.append(_Component(quantity, particles.selection(mask), index, course))
+        for one, mask, index, course in reversed(wanted):
+            self.components.append(_Component(one.quantity, particles.selection(mask), index, course, one))
         self.guided = bool(self.components)
 
     def _look_up(self) -> None:
@@ -83,6 +86,15 @@ class PrescribedRows:
         """Rows and components (k,) of everything prescribed."""
         self._look_up()
         return self._entries
+
+    def of(self, motion: PrescribedMotion) -> tuple[np.ndarray, np.ndarray]:
+        """Rows (k,) of a motion's particles and which of their components (k, d) it prescribes."""
+        mine = [one for one in self.components if one.motion is motion]
+        mask = np.zeros((self.particles.owned, self.particles.owned_rows("reference_position").shape[1]), bool)
+        for one in mine:
+            mask[one.chosen.rows, one.index] = True
+        rows = np.flatnonzero(mask.any(axis=1))
+        return rows, mask[rows]
 
     def values(self, quantity: str, time: float, before: bool = False) -> np.ndarray:
         """(k,) for the entries at a time [s], after or before a jump of that time; 0 where another is prescribed."""

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.boundary.declarations import Support
+from parsolid.boundary.declarations import HeldRegion, Support
 from parsolid.boundary.mirror_planes import MirrorCodes, MirrorPlane, check_sides, mirror_codes
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.regions import selected
@@ -24,10 +24,12 @@ class Supports:
         comm: MPI.Comm,
         scene: Scene,
         supports: list[Support],
+        regions: list[HeldRegion],
         particle_set: ParticleSet,
         closed: frozenset[int] = frozenset(),
     ):
-        """closed: bodies whose operators end at a fixed plane, so that they have no images there.
+        """regions: held ones with a name, of which "fixed" is a clamp; closed: bodies whose operators end at a fixed
+        plane, so that they have no images there.
 
         Raises SolverError on all ranks when a mirror plane cuts a body. Collective.
         """
@@ -42,6 +44,9 @@ class Supports:
                 # cell-centred particles beside the plane move; their images hold them
                 chosen &= one.plane.contains(particle_set)
             self.held |= chosen[:, None] & one.plane.held(dimension)
+        for region in regions:
+            if region.kind == "fixed":
+                self.held |= selected(scene, region.where, particle_set, comm)[:, None]
         self.codes: MirrorCodes | None = mirror_codes(comm, self.planes, particle_set)
         count = np.zeros(len(particle_set))
         for plane in self.planes:

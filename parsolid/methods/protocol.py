@@ -173,6 +173,13 @@ class ParticleSystem:
         """
         raise NotImplementedError
 
+    def reaction(self, name: str) -> np.ndarray | None:
+        """Force (d,) [N] and moment (1 or 3,) [N m] of a condition that tells them, on this rank's particles.
+
+        None where no condition of this name is the method's.
+        """
+        return None
+
     def measure(self, name: str) -> tuple[str, np.ndarray]:
         """ "sum", "minimum" or "maximum", and this rank's part, of one of the settings' extra quantities."""
         raise KeyError(name)

@@ -23,6 +23,8 @@ from parsolid.pairs import closure_kernels as closure
 PASSES, ITERATIONS = 10, 10
 # what may be left over of a particle's face, |A_a + sum_b (L_a + L_b) g_ab| / V_a^((d-1)/d)
 LEFT_OVER = 0.5
+# of a pass, where all of it leads away from closed weights
+LEAST_PART = 1.0 / 16.0
 
 
 def surface_area(comm: Any, particle_set: Any, planes: Any, closed: np.ndarray) -> np.ndarray:
@@ -92,6 +94,17 @@ class Closure:
         for pairs, places in self.lists:
             closure.add_potential(pairs, places, correction, self.potential)
 
+    def take_back(self, correction: np.ndarray, share: float) -> None:
+        """Undo a share of what `improve` did with the same corrections."""
+        self.potential *= share
+        for pairs, places in self.lists:
+            closure.add_potential(pairs, places, correction, -self.potential)
+        self.potential *= (1.0 - share) / share
+
+    def distance(self, correction: np.ndarray) -> float:
+        """How far from closed all weights are, the root of a sum of squares [m^2]; collective."""
+        return self._sum(self.left_over(correction) ** 2) ** 0.5
+
     def _update(self) -> None:
         self.exchange.start()
         self.exchange.finish()
@@ -134,9 +147,19 @@ def close(pairs: Any, correction: np.ndarray, surface: Any, correct: Any) -> np.
     neighbours fit so badly that the passes diverge.
     """
     theorem = Closure(pairs, *surface)
+    distance = theorem.distance(correction)
     for _ in range(PASSES):
-        theorem.improve(correction)
+        held, part = correction.copy(), 1.0
+        theorem.improve(held)
         correction = correct()
+        # where particles are very uneven a whole pass may lead away
+        while theorem.distance(correction) >= distance and part > LEAST_PART:
+            part *= 0.5
+            theorem.take_back(held, 0.5 if part > LEAST_PART else 1.0)
+            correction = correct()
+        if part <= LEAST_PART:
+            break
+        distance = theorem.distance(correction)
     d = pairs.positions.shape[1]
     left_over = np.abs(theorem.left_over(correction)).max(axis=1) / pairs.volume[: pairs.owned] ** (1 - 1 / d)
     raise_together(pairs.comm, _fault(left_over, pairs.positions))
@@ -149,5 +172,6 @@ def _fault(left_over: np.ndarray, positions: np.ndarray) -> str | None:
     place = ", ".join(f"{x:.6g}" for x in positions[np.argmax(left_over)])
     return (
         "method.weights: expected particles whose volumes fit their distances, found one at "
-        f"({place}) of which {left_over.max():.2g} of a face is left over"
+        f"({place}) of which {left_over.max():.2g} of a face is left over, and {np.sum(left_over > LEFT_OVER)} like it "
+        '(a mesh without elements much smaller or flatter than their neighbours, or method.weights = "kernel")'
     )

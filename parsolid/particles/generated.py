@@ -31,3 +31,9 @@ def declare_generated(
     if particle_set.axes is not None:
         declare("axes", d * d, "1", particle_set.axes.reshape(count, d * d), mirror="tensor")
     declare("area", d, "m^2", particle_set.area, mirror="vector")
+    if particle_set.regions is not None:
+        # as vectors, so that one column is a column too
+        many: dict[str, Any] = {"checkpointed": True, "mirror": "vector"}
+        regions, surfaces = particle_set.regions, particle_set.surfaces
+        particles.declare(Field("regions", regions.shape[1], "bits", **many, whole=True), regions)
+        particles.declare(Field("surfaces", surfaces.shape[1], "bits", **many), surfaces)

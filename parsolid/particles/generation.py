@@ -7,15 +7,18 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.particles.memory import check_memory
+from parsolid.particles.mesh_pieces import MeshPieces
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.base_model import LEAST, MOST
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.formulas import Formula, FormulaVector
 from parsolid.scene.lattice import Filling
+from parsolid.scene.marks import mark_lattice
+from parsolid.scene.named_regions import Region
 from parsolid.scene.overlap import overlap_faults
 from parsolid.scene.regions import NOBODY, nearest_particles, selected
 from parsolid.scene.schema import Scene, unbounded_plane
-from parsolid.scene.validation_errors import SceneError, agree, fault, key_path
+from parsolid.scene.validation_errors import SceneError, agree, fault, key_path, suggestion
 
 
 def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:
@@ -26,7 +29,8 @@ def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:
     without particles or in another one, a plane that bounds no mesh, a region without particles, a probe away from all
     particles, and a formula that is not finite at some particle.
     """
-    fillings = _fillings(scene, comm)
+    fillings, known = _fillings(scene, comm), scene.named_regions
+    agree(comm, _mark_meshes(scene, fillings, known))
     check_memory(comm, sum(filling.count for filling in fillings))
     ends = np.cumsum([filling.count for filling in fillings])
     total = int(ends[-1])
@@ -35,13 +39,17 @@ def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:
     for i, filling in enumerate(fillings):
         start = int(ends[i]) - filling.count
         low, high = max(first - start, 0), min(last - start, filling.count)
+        if isinstance(filling, MeshPieces):
+            filling.deliver(low, high, len(known))
         if low < high:
             piece = filling.piece(low, high)
+            if known and piece.regions is None:
+                mark_lattice(piece, known, scene.bodies[i].placed_on == "nodes")
             piece.identifier += start
             piece.body[:] = i
             pieces.append(piece)
     coarsest = max(filling.coarsest for filling in fillings)
-    particle_set = ParticleSet.joined(pieces, scene.dimension)
+    particle_set = ParticleSet.joined(pieces, scene.dimension, len(known))
     agree(comm, overlap_faults(scene, fillings, particle_set, comm))
     del fillings
     everywhere = np.ones(len(particle_set), bool)
@@ -52,10 +60,14 @@ def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:
 
 
 def _fillings(scene: Scene, comm: MPI.Comm) -> list[Filling]:
-    fillings, faults = {}, []
+    fillings: dict[int, Filling] = {}
+    faults: list[str] = []
     for i, body in enumerate(scene.bodies):
         try:
-            fillings[i] = filling_of(body, scene.dimension)
+            if body.shape.kind == "mesh":
+                fillings[i] = MeshPieces(comm, body, scene.dimension)
+            else:
+                fillings[i] = filling_of(body, scene.dimension)
         except SceneError as error:
             faults += [f"{key_path(('bodies', i, 'shape', 'mesh', 'file'))}: {text}" for text in error.faults]
     agree(comm, faults)
@@ -66,10 +78,32 @@ def _fillings(scene: Scene, comm: MPI.Comm) -> list[Filling]:
         if not (np.isfinite(size).all() and LEAST < size.min() and np.abs([filling.lower, filling.upper]).max() < MOST):
             faults.append(fault(("bodies", i), f"a body with sides from {LEAST:g} to {MOST:g} m", size.tolist()))
     for i, boundary in enumerate(scene.boundaries):
-        if boundary.needs_bounding_plane:
+        if boundary.needs_bounding_plane and boundary.plane is not None:
             faults += unbounded_plane(i, boundary, dict(enumerate(scene.bodies)), fillings)
     agree(comm, faults)
     return list(fillings.values())
+
+
+def _mark_meshes(scene: Scene, fillings: list[Filling], known: dict[str, Region]) -> list[str]:
+    """Find the particles of meshes in regions; faults of groups that no mesh has."""
+    meshes = [filling for filling in fillings if isinstance(filling, MeshPieces)] if known else []
+    for mesh in meshes:
+        mesh.mark(known)
+    there = sorted({name for mesh in meshes for name in mesh.groups})
+    faults = []
+    for name, region in known.items():
+        for group in sorted(region.groups({}) - set(there) if not region.parts else ()):
+            known_names = ", ".join(map(repr, [*(one.name for one in scene.regions), *there])) or "there is none"
+            what = f"the name of a region or of a group of a mesh ({known_names}){suggestion(group, there)}"
+            faults.append(fault(_place_of(scene, name), what, group))
+    return faults
+
+
+def _place_of(scene: Scene, name: str) -> tuple[Any, ...]:
+    """Where a scene names a region."""
+    regions = [("regions", i, "group") for i, one in enumerate(scene.regions) if one.name == name]
+    conditions = [("boundaries", i, "where") for i, one in enumerate(scene.boundaries) if one.region_name == name]
+    return [*regions, *conditions, ("regions",)][0]
 
 
 def _distant_probes(scene: Scene, particle_set: ParticleSet, coarsest: float, comm: MPI.Comm) -> list[str]:

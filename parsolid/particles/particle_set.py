@@ -16,6 +16,8 @@ class ParticleSet:
     axes       (n, d, d)    rows = the particle's own orthonormal axes; None = Cartesian
     body       (n,) int32   index into the scene's bodies
     area       (n, d)       outward boundary area vector [m^2]: one component per direction, zero inside
+    regions    (n, r) int64 1 in each of the scene's r regions with a name, else 0; None without any
+    surfaces   (n, r d)     outward area vectors [m^2] of what of its boundary is in each of them
     """
 
     identifier: np.ndarray
@@ -25,21 +27,33 @@ class ParticleSet:
     axes: np.ndarray | None
     body: np.ndarray
     area: np.ndarray
+    regions: np.ndarray | None = None
+    surfaces: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.identifier)
 
     @classmethod
-    def joined(cls, pieces: list["ParticleSet"], dimension: int) -> "ParticleSet":
-        """Pieces one after the other; axes are filled in where only some pieces have them."""
+    def joined(cls, pieces: list["ParticleSet"], dimension: int, regions: int = 0) -> "ParticleSet":
+        """Pieces one after the other; axes are filled in where only some pieces have them; regions: how many there
+        are."""
         if not pieces:
             vectors = np.zeros((0, dimension))
+            marks = (np.zeros((0, regions), np.int64), np.zeros((0, regions * dimension))) if regions else (None, None)
             return cls(
-                np.zeros(0, np.int64), vectors, np.zeros(0), vectors.copy(), None, np.zeros(0, np.int32), vectors.copy()
+                np.zeros(0, np.int64),
+                vectors,
+                np.zeros(0),
+                vectors.copy(),
+                None,
+                np.zeros(0, np.int32),
+                vectors.copy(),
+                *marks,
             )
         axes = None
         if any(piece.axes is not None for piece in pieces):
             cartesian = np.eye(dimension)
             axes = np.concatenate([np.tile(cartesian, (len(p), 1, 1)) if p.axes is None else p.axes for p in pieces])
-        names = ("identifier", "position", "volume", "spacing", "body", "area")
+        names = ["identifier", "position", "volume", "spacing", "body", "area"]
+        names += ["regions", "surfaces"] if pieces[0].regions is not None else []
         return cls(axes=axes, **{name: np.concatenate([getattr(p, name) for p in pieces]) for name in names})

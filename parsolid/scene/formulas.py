@@ -6,6 +6,7 @@ every node is compared with a list of allowed ones, and what numexpr compiles is
 
 import ast
 import math
+import os
 from typing import Annotated, Any
 
 import numexpr
@@ -14,13 +15,16 @@ from pydantic import AfterValidator, PlainSerializer, PlainValidator, Validation
 
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import AXES, OnePerDimension, dimension_of, mismatch
+from parsolid.scene.time_derivative import TimeDerivative
+from parsolid.scene.time_functions import ARGUMENTS, Expansion, Lookup, Moments, misuse
 from parsolid.scene.validation_errors import suggestion
 
 # the ranks share the cores already
 numexpr.set_num_threads(1)
 
 _NOT_FOR_POINTS = {"sum", "prod", "min", "max", "contains", "copy", "complex", "conj", "imag", "real", "ones_like"}
-FUNCTIONS = frozenset(numexpr.expressions.functions) - _NOT_FOR_POINTS
+# numexpr's min and max reduce arrays; those of formulas compare numbers
+FUNCTIONS = frozenset(numexpr.expressions.functions) - _NOT_FOR_POINTS | frozenset(ARGUMENTS)
 CONSTANTS = {"pi": math.pi}
 _NODES = (ast.BinOp, ast.UnaryOp, ast.Compare, ast.Call, ast.Name, ast.Constant, ast.expr_context)
 _OPERATORS = (
@@ -49,6 +53,15 @@ def _depth(tree: ast.AST) -> int:
     return depth
 
 
+def _wrong_call(node: ast.Call) -> str | None:
+    """Why a call is refused; None when it is allowed."""
+    if not isinstance(node.func, ast.Name) or node.keywords:
+        return f"the call {ast.unparse(node)!r}"
+    if node.func.id not in FUNCTIONS:
+        return f"the unknown function {node.func.id!r}{suggestion(node.func.id, FUNCTIONS)}"
+    return misuse(node) if node.func.id in ARGUMENTS else None
+
+
 def _objection(node: ast.AST, names: tuple[str, ...]) -> str | None:
     """Why one node of a parsed formula is refused; None when it is allowed."""
     if isinstance(node, ast.BoolOp):
@@ -56,16 +69,13 @@ def _objection(node: ast.AST, names: tuple[str, ...]) -> str | None:
     if isinstance(node, ast.Compare) and len(node.ops) > 1:
         return "a chained comparison (write (a < b) & (b < c))"
     if isinstance(node, ast.Call):
-        if not isinstance(node.func, ast.Name) or node.keywords:
-            return f"the call {ast.unparse(node)!r}"
-        if node.func.id not in FUNCTIONS:
-            return f"the unknown function {node.func.id!r}{suggestion(node.func.id, FUNCTIONS)}"
-    elif isinstance(node, ast.Name):
+        return _wrong_call(node)
+    if isinstance(node, ast.Name):
         known = (*names, *CONSTANTS)
         if node.id not in known and node.id not in FUNCTIONS:
             return f"the unknown name {node.id!r}{suggestion(node.id, known)}"
     elif isinstance(node, ast.Constant):
-        if type(node.value) not in (int, float):
+        if type(node.value) not in (int, float) and not hasattr(node, "of_table"):
             return f"{node.value!r}"
     elif not isinstance(node, _NODES + _OPERATORS + _COMPARISONS):
         return f"{ast.unparse(node)!r}"
@@ -74,49 +84,104 @@ def _objection(node: ast.AST, names: tuple[str, ...]) -> str | None:
 
 class _AsReals(ast.NodeTransformer):
     def visit_Constant(self, node: Any) -> Any:
-        return ast.copy_location(ast.Constant(float(node.value)), node)
+        return node if isinstance(node.value, str) else ast.copy_location(ast.Constant(float(node.value)), node)
 
     def visit_Name(self, node: Any) -> Any:
         return ast.copy_location(ast.Constant(CONSTANTS[node.id]), node) if node.id in CONSTANTS else node
 
 
-class Formula:
-    """One scalar formula; `source` is what the scene says (text or a number).
+def _sound_tree(text: str, names: tuple[str, ...]) -> ast.expr:
+    """The parsed text; raises ValueError with what is wrong with it."""
+    if len(text) > LONGEST:
+        raise ValueError(f"{len(text)} characters where {LONGEST} are the most,")
+    try:
+        tree = ast.parse(text, mode="eval")
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise ValueError("no formula") from None
+    if _depth(tree) > DEEPEST:
+        raise ValueError(f"more than {DEEPEST} operations one within the other (sums of many terms need brackets)")
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "table":
+            for argument in node.args:
+                argument.of_table = True  # type: ignore[attr-defined]
+    for node in ast.walk(tree.body):
+        objection = _objection(node, names)
+        if objection:
+            raise ValueError(objection)
+    return tree.body
 
-    Raises ValueError with what is wrong when the text is no formula in the given names.
+
+def _value_in_time(tree: ast.expr, time: float) -> float | None:
+    """Value of a tree without tables at a time [s]; None where it depends on more."""
+    names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} - FUNCTIONS
+    if names - {"t"}:
+        return None
+    try:
+        return float(numexpr.evaluate(ast.unparse(tree), {"t": np.float64(time)}, {}))
+    except (TypeError, ValueError, RuntimeError, LookupError, AttributeError, ArithmeticError):
+        return None
+
+
+class Formula:
+    """One scalar formula; `source` is what the scene says (text or a number), with whole paths of tables.
+
+    jumps, corners: times [s] at which functions of time make it, or its rate, jump. Raises ValueError with what is
+    wrong when the text is no formula in the given names.
     """
 
-    def __init__(self, source: str | float, names: tuple[str, ...] = (*AXES, "t")) -> None:
-        self.source = source
+    def __init__(self, source: str | float, names: tuple[str, ...] = (*AXES, "t"), folder: str = "") -> None:
+        """folder: of tables."""
         text = str(source).strip()
-        if len(text) > LONGEST:
-            raise ValueError(f"{len(text)} characters where {LONGEST} are the most,")
+        tree = _sound_tree(text, names)
+        self.source = _with_whole_paths(text, tree, folder) if "table" in text else source
+        expansion = Expansion(folder, _value_in_time)
         try:
-            tree = ast.parse(text, mode="eval")
-        except (SyntaxError, ValueError, RecursionError, MemoryError):
-            raise ValueError("no formula") from None
-        if _depth(tree) > DEEPEST:
-            raise ValueError(f"more than {DEEPEST} operations one within the other (sums of many terms need brackets)")
-        for node in ast.walk(tree.body):
-            objection = _objection(node, names)
-            if objection:
-                raise ValueError(objection)
-        used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} - FUNCTIONS - set(CONSTANTS)
-        self.names = tuple(sorted(used))
+            self._take(expansion.visit(_AsReals().visit(tree)), expansion.lookups)
+        except RecursionError:
+            raise ValueError("a formula that cannot be compiled (too deep)") from None
+        self.jumps, self.corners = _sorted(expansion.moments)
+
+    def _take(self, tree: ast.expr, lookups: dict[str, Lookup]) -> None:
+        """Become what a tree says; raises ValueError when it cannot be compiled."""
+        self.names: tuple[str, ...] = ()
+        self._tree, self._lookups = tree, lookups
+        called = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
+        used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and id(node) not in called}
+        self._arguments = {name: Formula._of(lookups[name].argument, {}) for name in sorted(used & set(lookups))}
+        of_arguments = {name for argument in self._arguments.values() for name in argument.names}
+        self._own = tuple(sorted(used))
+        self.names = tuple(sorted(used - set(lookups) | of_arguments))
         self._compiled: Any = None
         self._constant = None
         try:
-            self._text = ast.unparse(_AsReals().visit(tree).body)
+            self._text = ast.unparse(tree)
             value = self.evaluate(np.zeros((1, len(AXES))))[0]
         except (TypeError, ValueError, RuntimeError, LookupError, AttributeError, ArithmeticError) as error:
             raise ValueError(f"a formula that cannot be compiled ({error})") from None
         if not self.names:
             self._constant = float(value)
 
+    @classmethod
+    def _of(cls, tree: ast.expr, lookups: dict[str, Lookup]) -> "Formula":
+        result = cls.__new__(cls)
+        result.source = ast.unparse(tree)
+        result.jumps, result.corners = (), ()
+        result._take(tree, lookups)
+        return result
+
     @property
     def is_constant(self) -> bool:
         """Whether it has the same value everywhere and always."""
         return self._constant is not None
+
+    @property
+    def is_comparison(self) -> bool:
+        """Whether its values are true or false."""
+        tree = self._tree
+        while isinstance(tree, ast.UnaryOp) and isinstance(tree.op, ast.Invert):
+            tree = tree.operand
+        bits = isinstance(tree, ast.BinOp) and isinstance(tree.op, ast.BitAnd | ast.BitOr)
+        return bits or isinstance(tree, ast.Compare)
 
     @property
     def depends_on_time(self) -> bool:
@@ -128,13 +193,27 @@ class Formula:
         if self._constant is not None:
             return np.full(len(points), self._constant)
         if self._compiled is None:
-            self._compiled = numexpr.NumExpr(self._text, signature=[(name, np.float64) for name in self.names])
-        given: list[Any] = [np.float64(time) if name == "t" else points[:, AXES.index(name)] for name in self.names]
-        values = self._compiled(*given)
+            self._compiled = numexpr.NumExpr(self._text, signature=[(name, np.float64) for name in self._own])
+        values = self._compiled(*(self._given(name, points, time) for name in self._own))
         if np.iscomplexobj(values):
             # numexpr folds constants as Python does, which makes (-8)**(1/3) complex
             raise ValueError("its value is not real")
         return np.array(np.broadcast_to(values, len(points)), dtype=np.float64)
+
+    def rate(self) -> "Formula":
+        """Its derivative in time, after a jump or a corner; raises ValueError for a function that has none here."""
+        derivative = TimeDerivative(self._lookups)
+        tree = derivative.of(self._tree)
+        result = Formula._of(tree, derivative.lookups)
+        result.jumps = result.corners = self.corners
+        return result
+
+    def _given(self, name: str, points: np.ndarray, time: float) -> Any:
+        """What a name stands for."""
+        if name in self._arguments:
+            lookup, places = self._lookups[name], self._arguments[name].evaluate(points, time)
+            return lookup.table.slope(places) if lookup.slopes else lookup.table.at(places)
+        return np.float64(time) if name == "t" else points[:, AXES.index(name)]
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Formula) and self.source == other.source
@@ -147,6 +226,21 @@ class Formula:
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_compiled": None}
+
+
+def _sorted(moments: Moments) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    jumps, corners = (sorted(one for one in found if one >= 0.0) for found in (moments.jumps, moments.corners))
+    return tuple(jumps), tuple(sorted({*jumps, *corners}))
+
+
+def _with_whole_paths(text: str, tree: ast.expr, folder: str) -> str:
+    """A formula with the absolute paths of its tables, which are relative to a folder."""
+    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and node.func.id == "table"]  # type: ignore
+    whole = text.encode()
+    for path in sorted((node.args[0] for node in calls), key=lambda one: -one.col_offset):
+        full = repr(os.path.abspath(os.path.join(folder, path.value)))  # type: ignore[attr-defined]
+        whole = whole[: path.col_offset] + full.encode() + whole[path.end_col_offset :]
+    return whole.decode()
 
 
 class FormulaVector(tuple[Any, ...]):
@@ -166,6 +260,16 @@ class FormulaVector(tuple[Any, ...]):
     def depends_on_time(self) -> bool:
         """Whether t occurs in any component."""
         return any(component is not None and component.depends_on_time for component in self)
+
+    @property
+    def jumps(self) -> set[float]:
+        """Times [s] at which functions of time make it jump."""
+        return {time for component in self if component is not None for time in component.jumps}
+
+    @property
+    def corners(self) -> set[float]:
+        """Those times, and those at which they make its rate jump."""
+        return {time for component in self if component is not None for time in component.corners}
 
     def evaluate(self, points: np.ndarray, time: float = 0.0, out: np.ndarray | None = None) -> np.ndarray:
         """Values (n, components) at points (n, d) [m] and a time [s]; 0 for free components. `out` is
@@ -190,7 +294,7 @@ def _formula(value: Any, info: ValidationInfo, time: bool) -> Formula:
     if isinstance(value, bool) or not isinstance(value, str | int | float):
         raise mismatch(expected, value)
     try:
-        return Formula(value, names)
+        return Formula(value, names, (info.context or {}).get("folder", ""))
     except ValueError as error:
         raise mismatch(expected, Phrase(f"{error} in {value!r}")) from None
 

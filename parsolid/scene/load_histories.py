@@ -3,7 +3,7 @@
 import csv
 import itertools
 from copy import copy
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -13,7 +13,7 @@ from parsolid.scene.formulas import FormulaVector
 from parsolid.scene.shapes import ExistingFile
 
 # just before and just after a jump, relative to its time [1] and absolute [s]
-_NEAR = 1e-13
+NEAR = 1e-13
 
 
 class FactorHistory(SceneModel):
@@ -102,12 +102,13 @@ class LoadHistory:
     def __init__(self, formulas: FormulaVector, timed: Timed | None = None):
         self.formulas, self.timed = formulas, timed
         self.history = timed.history if timed is not None else None
-        self.jumps = tuple(timed.jumps or ()) if timed is not None else ()
+        stated = (timed.jumps or ()) if timed is not None else ()
+        self.jumps = tuple(sorted({*stated, *formulas.corners}))
 
     @property
     def jump_times(self) -> list[float]:
         """Times [s] at which formulas or history jump."""
-        return self.timed.jump_times if self.timed is not None else []
+        return sorted({*(self.timed.jump_times if self.timed is not None else ()), *self.formulas.jumps})
 
     @property
     def depends_on_time(self) -> bool:
@@ -129,6 +130,13 @@ class LoadHistory:
         """Values (n, components) at points (n, d) [m] and a time [s], of a jump just after, or just before it."""
         near = time
         if time in self.jumps:
-            near = time + (-1.0 if before else 1.0) * _NEAR * max(1.0, time)
+            near = time + (-1.0 if before else 1.0) * NEAR * max(1.0, time)
         values = self.formulas.evaluate(points, near)
         return values if self.history is None else self.history.factor(time, before) * values
+
+
+def corner_times(scene: Any) -> set[float]:
+    """Times [s] at which functions of time turn a corner in what a scene prescribes, and steps must end."""
+    loads = (scene.loads.body_force, scene.loads.acceleration, scene.loads.heat_source)
+    stated = [formulas for boundary in scene.boundaries for formulas in boundary.formulas.values()]
+    return {time for formulas in (*stated, *loads) if formulas is not None for time in formulas.corners}

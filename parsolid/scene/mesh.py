@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+from collections.abc import Mapping
 from typing import Any
 
 import meshio
@@ -11,13 +12,16 @@ from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.bodies import FilledShape
 from parsolid.scene.elements import ELEMENTS, facet_areas, lumped_volumes
 from parsolid.scene.lattice import jitter_offsets
+from parsolid.scene.marks import TOLERANCE
+from parsolid.scene.mesh_groups import MeshGroups, facets_in, groups_of, nodes_in
+from parsolid.scene.named_regions import Region
 from parsolid.scene.validation_errors import SceneError
 
 _LESS_THAN_SOLID = {2: ("vertex", "line"), 3: ("vertex", "line", "triangle", "quad")}
 
 
-def read_mesh(path: str, scale: float, dimension: int) -> tuple[np.ndarray, list[tuple[str, np.ndarray]]]:
-    """Node coordinates (nodes, d) [m] and the blocks (kind, (elements, nodes)) of solid elements.
+def read_mesh(path: str, scale: float, dimension: int) -> tuple[np.ndarray, list[tuple[str, np.ndarray]], MeshGroups]:
+    """Node coordinates (nodes, d) [m], the blocks (kind, (elements, nodes)) of solid elements, and named groups.
 
     Raises SceneError for a file that meshio cannot read and for elements that have no particles here.
     """
@@ -50,7 +54,7 @@ def read_mesh(path: str, scale: float, dimension: int) -> tuple[np.ndarray, list
         )
     if points.shape[1] > dimension and np.ptp(points[:, dimension:]) > 0.0:
         raise SceneError(["expected a plane mesh (one Z for all nodes) in 2-D, found nodes with different Z"])
-    return np.ascontiguousarray(points[:, :dimension]), blocks
+    return np.ascontiguousarray(points[:, :dimension]), blocks, groups_of(mesh, dimension)
 
 
 def _check_nodes(blocks: list[tuple[str, np.ndarray]], count: int) -> None:
@@ -85,7 +89,7 @@ class MeshFilling:
 
     def __init__(self, body: FilledShape, dimension: int) -> None:
         self.body = body
-        points, blocks = read_mesh(body.shape.model.file, body.shape.model.scale, dimension)
+        points, blocks, self.groups = read_mesh(body.shape.model.file, body.shape.model.scale, dimension)
         lumped = [self._sound_volumes(kind, points[cells]) for kind, cells in blocks]
         _check_repeated(points, blocks)
         used = np.unique(np.concatenate([cells.ravel() for _, cells in blocks]))
@@ -95,6 +99,9 @@ class MeshFilling:
             self._on_nodes(points, blocks, lumped, facets, used)
         else:
             self._in_cells(points, blocks, lumped, facets)
+        self.regions: np.ndarray | None = None
+        self.surfaces: np.ndarray | None = None
+        self._whole = points, blocks, facets, used
         self.count = len(self.volume)
         self.coarsest = float(self.spacing.max())
 
@@ -136,6 +143,31 @@ class MeshFilling:
         self.movable = np.ones(len(self.volume), bool)
         self.spacing = self.volume ** (1.0 / points.shape[1])
 
+    def mark(self, known: Mapping[str, Region]) -> None:
+        """Find the particles in regions, and what of their surface is: facets of which all nodes are."""
+        points, blocks, facets, used = self._whole
+        cells, on_nodes = [nodes for _, nodes in blocks], self.body.placed_on == "nodes"
+        tolerance = TOLERANCE * _mean_edge(points, blocks)
+        vectors = np.zeros((len(points) if on_nodes else self.count, len(known), points.shape[1]))
+        for owner, nodes, area in facets:
+            inside = facets_in(known, self.groups, points, tolerance, cells, nodes)
+            share = inside[:, :, None] * area[:, None, :] / (nodes.shape[1] if on_nodes else 1)
+            for to in nodes.T if on_nodes else [owner]:
+                np.add.at(vectors, to, share)
+        if on_nodes:
+            held, vectors = nodes_in(known, self.groups, points, tolerance, cells)[used], vectors[used]
+        else:
+            held = self._elements_in(known)
+        self.regions = (held | vectors.any(axis=2)).astype(np.int64)
+        self.surfaces = vectors.reshape(self.count, -1)
+
+    def _elements_in(self, known: Mapping[str, Region]) -> np.ndarray:
+        def of_group(name: str) -> np.ndarray:
+            return np.isin(np.arange(self.count), self.groups.elements.get(name, ()))
+
+        tolerance = TOLERANCE * self.spacing
+        return np.stack([one.contains(self.position, tolerance, known, of_group) for one in known.values()], axis=1)
+
     def piece(self, first: int, last: int) -> ParticleSet:
         identifier = np.arange(first, last)
         rows = slice(first, last)
@@ -150,6 +182,8 @@ class MeshFilling:
             axes=None,
             body=np.zeros(len(identifier), np.int32),
             area=self.area[rows].copy(),
+            regions=None if self.regions is None else self.regions[rows].copy(),
+            surfaces=None if self.surfaces is None else self.surfaces[rows].copy(),
         )
 
 

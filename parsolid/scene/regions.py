@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 from mpi4py import MPI
 
+from parsolid.collective import SolverError
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.base_model import Plane
+from parsolid.scene.named_regions import Region as NamedRegion
 
 if TYPE_CHECKING:
     from parsolid.scene.boundaries import Condition
@@ -180,6 +182,49 @@ class NearestTo:
         identifier = particle_set.identifier
         winner, _ = nearest_particles(comm, identifier[meant], particle_set.position[meant], np.array([self.point]))
         return np.asarray(identifier == winner[0])
+
+
+@dataclass(frozen=True)
+class Named:
+    """A region with a name, whose particles were found when they were made."""
+
+    name: str
+
+    def contains(self, places: np.ndarray, tolerance: np.ndarray | float) -> np.ndarray:
+        """Nothing: see `region_of`."""
+        raise NotImplementedError
+
+    def meets(self, lower: np.ndarray, upper: np.ndarray, tolerance: float) -> bool:
+        """True: it may."""
+        return True
+
+    def particles(self, scene: Scene, particle_set: ParticleSet, comm: MPI.Comm, meant: np.ndarray) -> np.ndarray:
+        """Those of the region."""
+        assert particle_set.regions is not None
+        return np.asarray(particle_set.regions[:, list(scene.named_regions).index(self.name)] == 1)
+
+
+@dataclass(frozen=True)
+class InSpace:
+    """A region with a name, of places in space."""
+
+    table: NamedRegion
+    known: dict[str, NamedRegion]
+
+    def contains(self, places: np.ndarray, tolerance: np.ndarray | float) -> np.ndarray:
+        """Which places (n, d) [m] are in it."""
+        return self.table.contains(places, tolerance, self.known, lambda name: np.zeros(len(places), bool))
+
+
+def region_of(scene: Scene, key: str, condition: Condition) -> Any:
+    """The region of a condition on places in space; raises SolverError for one with a group of a mesh."""
+    name, known = condition.region_name, scene.named_regions
+    if name is None:
+        return condition.region
+    if known[name].groups(known):
+        expected = "a region in space for the nodes of a grid, which are in no group of a mesh"
+        raise SolverError(f"{key}.where: expected {expected}, found {name!r}")
+    return InSpace(known[name], known)
 
 
 def selected(scene: Scene, boundary: Condition, particle_set: ParticleSet, comm: MPI.Comm) -> np.ndarray:

@@ -8,14 +8,17 @@ from pydantic import Field, TypeAdapter, ValidationError, ValidationInfo, field_
 from pydantic_core import InitErrorDetails
 
 from parsolid.materials.declaration import Phrase
+from parsolid.observables.reaction import reaction_columns
 from parsolid.scene.base_model import Plane, Positive, SceneModel, method_of, mismatch, reject
 from parsolid.scene.bodies import FilledShape, OwnBody, own_method
 from parsolid.scene.boundaries import Boundary
+from parsolid.scene.boundaries.condition import reaction_details
 from parsolid.scene.contact import CONTACT_TERMS, Contact, contact_faults, contact_pairs, unbonded
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.lattice import Filling
 from parsolid.scene.loads import Loads
 from parsolid.scene.methods import Method, NamedMethodTable
+from parsolid.scene.named_regions import Region, all_regions, region_details
 from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, SOLUTIONS_KNOWN, Output, Reference
 from parsolid.scene.probes import Probe, ProbeTable
 from parsolid.scene.systems import SystemOfScene, faults_of_systems, part_of, systems_of
@@ -36,6 +39,7 @@ class Scene(SceneModel):
         None, description="in place of method: several, with names, of which each body names one"
     )
     bodies: Annotated[list[OwnBody], Field(min_length=1)] = Field(description="at least one body")
+    regions: list[Region] = Field([], description="parts of bodies or of space with a name")
     boundaries: list[Boundary] = Field([], description="supports, loads on surfaces and prescribed motion")
     loads: Loads = Loads()
     contact: list[Contact] = Field([], description="bodies that meet")
@@ -82,6 +86,9 @@ class Scene(SceneModel):
             details.append((("reference", "exact"), "no such key with several methods", exact))
         elif exact and kind not in kinds:
             details.append((("reference", "exact"), f"a solution for the material {kind!r}", exact))
+        meshes = any(body.shape.kind == "mesh" for body in self.bodies)
+        details += region_details(self.regions, self.boundaries, meshes)
+        details += reaction_details(self.boundaries, [probe.name for probe in self.probes], self.systems)
         reject(*details)
         return self
 
@@ -117,6 +124,11 @@ class Scene(SceneModel):
     def systems(self) -> tuple[SystemOfScene, ...]:
         """Which method has which bodies."""
         return systems_of(self)
+
+    @property
+    def named_regions(self) -> dict[str, Region]:
+        """Regions by name, also those groups of meshes that boundaries name directly; numbered in this order."""
+        return all_regions(self.regions, [one.region_name for one in self.boundaries if one.region_name is not None])
 
     def part(self, system: SystemOfScene) -> "Scene":
         """The scene of one system: its method, its bodies, and the boundaries and loads that it carries."""
@@ -247,7 +259,7 @@ def _boundary_faults(parts: Parts, fillings: dict[int, Filling], every_body_know
             if parts.complete:
                 expected = f"the name of a body{suggestion(boundary.body, names)}"
                 faults.append(fault(("boundaries", i, "body"), expected, boundary.body))
-        elif boundary.needs_bounding_plane and every_body_known:
+        elif boundary.needs_bounding_plane and boundary.plane is not None and every_body_known:
             faults += unbounded_plane(i, boundary, parts.bodies, fillings)
     return faults
 
@@ -300,6 +312,8 @@ def _reference_faults(parts: Parts) -> list[str]:
         return []
     key = "final" if parts.reference.final is not None else "columns"
     known = [*HISTORY_COLUMNS, *parts.method.ledger_terms, *(CONTACT_TERMS if parts.contact else ())]
+    for name in (one.reports for one in parts.boundaries.values() if one.reports is not None):
+        known += [f"{name}.work", *reaction_columns(name, parts.dimension)]
     try:
         known += [column for probe in parts.probes.values() for column in probe.columns(parts.dimension)]
     except KeyError:

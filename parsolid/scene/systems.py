@@ -68,6 +68,7 @@ def part_of(scene: "Scene", system: SystemOfScene) -> dict[str, Any]:
         "methods": None,
         "bodies": [scene.bodies[number] for number in system.bodies],
         "boundaries": [_of_part(scene.boundaries[number], system) for number in boundaries_of(scene, system)],
+        "regions": list(scene.named_regions.values()),
         "loads": loads,
     }
 

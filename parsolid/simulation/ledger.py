@@ -74,7 +74,7 @@ class OfSystem:
 
     def add_term(self, name: str, energy: float) -> None:
         """Add to one of the method's own terms [J]."""
-        self._add_term(self._names[name], energy)
+        self._add_term(self._names.get(name, name), energy)
 
 
 def names_of_terms(scene: Scene) -> list[dict[str, str]]:
@@ -102,7 +102,8 @@ def terms_of(scene: Scene) -> dict[str, int]:
     """The energy terms that the methods and contacts of a scene and their bodies' materials add, with their signs."""
     named = zip(scene.systems, names_of_terms(scene))
     terms = {names[one]: sign for system, names in named for one, sign in _own_terms(scene, system).items()}
-    return terms | (CONTACT_TERMS if scene.contact else {})
+    works = {f"{one.reports}.work": 0 for one in scene.boundaries if one.reports is not None}
+    return terms | (CONTACT_TERMS if scene.contact else {}) | works
 
 
 def _own_terms(scene: Scene, system: SystemOfScene) -> dict[str, int]:

@@ -10,6 +10,7 @@ from parsolid.observables.declared import PARTICLE_SAMPLERS, QUANTITIES, Sampler
 from parsolid.observables.method_quantity import MethodQuantity
 from parsolid.observables.particle_field import ParticleField, Place
 from parsolid.observables.projected import Projected
+from parsolid.observables.reaction import ReactionForce, reaction_columns
 from parsolid.scene import Scene, nearest_particles
 from parsolid.simulation.observables import Observables
 
@@ -27,6 +28,8 @@ class Probes:
         for probe in scene.probes:
             columns = probe.columns_of_fields(scene.dimension)
             self.samplers += _samplers(comm, probe, columns, observables)
+        for name in (one.reports for one in scene.boundaries if one.reports is not None):
+            self.samplers.append(ReactionForce(name, reaction_columns(name, scene.dimension)))
         self.columns = [column for sampler in self.samplers for column in sampler.columns]
 
     def sample(self) -> list[float]:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 _NEEDED = {"ranks", "time", "step", "stable_step", "jumped", "initial_energy", "largest_energy", "probes", "errors"}
 _NEEDED |= {"scene", "method_state"}
-_PARTICLE_SET = ("identifier", "volume", "spacing", "axes", "body", "area")
+_PARTICLE_SET = ("identifier", "volume", "spacing", "axes", "body", "area", "regions", "surfaces")
 
 
 class Restart:

@@ -8,6 +8,7 @@ rest says what the state in the checkpoint is, so that another value of it means
 import fnmatch
 import json
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -66,6 +67,10 @@ FIXED = (
 )
 
 
+# of a formula
+_TABLE = re.compile(r"""table\((["'])(/.*?)\1""")
+
+
 class Change(NamedTuple):
     """A key with its values in the checkpoint and in the scene; later: they differ after the checkpoint only."""
 
@@ -99,7 +104,13 @@ def _contents(value: Any) -> Any:
         file = Path(value if not colon or os.path.exists(value) else path)
         if file.is_file():
             return f"{file.name}{colon and ':' + name} (content {digest(file.read_bytes())})"
-    return value
+    return _TABLE.sub(_table, value) if isinstance(value, str) else value
+
+
+def _table(found: re.Match[str]) -> str:
+    """The beginning of a formula's table, with what is in its file."""
+    file = Path(found[2])
+    return f"table({file.name} (content {digest(file.read_bytes())})"
 
 
 def _history(value: Any) -> Any:

@@ -8,6 +8,7 @@ import numpy as np
 
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
+from parsolid.scene.load_histories import corner_times
 
 # landing on a time may stretch or halve steps but never makes a sliver
 SLIVER = 1e-9
@@ -40,8 +41,10 @@ class TimeSteps:
 
     @classmethod
     def of(cls: type[Self], scene: Scene, systems: Sequence[ParticleSystem]) -> Self:
-        """Landing on the times of field output and of comparisons, and on those of every system."""
+        """Landing on the times of field output and of comparisons, on corners of formulas, and on those of every
+        system."""
         landings = {*scene.fields_times, *scene.reference_times, *(t for system in systems for t in system.landings)}
+        landings |= {time for time in corner_times(scene) if 0.0 < time < scene.end_time}
         jumps = {time for system in systems for time in system.jumps}
         settings = [system.settings for system in systems]
         longest = min((one.maximum_step for one in settings if one.maximum_step is not None), default=np.inf)

@@ -74,11 +74,11 @@ from parsolid.scene.load_histories import LoadHistory
 
 
 @boundary_kind
-class Pressure(Condition):
+class Push(Condition):
     """A constant pressure [Pa] on a plane; outward: along its axis, 1.0 or -1.0."""
 
     needs_bounding_plane: ClassVar[bool] = True
-    kind: Literal["pressure"]
+    kind: Literal["push"]
     plane: Plane
     body: Name | None = None
     pressure: float
@@ -108,10 +108,10 @@ def new_kind(tmp_path, monkeypatch):
 
 def test_a_new_kind_is_one_file_and_a_word_in_the_methods_list(new_kind, monkeypatch):
     new_kind(PRESSURE)
-    pressed = tables_of("tlsph", {"kind": "pressure", "plane": "X = 1", "pressure": 0.1, "outward": 1.0})
-    with pytest.raises(SceneError, match="which the method of the scene knows, found 'pressure'"):
+    pressed = tables_of("tlsph", {"kind": "push", "plane": "X = 1", "pressure": 0.1, "outward": 1.0})
+    with pytest.raises(SceneError, match="which the method of the scene knows, found 'push'"):
         parse_scene(pressed)
-    monkeypatch.setattr(settings_class({"kind": "tlsph"}), "boundaries", (*TAKEN["tlsph"], "pressure"))
+    monkeypatch.setattr(settings_class({"kind": "tlsph"}), "boundaries", (*TAKEN["tlsph"], "push"))
     pulled = tables_of("tlsph", {"kind": "traction", "plane": "X = 1", "traction": [-0.1, 0.0]})
     motions = []
     for data in (pressed, pulled):
@@ -127,12 +127,12 @@ def test_a_new_kind_is_one_file_and_a_word_in_the_methods_list(new_kind, monkeyp
 
 def test_a_kind_that_means_nothing_is_refused(new_kind, monkeypatch):
     new_kind(re.sub(r"        force = .*\n        to.traction.*", "        pass", PRESSURE))
-    monkeypatch.setattr(settings_class({"kind": "tlsph"}), "boundaries", ("pressure",))
-    data = tables_of("tlsph", {"kind": "pressure", "plane": "X = 1", "pressure": 0.1, "outward": 1.0})
-    with pytest.raises(SolverError, match="boundaries.0.kind: expected a condition with a meaning, found 'pressure'"):
+    monkeypatch.setattr(settings_class({"kind": "tlsph"}), "boundaries", ("push",))
+    data = tables_of("tlsph", {"kind": "push", "plane": "X = 1", "pressure": 0.1, "outward": 1.0})
+    with pytest.raises(SolverError, match="boundaries.0.kind: expected a condition with a meaning, found 'push'"):
         Declarations(parse_scene(data), Support)
 
 
 def test_two_kinds_of_one_name_are_refused(new_kind):
     with pytest.raises(ValueError, match="expected one of the name 'traction', found two"):
-        new_kind(PRESSURE.replace('Literal["pressure"]', 'Literal["traction"]'))
+        new_kind(PRESSURE.replace('Literal["push"]', 'Literal["traction"]'))

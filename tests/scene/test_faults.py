@@ -186,7 +186,7 @@ BROKEN = {
     "support on a box": ({"boundaries": [{**SUPPORT, "box": {}}]}, "boundaries.0.box: .*unknown key 'box'"),
     "velocity nowhere": (
         {"boundaries": [{"kind": "velocity", "velocity": ["0", "0", "0"]}]},
-        "boundaries.0: expected exactly one of plane, box, ball, point; found none",
+        "boundaries.0: expected exactly one of where, plane, box, ball, point; found none",
     ),
     "unknown body": (
         {"boundaries": [{**SUPPORT, "body": "cub"}]},

@@ -200,7 +200,7 @@ BROKEN = {
     ),
     "displacement nowhere": (
         plate(boundaries=[{"kind": "displacement", "displacement": ["0", "0"]}]),
-        "boundaries.0: expected exactly one of plane, box, ball, point; found none",
+        "boundaries.0: expected exactly one of where, plane, box, ball, point; found none",
     ),
     "side of a layer": (
         plate(boundaries=[{"kind": "layer", "plane": "X = 0.3"}]),

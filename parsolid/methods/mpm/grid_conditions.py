@@ -22,7 +22,7 @@ from parsolid.methods.mpm import grid as kernels
 from parsolid.scene.base_model import Plane
 from parsolid.scene.formulas import Formula
 from parsolid.scene.load_histories import LoadHistory
-from parsolid.scene.regions import NearestTo
+from parsolid.scene.regions import NearestTo, region_of
 from parsolid.scene.schema import Scene
 
 # a plane this near, in cells, to nodes or to the middle between them counts as there
@@ -110,11 +110,15 @@ class MovingWall:
 class DrivenRegion:
     """Nodes in a region of space whose velocity components follow formulas of place and time."""
 
-    def __init__(self, motion: PrescribedMotion):
-        """Raises SolverError for the place of a single particle, which has no meaning on a grid."""
+    def __init__(self, motion: PrescribedMotion, scene: Scene):
+        """Raises SolverError for the place of a single particle, for groups of meshes, and for motions of particles
+        that turn, which have no meaning on a grid."""
+        if motion.turn is not None:
+            known = " or ".join(map(repr, scene.method.boundaries))
+            raise SolverError(f"{motion.key}.kind: expected {known} with this method, found {motion.where.kind!r}")
         if isinstance(motion.where.region, NearestTo):
             raise SolverError(f"{motion.key}.point: expected a plane, box or ball of grid nodes, found a point")
-        self.region, self._seen = motion.where.region, -1
+        self.region, self._seen = region_of(scene, motion.key, motion.where), -1
         free = motion.course.free
         self.components = [(int(i), motion.course.component(int(i))) for i in np.flatnonzero(~free)]
 
@@ -157,7 +161,7 @@ class GridConditions:
             _refuse_body(one)
         self.planes, self.dimension = self._folded(scene), scene.dimension
         self.walls = [MovingWall(wall, scene.dimension) for wall in self.declared.of(RigidWall)]
-        self.driven = [DrivenRegion(motion) for motion in self.declared.of(PrescribedMotion, "velocity")]
+        self.driven = [DrivenRegion(motion, scene) for motion in self.declared.of(PrescribedMotion, "velocity")]
 
     def _folded(self, scene: Scene) -> list[FoldedPlane]:
         supports = self.declared.of(Support, "roller", "fixed")

@@ -7,7 +7,9 @@ from mpi4py import MPI
 
 from parsolid.boundary.declarations import (
     Declarations,
+    HeldRegion,
     PrescribedMotion,
+    RegionTraction,
     Support,
     SurfacePressure,
     SurfaceTraction,
@@ -36,8 +38,10 @@ class PeridynamicLoads:
         Raises SolverError on all ranks.
         """
         self.scene, self.particles = scene, particles
-        self.declared = Declarations(scene, Support, PrescribedMotion, SurfaceTraction, SurfacePressure)
-        supports = Supports(comm, scene, self.declared.of(Support, "roller", "fixed"), particle_set)
+        taken = (Support, HeldRegion, PrescribedMotion, SurfaceTraction, RegionTraction, SurfacePressure)
+        self.declared = Declarations(scene, *taken)
+        held = self.declared.of(HeldRegion, "fixed")
+        supports = Supports(comm, scene, self.declared.of(Support, "roller", "fixed"), held, particle_set)
         self.planes, self.codes, self.share = supports.planes, supports.codes, supports.share
         self._held = Components(particles, supports.held)
         motions = self.declared.of(PrescribedMotion, "velocity", "displacement")
@@ -64,6 +68,7 @@ class PeridynamicLoads:
         acting = [one.course.jump_times for one in motions]
         acting += [one.course.jump_times for one in self.declared.of(SurfaceTraction)]
         acting += [one.course.jump_times for one in self.declared.of(SurfacePressure)]
+        acting += [one.course.jump_times for one in self.declared.of(RegionTraction)]
         loads = self.scene.loads
         if loads.body_force is not None or loads.acceleration is not None:
             acting.append(loads.jump_times)

@@ -181,7 +181,17 @@ class Peridynamics(MethodSettings):
     bodies_meet: ClassVar = False
     dimensions: ClassVar = (1, 2, 3)
     materials: ClassVar = ("hyperelastic", "prony", "bond-based")
-    boundaries: ClassVar = ("fixed", "roller", "velocity", "displacement", "layer", "traction", "surface_pressure")
+    prescribes: ClassVar = ("velocity", "displacement")
+    boundaries: ClassVar = (
+        "fixed",
+        "roller",
+        "velocity",
+        "rotation",
+        "displacement",
+        "layer",
+        "traction",
+        "surface_pressure",
+    )
     pictured_fields: ClassVar = ("damage", "pressure")
     ledger_terms: ClassVar = {"dissipation_fracture": 1, "leapfrog_oscillation": -1, "residual_work": 0}
     extra_fields: ClassVar = {"damage": "scalar"}

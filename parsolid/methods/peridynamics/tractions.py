@@ -19,11 +19,12 @@ import numpy as np
 from mpi4py import MPI
 
 from decomposition.reduction import ordered_sum
-from parsolid.boundary.declarations import Declarations, SurfacePressure, SurfaceTraction
+from parsolid.boundary.declarations import Declarations, RegionTraction, SurfacePressure, SurfaceTraction
 from parsolid.boundary.loads import BeyondMean, Course, Load, MeanOverFace, area_along
 from parsolid.boundary.rows import keep
 from parsolid.boundary.supports import Supports
-from parsolid.collective import maximum, minimum
+from parsolid.boundary.surfaces import Surface
+from parsolid.collective import SolverError, maximum, minimum
 from parsolid.particles.container import Particles
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.regions import selected
@@ -98,6 +99,19 @@ class Tractions:
         tractions = self.declared.of(SurfaceTraction)
         reach = maximum(self.comm, float(horizon.max(initial=0.0)))
         kind = self.declared.scene.method.traction
+        there = [self._in_region(one, kind) for one in self.declared.of(RegionTraction)]
+        return [*self._on_planes(tractions, kind, reach, engine), *there]
+
+    def _in_region(self, one: RegionTraction, kind: str) -> Load:
+        """Traction times area on the particles of a surface; raises SolverError on all ranks for the ways that spread
+        it along a normal."""
+        if kind != "single-layer":
+            expected = 'a plane, or method.traction = "single-layer" for a surface without one normal'
+            raise SolverError(f"{one.key}.where: expected {expected}, found {one.where.region_name!r} and {kind!r}")
+        surface = Surface(self.comm, self.declared, one, self.particle_set, self.particles)
+        return Load(self.particles, surface.chosen, surface.areas, one.course)
+
+    def _on_planes(self, tractions: list[SurfaceTraction], kind: str, reach: float, engine: Any) -> list[Load]:
         if kind == "horizon":
             return [self._spread(one, reach) for one in tractions]
         if not kind.startswith("consistent"):

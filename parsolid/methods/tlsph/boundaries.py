@@ -1,18 +1,33 @@
 """Boundaries and loads of a scene as the momentum equation of total-Lagrangian SPH takes them."""
 
+from typing import Any
+
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.boundary.declarations import Declarations, PrescribedMotion, Support, SurfaceTraction
-from parsolid.boundary.loads import Load, accelerations, area_along, densities
+from parsolid.boundary.declarations import (
+    Declarations,
+    Declared,
+    FollowingPressure,
+    HeldRegion,
+    PrescribedMotion,
+    RegionTraction,
+    Support,
+    SurfaceSpring,
+    SurfaceTraction,
+)
+from parsolid.boundary.loads import Load, accelerations, densities
 from parsolid.boundary.prescribed import NotFree, PrescribedRows
 from parsolid.boundary.rows import OfRows, keep
 from parsolid.boundary.supports import Supports
+from parsolid.boundary.surfaces import Surface
 from parsolid.collective import anywhere
 from parsolid.methods.tlsph import momentum as motion
+from parsolid.methods.tlsph.reactions import Reactions, Taken
+from parsolid.methods.tlsph.reporting import reactions_of
+from parsolid.methods.tlsph.surface_forces import SurfaceForces
 from parsolid.particles.container import Particles
 from parsolid.particles.particle_set import ParticleSet
-from parsolid.scene.regions import selected
 from parsolid.scene.schema import Scene
 
 
@@ -31,19 +46,27 @@ class BoundarySet:
         closed: frozenset[int] = frozenset(),
     ):
         """particles: those of the particle_set; closed: see `Supports`; collective."""
-        supports = Supports(comm, declared.scene, declared.of(Support), particle_set, closed)
+        supports = Supports(comm, declared.scene, declared.of(Support), declared.of(HeldRegion), particle_set, closed)
         self.planes, self.codes, self.share = supports.planes, supports.codes, supports.share
-        self._particles = particles
+        self.particles = particles
         self._clamp = _clamp(comm, supports.held, particles)
+        density = densities(declared.scene, particles)
+        self.surfaces = None
+        if any(isinstance(one, HeldRegion | FollowingPressure | SurfaceSpring) for one in declared.all):
+            self.surfaces = SurfaceForces(declared, comm, particles, particle_set, density, supports.held)
         self.prescribed = PrescribedRows(
             comm, declared.scene, declared.of(PrescribedMotion, "velocity"), particle_set, particles
         )
-        tractions = (_traction(comm, declared, one, particle_set, particles) for one in declared.of(SurfaceTraction))
-        self.loads = accelerations(declared.scene, particles, *tractions)
-        courses = [one.course for one in declared.of(PrescribedMotion)]
-        courses += [one.course for one in declared.of(SurfaceTraction)]
+        pulled = [one for one in declared.all if isinstance(one, SurfaceTraction | RegionTraction)]
+        tractions = {one.key: _traction(comm, declared, one, particle_set, particles) for one in pulled}
+        self.loads = accelerations(declared.scene, particles, *tractions.values())
+        self.reactions: Reactions | None = reactions_of(comm, declared, particle_set, self, tractions)
+        courses: list[Any] = [one.course for one in declared.of(PrescribedMotion)]
+        courses += [one.course for one in pulled]
         times = {*declared.scene.loads.jump_times}.union(*(course.jump_times for course in courses))
         self.jump_times = tuple(sorted(time for time in times if 0.0 < time < declared.scene.end_time))
+        motions = declared.of(PrescribedMotion)
+        self.turned = [(one, one.turn) for one in motions if one.turn is not None]
         self.held_energy = 0.0
         self.not_free = NotFree(particles, self.prescribed, lambda: self.clamp)
 
@@ -55,24 +78,53 @@ class BoundarySet:
     @property
     def free(self) -> np.ndarray | None:
         """Multipliers (n, 4) of accelerations, 0 also where the motion is prescribed; None where no rank has any."""
-        return self._particles.owned_rows("free") if "free" in self._particles else self.clamp
+        return self.particles.owned_rows("free") if "free" in self.particles else self.clamp
 
     def declare_free(self) -> None:
         """Particles carry `free` where it is not `clamp`."""
         if self.prescribed.guided:
-            free = np.ones((self._particles.owned, 4)) if self.clamp is None else self.clamp.copy()
+            free = np.ones((self.particles.owned, 4)) if self.clamp is None else self.clamp.copy()
             free[self.prescribed.entries] = 0.0
-            keep(self._particles, "free", free)
+            keep(self.particles, "free", free)
+
+    def look(self) -> None:
+        """Keep what loads need of the present strain."""
+        if self.surfaces is not None:
+            self.surfaces.look()
+
+    @property
+    def largest_step(self) -> float:
+        """Largest stable step [s] of springs and dashpots of this rank."""
+        return np.inf if self.surfaces is None else self.surfaces.largest_step
 
     def loads_at(self, time: float, before: bool = False) -> np.ndarray | None:
         """Accelerations (n, 4) of body forces and tractions [m/s^2], of a jump just after, or just before it; None
         without loads."""
-        return self.loads.at(time, before) if self.loads.acting else None
+        loads = self.loads.at(time, before) if self.loads.acting else None
+        return loads if self.surfaces is None else self.surfaces.added(loads, time, before)
 
-    def prescribe(self, time: float, kinematics: np.ndarray) -> None:
-        """Set prescribed velocity components to their values at a time [s]."""
+    def meet(self, time: float, before: bool, force: np.ndarray, mass: np.ndarray, share: np.ndarray) -> Any:
+        """Loads as `loads_at`, for pair forces (n, 8) to which is added what slides hold, and what conditions that tell
+        their forces take then."""
+        loads = self.loads_at(time, before)
+        dimension = self.particles.owned_rows("position").shape[1]
+        supports = [] if self.surfaces is None else self.surfaces.support(force, mass, loads, dimension)
+        if self.reactions is not None:
+            self.reactions.find(Taken(force, mass, share, loads, supports, time, before))
+        return loads, supports
+
+    def prescribe(self, time: float, kinematics: np.ndarray, before: bool = False) -> None:
+        """Set prescribed velocity components to their values at a time [s], after or before a jump of that time."""
         if self.prescribed.guided:
-            motion.prescribe(*self.prescribed.entries, self.prescribed.values("velocity", time), kinematics)
+            motion.prescribe(*self.prescribed.entries, self.prescribed.values("velocity", time, before), kinematics)
+
+    def place(self, time: float) -> None:
+        """Particles that turn about an axis, exactly where they are at a time [s]."""
+        for one, turn in self.turned:
+            rows, components = self.prescribed.of(one)
+            start, now = (self.particles.owned_rows(name) for name in ("reference_position", "position"))
+            there = np.ascontiguousarray(start[rows])
+            now[rows] = np.where(components, there + turn.evaluate(there, time), now[rows])
 
     def prescribe_mean(self, time: float, step: float, kinematics: np.ndarray) -> None:
         """Set prescribed velocity components to their mean over a step [s] from a time [s], by Simpson's rule."""
@@ -116,19 +168,30 @@ def build_boundaries(
     particles: those of the particle_set; closed: see `Supports`. Raises SolverError on all ranks when a
     mirror plane cuts a body or the method cannot do what a condition means.
     """
-    declared = Declarations(scene, Support, PrescribedMotion, SurfaceTraction)
+    declared = Declarations(
+        scene,
+        Support,
+        HeldRegion,
+        PrescribedMotion,
+        SurfaceTraction,
+        RegionTraction,
+        FollowingPressure,
+        SurfaceSpring,
+    )
     return BoundarySet(comm, declared, particle_set, particles, closed)
 
 
 def _traction(
-    comm: MPI.Comm, declared: Declarations, one: SurfaceTraction, particle_set: ParticleSet, particles: Particles
+    comm: MPI.Comm, declared: Declarations, one: Declared, particle_set: ParticleSet, particles: Particles
 ) -> Load:
     """Traction [Pa] times tributary area over tributary mass."""
-    chosen = particles.selection(selected(declared.scene, one.where, particle_set, comm))
-    area, density = area_along(particles, one.plane.axis), densities(declared.scene, particles)
-    return Load(
-        particles, chosen, lambda rows: area(rows) / (density(rows) * particles.owned_rows("volume")[rows]), one.course
-    )
+    assert isinstance(one, SurfaceTraction | RegionTraction)
+    surface, density = Surface(comm, declared, one, particle_set, particles), densities(declared.scene, particles)
+
+    def scale(rows: np.ndarray | slice) -> np.ndarray:
+        return np.asarray(surface.areas(rows) / (density(rows) * particles.owned_rows("volume")[rows]))
+
+    return Load(particles, surface.chosen, scale, one.course)
 
 
 def _clamp(comm: MPI.Comm, held: np.ndarray, particles: Particles) -> OfRows | None:

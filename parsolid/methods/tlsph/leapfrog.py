@@ -92,7 +92,8 @@ class Leapfrog:
 
     def _advance_strain_of_all(self, step: float) -> tuple[bool, float, float]:
         """(sound, internal dissipation [J], stable step [s] of the new state)."""
-        system, sound, dissipation, stable = self.system, True, 0.0, np.inf
+        system, sound, dissipation = self.system, True, 0.0
+        stable = system.boundaries.largest_step
         for block in system.blocks:
             relaxation = ExactRelaxation(block.relaxation(step), block.dissipation_weights(step))
             positive, lost, signal = self._advance_strain(
@@ -112,8 +113,17 @@ class Leapfrog:
         """Half a step [s] of the forces at a time [s]; numerical dissipation and external work [J]."""
         system, boundaries = self.system, self.system.boundaries
         kinematics, force, sums = map(system.particles.storage, ("kinematics", "pair_force", "pair_sums"))
-        weights = (system.mass, system.share, boundaries.loads_at(time, before=not opening))
+        boundaries.look()
+        loads, supports = boundaries.meet(time, not opening, force, system.mass, system.share)
+        weights = (system.mass, system.share, loads)
         held = boundaries.prescribed_power(kinematics, force, *weights)
         arrays = (kinematics, force, sums, *weights, boundaries.free)
+        if boundaries.reactions is not None and not opening:
+            boundaries.reactions.book(0.5, 0.5 * step)
         dissipation, work = self._kick(system.space, system.owned, opening, step, *arrays)
+        if boundaries.reactions is not None and opening:
+            boundaries.reactions.book(0.5, 0.5 * step)
+        if boundaries.surfaces is not None and not opening:
+            # the forces that stay are those of the pairs
+            boundaries.surfaces.release(force, supports)
         return dissipation, work + 0.5 * step * held

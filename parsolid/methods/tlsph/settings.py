@@ -16,7 +16,17 @@ class TotalLagrangianSPH(MethodSettings):
     system: ClassVar = "parsolid.methods.tlsph.system:TotalLagrangianSPH"
     bodies_meet: ClassVar = False
     materials: ClassVar = ("hyperelastic",)
-    boundaries: ClassVar = ("fixed", "roller", "antisymmetric", "velocity", "traction")
+    boundaries: ClassVar = (
+        "fixed",
+        "roller",
+        "antisymmetric",
+        "velocity",
+        "rotation",
+        "traction",
+        "pressure",
+        "spring",
+    )
+    reactions: ClassVar = True
     kind: Literal["tlsph"]
     kernel: Literal[kernel_names()] = Field(  # type: ignore[valid-type]
         "wendland-c2", description="the smoothing kernel"

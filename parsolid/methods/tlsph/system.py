@@ -13,9 +13,11 @@ from parsolid.materials.registry import laws_of
 from parsolid.methods.pair_method import PairMethod
 from parsolid.methods.tlsph import momentum as motion
 from parsolid.methods.tlsph import state
+from parsolid.methods.tlsph.advice import advice_of
 from parsolid.methods.tlsph.body_weights import ON_LATTICES, weights_of_bodies
 from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.methods.tlsph.deformation import Relaxation, advance_deformation, largest_wave_modulus
+from parsolid.methods.tlsph.displacement import displacement_gradient
 from parsolid.methods.tlsph.lattice_bodies import put_on_lattices
 from parsolid.methods.tlsph.leapfrog import Leapfrog
 from parsolid.methods.tlsph.state import Body
@@ -128,7 +130,7 @@ class TotalLagrangianSPH(PairMethod):
         """
         rows, d, owned = self.particles.owned_rows, self.dimension, self.owned
         if anywhere(self.comm, bool(derived.any())):
-            rows("deformation_gradient")[derived] += self.displacement_gradient()[derived]
+            rows("deformation_gradient")[derived] += displacement_gradient(self)[derived]
         F = np.zeros((owned, 3, 3))
         F[:, :d, :d] = rows("deformation_gradient").reshape(owned, d, d)
         F[:, d:, d:] = 1.0
@@ -138,6 +140,8 @@ class TotalLagrangianSPH(PairMethod):
             rows("cofactor")[:] = cofactor.reshape(owned, 9)
         if self.boundaries.clamp is not None:
             rows("velocity")[:] *= self.boundaries.clamp[:, :d]
+        if self.boundaries.surfaces is not None:
+            self.boundaries.surfaces.stop(rows("velocity"))
         self.boundaries.prescribe(0.0, self.kinematics)
         self.prescribed_energy_gain()
 
@@ -164,19 +168,6 @@ class TotalLagrangianSPH(PairMethod):
         if self.leapfrog is not None:
             self.leapfrog.forces_of = None
 
-    def displacement_gradient(self) -> np.ndarray:
-        """grad u (owned, d d) by the gradient pass, with the displacement in the velocity's place."""
-        velocity, d = self.particles["velocity"], self.dimension
-        kept = velocity.copy()
-        velocity[:] = self.particles["position"] - self.particles["reference_position"]
-        sums = self.pairs.gradient("motion")
-        velocity[:] = kept
-        columns = sums[: self.owned].reshape(self.owned, d, -1)[:, :, :d].swapaxes(1, 2).copy()
-        sums[:] = 0.0
-        L = self.particles.owned_rows("correction").reshape(self.owned, d, d)
-        volume = self.particles.owned_rows("pair_volume")[:, None, None]
-        return (columns @ L.swapaxes(1, 2) / volume).reshape(self.owned, d * d)
-
     @property
     def kinematics(self) -> np.ndarray:
         """v, x and X, as kernels take them."""
@@ -186,9 +177,11 @@ class TotalLagrangianSPH(PairMethod):
 
     def stable_step(self) -> float:
         """Largest step [s] here, eq (79) with the exact c_max over all directions, or leapfrog's."""
-        if self.leapfrog is not None:
-            return min((self.leapfrog.stable_step(block) for block in self.blocks), default=np.inf)
-        return min((self._group_step(block, self._modulus(block)) for block in self.blocks), default=np.inf)
+        steps = map(self._stable_step_of if self.leapfrog is None else self.leapfrog.stable_step, self.blocks)
+        return min(self.boundaries.largest_step, *steps, np.inf)
+
+    def _stable_step_of(self, block: MaterialBlock) -> float:
+        return self._group_step(block, self._modulus(block))
 
     def _modulus(self, block: MaterialBlock) -> float:
         return largest_wave_modulus(self.space, block.first, block.last, block.law, self.body_of(block))
@@ -218,7 +211,18 @@ class TotalLagrangianSPH(PairMethod):
             announce(False, 0.0)
             return False
         advance = self.advance_in_stages if self.leapfrog is None else self.leapfrog.advance
-        return advance(time, step, ledger, announce)
+        reactions = self.boundaries.reactions
+        if reactions is not None:
+            reactions.begin()
+        sound = advance(time, step, ledger, announce)
+        self.boundaries.place(time + step)
+        if reactions is not None:
+            reactions.finish(step, self.mass, self.share, ledger)
+        return sound
+
+    def reaction(self, name: str) -> np.ndarray | None:
+        """Of the last step."""
+        return None if self.boundaries.reactions is None else self.boundaries.reactions.told(name)
 
     def advance_in_stages(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """One step, stage by stage of the integrator, as eqs (70)-(77) say."""
@@ -238,7 +242,8 @@ class TotalLagrangianSPH(PairMethod):
     def advance_deformation(self, stage: Stage, step: float) -> tuple[bool, float, float]:
         """Stress at a stage, and F, H, J after it; (sound, internal dissipation rate [W], stable step [s] after the
         last stage)."""
-        sound, dissipation, stable = True, 0.0, np.inf
+        sound, dissipation, stable = True, 0.0, self.boundaries.largest_step
+        self.boundaries.look()
         for block in self.blocks:
             to_stage = block.relaxation(stage.time * step)
             to_end = block.relaxation(step) if stage.last else to_stage
@@ -253,14 +258,16 @@ class TotalLagrangianSPH(PairMethod):
     def advance_motion(self, stage: Stage, time: float, step: float) -> tuple[float, float]:
         """v and x of a stage; (numerical dissipation rate, external power) [W]."""
         boundaries, stored, mass, share = self.boundaries, self.particles.storage, self.mass, self.share
-        loads = boundaries.loads_at(time + stage.time * step)
         kinematics, force = stored("kinematics"), stored("pair_force")
+        loads, _ = boundaries.meet(time + stage.time * step, stage.time > 0.0, force, mass, share)
+        if boundaries.reactions is not None:
+            boundaries.reactions.book(stage.quadrature, stage.quadrature * step)
         held = boundaries.prescribed_power(kinematics, force, mass, share, loads)
         arrays = (kinematics, stored("motion_at_start"), force, stored("pair_sums"))
         dissipation, power = self._advance_motion(
             self.space, self.owned, stage.update(step), *arrays, mass, share, loads, boundaries.clamp
         )
-        boundaries.prescribe(time + stage.next_time * step, kinematics)
+        boundaries.prescribe(time + stage.next_time * step, kinematics, before=not stage.last)
         return dissipation, held + power
 
     def prescribed_energy_gain(self) -> float:
@@ -329,16 +336,7 @@ class TotalLagrangianSPH(PairMethod):
 
     def advice(self) -> str:
         """What most likely helps."""
-        settings, hints = self.settings, []
-        crushed = "more particles where the body is crushed"
-        if settings.integrator == "leapfrog" and settings.safety > 1.0:
-            hints.append(f"a smaller method.safety (it is {settings.safety:g}; 0.9 is stable)")
-        if settings.integrator == "ssp-rk3" and settings.cfl > 0.9:
-            hints.append(f"a smaller method.cfl (it is {settings.cfl:g}; 0.7 is stable for smoothing of 0.85 and more)")
-        if settings.dissipation == 0.0:
-            hints.append("method.dissipation = 1 (there is none)")
-        hints.append("more particles" if hints and "smaller" in hints[0] else crushed)
-        return ", or ".join([*hints, "a milder load"])
+        return advice_of(self.settings)
 
     def bytes_a_step(self) -> int:
         """Motion and records, in every evaluation."""

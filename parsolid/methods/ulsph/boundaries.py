@@ -7,6 +7,7 @@ import numpy as np
 from parsolid.boundary.declarations import (
     Declarations,
     HeldMicroVelocity,
+    HeldRegion,
     PrescribedMotion,
     RigidWall,
     Support,
@@ -36,8 +37,12 @@ class BoundarySet:
 
     def __init__(self, comm: Any, scene: Scene, particle_set: ParticleSet, particles: Particles):
         """particles: those of the particle_set; collective. Raises SolverError on all ranks."""
-        declared = Declarations(scene, Support, PrescribedMotion, RigidWall, TemperaturePlane, HeldMicroVelocity)
-        supports = Supports(comm, scene, declared.of(Support, "fixed", "roller"), particle_set)
+        declared = Declarations(
+            scene, Support, HeldRegion, PrescribedMotion, RigidWall, TemperaturePlane, HeldMicroVelocity
+        )
+        supports = Supports(
+            comm, scene, declared.of(Support, "fixed", "roller"), declared.of(HeldRegion, "fixed"), particle_set
+        )
         self.particles, self.codes, self.planes = particles, supports.codes, supports.planes
         self._clamp = None
         if anywhere(comm, bool(supports.held.any())):

@@ -44,7 +44,7 @@ class UpdatedLagrangianSPH(MethodSettings):
 
     system: ClassVar = "parsolid.methods.ulsph.system:UpdatedLagrangianSPH"
     materials: ClassVar = ("micro-inertia", "elastic-plastic")
-    boundaries: ClassVar = ("fixed", "roller", "velocity", "wall", "micro_clamped", "temperature")
+    boundaries: ClassVar = ("fixed", "roller", "velocity", "rotation", "wall", "micro_clamped", "temperature")
     declared_fields: ClassVar = (*STATE, *MICRO_STATE, DAMAGE)
     extra_fields: ClassVar = {"internal_energy": "scalar"}
     pictured_fields: ClassVar = ("plastic_strain", "temperature", "pressure")

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar, get_args
 
-from parsolid.scene.base_model import ByKind, Plane, SceneModel
+from pydantic import Field, model_validator
+
+from parsolid.scene.base_model import ByKind, Plane, Point, SceneModel, reject
+from parsolid.scene.bodies import Name
 from parsolid.scene.formulas import Formula, FormulaVector
-from parsolid.scene.regions import OnPlane
+from parsolid.scene.method_settings import Detail
+from parsolid.scene.regions import Named, OnPlane
+from parsolid.scene.validation_errors import NOTHING
 
 if TYPE_CHECKING:
     from parsolid.boundary.declarations import Declarations
@@ -14,6 +19,9 @@ if TYPE_CHECKING:
 
 BOUNDARY_KINDS = ByKind((), known="boundaries")
 Boundary = Annotated[Any, BOUNDARY_KINDS]
+
+
+RegionName = Annotated[str, Field(min_length=1, description="the name of a region, or of a group of a mesh")]
 
 
 class Condition(SceneModel):
@@ -37,8 +45,20 @@ class Condition(SceneModel):
         body: str | None
 
     @property
+    def region_name(self) -> str | None:
+        """The key `where` of kinds that hold in regions with a name."""
+        return getattr(self, "where", None)
+
+    @property
+    def reports(self) -> str | None:
+        """The name under which its force, moment and work are told, None unless that is asked for."""
+        return getattr(self, "name", None) if getattr(self, "reaction", None) else None
+
+    @property
     def region(self) -> Region:
-        """Where it holds; the particles on its plane unless a kind says otherwise."""
+        """Where it holds; the particles on its plane, or in a region with a name, unless a kind says otherwise."""
+        if self.region_name is not None:
+            return Named(self.region_name)
         assert self.plane is not None
         return OnPlane(self.plane)
 
@@ -52,6 +72,40 @@ class Condition(SceneModel):
     def declare(self, to: Declarations) -> None:
         """State what it means in verbs of `boundary.declarations.Declarations`."""
         raise NotImplementedError
+
+
+class Reporting(SceneModel):
+    """Keys of conditions that can tell what force they take.
+
+    reaction: columns name.force, name.moment (about `moment_about`, the origin unless given) and name.work in the
+    history
+    """
+
+    name: Name | None = None
+    reaction: Literal[True] | None = Field(None, description="force, moment and work in the history, by the name")
+    moment_about: Point | None = Field(None, description="the point of the moments [m], the origin unless given")
+
+    @model_validator(mode="after")
+    def _named(self) -> Reporting:
+        if self.reaction and self.name is None:
+            reject((("reaction",), "a name, for the columns of the history", NOTHING))
+        if self.moment_about is not None and not self.reaction:
+            reject((("moment_about",), "no such key without reaction = true", self.moment_about))
+        return self
+
+
+def reaction_details(conditions: list[Any], probes: list[str], systems: Any) -> list[Detail]:
+    """Faults of conditions that tell their force: (place, expected, found)."""
+    told = [(i, one.reports) for i, one in enumerate(conditions) if one.reports is not None]
+    names = [name for _, name in told] + probes
+    details: list[Detail] = []
+    for i, name in told:
+        if not all(system.settings.reactions for system in systems):
+            details.append((("boundaries", i, "reaction"), "methods that tell forces (tlsph)", True))
+        if names.count(name) > 1:
+            expected = "a name that no probe and no other boundary with a reaction has"
+            details.append((("boundaries", i, "name"), expected, name))
+    return details
 
 
 Kind = TypeVar("Kind", bound=Condition)

@@ -6,10 +6,10 @@ from pydantic import Field
 
 from parsolid.scene.base_model import Plane, Point
 from parsolid.scene.bodies import Name
-from parsolid.scene.boundaries.condition import Condition, boundary_kind
+from parsolid.scene.boundaries.condition import Condition, RegionName, Reporting, boundary_kind
 from parsolid.scene.formulas import Formula, FormulaVector, VectorOrFree
 from parsolid.scene.load_histories import LoadHistory, Timed
-from parsolid.scene.regions import Beside, InBall, InBox, NearestTo, OnPlane, Region
+from parsolid.scene.regions import Beside, InBall, InBox, Named, NearestTo, OnPlane, Region
 from parsolid.scene.shapes import Box, Sphere
 
 if TYPE_CHECKING:
@@ -17,9 +17,10 @@ if TYPE_CHECKING:
 
 
 class RegionCondition(Condition):
-    """A condition on a region: a plane, a box, a ball, or the particle nearest to a point."""
+    """A condition on a region: one with a name, a plane, a box, a ball, or the particle nearest to a point."""
 
-    exactly_one: ClassVar = (("plane", "box", "ball", "point"),)
+    exactly_one: ClassVar = (("where", "plane", "box", "ball", "point"),)
+    where: RegionName | None = None
     plane: Plane | None = None
     box: Box | None = None
     ball: Sphere | None = None
@@ -29,6 +30,8 @@ class RegionCondition(Condition):
     @property
     def region(self) -> Region:
         """The one that is given."""
+        if self.where is not None:
+            return Named(self.where)
         if self.plane is not None:
             return OnPlane(self.plane)
         if self.box is not None:
@@ -40,7 +43,7 @@ class RegionCondition(Condition):
 
 
 @boundary_kind
-class PrescribedVelocity(RegionCondition):
+class PrescribedVelocity(RegionCondition, Reporting):
     """Velocity [m/s] prescribed over a region; components that are "free" follow the equation of motion."""
 
     kind: Literal["velocity"]
@@ -52,7 +55,7 @@ class PrescribedVelocity(RegionCondition):
 
 
 @boundary_kind
-class PrescribedDisplacement(RegionCondition, Timed):
+class PrescribedDisplacement(RegionCondition, Timed, Reporting):
     """Displacement [m] prescribed over a region; components that are "free" follow the equation of motion."""
 
     kind: Literal["displacement"]

@@ -1,35 +1,55 @@
 """Supports: planes of symmetry, rest and antisymmetry."""
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from parsolid.scene.base_model import Plane
+from parsolid.scene.base_model import Plane, reject
 from parsolid.scene.bodies import Name
-from parsolid.scene.boundaries.condition import Condition, boundary_kind
+from parsolid.scene.boundaries.condition import Condition, RegionName, Reporting, boundary_kind
 
 if TYPE_CHECKING:
     from parsolid.boundary.declarations import Declarations
 
 
 @boundary_kind
-class Support(Condition):
-    """A support on a plane that bounds the body.
+class Support(Condition, Reporting):
+    """A support on a plane that bounds the body, or in a region with a name.
 
     fixed          no velocity
     roller         no velocity along the normal, no shear traction: a plane of symmetry
     antisymmetric  no velocity in the plane, no normal traction: the image moves with v' = -R v, R the reflection
 
     With `mirror` the particles have images beyond the plane; without it the particles on the plane are clamped only,
-    which leaves first-order errors beside the plane.
+    which leaves first-order errors beside the plane. In a region with a name no particle has images: "fixed" holds all
+    particles there, "roller" and "antisymmetric" those of the body's surface there, along and across its normal.
     """
 
+    exactly_one: ClassVar = (("plane", "where"),)
     needs_bounding_plane: ClassVar[bool] = True
     kind: Literal["fixed", "roller", "antisymmetric"]
-    plane: Plane = Field(description="a plane such as 'Y = 0' that bounds the body")
+    plane: Plane | None = Field(None, description="a plane such as 'Y = 0' that bounds the body")
+    where: RegionName | None = None
     body: Name | None = None
     mirror: bool = True
 
+    @model_validator(mode="before")
+    @classmethod
+    def _no_images(cls, table: Any) -> Any:
+        """Regions with a name have no images."""
+        return {"mirror": False} | table if isinstance(table, dict) and table.get("where") is not None else table
+
+    @model_validator(mode="after")
+    def _told_by_particles(self) -> "Support":
+        if self.where is not None and self.mirror:
+            reject((("mirror",), "false in a region with a name (images are beyond a plane)", self.mirror))
+        if self.reaction and self.mirror:
+            reject((("reaction",), "mirror = false (the force of images is on no particle)", True))
+        return self
+
     def declare(self, to: "Declarations") -> None:
         """A mirror plane, or a clamp."""
-        to.support(self, self.kind, self.mirror)
+        if self.where is not None:
+            to.hold(self, self.kind)
+        else:
+            to.support(self, self.kind, self.mirror)

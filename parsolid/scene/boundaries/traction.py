@@ -6,7 +6,7 @@ from pydantic import Field
 
 from parsolid.scene.base_model import Plane
 from parsolid.scene.bodies import Name
-from parsolid.scene.boundaries.condition import Condition, boundary_kind
+from parsolid.scene.boundaries.condition import Condition, RegionName, Reporting, boundary_kind
 from parsolid.scene.formulas import Vector
 from parsolid.scene.load_histories import LoadHistory, Timed
 
@@ -15,12 +15,14 @@ if TYPE_CHECKING:
 
 
 @boundary_kind
-class Traction(Condition, Timed):
-    """Traction [Pa] per reference area on a plane that bounds the body."""
+class Traction(Condition, Timed, Reporting):
+    """Traction [Pa] per reference area on a plane that bounds the body, or on its surface in a region with a name."""
 
+    exactly_one: ClassVar = (("plane", "where"),)
     needs_bounding_plane: ClassVar[bool] = True
     kind: Literal["traction"]
-    plane: Plane = Field(description="a plane such as 'Y = 0' that bounds the body")
+    plane: Plane | None = Field(None, description="a plane such as 'Y = 0' that bounds the body")
+    where: RegionName | None = None
     body: Name | None = None
     traction: Vector = Field(description="a formula in X, Y, Z, t for each component [Pa]")
 

@@ -1,0 +1,163 @@
+"""Regions that a scene gives a name: groups of meshes, shapes, planes of any direction, formulas, and what is made of
+these."""
+
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field, PlainSerializer, PlainValidator, ValidationInfo, field_validator, model_validator
+
+from parsolid.scene.base_model import Plane, Point, SceneModel, dimension_of, mismatch, reject
+from parsolid.scene.bodies import Name
+from parsolid.scene.formulas import Formula, InitialScalar
+from parsolid.scene.inside import INSIDE
+from parsolid.scene.shapes import Shape
+
+# Which of some places are in a group of a mesh, by its name
+Groups = Callable[[str], np.ndarray]
+
+
+class ObliquePlane(SceneModel):
+    """A plane of any direction."""
+
+    point: Point = Field(description="a point of the plane [m]")
+    normal: Point = Field(description="its normal, of any length")
+
+    @field_validator("normal")
+    @classmethod
+    def _some_direction(cls, normal: list[float]) -> list[float]:
+        if not np.linalg.norm(normal) > 0.0:
+            raise mismatch("a normal that is not zero", normal)
+        return normal
+
+    def height(self, places: np.ndarray) -> np.ndarray:
+        """Distances (n,) [m] of places (n, d), positive on the normal's side."""
+        normal = np.array(self.normal)
+        return np.asarray((places - np.array(self.point)) @ normal / np.linalg.norm(normal))
+
+
+def _plane(value: Any, info: ValidationInfo) -> Plane | ObliquePlane:
+    if isinstance(value, Plane | ObliquePlane):
+        return value
+    if isinstance(value, dict):
+        return ObliquePlane.model_validate(value, context=info.context)
+    return Plane.parse(value, dimension_of(info))
+
+
+def _stated(plane: Any) -> Any:
+    return plane.model_dump() if isinstance(plane, ObliquePlane) else str(plane)
+
+
+AnyPlane: Any = Annotated[Any, PlainValidator(_plane), PlainSerializer(_stated)]
+
+
+class Region(SceneModel):
+    """A part of space or of a mesh that boundaries name with `where`.
+
+    group    a group of a mesh: meshio's cell_sets or point_sets, a physical group of Gmsh
+    plane    "Y = 0", or { point = [...], normal = [...] }; side: what is on it, or "above" (beyond it along its
+             normal) or "below" it
+    shape    a shape of the scene's language, but for a mesh: what is inside
+    formula  a comparison in X, Y, Z, such as "X**2 + Y**2 < 0.012**2"; parts are joined by &, | and ~
+    all_of, any_of, none_of    names of other regions, or of groups of meshes
+    """
+
+    exactly_one: ClassVar = (("group", "plane", "shape", "formula", "all_of", "any_of", "none_of"),)
+    name: Name
+    group: str | None = None
+    plane: AnyPlane | None = None
+    side: Literal["on", "above", "below"] | None = None
+    shape: Shape | None = None
+    formula: InitialScalar | None = None
+    all_of: Annotated[list[str], Field(min_length=1)] | None = None
+    any_of: Annotated[list[str], Field(min_length=1)] | None = None
+    none_of: Annotated[list[str], Field(min_length=1)] | None = None
+
+    @field_validator("formula")
+    @classmethod
+    def _comparison(cls, formula: Formula) -> Formula:
+        if formula is not None and not formula.is_comparison:
+            raise mismatch("a comparison such as 'X**2 + Y**2 < 0.01'", formula.source)
+        return formula
+
+    @model_validator(mode="after")
+    def _known_inside(self) -> "Region":
+        if self.shape is not None and self.shape.kind not in INSIDE:
+            reject((("shape",), f"one of {', '.join(INSIDE)} (the groups of a mesh have names)", self.shape.kind))
+        if self.side is not None and self.plane is None:
+            reject((("side",), "no such key without plane", self.side))
+        return self
+
+    @property
+    def parts(self) -> list[str]:
+        """The names that it is made of."""
+        return self.all_of or self.any_of or self.none_of or []
+
+    def contains(
+        self, places: np.ndarray, tolerance: np.ndarray | float, known: Mapping[str, "Region"], groups: Groups
+    ) -> np.ndarray:
+        """Which places (n, d) [m] are in it, to a tolerance [m]; known: all regions by name."""
+        if self.group is not None:
+            return groups(self.group)
+        if self.plane is not None:
+            height = self._height(places)
+            if self.side in (None, "on"):
+                return np.asarray(np.abs(height) <= tolerance)
+            return np.asarray((height if self.side == "above" else -height) >= -np.asarray(tolerance))
+        if self.shape is not None:
+            return INSIDE[self.shape.kind](self.shape.model, places, -float(np.max(tolerance, initial=0.0)))
+        if self.formula is not None:
+            return np.asarray(self.formula.evaluate(np.ascontiguousarray(places)) != 0.0)
+        parts = [known[name].contains(places, tolerance, known, groups) for name in self.parts]
+        if self.all_of is not None:
+            return np.asarray(np.logical_and.reduce(parts))
+        inside = np.asarray(np.logical_or.reduce(parts))
+        return inside if self.any_of is not None else ~inside
+
+    def _height(self, places: np.ndarray) -> np.ndarray:
+        if isinstance(self.plane, Plane):
+            return np.asarray(places[:, self.plane.axis] - self.plane.offset)
+        assert self.plane is not None
+        return self.plane.height(places)
+
+    def groups(self, known: Mapping[str, "Region"]) -> set[str]:
+        """The groups of meshes that it, or what it is made of, speaks of."""
+        own = set() if self.group is None else {self.group}
+        return own.union(*(known[name].groups(known) for name in self.parts))
+
+
+def all_regions(stated: list[Region], wanted: list[str]) -> dict[str, Region]:
+    """The stated regions by name, and after them the groups of meshes that boundaries and regions name directly."""
+    known = {region.name: region for region in stated}
+    names = [*wanted, *(name for region in stated for name in region.parts)]
+    return known | {name: Region.model_construct(name=name, group=name) for name in names if name not in known}
+
+
+def region_details(stated: list[Region], conditions: list[Any], meshes: bool) -> list[Any]:
+    """Faults of regions and of conditions that name them: (place, expected, found); meshes: whether any body may have
+    groups."""
+    details: list[Any] = []
+    wanted = [one.region_name for one in conditions if one.region_name is not None]
+    names = ", ".join(region.name for region in stated) or "there is none"
+    for i, one in enumerate(conditions):
+        if one.region_name is not None and not meshes and one.region_name not in [region.name for region in stated]:
+            details.append((("boundaries", i, "where"), f"the name of a region ({names})", one.region_name))
+    seen: dict[str, Region] = {}
+    later = {region.name for region in stated}
+    used = {*wanted, *(name for region in stated for name in region.parts)}
+    for i, region in enumerate(stated):
+        key: tuple[Any, ...] = ("regions", i)
+        later.discard(region.name)
+        if region.name in seen:
+            details.append(((*key, "name"), "a name that no region before has", region.name))
+        if region.name not in used:
+            details.append(((*key, "name"), "a region that a boundary names with where", region.name))
+        for name in region.parts:
+            if name in later or name == region.name:
+                details.append((key, "names of regions that stand before", name))
+            elif name not in seen and not meshes:
+                details.append((key, f"names of regions ({', '.join(seen) or 'there are none'})", name))
+        if region.group is not None and not meshes:
+            details.append(((*key, "group"), "a body with a mesh, whose group it is", region.group))
+        seen[region.name] = region
+    return details
