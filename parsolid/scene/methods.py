@@ -8,7 +8,7 @@ from importlib import import_module
 from pkgutil import iter_modules
 from typing import Annotated, Any
 
-from pydantic import ValidationInfo, model_serializer
+from pydantic import Field, ValidationInfo, create_model, model_serializer
 
 from parsolid.scene.base_model import ByKind, SceneModel, by_kind, mismatch, reject
 from parsolid.scene.bodies import Name, own_method
@@ -64,6 +64,14 @@ class _NamedTable(ByKind):
     def instances(self) -> tuple[type, ...]:
         """What needs no validation any more."""
         return (NamedMethod,)
+
+    def tables(self) -> dict[str, type[SceneModel]]:
+        """Every method's table with the key name."""
+        name: Any = (Name, Field(description="by which bodies call the method"))
+        return {
+            kind: create_model(f"Named{model.__name__}", __base__=model, __doc__=model.__doc__, name=name)
+            for kind, model in self.models.items()
+        }
 
     def _validate(self, value: Any, info: ValidationInfo) -> Any:
         if isinstance(value, NamedMethod):

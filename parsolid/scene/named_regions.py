@@ -66,12 +66,18 @@ class Region(SceneModel):
     name: Name
     group: str | None = None
     plane: AnyPlane | None = None
-    side: Literal["on", "above", "below"] | None = None
+    side: Literal["on", "above", "below"] | None = Field(None, description="of the plane, on it unless given")
     shape: Shape | None = None
     formula: InitialScalar | None = None
-    all_of: Annotated[list[str], Field(min_length=1)] | None = None
-    any_of: Annotated[list[str], Field(min_length=1)] | None = None
-    none_of: Annotated[list[str], Field(min_length=1)] | None = None
+    all_of: Annotated[list[str], Field(min_length=1)] | None = Field(
+        None, description="what is in all of these regions"
+    )
+    any_of: Annotated[list[str], Field(min_length=1)] | None = Field(
+        None, description="what is in any of these regions"
+    )
+    none_of: Annotated[list[str], Field(min_length=1)] | None = Field(
+        None, description="what is in none of these regions"
+    )
 
     @field_validator("formula")
     @classmethod

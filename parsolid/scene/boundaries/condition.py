@@ -27,6 +27,8 @@ RegionName = Annotated[str, Field(min_length=1, description="the name of a regio
 class Condition(SceneModel):
     """A boundary condition with a literal field `kind`; its keys are those of its table in the scene.
 
+    name    what its forces are called in history.csv
+    where   a region with a name, or a group of a mesh
     plane   a plane such as 'Y = 0'; particles on it are meant
     point   the particle nearest to this point [m] is meant
     body    only this body is meant; all of them unless given
