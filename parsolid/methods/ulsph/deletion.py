@@ -62,12 +62,16 @@ class Deletion:
             self.hold()
 
     def hold(self) -> None:
-        """Take the mass and the motion of deleted particles; also after a restart, whose masses are those of time 0."""
+        """Take the mass and the motion of deleted particles."""
+        self.lighten()
+        self.particles.owned_rows("velocity")[self.particles.owned_rows("deleted_mass") > 0.0] = 0.0
+
+    def lighten(self) -> None:
+        """Take the mass of deleted particles; also after a restart, whose masses are those of time 0."""
         if self.possible:
-            gone = np.flatnonzero(self.particles.owned_rows("deleted_mass") > 0.0)
+            gone = self.particles.owned_rows("deleted_mass") > 0.0
             left = self.particles.owned_rows("deleted_mass")[gone] * _LEFT / (1.0 - _LEFT)
             self.particles.owned_rows("mass")[gone] = left
-            self.particles.owned_rows("velocity")[gone] = 0.0
 
     def taken(self) -> dict[str, float]:
         """Energies [J] that went with particles since this was asked."""
