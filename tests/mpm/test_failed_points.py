@@ -78,7 +78,7 @@ def test_a_restart_amid_failure_has_the_same_bits(shared_path, comm, method, aft
     arguments = ["run", str(shared_path / "scene.toml"), "-q", "--set", "output.history_steps=1"]
     arguments += ["--set", "output.pictures=false"]
     assert main([*arguments, "-o", str(whole)]) == 0
-    assert main([*arguments, "-o", str(parts), "--max-steps", "9"]) == 0
+    assert main([*arguments, "-o", str(parts), "--max-steps", "3"]) == 0
     comm.barrier()
     halfway = json.loads((parts / "summary.json").read_text())["failed_particles"]
     comm.barrier()
