@@ -103,6 +103,8 @@ def as_toml(data) -> str:
     def value(x):
         if isinstance(x, dict):
             return "{" + ", ".join(f"{k} = {value(v)}" for k, v in x.items()) + "}"
+        if isinstance(x, list):
+            return "[" + ", ".join(map(value, x)) + "]"
         return json.dumps(x)
 
     lines = [f"{k} = {value(v)}" for k, v in data.items() if k != "bodies"]

@@ -39,6 +39,9 @@ from parsolid.particles.declaration import Field
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene
 
+# a step [s] that bounds nothing
+_ANY_STEP = 1e300
+
 
 class MaterialPoint(ParticleSystem):
     """The method on one rank: its particles are `points`, its cells and shared nodes `grid`, the arrays of nodes
@@ -212,6 +215,9 @@ class MaterialPoint(ParticleSystem):
             return float(thermal)
         # more terms than the lumped one lift frequencies, see `mass_matrix`
         waves = settings.cfl * settings.cell * stress.slowness / settings.mass_terms**0.5
+        if self.materials.fastest == 0.0 and "deleted_mass" in self.points:
+            # nothing is left on this rank
+            waves = _ANY_STEP
         return float(min(waves, thermal))
 
     # --- what the loop and the reports ask ------------------------------------------------------------------------

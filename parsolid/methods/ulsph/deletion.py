@@ -16,6 +16,11 @@ from parsolid.methods.failure_fields import DELETED_KINETIC, DELETED_STORED
 _LEFT = 1e-12
 
 
+def _left_of(deleted: np.ndarray) -> np.ndarray:
+    """Masses [kg] that stay of deleted ones, the same bits for owners, ghosts and after a restart."""
+    return deleted * _LEFT / (1.0 - _LEFT)
+
+
 class Deletion:
     """Of one rank's particles; energies [J] of what has gone are asked for with `taken`."""
 
@@ -34,8 +39,9 @@ class Deletion:
         if self.possible:
             rows = failed_to_delete(self.particles, self.system.blocks)
             mass = self.particles.owned_rows("mass")
-            self.particles.owned_rows("deleted_mass")[rows] = -(1.0 - _LEFT) * mass[rows]
-            mass[rows] *= _LEFT
+            going = (1.0 - _LEFT) * mass[rows]
+            self.particles.owned_rows("deleted_mass")[rows] = -going
+            mass[rows] = _left_of(going)
 
     def give_back(self) -> None:
         """After lists were made: this rank's own particles have their masses once more."""
@@ -62,12 +68,15 @@ class Deletion:
             self.hold()
 
     def hold(self) -> None:
-        """Take the mass and the motion of deleted particles; also after a restart, whose masses are those of time 0."""
+        """Take the mass and the motion of deleted particles."""
+        self.lighten()
+        self.particles.owned_rows("velocity")[self.particles.owned_rows("deleted_mass") > 0.0] = 0.0
+
+    def lighten(self) -> None:
+        """Take the mass of deleted particles; also after a restart, whose masses are those of time 0."""
         if self.possible:
-            gone = np.flatnonzero(self.particles.owned_rows("deleted_mass") > 0.0)
-            left = self.particles.owned_rows("deleted_mass")[gone] * _LEFT / (1.0 - _LEFT)
-            self.particles.owned_rows("mass")[gone] = left
-            self.particles.owned_rows("velocity")[gone] = 0.0
+            gone = self.particles.owned_rows("deleted_mass") > 0.0
+            self.particles.owned_rows("mass")[gone] = _left_of(self.particles.owned_rows("deleted_mass")[gone])
 
     def taken(self) -> dict[str, float]:
         """Energies [J] that went with particles since this was asked."""

@@ -133,7 +133,7 @@ class UpdatedLagrangianSPH(PairMethod):
     def resume(self) -> None:
         """Continue with the lists of the checkpoint; collective."""
         assert self.lists_state is not None
-        self.deletion.hold()
+        self.deletion.lighten()
         self.pairs.restore(self.lists_state["pairs"], self.lists_state["time"])
         self.tell_all()
 
