@@ -106,3 +106,36 @@ def test_a_ring_does_not_pass_through_itself(comm):
     wanted = np.interp(held["time"][:closed], free["time"], free["lowest"])
     assert closed > 5 and np.abs(held["lowest"][:closed] - wanted).max() < 5e-3
     assert np.abs(held["balance"]).max() < 0.02 * held["kinetic"][0]
+
+
+def cracked(contact, speed, upper_half) -> dict:
+    """A plate cut through along Y = 0 by a pre-crack, whose halves move at these velocities."""
+    plate = block("plate", (0.0, -1.0), (3.0, 1.0), [24, 16], "cells")
+    plate |= {"material": LINEAR, "velocity": ["0", f"{speed}*where(Y > 0, {upper_half}, 1)"]}
+    cut = {"plane": "Y = 0"}
+    method = BONDS | {"pre_cracks": [cut], "damage": {"critical_stretch": 10.0}}
+    return tables(plate, method=method, contact=contact, end_time=3.0)
+
+
+def test_faces_of_a_crack_meet_without_a_push_where_they_were(comm):
+    named = [{"bodies": ["plate"]}]
+    resting = simulated(cracked(named, 0.0, 1.0), comm)
+    record = Record()
+    resting.run(record, Limits(20), StopRequest())
+    assert np.abs(resting.systems[0].particles.owned_rows("velocity")).max() < 1e-14
+    gaps = {}
+    for contact in ([], named):
+        sim = simulated(cracked(contact, 0.02, -1.0), comm)
+        system = sim.systems[0]
+        place = system.particles.owned_rows("reference_position")
+        lower = (place[:, 1] < 0.0) & (place[:, 1] > -0.1)
+        upper = (place[:, 1] > 0.0) & (place[:, 1] < 0.1)
+        record = Record()
+        sim.run(record, Limits(None), StopRequest())
+        y = system.particles.owned_rows("position")[:, 1]
+        ends = comm.allreduce(np.array([y[lower].sum(), lower.sum(), y[upper].sum(), upper.sum()]))
+        gaps[bool(contact)] = ends[2] / ends[3] - ends[0] / ends[1]
+    # of 0.125 at the start, each half ran 0.06 towards the other
+    assert gaps[False] < 0.02 and gaps[True] > 0.1
+    columns = record.columns()
+    assert np.abs(columns["balance"]).max() < 0.02 * columns["kinetic"][0]
