@@ -25,8 +25,9 @@ from parsolid.particles.declaration import Field, Rows
 from parsolid.scene import Scene
 from parsolid.scene.contact import CONTACT_TERMS
 
-# lists are asked for when they may not hold for so many steps
-_AHEAD = 4.0
+# steps between looks at how far particles have moved, where bodies are near and where all are apart; lists are asked
+# for when they may not hold until twice the next look, and for as many steps more
+_LOOKS, _AHEAD = {True: 4, False: 16}, 4
 # penetration at the start that is refused, in the smaller spacing
 _TOO_DEEP = 1.0
 
@@ -62,6 +63,7 @@ class KernelContact(Interaction):
         self.restarted = False
         self.rebuilds, self.energy, self.stuck = 0, 0.0, 0.0
         self._placed: tuple[int | None, ...] = ()
+        self._steps, self._nearest, self._clean = 0, np.inf, False
 
     def begin(self, time: float) -> None:
         """Thresholds of a new state, lists, and forces; collective. Raises SolverError on all ranks where bodies lie in
@@ -112,7 +114,10 @@ class KernelContact(Interaction):
             ledger.add_term("contact_energy", self.energy - energy)
             ledger.add_term("stick_energy", self.stuck - stuck)
             self.kick(step)
-        self.news = self.boxes.used_up(time, _AHEAD * step)
+        self._steps += 1
+        interval = _LOOKS[bool(self.boxes.near.any())]
+        if not self.news and self._steps % interval == 0:
+            self.news = self.boxes.used_up(time, (2.0 * interval + _AHEAD) * step)
 
     @property
     def placements(self) -> tuple[int | None, ...]:
@@ -123,7 +128,7 @@ class KernelContact(Interaction):
         """Half a step [s] of the forces."""
         if step == 0.0:
             return
-        for system in self.systems:
+        for system in self.systems if self.energy or self.stuck or self._nearest < np.inf else ():
             force = system.particles.owned_rows("contact_force")
             rows = np.flatnonzero(passes.acting(force))
             if len(rows):
@@ -131,10 +136,9 @@ class KernelContact(Interaction):
                 system.kick(0.5 * step * share * force[rows], rows)
 
     def stable_step(self) -> float:
-        """Half a period over pi of the stiffest contact that is near on this rank."""
-        if not self.entries.active:
-            return np.inf
-        return min(self.sides.sides[one.side].longest for one in self.entries.segments)
+        """Of the stiffest contact whose bodies see one another on this rank, by the present places alone, so that it
+        does not depend on when lists were made."""
+        return self._nearest
 
     def energies(self) -> tuple[float, float]:
         """What contact and sticking store."""
@@ -149,7 +153,7 @@ class KernelContact(Interaction):
         self.within.look()
         self.entries.build(self.boxes, self.within.excluded if self.within.any else None)
         self.rebuilds += 1
-        self.news = False
+        self.news, self._steps, self._clean = False, 0, False
         for system in self.systems:
             rows = system.particles.owned_rows
             rows("contact_listed")[:] = rows("position")
@@ -213,6 +217,8 @@ class KernelContact(Interaction):
             self.moved[:owned] = self.place[:owned] - entries.gathered("contact_place")
         self._exchange(self.first)
         self.energy, *deepest = passes.colours(owned, self.matter, self.lists, self.colour, self.record)
+        seen = (one.side for one in entries.segments if self.colour[one.first : one.last].any())
+        self._nearest = min((self.sides.sides[side].longest for side in seen), default=np.inf)
         self.stuck = 0.0
         if self.rubs:
             self._rub(ledger, True if held else None)
@@ -238,21 +244,24 @@ class KernelContact(Interaction):
 
     def _hand_over(self, ledger: EnergyLedger | None) -> None:
         """Forces to the particles; work of those who guide particles in contact."""
-        work, wanted = 0.0, ledger is not None
+        work = 0.0
         for index, system in enumerate(self.systems):
+            here = [one for one in self.entries.segments if one.system == index]
             rows = system.particles.owned_rows
             force, place = rows("contact_force"), rows("contact_place")
-            held = system.held_components() if wanted else None
+            held = system.held_components() if ledger is not None else None
             if held is not None:
                 moved = np.where(held, rows("position") - place, 0.0) * system.share[: system.owned, None]
                 work -= 0.5 * float(np.sum(moved * force))
-            force[:] = 0.0
-            for one in self.entries.segments:
-                if one.system == index:
-                    force[one.rows] += self.force[one.first : one.last]
+            for rows_of in [one.rows for one in here] if self._clean else [slice(None)]:
+                force[rows_of] = 0.0
+            for one in here:
+                force[one.rows] += self.force[one.first : one.last]
             if held is not None:
                 work -= 0.5 * float(np.sum(moved * force))
-            place[:] = rows("position")
+            if self.rubs or held is not None:
+                place[:] = rows("position")
+        self._clean = True
         if ledger is not None:
             ledger.add(1.0, 0.0, 0.0, work)
 

@@ -52,15 +52,16 @@ def put(vector, first, near, k, i, shift):
 
 @register_jitable
 def distance(matter, near, a, k, x):
-    """x_a - x_b into x (3,), and its length over R."""
-    square = 0.0
+    """x_a - x_b into x (3,), and its length over R, where that is less than 1; else 1."""
+    square, inverse = 0.0, matter.constants[a, 3]
     for i in range(matter.place.shape[1]):
         x[i] = matter.place[a, i] - put(matter.place, 0, near, k, i, 1.0)
         square += x[i] * x[i]
-    return math.sqrt(square) * matter.constants[a, 3]
+    square *= inverse * inverse
+    return math.sqrt(square) if square < 1.0 else 1.0
 
 
-@compiled(error_model="numpy")
+@compiled(fastmath={"contract"}, error_model="numpy")
 def colours(owned, matter, near, colour, record):
     """Colours and q of the owned entries; the stored energy [J], the deepest penetration [m] and whose that is."""
     energy, deepest, where, x, constants = 0.0, 0.0, -1, np.empty(3), matter.constants
@@ -217,7 +218,7 @@ def reaction(matter, near, record, a, k, q, force):
         force[a, i] -= part * put(record, 2, near, k, i, 0.0)
 
 
-@compiled(error_model="numpy")
+@compiled(fastmath={"contract"}, error_model="numpy")
 def forces(owned, matter, near, record, rubbing, force):
     """Forces (owned, d) [N] on the owned entries: the gradient of the energy, and friction where `rubbing` is not None;
     of the particle as a whole where a symmetry plane cuts it."""

@@ -1,0 +1,51 @@
+"""What a scene may say of contact, and what is told of how bodies meet."""
+
+import pytest
+from meeting import BONDS, MODULUS, SPH, bars, block, simulated, tables
+
+from parsolid.contact.kernel import lattice_colour
+from parsolid.contact.relations import relations
+from parsolid.scene import SceneError, parse_scene
+
+
+def faults(**change) -> str:
+    with pytest.raises(SceneError) as error:
+        parse_scene(bars() | change)
+    return str(error.value)
+
+
+def test_nonsense_is_refused_by_its_key():
+    assert "contact.0.bodies: expected the name of a body (did you mean 'right'?)" in faults(
+        contact=[{"bodies": ["left", "rigth"]}]
+    )
+    assert "contact.0.bodies: expected each body once" in faults(contact=[{"bodies": ["left", "left"]}])
+    twice = [{"bodies": ["left", "right"]}, {"bodies": ["right", "left"]}]
+    assert "contact.1.bodies: expected pairs that contact.0 does not name" in faults(contact=twice)
+    assert "contact.0.stiffness" in faults(contact=[{"bodies": ["left", "right"], "stiffness": 0}])
+    assert "contact.0.radius" in faults(contact=[{"bodies": ["left", "right"], "radius": 1.5}])
+    assert "contact.0.friction" in faults(contact=[{"bodies": ["left", "right"], "friction": -0.1}])
+    still = {"kind": "peridynamics", "solution": {"kind": "quasi-static", "step": 0.1}}
+    material = {"kind": "linear-elastic", "density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3}
+    bodies = [body | {"material": material} for body in bars(placement="cells")["bodies"]]
+    told = faults(method=still, bodies=[body | {"velocity": None} for body in bodies])
+    assert "contact: expected no such table with equilibrium instead of motion" in told
+    assert BONDS["solution"]["kind"] == "explicit" and MODULUS > 1.0
+
+
+def test_relations_are_told_and_a_collision_course_is_warned_of(comm):
+    sim = simulated(bars(gap=0.3), comm)
+    assert relations(comm, sim.scene, sim.systems) == ["bodies in contact: left and right"]
+    slow = [block("a", (0, 0), (1, 1), [5, 5], velocity=[1.0, 0.0]), block("b", (2, 0), (3, 1), [5, 5])]
+    slow.append(block("c", (3, 0), (4, 1), [5, 5], "cells"))
+    sim = simulated(tables(*slow, contact=[], method=SPH, end_time=2.0), comm)
+    told = relations(comm, sim.scene, sim.systems)
+    assert told[0] == "bodies bonded where they touch: b and c"
+    assert told[1] == "bodies apart: a and b, a and c"
+    assert "collision course" in told[2] and "a and b (at about t = 1 s)" in told[2] and "b and c" not in told[2]
+
+
+def test_colours_of_lattices():
+    found = [lattice_colour(0.5, 1.0, nodal, 2.7, d) for d in (2, 3) for nodal in (False, True)]
+    wanted = [(0.1892, 0.484), (0.2677, 0.424), (0.1839, 0.487), (0.2661, 0.428)]
+    assert found == [pytest.approx(pair, abs=6e-4) for pair in wanted]
+    assert lattice_colour(0.0, 1.0, True, 2.7, 2) == pytest.approx((0.5, 0.484), abs=6e-4)
