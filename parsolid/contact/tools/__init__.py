@@ -1,0 +1,1 @@
+"""Rigid tools that bodies touch: shapes, motion, forces."""
