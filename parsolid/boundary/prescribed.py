@@ -1,5 +1,6 @@
 """Motion that a scene prescribes, on a rank's particles; the last condition holds."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -124,3 +125,22 @@ class PrescribedRows:
         if here.any():
             result[here] = self.values("velocity", time + step)[here]
         return result
+
+
+class NotFree:
+    """Components of velocities that are held or prescribed, wherever the particles are."""
+
+    def __init__(self, particles: Particles, prescribed: PrescribedRows, clamp: Callable[[], np.ndarray | None]):
+        """clamp: gives multipliers (owned, d or more) of velocities, 0 where one is held, or None."""
+        self.particles, self.prescribed, self.clamp = particles, prescribed, clamp
+        self._layout, self._mask = -1, np.zeros((0, 0), bool)
+
+    def mask(self, dimension: int) -> np.ndarray | None:
+        """(owned, d) bool, None where this rank has none."""
+        if self._layout != self.particles.layout:
+            self._layout, clamp = self.particles.layout, self.clamp()
+            self._mask = np.zeros((self.particles.owned, dimension), bool)
+            if clamp is not None:
+                self._mask |= clamp[:, :dimension] == 0.0
+            self._mask[self.prescribed.entries] = True
+        return self._mask if self._mask.any() else None

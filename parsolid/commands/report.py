@@ -14,7 +14,7 @@ from parsolid.simulation.loop import Simulation
 def print_report(comm: MPI.Intracomm, simulation: Simulation) -> None:
     """Print the report on rank 0; collective. A few tiny steps measure the wall time of one."""
     systems, scene = simulation.systems, simulation.scene
-    stable = minimum(comm, min(system.stable_step() for system in systems))
+    stable = minimum(comm, simulation.stable_step())
     numbers = _counts(comm, systems)
     pairs = comm.allreduce(sum(system.directed_pairs for system in systems)) // 2
     sent = comm.allreduce(sum(system.bytes_a_step() for system in systems))

@@ -41,6 +41,8 @@ class ParticleSystem:
     stored vanish.
     news: whether this rank has found what all ranks must act on at the next step, as it is when a step is announced;
     news_anywhere: whether any rank had, told before the next step.
+    placements: counts how often particles may have changed their rows or ranks, the same on all ranks; None where they
+    may in every step.
     """
 
     comm: Any
@@ -57,6 +59,7 @@ class ParticleSystem:
     directed_pairs: int = 0
     news: bool = False
     news_anywhere: bool = False
+    placements: int | None = 0
 
     @staticmethod
     def sort(comm: Any, scene: Scene, particle_set: ParticleSet) -> np.ndarray:
@@ -112,6 +115,26 @@ class ParticleSystem:
         announce(sound, stable step [s] of this rank after the step) is called once, as early as these are known.
         """
         raise NotImplementedError
+
+    def held_components(self) -> np.ndarray | None:
+        """Components (owned, d) of velocities that boundaries hold or prescribe, true there; None without any."""
+        return None
+
+    def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
+        """Give impulses (n, d) [N s] to the velocities of owned rows (n,), each once; all of them unless given.
+
+        An impulse is that on the part of a particle on this side of mirror planes; components that are held keep their
+        velocity. Between steps only. Returns the kinetic energy [J] that the particles gain.
+        """
+        velocity, held = self.particles.owned_rows("velocity"), self.held_components()
+        here: Any = slice(None) if rows is None else rows
+        mass = (self.mass[: self.owned] * self.share[: self.owned])[here, None]
+        change = impulse / mass
+        if held is not None:
+            change[held[here]] = 0.0
+        gained = 0.5 * float(np.sum(mass * change * (2.0 * velocity[here] + change)))
+        velocity[here] += change
+        return gained
 
     def energies(self) -> tuple[float, float]:
         """Kinetic and stored energy [J] of this rank's particles."""

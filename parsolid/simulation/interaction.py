@@ -1,19 +1,56 @@
-"""What acts between two systems of a simulation."""
+"""What acts between the particles of systems besides their own steps, as impulses between the steps of all systems."""
 
-from typing import Protocol
+from collections.abc import Mapping
+from typing import Any
 
 from parsolid.methods.protocol import EnergyLedger
 
 
-class Interaction(Protocol):
-    """Contact or the like between a pair of systems, which it holds.
+class Interaction:
+    """Contact or the like, between the particles of any systems; what a simulation asks of it.
 
-    The loop asks every interaction before the systems advance, in every step, those of length 0 too. An interaction in
-    the stages of a step would need systems that hand out their stages, which none does yet.
+    Strang's splitting: half a kick with the forces at the present places before the systems advance, half a kick with
+    the forces at the new places after it, by `ParticleSystem.kick`. It is of second order and touches no method's step.
+    Rows of particles change only while systems advance: `ParticleSystem.placements` tells.
+
+    terms: the energy terms it adds to the ledger, with their signs, see `simulation.ledger.Ledger`.
+    news: whether this rank has found, by the end of a step, what all ranks must act on at the step after the next one,
+    such as lists used up; it travels with the minimum of the next step. news_anywhere: whether any rank had.
     """
 
-    def act(self, time: float, step: float, ledger: EnergyLedger) -> None:
-        """Change the velocities of both systems' particles for the step that starts at `time` [s]; collective.
+    terms: Mapping[str, int] = {}
+    news: bool = False
+    news_anywhere: bool = False
+
+    def begin(self) -> None:
+        """Forces of the state at hand, which is that of time 0 or of a restart; collective."""
+
+    def before(self, time: float, step: float, ledger: EnergyLedger) -> None:
+        """Half a kick before a step [s] from a time [s], of length 0 too. Collective only where `news_anywhere`.
 
         Energy that it supplies or takes goes to the ledger.
         """
+        raise NotImplementedError
+
+    def after(self, time: float, step: float, ledger: EnergyLedger) -> None:
+        """Half a kick after a step [s] that has ended at a time [s]; sets `news`."""
+        raise NotImplementedError
+
+    def stable_step(self) -> float:
+        """Largest step [s] that it allows on this rank, known before a step."""
+        return float("inf")
+
+    def energies(self) -> tuple[float, float]:
+        """This rank's kinetic and stored energy [J] that no system has; part of those sums of the ledger."""
+        return 0.0, 0.0
+
+    def state(self) -> dict[str, Any]:
+        """What a restart needs besides checkpointed fields, as JSON has it, the same on all ranks; collective."""
+        return {}
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Take back what `state` gave, before `begin`."""
+
+    def sound(self) -> bool:
+        """Whether the last step left this rank's part as it can be."""
+        return True

@@ -3,7 +3,7 @@
 import time as clock
 from dataclasses import dataclass, field
 from functools import partial
-from math import isfinite
+from math import inf, isfinite
 from typing import Any, Protocol
 
 from decomposition.reduction import MinimumAhead
@@ -63,7 +63,7 @@ class Watch(Protocol):
 class Simulation:
     """One scene on all ranks of a communicator, from its particles to its last step.
 
-    systems: methods with their bodies, see `setup`; interactions: what acts between pairs of them, none in scenes yet.
+    systems: methods with their bodies, see `setup`; interactions: what acts between their particles besides.
     """
 
     def __init__(self, comm: Any, scene: Scene, restart: Restart | None = None):
@@ -83,7 +83,7 @@ class Simulation:
         self.stable: float | None = None
         if restart:
             restart.apply(self)
-        self.minimum = MinimumAhead(comm, 3 + len(self.systems))
+        self._minimum: MinimumAhead | None = None
         # what the systems have announced of the step under way, and the wishes that go with it
         self._told: list[float] = []
         self._wishes = (0.0, 0.0)
@@ -96,10 +96,26 @@ class Simulation:
     def energies(self) -> tuple[float, float]:
         """Kinetic and stored energy [J] of this rank's particles."""
         kinetic, stored = self.systems[0].energies()
-        for system in self.systems[1:]:
-            more = system.energies()
+        for one in self.parts[1:]:
+            more = one.energies()
             kinetic, stored = kinetic + more[0], stored + more[1]
         return kinetic, stored
+
+    @property
+    def parts(self) -> list[ParticleSystem | Interaction]:
+        """Systems and interactions."""
+        return [*self.systems, *self.interactions]
+
+    @property
+    def minimum(self) -> MinimumAhead:
+        """The one collective of a step: stable step, wishes, and news of all systems and interactions."""
+        if self._minimum is None:
+            self._minimum = MinimumAhead(self.comm, 3 + len(self.systems) + len(self.interactions))
+        return self._minimum
+
+    def stable_step(self) -> float:
+        """Largest step [s] of this rank's particles in the current state."""
+        return min(one.stable_step() for one in self.parts)
 
     @property
     def energy_scale(self) -> float:
@@ -121,7 +137,7 @@ class Simulation:
         self.first_step = self.clock.step
         stable = self.stable
         if stable is None:
-            stable = min(system.stable_step() for system in self.systems)
+            stable = self.stable_step()
         self._announce(stable, (0.0, 0.0))
         while True:
             self.stable, interrupted, checkpoint = self._result()
@@ -145,16 +161,16 @@ class Simulation:
         self._result()
 
     def _announce(self, stable: float, wishes: tuple[float, float]) -> None:
-        """Begin to agree on the stable step, on wishes (to stop, to write a checkpoint) and on the systems' news."""
-        news = [-float(system.news) for system in self.systems]
+        """Begin to agree on the stable step, on wishes (to stop, to write a checkpoint) and on everyone's news."""
+        news = [-float(one.news) for one in self.parts]
         self.minimum.begin((stable, -wishes[0], -wishes[1], *news))
 
     def _result(self) -> tuple[float, float, float]:
         waiting = clock.perf_counter()
         stable, interrupted, checkpoint, *news = self.minimum.result()
         self.clock.waiting_seconds += clock.perf_counter() - waiting
-        for system, first in zip(self.systems, news):
-            system.news_anywhere = first < 0.0
+        for one, first in zip(self.parts, news):
+            one.news_anywhere = first < 0.0
         return stable, interrupted, checkpoint
 
     def _advance(self, step: float, arrival: float, wishes: tuple[float, float]) -> None:
@@ -163,10 +179,13 @@ class Simulation:
         self._told.clear()
         self._wishes = wishes
         for interaction in self.interactions:
-            interaction.act(self.clock.time, step, self.ledger)
+            interaction.before(self.clock.time, step, self.ledger)
         for system in self.systems:
             if not system.advance(self.clock.time, step, self.ledger, partial(self._hear, system)):
                 self.failed = True
+        for interaction in self.interactions:
+            interaction.after(arrival, step, self.ledger)
+            self.failed = self.failed or not interaction.sound()
         self.clock.time, self.clock.step_size = arrival, step
         self.clock.step += 1
         self._count(clock.perf_counter() - began, clock.process_time() - processor_began)
@@ -176,7 +195,8 @@ class Simulation:
         healthy = sound and not self.failed and isfinite(stable)
         self._told.append(stable if healthy or system.owned == 0 else -1.0)
         if len(self._told) == len(self.systems):
-            self._announce(min(self._told), self._wishes)
+            allowed = (interaction.stable_step() for interaction in self.interactions)
+            self._announce(min(*self._told, *allowed, inf), self._wishes)
 
     def _count(self, seconds: float, processor_seconds: float) -> None:
         """Add what a step took, on the wall and on this rank's processor [s]."""

@@ -114,6 +114,8 @@ class Restart:
         simulation.time_steps.jumped = header["jumped"]
         simulation.clock.time, simulation.clock.step = header["time"], header["step"]
         simulation.stable = header["stable_step"]
+        for interaction, state in zip(simulation.interactions, header.get("interactions", [])):
+            interaction.set_state(state)
         if self.allowed and "balance" in header:
             self._take_jump(simulation)
 
@@ -161,6 +163,7 @@ def header_of(
         "stable_step": simulation.stable,
         "jumped": simulation.time_steps.jumped,
         **{numbered("method_state", number): system.state() for number, system in systems},
+        "interactions": [interaction.state() for interaction in simulation.interactions],
         "initial_energy": simulation.ledger.initial,
         "largest_energy": simulation.balance.largest,
         "largest_balance": simulation.balance.worst,

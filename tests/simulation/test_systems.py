@@ -2,6 +2,8 @@
 same bits.
 """
 
+from itertools import pairwise
+
 import h5py
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from parsolid.commands.report import print_report
 from parsolid.output.checkpoint import read_checkpoint
 from parsolid.output.history import read_history
 from parsolid.scene import parse_scene
+from parsolid.simulation.interaction import Interaction
 from parsolid.simulation.loop import Limits, Simulation, StopRequest
 from parsolid.simulation.observables import Observables
 from parsolid.simulation.output_files import OutputFiles
@@ -106,19 +109,25 @@ def test_a_jump_of_one_system_is_a_step_of_length_zero_for_all(comm):
     assert times[1] == 0.0 and 0.0 < times[2] < times[3]
 
 
-class Push:
-    """An impulse from one system to another, as a contact would give it."""
+class Push(Interaction):
+    """Impulses from one system to another before and after a step, as a contact would give them."""
 
     def __init__(self, sim, impulse: float):
         self.pair, self.impulse, self.asked = sim.systems, impulse, []
 
-    def act(self, time: float, step: float, ledger) -> None:
+    def before(self, time: float, step: float, ledger) -> None:
         self.asked.append((time, step))
         for sign, system in zip((1.0, -1.0), self.pair):
-            system.particles.owned_rows("velocity")[:, 0] += sign * self.impulse / 64 / system.mass[: system.owned]
+            system.kick(np.tile([sign * self.impulse / 128, 0.0], (system.owned, 1)))
+
+    def after(self, time: float, step: float, ledger) -> None:
+        self.asked.append((time, step))
+        for sign, system in zip((1.0, -1.0), self.pair):
+            rows = np.arange(system.owned)[::-1]
+            system.kick(np.tile([sign * self.impulse / 128, 0.0], (system.owned, 1)), rows)
 
 
-def test_interactions_are_asked_before_the_systems_advance(comm):
+def test_interactions_kick_before_and_after_the_systems_advance(comm):
     bodies = [
         plate(name, x, placement="cells") | {"velocity": [0.0, 0.0]} for name, x in (("left", 0.0), ("right", 5.0))
     ]
@@ -127,7 +136,8 @@ def test_interactions_are_asked_before_the_systems_advance(comm):
     push = Push(sim, 2.0)
     sim.interactions.append(push)
     times = follow(sim, Record(), 4)["time"]
-    assert push.asked == [(time, SHORT["maximum_step"]) for time in times[:-1]]
+    step = SHORT["maximum_step"]
+    assert push.asked == [(time, step) for pair in pairwise(times) for time in pair]
     momenta = [
         comm.allreduce((s.mass[: s.owned] * s.particles.owned_rows("velocity")[:, 0]).sum()) for s in sim.systems
     ]

@@ -135,6 +135,8 @@ class MaterialPoint(ParticleSystem):
         result[: self.owned] = self.points.motion[: self.owned, 3:4] * self.loads.at(time)
         return result
 
+    placements = None
+
     @property
     def owned(self) -> int:  # type: ignore[override]
         """Number of this rank's particles, which changes as they move."""

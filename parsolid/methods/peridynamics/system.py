@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from decomposition.reduction import sums
-from parsolid.collective import maximum
+from parsolid.collective import SolverError, maximum
 from parsolid.materials.viscoelastic.prony import Prony
 from parsolid.methods.pair_method import PairMethod
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
@@ -125,6 +125,19 @@ class Peridynamics(PairMethod):
     def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """One step of the time solver."""
         return self.solver.advance(time, step, ledger, announce)
+
+    def held_components(self) -> np.ndarray | None:
+        """Those of supports and of guided motion."""
+        free = self.loads.free
+        return None if free.all() else ~free
+
+    def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
+        """See `ParticleSystem.kick`; raises SolverError where there is no motion that an impulse could change."""
+        if self.settings.solution.kind == "quasi-static":
+            raise SolverError(
+                'method.solution.kind: expected "explicit" for impulses, found equilibrium without inertia'
+            )
+        return super().kick(impulse, rows)
 
     def energies(self) -> tuple[float, float]:
         """Kinetic and stored energy [J] of this rank's particles, the stabiliser's included."""

@@ -5,7 +5,7 @@ from mpi4py import MPI
 
 from parsolid.boundary.declarations import Declarations, PrescribedMotion, Support, SurfaceTraction
 from parsolid.boundary.loads import Load, accelerations, area_along, densities
-from parsolid.boundary.prescribed import PrescribedRows
+from parsolid.boundary.prescribed import NotFree, PrescribedRows
 from parsolid.boundary.rows import OfRows, keep
 from parsolid.boundary.supports import Supports
 from parsolid.collective import anywhere
@@ -45,6 +45,7 @@ class BoundarySet:
         times = {*declared.scene.loads.jump_times}.union(*(course.jump_times for course in courses))
         self.jump_times = tuple(sorted(time for time in times if 0.0 < time < declared.scene.end_time))
         self.held_energy = 0.0
+        self.not_free = NotFree(particles, self.prescribed, lambda: self.clamp)
 
     @property
     def clamp(self) -> np.ndarray | None:

@@ -280,6 +280,10 @@ class TotalLagrangianSPH(PairMethod):
         """(space, first, last, law) of a block, as kernels take them."""
         return self.space, block.first, block.last, block.law
 
+    def held_components(self) -> np.ndarray | None:
+        """Those of supports and of prescribed velocities."""
+        return self.boundaries.not_free.mask(self.dimension)
+
     def energies(self) -> tuple[float, float]:
         """Kinetic and stored energy [J] of this rank's particles, with tributary volumes."""
         kinetic = motion.kinetic_energy(self.owned, self.dimension, self.kinematics, self.mass, self.share)

@@ -13,7 +13,7 @@ from parsolid.boundary.declarations import (
     TemperaturePlane,
 )
 from parsolid.boundary.loads import accelerations
-from parsolid.boundary.prescribed import PrescribedRows
+from parsolid.boundary.prescribed import NotFree, PrescribedRows
 from parsolid.boundary.rows import keep
 from parsolid.boundary.supports import Supports
 from parsolid.collective import anywhere
@@ -44,6 +44,7 @@ class BoundarySet:
             self._clamp = keep(particles, "clamp", np.where(supports.held, 0.0, 1.0))
         motions = declared.of(PrescribedMotion, "velocity")
         self.prescribed = PrescribedRows(comm, scene, motions, particle_set, particles)
+        self.not_free = NotFree(particles, self.prescribed, self._held)
         self.walls = Walls(comm, declared.of(RigidWall), particles)
         self.loads = accelerations(scene, particles)
         self.held_micro: np.ndarray | None = None
@@ -54,6 +55,9 @@ class BoundarySet:
         for warm in declared.of(TemperaturePlane):
             chosen = particles.selection(selected(scene, warm.where, particle_set, comm))
             self._temperatures.append((chosen, LoadHistory(FormulaVector((warm.formula,)))))
+
+    def _held(self) -> np.ndarray | None:
+        return None if self._clamp is None else self._clamp(slice(None))
 
     @property
     def sets_temperature(self) -> bool:
@@ -72,7 +76,7 @@ class BoundarySet:
         rows, components = self.prescribed.entries
         before = kinematics[rows, components]
         loads = self.loads.at(time) if self.loads.acting else None
-        clamp = None if self._clamp is None else self._clamp(slice(None))
+        clamp = self._held()
         begun = particles.owned_rows("velocity").copy() if self.walls.walls else None
         dimension = particles["position"].shape[1]
         forces = particles.storage("force_sums")

@@ -252,6 +252,15 @@ class UpdatedLagrangianSPH(PairMethod):
         fluxes = min((update.stable_step(block, body) for update, block, body in self.updates.each()), default=np.inf)
         return float(min(self.settings.cfl * transit, fluxes))
 
+    @property
+    def placements(self) -> int:  # type: ignore[override]
+        """Particles change their places when lists are made."""
+        return self.pairs.rebuilds
+
+    def held_components(self) -> np.ndarray | None:
+        """Those of supports and of prescribed velocities."""
+        return self.boundaries.not_free.mask(self.dimension)
+
     def energies(self) -> tuple[float, float]:
         """Kinetic energy, that of the micro-velocity in it, and stored energy [J] of this rank's particles."""
         arrays = (self.particles.storage("kinematics"), self.particles.storage("mass"))
