@@ -16,6 +16,7 @@ from parsolid.scene.methods import Method
 from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, SOLUTIONS_KNOWN, Output, Reference
 from parsolid.scene.probes import Probe, ProbeTable
 from parsolid.scene.systems import SystemOfScene
+from parsolid.scene.tools import Tool, still_faults, tool_faults
 from parsolid.scene.validation_errors import NOTHING, SceneError, fault, key_path, suggestion
 
 # more than these, in a run to its end, nobody wants
@@ -32,6 +33,7 @@ class Scene(SceneModel):
     bodies: Annotated[list[Body], Field(min_length=1)] = Field(description="at least one body")
     boundaries: list[Boundary] = []
     loads: Loads = Loads()
+    tools: list[Tool] = []
     probes: list[ProbeTable] = []
     output: Output = Output()
     reference: Reference | None = None
@@ -46,7 +48,7 @@ class Scene(SceneModel):
 
     @model_validator(mode="after")
     def _fits_method(self) -> "Scene":
-        details = self.method.scene_faults(self)
+        details = self.method.scene_faults(self) + still_faults(self.tools, self.method)
         exact = None if self.reference is None else self.reference.exact
         if self.loads.manufactured and exact not in MANUFACTURED:
             known = " or ".join(map(repr, MANUFACTURED))
@@ -120,6 +122,7 @@ class Parts:
     method: Any
     complete: bool
     stated_bodies: int
+    tools: dict[int, Tool]
 
     @classmethod
     def of(cls, data: dict[str, Any], context: dict[str, Any]) -> "Parts | None":
@@ -128,7 +131,7 @@ class Parts:
             return None
         complete = True
         lists: dict[str, dict[int, Any]] = {}
-        for key, kind in (("bodies", FilledShape), ("boundaries", Boundary), ("probes", ProbeTable)):
+        for key, kind in (("bodies", FilledShape), ("boundaries", Boundary), ("probes", ProbeTable), ("tools", Tool)):
             adapter = TypeAdapter(kind)
             entries = data.get(key, [])
             lists[key] = {}
@@ -147,7 +150,7 @@ class Parts:
         stated = len(data["bodies"]) if isinstance(data.get("bodies"), list) else 0
         bodies, boundaries, probes = lists["bodies"], lists["boundaries"], lists["probes"]
         dimension, method = context["dimension"], context["method"]
-        return cls(dimension, bodies, boundaries, probes, reference, method, complete, stated)
+        return cls(dimension, bodies, boundaries, probes, reference, method, complete, stated, lists["tools"])
 
 
 def cross_faults(parts: Parts) -> list[str]:
@@ -162,6 +165,7 @@ def cross_faults(parts: Parts) -> list[str]:
     every_body_known = 0 < len(fillings) == parts.stated_bodies
     faults += _repeated_names("bodies", parts.bodies) + _repeated_names("probes", parts.probes)
     faults += _empty_bodies(fillings) + _boundary_faults(parts, fillings, every_body_known)
+    faults += tool_faults(parts)
     if every_body_known:
         faults += _distant_probes(parts, fillings)
     return faults + _reference_faults(parts)
@@ -241,7 +245,8 @@ def _reference_faults(parts: Parts) -> list[str]:
     key = "final" if parts.reference.final is not None else "columns"
     known = [*HISTORY_COLUMNS, *parts.method.ledger_terms]
     try:
-        known += [column for probe in parts.probes.values() for column in probe.columns(parts.dimension)]
+        watched: list[Any] = [*parts.probes.values(), *parts.tools.values()]
+        known += [column for one in watched for column in one.columns(parts.dimension)]
     except KeyError:
         # a field that other faults keep from being known
         return []

@@ -3,15 +3,15 @@
 import time as clock
 from dataclasses import dataclass, field
 from functools import partial
-from math import inf, isfinite
+from math import isfinite
 from typing import Any, Protocol
 
 from decomposition.reduction import MinimumAhead
+from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
 from parsolid.simulation.diagnosis import describe_failure
 from parsolid.simulation.energy_balance import EnergyBalance, EnergyLimits
-from parsolid.simulation.interaction import Interaction
 from parsolid.simulation.ledger import Ledger, terms_of, viscous_terms_of
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.setup import build_systems
@@ -73,16 +73,20 @@ class Simulation:
         """
         self.comm, self.scene, self.clock = comm, scene, Clock()
         limits = EnergyLimits.of(system.settings for system in scene.systems)
-        self.ledger, self.balance = Ledger(terms_of(scene)), EnergyBalance(limits, viscous_terms_of(scene))
         if restart:
             restart.check(scene)
-        self.systems, self.particle_sets = build_systems(comm, scene, restart)
-        self.interactions: list[Interaction] = []
+        self.systems, self.particle_sets, self.interactions = build_systems(comm, scene, restart)
+        terms = terms_of(scene).items(), *(interaction.terms.items() for interaction in self.interactions)
+        self.ledger = Ledger({name: sign for some in terms for name, sign in some})
+        self.balance = EnergyBalance(limits, viscous_terms_of(scene))
         self.time_steps = TimeSteps.of(scene, self.systems)
         # the step agreed on for the current state; a restart takes it from the checkpoint, for the same bits
         self.stable: float | None = None
         if restart:
             restart.apply(self)
+        else:
+            for interaction in self.interactions:
+                interaction.begin(0.0)
         self._minimum: MinimumAhead | None = None
         # what the systems have announced of the step under way, and the wishes that go with it
         self._told: list[float] = []
@@ -115,7 +119,7 @@ class Simulation:
 
     def stable_step(self) -> float:
         """Largest step [s] of this rank's particles in the current state."""
-        return min(one.stable_step() for one in self.parts)
+        return self._limited(min(system.stable_step() for system in self.systems))
 
     @property
     def energy_scale(self) -> float:
@@ -195,8 +199,13 @@ class Simulation:
         healthy = sound and not self.failed and isfinite(stable)
         self._told.append(stable if healthy or system.owned == 0 else -1.0)
         if len(self._told) == len(self.systems):
-            allowed = (interaction.stable_step() for interaction in self.interactions)
-            self._announce(min(*self._told, *allowed, inf), self._wishes)
+            self._announce(self._limited(min(self._told)), self._wishes)
+
+    def _limited(self, step: float) -> float:
+        """The step [s] that interactions allow where systems alone allow one of that length."""
+        for interaction in self.interactions:
+            step = interaction.limited(step)
+        return step
 
     def _count(self, seconds: float, processor_seconds: float) -> None:
         """Add what a step took, on the wall and on this rank's processor [s]."""

@@ -12,10 +12,10 @@ from systems import BONDS, SPH, STIFF, plate, raw, two_systems
 
 from parsolid.collective import SolverError, minimum
 from parsolid.commands.report import print_report
+from parsolid.methods.interaction import Interaction
 from parsolid.output.checkpoint import read_checkpoint
 from parsolid.output.history import read_history
 from parsolid.scene import parse_scene
-from parsolid.simulation.interaction import Interaction
 from parsolid.simulation.loop import Limits, Simulation, StopRequest
 from parsolid.simulation.observables import Observables
 from parsolid.simulation.output_files import OutputFiles

@@ -130,7 +130,7 @@ def _on_segment(c, m, x, y, z):
 
 @register_jitable
 def _on_triangle(c, m, x, y, z):
-    """(u, v, feature) of the place a + u (b - a) + v (c - a) of a triangle nearest to another, Ericson (2005), 5.1.5."""
+    """(u, v, feature) of the place a + u (b - a) + v (c - a) of a triangle nearest to another (Ericson 2005, 5.1)."""
     ax, ay, az = c[m, 0, 0], c[m, 0, 1], c[m, 0, 2]
     bx, by, bz = c[m, 1, 0] - ax, c[m, 1, 1] - ay, c[m, 1, 2] - az
     cx, cy, cz = c[m, 2, 0] - ax, c[m, 2, 1] - ay, c[m, 2, 2] - az

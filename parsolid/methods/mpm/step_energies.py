@@ -9,18 +9,20 @@ from parsolid.methods.protocol import EnergyLedger
 
 
 class StepEnergies:
-    """Made before the particles move, booked after. forces (capacity, 4): of the loads on the particles
-    [N], or None.
+    """Made before the particles move, booked after. loads (capacity, 4): on the particles [N], or None; forces: also
+    those of what interacts with them, which books its work itself.
     """
 
-    def __init__(self, points: MaterialPoints, nodes: Nodes, forces: np.ndarray | None):
-        self.points, self.nodes, self.forces = points, nodes, forces
+    def __init__(self, points: MaterialPoints, nodes: Nodes, loads: np.ndarray | None, kicks: np.ndarray | None):
+        self.points, self.nodes, self.loads = points, nodes, loads
+        given = [one for one in (loads, kicks) if one is not None]
+        self.forces = sum(given[1:], given[0]) if given else None
         settings = points.settings
         self.adds = settings.transfer in ("flip", "aflip") and settings.flip_fraction == 1.0
         self.again = settings.order == "musl"
         self.loses = "velocity_slope" in points or not (self.adds and self.again)
         self.kinetic = kinetic_energy(points.owned, points.motion) if self.loses else 0.0
-        kept = forces is not None or (self.adds and not self.again)
+        kept = loads is not None or (self.adds and not self.again)
         self.before = points.motion[: points.owned].copy() if kept else None
 
     def book(
@@ -30,8 +32,8 @@ class StepEnergies:
         ledger [J].
         """
         supplied, caught = boundaries
-        if self.forces is not None and self.before is not None:
-            supplied += _work(self.forces, self.before, self.points.motion[: self.points.owned], step)
+        if self.loads is not None and self.before is not None:
+            supplied += _work(self.loads, self.before, self.points.motion[: self.points.owned], step)
         ledger.add(1.0, 0.0, self._lost() + caught, supplied)
         for name, energy in materials.items():
             ledger.add_term(name, energy)

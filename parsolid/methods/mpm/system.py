@@ -30,6 +30,7 @@ from parsolid.methods.mpm.transfers import ORDERS
 from parsolid.methods.mpm.weights import nodes_across
 from parsolid.methods.protocol import Announce, EnergyLedger, ParticleSystem
 from parsolid.numerics.lanes import aligned_zeros
+from parsolid.particles.declaration import Field
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene
 
@@ -117,7 +118,7 @@ class MaterialPoint(ParticleSystem):
         if not self.settings.motion:
             announce(True, self.stable_step())
             return True
-        energies = StepEnergies(self.points, self.nodes, self._forces(time))
+        energies = StepEnergies(self.points, self.nodes, self._forces(time), self._kicks(step))
         self.transfer.particles_to_nodes(self.stress.on_nodes, energies.forces)
         self.nodes.accelerate(step)
         work, caught = self.conditions.obey(self.nodes, self.nodes.motion, time + step)
@@ -136,6 +137,34 @@ class MaterialPoint(ParticleSystem):
         return result
 
     placements = None
+
+    def expect_kicks(self) -> None:
+        """Impulses wait for the next step, in which they act as forces: given to particles alone they would grow where
+        the grid does not see them."""
+        if "impulse" not in self.points:
+            self.points.declare(Field("impulse", 4, "N s", checkpointed=True))
+
+    def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
+        """See `ParticleSystem.kick`; of first order in the step [J]."""
+        here: Any = slice(None) if rows is None else rows
+        self.points.owned_rows("impulse")[here, : self.dimension] += impulse
+        return float(np.sum(impulse * self.points.owned_rows("velocity")[here]))
+
+    def _kicks(self, step: float) -> np.ndarray | None:
+        """Forces (capacity, 4) [N] that give the waiting impulses in a step [s], or None."""
+        if "impulse" not in self.points or step == 0.0:
+            return None
+        waiting = self.points.storage("impulse")
+        forces = waiting / step
+        waiting[:] = 0.0
+        return forces
+
+    def _waiting_energy(self) -> float:
+        """What waiting impulses will have given, as far as they belong to the present time [J]."""
+        if "impulse" not in self.points:
+            return 0.0
+        rows = self.points.owned_rows
+        return float(np.sum(rows("impulse")[:, : self.dimension] * rows("velocity")))
 
     @property
     def owned(self) -> int:  # type: ignore[override]
@@ -173,7 +202,8 @@ class MaterialPoint(ParticleSystem):
 
     def energies(self) -> tuple[float, float]:
         """Kinetic energy and internal energy [J] of this rank's particles, heat and plastic work included."""
-        return kinetic_energy(self.owned, self.points.motion), self.materials.stored_energy()
+        kinetic = kinetic_energy(self.owned, self.points.motion) + self._waiting_energy()
+        return kinetic, self.materials.stored_energy()
 
     def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
         """Fields that are not declared."""

@@ -22,8 +22,8 @@ class Interaction:
     news: bool = False
     news_anywhere: bool = False
 
-    def begin(self) -> None:
-        """Forces of the state at hand, which is that of time 0 or of a restart; collective."""
+    def begin(self, time: float) -> None:
+        """Forces of the state at hand, at time 0 or at that of a restart [s]; collective."""
 
     def before(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Half a kick before a step [s] from a time [s], of length 0 too. Collective only where `news_anywhere`.
@@ -39,6 +39,19 @@ class Interaction:
     def stable_step(self) -> float:
         """Largest step [s] that it allows on this rank, known before a step."""
         return float("inf")
+
+    def limited(self, step: float) -> float:
+        """The step [s] on this rank where the systems alone allow one of that length; negative where that is."""
+        return min(step, self.stable_step())
+
+    @property
+    def columns(self) -> list[str]:
+        """Of the history."""
+        return []
+
+    def sample(self) -> list[float]:
+        """Values of the columns; collective where there are any."""
+        return []
 
     def energies(self) -> tuple[float, float]:
         """This rank's kinetic and stored energy [J] that no system has; part of those sums of the ledger."""

@@ -1,0 +1,105 @@
+"""One tool on the particles of one system on this rank: forces, and when to look again."""
+
+from typing import Any
+
+import numpy as np
+
+from parsolid.contact.tools import forces
+from parsolid.contact.tools.forces import Frame, Friction, Resistance
+from parsolid.methods.protocol import ParticleSystem
+from parsolid.particles.declaration import Field
+
+# fields of particles that any tool may touch
+RADIUS, STIFFNESS = "tool_radius", "tool_stiffness"
+# of the time in which particle and tool could meet, of the faster of both towards each other
+_LOOK_AFTER = 0.5
+
+
+class Touch:
+    """A tool on a system.
+
+    rows (n,), forces (n, d) [N]: what it touches; sums (12,): as `forces.press` has them, of this rank; clearance [m]:
+    of the nearest particle; greatest_square [1/s^2]: of an angular frequency that the contact adds to that of a
+    particle; quiet_until [s]: nothing can be touched before.
+    """
+
+    def __init__(self, tool: Any, system: ParticleSystem, meant: np.ndarray, signal: float) -> None:
+        """tool: `contact.Tool`; meant (bodies,): which bodies of the system it is for; signal: the speed [m/s] that
+        particles may gain before they are looked at again."""
+        self.tool, self.system, self.meant, self.signal = tool, system, meant, signal
+        self.record: str | None = None
+        if tool.friction > 0.0:
+            self.record = f"stick_{tool.name}"
+            system.particles.declare(Field(self.record, 1 + 2 * system.dimension, "m", checkpointed=True))
+        self.sums = np.zeros(forces.SUMS)
+        self.count, self.clearance, self.greatest_square = 0, np.inf, 0.0
+        self._rows, self._forces = np.zeros(0, np.int64), np.zeros((0, system.dimension))
+        self._layout, self.quiet_until = -1, -np.inf
+
+    @property
+    def rows(self) -> np.ndarray:
+        """Rows (n,) of particles that it touches."""
+        return self._rows[: self.count]
+
+    @property
+    def forces(self) -> np.ndarray:
+        """Forces (n, d) [N] on them, on their parts on this side of mirror planes."""
+        return self._forces[: self.count]
+
+    def evaluate(self, time: float, slipping: bool) -> None:
+        """Forces at a time [s]; slipping: friction follows the motion, or what is recorded is asked for again."""
+        particles, tool = self.system.particles, self.tool
+        if time < tool.quiet_until or (time < self.quiet_until and self._layout == particles.layout):
+            self.count, self.greatest_square = 0, 0.0
+            self.sums[:] = 0.0
+            return
+        if len(self._rows) < particles.owned:
+            self._rows = np.zeros(particles.capacity, np.int64)
+            self._forces = np.zeros((particles.capacity, self.system.dimension))
+        friction = None
+        if self.record is not None:
+            friction = Friction(tool.friction, particles.storage(self.record), slipping)
+        resistance = Resistance(particles[RADIUS], particles[STIFFNESS], tool.stiffness)
+        self.count, self.clearance = forces.press(
+            tool.shape,
+            Frame(tool.body.pose.place, tool.body.pose.matrix),
+            friction,
+            resistance,
+            particles.owned,
+            particles["position"],
+            particles["body"],
+            self.meant,
+            self._rows,
+            self._forces,
+            self.sums,
+        )
+        self._layout, self.quiet_until = particles.layout, self._next_look(time)
+        self.greatest_square = self._greatest_square()
+
+    def _next_look(self, time: float) -> float:
+        """The time [s] before which nothing can be touched; the present while something is near."""
+        if not self.clearance > 0.0:
+            return -np.inf
+        speed = forces.fastest(self.system.particles.owned, self.system.particles["velocity"])
+        return time + _LOOK_AFTER * self.clearance / (speed + self.signal + self.tool.speed(time))
+
+    def kick(self, step: float) -> float:
+        """Give the particles the forces' impulses of a time [s]; the energy [J] that held components take."""
+        if not self.count or step == 0.0:
+            return 0.0
+        impulse = step * self.forces
+        if self.system.held_components() is None:
+            self.system.kick(impulse, self.rows)
+            return 0.0
+        velocity = self.system.particles.owned_rows("velocity")
+        before = velocity[self.rows]
+        gained = self.system.kick(impulse, self.rows)
+        return 0.5 * float(np.sum(impulse * (before + velocity[self.rows]))) - gained
+
+    def _greatest_square(self) -> float:
+        if not self.count:
+            return 0.0
+        system = self.system
+        mass = system.mass[: system.owned][self.rows] * system.share[: system.owned][self.rows]
+        stiffness = self.tool.stiffness * system.particles[STIFFNESS][self.rows]
+        return float((stiffness / mass).max())
