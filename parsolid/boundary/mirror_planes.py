@@ -142,3 +142,8 @@ def check_sides(comm: MPI.Comm, plane: MirrorPlane, particle_set: ParticleSet, k
             f"found particles on both sides of {letter} = {plane.coordinate:g}"
         )
     raise_together(comm, fault)
+
+
+def symmetry_planes(planes: list[MirrorPlane]) -> list[MirrorPlane]:
+    """Those in which matter goes on as its mirror image, in any deformation."""
+    return [plane for plane in planes if plane.kind == "roller"]

@@ -40,10 +40,6 @@ class Interaction:
         """Largest step [s] that it allows on this rank, known before a step."""
         return float("inf")
 
-    def limited(self, step: float) -> float:
-        """The step [s] on this rank where the systems alone allow one of that length; negative where that is."""
-        return min(step, self.stable_step())
-
     @property
     def columns(self) -> list[str]:
         """Of the history."""

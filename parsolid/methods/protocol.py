@@ -5,6 +5,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from parsolid.boundary.mirror_planes import MirrorPlane
 from parsolid.materials.registry import laws_of
 from parsolid.particles.container import Particles
 from parsolid.particles.distribution import sort_for_speed
@@ -114,6 +115,15 @@ class ParticleSystem:
 
         announce(sound, stable step [s] of this rank after the step) is called once, as early as these are known.
         """
+        raise NotImplementedError
+
+    @property
+    def symmetry_planes(self) -> list[MirrorPlane]:
+        """Planes of symmetry, with the system's numbers of their bodies."""
+        return []
+
+    def wave_modulus(self, body: int) -> tuple[float, float]:
+        """lambda + 2 mu [Pa] and density [kg/m^3] of one of its bodies, undeformed."""
         raise NotImplementedError
 
     def held_components(self) -> np.ndarray | None:

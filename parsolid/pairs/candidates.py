@@ -115,3 +115,13 @@ def coincident(positions: np.ndarray, start: np.ndarray, candidate: int) -> str:
         f"bodies: expected no two particles at the same place, found two at ({place}); "
         'bodies that touch must not share nodes: use placement = "cells", or one body'
     )
+
+
+def bonded_only(candidates: Any, body: np.ndarray, unbonded: np.ndarray) -> Any:
+    """Candidates (start, neighbour, code) without those of bodies that only contact joins; body (n,), ghosts behind;
+    unbonded (bodies, bodies)."""
+    start, neighbour, code = candidates
+    row = np.repeat(np.arange(len(start) - 1), np.diff(start))
+    kept = ~unbonded[body[row], body[neighbour]]
+    before = np.concatenate(([0], np.cumsum(kept)))
+    return before[start].astype(np.int64), neighbour[kept], code[kept]

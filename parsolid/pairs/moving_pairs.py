@@ -17,7 +17,7 @@ from decomposition.halo import Halo
 from decomposition.migration import migrate
 from decomposition.partition import bisect
 from parsolid.collective import maximum, raise_together
-from parsolid.pairs.candidates import coincident, images_near, rows_of_images
+from parsolid.pairs.candidates import bonded_only, coincident, images_near, rows_of_images
 from parsolid.pairs.displacement import Allowance, body_bounds, body_motions, skin_use
 from parsolid.pairs.lists import Images, InnerList, OneSidedList
 from parsolid.pairs.pair_lists import PairLists
@@ -36,6 +36,7 @@ class MovingPairs(PairLists):
 
     It reads the fields position (d,) [m], velocity (d,) [m/s], body, and smoothing_length [m], which may change only
     just before a rebuild, and declares listed_position.
+    unbonded: bodies (bodies, bodies) that make no pairs with one another, None where all may; set before `rebuild`;
     rebuilds, dealt: how often lists were made and particles dealt out anew; migrated, seconds: particles that this rank
     gave away, time of its processor [s]; late: how often `due` found that lists had been used too long, which a smaller
     step or a wider skin cures.
@@ -60,6 +61,7 @@ class MovingPairs(PairLists):
             raise ValueError(f"support, skin: expected positive numbers, found {support}, {skin}")
         self.comm, self.particles, self.space = comm, particles, space
         self.support, self.skin, self.codes, self.rebalance = support, skin, codes, rebalance
+        self.unbonded: np.ndarray | None = None
         self.rebuilds = self.dealt = self.migrated = self.late = 0
         self.seconds, self.built_at = 0.0, 0.0
         self._search = ClosePairs()
@@ -161,6 +163,10 @@ class MovingPairs(PairLists):
         whole = self.halo.with_ghosts(np.column_stack(columns))
         positions, radius = np.ascontiguousarray(whole[:, : points.shape[1]]), np.ascontiguousarray(whole[:, -2])
         start, neighbour, outer, ghost = self._search.find(positions, radius, self.owned)
+        if self.unbonded is not None:
+            body = whole[:, -1].astype(np.int64)
+            start, neighbour, _ = bonded_only((start, neighbour, neighbour), body, self.unbonded)
+            outer, ghost, _ = bonded_only((outer, ghost, ghost), body, self.unbonded)
         weightless = np.empty((0, 4))
         self.inner = InnerList(start, neighbour, weightless)
         self.rim = OneSidedList(outer, ghost, weightless, None) if self.comm.size > 1 else None
@@ -176,7 +182,8 @@ class MovingPairs(PairLists):
             rows.append(np.repeat(receivers, np.diff(start)))
             neighbours.append(givers[image])
             kinds.append(np.full(len(image), code, np.int8))
-        start, neighbour, kind = rows_of_images((rows, neighbours, kinds), self.owned)
+        lists = rows_of_images((rows, neighbours, kinds), self.owned)
+        start, neighbour, kind = lists if self.unbonded is None else bonded_only(lists, body, self.unbonded)
         return OneSidedList(start, neighbour, np.empty((0, 4)), Images(kind, self.codes.table(d)))
 
     def _check(self) -> None:

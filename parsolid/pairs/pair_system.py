@@ -9,7 +9,14 @@ import numpy as np
 from decomposition.halo import Halo
 from decomposition.recalled import RecalledEach
 from parsolid.collective import maximum, raise_together
-from parsolid.pairs.candidates import coincident, common_metric, mirror_candidates, plain_candidates, reach_of
+from parsolid.pairs.candidates import (
+    bonded_only,
+    coincident,
+    common_metric,
+    mirror_candidates,
+    plain_candidates,
+    reach_of,
+)
 from parsolid.pairs.lists import Images, InnerList, OneSidedList, Places, empty_list, images_of
 from parsolid.pairs.pair_lists import PairLists
 from parsolid.pairs.passes import Vector, add_forces, add_gradients, sum_columns
@@ -30,12 +37,14 @@ class PairSystem(PairLists):
     "reference" reach the ghosts with every rebuild), `record` (sent as the message "record"), `pair_sums`, `pair_force`
     [N], `correction`, `pair_volume`. Passes add to pair_sums and pair_force: whoever reads them sets them to zero.
 
+    unbonded: bodies (bodies, bodies) that make no pairs with one another, None where all may; set before `rebuild`.
     With ghosts behind: positions (n, d) [m], volume (n,) [m^3], metric (n or 1, 6) of `pairs.weights`.
     """
 
     positions: np.ndarray
     volume: np.ndarray
     metric: np.ndarray
+    unbonded: np.ndarray | None = None
 
     def __init__(
         self,
@@ -93,13 +102,19 @@ class PairSystem(PairLists):
         self.fault: str | None = None
         owned, local = self.owned, len(self.positions)
         candidates = plain_candidates(self.positions, owned, reach)
+        bodies: Any = None
+        if self.unbonded is not None or self.codes is not None:
+            bodies = self.halo.with_ghosts(body.astype(np.int64))
+        if self.unbonded is not None:
+            candidates = bonded_only(candidates, bodies, self.unbonded)
         pairs, _ = self._weighed(candidates, 0, owned, *_AS_THEY_STAND)
         self.inner = InnerList(*pairs[:3])
         if maximum(self.comm, self.halo.ghosts):
             self.rim, _ = self._weighed(candidates, owned, local, *_AS_THEY_STAND)
         if self.codes is not None:
-            bodies = self.halo.with_ghosts(body.astype(np.int64))
             candidates = mirror_candidates(self.positions, bodies, owned, self.codes, reach)
+            if self.unbonded is not None:
+                candidates = bonded_only(candidates, bodies, self.unbonded)
             pairs, code = self._weighed(candidates, 0, local, self.codes.reflections, self.codes.shifts)
             self.mirror = pairs._replace(images=Images(code, self.codes.table(self.space.dimension)))
         raise_together(self.comm, self.fault)

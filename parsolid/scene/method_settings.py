@@ -51,6 +51,10 @@ class MethodSettings(SceneModel):
         """What the method cannot make of a scene's other tables: (location, expected, found)."""
         return []
 
+    def contact_refused(self, scene: Any) -> str | None:
+        """Why bodies of the method cannot be in contact, None where they can."""
+        return "with this method"
+
     def state(self, dimension: int) -> str:
         """The state of strain, "bar", "plane-strain", "plane-stress" or "space"."""
         return {1: "bar", 2: "plane-strain", 3: "space"}[dimension]

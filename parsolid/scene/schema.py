@@ -9,6 +9,7 @@ from pydantic import Field, TypeAdapter, ValidationError, ValidationInfo, field_
 from parsolid.scene.base_model import Plane, Positive, SceneModel, method_of, mismatch, reject
 from parsolid.scene.bodies import Body, FilledShape
 from parsolid.scene.boundaries import Boundary
+from parsolid.scene.contact import CONTACT_TERMS, Contact, contact_faults, unbonded
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.lattice import Filling
 from parsolid.scene.loads import Loads
@@ -33,6 +34,7 @@ class Scene(SceneModel):
     bodies: Annotated[list[Body], Field(min_length=1)] = Field(description="at least one body")
     boundaries: list[Boundary] = []
     loads: Loads = Loads()
+    contact: list[Contact] = []
     tools: list[Tool] = []
     probes: list[ProbeTable] = []
     output: Output = Output()
@@ -49,6 +51,8 @@ class Scene(SceneModel):
     @model_validator(mode="after")
     def _fits_method(self) -> "Scene":
         details = self.method.scene_faults(self) + still_faults(self.tools, self.method)
+        if self.contact and self.method.contact_refused(self) is not None:
+            details.append((("contact",), f"no such table {self.method.contact_refused(self)}", self.contact[0].bodies))
         exact = None if self.reference is None else self.reference.exact
         if self.loads.manufactured and exact not in MANUFACTURED:
             known = " or ".join(map(repr, MANUFACTURED))
@@ -77,6 +81,11 @@ class Scene(SceneModel):
     def resolved(self) -> dict[str, Any]:
         """The scene with its defaults, as plain tables that validate to the same scene."""
         return self.model_dump(exclude_none=True)
+
+    @property
+    def unbonded(self) -> np.ndarray | None:
+        """Which bodies (bodies, bodies) are in contact with which, so that nothing bonds them; None without any."""
+        return unbonded(self.contact, [body.name for body in self.bodies])
 
     @property
     def systems(self) -> tuple[SystemOfScene, ...]:
@@ -118,11 +127,12 @@ class Parts:
     bodies: dict[int, FilledShape]
     boundaries: dict[int, Any]
     probes: dict[int, Probe]
+    contact: dict[int, Contact]
+    tools: dict[int, Tool]
     reference: Reference | None
     method: Any
     complete: bool
     stated_bodies: int
-    tools: dict[int, Tool]
 
     @classmethod
     def of(cls, data: dict[str, Any], context: dict[str, Any]) -> "Parts | None":
@@ -131,7 +141,13 @@ class Parts:
             return None
         complete = True
         lists: dict[str, dict[int, Any]] = {}
-        for key, kind in (("bodies", FilledShape), ("boundaries", Boundary), ("probes", ProbeTable), ("tools", Tool)):
+        for key, kind in (
+            ("bodies", FilledShape),
+            ("boundaries", Boundary),
+            ("probes", ProbeTable),
+            ("contact", Contact),
+            ("tools", Tool),
+        ):
             adapter = TypeAdapter(kind)
             entries = data.get(key, [])
             lists[key] = {}
@@ -148,9 +164,11 @@ class Parts:
         except ValidationError:
             reference = None
         stated = len(data["bodies"]) if isinstance(data.get("bodies"), list) else 0
-        bodies, boundaries, probes = lists["bodies"], lists["boundaries"], lists["probes"]
         dimension, method = context["dimension"], context["method"]
-        return cls(dimension, bodies, boundaries, probes, reference, method, complete, stated, lists["tools"])
+        sound: Any = lists
+        return cls(
+            **sound, dimension=dimension, reference=reference, method=method, complete=complete, stated_bodies=stated
+        )
 
 
 def cross_faults(parts: Parts) -> list[str]:
@@ -165,9 +183,9 @@ def cross_faults(parts: Parts) -> list[str]:
     every_body_known = 0 < len(fillings) == parts.stated_bodies
     faults += _repeated_names("bodies", parts.bodies) + _repeated_names("probes", parts.probes)
     faults += _empty_bodies(fillings) + _boundary_faults(parts, fillings, every_body_known)
-    faults += tool_faults(parts)
     if every_body_known:
         faults += _distant_probes(parts, fillings)
+    faults += contact_faults(parts.contact, parts.bodies, parts.complete) + tool_faults(parts)
     return faults + _reference_faults(parts)
 
 
@@ -243,7 +261,7 @@ def _reference_faults(parts: Parts) -> list[str]:
     if parts.reference is None or not parts.complete or parts.method is None:
         return []
     key = "final" if parts.reference.final is not None else "columns"
-    known = [*HISTORY_COLUMNS, *parts.method.ledger_terms]
+    known = [*HISTORY_COLUMNS, *parts.method.ledger_terms, *(CONTACT_TERMS if parts.contact or parts.tools else ())]
     try:
         watched: list[Any] = [*parts.probes.values(), *parts.tools.values()]
         known += [column for one in watched for column in one.columns(parts.dimension)]

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.scene import Scene
+from parsolid.scene.contact import CONTACT_TERMS
 
 ACCUMULATED = ("dissipation_internal", "dissipation_numerical", "work_external")
 COLUMNS = ("kinetic", "stored", *ACCUMULATED, "balance")
@@ -65,5 +66,6 @@ def viscous_terms_of(scene: Scene) -> tuple[str, ...]:
 
 
 def terms_of(scene: Scene) -> dict[str, int]:
-    """The energy terms that the methods of a scene add, with their signs."""
-    return {name: sign for system in scene.systems for name, sign in system.settings.ledger_terms.items()}
+    """The energy terms that the methods and contacts of a scene add, with their signs."""
+    terms = {name: sign for system in scene.systems for name, sign in system.settings.ledger_terms.items()}
+    return terms | (CONTACT_TERMS if scene.contact or scene.tools else {})

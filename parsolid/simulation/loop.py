@@ -3,10 +3,12 @@
 import time as clock
 from dataclasses import dataclass, field
 from functools import partial
-from math import isfinite
+from math import inf, isfinite, sqrt
 from typing import Any, Protocol
 
 from decomposition.reduction import MinimumAhead
+from parsolid.contact.kernel_contact import build_contact
+from parsolid.contact.tools import build_tools
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
@@ -73,20 +75,21 @@ class Simulation:
         """
         self.comm, self.scene, self.clock = comm, scene, Clock()
         limits = EnergyLimits.of(system.settings for system in scene.systems)
+        self.ledger, self.balance = Ledger(terms_of(scene)), EnergyBalance(limits, viscous_terms_of(scene))
         if restart:
             restart.check(scene)
-        self.systems, self.particle_sets, self.interactions = build_systems(comm, scene, restart)
-        terms = terms_of(scene).items(), *(interaction.terms.items() for interaction in self.interactions)
-        self.ledger = Ledger({name: sign for some in terms for name, sign in some})
-        self.balance = EnergyBalance(limits, viscous_terms_of(scene))
+        self.systems, self.particle_sets = build_systems(comm, scene, restart)
+        self.interactions: list[Interaction] = [
+            *build_contact(comm, scene, self.systems),
+            *build_tools(comm, scene, self.systems),
+        ]
         self.time_steps = TimeSteps.of(scene, self.systems)
         # the step agreed on for the current state; a restart takes it from the checkpoint, for the same bits
         self.stable: float | None = None
         if restart:
             restart.apply(self)
-        else:
-            for interaction in self.interactions:
-                interaction.begin(0.0)
+        for interaction in self.interactions:
+            interaction.begin(self.clock.time)
         self._minimum: MinimumAhead | None = None
         # what the systems have announced of the step under way, and the wishes that go with it
         self._told: list[float] = []
@@ -114,12 +117,16 @@ class Simulation:
     def minimum(self) -> MinimumAhead:
         """The one collective of a step: stable step, wishes, and news of all systems and interactions."""
         if self._minimum is None:
-            self._minimum = MinimumAhead(self.comm, 3 + len(self.systems) + len(self.interactions))
+            self._minimum = MinimumAhead(self.comm, 4 + len(self.parts))
         return self._minimum
 
     def stable_step(self) -> float:
         """Largest step [s] of this rank's particles in the current state."""
-        return self._limited(min(system.stable_step() for system in self.systems))
+        return _together(min(system.stable_step() for system in self.systems), self._allowed())
+
+    def _allowed(self) -> float:
+        """Step [s] that interactions allow on this rank where nothing else acts."""
+        return min((interaction.stable_step() for interaction in self.interactions), default=inf)
 
     @property
     def energy_scale(self) -> float:
@@ -141,8 +148,9 @@ class Simulation:
         self.first_step = self.clock.step
         stable = self.stable
         if stable is None:
-            stable = self.stable_step()
-        self._announce(stable, (0.0, 0.0))
+            self._announce(min(system.stable_step() for system in self.systems), (0.0, 0.0))
+        else:
+            self._announce(stable, (0.0, 0.0), alone=True)
         while True:
             self.stable, interrupted, checkpoint = self._result()
             self.checkpoint_wanted = checkpoint < 0.0
@@ -164,18 +172,21 @@ class Simulation:
         self._advance(step, self.clock.time + step, (0.0, 0.0))
         self._result()
 
-    def _announce(self, stable: float, wishes: tuple[float, float]) -> None:
-        """Begin to agree on the stable step, on wishes (to stop, to write a checkpoint) and on everyone's news."""
+    def _announce(self, stable: float, wishes: tuple[float, float], alone: bool = False) -> None:
+        """Begin to agree on the stable step, on wishes (to stop, to write a checkpoint) and on everyone's news.
+
+        alone: the stable step is one that takes interactions into account.
+        """
         news = [-float(one.news) for one in self.parts]
-        self.minimum.begin((stable, -wishes[0], -wishes[1], *news))
+        self.minimum.begin((stable, inf if alone else self._allowed(), -wishes[0], -wishes[1], *news))
 
     def _result(self) -> tuple[float, float, float]:
         waiting = clock.perf_counter()
-        stable, interrupted, checkpoint, *news = self.minimum.result()
+        stable, allowed, interrupted, checkpoint, *news = self.minimum.result()
         self.clock.waiting_seconds += clock.perf_counter() - waiting
         for one, first in zip(self.parts, news):
             one.news_anywhere = first < 0.0
-        return stable, interrupted, checkpoint
+        return _together(stable, allowed), interrupted, checkpoint
 
     def _advance(self, step: float, arrival: float, wishes: tuple[float, float]) -> None:
         """One step [s] to a time [s]; the next stable step and wishes are agreed on while the last system advances."""
@@ -199,13 +210,7 @@ class Simulation:
         healthy = sound and not self.failed and isfinite(stable)
         self._told.append(stable if healthy or system.owned == 0 else -1.0)
         if len(self._told) == len(self.systems):
-            self._announce(self._limited(min(self._told)), self._wishes)
-
-    def _limited(self, step: float) -> float:
-        """The step [s] that interactions allow where systems alone allow one of that length."""
-        for interaction in self.interactions:
-            step = interaction.limited(step)
-        return step
+            self._announce(min(self._told), self._wishes)
 
     def _count(self, seconds: float, processor_seconds: float) -> None:
         """Add what a step took, on the wall and on this rank's processor [s]."""
@@ -231,3 +236,8 @@ class Simulation:
             share, limit = balance.relative(abs(balance.broken), self.energy_scale), balance.limits.balance_limit
             off = f"the energy balance is off by {balance.broken:.4g} J, {share or 0.0:.2g} of the largest energy"
             raise RunFailed(describe_failure(self, f"{off} (method.balance_limit = {limit:g})"))
+
+
+def _together(stable: float, allowed: float) -> float:
+    """Step [s] of a motion with the squares of two frequencies added, whose steps alone are these."""
+    return stable if stable <= 0.0 or allowed == inf else stable / sqrt(1.0 + (stable / allowed) ** 2)

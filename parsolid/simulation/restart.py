@@ -116,7 +116,6 @@ class Restart:
         simulation.stable = header["stable_step"]
         for interaction, state in zip(simulation.interactions, header.get("interactions", [])):
             interaction.set_state(state)
-            interaction.begin(header["time"])
         if self.allowed and "balance" in header:
             self._take_jump(simulation)
 

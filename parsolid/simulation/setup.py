@@ -1,40 +1,31 @@
 """The systems of a scene: each body's particles go to the method that has the body."""
 
 import dataclasses
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from parsolid.contact.kernel_contact import declare_fields
+from parsolid.contact.tools import declare_tool_fields
 from parsolid.methods import method_class
-from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.distribution import distribute, take
 from parsolid.particles.generation import generate
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene
 from parsolid.scene.systems import SystemOfScene
-from parsolid.simulation.interactions import interactions_of
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.starting_state import refuse_unsound_start
 
 
-class Built(NamedTuple):
-    """Systems, the sorted particles of each, and what acts between them."""
-
-    systems: list[ParticleSystem]
-    particle_sets: list[ParticleSet]
-    interactions: list[Interaction]
-
-
-def build_systems(comm: Any, scene: Scene, restart: Restart | None) -> Built:
-    """Systems in their state at time 0, or in that of a restart; collective.
+def build_systems(comm: Any, scene: Scene, restart: Restart | None) -> tuple[list[ParticleSystem], list[ParticleSet]]:
+    """Systems in their state at time 0, or in that of a restart, and the sorted particles of each; collective.
 
     Raises SceneError or SolverError on all ranks when the scene cannot be set up.
     """
     plans = scene.systems
     drawn = restart.particle_sets if restart else _generated(comm, scene, plans)
-    systems: list[ParticleSystem] = []
-    particle_sets, orders = [], []
+    systems, particle_sets, orders = [], [], []
     for plan, particle_set in zip(plans, drawn):
         kind, part = method_class(plan.settings), scene.part(plan)
         order = np.arange(len(particle_set))
@@ -44,14 +35,15 @@ def build_systems(comm: Any, scene: Scene, restart: Restart | None) -> Built:
         orders.append(order)
         system = kind(comm, part, particle_sets[-1])
         system.bodies = plan.bodies
+        declare_fields(scene, system)
+        declare_tool_fields(scene, system)
         systems.append(system)
         if not restart:
             system.begin(part, particle_sets[-1])
             refuse_unsound_start(comm, part, system, particle_sets[-1])
-    interactions = interactions_of(comm, scene, systems)
     if restart:
         restart.apply_state(systems, orders)
-    return Built(systems, particle_sets, interactions)
+    return systems, particle_sets
 
 
 def _generated(comm: Any, scene: Scene, plans: tuple[SystemOfScene, ...]) -> list[ParticleSet]:

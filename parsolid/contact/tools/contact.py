@@ -8,14 +8,14 @@ from decomposition.reduction import sums as over_ranks
 from parsolid.collective import SolverError, minimum, raise_together
 from parsolid.contact.tools import forces
 from parsolid.contact.tools.bodies import make_body, shaped
-from parsolid.contact.tools.resistance import radii, stiffnesses, wave_modulus
+from parsolid.contact.tools.resistance import wave_modulus
 from parsolid.contact.tools.rigid_body import FreeBody, GuidedBody, rotation_vector
-from parsolid.contact.tools.touch import RADIUS, STIFFNESS, Touch
+from parsolid.contact.tools.touch import Touch, meant_by
 from parsolid.materials.registry import laws_of
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
-from parsolid.particles.declaration import Field
 from parsolid.scene import Scene
+from parsolid.scene.contact import CONTACT_TERMS
 from parsolid.scene.load_histories import LoadHistory
 
 # of a spacing, what a body may reach into a tool at the start
@@ -67,11 +67,13 @@ class RigidTools(Interaction):
     The stored energy of what is pressed, and of friction's springs, is part of the ledger's.
     """
 
-    terms = {"friction_dissipation": 1, "contact_stored": 0, "stick_stored": 0}
+    terms = CONTACT_TERMS
 
     def __init__(self, comm: Any, scene: Scene, systems: list[ParticleSystem]):
-        """Declares what particles carry; before a restart puts fields back. Raises SolverError on all ranks.
-        Collective."""
+        """systems: of the scene, whose particles have the fields of `touch.declare`.
+
+        Raises SolverError on all ranks for tools that cannot be. Collective.
+        """
         self.comm, self.systems, self.dimension = comm, systems, scene.dimension
         self.names = [body.name or f"bodies.{i}" for i, body in enumerate(scene.bodies)]
         polar = getattr(scene.method, "geometry", None) == "axisymmetric"
@@ -80,26 +82,15 @@ class RigidTools(Interaction):
         self.gravity = None if acceleration is None else LoadHistory(acceleration, scene.loads)
         laws = laws_of(scene)
         for system in systems:
-            system.expect_kicks()
             own = [laws[number] for number in system.bodies]
-            self._declare(scene, system, own, polar)
             signal = max(float(np.sqrt(wave_modulus(law) / law.density)) for law in own)
             for tool in self.tools:
-                wanted = tool.stated.bodies
-                meant = np.array([wanted is None or self.names[number] in wanted for number in system.bodies])
+                meant = meant_by(tool.stated, scene, system)
                 if meant.any():
                     tool.touches.append(Touch(tool, system, meant, signal))
         self._refuse_small()
         self._resumed = False
         self._shown = np.zeros(2)
-
-    def _declare(self, scene: Scene, system: ParticleSystem, laws: list[Any], polar: bool) -> None:
-        particles = system.particles
-        in_cells = np.array([scene.bodies[number].placed_on == "cells" for number in system.bodies])
-        radius, width = radii(particles, in_cells)
-        moduli = np.array([wave_modulus(law) for law in laws])
-        particles.declare(Field(RADIUS, 1, "m"), radius)
-        particles.declare(Field(STIFFNESS, 1, "N/m"), stiffnesses(particles, radius, width, moduli, polar))
 
     def _refuse_small(self) -> None:
         """Raise SolverError for a tool that fits between particles."""
@@ -155,7 +146,7 @@ class RigidTools(Interaction):
         self._evaluate(time, slipping=True)
         stored = self._energies()
         ledger.add_term("friction_dissipation", sum(float(tool.own[forces.LOST]) for tool in self.tools))
-        for name, change in zip(("contact_stored", "stick_stored"), stored - self._shown):
+        for name, change in zip(("contact_energy", "stick_energy"), stored - self._shown):
             ledger.add_term(name, float(change))
         self._shown = stored
         self._kick(time, 0.5 * step, ledger)
@@ -201,8 +192,8 @@ class RigidTools(Interaction):
         body.kick(impulse, np.zeros(3))
         return body.kinetic - before if self.comm.rank == 0 else 0.0
 
-    def limited(self, step: float) -> float:
-        """The step [s] with which the contact is stable where a step is that of the systems alone."""
+    def stable_step(self) -> float:
+        """Half a period over pi of the stiffest contact on this rank."""
         square = 0.0
         for tool in self.tools:
             for touch in tool.touches:
@@ -210,7 +201,7 @@ class RigidTools(Interaction):
                 if own > 0.0 and isinstance(tool.body, FreeBody):
                     own += tool.body.square_of(tool.total[forces.STIFFNESS], tool.total[forces.TURNING])
                 square = max(square, own)
-        return step if step <= 0.0 or square == 0.0 else float(1.0 / np.sqrt(step**-2 + 0.25 * square))
+        return np.inf if square == 0.0 else float(2.0 / np.sqrt(square))
 
     def _energies(self) -> np.ndarray:
         """Stored in what is pressed and in friction's springs (2,) [J], of this rank."""

@@ -6,13 +6,45 @@ import numpy as np
 
 from parsolid.contact.tools import forces
 from parsolid.contact.tools.forces import Frame, Friction, Resistance
+from parsolid.contact.tools.resistance import radii, stiffnesses, wave_modulus
+from parsolid.materials.registry import laws_of
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.declaration import Field
+from parsolid.scene import Scene
 
 # fields of particles that any tool may touch
 RADIUS, STIFFNESS = "tool_radius", "tool_stiffness"
 # of the time in which particle and tool could meet, of the faster of both towards each other
 _LOOK_AFTER = 0.5
+
+
+def record_of(tool: str) -> str:
+    """Name of the field in which a tool's friction keeps what particles hold."""
+    return f"stick_{tool}"
+
+
+def declare(scene: Scene, system: ParticleSystem) -> None:
+    """What a system's particles need to be touched by a scene's tools; nothing where there are none."""
+    touching = [tool for tool in scene.tools if meant_by(tool, scene, system).any()]
+    if not touching:
+        return
+    system.expect_kicks()
+    particles, laws = system.particles, laws_of(scene)
+    in_cells = np.array([scene.bodies[number].placed_on == "cells" for number in system.bodies])
+    moduli = np.array([wave_modulus(laws[number]) for number in system.bodies])
+    radius, width = radii(particles, in_cells)
+    polar = getattr(system.settings, "geometry", None) == "axisymmetric"
+    particles.declare(Field(RADIUS, 1, "m"), radius)
+    particles.declare(Field(STIFFNESS, 1, "N/m"), stiffnesses(particles, radius, width, moduli, polar))
+    for tool in touching:
+        if tool.friction > 0.0:
+            particles.declare(Field(record_of(tool.name), 1 + 2 * system.dimension, "m", checkpointed=True))
+
+
+def meant_by(tool: Any, scene: Scene, system: ParticleSystem) -> np.ndarray:
+    """Which bodies (bodies,) of a system a tool is for; tool: `scene.tools.Tool`."""
+    wanted = tool.bodies
+    return np.array([wanted is None or scene.bodies[number].name in wanted for number in system.bodies])
 
 
 class Touch:
@@ -27,10 +59,7 @@ class Touch:
         """tool: `contact.Tool`; meant (bodies,): which bodies of the system it is for; signal: the speed [m/s] that
         particles may gain before they are looked at again."""
         self.tool, self.system, self.meant, self.signal = tool, system, meant, signal
-        self.record: str | None = None
-        if tool.friction > 0.0:
-            self.record = f"stick_{tool.name}"
-            system.particles.declare(Field(self.record, 1 + 2 * system.dimension, "m", checkpointed=True))
+        self.record = record_of(tool.name) if tool.friction > 0.0 else None
         self.sums = np.zeros(forces.SUMS)
         self.count, self.clearance, self.greatest_square = 0, np.inf, 0.0
         self._rows, self._forces = np.zeros(0, np.int64), np.zeros((0, system.dimension))

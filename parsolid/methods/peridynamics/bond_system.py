@@ -22,6 +22,7 @@ def build_bond_system(
     share: np.ndarray,
     stabiliser: Any,
     codes: MirrorCodes | None,
+    unbonded: np.ndarray | None = None,
 ) -> PairSystem:
     """Declare what bonds need, plan ghosts and build every list; bars lie in the plane. Collective.
 
@@ -33,6 +34,7 @@ def build_bond_system(
     space: Any = LAYOUT[max(2, dimension)]
     weights = RadialWeights(INFLUENCES[settings.influence], bar=dimension == 1)
     bonds = PairSystem(comm, particles, space, weights, stabiliser, codes)
+    bonds.unbonded = unbonded
     columns = KINEMATICS[space.dimension]
     told: dict[str, Any] = {"ghosts": "forward", "message": "motion"}
     place = Within("kinematics", columns.reference)

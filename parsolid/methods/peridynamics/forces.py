@@ -58,7 +58,8 @@ def build_forces(comm: Any, scene: Any, particle_set: Any, loads: Any) -> Forces
     engine: Any
     if not bond_based:
         stabiliser, scale = _stabiliser(settings, dimension, blocks, materials, horizon)
-    bond_system = build_bond_system(comm, particles, settings, particle_set, share, stabiliser, loads.codes)
+    made_of = comm, particles, settings, particle_set, share, stabiliser, loads.codes, scene.unbonded
+    bond_system = build_bond_system(*made_of)
     fixed_planes = _fixed_planes(particle_set, loads.planes, bond_system.space.dimension)
     branches = len(series_of(laws[0])[0])
     if bond_based:

@@ -44,6 +44,14 @@ def _undeformed(law: Any, step: float) -> Prony:
     return solid._replace(first_lame=lame, ratios=None, relaxation_times=None)
 
 
+def instantaneous_wave_modulus(law: Any) -> float:
+    """lambda + 2 mu [Pa] of a step of length 0."""
+    at_once, factor = algorithmic_law(law, 0.0), 1.0
+    if series_of(law)[0]:
+        factor += float(sum(series_of(law)[0]))
+    return factor * float((at_once.first_lame or 0.0) + 2.0 * at_once.shear_modulus)
+
+
 class Settled(NamedTuple):
     """Displacement (owned, d) [m] and internal force (owned, d) [N] of a committed state, and the energy [J] stored in
     it.

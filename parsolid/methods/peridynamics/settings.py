@@ -208,3 +208,7 @@ class Peridynamics(MethodSettings):
             details.append((("plane",), "no such key but in 2-D", self.plane))
         reject(*details)
         return self
+
+    def contact_refused(self, scene: Any) -> str | None:
+        """Equilibrium has no motion that impulses could change."""
+        return None if self.solution.kind == "explicit" else "with equilibrium instead of motion"

@@ -10,13 +10,16 @@ from typing import Any
 import numpy as np
 
 from decomposition.reduction import sums
+from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.collective import SolverError, maximum
+from parsolid.materials.damage.bond_based import BondBased
+from parsolid.materials.registry import laws_of
 from parsolid.materials.viscoelastic.prony import Prony
 from parsolid.methods.pair_method import PairMethod
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
 from parsolid.methods.peridynamics.fracture import fracture_of
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
-from parsolid.methods.peridynamics.operator import Operator
+from parsolid.methods.peridynamics.operator import Operator, instantaneous_wave_modulus
 from parsolid.methods.peridynamics.quasi_static import QuasiStatic
 from parsolid.methods.peridynamics.tensor_history import is_small_strain
 from parsolid.methods.peridynamics.velocity_verlet import VelocityVerlet
@@ -38,7 +41,7 @@ class Peridynamics(PairMethod):
         """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when particles cannot be
         bonded. Collective.
         """
-        self.comm, self.settings = comm, scene.method
+        self.comm, self.settings, self.laws_of_bodies = comm, scene.method, laws_of(scene)
         self.loads = PeridynamicLoads(comm, scene, particle_set, particles_of(scene, particle_set))
         forces = build_forces(comm, scene, particle_set, self.loads)
         self.particles, self.bond_system, self.engine, self.history = forces.particles, *forces[2:]
@@ -125,6 +128,18 @@ class Peridynamics(PairMethod):
     def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """One step of the time solver."""
         return self.solver.advance(time, step, ledger, announce)
+
+    @property
+    def symmetry_planes(self) -> list[MirrorPlane]:
+        """Rollers."""
+        return symmetry_planes(self.loads.planes)
+
+    def wave_modulus(self, body: int) -> tuple[float, float]:
+        """Of the instantaneous solid; of a bond-based one by its Young's modulus and Poisson's ratio of 1/4."""
+        law = self.laws_of_bodies[body]
+        if isinstance(law, BondBased):
+            return 1.2 * law.youngs_modulus, law.density
+        return instantaneous_wave_modulus(law), law.density
 
     def held_components(self) -> np.ndarray | None:
         """Those of supports and of guided motion."""

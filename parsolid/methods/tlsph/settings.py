@@ -84,6 +84,10 @@ class TotalLagrangianSPH(MethodSettings):
             reject((("pair_correction",), f"weights alone, which is '{self.weights}'", self.pair_correction))
         return self
 
+    def contact_refused(self, scene: Any) -> str | None:
+        """It can."""
+        return None
+
     def scene_faults(self, scene: Any) -> list[Detail]:
         """Planes whose images are exact for small strain only, where the reference follows a large one."""
         kinds = enumerate(boundary.kind for boundary in scene.boundaries if self.reference == "updated")

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from decomposition.recalled import Recalled, RecalledEach
+from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, block_numbers, material_blocks
 from parsolid.materials.hyperelastic.law import elastic_moduli, isotropic_shear_modulus, total_modulus
@@ -45,7 +46,7 @@ class TotalLagrangianSPH(PairMethod):
         self.comm, self.settings = comm, scene.method
         self.owned, self.dimension = particle_set.position.shape
         self.space = layout.LAYOUT[self.dimension]
-        laws = laws_of(scene)
+        laws = self.laws = laws_of(scene)
         self.blocks, density = material_blocks(laws, particle_set.body)
         self.particles = Particles(particle_set.body, block_numbers(laws, np.arange(len(laws)))[1])
         # of each block, as its law is; what a stage does is other numbers at every call
@@ -58,6 +59,7 @@ class TotalLagrangianSPH(PairMethod):
         share = self.boundaries.share
         self.branches = maximum(comm, max((block.branches for block in self.blocks), default=0))
         self.pairs = self._pair_system(particle_set)
+        self.pairs.unbonded = scene.unbonded
         fixed, staged = self.settings.reference == "fixed", self.settings.integrator == "ssp-rk3"
         self.leapfrog = None if staged else Leapfrog(self)
         self.evaluations = len(self.stages) if staged else 1
@@ -279,6 +281,17 @@ class TotalLagrangianSPH(PairMethod):
     def part(self, block: MaterialBlock) -> tuple[Any, ...]:
         """(space, first, last, law) of a block, as kernels take them."""
         return self.space, block.first, block.last, block.law
+
+    @property
+    def symmetry_planes(self) -> list[MirrorPlane]:
+        """Rollers."""
+        return symmetry_planes(self.boundaries.planes)
+
+    def wave_modulus(self, body: int) -> tuple[float, float]:
+        """With all branches."""
+        law = self.laws[body]
+        shear, lame = elastic_moduli(law)
+        return lame + 2.0 * (shear + total_modulus(law.branch_moduli)), law.density
 
     def held_components(self) -> np.ndarray | None:
         """Those of supports and of prescribed velocities."""

@@ -38,7 +38,7 @@ class BoundarySet:
         """particles: those of the particle_set; collective. Raises SolverError on all ranks."""
         declared = Declarations(scene, Support, PrescribedMotion, RigidWall, TemperaturePlane, HeldMicroVelocity)
         supports = Supports(comm, scene, declared.of(Support, "fixed", "roller"), particle_set)
-        self.particles, self.codes = particles, supports.codes
+        self.particles, self.codes, self.planes = particles, supports.codes, supports.planes
         self._clamp = None
         if anywhere(comm, bool(supports.held.any())):
             self._clamp = keep(particles, "clamp", np.where(supports.held, 0.0, 1.0))

@@ -79,6 +79,10 @@ class UpdatedLagrangianSPH(MethodSettings):
     skin: Positive = Field(0.25, description="reach of the lists beyond the support, over the support")
     rebalance: float = Field(1.1, gt=1, description="growth of the busiest rank's work beyond which particles move")
 
+    def contact_refused(self, scene: Any) -> str | None:
+        """It can."""
+        return None
+
     def scene_faults(self, scene: Any) -> list[Detail]:
         """Particles on the surface; what has no effect: contact of one body, heat of no viscosity."""
         details: list[Detail] = []

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, block_numbers, blocks_between
 from parsolid.materials.registry import laws_of
@@ -72,6 +73,7 @@ class UpdatedLagrangianSPH(PairMethod):
         self.correction = GradientCorrection(_MOST) if settings.gradient_correction else None
         skin = (float(settings.skin), self.boundaries.codes, float(settings.rebalance))
         self.pairs = MovingPairs(comm, particles, self.space, kernel.support, *skin)
+        self.pairs.unbonded = scene.unbonded
         terms = (self.carried, _viscosity(settings), self.heating, *self._meeting_and_length(comm, particle_set))
         self.sweeps = Sweeps(self.space, kernel, self.pairs, particles, *terms)
         self.supplied = self.supplied_to_stored = 0.0
@@ -256,6 +258,16 @@ class UpdatedLagrangianSPH(PairMethod):
     def placements(self) -> int:  # type: ignore[override]
         """Particles change their places when lists are made."""
         return self.pairs.rebuilds
+
+    @property
+    def symmetry_planes(self) -> list[MirrorPlane]:
+        """Rollers."""
+        return symmetry_planes(self.boundaries.planes)
+
+    def wave_modulus(self, body: int) -> tuple[float, float]:
+        """By the speed of sound."""
+        law = self.laws[self.particles.law_of_body[body]]
+        return law.density * self.updates.of_kind[type(law)].sound_speed(law) ** 2, law.density
 
     def held_components(self) -> np.ndarray | None:
         """Those of supports and of prescribed velocities."""

@@ -1,0 +1,114 @@
+"""Which bodies are near each other, and how long that holds without a word between ranks.
+
+Boxes of bodies and their mean velocities are agreed on at a build. Until the next one a body's particles stay in its
+box, moved by its mean velocity and widened by a margin, or a rank asks for another build; so bodies that are apart cost
+one look at each particle's place. Where two are near, no pair that was not listed may come within the kernel's reach:
+particles within reach of the other's box move less than half a skin in the frame of the mean of both motions.
+"""
+
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from parsolid.collective import maximum
+from parsolid.contact.passes import skin_used
+from parsolid.contact.sides import Side, Sides
+from parsolid.methods.protocol import ParticleSystem
+from parsolid.pairs.displacement import body_bounds
+
+# of the gap to the next body, what a body apart may outgrow its box by
+_SHARE = 0.25
+
+
+class Boxes:
+    """Boxes (bodies, d) [m] of the scene's bodies when they were agreed on, mean velocities [m/s], and margins [m].
+
+    near: whether lists are needed for each side; expires: the time [s] at which bodies that are apart may meet.
+    """
+
+    def __init__(self, comm: Any, bodies: int, sides: Sides, systems: list[ParticleSystem]) -> None:
+        self.comm, self.sides, self.systems, self.bodies = comm, sides, systems, bodies
+        self.numbers = [np.array(system.bodies) for system in systems]
+
+    def agree(self, time: float) -> None:
+        """Boxes and motions at a time [s]; collective."""
+        self.time, d, bodies = time, self.systems[0].dimension, self.bodies
+        bounds, sums = np.full((bodies, 2, d), -np.inf), np.zeros((d + 1, bodies))
+        for system, number in zip(self.systems, self.numbers):
+            rows, body = system.particles.owned_rows, system.particles.owned_rows("body")
+            bounds[number] = body_bounds(np.ascontiguousarray(rows("position")), body, len(number))
+            for k in range(d):
+                sums[k, number] = np.bincount(body, rows("velocity")[:, k], minlength=len(number))
+            sums[d, number] = np.bincount(body, minlength=len(number))
+        bounds = maximum(self.comm, bounds)
+        self.comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
+        self.lower, self.upper = -bounds[:, 0], bounds[:, 1]
+        self.velocity = np.ascontiguousarray((sums[:d] / np.maximum(sums[d], 1.0)).T)
+        self.near = np.array([self._gap(side) < side.reach + side.skin for side in self.sides.sides])
+        self.margin = np.full(bodies, -1.0)
+        for side, near in zip(self.sides.sides, self.near):
+            wanted = 0.5 * side.skin if near else max(0.5 * side.skin, _SHARE * self._gap(side))
+            known = self.margin[side.own]
+            self.margin[side.own] = wanted if known < 0.0 else min(known, wanted)
+        apart = [side for side, near in zip(self.sides.sides, self.near) if not near]
+        self.expires = min((time + self._meeting(side) for side in apart), default=np.inf)
+
+    def _gap(self, side: Side) -> float:
+        if side.own == side.other:
+            return 0.0
+        between = np.maximum(
+            self.lower[side.own] - self.upper[side.other], self.lower[side.other] - self.upper[side.own]
+        )
+        return float(np.linalg.norm(np.maximum(between, 0.0)))
+
+    def _meeting(self, side: Side) -> float:
+        """Time [s] until the moving boxes with their margins are within reach of one another."""
+        A, B = side.own, side.other
+        grown = self.margin[A] + self.margin[B] + side.reach
+        first, last = 0.0, np.inf
+        speed = self.velocity[A] - self.velocity[B]
+        for k in range(len(speed)):
+            # where along k: lower_A + s t - grown < upper_B and upper_A + s t + grown > lower_B
+            low, high = self.lower[B, k] - self.upper[A, k] - grown, self.upper[B, k] - self.lower[A, k] + grown
+            if speed[k] == 0.0:
+                if low > 0.0 or high < 0.0:
+                    return np.inf
+                continue
+            times = sorted((low / speed[k], high / speed[k]))
+            first, last = max(first, times[0]), min(last, times[1])
+        return float(first) if first <= last else np.inf
+
+    def used_up(self, time: float, ahead: float) -> bool:
+        """Whether this rank wants lists anew, so that they hold from a time [s] for a time ahead [s]."""
+        if time + ahead >= self.expires:
+            return True
+        elapsed = time - self.time
+        moved = self.velocity * elapsed
+        margins = np.zeros_like(moved)
+        margins[:, 0] = self.margin
+        now = np.stack((self.lower + moved, self.upper + moved, self.velocity, margins, margins), axis=1)
+        for system, number in zip(self.systems, self.numbers):
+            if not (self.margin[number] >= 0.0).any():
+                continue
+            rows = system.particles.owned_rows
+            fields = rows("position"), rows("velocity"), rows("contact_listed"), rows("body")
+            if skin_used(*fields, now[number], self._partners(number, elapsed), ahead):
+                return True
+        return False
+
+    def _partners(self, numbers: np.ndarray, elapsed: float) -> tuple[np.ndarray, np.ndarray]:
+        """Near bodies of each of some bodies, as `passes.skin_used` takes them."""
+        d, start, rows = self.velocity.shape[1], [0], []
+        for body in numbers:
+            for number, side in self.sides.of_body(int(body)):
+                if not self.near[number]:
+                    continue
+                other, frame = side.other, 0.5 * (self.velocity[side.own] + self.velocity[side.other])
+                row = np.zeros((5, d))
+                row[0], row[1] = (bound[other] + self.velocity[other] * elapsed for bound in (self.lower, self.upper))
+                row[2], row[3] = frame, frame * elapsed
+                row[4, 0], row[4, 1] = 0.5 * side.skin, side.reach + 0.5 * side.skin
+                rows.append(row)
+            start.append(len(rows))
+        return np.array(start, np.int64), np.array(rows).reshape(-1, 5, d)

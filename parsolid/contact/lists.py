@@ -1,0 +1,150 @@
+"""Entries of a rank's particles near other bodies, their ghosts on other ranks, and who is near whom."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from decomposition.close_pairs import ClosePairs
+from decomposition.halo import Halo
+from parsolid.contact.boxes import Boxes
+from parsolid.contact.list_kernels import directed, sort_rows
+from parsolid.contact.sides import Sides, reflections
+from parsolid.methods.protocol import ParticleSystem
+
+_HAIR = 1.0 + 1e-9
+
+
+class Segment(NamedTuple):
+    """Rows of a system's particles that have entries first..last-1, all of one side."""
+
+    system: int
+    side: int
+    rows: np.ndarray
+    first: int
+    last: int
+
+
+class Entries:
+    """Entries of one rank: segments, the halo of their ghosts, and lists; arrays with ghosts behind.
+
+    side, particle: number of the side and identifier of the particle; start, neighbour, code, table: see `passes`.
+    """
+
+    def __init__(self, comm: Any, sides: Sides, systems: list[ParticleSystem]) -> None:
+        self.comm, self.sides, self.systems = comm, sides, systems
+        self._search = ClosePairs()
+        self.reverse = np.array([side.reverse for side in sides.sides], np.int64)
+        self.half = np.array([0.5 * (side.reach + side.skin) for side in sides.sides])
+
+    def build(self, boxes: Boxes, excluded: Callable[..., np.ndarray] | None) -> None:
+        """Entries and lists in the present places; collective.
+
+        excluded: which pairs of entries of one body, by side, owned row, neighbour and reference places with ghosts,
+        do not touch although they are near.
+        """
+        self.segments = self._segments(boxes)
+        self.owned = self.segments[-1].last if self.segments else 0
+        side = np.concatenate([np.full(one.last - one.first, one.side) for one in self.segments] or [np.zeros(0, int)])
+        place = self.gathered("position")
+        reach = float((2.0 * self.half[boxes.near]).max(initial=0.0))
+        if not reach > 0.0:
+            reach = 1.0
+        halo = Halo.plan(self.comm, place, reach * _HAIR)
+        whole = halo.with_ghosts(place)
+        side = halo.with_ghosts(side.astype(np.int64))
+        particle = halo.with_ghosts(self.gathered("identifier").astype(np.int64))
+        if self.owned:
+            found = self._search.find(whole, np.ascontiguousarray(self.half[side]), self.owned)
+        else:
+            found = (np.zeros(1, np.int64), np.empty(0, np.int32)) * 2
+        start, neighbour = directed(*found[:2], self.owned, *found[2:], side, self.reverse, particle)
+        self_touching = any(one.own == one.other for one in self.sides.sides)
+        if excluded is not None and self_touching:
+            reference = halo.with_ghosts(self.gathered("reference_position"))
+            row = np.repeat(np.arange(self.owned), np.diff(start))
+            start, neighbour = _kept(start, neighbour, ~excluded(side, row, neighbour, reference, particle))
+        code = np.zeros(len(neighbour), np.int8)
+        start, neighbour, code = self._with_images(start, neighbour, code, whole, side)
+        used = np.zeros(halo.ghosts, bool)
+        used[neighbour[neighbour >= self.owned] - self.owned] = True
+        self.halo = halo.keep(used)
+        number = np.concatenate((np.arange(self.owned), self.owned + np.cumsum(used) - 1)).astype(np.int32)
+        kept = np.concatenate((np.ones(self.owned, bool), used))
+        neighbour = number[neighbour]
+        self.side, self.particle = side[kept], particle[kept]
+        sort_rows(start, neighbour, code, self.particle)
+        self.start, self.neighbour = start, neighbour
+        self.code = code if self.table is not None else None
+
+    @property
+    def active(self) -> bool:
+        """Whether anything is near anything on this rank."""
+        return len(self.neighbour) > 0
+
+    def _segments(self, boxes: Boxes) -> list[Segment]:
+        result: list[Segment] = []
+        first = 0
+        for number, side in enumerate(self.sides.sides):
+            if not boxes.near[number]:
+                continue
+            for index, system in enumerate(self.systems):
+                if side.own not in system.bodies:
+                    continue
+                local = system.bodies.index(side.own)
+                rows = np.flatnonzero(system.particles.owned_rows("body") == local)
+                if side.own != side.other:
+                    place = system.particles.owned_rows("position")[rows]
+                    out = np.maximum(boxes.lower[side.other] - place, place - boxes.upper[side.other])
+                    gap = np.maximum(out, 0.0)
+                    rows = rows[(gap * gap).sum(axis=1) < (side.reach + side.skin) ** 2]
+                if len(rows):
+                    result.append(Segment(index, number, rows, first, first + len(rows)))
+                    first += len(rows)
+        return result
+
+    def gathered(self, name: str) -> np.ndarray:
+        """A field of the particles of the owned entries."""
+        pieces = [self.systems[one.system].particles.owned_rows(name)[one.rows] for one in self.segments]
+        if pieces:
+            return np.ascontiguousarray(np.concatenate(pieces))
+        like = self.systems[0].particles.owned_rows(name)
+        return np.zeros((0, *like.shape[1:]), like.dtype)
+
+    def _with_images(self, start: Any, neighbour: Any, code: Any, place: np.ndarray, side: np.ndarray) -> Any:
+        """Lists with the images of neighbours behind the symmetry planes that both bodies have."""
+        planes = [one.planes for one in self.sides.sides]
+        self.table: np.ndarray | None = None
+        if not any(planes):
+            return start, neighbour, code
+        d = place.shape[1]
+        tables: list[tuple[np.ndarray, np.ndarray]] = [(np.ones(d), np.zeros(d))]
+        row = np.repeat(np.arange(self.owned), np.diff(start))
+        rows, neighbours, codes = [row], [neighbour], [code]
+        for number, shared in enumerate(planes):
+            mine = side[row] == number
+            if not mine.any():
+                continue
+            limit = 2.0 * self.half[number]
+            for R, T in reflections(shared, d):
+                image = place[neighbour[mine]] * R + T
+                gap = np.linalg.norm(place[row[mine]] - image, axis=1)
+                reflected = R < 0.0
+                # a particle on a plane is its own image there
+                off = (np.abs(image - place[neighbour[mine]]) > 1e-6 * limit)[:, reflected].all(axis=1)
+                chosen = np.flatnonzero(mine)[(gap < limit) & off]
+                rows.append(row[chosen])
+                neighbours.append(neighbour[chosen])
+                codes.append(np.full(len(chosen), len(tables), np.int8))
+                tables.append((R, T))
+        self.table = np.array(tables).swapaxes(0, 1).copy()
+        row, neighbour, code = (np.concatenate(pieces) for pieces in (rows, neighbours, codes))
+        order = np.argsort(row, kind="stable")
+        start = np.concatenate(([0], np.cumsum(np.bincount(row, minlength=self.owned)))).astype(np.int64)
+        return start, neighbour[order], code[order]
+
+
+def _kept(start: np.ndarray, neighbour: np.ndarray, keep: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows with only some of their neighbours."""
+    before = np.concatenate(([0], np.cumsum(keep)))
+    return before[start].astype(np.int64), neighbour[keep]
