@@ -26,8 +26,8 @@ class Tool:
     """One tool, the same on all ranks.
 
     own (12,): `forces.press`'s sums over all systems on this rank; total: over all ranks, of a free tool. quiet_until
-    [s]: before it nothing touches a free tool, on any rank. whole: of the force [N] over that of what the systems'
-    masses are of.
+    [s]: before it nothing touches a free tool, on any rank; step [s]: the last one. whole: of the force [N] over that
+    of what the systems' masses are of.
     """
 
     def __init__(self, stated: Any, dimension: int, polar: bool):
@@ -41,6 +41,7 @@ class Tool:
         self.touches: list[Touch] = []
         self.own, self.total = np.zeros(forces.SUMS), np.zeros(forces.SUMS)
         self.quiet_until = -np.inf
+        self.step = 0.0
 
     @property
     def free(self) -> bool:
@@ -88,17 +89,22 @@ class RigidTools(Interaction):
                 meant = meant_by(tool.stated, scene, system)
                 if meant.any():
                     tool.touches.append(Touch(tool, system, meant, signal))
+                    # before the first step, one that is surely longer
+                    tool.step = max(tool.step, self._spacing(tool.touches[-1]) / signal)
         self._refuse_small()
         self._resumed = False
         self._shown = np.zeros(2)
+
+    def _spacing(self, touch: Touch) -> float:
+        """The widest of what a tool touches [m]; collective."""
+        rows = touch.system.particles.owned_rows
+        return -minimum(self.comm, -float(rows("spacing")[touch.meant[rows("body")]].max(initial=0.0)))
 
     def _refuse_small(self) -> None:
         """Raise SolverError for a tool that fits between particles."""
         for number, tool in enumerate(self.tools):
             for touch in tool.touches:
-                particles = touch.system.particles
-                here = touch.meant[particles.owned_rows("body")]
-                spacing = -minimum(self.comm, float(-particles.owned_rows("spacing")[here].max(initial=0.0)))
+                spacing = self._spacing(touch)
                 if tool.width < spacing:
                     raise SolverError(
                         f"tools.{number}.shape: expected a tool at least as wide as the spacing of what it touches, "
@@ -139,6 +145,7 @@ class RigidTools(Interaction):
         """Half a kick, then the tools move on."""
         self._kick(time, 0.5 * step, ledger)
         for tool in self.tools:
+            tool.step = step or tool.step
             tool.body.drift(time, step)
 
     def after(self, time: float, step: float, ledger: EnergyLedger) -> None:
@@ -193,7 +200,8 @@ class RigidTools(Interaction):
         return body.kinetic - before if self.comm.rank == 0 else 0.0
 
     def stable_step(self) -> float:
-        """Half a period over pi of the stiffest contact on this rank."""
+        """Half the limit of the stiffest contact on this rank: what a body that bounces gains in a step grows with its
+        square."""
         square = 0.0
         for tool in self.tools:
             for touch in tool.touches:
@@ -201,7 +209,7 @@ class RigidTools(Interaction):
                 if own > 0.0 and isinstance(tool.body, FreeBody):
                     own += tool.body.square_of(tool.total[forces.STIFFNESS], tool.total[forces.TURNING])
                 square = max(square, own)
-        return np.inf if square == 0.0 else float(2.0 / np.sqrt(square))
+        return np.inf if square == 0.0 else float(1.0 / np.sqrt(square))
 
     def _energies(self) -> np.ndarray:
         """Stored in what is pressed and in friction's springs (2,) [J], of this rank."""

@@ -14,8 +14,10 @@ from parsolid.scene import Scene
 
 # fields of particles that any tool may touch
 RADIUS, STIFFNESS = "tool_radius", "tool_stiffness"
-# of the time in which particle and tool could meet, of the faster of both towards each other
+# of the time in which particle and tool would meet, should both gain the speed of sound
 _LOOK_AFTER = 0.5
+# in so many steps what is near may be touched: until then steps are as short as contact wants
+_NEAR = 4.0
 
 
 def record_of(tool: str) -> str:
@@ -52,7 +54,7 @@ class Touch:
 
     rows (n,), forces (n, d) [N]: what it touches; sums (12,): as `forces.press` has them, of this rank; clearance [m]:
     of the nearest particle; greatest_square [1/s^2]: of an angular frequency that the contact adds to that of a
-    particle; quiet_until [s]: nothing can be touched before.
+    particle, where one is near; quiet_until [s]: nothing can be touched before.
     """
 
     def __init__(self, tool: Any, system: ParticleSystem, meant: np.ndarray, signal: float) -> None:
@@ -63,7 +65,7 @@ class Touch:
         self.sums = np.zeros(forces.SUMS)
         self.count, self.clearance, self.greatest_square = 0, np.inf, 0.0
         self._rows, self._forces = np.zeros(0, np.int64), np.zeros((0, system.dimension))
-        self._layout, self.quiet_until = -1, -np.inf
+        self._layout, self._hardest, self.quiet_until = -1, 0.0, -np.inf
 
     @property
     def rows(self) -> np.ndarray:
@@ -102,15 +104,28 @@ class Touch:
             self._forces,
             self.sums,
         )
-        self._layout, self.quiet_until = particles.layout, self._next_look(time)
-        self.greatest_square = self._greatest_square()
+        self._look_ahead(time)
 
-    def _next_look(self, time: float) -> float:
-        """The time [s] before which nothing can be touched; the present while something is near."""
-        if not self.clearance > 0.0:
-            return -np.inf
-        speed = forces.fastest(self.system.particles.owned, self.system.particles["velocity"])
-        return time + _LOOK_AFTER * self.clearance / (speed + self.signal + self.tool.speed(time))
+    def _look_ahead(self, time: float) -> None:
+        """When to look again, and how stiff what may be touched by then is."""
+        system, layout = self.system, self.system.particles.layout
+        if layout != self._layout:
+            self._layout, self._hardest = layout, self._hardest_of_all()
+        speed = self.signal + self.tool.speed(time)
+        if self.clearance > _NEAR * self.tool.step * speed:
+            # what moves faster than that will be seen in time
+            speed += forces.fastest(system.particles.owned, system.particles["velocity"])
+        near = self.clearance <= _NEAR * self.tool.step * speed
+        self.greatest_square = self._hardest if near else 0.0
+        self.quiet_until = -np.inf if near else time + _LOOK_AFTER * self.clearance / speed
+
+    def _hardest_of_all(self) -> float:
+        """The greatest square of an angular frequency [1/s^2] that the contact may add to that of a particle."""
+        system = self.system
+        rows = system.particles.owned_rows
+        here = self.meant[rows("body")]
+        mass = (system.mass[: system.owned] * system.share[: system.owned])[here]
+        return self.tool.stiffness * float((rows(STIFFNESS)[here] / mass).max(initial=0.0))
 
     def kick(self, step: float) -> float:
         """Give the particles the forces' impulses of a time [s]; the energy [J] that held components take."""
@@ -124,11 +139,3 @@ class Touch:
         before = velocity[self.rows]
         gained = self.system.kick(impulse, self.rows)
         return 0.5 * float(np.sum(impulse * (before + velocity[self.rows]))) - gained
-
-    def _greatest_square(self) -> float:
-        if not self.count:
-            return 0.0
-        system = self.system
-        mass = system.mass[: system.owned][self.rows] * system.share[: system.owned][self.rows]
-        stiffness = self.tool.stiffness * system.particles[STIFFNESS][self.rows]
-        return float((stiffness / mass).max())
