@@ -6,6 +6,7 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.collective import maximum, minimum
+from parsolid.contact.relations import relations
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.output.summary import peak_memory_bytes
 from parsolid.simulation.loop import Simulation
@@ -19,7 +20,7 @@ def print_report(comm: MPI.Intracomm, simulation: Simulation) -> None:
     pairs = comm.allreduce(sum(system.directed_pairs for system in systems)) // 2
     sent = comm.allreduce(sum(system.bytes_a_step() for system in systems))
     seconds = _seconds_a_step(comm, simulation, stable)
-    memory = maximum(comm, peak_memory_bytes())
+    memory, meetings = maximum(comm, peak_memory_bytes()), relations(comm, scene, systems)
     if comm.rank > 0:
         return
     ranks = f"{comm.size} {'rank' if comm.size == 1 else 'ranks'}"
@@ -29,6 +30,8 @@ def print_report(comm: MPI.Intracomm, simulation: Simulation) -> None:
         print()
     for name, values in numbers.items():
         print(f"{name:<28} {sum(values):>14,}   a rank: {', '.join(f'{value:,}' for value in values)}")
+    for note in meetings:
+        print(note)
     steps = int(np.ceil(scene.end_time / stable))
     if pairs:
         print(f"{'pairs':<28} {pairs:>14,}")

@@ -9,6 +9,7 @@ from mpi4py import MPI
 
 from parsolid.collective import SolverError, anywhere
 from parsolid.commands.check_advice import advice, scene_advice
+from parsolid.contact.relations import relations
 from parsolid.output.checkpoint import find_checkpoint
 from parsolid.output.directory import occupy
 from parsolid.output.errors import OutputError, together
@@ -70,10 +71,10 @@ def _run_in(
 ) -> int:
     """Run a simulation into its files; began: reading of the performance counter at the command's start [s]."""
     scene = simulation.scene
-    progress = None
+    progress, meetings = None, relations(comm, scene, simulation.systems)
     if comm.rank == 0:
         level = 0 if options.quiet else 2 if options.verbose else 1
-        notes = [*scene_advice(scene), *(restart.notes if restart else ())]
+        notes = [*scene_advice(scene), *(restart.notes if restart else ()), *meetings]
         for note in notes if level else ():
             print(f"note: {note}", flush=True)
         progress = Progress(scene.title, scene.end_time, simulation.particles, level)

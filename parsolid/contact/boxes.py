@@ -33,18 +33,8 @@ class Boxes:
 
     def agree(self, time: float) -> None:
         """Boxes and motions at a time [s]; collective."""
-        self.time, d, bodies = time, self.systems[0].dimension, self.bodies
-        bounds, sums = np.full((bodies, 2, d), -np.inf), np.zeros((d + 1, bodies))
-        for system, number in zip(self.systems, self.numbers):
-            rows, body = system.particles.owned_rows, system.particles.owned_rows("body")
-            bounds[number] = body_bounds(np.ascontiguousarray(rows("position")), body, len(number))
-            for k in range(d):
-                sums[k, number] = np.bincount(body, rows("velocity")[:, k], minlength=len(number))
-            sums[d, number] = np.bincount(body, minlength=len(number))
-        bounds = maximum(self.comm, bounds)
-        self.comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
-        self.lower, self.upper = -bounds[:, 0], bounds[:, 1]
-        self.velocity = np.ascontiguousarray((sums[:d] / np.maximum(sums[d], 1.0)).T)
+        self.time, bodies = time, self.bodies
+        self.lower, self.upper, self.velocity, _ = body_motions(self.comm, bodies, self.systems)
         self.near = np.array([self._gap(side) < side.reach + side.skin for side in self.sides.sides])
         self.margin = np.full(bodies, -1.0)
         for side, near in zip(self.sides.sides, self.near):
@@ -64,20 +54,8 @@ class Boxes:
 
     def _meeting(self, side: Side) -> float:
         """Time [s] until the moving boxes with their margins are within reach of one another."""
-        A, B = side.own, side.other
-        grown = self.margin[A] + self.margin[B] + side.reach
-        first, last = 0.0, np.inf
-        speed = self.velocity[A] - self.velocity[B]
-        for k in range(len(speed)):
-            # where along k: lower_A + s t - grown < upper_B and upper_A + s t + grown > lower_B
-            low, high = self.lower[B, k] - self.upper[A, k] - grown, self.upper[B, k] - self.lower[A, k] + grown
-            if speed[k] == 0.0:
-                if low > 0.0 or high < 0.0:
-                    return np.inf
-                continue
-            times = sorted((low / speed[k], high / speed[k]))
-            first, last = max(first, times[0]), min(last, times[1])
-        return float(first) if first <= last else np.inf
+        one, other = ((self.lower[i], self.upper[i], self.velocity[i]) for i in (side.own, side.other))
+        return meeting(one, other, self.margin[side.own] + self.margin[side.other] + side.reach)
 
     def used_up(self, time: float, ahead: float) -> bool:
         """Whether this rank wants lists anew, so that they hold from a time [s] for a time ahead [s]."""
@@ -112,3 +90,35 @@ class Boxes:
                 rows.append(row)
             start.append(len(rows))
         return np.array(start, np.int64), np.array(rows).reshape(-1, 5, d)
+
+
+def body_motions(comm: Any, bodies: int, systems: list[ParticleSystem]) -> tuple[np.ndarray, ...]:
+    """Lower and upper corners (bodies, d) [m] of the present boxes, mean velocities (bodies, d) [m/s], coarsest
+    spacing (bodies,) [m]; collective."""
+    d = systems[0].dimension
+    bounds, sums, spacing = np.full((bodies, 2, d), -np.inf), np.zeros((d + 1, bodies)), np.zeros(bodies)
+    for system in systems:
+        rows, body, number = system.particles.owned_rows, system.particles.owned_rows("body"), np.array(system.bodies)
+        bounds[number] = body_bounds(np.ascontiguousarray(rows("position")), body, len(number))
+        np.maximum.at(spacing, number[body], rows("spacing").max(axis=1))
+        for k in range(d):
+            sums[k, number] = np.bincount(body, rows("velocity")[:, k], minlength=len(number))
+        sums[d, number] = np.bincount(body, minlength=len(number))
+    bounds, spacing = maximum(comm, bounds), maximum(comm, spacing)
+    comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
+    return -bounds[:, 0], bounds[:, 1], np.ascontiguousarray((sums[:d] / np.maximum(sums[d], 1.0)).T), spacing
+
+
+def meeting(one: tuple[np.ndarray, ...], other: tuple[np.ndarray, ...], reach: float) -> float:
+    """Time [s] until two boxes (lower, upper, velocity) overlap, one of them widened by a reach [m]; inf if never."""
+    first, last = 0.0, np.inf
+    speed = one[2] - other[2]
+    for k in range(len(speed)):
+        low, high = other[0][k] - one[1][k] - reach, other[1][k] - one[0][k] + reach
+        if speed[k] == 0.0:
+            if low > 0.0 or high < 0.0:
+                return np.inf
+            continue
+        times = sorted((low / speed[k], high / speed[k]))
+        first, last = max(first, times[0]), min(last, times[1])
+    return float(first) if first <= last else np.inf

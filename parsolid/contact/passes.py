@@ -37,12 +37,17 @@ class Matter(NamedTuple):
 
 
 @register_jitable
+def _reflected(code, table, value, k, i, shift):
+    # by its argument, for numba to leave out what a scene lacks
+    if code is None:
+        return value
+    return table[0, code[k], i] * value + shift * table[1, code[k], i]
+
+
+@register_jitable
 def put(vector, first, near, k, i, shift):
     """Component first + i of a vector of the neighbour in pair k, or of its image's; shift: 1 of a place, else 0."""
-    b = near.neighbour[k]
-    if near.code is None:
-        return vector[b, first + i]
-    return near.table[0, near.code[k], i] * vector[b, first + i] + shift * near.table[1, near.code[k], i]
+    return _reflected(near.code, near.table, vector[near.neighbour[k], first + i], k, i, shift)
 
 
 @register_jitable

@@ -14,6 +14,8 @@ from parsolid.scene.contact import contact_pairs
 
 # skin of the lists, in spacings
 SKIN = 0.5
+# step over the limit of a contact's frequency: what is exchanged in a step grows with its square
+_SAFETY = 0.5
 # entries of the tables of colour against depth
 _TABLE = 65
 
@@ -135,7 +137,7 @@ def _side(
         depth,
         np.array([one[0] for one in table]),
         np.array([one[1] for one in table]),
-        float(2.0 / frequency),
+        float(_SAFETY * 2.0 / frequency),
         planes,
     )
 

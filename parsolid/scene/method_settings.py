@@ -18,7 +18,8 @@ class MethodSettings(SceneModel):
     boundaries: the kinds that it knows; declared_fields: declarations that a scene often names (of others the code is
     asked); extra_fields, extra_quantities: what the method computes -> "scalar", "vector" or "tensor"; pictured_fields:
     what colours the bodies, the first that was written; loads: keys of the table of that name; ledger_terms: see
-    `ledger.Ledger`; viscous_terms: those of them that artificial viscosity fills.
+    `ledger.Ledger`; viscous_terms: those of them that artificial viscosity fills; bodies_meet: whether bodies that come
+    together feel each other without contact.
     """
 
     system: ClassVar[str]
@@ -32,6 +33,7 @@ class MethodSettings(SceneModel):
     pictured_fields: ClassVar[tuple[str, ...]] = ("pressure",)
     ledger_terms: ClassVar[dict[str, int]] = {}
     viscous_terms: ClassVar[tuple[str, ...]] = ()
+    bodies_meet: ClassVar[bool] = True
     kind: str
     maximum_step: Positive | None = Field(None, description="the largest time step [s]")
     minimum_step: Positive | None = Field(None, description="the time step [s] below which the run stops")

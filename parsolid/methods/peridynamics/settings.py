@@ -174,6 +174,7 @@ class Peridynamics(MethodSettings):
     """
 
     system: ClassVar = "parsolid.methods.peridynamics.system:Peridynamics"
+    bodies_meet: ClassVar = False
     dimensions: ClassVar = (1, 2, 3)
     materials: ClassVar = ("hyperelastic", "prony", "bond-based")
     boundaries: ClassVar = ("fixed", "roller", "velocity", "displacement", "layer", "traction")

@@ -14,6 +14,7 @@ class TotalLagrangianSPH(MethodSettings):
     """Upwind total-Lagrangian smoothed particle hydrodynamics (Lee et al.)."""
 
     system: ClassVar = "parsolid.methods.tlsph.system:TotalLagrangianSPH"
+    bodies_meet: ClassVar = False
     materials: ClassVar = ("hyperelastic",)
     boundaries: ClassVar = ("fixed", "roller", "antisymmetric", "velocity", "traction")
     kind: Literal["tlsph"]

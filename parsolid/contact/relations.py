@@ -1,0 +1,58 @@
+"""How the bodies of a scene meet, in words: bonded, in contact, or apart; and which fly into one another unnoticed."""
+
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from parsolid.contact.boxes import body_motions, meeting
+from parsolid.methods.protocol import ParticleSystem
+from parsolid.scene import Scene
+from parsolid.scene.contact import contact_pairs
+
+# bodies closer than so many of the larger spacing touch
+_TOUCHING = 1.5
+# so many pairs are named at most
+_MOST = 12
+
+
+def relations(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[str]:
+    """Notes on the pairs of bodies of a scene in its present state; collective, the same on all ranks."""
+    if len(scene.bodies) == 1 and not scene.contact:
+        return []
+    names = [body.name or f"bodies.{number}" for number, body in enumerate(scene.bodies)]
+    pairs = {one[:2]: one.contact for one in contact_pairs(scene.contact, [body.name for body in scene.bodies])}
+    lower, upper, velocity, spacing = body_motions(comm, len(names), systems)
+    alone = {body for system in systems if not system.settings.bodies_meet for body in system.bodies}
+    told: dict[str, list[str]] = {"in contact": [], "bonded where they touch": [], "apart": []}
+    blind = []
+    for i, contact in ((one[0], contact) for one, contact in pairs.items() if one[0] == one[1]):
+        told["in contact"].append(f"{names[i]} with itself{_words(contact)}")
+    for i, j in combinations(range(len(names)), 2):
+        both = f"{names[i]} and {names[j]}"
+        gap = float(np.linalg.norm(np.maximum(np.maximum(lower[i] - upper[j], lower[j] - upper[i]), 0.0)))
+        if (i, j) in pairs:
+            told["in contact"].append(both + _words(pairs[i, j]))
+        elif gap <= _TOUCHING * max(spacing[i], spacing[j]):
+            told["bonded where they touch"].append(both)
+        else:
+            told["apart"].append(both)
+            when = meeting((lower[i], upper[i], velocity[i]), (lower[j], upper[j], velocity[j]), 0.0)
+            if {i, j} <= alone and when < scene.end_time:
+                blind.append(f"{both} (at about t = {when:.3g} s)")
+    notes = [f"bodies {how}: {_listed(which)}" for how, which in told.items() if which]
+    if blind:
+        told_of = _listed(blind)
+        notes.append(
+            f"warning: on a collision course without [[contact]], and would pass through each other: {told_of}"
+        )
+    return notes
+
+
+def _words(contact: Any) -> str:
+    return f" (friction {contact.friction:g})" if contact.friction else ""
+
+
+def _listed(which: list[str]) -> str:
+    rest = f", and {len(which) - _MOST} more pairs" if len(which) > _MOST else ""
+    return ", ".join(which[:_MOST]) + rest

@@ -1,0 +1,101 @@
+"""Bodies that meet in runs: momenta and energy, the same on any number of ranks, and after a restart in contact."""
+
+import numpy as np
+import pytest
+from meeting import SPEED, bars, discs, momenta, simulated
+from mpi4py import MPI
+from solids import Record, gathered
+
+from parsolid.scene import parse_scene
+from parsolid.simulation.loop import Limits, Simulation, StopRequest
+from parsolid.simulation.output_files import OutputFiles
+from parsolid.simulation.recorder import Recorder
+from parsolid.simulation.restart import Restart
+
+STATE = ("position", "velocity", "contact_force")
+
+
+def run(sim, steps=None, more=None) -> dict:
+    record = Record(more)
+    sim.run(record, Limits(steps), StopRequest())
+    return record.columns()
+
+
+def test_bars_exchange_their_velocities():
+    data = bars(n=20, gap=0.002)
+    sim = simulated(data)
+    system = sim.systems[0]
+
+    def mean(sim):
+        body, v = system.particles.owned_rows("body"), system.particles.owned_rows("velocity")[:, 0]
+        m = system.mass[: system.owned] * system.share[: system.owned]
+        left, right = (float((m * v)[body == i].sum() / m[body == i].sum()) for i in (0, 1))
+        return {"left": left, "right": right, "together": left + right}
+
+    columns = run(sim, more=mean)
+    v = 0.01 * SPEED
+    assert (columns["right"][-1] - columns["left"][-1]) / v == pytest.approx(0.93, abs=0.02)
+    assert np.abs(columns["together"]).max() < 1e-13 * v
+    start = columns["kinetic"][0]
+    assert np.abs(columns["balance"]).max() < 0.01 * start
+    pressed = columns["time"][columns["contact_energy"] > 1e-8 * start]
+    assert (pressed[-1] - pressed[0]) * SPEED / 2.0 == pytest.approx(1.0, abs=0.03)
+    assert columns["contact_energy"].max() > 0.01 * start and abs(columns["contact_energy"][-1]) < 1e-12 * start
+
+
+def test_momenta_are_kept_with_friction_and_its_dissipation_never_negative(comm):
+    sim = simulated(discs(), comm)
+    before, scale = momenta(sim), 0.5 * np.pi * 0.25 * 0.05 * SPEED
+
+    def turning(sim):
+        system = sim.systems[0]
+        x, f = (system.particles.owned_rows(name) for name in ("position", "contact_force"))
+        sums = comm.allreduce(np.array([np.sum(x[:, 0] * f[:, 1] - x[:, 1] * f[:, 0]), np.abs(f).sum()]))
+        return {"moment": sums[0], "force": sums[1]}
+
+    columns = run(sim, more=turning)
+    assert np.abs(momenta(sim) - before)[:2].max() < 1e-12 * scale
+    # of the contact alone: the bodies' own dissipation does not keep angular momentum
+    assert np.abs(columns["moment"]).max() < 1e-13 * columns["force"].max() and columns["force"].max() > 0.01
+    lost, start = columns["friction_dissipation"], columns["kinetic"][0]
+    assert lost[-1] > 1e-3 * start and np.diff(lost).min() > -1e-12 * start
+    assert columns["stick_energy"].max() > 1e-5 * start and abs(columns["stick_energy"][-1]) < 1e-12 * start
+    assert np.abs(columns["balance"]).max() < 0.01 * start
+
+
+def test_ranks_do_not_matter(comm):
+    sims = [simulated(discs(friction=0.4), one) for one in (comm, MPI.COMM_SELF)]
+    rows = [run(sim, 25) for sim in sims]
+    assert rows[0]["contact_energy"][-1] > 1e-3 * rows[0]["kinetic"][0]
+    for name, values in rows[1].items():
+        scale = values.max() if name == "time" else rows[1]["kinetic"][0]
+        np.testing.assert_allclose(rows[0][name], values, rtol=0.0, atol=1e-12 * scale, err_msg=name)
+    for found, wanted in zip(gathered(sims[0], *STATE), gathered(sims[1], *STATE)):
+        np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-11 * np.abs(wanted).max())
+
+
+def into_folder(comm, data, folder, steps=None, restart=None) -> Simulation:
+    scene = parse_scene(data)
+    sim = Simulation(comm, scene, restart)
+    recorder = Recorder(sim, OutputFiles(comm, scene, folder, restart), None)
+    recorder.files.open_history(recorder.columns)
+    if restart:
+        recorder.resume(restart.header)
+    sim.run(recorder, Limits(steps), StopRequest())
+    recorder.finish()
+    return sim
+
+
+def test_a_restart_in_the_middle_of_stick_has_the_same_bits(comm, shared_path):
+    data = discs(friction=0.4, end_time=2.0 / SPEED, output={"fields_times": []})
+    whole = into_folder(comm, data, shared_path / "whole")
+    into_folder(comm, data, shared_path / "pieces", steps=18)
+    file = shared_path / "pieces" / "checkpoint.h5"
+    restart = Restart(comm, file)
+    again = into_folder(comm, data, shared_path / "pieces", restart=restart)
+    assert whole.clock.step == again.clock.step > 25
+    stick = again.systems[0].particles.owned_rows("contact_stick")
+    assert comm.allreduce(float(np.abs(stick).max(initial=0.0)), MPI.MAX) > 0.0
+    for name, values in whole.systems[0].particles.checkpointed().items():
+        assert values.tobytes() == again.systems[0].particles.checkpointed()[name].tobytes(), name
+    assert np.array_equal(whole.ledger.values, again.ledger.values)
