@@ -131,7 +131,7 @@ class Simulation:
     @property
     def energy_scale(self) -> float:
         """An energy [J], the same on all ranks, of which the balance has the round-off in any case."""
-        return sum(system.energy_scale for system in self.systems)
+        return sum(part.energy_scale for part in self.parts)
 
     def energy_row(self) -> dict[str, float]:
         """The ledger's row [J] of the present state over all ranks; judged before the next step. Collective."""

@@ -21,8 +21,6 @@ METHODS = {
     "ulsph": ({"kind": "ulsph"}, _METAL, "cells"),
     "mpm": ({"kind": "mpm", "cell": 2.0 * SPACING}, _METAL, "cells"),
 }
-# at the start of a load that grows from nothing, the balance is of the size of the energy
-TOLERANT = {"balance_limit": 100.0, "balance_warning": 50.0}
 
 
 def block(method: str, counts=(10, 5), lower=None, **body) -> dict:
@@ -36,7 +34,7 @@ def block(method: str, counts=(10, 5), lower=None, **body) -> dict:
     shape = {"box": {"lower": lower, "upper": upper}}
     particles = [n + (placement == "nodes") for n in counts]
     made = {"name": "block", "shape": shape, "particles": particles, "placement": placement, "material": material}
-    return {"dimension": d, "end_time": 1.0, "method": settings | TOLERANT, "bodies": [made | body]}
+    return {"dimension": d, "end_time": 1.0, "method": dict(settings), "bodies": [made | body]}
 
 
 def floor(dimension=2, **keys) -> dict:

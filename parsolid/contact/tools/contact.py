@@ -10,7 +10,7 @@ from parsolid.contact.tools import forces
 from parsolid.contact.tools.bodies import make_body, shaped
 from parsolid.contact.tools.resistance import wave_modulus
 from parsolid.contact.tools.rigid_body import FreeBody, GuidedBody, rotation_vector
-from parsolid.contact.tools.touch import Touch, meant_by
+from parsolid.contact.tools.touch import STIFFNESS, Touch, meant_by
 from parsolid.materials.registry import laws_of
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
@@ -20,6 +20,9 @@ from parsolid.scene.load_histories import LoadHistory
 
 # of a spacing, what a body may reach into a tool at the start
 _OVERLAP = 0.5
+# Of M V of one particle: the balance's round-off of it, 1e-12, is a twentieth of the energy of a particle strained by
+# 2e-4. Before that much has happened, the balance of what begins to press is no measure of anything.
+_BEGINNING = 2.5e4
 
 
 class Tool:
@@ -92,6 +95,7 @@ class RigidTools(Interaction):
                     # before the first step, one that is surely longer
                     tool.step = max(tool.step, self._spacing(tool.touches[-1]) / signal)
         self._refuse_small()
+        self.energy_scale = _BEGINNING * max((self._particle_energy(system) for system in systems), default=0.0)
         self._resumed = False
         self._shown = np.zeros(2)
 
@@ -99,6 +103,14 @@ class RigidTools(Interaction):
         """The widest of what a tool touches [m]; collective."""
         rows = touch.system.particles.owned_rows
         return -minimum(self.comm, -float(rows("spacing")[touch.meant[rows("body")]].max(initial=0.0)))
+
+    def _particle_energy(self, system: ParticleSystem) -> float:
+        """The largest M V of a system's particles [J]; collective."""
+        if STIFFNESS not in system.particles:
+            return 0.0
+        rows = system.particles.owned_rows
+        energy = rows(STIFFNESS) * rows("spacing").max(axis=1) ** 2
+        return -minimum(self.comm, -float(energy.max(initial=0.0)))
 
     def _refuse_small(self) -> None:
         """Raise SolverError for a tool that fits between particles."""
@@ -127,18 +139,17 @@ class RigidTools(Interaction):
                 raise_together(self.comm, self._overlap(number, tool, touch))
 
     def _overlap(self, number: int, tool: Tool, touch: Touch) -> str | None:
-        """What is wrong where a body reaches into a tool."""
-        particles = touch.system.particles
-        if not touch.count:
-            return None
-        allowed = _OVERLAP * float(particles.owned_rows("spacing")[touch.rows].min())
-        if -touch.clearance <= allowed * (1.0 + 1e-9):
+        """What is wrong where a body reaches into a tool; collective."""
+        particles, depth = touch.system.particles, -minimum(self.comm, float(touch.clearance))
+        spacing = float(particles.owned_rows("spacing")[touch.rows].min(initial=np.inf))
+        allowed = _OVERLAP * minimum(self.comm, spacing)
+        if not depth > allowed * (1.0 + 1e-9) or not touch.count:
             return None
         bodies = np.unique(particles.owned_rows("body")[touch.rows])
         named = " and ".join(repr(self.names[touch.system.bodies[body]]) for body in bodies)
         return (
             f"tools.{number}.shape: expected a tool outside the bodies (by half a spacing, {allowed:g} m, at most), "
-            f"found {tool.name!r} within {named} by {-touch.clearance:g} m"
+            f"found {tool.name!r} within {named} by {depth:g} m"
         )
 
     def before(self, time: float, step: float, ledger: EnergyLedger) -> None:
