@@ -24,8 +24,10 @@ def pressed(comm, particles: int, *overrides: str):
     return watch, particles.owned_rows("position")[rows, 0], -touch.forces[:, 1] / area
 
 
-@pytest.mark.parametrize("particles, within", [(33, 0.1), (65, 0.05)])
-def test_line_contact(comm, particles, within):
+@pytest.mark.parametrize(
+    "particles, width, high", [(33, 0.03, 0.08), pytest.param(65, 0.01, 0.05, marks=pytest.mark.slow)]
+)
+def test_line_contact(comm, particles, width, high):
     """Half-width and peak from the pressures, p^2 = p0^2 (1 - x^2/a^2), for the force that the tool feels."""
     watch, place, pressure = pressed(comm, particles)
     force, modulus = 2.0 * watch["cylinder.force_y"][-1], 10.0 / (1.0 - 0.3**2)
@@ -34,7 +36,5 @@ def test_line_contact(comm, particles, within):
     x, p = (np.concatenate(comm.allgather(values)) for values in (place, pressure))
     inner = p > 0.3 * peak
     slope, square = np.polyfit(x[inner] ** 2, p[inner] ** 2, 1)
-    print("particles", particles, "force", force, "a/h", half * (particles - 1) / 2.0)
-    print("half-width", np.sqrt(-square / slope) / half - 1.0, "peak", np.sqrt(square) / peak - 1.0, "p(0)", p.max() / peak)
-    assert abs(np.sqrt(-square / slope) / half - 1.0) < within
-    assert abs(np.sqrt(square) / peak - 1.0) < within
+    assert abs(np.sqrt(-square / slope) / half - 1.0) < width
+    assert abs(np.sqrt(square) / peak - 1.0) < high
