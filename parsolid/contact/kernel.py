@@ -8,6 +8,8 @@ import math
 import numpy as np
 from numba.extending import register_jitable
 
+from decomposition.compiled import compiled
+
 _POINTS = 96
 
 
@@ -23,6 +25,15 @@ def slope(q: float) -> float:
     """dW/dr over N R^-(d + 1) at q = r/R."""
     third, second, first = max(0.0, 1.0 - q), max(0.0, 2.0 / 3.0 - q), max(0.0, 1.0 / 3.0 - q)
     return -5.0 * (third**4 - 6.0 * second**4 + 15.0 * first**4)
+
+
+@compiled
+def shapes(q):
+    """`shape` of numbers (n,)."""
+    result = np.empty(len(q))
+    for i in range(len(q)):
+        result[i] = shape(q[i])
+    return result
 
 
 def norm(dimension: int, radius: float) -> float:

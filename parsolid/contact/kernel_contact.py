@@ -18,6 +18,7 @@ from parsolid.contact.boxes import Boxes
 from parsolid.contact.depth import fill_depths
 from parsolid.contact.lists import Entries
 from parsolid.contact.sides import sides_of, slots_of
+from parsolid.contact.within import WithinBodies
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.particles.declaration import Field, Rows
@@ -56,7 +57,7 @@ class KernelContact(Interaction):
         self.names = [body.name or f"bodies.{i}" for i, body in enumerate(scene.bodies)]
         self.sides = sides_of(comm, scene, systems)
         self.boxes = Boxes(comm, len(scene.bodies), self.sides, systems)
-        self.entries = Entries(comm, self.sides, systems)
+        self.entries, self.within = Entries(comm, self.sides, systems), WithinBodies(self.sides, systems)
         self.rubs = any(side.friction for side in self.sides.sides)
         self.restarted = False
         self.rebuilds, self.energy, self.stuck = 0, 0.0, 0.0
@@ -145,7 +146,8 @@ class KernelContact(Interaction):
         """Boxes, entries and lists in the present places; collective."""
         self._placed = self.placements
         self.boxes.agree(time)
-        self.entries.build(self.boxes, self._not_touching)
+        self.within.look()
+        self.entries.build(self.boxes, self.within.excluded if self.within.any else None)
         self.rebuilds += 1
         self.news = False
         for system in self.systems:
@@ -172,6 +174,8 @@ class KernelContact(Interaction):
             here = slice(one.first, one.last)
             depths = self._of_slot("contact_depth", one, side.slot, 1)[:, 0]
             colour, steepness = side.threshold(depths)
+            least = self.within.least_thresholds(one.system, side, one.rows, d)
+            colour = colour if least is None else np.maximum(colour, least)
             self.constants[here, 0], self.constants[here, 1] = colour, 1.0 / steepness
             self.constants[here, 2] = 0.5 * side.stiffness * self._areas(one, volume[here])
             self.constants[here, 3:] = 1.0 / side.reach, side.norm
@@ -195,13 +199,6 @@ class KernelContact(Interaction):
         """Values (k, width) of a field in one slot of the particles of a segment."""
         field = self.systems[one.system].particles.storage(name)
         return np.ascontiguousarray(field[one.rows, slot * width : (slot + 1) * width])
-
-    def _not_touching(self, side: Any, row: Any, neighbour: Any, reference: Any, particle: Any) -> np.ndarray:
-        """Pairs of one body that are close in the reference."""
-        own = np.array([one.own == one.other for one in self.sides.sides])[side[row]]
-        reach = np.array([2.0 * one.reach for one in self.sides.sides])[side[row]]
-        apart = np.linalg.norm(reference[row] - reference[neighbour], axis=1) >= reach
-        return own & ~apart
 
     # --- forces ---------------------------------------------------------------------------------------------------
 

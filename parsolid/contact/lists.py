@@ -59,8 +59,7 @@ class Entries:
         else:
             found = (np.zeros(1, np.int64), np.empty(0, np.int32)) * 2
         start, neighbour = directed(*found[:2], self.owned, *found[2:], side, self.reverse, particle)
-        self_touching = any(one.own == one.other for one in self.sides.sides)
-        if excluded is not None and self_touching:
+        if excluded is not None:
             reference = halo.with_ghosts(self.gathered("reference_position"))
             row = np.repeat(np.arange(self.owned), np.diff(start))
             start, neighbour = _kept(start, neighbour, ~excluded(side, row, neighbour, reference, particle))

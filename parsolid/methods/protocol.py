@@ -1,7 +1,7 @@
 """What the loop, the output and the reports ask of a method; a new method derives from `ParticleSystem`."""
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -28,6 +28,16 @@ class EnergyLedger(Protocol):
         """One of the terms that the settings name [J]."""
 
 
+class BrokenPairs(NamedTuple):
+    """Pairs that were bonded and are no longer, seen from their owned end: its row, the other's identifier, their
+    distance in the reference [m] and the other's whole volume [m^3], (k,) each."""
+
+    row: np.ndarray
+    identifier: np.ndarray
+    distance: np.ndarray
+    volume: np.ndarray
+
+
 class ParticleSystem:
     """A method with its bodies on one rank; sizes are of this rank's owned particles, d = dimension.
 
@@ -42,8 +52,8 @@ class ParticleSystem:
     stored vanish.
     news: whether this rank has found what all ranks must act on at the next step, as it is when a step is announced;
     news_anywhere: whether any rank had, told before the next step.
-    placements: counts how often particles may have changed their rows or ranks, the same on all ranks; None where they
-    may in every step.
+    placements: counts how often particles may have changed their rows or ranks, or bonds have broken, the same on all
+    ranks; None where rows may change in every step.
     """
 
     comm: Any
@@ -125,6 +135,10 @@ class ParticleSystem:
     def wave_modulus(self, body: int) -> tuple[float, float]:
         """lambda + 2 mu [Pa] and density [kg/m^3] of one of its bodies, undeformed."""
         raise NotImplementedError
+
+    def broken_pairs(self) -> BrokenPairs | None:
+        """Pairs of one body that have broken, without mirror images; None where none ever breaks."""
+        return None
 
     def held_components(self) -> np.ndarray | None:
         """Components (owned, d) of velocities that boundaries hold or prescribe, true there; None without any."""

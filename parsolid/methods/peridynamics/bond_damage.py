@@ -14,7 +14,8 @@ import numpy as np
 from parsolid.collective import maximum
 from parsolid.methods.peridynamics import bond_damage_kernels as bond_damage
 from parsolid.methods.peridynamics import bond_state
-from parsolid.pairs.lists import mutual
+from parsolid.methods.protocol import BrokenPairs
+from parsolid.pairs.lists import images_of, mutual
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Field, Rows
 
@@ -134,6 +135,23 @@ class BondDamage:
         for pairs in self.lists:
             bond_damage.add_families(pairs, chosen, self.bond_system.volume, family)
         return family[particles]
+
+    def broken_pairs(self) -> BrokenPairs:
+        """Broken pairs of owned particles, without images."""
+        particles = np.flatnonzero(self.damage > 0.0)
+        start, source = self._neighbourhoods(particles)
+        row, gone = np.repeat(particles, np.diff(start)), np.zeros(len(source), bool)
+        other = np.zeros(len(source), np.int64)
+        for number, pairs in enumerate(self.lists):
+            mine = np.flatnonzero(source[:, 0] == number)
+            if images_of(pairs) is None and len(mine):
+                place = source[mine, 1]
+                gone[mine] = pairs.weight[place] == 0.0
+                owner = np.repeat(np.arange(len(pairs.start) - 1), np.diff(pairs.start))[place]
+                other[mine] = np.where(owner == row[mine], pairs.neighbour[place], owner)
+        row, other, X = row[gone], other[gone], self.bond_system.positions
+        distance = np.linalg.norm(X[row] - X[other], axis=1)
+        return BrokenPairs(row, self.particles["identifier"][other], distance, self.bond_system.volume[other])
 
     # --- for a restart ----------------------------------------------------------------------------------------
 

@@ -15,6 +15,7 @@ from parsolid.materials.damage.fracture import breaking_limit
 from parsolid.methods.peridynamics.bond_damage import BondDamage, Limits
 from parsolid.methods.peridynamics.bond_damage_kernels import Energy, Stretch
 from parsolid.methods.peridynamics.cracks import distance, patch_of
+from parsolid.methods.protocol import BrokenPairs
 from parsolid.pairs.lists import mutual
 from parsolid.pairs.terms import ShearScaled
 
@@ -27,12 +28,14 @@ class NoFracture:
     """All bonds are whole and stay so.
 
     found: whether this rank has found bonds that fail in the last state it looked at; found_anywhere: whether any rank
-    had, told before the next step. late: whether the stable step follows from the new forces.
+    had, told before the next step; breaks: how often bonds have broken, the same on all ranks. late: whether the stable
+    step follows from the new forces.
     """
 
     found = False
     found_anywhere = False
     late = False
+    breaks = 0
 
     def __init__(self, owned: int, dimension: int) -> None:
         self.owned, self.dimension = owned, dimension
@@ -65,6 +68,10 @@ class NoFracture:
     def safety(self, settings: Any) -> float:
         """The stable step over its limit; settings: `settings.Explicit`."""
         return settings.safety
+
+    def broken_pairs(self) -> BrokenPairs | None:
+        """See `ParticleSystem.broken_pairs`."""
+        return None
 
     # --- for a restart and the output --------------------------------------------------------------------------
 
@@ -103,6 +110,10 @@ class PreCracks(NoFracture):
         self.damage.introduce(self.patches)
         self._initial, self._cut_at_start = self.damage.damage.copy(), self._gone()
         self.engine.install_shape()
+
+    def broken_pairs(self) -> BrokenPairs | None:
+        """Those of pre-cracks, and those that have failed."""
+        return self.damage.broken_pairs()
 
     def pack(self) -> None:
         """Bring the bits of all broken bonds up to date."""
@@ -188,6 +199,7 @@ class Fracture(PreCracks):
 
     def break_bonds(self, ledger: Any) -> None:
         """Break what any rank has found, and evaluate the forces of the state anew; collective."""
+        self.breaks += 1
         stored = self.history.stored_energy()
         if self.pending is not None:
             self.damage.cut(self.pending)

@@ -24,6 +24,7 @@ from parsolid.methods.peridynamics.quasi_static import QuasiStatic
 from parsolid.methods.peridynamics.tensor_history import is_small_strain
 from parsolid.methods.peridynamics.velocity_verlet import VelocityVerlet
 from parsolid.methods.peridynamics.velocity_verlet_kernels import kinetic_energy
+from parsolid.methods.protocol import BrokenPairs
 from parsolid.particles.declaration import Field, Rows
 from parsolid.scene import initial_displacement, initial_velocity
 
@@ -128,6 +129,15 @@ class Peridynamics(PairMethod):
     def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """One step of the time solver."""
         return self.solver.advance(time, step, ledger, announce)
+
+    @property
+    def placements(self) -> int:  # type: ignore[override]
+        """Bonds break."""
+        return self.fracture.breaks
+
+    def broken_pairs(self) -> BrokenPairs | None:
+        """Bonds of pre-cracks and failed ones."""
+        return self.fracture.broken_pairs()
 
     @property
     def symmetry_planes(self) -> list[MirrorPlane]:

@@ -1,0 +1,70 @@
+"""Contact within one body: which of its pairs may touch, and the threshold of particles beside broken bonds.
+
+Pairs touch whose distance in the reference is at least twice the kernel's reach, so that no compression down to a
+stretch of a half brings others in, and pairs whose bond has broken. The colour of these in the reference is the least
+threshold of a particle, so that nothing acts in the reference, however many of its bonds are gone.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from parsolid.contact.kernel import norm, shapes
+from parsolid.contact.sides import Side, Sides
+from parsolid.methods.protocol import BrokenPairs, ParticleSystem
+
+_APART = 2.0
+
+
+class WithinBodies:
+    """Broken pairs of the systems whose bodies touch themselves, as of the last `look`."""
+
+    def __init__(self, sides: Sides, systems: list[ParticleSystem]) -> None:
+        self.sides, self.systems = sides, systems
+        self.own = np.array([side.own == side.other for side in sides.sides], bool)
+        self.reach = np.array([_APART * side.reach for side in sides.sides])
+        bodies = {side.own for side in sides.sides if side.own == side.other}
+        self.touching = [bool(bodies & set(system.bodies)) for system in systems]
+        self.broken: list[BrokenPairs | None] = [None] * len(systems)
+        self._keys = np.zeros(0, np.int64)
+
+    @property
+    def any(self) -> bool:
+        """Whether any body touches itself."""
+        return bool(self.own.any())
+
+    def look(self) -> None:
+        """Ask the systems what has broken."""
+        keys = [np.zeros(0, np.int64)]
+        for index, system in enumerate(self.systems):
+            if self.touching[index]:
+                found = self.broken[index] = system.broken_pairs()
+                if found is not None:
+                    mine = system.particles.owned_rows("identifier")[found.row]
+                    keys.append(_key(mine.astype(np.int64), found.identifier))
+        self._keys = np.concatenate(keys)
+
+    def excluded(self, side: Any, row: Any, neighbour: Any, reference: Any, particle: Any) -> np.ndarray:
+        """Pairs (row, neighbour) of entries of one body that do not touch although they are near, of arrays with
+        ghosts: side, reference place [m] and identifier of each entry."""
+        number = side[row]
+        close = np.linalg.norm(reference[row] - reference[neighbour], axis=1) < self.reach[number]
+        result = self.own[number] & close
+        if len(self._keys):
+            here = np.flatnonzero(result)
+            result[here] = ~np.isin(_key(particle[row[here]], particle[neighbour[here]]), self._keys)
+        return np.asarray(result)
+
+    def least_thresholds(self, index: int, side: Side, rows: np.ndarray, dimension: int) -> np.ndarray | None:
+        """Colour (k,) in the reference of what rows of a system are no longer bonded to; None without any."""
+        found = self.broken[index]
+        if side.own != side.other or found is None or not len(found.row):
+            return None
+        count = self.systems[index].owned
+        weight = norm(dimension, side.reach) * found.volume * shapes(found.distance / side.reach)
+        return np.asarray(np.bincount(found.row, weight, minlength=count)[rows])
+
+
+def _key(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """A number for a pair in its order."""
+    return np.asarray(one * np.int64(1 << 31) + other)
