@@ -206,6 +206,10 @@ def _release(place: int) -> None:
             fcntl.lockf(file, fcntl.LOCK_UN, 1, place)
 
 
+# told the name of every kernel that this process begins to compile
+LISTENERS: list[Callable[[str], object]] = []
+
+
 class KernelCache(_Cache):  # type: ignore[misc]
     """The files of one function's machine code, one for each signature."""
 
@@ -240,6 +244,8 @@ class KernelCache(_Cache):  # type: ignore[misc]
         # the file may have come between the look and the reservation
         if found is None and (_reserve(path) or path.exists()):
             found = _load(path, target_context)
+        for listener in LISTENERS if found is None else ():
+            listener(self.function.__name__)
         return found
 
     def save_overload(self, sig: Any, data: Any) -> None:

@@ -16,6 +16,7 @@ ROOT = Path(__file__).parents[1]
 LINE, FILE, FUNCTION, COPY = 120, 350, 50, 6
 # a room may import from its own row and the rows below it
 ROWS = (
+    ("parsolid.api",),
     ("parsolid.commands", "parsolid.__main__"),
     ("parsolid.simulation",),
     ("parsolid.contact",),

@@ -66,6 +66,14 @@ class SurfaceTraction(Declared):
 
 
 @dataclass(frozen=True)
+class SurfacePressure(Declared):
+    """A pressure [Pa] on a body's surface in a region."""
+
+    name: ClassVar[str] = "a pressure on a surface"
+    course: LoadHistory
+
+
+@dataclass(frozen=True)
 class RigidWall(Declared):
     """A plane that moves with a velocity [m/s], on one side of which bodies stay."""
 
@@ -160,6 +168,10 @@ class Declarations:
     def traction(self, where: Condition, course: LoadHistory) -> None:
         """A traction on the condition's plane."""
         self._add(SurfaceTraction(self._key, where, self._plane(where), course))
+
+    def surface_pressure(self, where: Condition, course: LoadHistory) -> None:
+        """A pressure on the surface in the condition's region."""
+        self._add(SurfacePressure(self._key, where, course))
 
     def wall(
         self, where: Condition, side: Literal["above", "below"], velocity: list[float] | None, sticking: bool

@@ -9,6 +9,7 @@ from parsolid.collective import maximum, minimum
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
 from parsolid.scene.bodies import Body
+from parsolid.scene.systems import notes_of
 from parsolid.simulation.loop import Simulation
 
 # stiffness of a cantilever ten times as long as thick, in plane strain, in its first mode over that of many particles
@@ -27,16 +28,17 @@ _SLENDER = 4.0
 
 def scene_advice(scene: Scene) -> list[str]:
     """What follows from the scene alone."""
+    result = notes_of(scene)
     names = [
         f"bodies.{i}"
         for system in scene.systems
         for i in system.bodies
         if getattr(system.settings, "pair_weights", "") == "kernel" and _uneven(scene.bodies[i])
     ]
-    if not names:
-        return []
-    advice = 'method.weights = "closure" makes them many times more accurate'
-    return [f"{', '.join(names)}: uneven particles; {advice}"]
+    if names:
+        advice = 'method.weights = "closure" makes them many times more accurate'
+        result.append(f"{', '.join(names)}: uneven particles; {advice}")
+    return result
 
 
 def _uneven(body: Body) -> bool:
@@ -49,8 +51,8 @@ def advice(simulation: Simulation) -> list[str]:
     for stated, system in zip(scene.systems, simulation.systems):
         # the figures are of the kernel's weights
         kind = stated.settings.kind if getattr(stated.settings, "pair_weights", "kernel") == "kernel" else ""
-        for i in stated.bodies:
-            thin = _thinnest(scene, i, _layers(simulation.comm, system, i))
+        for number, i in enumerate(stated.bodies):
+            thin = _thinnest(scene, i, _layers(simulation.comm, system, number))
             if thin is not None:
                 result += _told(f"bodies.{i}", *thin, kind, scene.bodies[i].placed_on)
     return result

@@ -21,13 +21,16 @@ def print_report(comm: MPI.Intracomm, simulation: Simulation) -> None:
     sent = comm.allreduce(sum(system.bytes_a_step() for system in systems))
     seconds = _seconds_a_step(comm, simulation, stable)
     memory, meetings = maximum(comm, peak_memory_bytes()), relations(comm, scene, systems)
+    table = _of_each(comm, simulation) if len(systems) > 1 else ""
     if comm.rank > 0:
         return
     ranks = f"{comm.size} {'rank' if comm.size == 1 else 'ranks'}"
     for system in systems:
-        print(f"{scene.title or 'scene'}: {system.settings.kind}, {scene.dimension}-D, {ranks}\n")
+        called = f" {system.name}," if system.name else ""
+        print(f"{scene.title or 'scene'}:{called} {system.settings.kind}, {scene.dimension}-D, {ranks}\n")
         _print_fields(system)
         print()
+    print(table, end="")
     for name, values in numbers.items():
         print(f"{name:<28} {sum(values):>14,}   a rank: {', '.join(f'{value:,}' for value in values)}")
     for note in meetings:
@@ -44,6 +47,20 @@ def print_report(comm: MPI.Intracomm, simulation: Simulation) -> None:
         f"{'estimated wall time':<28} {steps * seconds:>14,.1f} s   {seconds * 1e3:.3g} ms a step, without output",
         flush=True,
     )
+
+
+def _of_each(comm: MPI.Intracomm, simulation: Simulation) -> str:
+    """A line for each of several systems: particles, pairs, memory, its own stable step; collective."""
+    title = f"{'system':<20} {'particles':>12} {'pairs':>12} {'bytes a particle':>17} {'time step':>12} {'steps':>10}"
+    lines = [title, "-" * len(title)]
+    for system in simulation.systems:
+        particles, pairs = comm.allreduce(system.owned), comm.allreduce(system.directed_pairs) // 2
+        memory = comm.allreduce(bytes_a_particle([system]) * system.owned) / max(1, particles)
+        step = minimum(comm, system.stable_step())
+        steps = int(np.ceil(simulation.scene.end_time / step))
+        count = f"{particles:>12,} {pairs:>12,} {memory:>17,.0f} {step:>10.4g} s {steps:>10,}"
+        lines.append(f"{system.name or system.settings.kind:<20} {count}")
+    return "\n".join(lines) + "\n\n"
 
 
 def _counts(comm: MPI.Intracomm, systems: list[ParticleSystem]) -> dict[str, list[int]]:

@@ -2,18 +2,20 @@
 
 import time as clock
 from argparse import Namespace
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
 from mpi4py import MPI
 
+from decomposition.compiled import LISTENERS, folder
 from parsolid.collective import SolverError, anywhere
 from parsolid.commands.check_advice import advice, scene_advice
 from parsolid.contact.relations import relations
 from parsolid.output.checkpoint import find_checkpoint
 from parsolid.output.directory import occupy
 from parsolid.output.errors import OutputError, together
-from parsolid.output.progress import Progress
+from parsolid.output.progress import Compilations, Progress
 from parsolid.output.summary import provenance, write_summary
 from parsolid.output.whereabouts import HERE
 from parsolid.scene import Scene, SceneError, dump_scene, load_scene, packaged_scene
@@ -29,30 +31,42 @@ from parsolid.simulation.warmup import warm_up
 TO_BE_CONTINUED = 75
 
 
-def load(comm: MPI.Intracomm, options: Namespace) -> Scene:
-    """The scene of a command line, read by rank 0 alone; the same on all ranks. Raises SceneError on all ranks."""
+def bcast_scene(comm: MPI.Intracomm, read: Callable[[], Scene]) -> Scene:
+    """What rank 0 alone reads, the same on all ranks. Raises SceneError on all ranks."""
     scene = error = None
     if comm.rank == 0:
-        overrides = list(options.set)
-        if options.end_time is not None:
-            overrides.append(f"end_time={options.end_time!r}")
         try:
-            scene = load_scene(options.scene or packaged_scene(), overrides, options.trust_code)
+            scene = read()
         except SceneError as found:
             error = found.faults
-    read: Scene
-    read, error = comm.bcast((scene, error))
+    known: Scene
+    known, error = comm.bcast((scene, error))
     if error is not None:
         raise SceneError(error)
-    return read
+    return known
+
+
+def load(comm: MPI.Intracomm, options: Namespace) -> Scene:
+    """The scene of a command line, read by rank 0 alone; the same on all ranks. Raises SceneError on all ranks."""
+    overrides = list(options.set)
+    if options.end_time is not None:
+        overrides.append(f"end_time={options.end_time!r}")
+    return bcast_scene(comm, lambda: load_scene(options.scene or packaged_scene(), overrides, options.trust_code))
 
 
 def run(comm: MPI.Intracomm, options: Namespace) -> int:
     """Run a scene to its end; the exit status. Collective."""
     began = clock.perf_counter()
     REQUEST.install()
-    scene = load(comm, options)
+    return run_scene(comm, load(comm, options), options, began)
+
+
+def run_scene(comm: MPI.Intracomm, scene: Scene, options: Namespace, began: float) -> int:
+    """Run a scene with the options of a command line; began: reading of the performance counter [s]. Collective."""
     with ExitStack() as kept:
+        if comm.rank == 0 and not options.quiet:
+            LISTENERS.append(Compilations(folder()))
+            kept.callback(LISTENERS.clear)
         try:
             simulation, files, restart = _set_up(comm, scene, options, kept)
         except OutputError as error:

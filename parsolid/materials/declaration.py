@@ -26,6 +26,7 @@ Role = Literal[
     "shear-modulus",
     "flow-stress",
     "melting",
+    "failure",
     "micro-inertia",
 ]
 ROLES: tuple[str, ...] = get_args(Role)

@@ -33,6 +33,7 @@ _FUNCTIONS: dict[str, tuple[str, tuple[tuple[str, ...], ...]]] = {
     "flow-stress": (_PLASTIC, (("flow_stress",),)),
     "shear-modulus": (_PLASTIC, (("shear_modulus",),)),
     "melting": (_PLASTIC, (("melting_temperature",),)),
+    "failure": ("parsolid.materials.failure.failure", (("damage_after",),)),
     "equation-of-state": (
         _PLASTIC,
         (("cold_pressure",), ("grueneisen_coefficient",), ("isentropic_bulk_modulus",), ("room_to_compress",)),

@@ -41,7 +41,8 @@ class BrokenPairs(NamedTuple):
 class ParticleSystem:
     """A method with its bodies on one rank; sizes are of this rank's owned particles, d = dimension.
 
-    Set by the simulation: bodies, the scene's numbers of the system's bodies, which are numbered from 0 within it.
+    Set by the simulation: bodies, the scene's numbers of the system's bodies, which are numbered from 0 within it;
+    name, unlike that of other systems, empty where there is one.
     Set by the method: comm, settings (the scene's), dimension, owned, particles, mass (owned,) [kg] and
     share (owned,), the part of a particle's mass on this side of mirror planes (tributary mass = mass share).
     jumps: times [s] at which a step of length 0 is due for all systems, because loads jump.
@@ -59,6 +60,7 @@ class ParticleSystem:
     comm: Any
     settings: Any
     bodies: tuple[int, ...]
+    name: str = ""
     dimension: int
     owned: int
     particles: Particles

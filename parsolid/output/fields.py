@@ -26,7 +26,7 @@ class FieldSeries:
     Parameters: comm; path; capacity, how many steps the file has room for (space is taken as steps are written);
     resume_at, a time [s]: go on with the file at path, keeping its steps up to and including that time, if it is
     whole and holds the same fields of as many particles, else None; double, write floating-point fields with 8
-    bytes instead of 4 (positions always have 8); method as in `slabs`.
+    bytes instead of 4 (positions always have 8); method as in `slabs`; index, of a block its place among others.
 
     A file that is at path and is not gone on with, or is full, is renamed to the next free of fields.1.vtkhdf,
     fields.2.vtkhdf and so on. Checkpoints must be written after the fields of the same time, not before.
@@ -40,6 +40,7 @@ class FieldSeries:
         resume_at: float | None = None,
         double: bool = False,
         method: str | None = None,
+        index: int | None = None,
     ):
         if capacity < 1:
             raise ValueError(f"capacity: expected at least 1, found {capacity}")
@@ -49,6 +50,7 @@ class FieldSeries:
         self._resume_at = resume_at
         self._floats = np.float64 if double else np.float32
         self._method = method
+        self._index = index
         # known after the first write
         self._layout: Any = None
         self._places: dict[str, DataSet] = {}
@@ -138,7 +140,7 @@ class FieldSeries:
             if self._comm.rank == 0:
                 partial = self.path.with_name(self.path.name + ".partial")
                 probe(partial, self._layout.bytes_per_step)
-                vtkhdf.lay_out(partial, self._layout)
+                vtkhdf.lay_out(partial, self._layout, self._index)
                 laid = places(partial)
                 if self.path.exists():
                     self.path.rename(next_free(self.path))

@@ -3,6 +3,7 @@
 import os
 import sys
 import time as clock
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -19,6 +20,9 @@ _BAR_SECONDS = 0.2
 # a line is due after so many seconds, or after this share of the simulated time if half a second has passed
 _LINES = {NORMAL: (5.0, 0.1), VERBOSE: (1.0, 0.02)}
 _LEAST_SECONDS = 0.5
+_COMPILING_SECONDS = 5.0
+
+_WORDS_OF_TERMS = {"dissipation_fracture": "fracture", "leapfrog_oscillation": "oscillation of the steps"}
 
 Told = tuple[float, int, float]
 
@@ -36,6 +40,8 @@ class Progress:
         # (reading of the clock [s], step, time [s]) of the first step, and of the last that was told
         self._first: Told | None = None
         self._last: Told = (0.0, 0, 0.0)
+        # the step that the run started from
+        self._before = 0
         self._bar: Live | None = None
         if level == QUIET:
             return
@@ -50,8 +56,12 @@ class Progress:
             return
         now = clock.perf_counter()
         if self._first is None:
-            self._first = self._last = (now, step, time)
+            self._first, self._before = (now, step, time), step
+            self._last = self._first
             return
+        if step == self._before + 1:
+            # the first step also loads kernels, or compiles them: it says nothing of the others
+            self._first = (now, step, time)
         if not self._due(now, time):
             return
         words = self._words(self._first, (now, step, time), step_size, row or {})
@@ -96,12 +106,23 @@ class Progress:
         left = (now - began) * max(self._end_time - time, 0.0) / gone
         parts = [f"dt {step_size:.2e} s", f"ETA {_duration(left)}"]
         if row:
-            energies = {"kinetic": row["kinetic"], "stored": row["stored"], "dissipated": row["dissipation_internal"]}
-            energies["lost in the scheme"] = row["dissipation_numerical"]
-            if self._level == VERBOSE:
-                energies |= {"balance": row["balance"]}
-            parts += [f"{name} {value:.3e} J" for name, value in energies.items()]
+            parts += [f"{name} {value:.3e} J" for name, value in self._energies(row).items()]
         return [*parts, f"{rate:.2e} particle-steps/s"]
+
+    def _energies(self, row: dict[str, float]) -> dict[str, float]:
+        """What a history row tells, in words: the terms that its method has, too, once there is something in them."""
+        energies = {"kinetic": row["kinetic"], "stored": row["stored"]}
+        columns = list(row)
+        # between the work and the balance stand the terms of the methods
+        bounded = "work_external" in row and "balance" in row
+        own = columns[columns.index("work_external") + 1 : columns.index("balance")] if bounded else []
+        terms = {"dissipated": row["dissipation_internal"], "lost in the scheme": row["dissipation_numerical"]}
+        terms |= {_WORDS_OF_TERMS.get(name, name.replace("_", " ")): row[name] for name in own}
+        least = 1e-12 * max(map(abs, [*energies.values(), *terms.values()]))
+        energies |= {name: value for name, value in terms.items() if abs(value) > least}
+        if self._level == VERBOSE:
+            energies["balance"] = row["balance"]
+        return energies
 
     def _start_bar(self, columns: int) -> None:
         console = Console(file=self._stream, force_terminal=True, width=columns)
@@ -123,6 +144,32 @@ class Progress:
             print(text, file=self._stream, flush=True)
         except (OSError, ValueError):  # nobody listens any more: the run goes on
             self._level = QUIET
+
+
+class Compilations:
+    """Tells that kernels are being compiled, which takes a minute before the first step; called with each one's name.
+
+    Parameters: folder, where they are kept; stream, standard output by default.
+    """
+
+    def __init__(self, folder: Path, stream: TextIO | None = None):
+        self._folder, self._stream = folder, stream or sys.stdout
+        self._count, self._began, self._last = 0, 0.0, 0.0
+
+    def __call__(self, name: str) -> None:
+        now = clock.perf_counter()
+        if self._count == 0:
+            self._began = self._last = now
+            self._say(f"compiling kernels, once for such scenes; they are kept in {self._folder}")
+        self._count += 1
+        if now - self._last >= _COMPILING_SECONDS:
+            self._last = now
+            self._say(f"compiling kernel {self._count}, {name}, after {now - self._began:.0f} s")
+
+    def _say(self, text: str) -> None:
+        # nobody may listen any more: the run goes on
+        with suppress(OSError, ValueError):
+            print(text, file=self._stream, flush=True)
 
 
 def terminal_columns(stream: Any) -> int | None:

@@ -52,14 +52,14 @@ class Layout(NamedTuple):
         return int(self.particles * (24 + sum(rows)))
 
 
-def lay_out(path: Path | str, layout: Layout) -> None:
-    """Create the file with no step in it. One rank alone."""
+def lay_out(path: Path | str, layout: Layout, index: int | None = None) -> None:
+    """Create the file with no step in it; index: its place among the blocks of a collection. One rank alone."""
     particles, capacity, parts = layout.particles, layout.capacity, -(-layout.particles // PART)
     with open_serial(path, "w") as file:
         vtk = file.create_group("VTKHDF")
-        vtk.attrs["Version"] = np.array(VERSION, np.int64)
-        # readers want a string of fixed length
-        vtk.attrs.create("Type", b"PolyData", dtype=h5py.string_dtype("ascii", 8))
+        _name_type(vtk, b"PolyData")
+        if index is not None:
+            vtk.attrs["Index"] = np.int64(index)
         sizes = np.full(parts, PART)
         sizes[parts - 1 :] = particles - PART * (parts - 1)
         vtk["NumberOfPoints"] = sizes
@@ -73,6 +73,36 @@ def lay_out(path: Path | str, layout: Layout) -> None:
             create_slab(data, name, (particles, *shape), kind)
         _create_steps(file, layout, parts)
         vtk["Steps"] = h5py.SoftLink("/series/shown/steps")
+
+
+def _name_type(vtk: h5py.Group, kind: bytes) -> None:
+    vtk.attrs["Version"] = np.array(VERSION, np.int64)
+    # readers want a string of fixed length
+    vtk.attrs.create("Type", kind, dtype=h5py.string_dtype("ascii", len(kind)))
+
+
+def collect(path: Path | str, blocks: dict[str, Path]) -> None:
+    """Create a file of which blocks in files of the same folder are parts, by name in order. One rank alone."""
+    with open_serial(path, "w") as file:
+        # a group that tracks the order shows its blocks in it
+        vtk = file.create_group("VTKHDF", track_order=True)
+        _name_type(vtk, b"PartitionedDataSetCollection")
+        tree = vtk.create_group("Assembly", track_order=True)
+        for name, block in blocks.items():
+            vtk[name] = h5py.ExternalLink(block.name, "/VTKHDF")
+            tree.create_group(name, track_order=True)[name] = h5py.SoftLink(f"/VTKHDF/{name}")
+
+
+def collected(path: Path | str) -> dict[str, Path]:
+    """Name -> file of the blocks of a file, itself where it is no collection. One rank alone; OutputError."""
+    try:
+        with open_serial(path, "r") as file:
+            vtk = file["VTKHDF"]
+            links = {name: vtk.get(name, getlink=True) for name in vtk}
+            files = {name: one.filename for name, one in links.items() if isinstance(one, h5py.ExternalLink)}
+    except (OSError, KeyError, RuntimeError, ValueError) as error:
+        raise OutputError(f"{path}: not a whole series of fields ({words(error)})") from error
+    return {name: Path(path).with_name(file) for name, file in files.items()} or {"": Path(path)}
 
 
 def _create_cells(group: h5py.Group, sizes: np.ndarray) -> None:

@@ -8,6 +8,7 @@ from mpi4py import MPI
 
 from parsolid.particles.memory import check_memory
 from parsolid.particles.particle_set import ParticleSet
+from parsolid.scene.base_model import LEAST, MOST
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.formulas import Formula, FormulaVector
 from parsolid.scene.lattice import Filling
@@ -15,9 +16,6 @@ from parsolid.scene.overlap import overlap_faults
 from parsolid.scene.regions import NOBODY, nearest_particles, selected
 from parsolid.scene.schema import Scene, unbounded_plane
 from parsolid.scene.validation_errors import SceneError, agree, fault, key_path
-
-# sides of bodies [m] whose squares and cubes are numbers
-LEAST, MOST = 1e-60, 1e60
 
 
 def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:
@@ -123,15 +121,15 @@ def _as_vector(formulas: Formula | FormulaVector) -> FormulaVector:
 
 
 def _not_finite(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray], comm: MPI.Comm) -> list[str]:
-    """Formulas that are not finite at time 0, and temperatures of bodies below 0 K, each told once: at its particle of
-    lowest id on all ranks.
+    """Formulas that are (as good as) infinite at time 0, and temperatures of bodies below 0 K, each told once: at its
+    particle of lowest id on all ranks.
     """
     first: list[Any] = []
     faults: list[Any] = []
     for key, formulas, here in _formulas(scene, particle_set, chosen):
         rows = np.flatnonzero(here)
         values = formulas.evaluate(particle_set.position[rows])
-        wanted, sound = "a finite value", np.isfinite(values)
+        wanted, sound = f"a finite value of a size up to {MOST:g}", np.abs(values) <= MOST
         if key[0] == "bodies" and key[-1] == "temperature":
             wanted, sound = "a temperature of at least 0 K", sound & (values >= 0.0)
         if key[0] == "bodies" and key[-1] == "micro_rate":

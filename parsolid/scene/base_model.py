@@ -10,6 +10,9 @@ from parsolid.scene.validation_errors import NOTHING, suggestion, told
 
 AXES = ("X", "Y", "Z")
 
+# sizes of numbers of which products of five are within what floating-point numbers hold
+LEAST, MOST = 1e-60, 1e60
+
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 
@@ -36,9 +39,15 @@ def dimension_of(info: ValidationInfo) -> int | None:
     return (info.context or {}).get("dimension")
 
 
-def method_of(info: ValidationInfo) -> type | None:
-    """The class of the scene's method while the scene is validated; None where it is not known (or itself at fault)."""
-    return (info.context or {}).get("method")
+def method_of(info: ValidationInfo, table: object = None) -> type | None:
+    """The class of the scene's method while the scene is validated; None where it is not known (or itself at fault).
+
+    Of several methods it is what they know together; table: a raw one that may name its body, whose method it then is.
+    """
+    context = info.context or {}
+    of_body: dict[str, type | None] = context.get("method_of_body", {})
+    name = table.get("body") if isinstance(table, dict) else None
+    return of_body[name] if isinstance(name, str) and name in of_body else context.get("method")
 
 
 class SceneModel(BaseModel):
@@ -105,9 +114,13 @@ class ByKind:
         """What needs no validation any more."""
         return tuple(self.models.values())
 
-    def allowed(self, info: ValidationInfo) -> list[str]:
-        """Kinds that the scene's method knows, in the method's order."""
-        method = method_of(info)
+    def tables(self) -> dict[str, type[SceneModel]]:
+        """Every kind and its model, of any method."""
+        return self.models
+
+    def allowed(self, info: ValidationInfo, table: object = None) -> list[str]:
+        """Kinds that the scene's method knows, or that of the body which a raw table names, in the method's order."""
+        method = method_of(info, table)
         stated = getattr(method, self.known) if self.known and method else self.models
         return [kind for kind in stated if kind in self.models]
 
@@ -121,7 +134,7 @@ class ByKind:
 
     def chosen(self, value: dict[str, Any], info: ValidationInfo) -> type[SceneModel]:
         """The model for a raw table; raises ValidationError where it names none."""
-        allowed = self.allowed(info)
+        allowed = self.allowed(info, value)
         kinds = ", ".join(map(repr, allowed))
         if "kind" not in value:
             reject((("kind",), f"one of {kinds}", NOTHING))
@@ -129,7 +142,8 @@ class ByKind:
         if model is None:
             reject((("kind",), f"one of {kinds}{suggestion(value['kind'], allowed)}", value["kind"]))
         if value["kind"] not in allowed:
-            reject((("kind",), f"one of {kinds}, which the method of the scene knows", value["kind"]))
+            whose = "of the body" if (info.context or {}).get("methods") else "of the scene"
+            reject((("kind",), f"one of {kinds}, which the method {whose} knows", value["kind"]))
         assert model is not None
         return model
 
@@ -137,6 +151,23 @@ class ByKind:
         """The model for a table's kind, None when there is no such kind."""
         kind = table.get("kind") if isinstance(table, dict) else None
         return self.models.get(kind) if isinstance(kind, str) else None
+
+
+class TableOr:
+    """The type of a field that holds a model, or one value that stands for none."""
+
+    def __init__(self, model: type[SceneModel], none: object) -> None:
+        self.model, self.none = model, none
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        return core_schema.with_info_plain_validator_function(self._validate)
+
+    def _validate(self, value: Any, info: ValidationInfo) -> Any:
+        if value is self.none or isinstance(value, self.model):
+            return value
+        if not isinstance(value, dict):
+            raise mismatch(f"a table or {told(self.none).lower()}", value)
+        return self.model.model_validate(value, context=info.context)
 
 
 def by_kind(*models: type[SceneModel], known: str = "") -> Any:

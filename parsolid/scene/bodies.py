@@ -2,13 +2,14 @@
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationInfo, WrapValidator, field_validator, model_validator
 
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import Positive, SceneModel, dimension_of, method_of, mismatch, reject
 from parsolid.scene.formulas import InitialMatrix, InitialScalar, InitialVector
 from parsolid.scene.materials import Material
 from parsolid.scene.shapes import Shape
+from parsolid.scene.validation_errors import NOTHING
 
 Name = Annotated[str, Field(pattern=r"^[^.,\s][^.,]*$", description="a name without '.' and ','")]
 Placement = Literal["nodes", "cells"]
@@ -34,13 +35,13 @@ class FilledShape(SceneModel):
     """
 
     at_most_one: ClassVar = (("particles", "spacing"),)
-    name: Name | None = None
+    name: Name | None = Field(None, description="by which other tables call the body")
     shape: Shape
     particles: list[Annotated[int, Field(ge=1, le=10**12)]] | None = None
-    spacing: list[Positive] | None = None
+    spacing: list[Positive] | None = Field(None, json_schema_extra={"or": "number"})
     placement: Placement | None = Field(None, description="'nodes' or 'cells'")
     jitter: float = Field(0.0, ge=0.0, lt=0.5)
-    seed: int = Field(0, ge=0)
+    seed: int = Field(0, ge=0, description="of the random offsets")
 
     @field_validator("spacing", mode="before")
     @classmethod
@@ -91,9 +92,9 @@ class Body(FilledShape):
     Without `deformation_gradient` the initial one is that of `displacement`, and without either the identity.
     """
 
-    velocity: InitialVector | None = None
-    displacement: InitialVector | None = None
-    deformation_gradient: InitialMatrix | None = None
+    velocity: InitialVector | None = Field(None, description="a formula in X, Y, Z for each component [m/s]")
+    displacement: InitialVector | None = Field(None, description="the initial one, a formula for each component [m]")
+    deformation_gradient: InitialMatrix | None = Field(None, description="the initial one, rows of formulas")
     temperature: InitialScalar | None = Field(
         None, description="the initial temperature [K], that of the material unless given"
     )
@@ -104,7 +105,18 @@ class Body(FilledShape):
         None,
         description="'stress-free' at its temperature, as if not given, or heated 'at-constant-volume' to it",
     )
+    method: Name | None = Field(None, validate_default=True, description="the name of one of several methods")
     material: Material = Field(description="a table with the key kind")
+
+    @field_validator("method")
+    @classmethod
+    def _one_of_several(cls, value: str | None, info: ValidationInfo) -> str | None:
+        named = (info.context or {}).get("methods", {value: None})
+        if named is None and value is not None:
+            raise mismatch("no such key where all bodies have one method", value)
+        if named is not None and value not in named and (value is not None or len(named) > 1):
+            raise mismatch(f"one of {', '.join(map(repr, named))}", NOTHING if value is None else value)
+        return value
 
     @field_validator("temperature")
     @classmethod
@@ -122,3 +134,23 @@ class Body(FilledShape):
             found = self.micro_rate.source
             reject((("micro_rate",), "no such key but for a body of micro-inertia with an inertia_length", found))
         return self
+
+
+def _with_its_method(value: Any, handler: Any, info: ValidationInfo) -> Any:
+    """Validate a body in view of its own method, where the scene has several."""
+    context = info.context or {}
+    if not isinstance(value, dict) or not context.get("methods"):
+        return handler(value)
+    return Body.model_validate(value, context=context | {"method": own_method(value, context)})
+
+
+def own_method(body: dict[str, Any], context: dict[str, Any]) -> Any:
+    """The class of a raw body's method, see `methods.context_of`; None where it is not known."""
+    named = context.get("methods")
+    if named is None or ("method" not in body and len(named) == 1):
+        return context.get("method")
+    name = body.get("method")
+    return named.get(name) if isinstance(name, str) else None
+
+
+OwnBody = Annotated[Body, WrapValidator(_with_its_method)]

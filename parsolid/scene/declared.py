@@ -20,6 +20,15 @@ class DeclaredModel(SceneModel):
 
     declared: ClassVar[Declared]
 
+    @model_validator(mode="before")
+    @classmethod
+    def _can_fail(cls, value: Any) -> Any:
+        if isinstance(value, dict) and value.get("failure") is not None and "failure" not in cls.model_fields:
+            # not merely an unknown key: somebody has meant it
+            expected = "no such key: failure is of plastic flow, in the kind 'elastic-plastic'"
+            reject((("failure",), expected, value["failure"]))
+        return value
+
     @model_validator(mode="after")
     def _sound(self) -> "DeclaredModel":
         reject(*getattr(type(self).declared, "faults", lambda stated: ())(self))
@@ -102,6 +111,8 @@ def law_files(scene: Any) -> list[str]:
     """Files of the laws of a scene's bodies, and of their parts."""
     tables = [body.material for body in scene.bodies]
     tables += [part for table in tables for part in getattr(table, "parts", {}).values()]
+    failures = [getattr(table, "failure", None) for table in tables]
+    tables += [criterion for failure in failures if failure is not None for criterion in failure.criteria]
     return sorted({table.law.rpartition(":")[0] for table in tables if isinstance(getattr(table, "law", None), str)})
 
 
@@ -121,7 +132,11 @@ class ByLaw(ByKind):
         """What needs no validation any more."""
         return (DeclaredModel,)
 
-    def allowed(self, info: ValidationInfo | None) -> list[str]:
+    def tables(self) -> dict[str, type[SceneModel]]:
+        """Every kind and its model; laws of files have none before a scene names them."""
+        return {kind: model_of(registry.declared(role, kind)) for role in self.roles for kind in registry.kinds(role)}
+
+    def allowed(self, info: ValidationInfo | None, table: object = None) -> list[str]:
         """Kinds that the scene's method takes."""
         every = {kind: role for role in self.roles for kind in registry.kinds(role)}
         return [kind for kind, role in every.items() if self._takes(role, info)]

@@ -24,8 +24,10 @@ class FactorHistory(SceneModel):
     """
 
     exactly_one: ClassVar = (("rows", "file"),)
-    rows: list[Annotated[list[float], Field(min_length=2, max_length=2)]] | None = Field(None, min_length=1)
-    file: ExistingFile | None = None
+    rows: list[Annotated[list[float], Field(min_length=2, max_length=2)]] | None = Field(
+        None, min_length=1, description="pairs of time [s] and factor"
+    )
+    file: ExistingFile | None = Field(None, description="a CSV file of times [s] and factors under a line of names")
 
     @model_validator(mode="after")
     def _in_order(self) -> "FactorHistory":

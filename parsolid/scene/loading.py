@@ -2,7 +2,9 @@
 
 import os
 import sys
+from collections.abc import Iterator
 from importlib.resources import files
+from math import isfinite
 from pathlib import Path
 from typing import Any, get_args
 
@@ -11,9 +13,9 @@ from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import ByKind, SceneModel
+from parsolid.scene.base_model import LEAST, MOST, ByKind, SceneModel, TableOr
 from parsolid.scene.declared_fields import DeclaredFields
-from parsolid.scene.methods import settings_class
+from parsolid.scene.methods import context_of
 from parsolid.scene.schema import Parts, Scene, cross_faults
 from parsolid.scene.validation_errors import SceneError, fault, key_path, suggestion, told
 
@@ -87,23 +89,41 @@ def read_tables(path: Path, what: str) -> dict[str, Any]:
     return data
 
 
-def _raw_faults(data: dict[str, Any]) -> list[str]:
-    """What no key takes, whatever it is for: deep nesting, whole numbers that are not TOML's, texts with NUL."""
-    faults: list[str] = []
+def _values(data: dict[str, Any]) -> Iterator[tuple[tuple[Any, ...], Any]]:
+    """Place and value of all that is no table or list, and of those that are nested too deeply."""
     waiting: list[tuple[tuple[Any, ...], Any]] = [((), data)]
     while waiting:
         place, value = waiting.pop()
         if len(place) > DEEPEST:
-            faults.append(fault(place[:3], f"at most {DEEPEST} tables or lists one within the other", Phrase("more")))
+            yield place, value
         elif isinstance(value, dict):
             waiting += [((*place, key), part) for key, part in value.items()]
         elif isinstance(value, list):
             waiting += [((*place, number), part) for number, part in enumerate(value)]
+        else:
+            yield place, value
+
+
+def _raw_faults(data: dict[str, Any]) -> list[str]:
+    """What no key takes, whatever it is for: deep nesting, whole numbers that are not TOML's, texts with NUL."""
+    faults: list[str] = []
+    for place, value in _values(data):
+        if len(place) > DEEPEST:
+            faults.append(fault(place[:3], f"at most {DEEPEST} tables or lists one within the other", Phrase("more")))
         elif isinstance(value, int) and not -(2**63) <= value < 2**63:
             faults.append(fault(place, "a whole number of 64 bits, as TOML has them", Phrase("a larger one")))
         elif isinstance(value, str) and "\0" in value:
             faults.append(fault(place, "a text without NUL", value))
     return list(dict.fromkeys(faults))
+
+
+def _immoderate_numbers(data: dict[str, Any]) -> list[str]:
+    """What is said of numbers that are too large or too small to compute with."""
+    return [
+        fault(place, f"0 or a number of a size from {LEAST:g} to {MOST:g}", value)
+        for place, value in _values(data)
+        if isinstance(value, float) and isfinite(value) and value and not LEAST <= abs(value) <= MOST
+    ]
 
 
 def parse_scene(data: dict[str, Any], folder: str | os.PathLike[str] = ".", trust_code: bool = False) -> Scene:
@@ -113,13 +133,10 @@ def parse_scene(data: dict[str, Any], folder: str | os.PathLike[str] = ".", trus
     """
     if raw := _raw_faults(data):
         raise SceneError(raw)
-    dimension = data.get("dimension")
-    method = settings_class(data.get("method"))
-    known = isinstance(dimension, int) and dimension in (method.dimensions if method else (1, 2, 3))
-    context = {"dimension": dimension if known else None, "method": method, "folder": os.path.abspath(folder)}
+    context = context_of(data, folder)
     context["trust_code"] = trust_code
     without_names: dict[str, Any] = {
-        key: data[key] for key in ("dimension", "end_time", "method", "bodies") if key in data
+        key: data[key] for key in ("dimension", "end_time", "method", "methods", "bodies") if key in data
     }
     declared_fields = DeclaredFields(lambda: parse_scene(without_names, folder, trust_code))
     context["declared_fields"] = declared_fields
@@ -129,6 +146,11 @@ def parse_scene(data: dict[str, Any], folder: str | os.PathLike[str] = ".", trus
         scene = Scene.model_validate(data, context=context)
     except ValidationError as error:
         faults = told_faults(error, data, Scene)
+    immoderate = [
+        more for more in _immoderate_numbers(data) if not any(one.startswith(more.split(":")[0]) for one in faults)
+    ]
+    if immoderate:
+        raise SceneError(dict.fromkeys(faults + immoderate))
     parts = Parts.of(data, context)
     faults += cross_faults(parts) if parts is not None else []
     # faults that kept a name from being judged; all are among those found, unless a table makes up for another
@@ -223,6 +245,8 @@ def _model_of(annotation: Any, value: Any) -> type[SceneModel] | None:
         candidates = [*annotation.metadata, annotation.annotation]
     elif isinstance(annotation, ByKind):
         return annotation.choose(value)
+    elif isinstance(annotation, TableOr):
+        return annotation.model
     elif isinstance(annotation, type) and issubclass(annotation, SceneModel):
         return annotation
     else:

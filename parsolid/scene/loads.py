@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from pydantic import ValidationInfo, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
 from parsolid.scene.base_model import method_of, reject
 from parsolid.scene.formulas import Scalar, Vector
@@ -16,10 +16,10 @@ class Loads(Timed):
     manufactured: also the body force under which the exact solution of the scene's reference holds.
     """
 
-    body_force: Vector | None = None
-    acceleration: Vector | None = None
-    heat_source: Scalar | None = None
-    manufactured: Literal[True] | None = None
+    body_force: Vector | None = Field(None, description="a formula for each component [N/m^3]")
+    acceleration: Vector | None = Field(None, description="a formula for each component [m/s^2]: gravity, say")
+    heat_source: Scalar | None = Field(None, description="a formula [W/m^3]")
+    manufactured: Literal[True] | None = Field(None, description="add the body force of the reference's solution")
 
     @model_validator(mode="after")
     def _known_to_method(self, info: ValidationInfo) -> "Loads":

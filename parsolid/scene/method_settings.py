@@ -1,5 +1,6 @@
 """What the settings of all methods have in common."""
 
+from collections.abc import Iterable
 from typing import Any, ClassVar
 
 from pydantic import Field, model_validator
@@ -19,10 +20,12 @@ class MethodSettings(SceneModel):
     asked); extra_fields, extra_quantities: what the method computes -> "scalar", "vector" or "tensor"; pictured_fields:
     what colours the bodies, the first that was written; loads: keys of the table of that name; ledger_terms: see
     `ledger.Ledger`; viscous_terms: those of them that artificial viscosity fills; bodies_meet: whether bodies that come
-    together feel each other without contact.
+    together feel each other without contact; shared_field: whether bodies stick together on a field of velocities that
+    they share, so that those which do not need systems of their own.
     """
 
     system: ClassVar[str]
+    shared_field: ClassVar[bool] = False
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
     materials: ClassVar[tuple[str, ...]] = ()
     boundaries: ClassVar[tuple[str, ...]] = ()
@@ -49,6 +52,13 @@ class MethodSettings(SceneModel):
         kinds = {field.name: field.kind(dimension or 3) for field in cls.declared_fields}
         return {name: kind for name, kind in kinds.items() if kind} | cls.extra_fields
 
+    def energy_terms(self, materials: Iterable[Any]) -> dict[str, int]:
+        """The method's `ledger_terms`, and those of the materials of its bodies."""
+        terms = dict(self.ledger_terms)
+        for material in materials:
+            terms |= getattr(material, "ledger_terms", {})
+        return terms
+
     def scene_faults(self, scene: Any) -> list[Detail]:
         """What the method cannot make of a scene's other tables: (location, expected, found)."""
         return []
@@ -68,3 +78,13 @@ class MethodSettings(SceneModel):
         if self.balance_warning > self.balance_limit:
             reject((("balance_warning",), f"at most balance_limit = {self.balance_limit:g}", self.balance_warning))
         return self
+
+
+def named_observables(scene: Any) -> list[tuple[tuple[Any, ...], Any]]:
+    """Location and name of the fields and quantities that a scene asks for."""
+    named: list[tuple[tuple[Any, ...], Any]] = []
+    named += [(("output", "fields", i), name) for i, name in enumerate(scene.output.fields or ())]
+    for i, probe in enumerate(scene.probes):
+        named += [(("probes", i, "fields", k), name) for k, name in enumerate(probe.fields or ())]
+        named.append((("probes", i, "quantity"), probe.quantity))
+    return named

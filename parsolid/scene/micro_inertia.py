@@ -6,7 +6,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from parsolid.scene.base_model import reject
 from parsolid.scene.declared import BASES, DeclaredModel
@@ -31,7 +31,7 @@ class MicroInertiaSolid(DeclaredModel):
         name = value.get("library") if isinstance(value, dict) else None
         if name is None:
             return handler(value)
-        if name not in library():
+        if not isinstance(name, str) or name not in library():
             expected = f"one of {', '.join(map(repr, library()))}{suggestion(name, library())}"
             reject((("library",), expected, name))
         known = library()[name]
@@ -60,4 +60,7 @@ def library() -> dict[str, dict[str, Any]]:
     return {name: {key: value for key, value in table.items() if key != "source"} for name, table in tables.items()}
 
 
-BASES["micro-inertia"] = (MicroInertiaSolid, {"library": (str | None, None)})
+BASES["micro-inertia"] = (
+    MicroInertiaSolid,
+    {"library": (str | None, Field(None, description="a material of the library"))},
+)

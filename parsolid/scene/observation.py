@@ -26,17 +26,21 @@ class Output(SceneModel):
         ("checkpoint_interval", "checkpoint_steps"),
     )
     directory: str = Field(default="results", description="the folder of the results, relative to the working folder")
-    history_interval: Positive | None = None
-    history_steps: Annotated[int, Field(ge=1)] | None = Field(default=None, description="every step unless given")
-    fields_interval: Positive | None = Field(default=None, description="a twentieth of end_time unless given")
-    fields_times: list[NotNegative] | None = None
+    history_interval: Positive | None = Field(None, description="time between rows of history.csv [s]")
+    history_steps: Annotated[int, Field(ge=1)] | None = Field(
+        default=None, description="steps between rows of history.csv, 1 unless an interval is given"
+    )
+    fields_interval: Positive | None = Field(
+        default=None, description="time between fields [s], a twentieth of end_time unless given"
+    )
+    fields_times: list[NotNegative] | None = Field(None, description="times at which fields are written [s]")
     fields: list[ShownField] | None = Field(
         default=None, description="the fields to write, the usual ones unless given"
     )
-    checkpoint_interval: Positive | None = None
-    checkpoint_steps: Annotated[int, Field(ge=1)] | None = None
+    checkpoint_interval: Positive | None = Field(None, description="simulated time between checkpoints [s]")
+    checkpoint_steps: Annotated[int, Field(ge=1)] | None = Field(None, description="steps between checkpoints")
     checkpoint_wall: Positive = Field(default=600.0, description="wall time between checkpoints [s]")
-    pictures: bool = True
+    pictures: bool = Field(True, description="draw the standard pictures at the end")
 
     @field_validator("fields_times")
     @classmethod
@@ -117,14 +121,20 @@ class Reference(SceneModel):
     """
 
     exactly_one: ClassVar = (("series", "exact", "final"), ("columns", "times", "each_step", "history", "final"))
-    series: ExistingFile | None = None
-    columns: Annotated[dict[str, str], Field(min_length=1)] | None = None
-    exact: KnownSolution | None = None
-    parameters: dict[str, float] = {}
-    times: Annotated[list[NotNegative], Field(min_length=1)] | None = None
+    series: ExistingFile | None = Field(None, description="a JSON file with t, E0 and a table of series")
+    columns: Annotated[dict[str, str], Field(min_length=1)] | None = Field(
+        None, description="column of the history = name in the file's series"
+    )
+    exact: KnownSolution | None = Field(None, description="an exact solution")
+    parameters: dict[str, float] = Field({}, description="those of the exact solution")
+    times: Annotated[list[NotNegative], Field(min_length=1)] | None = Field(
+        None, description="times at which fields are compared with the exact solution [s]"
+    )
     each_step: Literal[True] | None = Field(None, description="true: the largest error over all steps")
     history: Literal[True] | None = Field(None, description="true: compare columns of the history")
-    final: Annotated[dict[str, float], Field(min_length=1)] | None = None
+    final: Annotated[dict[str, float], Field(min_length=1)] | None = Field(
+        None, description="column of the history = its value at the end"
+    )
 
     @model_validator(mode="after")
     def _paired(self) -> "Reference":

@@ -14,6 +14,7 @@ from pydantic import Field, FiniteFloat, model_validator
 from parsolid.materials.registry import declared
 from parsolid.scene.base_model import reject
 from parsolid.scene.declared import BASES, DeclaredModel, by_law, model_of
+from parsolid.scene.failure import Failure
 from parsolid.scene.validation_errors import NOTHING, suggestion
 
 if sys.version_info >= (3, 11):
@@ -57,8 +58,16 @@ class ElasticPlasticTable(DeclaredModel):
         if tensor is not None and not (len(tensor) == 6 and positive_definite(tensor)):
             expected = "six numbers xx yy zz xy xz yz of a positive definite tensor"
             details.append((("conductivity_tensor",), expected, tensor))
+        if stated.failure is not None:
+            details += stated.failure.faults(melts=self.parts["melting"] is not None)
         reject(*details)
         return self
+
+    @property
+    def ledger_terms(self) -> dict[str, int]:
+        """The energy terms of a solid that fails, see `simulation.ledger.Ledger`."""
+        stated: Any = self
+        return {} if stated.failure is None else dict(stated.failure.ledger_terms)
 
     def build(self, state: str) -> Any:
         """The law, the same in every state of strain."""
@@ -104,10 +113,11 @@ BASES["elastic-plastic"] = (
             Field(None, description="xx yy zz xy xz yz [W/(m K)] in axes that turn with the matter"),
         ),
         "library": (str | None, Field(None, description="a name of parsolid/materials/plastic/library.toml")),
-        "equation_of_state": (EquationOfState | None, None),
-        "shear_modulus": (ShearModulus | None, None),
-        "flow_stress": (FlowStress | None, None),
-        "melting": (Melting | None, None),
+        "equation_of_state": (EquationOfState | None, Field(None, description="a table: pressure of volume and heat")),
+        "shear_modulus": (ShearModulus | None, Field(None, description="a table: that of pressure and temperature")),
+        "flow_stress": (FlowStress | None, Field(None, description="a table: that of strain, rate and temperature")),
+        "melting": (Melting | None, Field(None, description="a table: the melting temperature under pressure")),
+        "failure": (Failure | None, Field(None, description="a table: when matter fails, and what becomes of it")),
     },
 )
 _SHARED = (

@@ -79,10 +79,10 @@ class Probe(SceneModel):
 
     exactly_one: ClassVar = (("at", "quantity", "weight"), ("fields", "quantity"))
     name: Name
-    at: Point | None = None
-    weight: InitialScalar | None = None
-    fields: Annotated[list[ProbeField], Field(min_length=1)] | None = None
-    quantity: ProbeQuantity | None = None
+    at: Point | None = Field(None, description="the point [m] whose nearest particle is followed")
+    weight: InitialScalar | None = Field(None, description="a formula w in X, Y, Z on which fields are projected")
+    fields: Annotated[list[ProbeField], Field(min_length=1)] | None = Field(None, description="what is watched there")
+    quantity: ProbeQuantity | None = Field(None, description="one number or vector of all particles")
     # of the fields or the quantity, as the scene's method and declarations have it
     _kinds: dict[str, str] = PrivateAttr(default_factory=dict)
 
@@ -167,6 +167,10 @@ class _ProbeTable(ByKind):
     def instances(self) -> tuple[type, ...]:
         """What needs no validation any more."""
         return (Probe,)
+
+    def tables(self) -> dict[str, type[SceneModel]]:
+        """The one model, which needs no kind."""
+        return {"": probe_model()}
 
     def chosen(self, value: dict[str, Any], info: ValidationInfo) -> type[SceneModel]:
         """The one model."""

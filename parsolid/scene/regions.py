@@ -49,6 +49,9 @@ class Region(Protocol):
     def contains(self, places: np.ndarray, tolerance: np.ndarray | float) -> np.ndarray:
         """Which places (n, d) [m] are in it, to a tolerance [m]."""
 
+    def meets(self, lower: np.ndarray, upper: np.ndarray, tolerance: float) -> bool:
+        """Whether a box (d,), (d,) [m], grown by a tolerance [m], may have a part of it."""
+
 
 @dataclass(frozen=True)
 class _Geometric:
@@ -59,6 +62,14 @@ class _Geometric:
         return self.contains(particle_set.position, 1e-6 * particle_set.spacing.min(axis=1))
 
     def contains(self, places: np.ndarray, tolerance: np.ndarray | float) -> np.ndarray:
+        raise NotImplementedError
+
+    def meets(self, lower: np.ndarray, upper: np.ndarray, tolerance: float) -> bool:
+        """Whether the point of the box that is nearest to the middle of the region is in it."""
+        return bool(self.contains(np.clip(self.middle(), lower, upper)[None], tolerance)[0])
+
+    def middle(self) -> np.ndarray:
+        """A point (d,) [m] in the middle; of a region without one, infinity on its side."""
         raise NotImplementedError
 
 
@@ -75,6 +86,11 @@ class OnPlane:
     def contains(self, places: np.ndarray, tolerance: np.ndarray | float) -> np.ndarray:
         """Which places (n, d) [m] are on it."""
         return np.asarray(np.abs(places[:, self.plane.axis] - self.plane.offset) <= tolerance)
+
+    def meets(self, lower: np.ndarray, upper: np.ndarray, tolerance: float) -> bool:
+        """Whether the plane cuts or bounds the box."""
+        axis, offset = self.plane.axis, self.plane.offset
+        return bool(lower[axis] - tolerance <= offset <= upper[axis] + tolerance)
 
     def particles(self, scene: Scene, particle_set: ParticleSet, comm: MPI.Comm, meant: np.ndarray) -> np.ndarray:
         """Nodes within a rounding error, cells within their own half width."""
@@ -106,6 +122,10 @@ class Beside(_Geometric):
         above = places[:, self.plane.axis] - self.plane.offset
         return np.asarray((above if self.side == "above" else -above) >= -tolerance)
 
+    def middle(self) -> np.ndarray:
+        """Infinitely far on its side."""
+        return np.full(1, np.inf if self.side == "above" else -np.inf)
+
 
 @dataclass(frozen=True)
 class InBox(_Geometric):
@@ -120,6 +140,10 @@ class InBox(_Geometric):
         inside = (places >= np.array(self.lower) - slack) & (places <= np.array(self.upper) + slack)
         return np.asarray(inside.all(axis=1))
 
+    def middle(self) -> np.ndarray:
+        """Half-way between the corners."""
+        return 0.5 * (np.array(self.lower) + np.array(self.upper))
+
 
 @dataclass(frozen=True)
 class InBall(_Geometric):
@@ -132,6 +156,10 @@ class InBall(_Geometric):
         """Which places (n, d) [m] are in it."""
         return np.asarray(np.linalg.norm(places - np.array(self.centre), axis=1) <= self.radius + tolerance)
 
+    def middle(self) -> np.ndarray:
+        """The centre."""
+        return np.array(self.centre)
+
 
 @dataclass(frozen=True)
 class NearestTo:
@@ -142,6 +170,10 @@ class NearestTo:
     def contains(self, places: np.ndarray, tolerance: np.ndarray | float) -> np.ndarray:
         """Places that are the point."""
         return np.asarray(np.linalg.norm(places - np.array(self.point), axis=1) <= tolerance)
+
+    def meets(self, lower: np.ndarray, upper: np.ndarray, tolerance: float) -> bool:
+        """True: some particle is the nearest."""
+        return True
 
     def particles(self, scene: Scene, particle_set: ParticleSet, comm: MPI.Comm, meant: np.ndarray) -> np.ndarray:
         """The nearest of those that are meant."""

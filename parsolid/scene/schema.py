@@ -1,22 +1,24 @@
 """The scene as a whole, and the checks that look at several of its tables at once."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError, ValidationInfo, field_validator, model_validator
+from pydantic_core import InitErrorDetails
 
+from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import Plane, Positive, SceneModel, method_of, mismatch, reject
-from parsolid.scene.bodies import Body, FilledShape
+from parsolid.scene.bodies import FilledShape, OwnBody, own_method
 from parsolid.scene.boundaries import Boundary
-from parsolid.scene.contact import CONTACT_TERMS, Contact, contact_faults, unbonded
+from parsolid.scene.contact import CONTACT_TERMS, Contact, contact_faults, contact_pairs, unbonded
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.lattice import Filling
 from parsolid.scene.loads import Loads
-from parsolid.scene.methods import Method
+from parsolid.scene.methods import Method, NamedMethodTable
 from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, SOLUTIONS_KNOWN, Output, Reference
 from parsolid.scene.probes import Probe, ProbeTable
-from parsolid.scene.systems import SystemOfScene
+from parsolid.scene.systems import SystemOfScene, faults_of_systems, part_of, systems_of
 from parsolid.scene.tools import Tool, still_faults, tool_faults
 from parsolid.scene.validation_errors import NOTHING, SceneError, fault, key_path, suggestion
 
@@ -27,18 +29,38 @@ MOST_OUTPUTS = {"history_interval": 10**7, "fields_interval": 10**5, "checkpoint
 class Scene(SceneModel):
     """Everything that a run needs to know, in SI units; made by `load_scene` or `parse_scene`."""
 
-    title: str = ""
+    title: str = Field("", description="what the run is called")
     dimension: Literal[1, 2, 3] = Field(description="1, 2 or 3, as the method allows")
     end_time: Positive = Field(description="the simulated time [s]")
-    method: Method = Field(description="a table with the key kind")
-    bodies: Annotated[list[Body], Field(min_length=1)] = Field(description="at least one body")
-    boundaries: list[Boundary] = []
+    method: Method = Field(None, description="a table with the key kind")
+    methods: Annotated[list[NamedMethodTable], Field(min_length=1)] | None = Field(
+        None, description="in place of method: several, with names, of which each body names one"
+    )
+    bodies: Annotated[list[OwnBody], Field(min_length=1)] = Field(description="at least one body")
+    boundaries: list[Boundary] = Field([], description="supports, loads on surfaces and prescribed motion")
     loads: Loads = Loads()
-    contact: list[Contact] = []
-    tools: list[Tool] = []
-    probes: list[ProbeTable] = []
+    contact: list[Contact] = Field([], description="bodies that meet")
+    tools: list[Tool] = Field([], description="rigid bodies that others touch")
+    probes: list[ProbeTable] = Field([], description="what is watched: columns of history.csv")
     output: Output = Output()
     reference: Reference | None = None
+
+    @classmethod
+    def _conflicts(cls, table: dict[str, Any]) -> list[Any]:
+        if "method" not in table and "methods" not in table:
+            return [InitErrorDetails(type="missing", loc=("method",), input=table)]
+        if "method" in table and "methods" in table:
+            error = mismatch("one of method, methods", Phrase("both"))
+            return [InitErrorDetails(type=error, loc=(), input=table)]
+        return []
+
+    @field_validator("methods")
+    @classmethod
+    def _named_apart(cls, methods: list[Any] | None) -> list[Any] | None:
+        names = [one.name for one in methods or ()]
+        again = [(i, name) for i, name in enumerate(names) if name in names[:i]]
+        reject(*(((i, "name"), f"a name other than that of {names.index(name)}", name) for i, name in again))
+        return methods
 
     @field_validator("dimension")
     @classmethod
@@ -50,9 +72,7 @@ class Scene(SceneModel):
 
     @model_validator(mode="after")
     def _fits_method(self) -> "Scene":
-        details = self.method.scene_faults(self) + still_faults(self.tools, self.method)
-        if self.contact and self.method.contact_refused(self) is not None:
-            details.append((("contact",), f"no such table {self.method.contact_refused(self)}", self.contact[0].bodies))
+        details = faults_of_systems(self) + still_faults(self)
         exact = None if self.reference is None else self.reference.exact
         if self.loads.manufactured and exact not in MANUFACTURED:
             known = " or ".join(map(repr, MANUFACTURED))
@@ -60,7 +80,9 @@ class Scene(SceneModel):
                 (("loads", "manufactured"), f"reference.exact = {known}", NOTHING if exact is None else exact)
             )
         kinds, kind = SOLUTIONS_KNOWN[exact][1] if exact else (), self.bodies[0].material.kind
-        if exact and kind not in kinds:
+        if exact and len(self.methods or ()) > 1:
+            details.append((("reference", "exact"), "no such key with several methods", exact))
+        elif exact and kind not in kinds:
             details.append((("reference", "exact"), f"a solution for the material {kind!r}", exact))
         reject(*details)
         return self
@@ -88,19 +110,21 @@ class Scene(SceneModel):
         return unbonded(self.contact, [body.name for body in self.bodies])
 
     @property
+    def apart(self) -> frozenset[frozenset[int]]:
+        """Pairs of numbers of bodies that are not to stick together where they meet."""
+        pairs = contact_pairs(self.contact, [body.name for body in self.bodies])
+        return frozenset(frozenset((pair.first, pair.second)) for pair in pairs if pair.first != pair.second)
+
+    @property
     def systems(self) -> tuple[SystemOfScene, ...]:
         """Which method has which bodies."""
-        return (SystemOfScene(self.method, tuple(range(len(self.bodies)))),)
+        return systems_of(self)
 
     def part(self, system: SystemOfScene) -> "Scene":
-        """The scene of one system: its method and bodies, and boundaries that are for any body or one of its own."""
-        bodies = [self.bodies[number] for number in system.bodies]
-        if system.settings == self.method and bodies == self.bodies:
+        """The scene of one system: its method, its bodies, and the boundaries and loads that it carries."""
+        if self.methods is None and len(system.bodies) == len(self.bodies) and system.settings == self.method:
             return self
-        names = {None, *(body.name for body in bodies)}
-        boundaries = [boundary for boundary in self.boundaries if boundary.body in names]
-        own = {"method": system.settings, "bodies": bodies, "boundaries": boundaries}
-        return Scene.model_construct(**(dict(self) | own))
+        return Scene.model_construct(**(dict(self) | part_of(self, system)))
 
     @property
     def reference_times(self) -> tuple[float, ...]:
@@ -133,6 +157,8 @@ class Parts:
     method: Any
     complete: bool
     stated_bodies: int
+    # number of a body -> class of its method, where bodies have several
+    methods_of_bodies: dict[int, Any] = field(default_factory=dict)
 
     @classmethod
     def of(cls, data: dict[str, Any], context: dict[str, Any]) -> "Parts | None":
@@ -166,9 +192,10 @@ class Parts:
         stated = len(data["bodies"]) if isinstance(data.get("bodies"), list) else 0
         dimension, method = context["dimension"], context["method"]
         sound: Any = lists
-        return cls(
-            **sound, dimension=dimension, reference=reference, method=method, complete=complete, stated_bodies=stated
-        )
+        bodies = lists["bodies"]
+        own = {i: own_method(data["bodies"][i], context) for i in bodies} if context.get("methods") else {}
+        sound |= {"dimension": dimension, "reference": reference, "method": method, "complete": complete}
+        return cls(**sound, stated_bodies=stated, methods_of_bodies=own)
 
 
 def cross_faults(parts: Parts) -> list[str]:
@@ -184,7 +211,7 @@ def cross_faults(parts: Parts) -> list[str]:
     faults += _repeated_names("bodies", parts.bodies) + _repeated_names("probes", parts.probes)
     faults += _empty_bodies(fillings) + _boundary_faults(parts, fillings, every_body_known)
     if every_body_known:
-        faults += _distant_probes(parts, fillings)
+        faults += _distant_probes(parts, fillings) + _fields_elsewhere(parts, fillings)
     faults += contact_faults(parts.contact, parts.bodies, parts.complete) + tool_faults(parts)
     return faults + _reference_faults(parts)
 
@@ -242,16 +269,31 @@ def unbounded_plane(
     return [fault(("boundaries", place, "plane"), expected, str(boundary.plane))]
 
 
+def _away(filling: Filling, at: list[float]) -> float:
+    """Distance [m] of a point from a body's bounds."""
+    return float(np.linalg.norm(np.maximum(0.0, np.maximum(filling.lower - at, at - filling.upper))))
+
+
+def _fields_elsewhere(parts: Parts, fillings: dict[int, Filling]) -> list[str]:
+    """Fields of probes at bodies whose methods have no such field, where other methods of the scene have it."""
+    faults = []
+    for i, probe in parts.probes.items() if len(set(parts.methods_of_bodies.values())) > 1 else ():
+        distance = {body: _away(filling, probe.at) for body, filling in fillings.items() if probe.at is not None}
+        near = [body for body, away in distance.items() if away == min(distance.values())]
+        for k, name in enumerate(probe.fields or () if near else ()):
+            kinds = [parts.methods_of_bodies[body].field_kinds(parts.dimension) for body in near]
+            if name in parts.method.field_kinds(parts.dimension) and not any(name in each for each in kinds):
+                expected = f"a field that the method of bodies.{near[0]} knows"
+                faults.append(fault(("probes", i, "fields", k), expected, name))
+    return faults
+
+
 def _distant_probes(parts: Parts, fillings: dict[int, Filling]) -> list[str]:
     faults = []
     for i, probe in parts.probes.items():
         if probe.at is None:
             continue
-        at = np.array(probe.at)
-        beyond = [
-            np.linalg.norm(np.maximum(0.0, np.maximum(f.lower - at, at - f.upper))) - f.coarsest
-            for f in fillings.values()
-        ]
+        beyond = [_away(filling, probe.at) - filling.coarsest for filling in fillings.values()]
         if min(beyond) > 0.0:
             faults.append(fault(("probes", i, "at"), "a point within one spacing of a body", probe.at))
     return faults

@@ -54,10 +54,10 @@ class Cylinder(SceneModel):
     """
 
     base: Point = Field(description="the centre of the lower end [m]")
-    axis: AxisName
+    axis: AxisName = Field(description="the direction of the axis")
     radius: Positive = Field(description="the radius [m]")
     length: Positive = Field(description="the length [m]")
-    part: Literal["whole", "half", "quarter"] = "whole"
+    part: Literal["whole", "half", "quarter"] = Field("whole", description="what is kept of it, for mirror planes")
 
 
 class CylindricalShell(SceneModel):
@@ -69,13 +69,15 @@ class CylindricalShell(SceneModel):
     """
 
     exactly_one: ClassVar = (("base", "centre"),)
-    base: Point | None = None
-    centre: Point | None = None
-    axis: AxisName | None = None
+    base: Point | None = Field(None, description="in 3-D the centre of the lower end [m]")
+    centre: Point | None = Field(None, description="in 2-D the centre [m]")
+    axis: AxisName | None = Field(None, description="in 3-D the direction of the axis")
     radius: Positive = Field(description="the radius of the mid-surface [m]")
     thickness: Positive = Field(description="the thickness [m]")
-    length: Positive | None = None
-    angles: Annotated[list[float], Field(min_length=2, max_length=2)] = [0.0, 360.0]
+    length: Positive | None = Field(None, description="in 3-D the length [m]")
+    angles: Annotated[list[float], Field(min_length=2, max_length=2)] = Field(
+        [0.0, 360.0], description="from where to where it reaches around the axis [degrees]"
+    )
 
     @property
     def closed(self) -> bool:
@@ -115,7 +117,7 @@ class MeshFile(SceneModel):
     """A mesh in any format that meshio reads, its coordinates multiplied by `scale`."""
 
     file: ExistingFile = Field(description="the mesh file, relative to the scene")
-    scale: Positive = 1.0
+    scale: Positive = Field(1.0, description="factor on its coordinates: 0.001 for a mesh in mm")
 
 
 class Shape(SceneModel):

@@ -1,12 +1,204 @@
-"""A scene's systems: which method has which bodies."""
+"""A scene's systems: which method has which bodies, and the scene that each of them sees."""
 
-from typing import NamedTuple
+import re
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from parsolid.scene.method_settings import MethodSettings
+from parsolid.scene.fillings import filling_of
+from parsolid.scene.method_settings import Detail, MethodSettings
+from parsolid.scene.validation_errors import NOTHING
+
+if TYPE_CHECKING:
+    from parsolid.scene.schema import Scene
+
+# of the size of a body
+_ROUND_OFF = 1e-9
 
 
 class SystemOfScene(NamedTuple):
-    """Settings of a method, and the numbers of its bodies among those of the scene."""
+    """Settings of a method, and the numbers of its bodies among those of the scene.
+
+    name: unlike that of any other system of the scene, empty where there is one; place: of the settings in the scene.
+    """
 
     settings: MethodSettings
     bodies: tuple[int, ...]
+    name: str = ""
+    place: tuple[str | int, ...] = ("method",)
+
+
+def systems_of(scene: "Scene") -> tuple[SystemOfScene, ...]:
+    """One system a method, and more of a method whose bodies share a field, where some of them must not."""
+    if scene.methods is None:
+        stated: list[Any] = [("", ("method",), scene.method, tuple(range(len(scene.bodies))))]
+    else:
+        # the only one of a scene need not be named
+        own = [body.method or scene.methods[0].name for body in scene.bodies]
+        stated = [
+            (one.name, ("methods", i), one.settings, tuple(k for k, name in enumerate(own) if name == one.name))
+            for i, one in enumerate(scene.methods)
+        ]
+    result = []
+    for name, place, settings, bodies in stated:
+        groups = fields_of(bodies, scene.apart) if settings.shared_field else [bodies]
+        for number, group in enumerate(groups):
+            told = f"{name or settings.kind}-{number + 1}" if len(groups) > 1 else name
+            result.append(SystemOfScene(settings, group, told, place))
+    return tuple(result)
+
+
+def fields_of(bodies: tuple[int, ...], apart: frozenset[frozenset[int]]) -> list[tuple[int, ...]]:
+    """Bodies in groups, each with a field of its own: the first that has none from which a body must be apart."""
+    groups: list[list[int]] = []
+    for body in bodies:
+        home = next((g for g in groups if not any(frozenset((body, other)) in apart for other in g)), None)
+        if home is None:
+            groups.append([body])
+        else:
+            home.append(body)
+    return [tuple(group) for group in groups]
+
+
+def part_of(scene: "Scene", system: SystemOfScene) -> dict[str, Any]:
+    """The tables that one system's scene has otherwise: its method and bodies, the boundaries and loads it carries."""
+    loads = scene.loads
+    if loads.heat_source is not None and "heat_source" not in system.settings.loads:
+        loads = loads.model_copy(update={"heat_source": None})
+    return {
+        "method": system.settings,
+        "methods": None,
+        "bodies": [scene.bodies[number] for number in system.bodies],
+        "boundaries": [scene.boundaries[number] for number in boundaries_of(scene, system)],
+        "loads": loads,
+    }
+
+
+def boundaries_of(scene: "Scene", system: SystemOfScene) -> list[int]:
+    """Numbers of the boundaries that a system carries: of kinds that it knows, and in whose region it has a body.
+
+    A boundary for any body holds those that are in its region at the start; what is no matter of particles, a wall or a
+    temperature of a plane, is for every system that knows it.
+    """
+    names, result = {scene.bodies[number].name for number in system.bodies}, []
+    for number, boundary in enumerate(scene.boundaries):
+        if boundary.body is not None:
+            if boundary.body in names:
+                result.append(number)
+        elif boundary.kind in system.settings.boundaries and (
+            not boundary.on_particles or any(meets(scene, boundary, body) for body in system.bodies)
+        ):
+            result.append(number)
+    return result
+
+
+def meets(scene: "Scene", boundary: Any, number: int) -> bool:
+    """Whether a body may be in a boundary's region at the start; a mesh, which is not read for this, always may."""
+    body = scene.bodies[number]
+    if body.shape.kind == "mesh":
+        return True
+    filling = filling_of(body, scene.dimension)
+    slack = _ROUND_OFF * float(abs(filling.upper - filling.lower).max() + abs(filling.upper).max())
+    met: bool = boundary.region.meets(filling.lower, filling.upper, slack)
+    return met
+
+
+def faults_of_systems(scene: "Scene") -> list[Detail]:
+    """What methods cannot make of the tables of their bodies, and what of a scene is for no method."""
+    systems = scene.systems
+    details: list[Detail] = []
+    # of what a probe or the output names, a method that has no such thing can say nothing
+    doubted: dict[tuple[str | int, ...], list[Detail]] = {}
+    for system in systems:
+        part = scene.part(system)
+        refused = system.settings.contact_refused(part) if _touching(scene, system) else None
+        if refused is not None:
+            details.append((("contact",), f"no such table {refused}", _touching(scene, system)))
+        for place, expected, found in system.settings.scene_faults(part):
+            if place[0] in ("probes", "output"):
+                doubted.setdefault(place, []).append((place, expected, found))
+            else:
+                details.append((_in_scene(scene, system, place), expected, found))
+    for told in doubted.values():
+        knowing = [one for one in systems if _knows(one.settings, told[0][2], scene.dimension)]
+        if len(told) >= len(knowing):
+            details.append(told[0])
+    return details + (_uncarried(scene, systems) if len(systems) > 1 else []) + _faults_of_methods(scene)
+
+
+def _touching(scene: "Scene", system: SystemOfScene) -> list[str]:
+    """The bodies of the first contact that one of a system's is in."""
+    own = {scene.bodies[number].name for number in system.bodies}
+    return next((one.bodies for one in scene.contact if own.intersection(one.bodies)), [])
+
+
+def _knows(settings: MethodSettings, name: object, dimension: int) -> bool:
+    return name in settings.field_kinds(dimension) or name in settings.extra_quantities
+
+
+def _in_scene(scene: "Scene", system: SystemOfScene, place: tuple[str | int, ...]) -> tuple[str | int, ...]:
+    """A place in a system's scene as one in the whole scene."""
+    if place[0] == "method":
+        return (*system.place, *place[1:])
+    if place[0] == "bodies" and len(place) > 1:
+        return ("bodies", system.bodies[int(place[1])], *place[2:])
+    if place[0] == "boundaries" and len(place) > 1:
+        return ("boundaries", boundaries_of(scene, system)[int(place[1])], *place[2:])
+    return place
+
+
+def in_words_of(scene: "Scene", system: SystemOfScene, text: str) -> str:
+    """A message about a system's scene with the keys of the whole scene."""
+    if len(scene.systems) == 1 and scene.methods is None:
+        return text
+
+    def renamed(found: re.Match[str]) -> str:
+        place = system.place if found[1] is None else _in_scene(scene, system, (found[1], int(found[2])))
+        return ".".join(map(str, place))
+
+    return re.sub(r"\bmethod(?=\.[a-z])|\b(bodies|boundaries)\.(\d+)\b", renamed, text)
+
+
+def _uncarried(scene: "Scene", systems: tuple[SystemOfScene, ...]) -> list[Detail]:
+    """Boundaries for any body in whose region are bodies of methods that do not know them, and nearest particles."""
+    details: list[Detail] = []
+    for i, boundary in enumerate(scene.boundaries):
+        if boundary.body is not None or not boundary.on_particles:
+            continue
+        if getattr(boundary, "point", None) is not None:
+            details.append((("boundaries", i, "body"), "a name, where a point is of one of several methods", NOTHING))
+        for system in systems:
+            here = [body for body in system.bodies if meets(scene, boundary, body)]
+            if here and boundary.kind not in system.settings.boundaries:
+                known = ", ".join(map(repr, system.settings.boundaries))
+                expected = f"one of {known}, which the method of bodies.{here[0]} knows, or a body for it"
+                details.append((("boundaries", i, "kind"), expected, boundary.kind))
+                break
+    return details
+
+
+def _faults_of_methods(scene: "Scene") -> list[Detail]:
+    """Methods that no body has, and one per radian of an axis beside one per metre of thickness."""
+    methods = scene.methods or ()
+    used = {body.method for body in scene.bodies}
+    wanted = "the name of a method that a body has"
+    details: list[Detail] = [
+        (("methods", i, "name"), wanted, one.name)
+        for i, one in enumerate(methods)
+        if len(methods) > 1 and one.name not in used
+    ]
+    round_an_axis = [getattr(one.settings, "geometry", None) == "axisymmetric" for one in methods]
+    if any(round_an_axis) and not all(round_an_axis):
+        place = ("methods", round_an_axis.index(True), "geometry")
+        details.append((place, "'axisymmetric' for all methods or for none", "axisymmetric"))
+    return details
+
+
+def notes_of(scene: "Scene") -> list[str]:
+    """What bodies of several systems do not take part in, in words."""
+    systems, notes = scene.systems, []
+    for i, boundary in enumerate(scene.boundaries if len(systems) > 1 else ()):
+        without = [one for one in systems if boundary.kind not in one.settings.boundaries]
+        # what has no temperature needs to know none
+        if boundary.kind == "wall" and without:
+            names = ", ".join(f"bodies.{body}" for one in without for body in one.bodies)
+            notes.append(f"boundaries.{i}: {names} know nothing of this {boundary.kind}, as their methods have none")
+    return notes

@@ -203,8 +203,17 @@ def tool_faults(parts: Any) -> list[str]:
     return faults
 
 
-def still_faults(tools: list[Tool], method: Any) -> list[Detail]:
-    """What tools want of a method: motion that impulses change, and in axisymmetry nothing across the axis."""
+def still_faults(scene: Any) -> list[Detail]:
+    """What tools want of the methods: motion that impulses change, and in axisymmetry nothing across the axis."""
+    details: list[Detail] = []
+    for system in scene.systems:
+        names = {scene.bodies[number].name for number in system.bodies}
+        meant = [tool for tool in scene.tools if tool.bodies is None or names.intersection(tool.bodies)]
+        details += _of_method(meant, system.settings)
+    return list({place: (place, expected, found) for place, expected, found in details}.values())
+
+
+def _of_method(tools: list[Tool], method: Any) -> list[Detail]:
     details: list[Detail] = []
     if tools and getattr(getattr(method, "solution", None), "kind", None) == "quasi-static":
         details.append((("tools",), 'method.solution.kind = "explicit" (equilibrium knows no impulses)', len(tools)))

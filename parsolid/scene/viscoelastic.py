@@ -21,7 +21,10 @@ class PronyTable(DeclaredModel):
 
     def build(self, state: str) -> Any:
         """The law, made for the state of strain."""
-        return import_module("parsolid.materials.viscoelastic.prony").of_material(self, state)
+        stated: Any = self
+        name = "prony" if stated.base is None else "hyperelastic_series"
+        module = import_module(f"parsolid.materials.viscoelastic.{name}")
+        return module.of_material(self, state) if stated.base is None else module.of_material(self)
 
 
 class BondBasedTable(DeclaredModel):

@@ -6,6 +6,8 @@ import numpy as np
 
 from parsolid.collective import maximum, minimum
 from parsolid.methods.protocol import ParticleSystem
+from parsolid.scene import Scene
+from parsolid.scene.systems import in_words_of
 
 if TYPE_CHECKING:
     from parsolid.simulation.loop import Simulation
@@ -15,7 +17,7 @@ Found = dict[str, Any]
 
 def describe_failure(simulation: "Simulation", otherwise: str) -> str:
     """One message, the same on every rank; `otherwise` says what is wrong if no particle is at fault. Collective."""
-    found = _first_of(simulation.comm, _unsound_particle(simulation.systems))
+    found = _first_of(simulation.comm, _unsound_particle(simulation.scene, simulation.systems))
     if found is None and simulation.failed_somewhere:
         found = _first_of(simulation.comm, _most_crushed_particle(simulation))
     if found is None:
@@ -31,7 +33,7 @@ def describe_failure(simulation: "Simulation", otherwise: str) -> str:
             f"at X = ({found['reference']}), now x = ({found['position']})"
         )
     lines.append(f"  checkpoint {simulation.last_checkpoint or 'none was written'}")
-    lines.append(f"  try        {found.get('advice') or simulation.systems[0].advice()}")
+    lines.append(f"  try        {found.get('advice') or _advice(simulation.scene, *simulation.systems)}")
     return "\n".join(lines)
 
 
@@ -41,12 +43,19 @@ def _first_of(comm: Any, local: Found | None) -> Found | None:
     return comm.bcast(local, root=first) | {"rank": first} if first < comm.size else None
 
 
-def _unsound_particle(systems: list[ParticleSystem]) -> Found | None:
+def _advice(scene: Scene, *systems: ParticleSystem) -> str:
+    """What systems advise, in the keys of the scene."""
+    plans = {plan.bodies: plan for plan in scene.systems}
+    told = [in_words_of(scene, plans[system.bodies], system.advice()) for system in systems]
+    return "; ".join(dict.fromkeys(told))
+
+
+def _unsound_particle(scene: Scene, systems: list[ParticleSystem]) -> Found | None:
     """The rank's first particle that is not sound, as its method says."""
     for system in systems:
         found = system.unsound()
         if found:
-            return {"what": found[1]} | _named(system, found[0])
+            return {"what": found[1]} | _named(scene, system, found[0])
     return None
 
 
@@ -58,7 +67,9 @@ def _fastest_particle(simulation: "Simulation") -> Found | None:
     if largest[fastest] < maximum(simulation.comm, largest[fastest]):
         return None
     index = int(np.argmax(speeds[fastest]))
-    return {"why": f" (the fastest, {largest[fastest]:.4g} m/s)"} | _named(simulation.systems[fastest], index)
+    return {"why": f" (the fastest, {largest[fastest]:.4g} m/s)"} | _named(
+        simulation.scene, simulation.systems[fastest], index
+    )
 
 
 def _most_crushed_particle(simulation: "Simulation") -> Found | None:
@@ -76,16 +87,16 @@ def _most_crushed_particle(simulation: "Simulation") -> Found | None:
         return None
     now = f"the least is now {least[worst]:.4g}"
     what = f"a Jacobian was not positive within the step ({now}): matter is turned inside out"
-    return {"what": what} | _named(systems[worst], int(np.argmin(jacobians[worst])))
+    return {"what": what} | _named(simulation.scene, systems[worst], int(np.argmin(jacobians[worst])))
 
 
-def _named(system: ParticleSystem, index: int) -> Found:
+def _named(scene: Scene, system: ParticleSystem, index: int) -> Found:
     rows = system.particles.owned_rows
     return {
         "identifier": int(rows("identifier")[index]),
         "reference": _place(rows("reference_position")[index]),
         "position": _place(rows("position")[index]),
-        "advice": system.advice(),
+        "advice": _advice(scene, system),
     }
 
 

@@ -5,8 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from parsolid.methods.protocol import EnergyLedger
 from parsolid.scene import Scene
 from parsolid.scene.contact import CONTACT_TERMS
+from parsolid.scene.systems import SystemOfScene
 
 ACCUMULATED = ("dissipation_internal", "dissipation_numerical", "work_external")
 COLUMNS = ("kinetic", "stored", *ACCUMULATED, "balance")
@@ -31,6 +33,10 @@ class Ledger:
     def columns(self) -> list[str]:
         """Names of what `row` gives, in order."""
         return [*COLUMNS[:-1], *self.terms, COLUMNS[-1]]
+
+    def of(self, names: dict[str, str]) -> EnergyLedger:
+        """The ledger for a system, whose own terms have these names here."""
+        return self if all(name == here for name, here in names.items()) else OfSystem(self, names)
 
     def add_term(self, name: str, energy: float) -> None:
         """Add to one of the method's own terms [J]."""
@@ -60,12 +66,45 @@ class Ledger:
         return result
 
 
+class OfSystem:
+    """The ledger as one system fills it, whose terms have other names there."""
+
+    def __init__(self, ledger: Ledger, names: dict[str, str]) -> None:
+        self.add, self._add_term, self._names = ledger.add, ledger.add_term, names
+
+    def add_term(self, name: str, energy: float) -> None:
+        """Add to one of the method's own terms [J]."""
+        self._add_term(self._names[name], energy)
+
+
+def names_of_terms(scene: Scene) -> list[dict[str, str]]:
+    """For each system its method's energy terms -> names in the ledger.
+
+    A term that an earlier method counts with another sign has the method's kind in its name.
+    """
+    signs: dict[str, int] = {}
+    names = []
+    for system in scene.systems:
+        terms, kind = _own_terms(scene, system), system.settings.kind
+        own = {name: name if signs.get(name, sign) == sign else f"{name}_{kind}" for name, sign in terms.items()}
+        signs |= {own[name]: sign for name, sign in terms.items()}
+        names.append(own)
+    return names
+
+
 def viscous_terms_of(scene: Scene) -> tuple[str, ...]:
     """The entries of a row that artificial viscosity fills, of all methods of a scene."""
-    return tuple(dict.fromkeys(name for system in scene.systems for name in system.settings.viscous_terms))
+    named = zip(scene.systems, names_of_terms(scene))
+    return tuple(dict.fromkeys(names[one] for system, names in named for one in system.settings.viscous_terms))
 
 
 def terms_of(scene: Scene) -> dict[str, int]:
-    """The energy terms that the methods and contacts of a scene add, with their signs."""
-    terms = {name: sign for system in scene.systems for name, sign in system.settings.ledger_terms.items()}
+    """The energy terms that the methods and contacts of a scene and their bodies' materials add, with their signs."""
+    named = zip(scene.systems, names_of_terms(scene))
+    terms = {names[one]: sign for system, names in named for one, sign in _own_terms(scene, system).items()}
     return terms | (CONTACT_TERMS if scene.contact or scene.tools else {})
+
+
+def _own_terms(scene: Scene, system: SystemOfScene) -> dict[str, int]:
+    """Those of one system, with the names that its method gives them."""
+    return system.settings.energy_terms(scene.bodies[i].material for i in system.bodies)

@@ -14,7 +14,7 @@ from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
 from parsolid.simulation.diagnosis import describe_failure
 from parsolid.simulation.energy_balance import EnergyBalance, EnergyLimits
-from parsolid.simulation.ledger import Ledger, terms_of, viscous_terms_of
+from parsolid.simulation.ledger import Ledger, names_of_terms, terms_of, viscous_terms_of
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.setup import build_systems
 from parsolid.simulation.signals import StopRequest
@@ -50,6 +50,8 @@ class Clock:
     first_step_seconds: float = 0.0
     first_step_processor_seconds: float = 0.0
     waiting_seconds: float = 0.0
+    # of each system, on this rank: time in its steps but the first, without that spent on messages
+    work: list[float] = field(default_factory=list)
 
 
 class Watch(Protocol):
@@ -79,6 +81,8 @@ class Simulation:
         if restart:
             restart.check(scene)
         self.systems, self.particle_sets = build_systems(comm, scene, restart)
+        self._ledgers = [self.ledger.of(names) for names in names_of_terms(scene)]
+        self.clock.work = [0.0] * len(self.systems)
         self.interactions: list[Interaction] = [
             *build_contact(comm, scene, self.systems),
             *build_tools(comm, scene, self.systems),
@@ -195,15 +199,30 @@ class Simulation:
         self._wishes = wishes
         for interaction in self.interactions:
             interaction.before(self.clock.time, step, self.ledger)
-        for system in self.systems:
-            if not system.advance(self.clock.time, step, self.ledger, partial(self._hear, system)):
-                self.failed = True
+        advance = self._advance_system if len(self.systems) == 1 else self._advance_and_count
+        for number in range(len(self.systems)):
+            advance(number, step)
         for interaction in self.interactions:
             interaction.after(arrival, step, self.ledger)
             self.failed = self.failed or not interaction.sound()
         self.clock.time, self.clock.step_size = arrival, step
         self.clock.step += 1
         self._count(clock.perf_counter() - began, clock.process_time() - processor_began)
+
+    def _advance_system(self, number: int, step: float) -> None:
+        """One step [s] of one system."""
+        system = self.systems[number]
+        if not system.advance(self.clock.time, step, self._ledgers[number], partial(self._hear, system)):
+            self.failed = True
+
+    def _advance_and_count(self, number: int, step: float) -> None:
+        """One step [s] of one of several systems, and what work it is for this rank."""
+        system, began = self.systems[number], clock.perf_counter()
+        waited = system.communication_seconds
+        self._advance_system(number, step)
+        if self.clock.step > self.first_step:
+            # without what the first step of a program loads
+            self.clock.work[number] += clock.perf_counter() - began - (system.communication_seconds - waited)
 
     def _hear(self, system: ParticleSystem, sound: bool, stable: float) -> None:
         """What a system announces; the last one's announcement begins the agreement of all ranks."""

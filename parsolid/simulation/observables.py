@@ -54,6 +54,10 @@ class Observables:
             ]
         )
 
+    def has(self, name: str) -> bool:
+        """Whether any system has such a field."""
+        return any(field_of(system, name, 0, 0) is not None for system in self.systems)
+
     def usual_fields(self) -> list[str]:
         """What is written unless the scene chooses: fields declared as shown, and the usual ones of all methods."""
         declared = [

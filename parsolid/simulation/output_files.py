@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from parsolid.collective import anywhere
+from parsolid.output.blocks import FieldBlocks
 from parsolid.output.directory import occupy, prepare
 from parsolid.output.errors import together
-from parsolid.output.fields import FieldSeries
+from parsolid.output.fields import Fields, FieldSeries
 from parsolid.output.history import History, read_history
 from parsolid.output.lock import FolderLock
 from parsolid.output.whereabouts import HERE
@@ -50,7 +51,11 @@ class OutputFiles:
         self.checkpoint = self.directory / "checkpoint.h5"
         self.field_times = scene.fields_times
         resume_at = self.continued.header["time"] if self.continued else None
-        self.fields = FieldSeries(comm, self.directory / "fields.vtkhdf", max(1, len(self.field_times)), resume_at)
+        names = [plan.name or f"system-{number}" for number, plan in enumerate(scene.systems)]
+        file = self.directory / "fields.vtkhdf"
+        capacity = max(1, len(self.field_times))
+        self.blocks = FieldBlocks(comm, file, names, capacity, resume_at) if len(names) > 1 else None
+        self.fields = None if self.blocks else FieldSeries(comm, file, capacity, resume_at)
         self.seconds = 0.0
 
     def close(self) -> None:
@@ -89,9 +94,23 @@ class OutputFiles:
     def write_fields(self, observables: Observables, time: float) -> None:
         """Write the shown fields at a time [s]."""
         began = clock.perf_counter()
-        names = self.scene.output.fields or observables.usual_fields()
-        varying = {name: np.ascontiguousarray(observables.field(name)) for name in names}
-        constant = {"body": observables.body, "volume": observables.rows("volume")}
-        position = np.ascontiguousarray(observables.rows("position"))
-        self.fields.write(time, observables.rows("identifier"), position, varying, constant)
+        if self.fields is not None:
+            names = self.scene.output.fields or observables.usual_fields()
+            self.fields.write(time, observables.rows("identifier"), *self._shown(observables, names))
+        elif self.blocks is not None:
+            for number in reversed(range(len(observables.systems))):
+                # the first block tells the times
+                block = Observables([observables.systems[number]])
+                names = [name for name in self.scene.output.fields or block.usual_fields() if block.has(name)]
+                position, varying, constant = self._shown(block, names)
+                constant["identifier"] = block.rows("identifier")
+                self.blocks.write(time, number, position, varying, constant)
+            self.blocks.collect()
         self.seconds += clock.perf_counter() - began
+
+    @staticmethod
+    def _shown(of: Observables, names: list[str]) -> tuple[np.ndarray, Fields, Fields]:
+        """Position, fields of these names, and those that do not change."""
+        varying = {name: np.ascontiguousarray(of.field(name)) for name in names}
+        constant = {"body": of.body, "volume": of.rows("volume")}
+        return np.ascontiguousarray(of.rows("position")), varying, constant

@@ -7,6 +7,7 @@ from typing import Any
 from parsolid.collective import maximum
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.output.summary import peak_memory_bytes
+from parsolid.scene.systems import in_words_of
 from parsolid.simulation.loop import Simulation
 
 
@@ -20,7 +21,8 @@ def summary_of(
     evaluated = comm.allreduce(sum(system.evaluations * system.directed_pairs for system in systems)) * steps
     slowest = maximum(comm, spent.loop_seconds)
     waited = comm.allreduce(sum(system.communication_seconds for system in systems) + spent.waiting_seconds)
-    doubts = [doubt for doubt in (system.doubt() for system in systems) if doubt is not None]
+    plans = {plan.bodies: plan for plan in scene.systems}
+    doubts = [in_words_of(scene, plans[s.bodies], doubt) for s in systems if (doubt := s.doubt()) is not None]
     return {
         "scene": scene.title,
         "method": " and ".join(dict.fromkeys(system.settings.kind for system in systems)),
@@ -44,6 +46,7 @@ def summary_of(
         **simulation.balance.verdict(simulation.energy_scale, doubts),
         "peak_memory_bytes_per_rank": maximum(comm, peak_memory_bytes()),
         **_of_methods(systems),
+        **_of_several(simulation, steps),
         "status": status,
         "errors": errors,
     }
@@ -56,3 +59,22 @@ def _of_methods(systems: Sequence[ParticleSystem]) -> dict[str, Any]:
         found = system.summary()
         result |= {f"{name}_{number}" if name in result else name: value for name, value in found.items()}
     return result
+
+
+def _of_several(simulation: Simulation, steps: int) -> dict[str, Any]:
+    """Of each of several systems: its name, method, bodies, particles and pairs, nanoseconds of work a particle and
+    step, and the work of the busiest rank over the mean; and that of all systems together; collective.
+    """
+    comm, systems, work = simulation.comm, simulation.systems, simulation.clock.work
+    if len(systems) < 2:
+        return {}
+    rows = []
+    for system, seconds in zip(systems, work):
+        particles, total = comm.allreduce(system.owned), comm.allreduce(seconds)
+        row = {"name": system.name, "method": system.settings.kind, "bodies": list(system.bodies)}
+        row |= {"particles": particles, "pairs": comm.allreduce(system.directed_pairs) // 2}
+        row["nanoseconds_per_particle_step"] = total * 1e9 / (particles * (steps - 1)) if steps > 1 else None
+        row["work_imbalance"] = maximum(comm, seconds) * comm.size / total if total else None
+        rows.append(row)
+    mine, every = sum(work), comm.allreduce(sum(work))
+    return {"systems": rows, "work_imbalance": maximum(comm, mine) * comm.size / every if every else None}

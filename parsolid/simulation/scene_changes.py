@@ -17,37 +17,41 @@ from parsolid.scene import Scene
 from parsolid.scene.load_histories import FactorHistory
 from parsolid.scene.validation_errors import NOTHING, key_path, told
 
+
+def _of_methods(*keys: str) -> tuple[str, ...]:
+    """Keys of a scene's method, and of any of several."""
+    return tuple(f"{place}.{key}" for place in ("method", "methods.*") for key in keys)
+
+
 # patterns of keys; what does not change the state, and how long steps are
 FREE = (
     "title",
     "end_time",
     "output.*",
-    "method.cfl",
-    "method.safety",
-    "method.maximum_step",
-    "method.minimum_step",
-    "method.rebalance",
-    "method.balance_warning",
-    "method.balance_limit",
-    "method.dissipation_warning",
-    "method.solution.safety",
-    "method.solution.damage_safety",
-    "method.solution.step",
-    "method.solution.tolerance",
-    "method.solution.most_iterations",
+    *_of_methods(
+        "cfl",
+        "safety",
+        "maximum_step",
+        "minimum_step",
+        "rebalance",
+        "balance_warning",
+        "balance_limit",
+        "dissipation_warning",
+        "solution.safety",
+        "solution.damage_safety",
+        "solution.step",
+        "solution.tolerance",
+        "solution.most_iterations",
+    ),
 )
 # not worth a note
 SILENT = ("title", "end_time", "output.*")
 # which particles and bonds there are, and what is of the start alone
 FIXED = (
     "dimension",
-    "method.kind",
-    "method.horizon_ratio",
-    "method.pre_cracks*",
-    "method.formulation",
-    "method.reference",
-    "method.weights",
-    "method.initial_state",
+    *_of_methods("kind", "horizon_ratio", "pre_cracks*", "formulation", "reference", "weights", "initial_state"),
+    "methods.*.name",
+    "bodies.*.method",
     "bodies.*.name",
     "bodies.*.shape*",
     "bodies.*.particles",

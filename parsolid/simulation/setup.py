@@ -1,10 +1,13 @@
 """The systems of a scene: each body's particles go to the method that has the body."""
 
 import dataclasses
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
+from parsolid.collective import SolverError
 from parsolid.contact.kernel_contact import declare_fields
 from parsolid.contact.tools import declare_tool_fields
 from parsolid.methods import method_class
@@ -12,8 +15,8 @@ from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.distribution import distribute, take
 from parsolid.particles.generation import generate
 from parsolid.particles.particle_set import ParticleSet
-from parsolid.scene import Scene
-from parsolid.scene.systems import SystemOfScene
+from parsolid.scene import Scene, SceneError
+from parsolid.scene.systems import SystemOfScene, in_words_of
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.starting_state import refuse_unsound_start
 
@@ -29,21 +32,34 @@ def build_systems(comm: Any, scene: Scene, restart: Restart | None) -> tuple[lis
     for plan, particle_set in zip(plans, drawn):
         kind, part = method_class(plan.settings), scene.part(plan)
         order = np.arange(len(particle_set))
-        if not (restart and restart.same_ranks):
-            order = kind.sort(comm, part, particle_set)
-        particle_sets.append(take(particle_set, order))
-        orders.append(order)
-        system = kind(comm, part, particle_sets[-1])
-        system.bodies = plan.bodies
-        declare_fields(scene, system)
-        declare_tool_fields(scene, system)
-        systems.append(system)
+        with _keys_of(scene, plan):
+            if not (restart and restart.same_ranks):
+                order = kind.sort(comm, part, particle_set)
+            particle_sets.append(take(particle_set, order))
+            orders.append(order)
+            system = kind(comm, part, particle_sets[-1])
+            system.bodies, system.name = plan.bodies, plan.name
+            declare_fields(scene, system)
+            declare_tool_fields(scene, system)
+            systems.append(system)
+            if not restart:
+                system.begin(part, particle_sets[-1])
         if not restart:
-            system.begin(part, particle_sets[-1])
             refuse_unsound_start(comm, part, system, particle_sets[-1])
     if restart:
         restart.apply_state(systems, orders)
     return systems, particle_sets
+
+
+@contextmanager
+def _keys_of(scene: Scene, plan: SystemOfScene) -> Iterator[None]:
+    """Errors of a system, which knows its own part of the scene alone, in the keys of the whole scene."""
+    try:
+        yield
+    except SceneError as error:
+        raise SceneError([in_words_of(scene, plan, text) for text in error.faults]) from error
+    except SolverError as error:
+        raise SolverError(in_words_of(scene, plan, str(error))) from error
 
 
 def _generated(comm: Any, scene: Scene, plans: tuple[SystemOfScene, ...]) -> list[ParticleSet]:

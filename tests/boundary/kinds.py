@@ -24,6 +24,7 @@ KINDS = {
     "displacement": {"plane": "X = 1", "displacement": ["t", "free"]},
     "layer": {"plane": "X = 0.5", "side": "below"},
     "traction": {"plane": "X = 1", "traction": [1.0, 0.0]},
+    "surface_pressure": {"ball": {"centre": [0.5, 0.5], "radius": 2.0}, "pressure": 1.0},
     "wall": {"plane": "X = 2", "side": "below"},
     "temperature": {"plane": "X = 0", "temperature": 300.0},
     "heat_flux": {"plane": "X = 0", "heat_flux": 1.0},

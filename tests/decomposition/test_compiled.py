@@ -121,3 +121,12 @@ def test_a_folder_that_cannot_be_written_costs_time_only(folder):
     (folder / "cache").write_text("a file where the folder should be")
     value, _ = shown(start(folder, "show.py"))
     assert value == 5.0
+
+
+def test_who_listens_is_told_what_is_compiled_and_not_what_is_loaded(folder):
+    program = (
+        "from decomposition.compiled import LISTENERS\nLISTENERS.append(print)\nimport kernels\nkernels.kernel(2.0)\n"
+    )
+    (folder / "listen.py").write_text(program)
+    told = [start(folder, "listen.py").communicate(timeout=120)[0].split() for _ in range(2)]
+    assert told == [["kernel", "twice"], []]

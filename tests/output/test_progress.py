@@ -8,7 +8,7 @@ import threading
 import pytest
 
 from parsolid.output import progress
-from parsolid.output.progress import NORMAL, QUIET, VERBOSE, Progress, terminal_columns
+from parsolid.output.progress import NORMAL, QUIET, VERBOSE, Compilations, Progress, terminal_columns
 
 pytestmark = pytest.mark.serial
 
@@ -58,6 +58,18 @@ def test_a_run_of_some_seconds_tells_every_tenth(passing_time):
     assert [line.split()[1] for line in log.getvalue().splitlines()[1:-2]] == [str(step) for step in range(10, 101, 10)]
 
 
+def test_terms_of_a_method_are_told_once_there_is_something_in_them(passing_time):
+    log, row = io.StringIO(), {"kinetic": 2.0, "stored": 1.0, "dissipation_internal": 0.0, "dissipation_numerical": 0.0}
+    shown = Progress("Glass", 0.5, 10, NORMAL, log)
+    terms = {"work_external": 3.0, "dissipation_fracture": 0.5, "residual_work": 1e-15, "balance": 0.0, "end.u": 7.0}
+    for step in range(2):
+        passing_time[0] += 10.0
+        shown.update(step, 0.1 * step, 0.1, row | terms)
+    line = log.getvalue().splitlines()[1]
+    assert "stored 1.000e+00 J  fracture 5.000e-01 J" in line
+    assert "residual" not in line and "end" not in line and "dissipated" not in line
+
+
 def test_verbose_says_more_and_quiet_nothing(passing_time):
     log, silence = io.StringIO(), io.StringIO()
     follow(VERBOSE, log, passing_time, 1.0)
@@ -101,3 +113,27 @@ def test_a_closed_stream_does_not_stop_the_run(passing_time):
     assert passing_time[0] == 202.0
     with pytest.raises(BrokenPipeError):
         stream.close()
+
+
+def test_compilation_is_told_at_once_and_then_every_five_seconds(passing_time):
+    log = io.StringIO()
+    tell = Compilations("/kernels", log)
+    assert log.getvalue() == ""
+    for number in range(13):
+        tell(f"kernel_{number}")
+        passing_time[0] += 1.0
+    assert log.getvalue().splitlines() == [
+        "compiling kernels, once for such scenes; they are kept in /kernels",
+        "compiling kernel 6, kernel_5, after 5 s",
+        "compiling kernel 11, kernel_10, after 10 s",
+    ]
+
+
+def test_the_first_step_says_nothing_of_the_time_left(passing_time):
+    log = io.StringIO()
+    shown = Progress("Punch", 0.5, 10, NORMAL, log)
+    # the kernels are compiled in the first step
+    for step, seconds in ((7, 0.0), (8, 60.0), (9, 1.0), (10, 1.0)):
+        passing_time[0] += seconds
+        shown.update(step, 0.05 * step, 0.05, None)
+    assert "ETA 0:00:00" in log.getvalue().splitlines()[-1]

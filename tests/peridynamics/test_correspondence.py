@@ -2,8 +2,17 @@
 
 import numpy as np
 import pytest
-from bonds_of_bodies import PLANES, SOFT, body_of, gathered, gradients, random_field, scene, stiffness
-from mpi4py import MPI
+from bonds_of_bodies import (
+    PLANES,
+    SOFT,
+    body_of,
+    gathered,
+    goes_on_with_the_same_bits,
+    gradients,
+    random_field,
+    scene,
+    stiffness,
+)
 from solids import run_steps, simulation
 
 ROUND_OFF = 1e-12
@@ -243,25 +252,4 @@ def test_explicit_runs_do_not_depend_on_ranks(comm, law):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_a_state_put_back_goes_on_with_the_same_bits(law):
-    whole, columns = run_steps(moving(2, law), 12)
-    part, _ = run_steps(moving(2, law), 5)
-    again = simulation(moving(2, law))
-    again.systems[0].particles.restore(
-        {name: values.copy() for name, values in part.systems[0].particles.checkpointed().items()}
-    )
-    again.systems[0].set_state(part.systems[0].state())
-    again.systems[0].resume()
-    for _ in range(7):
-        again.take_step(again.systems[0].stable_step())
-    for name, values in whole.systems[0].particles.checkpointed().items():
-        np.testing.assert_array_equal(again.systems[0].particles.owned_rows(name), values, err_msg=name)
-    assert again.systems[0].energies() == whole.systems[0].energies()
-
-
-def test_bodies_that_relax_differently_are_refused():
-    data = moving(2, "relaxing")
-    other = {**data["bodies"][0], "material": {**data["bodies"][0]["material"], "terms": [{"ratio": 1.0, "tau": 0.3}]}}
-    other["shape"] = {"box": {"lower": [1.0, 0.0], "upper": [2.0, 0.9]}}
-    data["bodies"].append(other)
-    with pytest.raises(ValueError, match=r"bodies\.1\.material\.terms: expected the ratios and times"):
-        simulation(data, MPI.COMM_SELF)
+    goes_on_with_the_same_bits(moving(2, law), 12, 5)

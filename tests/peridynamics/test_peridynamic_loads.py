@@ -232,3 +232,24 @@ def test_the_last_boundary_holds(comm):
     body.loads.move(0.0, 0.0, u)
     at_end = body.particle_set.position[:, 0] > 0.9
     assert (u[at_end] == [2.0, 1.0]).all() and len(body.loads.entries[0]) == 2 * at_end.sum()
+
+
+ALL_AROUND = {"kind": "surface_pressure", "pressure": "2e4*(t < 5)", "jumps": [5.0]}
+HOLED = {"perforated_box": {"lower": [0.0, 0.0], "upper": [1.0, 1.0], "centre": [1.0, 1.0], "radius": 0.6}}
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_body_under_one_pressure_is_compressed_uniformly(comm, dimension):
+    """Exactly, though its surface is made of stairs: a plate with a round notch on rollers, and a free ball."""
+    ball = {"centre": [0.0] * dimension, "radius": 1.0}
+    pressure = {**ALL_AROUND, "ball": {**ball, "radius": 9.0}}
+    supports = [{"kind": "roller", "plane": f"{axis} = 0"} for axis in "XY"] if dimension == 2 else []
+    shape = HOLED if dimension == 2 else {"sphere": ball}
+    filling = {"shape": shape, "material": {**MATERIAL, "terms": []}, "particles": [10] * dimension}
+    body = Body(comm, dimension, boundaries=[*supports, pressure], filling=filling, end_time=10.0)
+    known = body.scene.bodies[0].material.equilibrium
+    G, K = known.shear_modulus, known.bulk_modulus
+    strain = -2e4 / (3.0 * K if dimension == 3 else 2.0 * (K + G / 3.0))
+    away = np.abs(body.stretched() - strain * body.particle_set.position).max(initial=0.0)
+    assert comm.allreduce(float(away), max) < 1e-10 * abs(strain)
+    assert body.loads.jumps == (0.0, 5.0) and not body.loads.external(7.0).any()

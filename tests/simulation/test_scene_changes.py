@@ -7,6 +7,7 @@ from solids import punch, tables
 
 from parsolid.scene import parse_scene
 from parsolid.scene.base_model import SceneModel
+from parsolid.scene.bodies import Body
 from parsolid.scene.schema import Scene
 from parsolid.simulation.scene_changes import FIXED, FREE, changes, contents, judged
 
@@ -65,7 +66,7 @@ def _with(value, place, leaf):
 
 def test_what_is_free_is_in_a_scene():
     """No pattern of the list is a misspelt key."""
-    known = set(_keys(Scene)) | _method_keys()
+    known = set(_keys(Scene)) | set(_keys(Body)) | _method_keys()
     for pattern in FREE + FIXED:
         assert pattern.rstrip("*.").rpartition(".")[2] in known, pattern
 

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,9 +14,9 @@ import numpy as np
 from parsolid.output.errors import OutputError, words
 from parsolid.output.fields import DEFAULT_NAME
 from parsolid.output.history import read_history
-from parsolid.output.vtkhdf import published
+from parsolid.output.vtkhdf import Layout, collected, published
 from parsolid.scene import SceneError
-from parsolid.scene.methods import settings_class
+from parsolid.scene.methods import context_of
 from parsolid.scene.schema import Parts
 from parsolid.scene.validation_errors import suggestion, told
 
@@ -60,14 +61,13 @@ class Results:
     @cached_property
     def parts(self) -> Parts:
         """The sound parts of the scene: a reference or mesh that has gone since the run is left out."""
-        context = {"dimension": self.dimension, "method": self.method, "folder": str(self.directory.resolve())}
-        found: Any = Parts.of(self._tables, context)
+        found: Any = Parts.of(self._tables, context_of(self._tables, self.directory))
         return found
 
     @property
-    def method(self) -> type | None:
-        """The class of the settings of the scene's method."""
-        return settings_class(self._tables.get("method"))
+    def method(self) -> Any:
+        """The class of the settings of the scene's method, or what several know together."""
+        return context_of(self._tables, self.directory)["method"]
 
     @cached_property
     def history(self) -> dict[str, np.ndarray]:
@@ -88,14 +88,26 @@ class Results:
         return np.asarray(data["t"], float), series
 
     @cached_property
-    def _published(self) -> Any:
+    def _published(self) -> tuple[list[tuple[Path, Layout]], np.ndarray]:
+        """File and layout of each block, and the times that all of them have [s]."""
         try:
-            layout, times = published(self.fields_path)
+            found = [(file, *published(file)) for file in collected(self.fields_path).values()]
         except OutputError as error:
             raise SceneError([f"{self.directory}: expected a run's fields, found: {error}"]) from None
+        times = min((times for _, _, times in found), key=len)
         if len(times) == 0:
             raise SceneError([f"{self.fields_path}: expected fields at one time at least, found none"])
-        return layout, times
+        return [(file, layout) for file, layout, _ in found], times
+
+    @property
+    def tables(self) -> dict[str, Any]:
+        """The scene as the run resolved it."""
+        return self._tables
+
+    @property
+    def layout(self) -> Any:
+        """What fields the file holds, see `output.vtkhdf.Layout`. Raises SceneError when there are none."""
+        return self._published[0]
 
     @property
     def times(self) -> np.ndarray:
@@ -105,14 +117,15 @@ class Results:
     @property
     def particles(self) -> int:
         """Number of particles."""
-        return self._published[0].particles
+        return sum(layout.particles for _, layout in self._published[0])
 
     @cached_property
     def field_names(self) -> list[str]:
         """What may be shown: every field, and the components of vectors and tensors."""
         names = []
-        layout = self._published[0]
-        for name, (shape, _) in {**layout.varying, **layout.constant}.items():
+        layouts = [layout for _, layout in self._published[0]]
+        shapes = {name: kind[0] for each in layouts for name, kind in {**each.varying, **each.constant}.items()}
+        for name, shape in shapes.items():
             parts = {(): [], (3,): list(_COMPONENTS), (9,): _TENSOR, (3, 3): _TENSOR}.get(tuple(shape))
             if parts is not None:
                 names += ([] if len(parts) == 9 else [name]) + [f"{name}_{part}" for part in parts]
@@ -147,34 +160,44 @@ class Results:
         exaggeration: factor on the displacements of the positions. Raises SceneError when that needs a field that is
         not there.
         """
-        layout = self._published[0]
-        if exaggeration != 1.0 and "displacement" not in layout.varying:
+        blocks = self._published[0]
+        if exaggeration != 1.0 and any("displacement" not in layout.varying for _, layout in blocks):
             raise SceneError([f"--exaggerate: expected the field displacement in {self.fields_path}, found none"])
-        n = layout.particles
         name, component = self._split(field)
-        with h5py.File(self.fields_path, "r", locking=False) as file:
-            vtk = file["VTKHDF"]
+        with ExitStack() as kept:
+            files = [kept.enter_context(h5py.File(file, "r", locking=False))["VTKHDF"] for file, _ in blocks]
             for step in steps:
-                first = 0 if name in layout.constant else step * n
-                values = vtk[f"PointData/{name}"][first : first + n].reshape(n, -1).astype(float)
-                if component is None and values.shape[1] > 1:
-                    values = np.linalg.norm(values, axis=1)
-                else:
-                    values = values[:, component or 0]
-                rows = slice(step * n, (step + 1) * n)
-                position = vtk["Points"][rows]
-                if exaggeration != 1.0:
-                    position = position + (exaggeration - 1.0) * vtk["PointData/displacement"][rows]
-                yield Frame(float(self.times[step]), position, values)
+                values, positions = [], []
+                for vtk, (_, layout) in zip(files, blocks):
+                    rows = slice(step * layout.particles, (step + 1) * layout.particles)
+                    values.append(_of_block(vtk, layout, name, component, rows))
+                    positions.append(vtk["Points"][rows])
+                    if exaggeration != 1.0:
+                        positions[-1] += (exaggeration - 1.0) * vtk["PointData/displacement"][rows]
+                yield Frame(float(self.times[step]), np.concatenate(positions), np.concatenate(values))
 
     def constant(self, name: str) -> np.ndarray:
         """A field that does not change: body or volume."""
-        with h5py.File(self.fields_path, "r", locking=False) as file:
-            return file[f"VTKHDF/PointData/{name}"][: self.particles]
+        pieces = []
+        for path, layout in self._published[0]:
+            with h5py.File(path, "r", locking=False) as file:
+                pieces.append(file[f"VTKHDF/PointData/{name}"][: layout.particles])
+        return np.concatenate(pieces)
 
     def _split(self, field: str) -> tuple[str, int | None]:
-        layout = self._published[0]
-        if field in layout.varying or field in layout.constant:
+        if any(field in kinds for _, layout in self._published[0] for kinds in (layout.varying, layout.constant)):
             return field, None
         name, _, part = field.rpartition("_")
         return name, _COMPONENTS[part] if part in _COMPONENTS else _TENSOR.index(part)
+
+
+def _of_block(vtk: Any, layout: Layout, name: str, component: int | None, rows: slice) -> np.ndarray:
+    """A field's magnitude or one of its components at a step's rows of a block; not numbers where it has none."""
+    n = layout.particles
+    if name not in layout.varying and name not in layout.constant:
+        return np.full(n, np.nan)
+    values = vtk[f"PointData/{name}"][slice(0, n) if name in layout.constant else rows].reshape(n, -1).astype(float)
+    if component is None and values.shape[1] > 1:
+        return np.linalg.norm(values, axis=1)
+    result: np.ndarray = values[:, component or 0]
+    return result

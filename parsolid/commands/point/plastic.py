@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parsolid.commands.point.laws import PathLost
+from parsolid.materials.failure.failure import count_of
 from parsolid.materials.hyperelastic.evaluation import general_rows
 from parsolid.materials.plastic import plastic_evaluation
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
@@ -14,8 +15,10 @@ from parsolid.numerics.layout import LAYOUT
 
 
 class PlasticState(NamedTuple):
-    """F (3, 3), unrotated deviator (6,), scalars, Cauchy stress (3, 3); plastic_work and heat given away [J/m^3] since
-    time 0.
+    """F (3, 3), unrotated deviator (6,), scalars, Cauchy stress (3, 3).
+
+    plastic_work, with what failure released, and heat given away [J/m^3] since time 0; damage (1 + criteria,), the
+    largest and that of each criterion, (0,) of a law that does not fail.
     """
 
     F: np.ndarray
@@ -27,6 +30,7 @@ class PlasticState(NamedTuple):
     stress: np.ndarray
     plastic_work: float
     heat: float
+    damage: np.ndarray
 
 
 class PlasticPoint:
@@ -50,14 +54,15 @@ class PlasticPoint:
         if isothermal:
             # the flow feels no warming within a step either
             self.law = law._replace(taylor_quinney=0.0)
-        self.arrays = new_state(3, WIDTH)
+        self.arrays = new_state(3, WIDTH, count_of(law.failure))
         self.motion, self.rate, self.record = np.zeros((WIDTH, 8)), np.zeros((WIDTH, 12)), np.zeros((WIDTH, 8))
         self.motion[:, 7] = 1.0
 
     def virgin(self) -> PlasticState:
         energy = self.law.internal_energy(self.start, self.cold)
         stress = -plastic_evaluation.pressure(self.law, 1.0, energy) * np.eye(3)
-        return PlasticState(np.eye(3), np.zeros(6), 0.0, 0.0, energy, self.start, stress, 0.0, 0.0)
+        whole = np.zeros(0 if self.law.failure is None else 1 + count_of(self.law.failure))
+        return PlasticState(np.eye(3), np.zeros(6), 0.0, 0.0, energy, self.start, stress, 0.0, 0.0, whole)
 
     def advanced(self, state: PlasticState, F: np.ndarray, step: float) -> PlasticState:
         if step == 0.0:
@@ -66,6 +71,8 @@ class PlasticPoint:
         arrays.deformation[:, 0], arrays.deviator[:, 0] = general_rows(state.F)[0], state.deviator
         for scalar in ("plastic_strain", "energy", "temperature"):
             getattr(arrays, scalar)[0, 0] = getattr(state, scalar)
+        if arrays.damage is not None and arrays.criterion_damage is not None:
+            arrays.damage[0, 0], arrays.criterion_damage[:, 0] = state.damage[0], state.damage[1:]
         self.rate.reshape(-1, 3, 4)[0, :, :3] = (F - state.F) @ np.linalg.inv(state.F) / step
         outcome = advance_stress(LAYOUT[3], 0, 1, self.law, step, None, arrays, self.motion, self.rate, self.record)
         sound, work = outcome[0], outcome[2]
@@ -81,11 +88,22 @@ class PlasticPoint:
             energy, temperature = energy - heat, state.temperature
         xx, yy, zz, _, yz, xz, xy, _ = self.record[0] / J
         stress = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        damage = self._damage()
+        pressure = plastic_evaluation.pressure(self.law, J, energy)
+        if len(damage) and damage[0] >= 1.0:
+            pressure = max(pressure, 0.0)
         # without the heat that has left
-        stress -= (np.trace(stress) / 3.0 + plastic_evaluation.pressure(self.law, J, energy)) * np.eye(3)
+        stress -= (np.trace(stress) / 3.0 + pressure) * np.eye(3)
         ep = arrays.plastic_strain[0, 0]
         flow = (ep, (ep - state.plastic_strain) / step, energy, temperature, stress)
-        return PlasticState(F, arrays.deviator[:, 0].copy(), *flow, state.plastic_work + work, state.heat + heat)
+        done = (state.plastic_work + work + outcome[4], state.heat + heat)
+        return PlasticState(F, arrays.deviator[:, 0].copy(), *flow, *done, damage)
+
+    def _damage(self) -> np.ndarray:
+        arrays = self.arrays
+        if arrays.damage is None or arrays.criterion_damage is None:
+            return np.zeros(0)
+        return np.concatenate((arrays.damage[:, 0], arrays.criterion_damage[:, 0]))
 
     def stress(self, state: PlasticState) -> np.ndarray:
         return np.linalg.det(state.F) * state.stress @ np.linalg.inv(state.F).T
@@ -109,6 +127,8 @@ class PlasticPoint:
         }
         names |= {"energy": "internal_energy", "heat": "heat_given_away"}
         result = {name: np.array([getattr(state, key) for state in states]) for key, name in names.items()}
+        if self.law.failure is not None:
+            result["damage"] = np.array([state.damage[0] for state in states])
         law, temperature = self.law, result["temperature"]
         J = np.linalg.det(self.deformations(states))
         pressure = plastic_evaluation.pressure(law, J, result["internal_energy"])

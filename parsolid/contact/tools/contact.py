@@ -8,10 +8,8 @@ from decomposition.reduction import sums as over_ranks
 from parsolid.collective import SolverError, minimum, raise_together
 from parsolid.contact.tools import forces
 from parsolid.contact.tools.bodies import make_body, shaped
-from parsolid.contact.tools.resistance import wave_modulus
 from parsolid.contact.tools.rigid_body import FreeBody, GuidedBody, rotation_vector
 from parsolid.contact.tools.touch import STIFFNESS, Touch, meant_by
-from parsolid.materials.registry import laws_of
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.scene import Scene
@@ -80,14 +78,13 @@ class RigidTools(Interaction):
         """
         self.comm, self.systems, self.dimension = comm, systems, scene.dimension
         self.names = [body.name or f"bodies.{i}" for i, body in enumerate(scene.bodies)]
-        polar = getattr(scene.method, "geometry", None) == "axisymmetric"
+        polar = getattr(systems[0].settings, "geometry", None) == "axisymmetric"
         self.tools = [Tool(stated, scene.dimension, polar) for stated in scene.tools]
         acceleration = scene.loads.acceleration
         self.gravity = None if acceleration is None else LoadHistory(acceleration, scene.loads)
-        laws = laws_of(scene)
         for system in systems:
-            own = [laws[number] for number in system.bodies]
-            signal = max(float(np.sqrt(wave_modulus(law) / law.density)) for law in own)
+            own = [system.wave_modulus(body) for body in range(len(system.bodies))]
+            signal = max(float(np.sqrt(modulus / density)) for modulus, density in own)
             for tool in self.tools:
                 meant = meant_by(tool.stated, scene, system)
                 if meant.any():

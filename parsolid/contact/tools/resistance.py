@@ -1,37 +1,8 @@
-"""How particles resist what presses on them: the modulus of their law, their faces, and the stiffness that follows."""
+"""How particles resist what presses on them: their faces, and the stiffness that follows."""
 
 from typing import Any
 
 import numpy as np
-
-from parsolid.materials.damage.bond_based import BondBased
-from parsolid.materials.hyperelastic.law import elastic_moduli, total_modulus
-from parsolid.materials.plastic import plastic_evaluation
-from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
-from parsolid.materials.plastic.micro_inertia import MicroInertia
-from parsolid.materials.viscoelastic.prony import Prony
-
-# pressure waves of a bond-based solid, whose Poisson's ratio is 1/4, over Young's modulus
-_BOND_BASED = 1.2
-
-
-def wave_modulus(law: Any) -> float:
-    """M = rho c^2 [Pa] of pressure waves in the undeformed solid, before anything has relaxed."""
-    if isinstance(law, ElasticPlastic):
-        shear = plastic_evaluation.shear_modulus(law, 1.0, 0.0, law.reference_temperature)
-        return float(plastic_evaluation.isentropic_bulk_modulus(law, 1.0, 0.0) + 4.0 / 3.0 * shear)
-    if isinstance(law, MicroInertia):
-        return law.bulk_modulus + 4.0 / 3.0 * law.shear_modulus
-    if isinstance(law, BondBased):
-        return _BOND_BASED * law.youngs_modulus
-    if isinstance(law, Prony):
-        glassy = 1.0 + sum(law.ratios or ())
-        if law.bulk_modulus is not None:
-            return law.bulk_modulus + 4.0 / 3.0 * law.shear_modulus * glassy
-        assert law.first_lame is not None
-        return (law.first_lame + 2.0 * law.shear_modulus) * glassy
-    shear, lame = elastic_moduli(law)
-    return float(lame + 2.0 * (shear + total_modulus(law.branch_moduli)))
 
 
 def radii(particles: Any, in_cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -6,8 +6,7 @@ import numpy as np
 
 from parsolid.contact.tools import forces
 from parsolid.contact.tools.forces import Frame, Friction, Resistance
-from parsolid.contact.tools.resistance import radii, stiffnesses, wave_modulus
-from parsolid.materials.registry import laws_of
+from parsolid.contact.tools.resistance import radii, stiffnesses
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.declaration import Field
 from parsolid.scene import Scene
@@ -31,9 +30,9 @@ def declare(scene: Scene, system: ParticleSystem) -> None:
     if not touching:
         return
     system.expect_kicks()
-    particles, laws = system.particles, laws_of(scene)
+    particles = system.particles
     in_cells = np.array([scene.bodies[number].placed_on == "cells" for number in system.bodies])
-    moduli = np.array([wave_modulus(laws[number]) for number in system.bodies])
+    moduli = np.array([system.wave_modulus(body)[0] for body in range(len(system.bodies))])
     radius, width = radii(particles, in_cells)
     polar = getattr(system.settings, "geometry", None) == "axisymmetric"
     particles.declare(Field(RADIUS, 1, "m"), radius)

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from parsolid.materials.failure.failure import Failure
 from parsolid.materials.plastic.rate_form import RateForm
 
 # parts, each told apart by its kind or found in a file of its own
@@ -21,7 +22,7 @@ class ElasticPlastic(NamedTuple):
     density [kg/m^3], specific_heat C_v [J/(kg K)] at the reference_temperature [K], that of the state without stress
     and energy, and specific_heat_slope dC_v/dT [J/(kg K^2)]; taylor_quinney: share of the plastic work that heats;
     conductivity [W/(m K)] or None, the largest if there is a conductivity_tensor (xx yy zz xy xz yz, None: isotropic);
-    equation_of_state, shear_modulus, flow_stress, melting (None: never).
+    equation_of_state, shear_modulus, flow_stress, melting (None: never), failure (None: never).
     """
 
     density: float
@@ -35,6 +36,7 @@ class ElasticPlastic(NamedTuple):
     melting: Any
     specific_heat_slope: float = 0.0
     conductivity_tensor: tuple[float, ...] | None = None
+    failure: Failure | None = None
 
     def internal_energy(self, temperature: Any, without_energy: Any = None) -> Any:
         """E [J/m^3] of the undeformed body at temperatures [K]; 0 at others, the reference unless given."""
@@ -76,7 +78,8 @@ def of_material(material) -> ElasticPlastic:
         tensor = tuple(map(float, tensor))
         conductivity = np.linalg.eigvalsh(full_tensor(tensor))[-1]
     isotropic = None if conductivity is None else float(conductivity)
-    return ElasticPlastic(conductivity=isotropic, conductivity_tensor=tensor, **numbers, **parts)
+    failure = None if material.failure is None else material.failure.build(density)
+    return ElasticPlastic(conductivity=isotropic, conductivity_tensor=tensor, failure=failure, **numbers, **parts)
 
 
 def full_tensor(components: Any) -> np.ndarray:

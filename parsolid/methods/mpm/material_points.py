@@ -8,6 +8,8 @@ import numpy as np
 
 from parsolid.materials.blocks import MaterialBlock, block_numbers, blocks_between
 from parsolid.materials.registry import laws_of
+from parsolid.methods.failed_matter import failed_to_delete, note_deleted
+from parsolid.methods.failure_fields import DELETED_KINETIC, DELETED_STORED
 from parsolid.methods.mpm import weights as grid_weights
 from parsolid.methods.mpm.grid import AffineFlip, Apic, Flip, Taylor
 from parsolid.numerics.lanes import aligned_zeros
@@ -150,6 +152,26 @@ class MaterialPoints(Particles):
             stretch = self.storage("deformation_gradient")[rows, : self.owned].T
             spacing = self.storage("spacing")[: self.owned]
             self.storage("half_widths")[: self.owned, :d] = 0.5 / self.settings.cell * spacing * stretch
+
+    # --- what fails -----------------------------------------------------------------------------------------------
+
+    def delete_failed(self) -> dict[str, float]:
+        """Take away what has failed since the last time, where laws say so: energies [J] that go with it."""
+        rows = failed_to_delete(self, self.blocks)
+        if not len(rows):
+            return {}
+        mass, velocity = self.motion[rows, 3].copy(), self.owned_rows("velocity")[rows]
+        stored = float(self["internal_energy"][rows] @ self.motion[rows, 7])
+        kinetic = note_deleted(self, rows, mass, velocity)
+        self.without_deleted()
+        return {DELETED_KINETIC: kinetic, DELETED_STORED: stored}
+
+    def without_deleted(self) -> None:
+        """Give deleted particles no mass and no volume, so that no node knows of them; they go on as tracers."""
+        if "deleted_mass" in self:
+            gone = self.owned_rows("deleted_mass") > 0.0
+            self.motion[: self.owned][gone, 3] = self.motion[: self.owned][gone, 7] = 0.0
+            self.storage("stress_and_volume")[: self.owned][gone, :7] = 0.0
 
     # --- what follows from the fields -------------------------------------------------------------------------------
 

@@ -15,9 +15,15 @@ def shown(points: MaterialPoints, name: str, first: int, last: int) -> np.ndarra
         return points["velocity_gradient"][here].reshape(-1, 3, 4)[:, :, :3].copy()
     if name not in ("density", "stress"):
         return None
-    volumes = points.motion[here, 7] * points.jacobian(first, last)
+    mass, grid_volume = points["mass"][here], points.motion[here, 7]
+    if "deleted_mass" in points:
+        # what was deleted has no stress and keeps its density
+        gone = points["deleted_mass"][here]
+        laws = np.array([law.density for law in points.laws])[points.law_of_body[points["body"][here]]]
+        mass, grid_volume = mass + gone, grid_volume + gone / laws
+    volumes = grid_volume * points.jacobian(first, last)
     if name == "density":
-        return np.asarray(points["mass"][here] / volumes)
+        return np.asarray(mass / volumes)
     xx, yy, zz, _, yz, xz, xy, _ = points["stress_and_volume"][here].T
     stress = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)
     return np.asarray(stress / volumes[:, None, None])

@@ -12,6 +12,21 @@ import numpy as np
 from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
+from parsolid.materials.failure.failing import (
+    Elasticity,
+    borne,
+    counted,
+    failing,
+    flowing,
+    formless,
+    found_before,
+    moving,
+    resisted,
+    settled,
+    sounding,
+    summed,
+)
+from parsolid.materials.failure.failure import Loading
 from parsolid.materials.plastic import radial_return, rate_form  # noqa: F401  (their overloads)
 from parsolid.materials.plastic.plasticity import (
     cold_pressure,
@@ -46,7 +61,8 @@ class MaterialState(NamedTuple):
 
     deformation: F, 9 rows in space (11, 12, 13, 21...), 5 in plane strain and axisymmetry (11, 12, 21, 22, 33);
     deviator: unrotated s [Pa], 6 rows (11, 22, 33, 12, 13, 23) or 4 (11, 22, 33, 12); one row each: plastic_strain
-    (equivalent), energy E [J/m^3] per reference volume, temperature [K].
+    (equivalent), energy E [J/m^3] per reference volume, temperature [K]. Of laws that fail, else None: damage, that of
+    each criterion (a row each), the factor of the strength and the mass that was deleted [kg].
     """
 
     deformation: np.ndarray
@@ -54,6 +70,10 @@ class MaterialState(NamedTuple):
     plastic_strain: np.ndarray
     energy: np.ndarray
     temperature: np.ndarray
+    damage: np.ndarray | None = None
+    criterion_damage: np.ndarray | None = None
+    strength_factor: np.ndarray | None = None
+    deleted_mass: np.ndarray | None = None
 
 
 class BulkViscosity(NamedTuple):
@@ -68,12 +88,16 @@ DEFORMATION_ROWS = {2: 5, 3: 9}
 DEVIATOR_ROWS = {2: 4, 3: 6}
 
 
-def new_state(dimension: int, capacity: int) -> MaterialState:
-    """The virgin state of `capacity` particles (a multiple of the lane width), at the temperature 0."""
+def new_state(dimension: int, capacity: int, criteria: int = 0) -> MaterialState:
+    """The virgin state of `capacity` particles (a multiple of the lane width), at the temperature 0.
+
+    criteria: number of the law's criteria of failure.
+    """
     deformation = aligned_zeros((DEFORMATION_ROWS[dimension], capacity))
     deformation[{2: (0, 3, 4), 3: (0, 4, 8)}[dimension], :] = 1.0
     deviator = aligned_zeros((DEVIATOR_ROWS[dimension], capacity))
-    return MaterialState(deformation, deviator, *(aligned_zeros((1, capacity)) for _ in range(3)))
+    damage = [aligned_zeros((rows, capacity)) for rows in (1, criteria)] if criteria else []
+    return MaterialState(deformation, deviator, *(aligned_zeros((1, capacity)) for _ in range(3)), *damage)
 
 
 @generic
@@ -123,57 +147,72 @@ def _store_state(space, state, i, values, count):
     store_first(state.temperature, 0, i, values[4], count)
 
 
+@register_jitable
+def _flowed(law, step, s, strain, ep, temperature, pressure, J, new_J):
+    """Deviator, increment of the plastic strain and plastic work per volume of a step; melting temperature and what
+    `Elasticity` holds.
+    """
+    melting = melting_temperature(law.melting, J)
+    mu = shear_modulus(law.shear_modulus, J, pressure, temperature, melting)
+    capacity = law.density * specific_heat(law, temperature)
+    heating = law.taylor_quinney * new_J / capacity
+    new_s, increment, plastic_work = deviator_update(
+        law.flow_stress, s, strain, ep, step, temperature, heating, mu, melting
+    )
+    return new_s, increment, plastic_work, melting, Elasticity(new_J, mu, capacity)
+
+
 @compiled(fastmath={"contract"}, error_model="numpy")
 def advance_stress(space, first, last, law, step, viscosity, state, motion, rate, stress):
     """Advance F, s, ep, E and T of particles first..last-1 by one step [s] with the velocity gradients `rate`.
 
     motion (capacity, 8): x y z m | vx vy vz V0; rate (capacity, 12): rows of l, each padded to 4; stress (capacity, 8):
     V sigma is written, artificial viscosity included, xx yy zz 0 | yz xz xy c + |v| (up to three records beyond `last`
-    are overwritten). viscosity is a BulkViscosity or None. Returns (sound, largest c + |v| [m/s], plastic work [J],
-    viscous work [J]); sound is False when a particle has J <= 0, is compressed beyond its equation of state, or is not
-    a number.
+    are overwritten). viscosity is a BulkViscosity or None. Returns (sound, largest c + |v| [m/s], plastic work, viscous
+    work, what failure released [J]); sound is False where J <= 0, beyond the equation of state, or not a number.
     """
-    sound, fastest, plastic, viscous = True, broadcast(0.0), broadcast(0.0), broadcast(0.0)
+    sound, fastest, plastic, viscous, freed = True, broadcast(0.0), broadcast(0.0), broadcast(0.0), broadcast(0.0)
     eos, gamma = law.equation_of_state, grueneisen_coefficient(law.equation_of_state)
     for i in range(first, last, WIDTH):
         count = min(WIDTH, last - i)
         F, s, ep, energy, temperature = _load_state(space, state, i)
-        new_F, R, D = _kinematics(step, load_rate(space, rate, i), F)
+        whole, present = found_before(law.failure, state, i)
+        new_F, R, D = _kinematics(step, moving(present, load_rate(space, rate, i)), F)
         J, new_J, volume_rate = determinant(F), determinant(new_F), trace(D)
         change, half_J = new_J - J, 0.5 * (J + new_J)
-        pressure = cold_pressure(eos, J) + gamma * energy
-        melting = melting_temperature(law.melting, J)
-        mu = shear_modulus(law.shear_modulus, J, pressure, temperature, melting)
+        pressure = borne(whole, cold_pressure(eos, J) + gamma * energy)
         strain = step * (D + (volume_rate * (-1.0 / 3.0)) * I)
-        capacity = law.density * specific_heat(law, temperature)
-        heating = law.taylor_quinney * new_J / capacity
-        new_s, increment, plastic_work = deviator_update(
-            law.flow_stress, s, strain, ep, step, temperature, heating, mu, melting
-        )
-        plastic_work = new_J * plastic_work
-        q = _viscous_pressure(viscosity, law.density / half_J, volume_rate, wave_speed(law, J, pressure, mu))
-        # closed form of E+ = E + W - [(P + P+)/2 + q] (J+ - J) with P+ = A(J+) + gamma E+; T dS and -gamma T tr d
-        # likewise
+        flow = _flowed(law, step, s, strain, ep, temperature, pressure, J, new_J)
+        new_s, increment, plastic_work = flowing(whole, flow[0], flow[1], new_J * flow[2])
+        melting, elasticity = flow[3], flow[4]
+        q = _viscous_pressure(viscosity, law.density / half_J, volume_rate, wave_speed(law, J, pressure, elasticity[1]))
+        q = resisted(whole, pressure, q)
+        # closed form of E+ = E + W - [(P + P+)/2 + q] (J+ - J), P+ = A(J+) + gamma E+; T dS and -gamma T tr d likewise
         cold, part = cold_pressure(eos, new_J), 0.5 * gamma * change
         work = 0.5 * half_J * contract(s + new_s, strain)
-        energy = (energy + work - (0.5 * (pressure + cold) + q) * change) / (1.0 + part)
-        heat = law.taylor_quinney * plastic_work - q * change
-        temperature = (temperature * (1.0 - part) + temperature_rise(law, capacity, heat)) / (1.0 + part)
-        pressure = cold + gamma * energy
-        _store_state(space, state, i, (new_F, new_s, ep + increment, energy, temperature), count)
+        rise = temperature_rise(law, elasticity[2], law.taylor_quinney * plastic_work - q * change)
+        closed = energy + work - (0.5 * (pressure + cold) + q) * change, temperature * (1.0 - part) + rise
+        opened = energy + work - (0.5 * pressure + q) * change, temperature + rise
+        energy, temperature, pressure = settled(whole, closed, opened, cold, gamma, part)
+        new_ep, flow_rate = ep + increment, increment / max(step, 1e-300)
+        loading = Loading(new_s, pressure, new_ep, increment, flow_rate, temperature, melting)
+        new_s, pressure, energy, temperature, released, whole = failing(
+            whole, law, state, i, count, loading, elasticity, energy, change, strain
+        )
+        _store_state(space, state, i, (formless(whole, new_F, new_J), new_s, new_ep, energy, temperature), count)
         velocity = four_rows(motion, i, 4)
         volume = velocity[3]
-        valid = float(count) - from_floats(0.5, 1.5, 2.5, 3.5)
-        speed = wave_speed(law, new_J, pressure, mu) + speed_of(velocity)
-        sigma = congruence(R, new_s) - (pressure + q) * I
-        store_stress(space, stress, i, (volume * new_J) * sigma, speed)
+        valid = counted(present, float(count) - from_floats(0.5, 1.5, 2.5, 3.5))
+        speed = wave_speed(law, sounding(whole, new_J), pressure, elasticity[1]) + speed_of(velocity)
+        store_stress(space, stress, i, (volume * new_J) * (congruence(R, new_s) - (pressure + q) * I), speed)
         fastest = choose(valid, max(speed, fastest), fastest)
         plastic = plastic + choose(valid, volume * plastic_work, 0.0)
         viscous = viscous + choose(valid, -volume * q * change, 0.0)
+        freed = summed(whole, freed, valid, volume * released)
         # the second of both where one is not a number
         if not all_positive(choose(valid, min(room_to_compress(eos, new_J), speed), 1.0)):
             sound = False
-    return sound, largest_lane(fastest), total(plastic), total(viscous)
+    return sound, largest_lane(fastest), total(plastic), total(viscous), total(freed)
 
 
 @compiled(error_model="numpy")

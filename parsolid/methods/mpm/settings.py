@@ -4,9 +4,11 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, model_validator
 
+from parsolid.methods.failure_fields import DAMAGE
 from parsolid.methods.mpm.plastic_state import PLASTIC_STATE
 from parsolid.scene.base_model import NotNegative, Point, Positive, SceneModel, dimension_of, reject
-from parsolid.scene.method_settings import MethodSettings
+from parsolid.scene.failure import QUANTITIES, faults_of_names
+from parsolid.scene.method_settings import MethodSettings, named_observables
 
 Basis = Literal["linear", "ugimp", "cpgimp", "quadratic-spline", "cubic-spline"]
 
@@ -52,10 +54,11 @@ class MaterialPoint(MethodSettings):
     """
 
     system: ClassVar = "parsolid.methods.mpm.system:MaterialPoint"
+    shared_field: ClassVar = True
     materials: ClassVar = ("hyperelastic", "elastic-plastic")
     boundaries: ClassVar = ("fixed", "roller", "velocity", "wall", "temperature", "heat_flux")
     loads: ClassVar = ("body_force", "acceleration", "heat_source", "manufactured")
-    declared_fields: ClassVar = PLASTIC_STATE
+    declared_fields: ClassVar = (*PLASTIC_STATE, DAMAGE)
     extra_fields: ClassVar = {"density": "scalar", "velocity_gradient": "tensor"}
     pictured_fields: ClassVar = ("plastic_strain", "temperature", "pressure")
     ledger_terms: ClassVar = {"plastic_work": 0, "viscous_work": 0, "heat_supplied": -1}
@@ -68,12 +71,12 @@ class MaterialPoint(MethodSettings):
         "entropy": "scalar",
         "lower_bounds": "vector",
         "upper_bounds": "vector",
-    }
+    } | QUANTITIES
 
     kind: Literal["mpm"]
     cell: Positive = Field(description="the spacing of the background grid [m]")
     origin: Point | None = Field(None, description="a point of the grid [m], zero unless given")
-    basis: Basis = "quadratic-spline"
+    basis: Basis = Field("quadratic-spline", description="shape functions of the grid")
     formulation: Literal["updated", "total-lagrangian"] = "updated"
     geometry: Literal["plane-strain", "axisymmetric"] | None = Field(None, description="of a 2-D scene")
     transfer: Literal["flip", "apic", "aflip", "tpic"] = "flip"
@@ -105,6 +108,11 @@ class MaterialPoint(MethodSettings):
         reject(*details)
         return self
 
+    def contact_refused(self, scene: Any) -> str | None:
+        """Between bodies with grids of their own; nothing of one body could part on its grid."""
+        alone = any(len(one.bodies) == 1 and one.bodies[0] in {b.name for b in scene.bodies} for one in scene.contact)
+        return "within one body of this method" if alone else None
+
     def scene_faults(self, scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
         """Particles on the surface; Maxwell branches; bodies beyond the axis; heat without conductivity; fields that no
         body has.
@@ -133,28 +141,25 @@ class MaterialPoint(MethodSettings):
             details.append((("method", "mass_terms"), f"1 with boundaries of the kind '{moved[0]}'", self.mass_terms))
         parts = [getattr(body.material, "parts", {}) for body in scene.bodies]
         conducting = any(each.get("conductivity") or each.get("conductivity_tensor") for each in parts)
-        for i, each in enumerate(parts):
-            if self.formulation == "total-lagrangian" and each.get("conductivity_tensor"):
-                place = ("bodies", i, "material", "conductivity_tensor")
-                details.append(
-                    (place, "no such key with the formulation 'total-lagrangian'", each["conductivity_tensor"])
-                )
+        for i, body in enumerate(scene.bodies):
+            # the grid lies on the undeformed body: tensors do not turn with it, and failed matter cannot leave it
+            for key in ("conductivity_tensor", "failure") if self.formulation == "total-lagrangian" else ():
+                if (found := getattr(body.material, key, None)) is not None:
+                    place = ("bodies", i, "material", key)
+                    details.append((place, "no such key with the formulation 'total-lagrangian'", found))
         for i, boundary in enumerate(scene.boundaries):
             if boundary.kind == "wall" and self.formulation == "total-lagrangian":
                 # the grid lies on the undeformed body and knows nothing of where the body is
                 details.append((("boundaries", i, "kind"), "no wall with the formulation 'total-lagrangian'", "wall"))
             if boundary.kind in ("temperature", "heat_flux") and not conducting:
                 details.append((("boundaries", i, "kind"), "a body with a conductivity", boundary.kind))
-        return details + self._fields_of_no_body(scene)
+        return details + self._fields_of_no_body(scene) + faults_of_names(scene)
 
     def _fields_of_no_body(self, scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
         if any(body.material.kind == "elastic-plastic" for body in scene.bodies):
             return []
-        named: list[tuple[tuple[Any, ...], Any]] = []
-        named += [(("output", "fields", i), name) for i, name in enumerate(scene.output.fields or ())]
-        for i, probe in enumerate(scene.probes):
-            named += [(("probes", i, "fields", k), name) for k, name in enumerate(probe.fields or ())]
-            named.append((("probes", i, "quantity"), probe.quantity))
         return [
-            (place, "something that a body of this scene has", name) for place, name in named if name in _OF_PLASTICITY
+            (place, "something that a body of this scene has", name)
+            for place, name in named_observables(scene)
+            if name in _OF_PLASTICITY
         ]

@@ -9,20 +9,18 @@ from parsolid.methods.protocol import EnergyLedger
 
 
 class StepEnergies:
-    """Made before the particles move, booked after. loads (capacity, 4): on the particles [N], or None; forces: also
-    those of what interacts with them, which books its work itself.
+    """Made before the particles move, booked after. forces (capacity, 4): of the loads on the particles
+    [N], or None.
     """
 
-    def __init__(self, points: MaterialPoints, nodes: Nodes, loads: np.ndarray | None, kicks: np.ndarray | None):
-        self.points, self.nodes, self.loads = points, nodes, loads
-        given = [one for one in (loads, kicks) if one is not None]
-        self.forces = sum(given[1:], given[0]) if given else None
+    def __init__(self, points: MaterialPoints, nodes: Nodes, forces: np.ndarray | None):
+        self.points, self.nodes, self.forces = points, nodes, forces
         settings = points.settings
         self.adds = settings.transfer in ("flip", "aflip") and settings.flip_fraction == 1.0
         self.again = settings.order == "musl"
         self.loses = "velocity_slope" in points or not (self.adds and self.again)
         self.kinetic = kinetic_energy(points.owned, points.motion) if self.loses else 0.0
-        kept = loads is not None or (self.adds and not self.again)
+        kept = forces is not None or (self.adds and not self.again)
         self.before = points.motion[: points.owned].copy() if kept else None
 
     def book(
@@ -32,10 +30,11 @@ class StepEnergies:
         ledger [J].
         """
         supplied, caught = boundaries
-        if self.loads is not None and self.before is not None:
-            supplied += _work(self.loads, self.before, self.points.motion[: self.points.owned], step)
+        if self.forces is not None and self.before is not None:
+            supplied += _work(self.forces, self.before, self.points.motion[: self.points.owned], step)
         ledger.add(1.0, 0.0, self._lost() + caught, supplied)
-        for name, energy in materials.items():
+        # what is deleted leaves after the step, so that it is not taken for a loss of the scheme
+        for name, energy in (materials | self.points.delete_failed()).items():
             ledger.add_term(name, energy)
 
     def _lost(self) -> float:

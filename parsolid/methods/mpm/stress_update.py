@@ -13,6 +13,8 @@ from decomposition.recalled import RecalledEach
 from parsolid.boundary.declarations import Declarations, Declared, TemperaturePlane
 from parsolid.materials.blocks import MaterialBlock
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
+from parsolid.methods.failed_matter import declare_failure
+from parsolid.methods.failure_fields import FAILURE_DISSIPATION
 from parsolid.methods.mpm.grid import CauchyStress
 from parsolid.methods.mpm.hyperelastic_update import advance_elastic_stress, elastic_energy
 from parsolid.methods.mpm.material_points import MaterialPoints
@@ -29,7 +31,10 @@ from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene, initial_temperature, initial_zero_energy_temperature
 
 # fields of the container in the order of MaterialState
-_STATE = ("deformation_gradient", "unrotated_deviator", "plastic_strain", "internal_energy", "temperature")
+_STATE = (
+    *("deformation_gradient", "unrotated_deviator", "plastic_strain", "internal_energy", "temperature"),
+    *("damage", "criterion_damage", "strength_factor", "deleted_mass"),
+)
 
 
 class HyperelasticUpdate:
@@ -43,14 +48,14 @@ class HyperelasticUpdate:
     def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
         """There is no state but F."""
 
-    def advance(self, block: MaterialBlock, step: float) -> tuple[bool, float, float, float]:
-        """Sound, largest c + |v| [m/s], plastic and viscous work [J] of one law's particles after a step [s]."""
+    def advance(self, block: MaterialBlock, step: float) -> tuple[bool, float, dict[str, float]]:
+        """Sound, largest c + |v| [m/s] and terms of the ledger [J] of one law's particles after a step [s]."""
         points, storage = self.points, self.points.storage
         deformation, rate = storage("deformation_gradient"), storage("velocity_gradient")
         arrays = (deformation, points.motion, rate, storage("stress_and_volume"))
         here = (points.space, block.first, block.last, block.law)
         sound, fastest = self._advance(id(block.law), *here, step, *arrays)
-        return sound, fastest, 0.0, 0.0
+        return sound, fastest, {}
 
     def stored_energy(self, block: MaterialBlock) -> float:
         """W V0 [J] of one law's particles."""
@@ -73,6 +78,7 @@ class ElasticPlasticUpdate:
         # planes at a temperature take up the plastic heat of the particles beside them, see `Conduction`
         if scene.method.conduction and Declarations(scene, Declared).of(TemperaturePlane):
             points.declare(kept("plastic_rise", 1, "K"))
+        declare_failure(points, points.laws)
 
     def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
         """Temperatures of the bodies' formulas and the internal energy that belongs to them."""
@@ -86,19 +92,20 @@ class ElasticPlasticUpdate:
             cold = initial_zero_energy_temperature(scene, rows("body")[here], warm, reference)
             rows("internal_energy")[here] = block.law.internal_energy(warm, cold)
 
-    def advance(self, block: MaterialBlock, step: float) -> tuple[bool, float, float, float]:
+    def advance(self, block: MaterialBlock, step: float) -> tuple[bool, float, dict[str, float]]:
         """See `HyperelasticUpdate.advance`."""
         points, storage, here = self.points, self.points.storage, (block.first, block.last)
-        state = points.kept(("material state",), lambda: MaterialState(*map(storage, _STATE)))
+        state = points.kept(("material state",), lambda: MaterialState(*map(points.find, _STATE)))
         rise = points.find("plastic_rise")
         before = None if rise is None else state.plastic_strain[0].copy()
         arrays = (points.motion, storage("velocity_gradient"), storage("stress_and_volume"))
-        sound, fastest, plastic, viscous = self._advance(
+        sound, fastest, plastic, viscous, released = self._advance(
             id(block.law), points.space, *here, block.law, step, self.viscosity, state, *arrays
         )
         if rise is not None:
             note_plastic_rise(*here, points.space, block.law, state, before, rise)
-        return sound, fastest, plastic, viscous
+        terms = {"plastic_work": plastic, "viscous_work": viscous}
+        return sound, fastest, terms if block.law.failure is None else terms | {FAILURE_DISSIPATION: released}
 
     def stored_energy(self, block: MaterialBlock) -> float:
         """E V0 [J] of one law's particles."""
@@ -140,13 +147,14 @@ class StressUpdate:
 
         Returns whether all are sound, and what this rank's laws tell the ledger [J].
         """
-        sound, self.fastest, plastic, viscous = True, 0.0, 0.0, 0.0
+        sound, self.fastest, terms = True, 0.0, {"plastic_work": 0.0, "viscous_work": 0.0}
         for block in self.points.blocks:
-            good, speed, work, friction = self._of(block.law).advance(block, step)
+            good, speed, more = self._of(block.law).advance(block, step)
             sound, self.fastest = sound and good, max(self.fastest, speed)
-            plastic, viscous = plastic + work, viscous + friction
-        self.plastic_work += plastic
-        return sound, {"plastic_work": plastic, "viscous_work": viscous}
+            for name, energy in more.items():
+                terms[name] = terms.get(name, 0.0) + energy
+        self.plastic_work += terms["plastic_work"]
+        return sound, terms
 
     @property
     def slowness(self) -> float:

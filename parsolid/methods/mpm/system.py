@@ -13,7 +13,12 @@ from mpi4py import MPI
 from decomposition.cell_partition import CellPartition
 from decomposition.grid import RankGrid
 from parsolid.boundary.loads import accelerations
+from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.collective import maximum
+from parsolid.materials.hyperelastic.law import elastic_moduli
+from parsolid.materials.plastic import plastic_evaluation
+from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
+from parsolid.methods import failed_matter
 from parsolid.methods.mpm.conduction import Conduction, common_conductivity, conducts
 from parsolid.methods.mpm.grid import kinetic_energy
 from parsolid.methods.mpm.grid_conditions import GridConditions
@@ -47,6 +52,8 @@ class MaterialPoint(ParticleSystem):
         self.comm, self.settings, self.dimension = comm, scene.method, scene.dimension
         refuse_bad_places(comm, scene, particle_set)
         self.points = self.particles = points = MaterialPoints(scene, particle_set)
+        if scene.contact:
+            points.declare(Field("impulse", self.dimension, "N s", checkpointed=True))
         self.materials = StressUpdate(scene, points)
         self.conditions = GridConditions(comm, scene, particle_set.position, points.origin)
         conducting = conducts(scene, points.laws)
@@ -79,6 +86,7 @@ class MaterialPoint(ParticleSystem):
 
     def resume(self) -> None:
         """Continue with the checkpoint's owners of cells; on other ranks with new ones; collective."""
+        self.points.without_deleted()
         self.residence.deal_out(self.partition)
         self.stress.resume()
         self._look_at_heat()
@@ -118,8 +126,8 @@ class MaterialPoint(ParticleSystem):
         if not self.settings.motion:
             announce(True, self.stable_step())
             return True
-        energies = StepEnergies(self.points, self.nodes, self._forces(time), self._kicks(step))
-        self.transfer.particles_to_nodes(self.stress.on_nodes, energies.forces)
+        energies = StepEnergies(self.points, self.nodes, self._forces(time))
+        self.transfer.particles_to_nodes(self.stress.on_nodes, self._with_impulses(energies.forces, step))
         self.nodes.accelerate(step)
         work, caught = self.conditions.obey(self.nodes, self.nodes.motion, time + step)
         caught += self.transfer.nodes_to_particles(time + step, step)
@@ -136,35 +144,52 @@ class MaterialPoint(ParticleSystem):
         result[: self.owned] = self.points.motion[: self.owned, 3:4] * self.loads.at(time)
         return result
 
+    def _with_impulses(self, forces: np.ndarray | None, step: float) -> np.ndarray | None:
+        """Forces (capacity, 4) [N] of loads and of the impulses that have been given since the last step [s]."""
+        if "impulse" not in self.points or step == 0.0:
+            return forces
+        impulse = self.points.owned_rows("impulse")
+        if not impulse.any():
+            return forces
+        result = aligned_zeros((self.points.capacity, 4)) if forces is None else forces.copy()
+        result[: self.owned, : self.dimension] += impulse / step
+        impulse[:] = 0.0
+        return result
+
+    def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
+        """Impulses act in the next step by way of the nodes: what only particles had, no node would know of.
+
+        None of the energy is in the particles yet. See `ParticleSystem.kick`.
+        """
+        self.points.owned_rows("impulse")[slice(None) if rows is None else rows] += impulse
+        return 0.0
+
     placements = None
 
     def expect_kicks(self) -> None:
-        """Impulses wait for the next step, in which they act as forces: given to particles alone they would grow where
-        the grid does not see them."""
+        """Impulses wait for the next step, and for a restart."""
         if "impulse" not in self.points:
-            self.points.declare(Field("impulse", 4, "N s", checkpointed=True))
-
-    def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
-        """See `ParticleSystem.kick`; of first order in the step [J]."""
-        here: Any = slice(None) if rows is None else rows
-        self.points.owned_rows("impulse")[here, : self.dimension] += impulse
-        return float(np.sum(impulse * self.points.owned_rows("velocity")[here]))
-
-    def _kicks(self, step: float) -> np.ndarray | None:
-        """Forces (capacity, 4) [N] that give the waiting impulses in a step [s], or None."""
-        if "impulse" not in self.points or step == 0.0:
-            return None
-        waiting = self.points.storage("impulse")
-        forces = waiting / step
-        waiting[:] = 0.0
-        return forces
+            self.points.declare(Field("impulse", self.dimension, "N s", checkpointed=True))
 
     def _waiting_energy(self) -> float:
-        """What waiting impulses will have given, as far as they belong to the present time [J]."""
+        """What waiting impulses will have given by the time to which the last half kick belongs [J]."""
         if "impulse" not in self.points:
             return 0.0
-        rows = self.points.owned_rows
-        return float(np.sum(rows("impulse")[:, : self.dimension] * rows("velocity")))
+        return float(np.sum(self.points.owned_rows("impulse") * self.points.owned_rows("velocity")))
+
+    @property
+    def symmetry_planes(self) -> list[MirrorPlane]:
+        """Rollers."""
+        return symmetry_planes([one.plane for one in self.conditions.planes])
+
+    def wave_modulus(self, body: int) -> tuple[float, float]:
+        """By the speed of pressure waves in the undeformed solid."""
+        law = self.points.laws[self.points.law_of_body[body]]
+        if isinstance(law, ElasticPlastic):
+            mu = plastic_evaluation.shear_modulus(law, 1.0, 0.0, law.reference_temperature)
+            return float(plastic_evaluation.isentropic_bulk_modulus(law, 1.0, 0.0) + 4.0 / 3.0 * mu), law.density
+        shear, lame = elastic_moduli(law)
+        return float(lame + 2.0 * shear), law.density
 
     @property
     def owned(self) -> int:  # type: ignore[override]
@@ -216,6 +241,11 @@ class MaterialPoint(ParticleSystem):
             field = name.removeprefix("maximum_")
             values = rows(field) if field in self.particles else np.zeros(0)
             return "maximum", np.array([values.max(initial=0.0)])
+        failed = (
+            failed_matter.measure(self.particles, self.mass[: self.owned], name) if "damage" in self.particles else None
+        )
+        if failed is not None:
+            return failed
         if name == "plastic_work":
             return "sum", np.array([self.materials.plastic_work])
         if name in ("heat", "entropy"):
@@ -260,10 +290,11 @@ class MaterialPoint(ParticleSystem):
         """Particles that changed their rank, how often cells were dealt out anew, and particles that have melted if any
         can.
         """
-        result = {
+        result: dict[str, Any] = {
             "migrated_particles": self.comm.allreduce(self.grid.migrated),
             "rebalanced": self.residence.rebalanced,
         }
+        result |= failed_matter.summary(self.comm, self.points, self.mass[: self.owned])
         if can_melt(self.points):
             ratios = homologous_temperatures(self.points)
             result["melted_particles"] = self.comm.allreduce(int((ratios >= 1.0).sum()))

@@ -22,11 +22,12 @@ class BondForce:
     field, displacement (rows, d) [m], force (rows, 4) [N]: views of the particles' fields, the force of the last
     evaluation, of the whole particle where it lies on a mirror plane. evaluations: so many of the forces so far. sound:
     whether every settled Jacobian is positive; at small strain there is none to look at.
+    stored [J]: energy of histories of its own.
     stiffens: whether stiffness depends on the state; growth: bound of the largest to come over that at rest.
     """
 
     sound = True
-    stiffens, growth = False, 1.0
+    stiffens, growth, stored = False, 1.0, 0.0
 
     def __init__(
         self, particles: Particles, bond_system: PairSystem, scale: np.ndarray | None, fixed_planes: np.ndarray
@@ -117,6 +118,18 @@ class BondForce:
         inverse = self.bond_system.weights.inverse_shape
         self.particles.owned_rows("correction")[:] = inverse.reshape(self.owned, -1)
 
+    # --- histories of its own, which small strain has not ---------------------------------------------------------
+
+    def prepare(self, step: float) -> None:
+        """The next evaluations are of the end of a step [s] from the settled states."""
+
+    def settle(self) -> float:
+        """Take the histories through the step; the energy dissipated [J]."""
+        return 0.0
+
+    def relax_fully(self) -> None:
+        """Let the histories relax."""
+
     # --- passes ------------------------------------------------------------------------------------------------
 
     def evaluate(self, laws: Any) -> np.ndarray:
@@ -126,6 +139,15 @@ class BondForce:
         for first, last, law in laws:
             self._put_records(first, self.space, first, last, law, self.stabiliser, self.body, sums, self.record)
         return self.divergence(self.stabiliser)
+
+    def evaluate_linear(self, laws: Any) -> np.ndarray:
+        """What of the force (owned, d) [N] is linear in the field f, of the laws' particles: all of it."""
+        return BondForce.evaluate(self, laws)
+
+    def combine(self, laws: Any, linear: np.ndarray) -> np.ndarray:
+        """The whole force (owned, d) [N] of the displacement u, from what is linear in fields."""
+        self.owned_force[:] = linear
+        return self.owned_force
 
     def evaluate_stiffness(self, laws: Any) -> np.ndarray:
         """Force (owned, d) [N] that is linear in the field f, by the laws of a stiffness (see

@@ -8,12 +8,14 @@ from parsolid.collective import raise_together
 from parsolid.materials.blocks import block_numbers, material_blocks
 from parsolid.materials.damage.bond_based import BondBased, micromodulus
 from parsolid.materials.registry import laws_of
+from parsolid.materials.viscoelastic.hyperelastic_series import HyperelasticSeries
 from parsolid.methods.peridynamics.bond_based import BondBasedForce, BondBasedHistory
 from parsolid.methods.peridynamics.bond_force import BondForce
 from parsolid.methods.peridynamics.bond_system import build_bond_system, horizons
 from parsolid.methods.peridynamics.history_force import HistoryForce, TensorHistory
 from parsolid.methods.peridynamics.operator import algorithmic_law
 from parsolid.methods.peridynamics.tensor_history import has_tensor_history
+from parsolid.methods.peridynamics.unlike_series import UnlikeSeries
 from parsolid.methods.peridynamics.viscoelastic_history import ViscoelasticHistory, series_of
 from parsolid.pairs.pair_system import PairSystem
 from parsolid.pairs.terms import AlongBonds, ShearScaled
@@ -30,7 +32,7 @@ class Forces(NamedTuple):
     horizon: np.ndarray
     bond_system: PairSystem
     engine: BondForce
-    history: ViscoelasticHistory
+    history: ViscoelasticHistory | UnlikeSeries
 
 
 def particles_of(scene: Any, particle_set: Any) -> Particles:
@@ -43,10 +45,11 @@ def build_forces(comm: Any, scene: Any, particle_set: Any, loads: Any) -> Forces
     """Bonds of this rank's particle_set, sorted by law, and the forces of the scene's laws; loads: `PeridynamicLoads`.
     Collective.
 
-    Raises SolverError on all ranks when particles cannot be bonded or bodies relax differently.
+    Raises SolverError on all ranks when particles cannot be bonded or laws do not go together.
     """
     laws = laws_of(scene)
-    raise_together(comm, _unlike_series(laws))
+    series = list(dict.fromkeys(map(series_of, laws)))
+    raise_together(comm, _faults(scene, laws, series))
     blocks, density = material_blocks(laws, particle_set.body)
     settings, share, dimension = scene.method, loads.share, particle_set.position.shape[1]
     particles = loads.particles
@@ -61,15 +64,18 @@ def build_forces(comm: Any, scene: Any, particle_set: Any, loads: Any) -> Forces
     made_of = comm, particles, settings, particle_set, share, stabiliser, loads.codes, scene.unbonded
     bond_system = build_bond_system(*made_of)
     fixed_planes = _fixed_planes(particle_set, loads.planes, bond_system.space.dimension)
-    branches = len(series_of(laws[0])[0])
+    branches = max(len(ratios) for ratios, _ in series)
     if bond_based:
         engine = BondBasedForce(particles, bond_system, settings, blocks, horizon, fixed_planes)
         return Forces(particles, horizon, bond_system, engine, BondBasedHistory(engine, blocks, branches))
+    history: Any = ViscoelasticHistory
     if any(has_tensor_history(law) for law in laws):
-        engine = HistoryForce(particles, bond_system, scale, fixed_planes, blocks, branches)
-        return Forces(particles, horizon, bond_system, engine, TensorHistory(engine, blocks, branches))
-    engine = BondForce(particles, bond_system, scale, fixed_planes)
-    return Forces(particles, horizon, bond_system, engine, ViscoelasticHistory(engine, blocks, branches))
+        engine, history = HistoryForce(particles, bond_system, scale, fixed_planes, blocks, branches), TensorHistory
+    else:
+        engine = BondForce(particles, bond_system, scale, fixed_planes)
+    if len(series) > 1:
+        return Forces(particles, horizon, bond_system, engine, UnlikeSeries(engine, blocks, series))
+    return Forces(particles, horizon, bond_system, engine, history(engine, blocks, branches))
 
 
 def _stabiliser(
@@ -101,14 +107,21 @@ def _fixed_planes(particle_set: Any, planes: list[Any], dimension: int) -> np.nd
     return result
 
 
-def _unlike_series(laws: list[Any]) -> str | None:
-    """A fault when bodies relax differently: the relaxing displacement is one field for all."""
+def _kinds_mixed(laws: list[Any]) -> str | None:
+    """A fault when some bodies are bond-based and some are not."""
     for index, law in enumerate(laws):
         if isinstance(law, BondBased) != isinstance(laws[0], BondBased):
             return f"bodies.{index}.material.kind: expected all bodies or none to be bond-based, found both kinds"
-        if series_of(law) != series_of(laws[0]):
-            return (
-                f"bodies.{index}.material.terms: expected the ratios and times of bodies.0 (the relaxing "
-                "displacement is one field), found others"
-            )
     return None
+
+
+def _faults(scene: Any, laws: list[Any], series: list[Any]) -> str | None:
+    """What of a scene's laws do not go together."""
+    damage = scene.method.damage
+    if len(series) > 1 and damage is not None and damage.criterion == "energy":
+        return "method.damage.criterion: expected 'stretch' where bodies relax differently, found 'energy'"
+    state = scene.method.state(scene.dimension)
+    for index, law in enumerate(laws):
+        if isinstance(law, HyperelasticSeries) and state in ("bar", "plane-stress"):
+            return f"bodies.{index}.material.base: expected plane strain or space, found {state!r}"
+    return _kinds_mixed(laws)

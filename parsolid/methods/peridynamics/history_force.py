@@ -30,7 +30,7 @@ from parsolid.particles.declaration import Columns, Field
 class HistoryForce(BondForce):
     """As `BondForce`, with the histories of all blocks. It declares
 
-    tensor_history         see `tensor_history`: as many rows for all particles, as all laws have as many branches
+    tensor_history         see `tensor_history`: rows for as many branches as any law has
     stabiliser_force       `control` (owned, d) [N] in the last evaluation of the laws
     displacement_sums      sums of the gradient pass of u
     tributary_volume       volume [m^3] on this side of mirror planes
@@ -47,12 +47,13 @@ class HistoryForce(BondForce):
         d, declare = self.dimension, particles.declare
         rows = TENSOR_ROWS[d] * (1 + branches)
         fresh = [initial_state(block.law, d) for block in blocks]
-        padding = tuple(map(float, fresh[-1])) if fresh else ()
+        longest = fresh[int(np.argmax([len(state) for state in fresh]))] if fresh else np.zeros(0)
+        padding = tuple(map(float, longest)) + (0.0,) * (rows - len(longest) if fresh else 0)
         declare(
             Field("tensor_history", rows, "1", checkpointed=True, mirror="tensor", layout=Columns(), padding=padding)
         )
         for block, state in zip(blocks, fresh):
-            self.states[:, block.first : block.last] = state[:, None]
+            self.states[: len(state), block.first : block.last] = state[:, None]
         volume = bond_system.volume[: self.owned] * particles.owned_rows("share")
         declare(Field("tributary_volume", 1, "m^3"), volume)
         declare(Field("stabiliser_force", d, "N", mirror="vector"))
@@ -94,8 +95,20 @@ class HistoryForce(BondForce):
 
     def evaluate(self, laws: Any) -> np.ndarray:
         """Force (owned, d) [N] of the fields f and u."""
+        return self._with_stress(laws, self.evaluate_control(laws))
+
+    def evaluate_linear(self, laws: Any) -> np.ndarray:
+        """The stabiliser's force (owned, d) [N] on the field f, of the laws' particles."""
+        self.evaluate_control(laws)
+        return self.control
+
+    def combine(self, laws: Any, linear: np.ndarray) -> np.ndarray:
+        """The whole force (owned, d) [N] of the displacement u, from what is linear in fields."""
+        self.control[:] = linear
+        return self._with_stress(laws, self.stabiliser is not None)
+
+    def _with_stress(self, laws: Any, told: bool) -> np.ndarray:
         self.evaluations += 1
-        told = self.evaluate_control(laws)
         sums = self.displacement_gradient(None if told else "motion", self.particles.storage("displacement_sums"))
         for (first, last, law), weights in zip(laws, self.weights):
             nominal_records(self.space, first, last, law, weights, self.body, self.states, sums, self.record)

@@ -5,7 +5,13 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.boundary.declarations import Declarations, PrescribedMotion, Support, SurfaceTraction
+from parsolid.boundary.declarations import (
+    Declarations,
+    PrescribedMotion,
+    Support,
+    SurfacePressure,
+    SurfaceTraction,
+)
 from parsolid.boundary.loads import InTime, Load, body_loads, densities
 from parsolid.boundary.prescribed import PrescribedRows
 from parsolid.boundary.rows import Components
@@ -30,7 +36,7 @@ class PeridynamicLoads:
         Raises SolverError on all ranks.
         """
         self.scene, self.particles = scene, particles
-        self.declared = Declarations(scene, Support, PrescribedMotion, SurfaceTraction)
+        self.declared = Declarations(scene, Support, PrescribedMotion, SurfaceTraction, SurfacePressure)
         supports = Supports(comm, scene, self.declared.of(Support, "roller", "fixed"), particle_set)
         self.planes, self.codes, self.share = supports.planes, supports.codes, supports.share
         self._held = Components(particles, supports.held)
@@ -57,6 +63,7 @@ class PeridynamicLoads:
         motions = (one for one in self.declared.of(PrescribedMotion) if one.quantity == "displacement")
         acting = [one.course.jump_times for one in motions]
         acting += [one.course.jump_times for one in self.declared.of(SurfaceTraction)]
+        acting += [one.course.jump_times for one in self.declared.of(SurfacePressure)]
         loads = self.scene.loads
         if loads.body_force is not None or loads.acceleration is not None:
             acting.append(loads.jump_times)

@@ -7,10 +7,12 @@ import numpy as np
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.damage.bond_based import BondBased
 from parsolid.materials.hyperelastic.law import elastic_moduli
+from parsolid.materials.viscoelastic.hyperelastic_series import HyperelasticSeries
 from parsolid.materials.viscoelastic.prony import Prony, algorithmic_factor
 from parsolid.methods.peridynamics.bond_force import BondForce
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.methods.peridynamics.tensor_history import is_small_strain
+from parsolid.methods.peridynamics.unlike_series import UnlikeSeries
 from parsolid.methods.peridynamics.viscoelastic_history import ViscoelasticHistory, series_of
 
 _SHIFT = 1e-6
@@ -23,6 +25,8 @@ def algorithmic_law(law: Prony, step: float) -> Prony:
     if isinstance(law, BondBased):
         # its engine needs no constants to be linear
         return Prony(law.density, 0.0, 0.0, None, None, None, None, None)
+    if isinstance(law, HyperelasticSeries):
+        return Prony(law.density, *elastic_moduli(law.solid), None, None, None, None, None)
     if not isinstance(law, Prony):
         return _undeformed(law, step)
     factor = algorithmic_factor(law, step)
@@ -81,7 +85,7 @@ class Operator:
     [s] is the length of the material step that starts at the last committed state, 0.0 a jump.
     """
 
-    def __init__(self, engine: BondForce, history: ViscoelasticHistory, loads: PeridynamicLoads) -> None:
+    def __init__(self, engine: BondForce, history: ViscoelasticHistory | UnlikeSeries, loads: PeridynamicLoads) -> None:
         self.engine, self.history, self.loads = engine, history, loads
         self.dimension, self.comm = loads.free.shape[1], engine.bond_system.comm
         linear = all(is_small_strain(law) for _, _, law in history.laws)
@@ -140,10 +144,9 @@ class Operator:
         if step != self.step:
             self.step = step
             self.tangents = [(first, last, algorithmic_law(law, step)) for first, last, law in self.history.laws]
-        d, engine = self.dimension, self.engine
         self.history.begin(step)
-        engine.field[: engine.owned, :d] = self.history.factor[:, None] * change
-        np.multiply(engine.evaluate_stiffness(self.tangents)[:, :d], -self.share[:, None], out=out)
+        force = self.history.stiffness_force(self.tangents, change)
+        np.multiply(force[:, : self.dimension], -self.share[:, None], out=out)
 
     @property
     def displacement(self) -> np.ndarray:

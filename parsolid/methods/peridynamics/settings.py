@@ -65,7 +65,9 @@ class QuasiStatic(SceneModel):
 
     kind: Literal["quasi-static"]
     step: Positive = Field(description="the material step [s]")
-    solver: Literal["conjugate-gradients", "dynamic-relaxation"] = "conjugate-gradients"
+    solver: Literal["conjugate-gradients", "dynamic-relaxation"] = Field(
+        "conjugate-gradients", description="how equilibrium is found"
+    )
     preconditioner: Literal["two-level", "none"] | None = Field(
         None, description="of conjugate gradients: 'two-level' (unless given) or 'none'"
     )
@@ -93,15 +95,17 @@ class Damage(SceneModel):
     """
 
     exactly_one: ClassVar = (("fracture_energy", "critical_stretch", "critical_bond_energy"),)
-    criterion: Literal["stretch", "energy"] = "stretch"
+    criterion: Literal["stretch", "energy"] = Field("stretch", description="what breaks a bond")
     fracture_energy: Positive | None = Field(None, description="the energy release rate G_c [J/m^2]")
     critical_stretch: Positive | None = Field(None, description="the stretch at which a bond breaks")
     critical_bond_energy: Positive | None = Field(
         None, description="energy per two volumes at which a bond breaks [J/m^6]"
     )
     modulus: Literal["instantaneous", "equilibrium"] | Positive = "instantaneous"
-    least_shape_ratio: Share = 0.02
-    largest_damage: Share = 0.8
+    least_shape_ratio: Share = Field(
+        0.02, description="share of a whole neighbourhood's shape determinant below which a particle bears no stress"
+    )
+    largest_damage: Share = Field(0.8, description="share of broken bonds above which a particle bears no stress")
 
     @model_validator(mode="after")
     def _matched(self) -> "Damage":
@@ -120,7 +124,7 @@ class PreCrack(SceneModel):
     """
 
     exactly_one: ClassVar = (("plane", "segment", "rectangle"),)
-    plane: Plane | None = None
+    plane: Plane | None = Field(None, description="a plane that no bond crosses")
     box: Box | None = None
     segment: Annotated[list[Point], Field(min_length=2, max_length=2)] | None = None
     rectangle: Annotated[list[Point], Field(min_length=3, max_length=3)] | None = None
@@ -177,7 +181,7 @@ class Peridynamics(MethodSettings):
     bodies_meet: ClassVar = False
     dimensions: ClassVar = (1, 2, 3)
     materials: ClassVar = ("hyperelastic", "prony", "bond-based")
-    boundaries: ClassVar = ("fixed", "roller", "velocity", "displacement", "layer", "traction")
+    boundaries: ClassVar = ("fixed", "roller", "velocity", "displacement", "layer", "traction", "surface_pressure")
     pictured_fields: ClassVar = ("damage", "pressure")
     ledger_terms: ClassVar = {"dissipation_fracture": 1, "leapfrog_oscillation": -1, "residual_work": 0}
     extra_fields: ClassVar = {"damage": "scalar"}
@@ -190,7 +194,7 @@ class Peridynamics(MethodSettings):
     plane: Literal["stress", "strain"] | None = Field(None, description="'stress' or 'strain' of a 2-D scene")
     initial_state: Literal["instantaneous", "relaxed"] = "instantaneous"
     stabilisation: Stabilisation = Stabilisation()
-    solution: Solution = Explicit(kind="explicit")
+    solution: Solution = Field(Explicit(kind="explicit"), description="explicit steps, or equilibrium at each step")
     damage: Damage | None = None
     pre_cracks: list[PreCrack] = []
 

@@ -1,13 +1,14 @@
 """Particle kernels of laws whose stress depends on the displacement gradient with tensors as history.
 
-Those are Prony solids with an elastic bulk or of finite strain, and the hyperelastic Maxwell solids of the foundation;
-see `tensor_states` for what they implement.
+Those are Prony solids with an elastic bulk or of finite strain, Prony series on hyperelastic solids, and the
+hyperelastic Maxwell solids of the foundation; see `tensor_states` for what they implement.
 """
 
 import numpy as np
 
 from decomposition.compiled import compiled
 from parsolid.materials.hyperelastic.law import elastic_moduli, total_modulus
+from parsolid.materials.viscoelastic.hyperelastic_series import HyperelasticSeries
 from parsolid.materials.viscoelastic.maxwell import relaxation_weights
 from parsolid.materials.viscoelastic.prony import (
     Prony,
@@ -16,7 +17,11 @@ from parsolid.materials.viscoelastic.prony import (
     free_work_weights,
     pressure_wave_modulus,
 )
-from parsolid.methods.peridynamics import maxwell_history, prony_history  # noqa: F401  (what they implement)
+from parsolid.methods.peridynamics import (  # noqa: F401  (what they implement)
+    hyperelastic_history,
+    maxwell_history,
+    prony_history,
+)
 from parsolid.methods.peridynamics.correspondence import gradient_of, store_record
 from parsolid.methods.peridynamics.tensor_states import (
     TENSOR_ROWS,
@@ -53,6 +58,9 @@ def undeformed_wave_modulus(law) -> float:
     """rho c_max^2 [Pa] at rest, of all moduli before they relax."""
     if isinstance(law, Prony):
         return pressure_wave_modulus(law)
+    if isinstance(law, HyperelasticSeries):
+        shear, lame = elastic_moduli(law.solid)
+        return (lame + 2.0 * shear) * (1.0 + sum(law.ratios))
     shear, lame = elastic_moduli(law)
     return lame + 2.0 * (shear + total_modulus(law.branch_moduli))
 

@@ -7,15 +7,19 @@ stress only under small forces inside, too ("consistent-everywhere").
 
 What a traction that varies over its face has beyond its mean acts on the particles at the face: near edges the forces
 of a uniform stress are not those of the area of each particle, and their moment under t(y) would be too small.
+
+A pressure p acts on a surface of any shape as p times the forces -f_int(-1) of the particles near it: a body under one
+pressure all around has its exact strain, whatever stairs its particles make of its surface.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
 from decomposition.reduction import ordered_sum
-from parsolid.boundary.declarations import Declarations, SurfaceTraction
+from parsolid.boundary.declarations import Declarations, SurfacePressure, SurfaceTraction
 from parsolid.boundary.loads import BeyondMean, Course, Load, MeanOverFace, area_along
 from parsolid.boundary.rows import keep
 from parsolid.boundary.supports import Supports
@@ -27,6 +31,26 @@ from parsolid.solvers import start_vector
 
 # of a face's particles, so many give the mean of its traction
 _SAMPLE = 256
+
+
+@dataclass(frozen=True)
+class Along:
+    """The first component of a course along one axis of d."""
+
+    course: Course
+    axis: int
+    dimension: int
+
+    @property
+    def depends_on_time(self) -> bool:
+        """Whether it changes."""
+        return self.course.depends_on_time
+
+    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
+        """(n, d), all but one column 0."""
+        result = np.zeros((len(points), self.dimension))
+        result[:, self.axis] = self.course.evaluate(points, time, before)[:, 0]
+        return result
 
 
 class Tractions:
@@ -46,6 +70,31 @@ class Tractions:
 
     def forces(self, engine: Any, horizon: np.ndarray) -> list[Load]:
         """Forces [N] on the particles; engine: `BondForce` with all bonds whole; horizon (owned,) [m]."""
+        return self._of_planes(engine, horizon) + self._pressures(engine)
+
+    def _pressures(self, engine: Any) -> list[Load]:
+        """The forces that balance a uniform pressure, in the region of each pressure."""
+        pressures, d, loads = self.declared.of(SurfacePressure), self.particle_set.position.shape[1], []
+        if not pressures:
+            return []
+        unit = self._unit(engine)
+        # what is left inside a regular body is rounding
+        least = 1e-12 * maximum(self.comm, float(np.abs(unit).max(initial=0.0)))
+        for one in pressures:
+            within = selected(self.declared.scene, one.where, self.particle_set, self.comm)
+            for axis in range(d):
+                chosen = within & (np.abs(unit[:, axis]) > least)
+                scale = keep(self.particles, f"force_per_pressure_{one.key}_{axis}", unit[:, axis])
+                loads.append(Load(self.particles, self.particles.selection(chosen), scale, Along(one.course, axis, d)))
+        return loads
+
+    def _unit(self, engine: Any) -> np.ndarray:
+        """Force (owned, d) [m^2] of a uniform unit stress, 1."""
+        unit_stress = np.tile(np.eye(engine.dimension), (len(self.particle_set), 1, 1))
+        unit: np.ndarray = engine.of_stress(unit_stress) * self.supports.share[:, None]
+        return unit
+
+    def _of_planes(self, engine: Any, horizon: np.ndarray) -> list[Load]:
         tractions = self.declared.of(SurfaceTraction)
         reach = maximum(self.comm, float(horizon.max(initial=0.0)))
         kind = self.declared.scene.method.traction
@@ -55,8 +104,7 @@ class Tractions:
             return [self._at_face(one, one.course) for one in tractions]
         if not tractions:
             return []
-        unit_stress = np.tile(np.eye(engine.dimension), (len(self.particle_set), 1, 1))
-        unit = engine.of_stress(unit_stress) * self.supports.share[:, None]
+        unit = self._unit(engine)
         depth = 2.0 * reach if kind == "consistent" else np.inf
         means = [self._mean(one) for one in tractions]
         inside = [self._consistent(one, mean, unit[:, one.plane.axis], depth) for one, mean in zip(tractions, means)]

@@ -11,6 +11,7 @@ import numpy as np
 from decomposition.compiled import compiled
 from decomposition.recalled import RecalledEach
 from parsolid.materials.hyperelastic.law import elastic_moduli
+from parsolid.materials.viscoelastic.hyperelastic_series import HyperelasticSeries
 from parsolid.materials.viscoelastic.prony import Prony, branch_weights, dissipation_weights
 from parsolid.particles.declaration import Field
 
@@ -69,7 +70,7 @@ def settle(first, last, ratios, weights, shares, share, new, old, terms, force, 
 def series_of(law) -> tuple:
     """gamma_j and tau_j [s] of a law's branches, of Maxwell solids relative to the equilibrium shear modulus."""
     times = law.relaxation_times or ()
-    if isinstance(law, Prony):
+    if isinstance(law, Prony | HyperelasticSeries):
         return law.ratios or (), times
     if not law.branch_moduli:
         return (), times
@@ -84,21 +85,22 @@ class ViscoelasticHistory:
     branch_displacements, branch_forces   terms (owned, branches d) = q_j [m], forces = f(q_j) [N], branch after branch
     """
 
-    def __init__(self, engine, blocks, branches: int):
+    def __init__(self, engine, blocks, branches: int, series=None, mark: str = ""):
         """engine: `BondForce`, whose fields are filled; blocks: their laws give the series of so many branches, alike
-        for all particles.
+        for all particles, unless `series` (ratios, times) is that of all; mark: what fields' names end with.
         """
         self.engine, self.particles, self.branches, self.series = engine, engine.particles, branches, []
         self.laws = [(block.first, block.last, block.law) for block in blocks]
-        for first, last, law in self.laws:
-            ratios, times = series_of(law)
+        stated = [(first, last, *series_of(law)) for first, last, law in self.laws]
+        for first, last, ratios, times in stated if series is None else [(0, engine.owned, *series)]:
             self.series.append((first, last, np.array(ratios, float), np.array(times, float)))
         d, declare, kept = engine.dimension, self.particles.declare, {"checkpointed": branches > 0, "mirror": "vector"}
-        declare(Field("settled_displacement", d, "m", **kept))
-        declare(Field("elastic_force", d, "N", **kept))
+        self.mark = mark
+        declare(Field(f"settled_displacement{mark}", d, "m", **kept))
+        declare(Field(f"elastic_force{mark}", d, "N", **kept))
         if branches:
-            declare(Field("branch_displacements", branches * d, "m", **kept))
-            declare(Field("branch_forces", branches * d, "N", **kept))
+            declare(Field(f"branch_displacements{mark}", branches * d, "m", **kept))
+            declare(Field(f"branch_forces{mark}", branches * d, "N", **kept))
         # weights are those of a step, all else stays what it is
         self._propose, self._settle = RecalledEach(propose, free=(3,)), RecalledEach(settle, free=(3, 4))
         self.factor = np.ones(engine.owned)
@@ -108,12 +110,12 @@ class ViscoelasticHistory:
     @property
     def old(self) -> np.ndarray:
         """Displacement (owned, d) [m] of the last settled state."""
-        return self.particles.owned_rows("settled_displacement")
+        return self.particles.owned_rows(f"settled_displacement{self.mark}")
 
     @property
     def elastic(self) -> np.ndarray:
         """f(u) (owned, d) [N] there."""
-        return self.particles.owned_rows("elastic_force")
+        return self.particles.owned_rows(f"elastic_force{self.mark}")
 
     @property
     def terms(self) -> np.ndarray:
@@ -127,8 +129,8 @@ class ViscoelasticHistory:
 
     def _of_branches(self, name: str) -> np.ndarray:
         if self.branches:
-            return self.particles.owned_rows(name)
-        return self.particles.kept(("no branches",), lambda: np.zeros((self.engine.owned, 0)))
+            return self.particles.owned_rows(name + self.mark)
+        return self.particles.kept(("no branches", self.mark), lambda: np.zeros((self.engine.owned, 0)))
 
     def _branch(self, values: np.ndarray, number: int) -> np.ndarray:
         """The columns (owned, d) of a branch in `terms` or `forces`."""
@@ -148,7 +150,7 @@ class ViscoelasticHistory:
     def propose(self, step: float) -> None:
         """Fill the engine's field with u~ after a step [s] to its displacement."""
         self.begin(step)
-        arrays = self.particles.kept(("history",), self._arrays)[:4]
+        arrays = self.particles.kept(("history", self.mark), self._arrays)[:4]
         for (first, last, ratios, _), weights in zip(self.series, self.weights):
             self._propose(first, first, last, ratios, weights, *arrays)
 
@@ -163,12 +165,18 @@ class ViscoelasticHistory:
         self.propose(step)
         return self.engine.evaluate(self.laws)
 
+    def stiffness_force(self, tangents, change: np.ndarray) -> np.ndarray:
+        """-K du [N] (owned, d) of a displacement du (owned, d) over the step begun, see `Operator.stiffness`."""
+        engine, d = self.engine, change.shape[1]
+        engine.field[: engine.owned, :d] = self.factor[:, None] * change
+        return engine.evaluate_stiffness(tangents)
+
     def settle(self, step: float) -> float:
         """End a step [s] at the engine's displacement, where it has evaluated the proposed field; the energy dissipated
         over it [J].
         """
         self.begin(step)
-        new, old, terms, _, share, *forces = self.particles.kept(("history",), self._arrays)
+        new, old, terms, _, share, *forces = self.particles.kept(("history", self.mark), self._arrays)
         dissipated = 0.0
         for (first, last, ratios, _), weights, shares in zip(self.series, self.weights, self.shares):
             dissipated += self._settle(first, first, last, ratios, weights, shares, share, new, old, terms, *forces)

@@ -18,7 +18,9 @@ class TotalLagrangianSPH(MethodSettings):
     materials: ClassVar = ("hyperelastic",)
     boundaries: ClassVar = ("fixed", "roller", "antisymmetric", "velocity", "traction")
     kind: Literal["tlsph"]
-    kernel: Literal[kernel_names()] = "wendland-c2"  # type: ignore[valid-type]
+    kernel: Literal[kernel_names()] = Field(  # type: ignore[valid-type]
+        "wendland-c2", description="the smoothing kernel"
+    )
     smoothing: float = Field(0.85, gt=0, le=30, description="smoothing length over particle spacing, h/dx, at most 30")
     integrator: Literal["ssp-rk3", "leapfrog"] = Field(
         "ssp-rk3", description='"ssp-rk3": three force evaluations a step, order 3; "leapfrog": one, order 2'

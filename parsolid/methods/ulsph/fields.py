@@ -19,6 +19,8 @@ from parsolid.particles.declaration import Columns, Field, Rows, Within
 
 DEVIATOR_ROWS, CORRECTION_ROWS = {2: 4, 3: 6}, {2: 3, 3: 6}
 _NO_CORRECTION = {2: (1.0, 1.0, 0.0), 3: (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)}
+# of `Body`, what only laws that fail have
+OF_FAILURE = ("damage", "criterion_damage", "strength_factor", "deleted_mass")
 
 
 class Body(NamedTuple):
@@ -28,7 +30,8 @@ class Body(NamedTuple):
     temperature [K]; plastic_strain: accumulated equivalent strain, gamma of micro-inertia; micro_rate v^p [1/s];
     micro_stress pi [Pa]; micro_curl eta [1/m]; micro_gradient grad v^p (d) [1/(m s)]; energetic_flux, dissipative_flux
     (d) [N/m]; heat_flux (d) [W/m^2]; energy E [J/m^3] per reference volume, of laws with an equation of state of heat;
-    micro_free: 1, or 0 where v^p is held at 0.
+    micro_free: 1, or 0 where v^p is held at 0; of laws that fail damage, that of each criterion (a row each), factor of
+    the strength, mass that was deleted [kg].
     """
 
     kinematics: Any
@@ -52,6 +55,10 @@ class Body(NamedTuple):
     heat_flux: Any
     energy: Any
     micro_free: Any
+    damage: Any
+    criterion_damage: Any
+    strength_factor: Any
+    deleted_mass: Any
 
 
 def body_of(particles: Particles, without: frozenset[str] = frozenset()) -> Body:

@@ -4,6 +4,8 @@ from typing import Any
 
 import numpy as np
 
+from parsolid.methods import failed_matter
+
 
 def shown(system: Any, name: str, first: int, last: int) -> np.ndarray | None:
     """Cauchy stress (n, 3, 3) [Pa] Jacobian rho_0/rho (n,), internal energy per reference
@@ -32,6 +34,9 @@ def shown(system: Any, name: str, first: int, last: int) -> np.ndarray | None:
 def measure(system: Any, name: str) -> tuple[str, np.ndarray]:
     """ "sum", "minimum" or "maximum", and this rank's part, of one of the settings' quantities."""
     rows, mass = system.particles.owned_rows, system.mass[: system.owned]
+    failed = failed_matter.measure(system.particles, mass, name) if "damage" in system.particles else None
+    if failed is not None:
+        return failed
     if name == "maximum_deviator_norm":
         squares = rows("deviator") ** 2
         shears = squares[:, 3:].sum(axis=1)
@@ -76,3 +81,11 @@ def beyond_its_law(system: Any) -> tuple[int, str] | None:
             ratio = block.law.density / body.density[0, index]
             return index, f"it is compressed beyond its equation of state (to {ratio:.4g} of its volume)"
     return None
+
+
+def advice(settings: Any) -> str:
+    """What most likely helps when a run goes wrong."""
+    hints = [f"a smaller method.cfl (it is {settings.cfl:g}; 0.3 is stable)"] if settings.cfl > 0.3 else []
+    if not settings.viscosity:
+        hints.append("method.viscosity (there is none)")
+    return ", or ".join([*hints, "more particles", "a milder load"])

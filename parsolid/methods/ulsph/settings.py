@@ -1,13 +1,15 @@
 """Updated-Lagrangian SPH as a scene states it."""
 
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
+from parsolid.methods.failure_fields import DAMAGE
 from parsolid.methods.ulsph.state_fields import MICRO_STATE, STATE
 from parsolid.pairs.smoothing import kernel_names
-from parsolid.scene.base_model import NotNegative, Positive, SceneModel
-from parsolid.scene.method_settings import Detail, MethodSettings
+from parsolid.scene.base_model import NotNegative, Positive, SceneModel, TableOr
+from parsolid.scene.failure import QUANTITIES, faults_of_names
+from parsolid.scene.method_settings import Detail, MethodSettings, named_observables
 
 # what only one kind of material has
 _KIND_OF = {
@@ -43,7 +45,7 @@ class UpdatedLagrangianSPH(MethodSettings):
     system: ClassVar = "parsolid.methods.ulsph.system:UpdatedLagrangianSPH"
     materials: ClassVar = ("micro-inertia", "elastic-plastic")
     boundaries: ClassVar = ("fixed", "roller", "velocity", "wall", "micro_clamped", "temperature")
-    declared_fields: ClassVar = (*STATE, *MICRO_STATE)
+    declared_fields: ClassVar = (*STATE, *MICRO_STATE, DAMAGE)
     extra_fields: ClassVar = {"internal_energy": "scalar"}
     pictured_fields: ClassVar = ("plastic_strain", "temperature", "pressure")
     ledger_terms: ClassVar = {
@@ -64,16 +66,18 @@ class UpdatedLagrangianSPH(MethodSettings):
         "heat": "scalar",
         "lower_bounds": "vector",
         "upper_bounds": "vector",
-    }
+    } | QUANTITIES
 
     kind: Literal["ulsph"]
-    kernel: Literal[kernel_names()] = "cubic-spline"  # type: ignore[valid-type]
+    kernel: Literal[kernel_names()] = Field(  # type: ignore[valid-type]
+        "cubic-spline", description="the smoothing kernel"
+    )
     smoothing: Positive = Field(1.3, description="smoothing length over particle spacing, h/dx")
     # the equation of state is integrated, not the derivative of a stored energy
     balance_warning: Positive = 0.03
     cfl: Positive = Field(0.3, description="time step over h / (wave speed + particle speed)")
     gradient_correction: bool = True
-    viscosity: Viscosity | Literal[False] = Viscosity()
+    viscosity: Annotated[Viscosity | Literal[False], TableOr(Viscosity, False)] = Viscosity()
     viscous_heating: bool = False
     contact: Literal["compression", "welded"] | None = Field(None, description="of several bodies, 'compression'")
     skin: Positive = Field(0.25, description="reach of the lists beyond the support, over the support")
@@ -103,15 +107,12 @@ class UpdatedLagrangianSPH(MethodSettings):
         for i, boundary in enumerate(scene.boundaries):
             if boundary.kind == "micro_clamped" and not micro:
                 details.append((("boundaries", i, "kind"), "a body with micro-inertia", boundary.kind))
-        return details + self._of_no_body(scene, kinds)
+        return details + self._of_no_body(scene, kinds) + faults_of_names(scene)
 
     @staticmethod
     def _of_no_body(scene: Any, kinds: set[str]) -> list[Detail]:
         """What is to be shown of laws that no body has."""
-        named: list[tuple[tuple[Any, ...], Any]] = []
-        named += [(("output", "fields", i), name) for i, name in enumerate(scene.output.fields or ())]
-        for i, probe in enumerate(scene.probes):
-            named += [(("probes", i, "fields", k), name) for k, name in enumerate(probe.fields or ())]
-            named.append((("probes", i, "quantity"), probe.quantity))
-        wanted = "something that a body of this scene has"
-        return [(place, wanted, name) for place, name in named if _KIND_OF.get(name, next(iter(kinds))) not in kinds]
+        wanted, one = "something that a body of this scene has", next(iter(kinds))
+        return [
+            (place, wanted, name) for place, name in named_observables(scene) if _KIND_OF.get(name, one) not in kinds
+        ]

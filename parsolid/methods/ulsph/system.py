@@ -8,12 +8,14 @@ from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, block_numbers, blocks_between
 from parsolid.materials.registry import laws_of
+from parsolid.methods import failed_matter
 from parsolid.methods.pair_method import PairMethod
 from parsolid.methods.protocol import Announce, EnergyLedger
 from parsolid.methods.ulsph import kinematics as motion
 from parsolid.methods.ulsph.boundaries import BoundarySet
+from parsolid.methods.ulsph.deletion import Deletion
 from parsolid.methods.ulsph.fields import declare_motion, declare_state
-from parsolid.methods.ulsph.observation import measure, shown, unsound
+from parsolid.methods.ulsph.observation import advice, measure, shown, unsound
 from parsolid.methods.ulsph.sweeps import Sweeps
 from parsolid.methods.ulsph.terms import (
     ArtificialViscosity,
@@ -69,6 +71,7 @@ class UpdatedLagrangianSPH(PairMethod):
         self.boundaries = BoundarySet(comm, scene, particle_set, particles)
         lacks = self.updates.lacks | ({"micro_free"} if self.boundaries.held_micro is None else set())
         declare_state(particles, self.dimension, density, lacks)
+        failed_matter.declare_failure(particles, self.laws)
         self._declare_constants(comm, particle_set, density)
         self.correction = GradientCorrection(_MOST) if settings.gradient_correction else None
         skin = (float(settings.skin), self.boundaries.codes, float(settings.rebalance))
@@ -78,6 +81,7 @@ class UpdatedLagrangianSPH(PairMethod):
         self.sweeps = Sweeps(self.space, kernel, self.pairs, particles, *terms)
         self.supplied = self.supplied_to_stored = 0.0
         self.lists_state: dict[str, Any] | None = None
+        self.deletion = Deletion(self)
 
     def _declare_constants(self, comm: Any, particle_set: ParticleSet, density: np.ndarray) -> None:
         """Mass, smoothing length and, where bodies meet, the number of the body, known to ghosts."""
@@ -129,6 +133,7 @@ class UpdatedLagrangianSPH(PairMethod):
     def resume(self) -> None:
         """Continue with the lists of the checkpoint; collective."""
         assert self.lists_state is not None
+        self.deletion.hold()
         self.pairs.restore(self.lists_state["pairs"], self.lists_state["time"])
         self.tell_all()
 
@@ -163,7 +168,9 @@ class UpdatedLagrangianSPH(PairMethod):
     def follow_lists(self, time: float) -> None:
         """Make the lists anew where a rank has found them used up; collective then."""
         if self.news_anywhere:
+            self.deletion.announce()
             self.pairs.rebuild(time)
+            self.deletion.give_back()
             self.tell_all()
 
     def tell_all(self) -> None:
@@ -174,7 +181,7 @@ class UpdatedLagrangianSPH(PairMethod):
 
     def look_ahead(self, time: float, step: float) -> None:
         """Whether the lists will be used up by the next step."""
-        self.time, self.news = time, bool(self.pairs.due(time, step))
+        self.time, self.news = time, bool(self.pairs.due(time, step)) or self.deletion.due()
 
     def drift(self, first: int, last: int, step: float) -> None:
         """Move particles first..last-1."""
@@ -182,6 +189,7 @@ class UpdatedLagrangianSPH(PairMethod):
 
     def first_pass(self, drift: float) -> None:
         """Velocity gradients, moments and divergences; ghosts drift as their owners did before the message."""
+        self.deletion.carry_out()
         owned = self.owned
         self.sweeps.rates(lambda: self.drift(owned, owned + self.particles.ghosts, drift))
 
@@ -201,7 +209,7 @@ class UpdatedLagrangianSPH(PairMethod):
         ledger.add_term("leapfrog_oscillation", second[2] - first[2])
         ledger.add_term("heat_supplied", self.supplied)
         ledger.add_term("heat_stored", self.supplied_to_stored)
-        for name, energy in self.updates.taken().items():
+        for name, energy in (self.updates.taken() | self.deletion.taken()).items():
             ledger.add_term(name, energy)
 
     def advance_state(self, time: float, step: float) -> tuple[bool, float, float]:
@@ -308,12 +316,7 @@ class UpdatedLagrangianSPH(PairMethod):
 
     def advice(self) -> str:
         """What most likely helps."""
-        hints = (
-            [f"a smaller method.cfl (it is {self.settings.cfl:g}; 0.3 is stable)"] if self.settings.cfl > 0.3 else []
-        )
-        if not self.settings.viscosity:
-            hints.append("method.viscosity (there is none)")
-        return ", or ".join([*hints, "more particles", "a milder load"])
+        return advice(self.settings)
 
     def bytes_a_step(self) -> int:
         """Two messages a step; particles that change their rank come on top."""
@@ -321,7 +324,8 @@ class UpdatedLagrangianSPH(PairMethod):
 
     def summary(self) -> dict[str, Any]:
         """How often lists were made anew, how often too late, and particles that changed their rank."""
-        return {
+        mass = self.mass[: self.owned]
+        return failed_matter.summary(self.comm, self.particles, mass) | {
             "lists_made": self.pairs.rebuilds,
             "list_seconds": maximum(self.comm, self.pairs.seconds),
             "migrated_particles": self.comm.allreduce(self.pairs.migrated),

@@ -12,8 +12,9 @@ from parsolid.materials.plastic import plastic_evaluation
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.micro_inertia import MicroInertia, heat_time_step
 from parsolid.materials.plastic.micro_inertia_solve import increments_of
+from parsolid.methods.failure_fields import FAILURE_DISSIPATION
 from parsolid.methods.ulsph import micro_inertia_update, plastic_update
-from parsolid.methods.ulsph.fields import Body, body_of
+from parsolid.methods.ulsph.fields import OF_FAILURE, Body, body_of
 from parsolid.methods.ulsph.terms import HeatFlux, MicroAndHeatFlux, MicroFlux
 from parsolid.scene import Scene, initial_zero_energy_temperature
 
@@ -37,7 +38,7 @@ class MicroInertiaUpdate:
             "energetic_flux": law.energetic_length,
             "dissipative_flux": law.dissipative_length,
             "heat_flux": law.conductivity,
-            "energy": None,
+            **dict.fromkeys(("energy", *OF_FAILURE)),
         }
         return {name for name, value in present.items() if value is None}
 
@@ -104,19 +105,20 @@ class MicroInertiaUpdate:
 class ElasticPlasticUpdate:
     """The kind of laws with an equation of state of density and internal energy, plastic flow and heat.
 
-    plastic_work, viscous_heat [J]: of this rank's particles since `Updates.taken` was asked.
+    plastic_work, viscous_heat, released (by failure) [J]: of this rank's particles since `Updates.taken` was asked.
     """
 
     stores_heat = speeds_change = True
 
     def __init__(self, system: Any):
         """system: `system.UpdatedLagrangianSPH`."""
-        self.system, self.plastic_work, self.viscous_heat = system, 0.0, 0.0
+        self.system, self.plastic_work, self.viscous_heat, self.released = system, 0.0, 0.0, 0.0
 
     @staticmethod
     def lacks(law: ElasticPlastic) -> set[str]:
         """Names of `fields.Body` that a law does without."""
         flux = {"heat_flux"} if law.conductivity is None else set()
+        flux |= set(OF_FAILURE) if law.failure is None else set()
         return {name for name in Body._fields if name.startswith(("micro_", "energetic", "dissipative"))} | flux
 
     def begin(self, scene: Scene, block: MaterialBlock, body: Body) -> None:
@@ -129,11 +131,12 @@ class ElasticPlasticUpdate:
     def advance(self, block: MaterialBlock, step: float, body: Body) -> tuple[bool, float, float]:
         """See `MicroInertiaUpdate.advance`; the stored energy holds the plastic heat."""
         system, here = self.system, (block.first, block.last, block.law)
-        sound, work, heat = plastic_update.advance_state(
+        sound, work, heat, released = plastic_update.advance_state(
             system.space, *here, step, system.carried, system.heating, system.correction, body
         )
         self.plastic_work += work
         self.viscous_heat += heat
+        self.released += released
         return sound, 0.0, 0.0
 
     def advance_gradients(self, block: MaterialBlock, step: float, body: Body) -> float:
@@ -209,12 +212,14 @@ class Updates:
         return any(update.speeds_change for update in self.of_kind.values())
 
     def taken(self) -> dict[str, float]:
-        """Plastic work and viscous heat [J] that stored energies have taken up since this was asked."""
+        """Plastic work, viscous heat and what failure released [J], all in stored energies, since this was asked."""
         update = self.of_kind.get(ElasticPlastic)
         if not isinstance(update, ElasticPlasticUpdate):
             return {}
         result = {"plastic_work": update.plastic_work, "viscous_heat": update.viscous_heat}
-        update.plastic_work = update.viscous_heat = 0.0
+        if "damage" in self.system.particles:
+            result[FAILURE_DISSIPATION] = update.released
+        update.plastic_work = update.viscous_heat = update.released = 0.0
         return result
 
     @property

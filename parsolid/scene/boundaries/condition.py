@@ -19,6 +19,11 @@ Boundary = Annotated[Any, BOUNDARY_KINDS]
 class Condition(SceneModel):
     """A boundary condition with a literal field `kind`; its keys are those of its table in the scene.
 
+    plane   a plane such as 'Y = 0'; particles on it are meant
+    point   the particle nearest to this point [m] is meant
+    body    only this body is meant; all of them unless given
+    mirror  particles have images beyond the plane; without them those on the plane are clamped only
+
     on_particles: it is about particles of a region, else about nodes of a grid, wherever particles are;
     needs_bounding_plane: its plane must bound a body.
     """

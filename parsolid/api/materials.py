@@ -1,0 +1,107 @@
+"""One material's law on numpy arrays."""
+
+import os
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from parsolid.commands.point.choice import point_law
+from parsolid.commands.point.driver import drive
+from parsolid.commands.point.report import tabulate
+from parsolid.commands.point.schema import MaterialPoint
+from parsolid.materials.hyperelastic import acoustics, evaluation, hyperbolicity
+from parsolid.materials.registry import law_of
+from parsolid.scene.base_model import SceneModel
+from parsolid.scene.loading import told_faults
+from parsolid.scene.materials import HyperelasticSolid, Material
+from parsolid.scene.validation_errors import SceneError
+
+
+class _Stated(SceneModel):
+    material: Material
+
+
+def material(kind: str = "", /, *, trust_code: bool = False, **keys: Any) -> "MaterialLaw":
+    """A material as the table `material` of a scene states it: `material("neo-hookean", density=1100.0, ...)`.
+
+    trust_code: a law that is a file of one's own (`law="my.py:Mine"`, without a kind) is run. Raises SceneError with
+    every fault.
+    """
+    table = ({"kind": kind} if kind else {}) | keys
+    context = {"dimension": 3, "folder": os.getcwd(), "trust_code": trust_code}
+    try:
+        stated = _Stated.model_validate({"material": table}, context=context).material
+    except ValidationError as error:
+        raise SceneError(dict.fromkeys(told_faults(error, {"material": table}, _Stated))) from None
+    return MaterialLaw(stated, trust_code)
+
+
+class MaterialLaw:
+    """A law, at rest before time 0; F (..., 3, 3) are deformation gradients, the leading shape is any."""
+
+    def __init__(self, stated: Any, trust_code: bool = False) -> None:
+        """stated: the validated table of a scene."""
+        self.stated, self.law, self._trust_code = stated, law_of(stated), trust_code
+
+    def __repr__(self) -> str:
+        return f"<material {self.stated.kind or type(self.law).__name__}: {self.law}>"
+
+    def energy(self, F: Any) -> np.ndarray:
+        """Stored energy density when everything has relaxed, W_infinity [J/m^3] (...)."""
+        return evaluation.equilibrium_energy(self._hyperelastic("energy"), *_kinematics(F))
+
+    def stress(self, F: Any) -> np.ndarray:
+        """First Piola-Kirchhoff stress [Pa] (..., 3, 3) when everything has relaxed."""
+        return evaluation.first_piola_kirchhoff_stress(self._hyperelastic("stress"), *_kinematics(F))
+
+    def cauchy_stress(self, F: Any) -> np.ndarray:
+        """Cauchy stress P F^T / J [Pa] (..., 3, 3) when everything has relaxed."""
+        F, _, J = _kinematics(F)
+        return self.stress(F) @ np.swapaxes(F, -1, -2) / J[..., None, None]
+
+    def wave_speeds(self, F: Any, direction: Any) -> np.ndarray:
+        """Speeds [m/s] (..., 3) of the waves along a direction (3,) of the undeformed body, the slowest first.
+
+        Not a number where the material is not stable.
+        """
+        law, F = self._hyperelastic("wave_speeds"), _kinematics(F)[0]
+        N = np.asarray(direction, float)
+        relaxed = law._replace(branch_moduli=None, relaxation_times=None)
+        moduli = acoustics.wave_moduli(relaxed, hyperbolicity.polyconvex_state(relaxed, F), N / np.linalg.norm(N))
+        with np.errstate(invalid="ignore"):
+            return np.sqrt(moduli / law.density)
+
+    def drive(self, path: dict[str, Any], end_time: float, steps: int, **conditions: Any) -> dict[str, np.ndarray]:
+        """Follow a path of F, from rest, as the command `point` does: column -> values, those of its point.csv.
+
+        path: its table (`{"kind": "simple-shear", ...}`, docs/point.md); end_time [s]; conditions: further keys of a
+        point's file, `temperature` say. Works for every law. Raises SceneError for what is no such path, PathLost where
+        it cannot be followed.
+        """
+        table = {"end_time": end_time, "steps": steps, "path": path, **conditions}
+        data = table | {"material": self.stated.model_dump(exclude_none=True)}
+        context = {"dimension": 3, "folder": os.getcwd(), "trust_code": self._trust_code}
+        try:
+            point = MaterialPoint.model_validate(data, context=context)
+        except ValidationError as error:
+            raise SceneError(dict.fromkeys(told_faults(error, data, MaterialPoint))) from None
+        law = point_law(law_of(point.material), **point.conditions)
+        record = drive(law, point.path, point.end_time, point.longest_step)
+        return tabulate(law, record, np.array(point.output.directions))
+
+    def _hyperelastic(self, what: str) -> Any:
+        if not isinstance(self.stated, HyperelasticSolid):
+            kind = self.stated.kind
+            raise TypeError(
+                f"{what}: expected a hyperelastic law, found {kind!r}, whose stress has a history: use drive"
+            )
+        return self.law
+
+
+def _kinematics(F: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """F, its cofactor and determinant."""
+    F = np.asarray(F, float)
+    if F.shape[-2:] != (3, 3):
+        raise ValueError(f"F: expected an array (..., 3, 3), found {F.shape}")
+    return F, evaluation.cofactor(F), np.linalg.det(F)

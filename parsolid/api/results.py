@@ -1,0 +1,157 @@
+"""What a run left in its folder, for Python: history as a table, fields as arrays that are read when asked for."""
+
+import json
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from parsolid.commands.plot.results import Results
+from parsolid.output.errors import OutputError, words
+from parsolid.scene import SceneError
+from parsolid.scene.validation_errors import suggestion, told
+
+
+def load(directory: str | Path) -> "RunResults":
+    """The results in a folder. Raises SceneError when it holds no run."""
+    return RunResults(directory)
+
+
+class RunResults:
+    """A run's folder. Everything is read when it is first asked for; lengths [m], times [s], energies [J].
+
+    directory: where it is; fields: time -> fields at that time.
+    """
+
+    def __init__(self, directory: str | Path) -> None:
+        """Raises SceneError when the folder holds no run."""
+        self._results = Results(directory)
+        self.directory = self._results.directory
+        self.fields = FieldsOverTime(self._results)
+
+    def __repr__(self) -> str:
+        return f"<results of {self._results.title!r} in {self.directory}>"
+
+    @property
+    def columns(self) -> dict[str, np.ndarray]:
+        """The history: name -> values, one a row. Raises SceneError when there is none."""
+        return dict(self._results.history)
+
+    @cached_property
+    def history(self) -> Any:
+        """The history as a pandas.DataFrame with the time [s] as its index. Raises ImportError without pandas."""
+        try:
+            import pandas
+        except ImportError as error:
+            raise ImportError("history: pandas is not installed: pip install 'parsolid[notebook]'") from error
+        return pandas.DataFrame(self.columns).set_index("time", drop=False).rename_axis(index="t")
+
+    @cached_property
+    def scene(self) -> dict[str, Any]:
+        """The scene's tables with all defaults, as the run resolved them."""
+        return dict(self._results.tables)
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """summary.json. Raises OutputError when there is none: the run has not ended."""
+        path = self.directory / "summary.json"
+        try:
+            found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise OutputError(f"cannot read {path}: {words(error) if isinstance(error, OSError) else error}") from error
+        return found
+
+    def plot(self, *columns: str, axes: Any = None) -> Any:
+        """Draw columns of the history over time (the energies unless named); the matplotlib axes.
+
+        Raises SceneError for a name that is no column.
+        """
+        history = self._results.history
+        names = columns or tuple(name for name in ("kinetic", "stored", "work_external", "balance") if name in history)
+        for name in names:
+            if name not in history:
+                raise SceneError(
+                    [f"plot: expected a column of the history, found {told(name)}{suggestion(name, history)}"]
+                )
+        if axes is None:
+            from matplotlib import pyplot
+
+            axes = pyplot.figure().add_subplot()
+        for name in names:
+            axes.plot(history["time"], history[name], label=name)
+        axes.set_xlabel("time [s]")
+        axes.legend()
+        return axes
+
+    def to_pyvista(self, time: float) -> Any:
+        """The particles and all fields at the stored time next to `time` [s], as a pyvista.PolyData."""
+        import pyvista
+
+        now = self.fields[time]
+        cloud = pyvista.PolyData(np.array(now["position"]))
+        for name in now:
+            if name != "position":
+                values = now[name]
+                cloud.point_data[name] = values.reshape(len(values), -1) if values.ndim > 1 else values
+        return cloud
+
+
+class FieldsOverTime(Mapping[float, "FieldsAtTime"]):
+    """Stored times [s] -> fields; a time between two stored ones means the nearer one."""
+
+    def __init__(self, results: Results) -> None:
+        self._results = results
+
+    @property
+    def times(self) -> np.ndarray:
+        """Times at which fields were written [s]. Raises SceneError when there are none."""
+        return self._results.times
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    def __iter__(self) -> Iterator[float]:
+        return iter(self.times.tolist())
+
+    def __getitem__(self, time: float) -> "FieldsAtTime":
+        """Fields at the stored time next to `time`. Raises SceneError for a time out of the run's."""
+        return FieldsAtTime(self._results, self._results.steps_at([float(time)])[0])
+
+
+class FieldsAtTime(Mapping[str, np.ndarray]):
+    """Name -> values of all particles, in the order of their identifiers: (n,), vectors (n, 3), tensors (n, 3, 3).
+
+    position [m], and what the scene's output.fields names; units stand in docs/api. Plane vectors have a third
+    component of zero. A field is read from the file each time it is asked for.
+    """
+
+    def __init__(self, results: Results, step: int) -> None:
+        self._results, self._step = results, step
+        self.time = float(results.times[step])
+
+    def __repr__(self) -> str:
+        return f"<fields at {self.time:g} s: {', '.join(self)}>"
+
+    def __len__(self) -> int:
+        return len(list(iter(self)))
+
+    def __iter__(self) -> Iterator[str]:
+        layout = self._results.layout
+        return iter(["position", *layout.varying, *layout.constant])
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """Values of a field. Raises SceneError when the file holds no such field."""
+        layout, n = self._results.layout, self._results.particles
+        if name not in self:
+            raise SceneError([f"fields: expected one of {', '.join(self)}; found {told(name)}{suggestion(name, self)}"])
+        path = "Points" if name == "position" else f"PointData/{name}"
+        first = 0 if name in layout.constant else self._step * n
+        with h5py.File(self._results.fields_path, "r", locking=False) as file:
+            values: np.ndarray = file["VTKHDF"][path][first : first + n]
+        return values.reshape(n, 3, 3) if values.shape[1:] == (9,) else values
+
+    def __contains__(self, name: object) -> bool:
+        return name in list(iter(self))

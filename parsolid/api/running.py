@@ -1,0 +1,80 @@
+"""Whole runs from Python."""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time as clock
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+from parsolid.api.results import RunResults, load
+from parsolid.collective import SolverError
+from parsolid.commands.cli import parse
+from parsolid.commands.run import bcast_scene, run_scene
+from parsolid.scene import Scene, dump_scene, load_scene, parse_scene
+from parsolid.simulation.loop import RunFailed
+
+
+def run(
+    scene: str | Path | dict[str, Any],
+    output: str | Path | None = None,
+    ranks: int | None = None,
+    options: tuple[str, ...] = ("--quiet",),
+    trust_code: bool = False,
+) -> RunResults:
+    """Run a scene to its end and give its results.
+
+    scene: TOML file, or its tables, in which files are relative to the working folder; output: folder of the results,
+    the scene's unless given; ranks: started by mpirun, which waits for them; without it the run is in this process, on
+    all ranks of an `mpirun` script (then it is collective). options: further words of `parsolid run`. trust_code: laws
+    in files that the scene names are run.
+
+    Raises SceneError or SolverError (bad input, told as on the command line), OutputError, RunFailed (the run went
+    wrong), on all ranks.
+    """
+    comm = MPI.COMM_WORLD
+    if ranks is not None and comm.size > 1:
+        raise SolverError(f"ranks: expected none in a script on {comm.size} ranks, which all take part, found {ranks}")
+    stated = bcast_scene(comm, lambda: read_scene(scene, trust_code))
+    folder = Path(output if output is not None else stated.output.directory)
+    more = ["--trust-code"] if trust_code else []
+    if ranks is None:
+        words = parse(["run", str(scene) if not isinstance(scene, dict) else "", "-o", str(folder), *options, *more])
+        words.scene = words.scene or None
+        run_scene(comm, stated, words, clock.perf_counter())
+    else:
+        _in_processes(stated, folder, ranks, (*options, *more))
+    comm.barrier()
+    return load(folder)
+
+
+def read_scene(scene: str | Path | dict[str, Any], trust_code: bool) -> Scene:
+    """A scene of a TOML file or of its tables, in which files are relative to the working folder. Raises SceneError."""
+    if not isinstance(scene, dict):
+        return load_scene(scene, trust_code=trust_code)
+    output = scene.get("output", {})
+    named = {"output": {"directory": "results/scene"} | output} if isinstance(output, dict) else {}
+    return parse_scene(scene | named, os.getcwd(), trust_code)
+
+
+def _in_processes(scene: Scene, folder: Path, ranks: int, options: tuple[str, ...]) -> None:
+    """Start a job of its own and wait for it. Raises what its exit status means."""
+    launcher = shutil.which("mpirun", path=os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]))
+    if launcher is None:
+        raise SolverError(f"ranks: expected mpirun on the path to start {ranks} ranks, found none")
+    # a process that has started MPI hands its own job's variables down, and a second job would take them for its own
+    own = ("PMI_", "PMIX_", "OMPI_", "MPICH_", "HYDRA_", "MPI_LOCAL")
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(own) or "_ALLOW_RUN_AS_" in name}
+    with tempfile.TemporaryDirectory() as temporary:
+        stated = Path(temporary) / "scene.toml"
+        dump_scene(scene, stated)
+        command = [launcher, "-n", str(ranks), sys.executable, "-m", "parsolid", "run", str(stated), "-o", str(folder)]
+        done = subprocess.run([*command, *options], env=kept, stderr=subprocess.PIPE, text=True, check=False)
+    said = done.stderr.strip().removeprefix("parsolid: ")
+    if done.returncode == 0:
+        return
+    raise {2: SolverError, 3: RunFailed}.get(done.returncode, RuntimeError)(said or f"exit status {done.returncode}")

@@ -1,0 +1,119 @@
+"""A simulation that a script advances itself, with the particles' arrays at hand."""
+
+from bisect import insort
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from parsolid.api.running import read_scene
+from parsolid.commands.run import bcast_scene
+from parsolid.simulation.loop import Limits, Simulation
+from parsolid.simulation.observables import Observables
+from parsolid.simulation.signals import StopRequest
+
+Callback = Callable[["SteppedSimulation"], object]
+
+
+def set_up(
+    scene: str | Path | dict[str, Any], comm: Any = MPI.COMM_WORLD, trust_code: bool = False
+) -> "SteppedSimulation":
+    """The simulation of a scene (a TOML file or its tables) in its state at time 0; nothing is written. Collective.
+
+    Raises SceneError or SolverError on all ranks.
+    """
+    return SteppedSimulation(Simulation(comm, bcast_scene(comm, lambda: read_scene(scene, trust_code))))
+
+
+class SteppedSimulation:
+    """Steps by hand. All methods are collective but `arrays`; times [s].
+
+    simulation: the parsolid.simulation.loop.Simulation itself.
+    """
+
+    def __init__(self, simulation: Simulation) -> None:
+        self.simulation = simulation
+        self._watch = _Watch(self)
+
+    def __repr__(self) -> str:
+        clock = self.simulation.clock
+        return f"<simulation {self.simulation.scene.title!r} at {clock.time:g} s after {clock.step} steps>"
+
+    @property
+    def time(self) -> float:
+        """Time reached [s]."""
+        return self.simulation.clock.time
+
+    @property
+    def steps(self) -> int:
+        """Steps taken."""
+        return self.simulation.clock.step
+
+    @property
+    def finished(self) -> bool:
+        """Whether the scene's end_time is reached."""
+        return self.time >= self.simulation.scene.end_time
+
+    def step(self, count: int = 1) -> float:
+        """Take so many steps of the stable length, not beyond the scene's end_time; the time reached.
+
+        Raises RunFailed when the state or the energy balance is lost.
+        """
+        if not self.finished:
+            self.simulation.run(self._watch, Limits(steps=count), StopRequest())
+        return self.time
+
+    def run_until(self, time: float) -> float:
+        """Take steps and end exactly at a time, or at the scene's end_time; the time reached. Raises RunFailed."""
+        target = min(float(time), self.simulation.scene.end_time)
+        landings = self.simulation.time_steps.landings
+        if target not in landings:
+            insort(landings, target)
+        while self.time < target:
+            self.step()
+        return self.time
+
+    def on_step(self, callback: Callback) -> Callback:
+        """Call a function with this object after every step; usable as a decorator."""
+        self._watch.callbacks.append(callback)
+        return callback
+
+    def arrays(self, name: str) -> list[np.ndarray]:
+        """A declared field of this rank's particles, one array a system, (n,), (n, d) or tensors by rows in SI units.
+
+        They are views: what is written into them is the state from then on. Taken anew after a step, for particles may
+        change their rank or their rows. Raises KeyError, naming what there is.
+        """
+        found = [system.particles for system in self.simulation.systems if name in system.particles]
+        if not found:
+            known = sorted({field for system in self.simulation.systems for field in system.particles.fields})
+            raise KeyError(f"{name}: expected one of {', '.join(known)}")
+        return [particles.owned_rows(name) for particles in found]
+
+    def field(self, name: str) -> np.ndarray:
+        """A field as files and probes show it, of this rank's particles of all systems: a copy where it is computed."""
+        return Observables(self.simulation.systems).field(name)
+
+    def energies(self) -> dict[str, float]:
+        """The energy ledger over all ranks [J], with the names of the history's columns."""
+        return self.simulation.energy_row()
+
+
+class _Watch:
+    """Tells callbacks of every step; writes nothing."""
+
+    def __init__(self, owner: SteppedSimulation) -> None:
+        self.owner, self.callbacks = owner, list[Callback]()
+        self._told = owner.steps
+
+    def look(self, simulation: Simulation) -> None:
+        if simulation.clock.step == self._told:
+            return
+        self._told = simulation.clock.step
+        for callback in self.callbacks:
+            callback(self.owner)
+
+    def wall_checkpoint_due(self) -> bool:
+        return False

@@ -1,0 +1,77 @@
+"""The keys of a scene as text: one key a paragraph, in the order of the scene's tables."""
+
+import textwrap
+from collections.abc import Collection, Iterator
+
+from parsolid.collective import SolverError
+from parsolid.commands.keys.description import Key, keys_of, meaning_of
+from parsolid.scene.base_model import SceneModel
+from parsolid.scene.schema import Scene
+from parsolid.scene.validation_errors import suggestion
+
+_WIDTH = 100
+
+
+def listing(path: str = "") -> str:
+    """All keys, or those at a path. A path names keys and, where a table has kinds, one of them or none.
+
+    Raises SolverError for a path that leads nowhere, with what there is.
+    """
+    model: type[SceneModel] = Scene
+    words = [word for word in path.split(".") if word and not word.isdigit()]
+    place = ""
+    while words:
+        known = {one.name: one for one in keys_of(model)}
+        key = known[_among(known, words.pop(0), place, path)]
+        place, kinds = f"{place}.{key.name}".lstrip("."), key.value.tables
+        if not kinds and words:
+            raise SolverError(f"keys {path}: expected nothing after {place}, which is no table, found {words[0]!r}")
+        if not kinds:
+            return _one(key, place)
+        if "" not in kinds and not words:
+            return "\n\n".join([_one(key, place), *_kinds(key, place)])
+        if "" not in kinds:
+            kind = _among(kinds, words.pop(0), place, path)
+            place = f"{place}.{kind}"
+        model = kinds["" if "" in kinds else kind]
+    return "\n\n".join(_table(model, place, not place))
+
+
+def _among(known: Collection[str], word: str, place: str, path: str) -> str:
+    """A word of a path. Raises SolverError where it is none of those known."""
+    if word not in known:
+        there = f" after {place}" if place else ""
+        raise SolverError(
+            f"keys {path}: expected one of {', '.join(known)}{there}, found {word!r}{suggestion(word, known)}"
+        )
+    return word
+
+
+def _table(model: type[SceneModel], place: str, whole: bool) -> Iterator[str]:
+    """Every key of a table, and of the tables within that have no kinds."""
+    if place and meaning_of(model):
+        yield f"[{place}]  {meaning_of(model)}"
+    for key in keys_of(model):
+        here = f"{place}.{key.name}" if place else key.name
+        yield _one(key, here)
+        if "" in key.value.tables:
+            yield from _table(key.value.tables[""], here, whole)
+        elif whole:
+            yield from _kinds(key, here)
+
+
+def _kinds(key: Key, place: str) -> Iterator[str]:
+    """The tables of all kinds of a key."""
+    for kind, model in key.value.tables.items():
+        yield from _table(model, f"{place}.{kind}", False)
+
+
+def _one(key: Key, place: str) -> str:
+    """One key: its place, what it takes, its default; its meaning below."""
+    default = "" if key.default is None else f"; default {key.default}"
+    takes = key.value.words
+    if len(key.value.tables) > 1:
+        takes += f" (kind: {', '.join(key.value.tables)})"
+    need = "" if key.default is not None else "; needed"
+    head = textwrap.fill(f"{place}: {takes}{default}{need}", _WIDTH, subsequent_indent="    ")
+    return f"{head}\n{textwrap.fill(key.meaning, _WIDTH, initial_indent='    ', subsequent_indent='    ')}".rstrip()

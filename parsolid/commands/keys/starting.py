@@ -1,0 +1,91 @@
+"""The command `init`: a small scene of a method, with comments, and with the method's other keys to choose from."""
+
+import re
+import sys
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from parsolid.collective import SolverError
+from parsolid.commands.keys.description import Key, keys_of
+from parsolid.scene.base_model import SceneModel
+from parsolid.scene.methods import method_kinds
+from parsolid.scene.schema import Scene
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+_HEADER = re.compile(r"^\[+([A-Za-z_.]+)\]+$")
+_KEY = re.compile(r"^([A-Za-z_]+) = ")
+_COLUMN = 60
+
+
+def add_arguments(parser: Any) -> None:
+    """Give the arguments of `init` to an argparse parser."""
+    parser.add_argument("method", metavar="METHOD", help=", ".join(method_kinds()))
+    parser.add_argument("-o", "--output", default="scene.toml", metavar="FILE", help="a file that is not there yet")
+
+
+def run_init(comm: Any, options: Any) -> int:
+    """Write a scene to start from; exit status 0. Collective: rank 0 writes. Raises SolverError on all ranks."""
+    if options.method not in method_kinds():
+        raise SolverError(f"init: expected one of {', '.join(method_kinds())}, found {options.method!r}")
+    fault = None
+    if comm.rank == 0:
+        try:
+            with open(Path(options.output), "x", encoding="utf-8") as file:
+                file.write(starting_scene(options.method))
+            print(f"{options.output}: try `mpirun -n 2 python -m parsolid {options.output}`", flush=True)
+        except FileExistsError:
+            fault = f"{options.output}: expected a name that is free, found a file, which stays as it is"
+        except OSError as error:
+            fault = f"{options.output}: cannot be written: {error.strerror}"
+    fault = comm.bcast(fault)
+    if fault is not None:
+        raise SolverError(fault)
+    return 0
+
+
+def starting_scene(method: str) -> str:
+    """The text of a small scene of a method, which runs in seconds."""
+    text = (files("parsolid.methods") / method / "example.toml").read_text(encoding="utf-8")
+    tables = tomllib.loads(text)
+    lines: list[str] = []
+    model: type[SceneModel] = Scene
+    open_keys: dict[str, Key] = {key.name: key for key in keys_of(Scene)}
+    place: list[str] = []
+    for line in text.splitlines():
+        header, key = _HEADER.match(line), _KEY.match(line)
+        if (header or not line) and place == ["method"]:
+            lines += [_offered(one) for name, one in open_keys.items() if name not in tables["method"]]
+            place = []
+        if header:
+            place = header[1].split(".")
+            model = _model_at(place, tables)
+            open_keys = {one.name: one for one in keys_of(model)}
+        if key and key[1] in open_keys:
+            line = _commented(line, open_keys.pop(key[1]).meaning)
+        lines.append(line)
+    return "\n".join(lines) + "\n"
+
+
+def _model_at(place: list[str], tables: Any) -> type[SceneModel]:
+    """The model of a table, by the kinds that the scene states."""
+    model: type[SceneModel] = Scene
+    for word in place:
+        tables = tables[word][-1] if isinstance(tables[word], list) else tables[word]
+        kinds = next(key for key in keys_of(model) if key.name == word).value.tables
+        model = kinds[""] if "" in kinds else kinds[tables["kind"]]
+    return model
+
+
+def _commented(line: str, meaning: str) -> str:
+    return f"{line:<{_COLUMN}}  # {meaning}" if meaning else line
+
+
+def _offered(key: Key) -> str:
+    """A key that the scene does not state, as a comment."""
+    takes = key.value.words if key.default in (None, "none", "as its keys") else key.default
+    return _commented(f"# {key.name} = {takes}", key.meaning)

@@ -1,0 +1,74 @@
+"""What a failing solid is made of: criteria, what becomes of failed matter, and the spread of its strength.
+
+A criterion is a NamedTuple under `@law("failure", kind)` with a `damage_after`: written once, it runs on floats and on
+four particles at once.
+"""
+
+from typing import Any, NamedTuple
+
+from parsolid.numerics.dispatch import generic
+
+
+class Scatter(NamedTuple):
+    """Weibull's distribution of the strengths of particles, of mean 1: its modulus, and the seed of the draw."""
+
+    modulus: float
+    seed: int
+
+
+class Criteria(NamedTuple):
+    """Criteria as a chain, so that each keeps its type: the first, and the others (None behind the last)."""
+
+    first: Any
+    others: Any
+
+
+class Failure(NamedTuple):
+    """Matter fails by the first of its criteria whose damage is 1.
+
+    deletes: whether failed matter is taken away; if not it bears pressure alone. scatter: None where all are equal.
+    """
+
+    criteria: Criteria
+    deletes: bool
+    scatter: Scatter | None
+
+
+class Loading(NamedTuple):
+    """What criteria know of a particle at the end of a step.
+
+    deviator (symmetric tensor) and pressure [Pa], without artificial viscosity; plastic_strain (equivalent), its
+    increment in the step and rate [1/s]; temperature and melting_temperature [K].
+    """
+
+    deviator: Any
+    pressure: Any
+    plastic_strain: Any
+    increment: Any
+    rate: Any
+    temperature: Any
+    melting_temperature: Any
+
+
+@generic
+def damage_after(criterion, damage, strength, loading):
+    """Damage after a step, from that before it; the criterion is met at 1, and damage never falls.
+
+    strength: factor of what the particle withstands, 1 without scatter; loading: `Loading`.
+    """
+
+
+def chained(criteria: list[Any]) -> Criteria:
+    """Criteria in a chain, in their order."""
+    result: Any = None
+    for criterion in reversed(criteria):
+        result = Criteria(criterion, result)
+    return result
+
+
+def count_of(failure: Failure | None) -> int:
+    """Number of criteria, 0 without failure."""
+    number, chain = 0, None if failure is None else failure.criteria
+    while chain is not None:
+        number, chain = number + 1, chain.others
+    return number

@@ -1,0 +1,9 @@
+"""Names that go with failure: the field that scenes may name, and the terms of the ledger."""
+
+from functools import partial
+
+from parsolid.particles.declaration import Columns, Field
+
+FAILURE_DISSIPATION, DELETED_KINETIC, DELETED_STORED = "failure_dissipation", "deleted_kinetic", "deleted_stored"
+kept_column = partial(Field, checkpointed=True, layout=Columns())
+DAMAGE = kept_column("damage", 1, "1", shown=True)

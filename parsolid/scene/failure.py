@@ -1,0 +1,112 @@
+"""Failure of elastic-plastic solids as a scene states it: criteria, what becomes of failed matter, scatter."""
+
+import sys
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field, model_validator
+
+from parsolid.scene.base_model import Positive, SceneModel, reject
+from parsolid.scene.declared import BASES, DeclaredModel, by_law
+from parsolid.scene.method_settings import named_observables
+from parsolid.scene.validation_errors import suggestion
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+_LIBRARY = Path(__file__).parents[1] / "materials" / "failure" / "library.toml"
+# names that only a scene with failure, or with deletion, may ask for
+OF_FAILURE = ("damage", "maximum_damage", "failed_mass")
+OF_DELETION = ("deleted_mass", "deleted_momentum")
+QUANTITIES = {
+    "maximum_damage": "scalar",
+    "failed_mass": "scalar",
+    "deleted_mass": "scalar",
+    "deleted_momentum": "vector",
+}
+
+
+class CriterionTable(DeclaredModel):
+    """What is not given is that of the library, if one is named."""
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _with_library(cls, value: Any, handler: Any) -> Any:
+        name = value.get("library") if isinstance(value, dict) else None
+        if name is None:
+            return handler(value)
+        kind = getattr(cls.declared, "kind", None)
+        known = {key: table for key, table in library().items() if table["kind"] == kind}
+        if name not in known:
+            expected = f"one of {', '.join(map(repr, known)) or 'none'}{suggestion(name, known)}"
+            reject((("library",), expected, name))
+        return handler(known[name] | {key: stated for key, stated in value.items() if stated is not None})
+
+
+BASES["failure"] = (
+    CriterionTable,
+    {"library": (str | None, Field(None, description="a name of parsolid/materials/failure/library.toml"))},
+)
+Criterion: Any = by_law("failure")
+
+
+class Scatter(SceneModel):
+    """Weibull's spread of the strengths of particles, of mean 1, drawn from their identifiers."""
+
+    modulus: Positive = Field(description="Weibull's modulus m: the higher, the less spread")
+    seed: int = Field(0, ge=0, description="of the draw")
+
+
+class Failure(SceneModel):
+    """Matter fails by the first of its criteria that is met.
+
+    criteria   each a table with its kind
+    after      failed matter bears pressure alone ("pressure"), or is taken away ("delete")
+    scatter    of what particles withstand
+    """
+
+    criteria: list[Criterion] = Field(min_length=1, description="tables with the key kind")
+    after: Literal["pressure", "delete"] = "pressure"
+    scatter: Scatter | None = None
+
+    def build(self, density: float) -> Any:
+        """The NamedTuple in SI units."""
+        room = import_module("parsolid.materials.failure.failure")
+        spread = None if self.scatter is None else room.Scatter(float(self.scatter.modulus), int(self.scatter.seed))
+        criteria = [criterion.part_of(density=density) for criterion in self.criteria]
+        return room.Failure(room.chained(criteria), self.after == "delete", spread)
+
+    def faults(self, melts: bool) -> list[Any]:
+        """(location, expected, found) of criteria that need a melting temperature which the material has not."""
+        return [
+            (("failure", "criteria", i), "a table melting of the material, needed by this criterion", criterion.kind)
+            for i, criterion in enumerate(self.criteria)
+            if not melts and getattr(criterion.declared, "needs_melting", False) and getattr(criterion, "d5", 1.0)
+        ]
+
+    @property
+    def ledger_terms(self) -> dict[str, int]:
+        """See `simulation.ledger.Ledger`: released energy stays as heat, what is deleted leaves."""
+        deleted = {"deleted_kinetic": 1, "deleted_stored": 1} if self.after == "delete" else {}
+        return {"failure_dissipation": 0} | deleted
+
+
+def faults_of_names(scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
+    """What is to be shown of failure, or of deletion, that no body of a scene has."""
+    stated = [getattr(body.material, "failure", None) for body in scene.bodies]
+    lacking: dict[str, str] = {} if any(stated) else dict.fromkeys(OF_FAILURE, "a body with failure")
+    if not any(failure.after == "delete" for failure in stated if failure):
+        lacking |= dict.fromkeys(OF_DELETION, 'a body whose failure has after = "delete"')
+    return [(place, lacking[name], name) for place, name in named_observables(scene) if name in lacking]
+
+
+@cache
+def library() -> dict[str, dict[str, Any]]:
+    """Name -> what a set of constants states, without its source."""
+    with open(_LIBRARY, "rb") as file:
+        tables = tomllib.load(file)
+    return {name: {key: value for key, value in table.items() if key != "source"} for name, table in tables.items()}

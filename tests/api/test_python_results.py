@@ -1,0 +1,139 @@
+"""What Python offers beyond the page: jobs of their own, errors, tables against files."""
+
+import json
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import parsolid
+from parsolid.collective import SolverError
+from parsolid.scene import SceneError
+
+SCENE = {
+    "dimension": 2,
+    "end_time": 1e-3,
+    "method": {"kind": "tlsph"},
+    "bodies": [
+        {
+            "shape": {"box": {"lower": [0.0, 0.0], "upper": [1.0, 1.0]}},
+            "particles": [9, 9],
+            "velocity": ["0", "-20*Y"],
+            "material": {"kind": "neo-hookean", "density": 1100.0, "youngs_modulus": 17e6, "poissons_ratio": 0.4},
+        }
+    ],
+    "output": {"fields": ["displacement", "stress"], "fields_interval": 5e-4, "pictures": False},
+}
+RUBBER = SCENE["bodies"][0]["material"]
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    return parsolid.run(SCENE, output=tmp_path_factory.mktemp("run") / "here")
+
+
+def test_a_job_of_its_own_leaves_what_a_run_in_this_process_leaves(results, tmp_path):
+    other = parsolid.run(SCENE, output=tmp_path / "there", ranks=2)
+    assert other.summary["ranks"] == 2 and results.summary["ranks"] == 1
+    for name, values in results.columns.items():
+        if name != "wall_time":
+            np.testing.assert_allclose(other.columns[name], values, rtol=1e-9, atol=1e-9 * np.abs(values).max())
+
+
+def test_fields_are_those_of_the_file_by_time_and_name(results):
+    assert list(results.fields) == [0.0, 5e-4, 1e-3]
+    assert results.fields[4e-4].time == 5e-4
+    start, end = results.fields[0.0], results.fields[1e-3]
+    moved = end["position"] - start["position"]
+    np.testing.assert_allclose(moved, end["displacement"], atol=1e-6 * np.abs(moved).max())
+    assert {"position", "body", "volume", "stress"} <= set(end)
+    assert end["stress"].shape == (81, 3, 3) and end["body"].shape == (81,)
+    with pytest.raises(SceneError, match="expected one of .*found 'strss'; did you mean 'stress'|found 'strss'"):
+        end["strss"]
+    with pytest.raises(SceneError, match="expected times from 0 to 0.001 s, found 2"):
+        results.fields[2.0]
+
+
+def test_history_is_the_table_of_the_columns(results):
+    pytest.importorskip("pandas")
+    assert results.history["kinetic"].to_numpy().tolist() == results.columns["kinetic"].tolist()
+    assert results.history.loc[0.0, "kinetic"] == results.columns["kinetic"][0]
+
+
+def test_pictures(results):
+    pytest.importorskip("matplotlib").use("Agg")
+    axes = results.plot("kinetic")
+    assert axes.lines[0].get_ydata().tolist() == results.columns["kinetic"].tolist()
+    with pytest.raises(SceneError, match="found 'kinetc'"):
+        results.plot("kinetc")
+    pytest.importorskip("pyvista")
+    cloud = results.to_pyvista(1e-3)
+    assert cloud.n_points == 81 and cloud.point_data["stress"].shape == (81, 9)
+
+
+def test_what_is_wrong_is_told_as_on_the_command_line(tmp_path):
+    for ranks in (None, 2):
+        with pytest.raises((SceneError, SolverError), match="end_time: expected a number > 0, found -1"):
+            parsolid.run(SCENE | {"end_time": -1}, output=tmp_path / "none", ranks=ranks)
+    with pytest.raises(SceneError, match="expected the folder of a run"):
+        parsolid.load(tmp_path)
+    assert not (tmp_path / "none").exists()
+    with pytest.raises(SceneError, match=r"material.youngs_modulus: expected a number > 0, found -1\.0"):
+        parsolid.material("neo-hookean", **(RUBBER | {"kind": "neo-hookean", "youngs_modulus": -1.0}))
+    with pytest.raises(AttributeError, match="no attribute 'laod'"):
+        parsolid.laod
+
+
+def test_a_run_gives_the_signals_back(results, tmp_path):
+    import signal
+
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)]
+    parsolid.run(SCENE, output=tmp_path / "again")
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)] == before
+
+
+def test_stress_is_the_derivative_of_the_energy_and_waves_are_those_of_the_solid():
+    keys = {key: value for key, value in RUBBER.items() if key != "kind"}
+    rubber = parsolid.material("neo-hookean", **keys)
+    F = np.eye(3) + 0.2 * np.random.default_rng(1).standard_normal((4, 3, 3))
+    step = 1e-6
+    for i in range(3):
+        for j in range(3):
+            change = np.zeros((3, 3))
+            change[i, j] = step
+            slope = (rubber.energy(F + change) - rubber.energy(F - change)) / (2.0 * step)
+            np.testing.assert_allclose(rubber.stress(F)[:, i, j], slope, rtol=1e-5, atol=1e-6 * 17e6)
+    E, nu, rho = RUBBER["youngs_modulus"], RUBBER["poissons_ratio"], RUBBER["density"]
+    shear, pressure = E / 2.0 / (1.0 + nu), E * (1.0 - nu) / (1.0 + nu) / (1.0 - 2.0 * nu)
+    speeds = rubber.wave_speeds(np.eye(3), [0.0, 2.0, 0.0])
+    np.testing.assert_allclose(speeds, np.sqrt(np.array([shear, shear, pressure]) / rho), rtol=1e-6)
+    with pytest.raises(ValueError, match=r"expected an array \(\.\.\., 3, 3\), found \(2, 2\)"):
+        rubber.energy(np.eye(2))
+    copper = parsolid.material("elastic-plastic", library="OFHC copper, mechanical threshold")
+    with pytest.raises(TypeError, match="use drive"):
+        copper.stress(np.eye(3))
+
+
+def test_steps_by_hand_are_those_of_the_run(results):
+    simulation = parsolid.set_up(SCENE)
+    seen = []
+    simulation.on_step(lambda now: seen.append(now.time))
+    assert simulation.run_until(1.0) == 1e-3 and simulation.finished
+    assert len(seen) == simulation.steps == results.summary["steps"] and seen[-1] == 1e-3
+    assert simulation.energies()["kinetic"] == results.columns["kinetic"][-1]
+    position = simulation.field("position")
+    assert position.shape == (81, 2)
+    with pytest.raises(KeyError, match="velocty: expected one of .*velocity"):
+        simulation.arrays("velocty")
+    assert json.loads((Path(results.directory) / "summary.json").read_text()) == results.summary
+
+
+def test_a_script_under_mpirun_is_a_run_on_all_its_ranks(comm, shared_path):
+    results = parsolid.run(SCENE, output=shared_path / "all")
+    assert results.summary["ranks"] == comm.size
+    if comm.size > 1:
+        with pytest.raises(SolverError, match="ranks: expected none"):
+            parsolid.run(SCENE, output=shared_path / "all", ranks=2)
+    assert os.path.dirname(sys.executable)

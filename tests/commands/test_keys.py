@@ -1,0 +1,114 @@
+"""`parsolid keys`, `schema` and `init`: every key is told, as it is; editors accept what the reader accepts."""
+
+import json
+from pathlib import Path
+
+import pytest
+import tomllib
+
+from parsolid.collective import SolverError
+from parsolid.commands.cli import main
+from parsolid.commands.keys.description import keys_of
+from parsolid.commands.keys.json_schema import scene_schema
+from parsolid.commands.keys.listing import listing
+from parsolid.commands.keys.starting import starting_scene
+from parsolid.scene import parse_scene
+from parsolid.scene.methods import method_kinds
+from parsolid.scene.schema import Scene
+
+ROOT = Path(__file__).parents[2]
+
+
+def tables_of(model=Scene, place=(), seen=None):
+    """Every table of a scene with where it stands."""
+    seen = {} if seen is None else seen
+    if model not in seen:
+        seen[model] = ".".join(place)
+        for key in keys_of(model):
+            for kind, table in key.value.tables.items():
+                tables_of(table, (*place, key.name, *filter(None, [kind])), seen)
+    return seen
+
+
+def test_every_key_says_what_it_takes_and_what_it_means():
+    keys = [(place, model, key) for model, place in tables_of().items() for key in keys_of(model)]
+    assert len(keys) > 250
+    unknown = [f"{place}.{key.name}" for place, _, key in keys if key.value.words == "any value"]
+    assert not unknown
+    silent = [f"{place}.{key.name} ({model.__module__})" for place, model, key in keys if not key.meaning]
+    assert not silent, "\n".join(silent)
+
+
+def test_a_listing_of_one_key_one_table_and_all_kinds():
+    assert listing("bodies.jitter").startswith("bodies.jitter: a number >= 0 and < 0.5; default 0\n    random offset")
+    assert listing("bodies.0.material.neo-hookean.density") == (
+        "bodies.material.neo-hookean.density: a number > 0; needed\n    the density [kg/m^3]"
+    )
+    assert 'method.tlsph.integrator: "ssp-rk3" or "leapfrog"; default "ssp-rk3"' in listing("method.tlsph")
+    kinds = listing("bodies.material")
+    assert "kind: mooney-rivlin, neo-hookean" in kinds and "bodies.material.elastic-plastic.flow_stress" in kinds
+    everything = listing()
+    for words in ("end_time: a number > 0; needed", "method.mpm.cell: ", "output.fields_interval: ", "probes.name: "):
+        assert words in everything
+
+
+@pytest.mark.parametrize(
+    "path, said",
+    [
+        ("bodies.jiter", "expected one of .* after bodies, found 'jiter' .did you mean 'jitter'"),
+        ("method.tlsp.cfl", "expected one of .*tlsph.* after method, found 'tlsp' .did you mean 'tlsph'"),
+        ("end_time.more", "expected nothing after end_time, which is no table, found 'more'"),
+    ],
+)
+def test_a_path_that_leads_nowhere(path, said, capsys):
+    with pytest.raises(SolverError, match=said):
+        listing(path)
+    assert main(["keys", path]) == 2
+
+
+def test_the_schema_accepts_the_scenes_that_the_reader_accepts_and_refuses_what_it_refuses(capsys):
+    jsonschema = pytest.importorskip("jsonschema")
+    assert main(["schema"]) == 0
+    schema = json.loads(capsys.readouterr().out)
+    assert schema == json.loads(json.dumps(scene_schema()))
+    jsonschema.Draft202012Validator.check_schema(schema)
+    validator = jsonschema.Draft202012Validator(schema)
+    paths = [*ROOT.glob("runs/**/*.toml"), *ROOT.glob("parsolid/**/*.toml")]
+    scenes = {path: table for path in paths if "bodies" in (table := tomllib.loads(path.read_text()))}
+    assert len(scenes) > 30
+    faults = {str(path): str(error.message) for path, scene in scenes.items() for error in validator.iter_errors(scene)}
+    assert not faults
+    punch = scenes[ROOT / "runs" / "tlsph" / "punch.toml"]
+    for wrong in (
+        {"end_time": -1.0},
+        {"end_tme": 1.0},
+        {"method": {"kind": "tlsph", "smoothing": "wide"}},
+        {"method": {"kind": "tlsph", "horizon_ratio": 3.0}},
+        {"dimension": 4},
+        {"bodies": []},
+    ):
+        assert not validator.is_valid(punch | wrong), wrong
+    assert not validator.is_valid({key: value for key, value in punch.items() if key != "end_time"})
+
+
+@pytest.mark.parametrize("method", method_kinds())
+def test_a_scene_to_start_from_is_sound_and_says_what_each_key_is(method, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["init", method]) == 0
+    text = Path("scene.toml").read_text()
+    assert text == starting_scene(method) and "mpirun -n 2 python -m parsolid scene.toml" in capsys.readouterr().out
+    scene = parse_scene(tomllib.loads(text))
+    assert scene.method.kind == method and scene.probes and scene.title
+    stated = [line for line in text.splitlines() if " = " in line and line[0] != "#"]
+    assert sum("  # " in line for line in stated) >= len(stated) - 2
+    offered = {line[2:].partition(" = ")[0] for line in text.splitlines() if line.startswith("# ") and " = " in line}
+    fields = set(type(scene.method).model_fields)
+    assert offered <= fields and fields - offered == set(tomllib.loads(text)["method"])
+    Path("scene.toml").write_text("mine")
+    assert main(["init", method]) == 2 and Path("scene.toml").read_text() == "mine"
+    assert "found a file, which stays as it is" in capsys.readouterr().err
+
+
+def test_a_method_that_is_not_there(capsys):
+    assert main(["init", "tlsp"]) == 2
+    assert "init: expected one of mpm, peridynamics, tlsph, ulsph, found 'tlsp'" in capsys.readouterr().err

@@ -1,0 +1,126 @@
+"""Bodies of several methods that never meet: each moves as in a scene of its own, to the bit, on any ranks."""
+
+import h5py
+import numpy as np
+import pytest
+from bodies_apart import METHODS, alone, mixed
+from mpi4py import MPI
+from solids import Record, follow
+
+from parsolid.commands.plot.results import Results
+from parsolid.output.history import read_history
+from parsolid.output.vtkhdf import collected, published
+from parsolid.scene import dump_scene
+from parsolid.simulation.loop import Limits, Simulation, StopRequest
+from parsolid.simulation.output_files import OutputFiles
+from parsolid.simulation.recorder import Recorder
+from parsolid.simulation.restart import Restart
+
+
+def state(system) -> dict[str, np.ndarray]:
+    return {name: np.array(rows) for name, rows in system.particles.checkpointed().items()}
+
+
+def test_each_body_is_what_it_is_alone(comm):
+    together = Simulation(comm, mixed())
+    rows = follow(together, Record(), 20)
+    assert [system.name for system in together.systems] == list(METHODS)
+    sums = dict.fromkeys(rows, 0.0)
+    for number, name in enumerate(METHODS):
+        single = Simulation(comm, alone(name))
+        for column, values in follow(single, Record(), 20).items():
+            # the same term has another sign in another method
+            sums[column] = sums[column] + values
+        wanted, found = state(single.systems[0]), state(together.systems[number])
+        shift = found.pop("identifier") - wanted.pop("identifier")
+        assert np.all(shift == 64 * number) and list(found) == list(wanted)
+        different = [one for one in wanted if found[one].tobytes() != wanted[one].tobytes()]
+        assert not different, f"{name}: {different}"
+    for column in ("kinetic", "stored", "dissipation_internal", "work_external", "balance"):
+        scale = 1e-12 * rows["kinetic"].max()
+        np.testing.assert_allclose(rows[column], sums[column], rtol=0.0, atol=scale, err_msg=column)
+    assert abs(rows["stored"][-1]) > 1e-4 * rows["kinetic"][0]
+
+
+PAIR = ("soft", "metal")
+SHOWN = {"fields_times": [0.0, 2e-5], "fields": ["velocity", "temperature", "plastic_strain"]}
+OUTPUT = {"output": {"history_steps": 1, "checkpoint_steps": 10} | SHOWN}
+PROBES = [
+    {"name": "corner", "at": [1.0, 1.0], "fields": ["displacement"]},
+    {"name": "flow", "at": [7.0, 1.0], "fields": ["density", "temperature"]},
+    {"name": "all", "quantity": "centre_of_mass"},
+    {"name": "hottest", "quantity": "maximum_temperature"},
+]
+
+
+def run(comm, scene, folder, steps=None, restart=None) -> Recorder:
+    """A run with all its files."""
+    sim = Simulation(comm, scene, restart)
+    recorder = Recorder(sim, OutputFiles(comm, scene, folder, restart), None)
+    recorder.files.open_history(recorder.columns)
+    if restart:
+        recorder.resume(restart.header)
+    sim.run(recorder, Limits(steps), StopRequest())
+    recorder.finish()
+    recorder.files.close()
+    return recorder
+
+
+def test_a_restart_on_the_same_ranks_has_the_same_bits_and_a_block_of_fields_a_method(comm, shared_path):
+    scene = mixed(PAIR, probes=PROBES, **OUTPUT)
+    whole = run(comm, scene, shared_path / "whole").simulation
+    run(comm, scene, shared_path / "pieces", steps=13)
+    restart = Restart(comm, shared_path / "pieces" / "checkpoint.h5")
+    again = run(comm, scene, shared_path / "pieces", restart=restart)
+    for found, wanted in zip(again.simulation.systems, whole.systems):
+        rows = state(wanted)
+        assert all(rows[name].tobytes() == values.tobytes() for name, values in state(found).items())
+    summary = again.summary("finished")
+    assert [row["particles"] for row in summary["systems"]] == [64, 64] and summary["method"] == "tlsph and mpm"
+    if comm.rank > 0:
+        return
+    histories = [read_history(shared_path / name / "history.csv") for name in ("whole", "pieces")]
+    assert histories[0] == histories[1] and len(histories[0]["step"]) == 21
+    assert histories[0]["flow.density"][-1] > 1000.0 and histories[0]["hottest.maximum_temperature"][-1] > 290.0
+    files = collected(shared_path / "pieces" / "fields.vtkhdf")
+    assert list(files) == list(PAIR)
+    for number, (name, path) in enumerate(files.items()):
+        layout, times = published(path)
+        assert times.tolist() == [0.0, 2e-5, 4e-5] and layout.particles == 64
+        assert ("plastic_strain" in layout.varying) == (name == "metal")
+        with h5py.File(shared_path / "pieces" / "fields.vtkhdf") as file:
+            block = file[f"VTKHDF/Assembly/{name}/{name}"]
+            assert block.attrs["Index"] == number and block["Steps"].attrs["NSteps"] == 3
+            ids = block["PointData/identifier"][()]
+            assert np.array_equal(ids, np.arange(64 * number, 64 * (number + 1)))
+            place = block["Points"][:64]
+            assert place[0, 0] == pytest.approx(6.0625 if number else 0.0)
+
+
+def test_pictures_show_all_blocks(tmp_path):
+    scene = mixed(PAIR, **OUTPUT)
+    run(MPI.COMM_SELF, scene, tmp_path / "run")
+    dump_scene(scene, tmp_path / "run" / "scene.toml")
+    results = Results(tmp_path / "run")
+    assert results.particles == 128 and "plastic_strain" in results.field_names
+    (frame,) = results.frames([2], "temperature")
+    assert frame.position.shape == (128, 3)
+    assert np.isnan(frame.values[:64]).all() and (frame.values[64:] > 290.0).all()
+    assert results.constant("body").tolist() == [0] * 64 + [1] * 64
+    assert "plastic_strain" in results.method.pictured_fields and len(results.parts.bodies) == 2
+
+
+def test_a_restart_on_other_ranks_deals_each_system_out_anew(comm, shared_path):
+    single = comm.Split(comm.rank)
+    scene = mixed(probes=PROBES)
+    if comm.rank == 0:
+        run(single, scene, shared_path / "one", steps=7)
+    comm.Barrier()
+    sim = Simulation(comm, scene, Restart(comm, shared_path / "one" / "checkpoint.h5"))
+    assert sim.clock.step == 7 and all(comm.allreduce(system.owned) == 64 for system in sim.systems)
+    assert all(min(comm.allgather(system.owned)) >= 64 // comm.size - 8 for system in sim.systems)
+    steps = follow(sim, Record(), 5)
+    whole = follow(Simulation(single, scene), Record(), 12)
+    for name in ("kinetic", "stored", "balance"):
+        scale = 1e-9 * np.abs(whole["kinetic"]).max()
+        np.testing.assert_allclose(steps[name], whole[name][7:], rtol=0.0, atol=scale, err_msg=name)

@@ -1,0 +1,247 @@
+"""Scenes of several methods: what a file may say, what it means for each system, and what is refused, by its key."""
+
+import copy
+import pickle
+from pathlib import Path
+
+import pytest
+from bodies_apart import COPPER, METHODS, RUBBER, mixed, tables
+from mpi4py import MPI
+
+from parsolid.collective import SolverError
+from parsolid.commands.check_advice import scene_advice
+from parsolid.scene import Scene, SceneError, dump_scene, load_scene, parse_scene
+from parsolid.simulation.energy_balance import EnergyLimits
+from parsolid.simulation.ledger import names_of_terms, terms_of
+from parsolid.simulation.loop import Simulation
+from parsolid.simulation.restart import contents
+from parsolid.simulation.scene_changes import changes, judged
+
+PAIR = ("soft", "metal")
+
+
+def faults(change, names=PAIR) -> list[str]:
+    """What is said of tables after a change to them."""
+    data = tables(names)
+    change(data)
+    with pytest.raises(SceneError) as error:
+        parse_scene(data)
+    return error.value.faults
+
+
+def test_a_scene_says_which_body_has_which_method(tmp_path):
+    scene = mixed()
+    assert [(one.name, one.bodies, one.settings.kind) for one in scene.systems] == [
+        (name, (number,), METHODS[name]["kind"]) for number, name in enumerate(METHODS)
+    ]
+    part = scene.part(scene.systems[2])
+    assert part.method.kind == "mpm" and part.methods is None and [body.name for body in part.bodies] == ["metal"]
+    dump_scene(scene, tmp_path / "scene.toml")
+    assert load_scene(tmp_path / "scene.toml", ["output.directory=results"]).bodies == scene.bodies
+    assert parse_scene(scene.resolved()) == pickle.loads(pickle.dumps(scene)) == scene
+
+
+def test_one_of_several_methods_need_not_be_named():
+    data = tables(("soft",))
+    del data["bodies"][0]["method"]
+    (system,) = parse_scene(data).systems
+    assert system.settings.kind == "tlsph" and system.bodies == (0,)
+
+
+def test_a_boundary_is_for_the_bodies_in_its_region():
+    data = tables(PAIR)
+    named = {"plane": "X = 7", "kind": "fixed", "body": "metal"}
+    box = {"box": {"lower": [6.2, 0.0], "upper": [9.0, 1.0]}, "kind": "velocity", "velocity": ["1", "free"]}
+    ball = {"ball": {"centre": [-0.3, 0.5], "radius": 0.4}, "kind": "velocity", "velocity": ["1", "free"]}
+    hot = {"plane": "X = 6", "kind": "temperature", "temperature": "300"}
+    pull = {"plane": "X = 1", "kind": "traction", "traction": ["1", "0"]}
+    data["boundaries"] += [{"plane": "X = 0", "kind": "fixed"}, named, box, ball, hot, pull]
+    data["bodies"][1]["material"] = COPPER | {"conductivity": 300.0}
+    scene = parse_scene(data | {"loads": {"acceleration": [0.0, -9.81], "heat_source": "1e3"}})
+    soft, metal = (scene.part(system) for system in scene.systems)
+    assert [one.kind for one in soft.boundaries] == ["roller", "fixed", "velocity", "traction"]
+    assert [one.kind for one in metal.boundaries] == ["roller", "fixed", "velocity", "temperature"]
+    assert soft.boundaries[2].ball is not None and metal.boundaries[2].box is not None
+    assert soft.loads.heat_source is None and metal.loads.heat_source.source == "1e3"
+    assert soft.loads.acceleration == metal.loads.acceleration == scene.loads.acceleration
+    assert scene_advice(scene) == []
+    wall = [{"plane": "Y = 9", "side": "below", "kind": "wall"}]
+    (note,) = scene_advice(parse_scene(tables(PAIR, boundaries=wall)))
+    assert note == "boundaries.0: bodies.0 know nothing of this wall, as their methods have none"
+
+
+TRACTION = {"plane": "X = 6", "kind": "traction", "traction": ["1", "0"]}
+POINT = {"point": [0.0, 0.0], "kind": "velocity", "velocity": ["1", "0"]}
+REFUSED = {
+    "method of a body": (
+        lambda data: data["bodies"][0].pop("method"),
+        "bodies.0.method: expected one of 'soft', 'metal', found nothing",
+    ),
+    "name of none": (
+        lambda data: data["bodies"][0].update(method="sofd"),
+        "bodies.0.method: expected one of 'soft', 'metal', found 'sofd'",
+    ),
+    "both": (
+        lambda data: data.update(method={"kind": "tlsph"}),
+        "scene: expected one of method, methods, found both",
+    ),
+    "none": (lambda data: data.pop("methods"), "method: expected a table with the key kind, found nothing"),
+    "no name": (
+        lambda data: data["methods"][0].pop("name"),
+        "methods.0.name: expected a name without '.' and ',', by which bodies call the method, found nothing",
+    ),
+    "twice": (
+        lambda data: data["methods"].append(data["methods"][0]),
+        "methods.2.name: expected a name other than that of 0, found 'soft'",
+    ),
+    "unused": (
+        lambda data: data["methods"].append({"name": "x", "kind": "ulsph"}),
+        "methods.2.name: expected the name of a method that a body has, found 'x'",
+    ),
+    "key of a method": (
+        lambda data: data["methods"][1].update(basis="cubic"),
+        "methods.1.basis: expected 'linear', 'ugimp', 'cpgimp', 'quadratic-spline' or 'cubic-spline', found",
+    ),
+    "material of another": (
+        lambda data: data["bodies"][0].update(material=COPPER),
+        (
+            "bodies.0.material.kind: expected one of 'mooney-rivlin', 'neo-hookean', which the method of the body "
+            "knows, found 'elastic-plastic'"
+        ),
+    ),
+    "temperature": (
+        lambda data: data["bodies"][0].update(temperature=300.0),
+        "bodies.0.temperature: expected no such key with this method, found 300.0",
+    ),
+    "placement": (
+        lambda data: data["bodies"][1].update(placement="nodes"),
+        "bodies.1.placement: expected 'cells' with this method, found 'nodes'",
+    ),
+    "settings in view of the bodies": (
+        lambda data: (
+            data["methods"][1].update(viscosity={"linear": 1.0}),
+            data["bodies"][1].update(material=RUBBER),
+        ),
+        "methods.1.viscosity: expected no such key without an elastic-plastic body",
+    ),
+    "boundary of a body": (
+        lambda data: data["boundaries"].append(TRACTION | {"body": "metal"}),
+        (
+            "boundaries.1.kind: expected one of 'fixed', 'roller', 'velocity', 'wall', 'temperature', 'heat_flux', "
+            "which the method of the body knows, found 'traction'"
+        ),
+    ),
+    "boundary that a body has no method for": (
+        lambda data: data["boundaries"].append(TRACTION),
+        (
+            "boundaries.1.kind: expected one of 'fixed', 'roller', 'velocity', 'wall', 'temperature', 'heat_flux', "
+            "which the method of bodies.1 knows, or a body for it, found 'traction'"
+        ),
+    ),
+    "nearest to a point": (
+        lambda data: data["boundaries"].append(POINT),
+        "boundaries.1.body: expected a name, where a point is of one of several methods, found nothing",
+    ),
+    "field elsewhere": (
+        lambda data: data.update(probes=[{"name": "a", "at": [0.5, 0.5], "fields": ["temperature"]}]),
+        "probes.0.fields.0: expected a field that the method of bodies.0 knows, found 'temperature'",
+    ),
+    "field of no body": (
+        lambda data: (
+            data["bodies"][1].update(material=RUBBER),
+            data.update(output={"fields": ["plastic_strain"]}),
+        ),
+        "output.fields.0: expected something that a body of this scene has, found 'plastic_strain'",
+    ),
+    "load of none": (
+        lambda data: (data["methods"][1].update(kind="ulsph"), data["methods"][1].pop("cell"), data.update(HEAT)),
+        "loads.heat_source: expected one of body_force, acceleration with this method, found 'heat_source'",
+    ),
+    "exact solution": (
+        lambda data: data.update(reference=EXACT),
+        "reference.exact: expected no such key with several methods, found 'cosine-mode'",
+    ),
+    "dimension": (
+        lambda data: data.update(dimension=1),
+        "dimension: expected 2 or 3 with this method, found 1",
+    ),
+    "geometry": (
+        lambda data: data["methods"][1].update(geometry="axisymmetric"),
+        "methods.1.geometry: expected 'axisymmetric' for all methods or for none, found 'axisymmetric'",
+    ),
+}
+HEAT = {"loads": {"heat_source": "1"}}
+EXACT = {"exact": "cosine-mode", "parameters": {"start": 300.0, "amplitude": 1.0}, "times": [1e-5]}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_is_refused_is_named_by_its_key(case):
+    change, wanted = REFUSED[case]
+    found = faults(change)
+    assert any(text.startswith(wanted) for text in found), found
+
+
+def test_one_method_for_all_bodies_takes_no_name():
+    data = tables(("soft",))
+    (method,) = data.pop("methods")
+    with pytest.raises(SceneError, match="expected one of kind, .*found the unknown key 'name'"):
+        parse_scene(data | {"method": method})
+    del method["name"]
+    with pytest.raises(SceneError, match="bodies.0.method: expected no such key where all bodies have one method"):
+        parse_scene(data | {"method": method})
+    del data["bodies"][0]["method"]
+    assert "methods" not in parse_scene(data | {"method": method}).resolved()
+
+
+def test_what_a_system_finds_wrong_is_told_in_the_keys_of_the_whole_scene():
+    data = tables(PAIR, boundaries=[{"plane": "X = 0", "kind": "fixed"}, {"plane": "X = 7.0", "kind": "roller"}])
+    data["methods"][1]["cell"] = 0.3
+    with pytest.raises(SolverError, match=r"boundaries\.1: .*\(methods\.1\.origin, methods\.1\.cell\)"):
+        Simulation(MPI.COMM_SELF, parse_scene(data))
+
+
+class Apart(Scene):
+    """A scene of which some pairs of bodies must not stick together."""
+
+    @property
+    def apart(self) -> frozenset[frozenset[int]]:
+        return frozenset(map(frozenset, [(0, 1), (1, 2)]))
+
+
+def test_bodies_of_a_grid_that_must_part_have_grids_of_their_own():
+    data = tables(("metal",))
+    (first,) = data["bodies"]
+    data["bodies"] = [copy.deepcopy(first) | {"name": f"m{number}"} for number in range(4)]
+    for number, body in enumerate(data["bodies"]):
+        body["shape"]["box"] = {"lower": [2.0 * number, 0.0], "upper": [2.0 * number + 1.0, 1.0]}
+    scene = parse_scene(data)
+    assert [system.bodies for system in scene.systems] == [(0, 1, 2, 3)]
+    split = Apart.model_construct(**dict(scene))
+    assert [(system.name, system.bodies) for system in split.systems] == [("metal-1", (0, 2, 3)), ("metal-2", (1,))]
+    sim = Simulation(MPI.COMM_SELF, split)
+    assert [system.owned for system in sim.systems] == [192, 64]
+    # bodies of other methods need no systems of their own
+    data["methods"] = [{"name": "metal", "kind": "ulsph"}]
+    assert len(Apart.model_construct(**dict(parse_scene(data))).systems) == 1
+
+
+def test_a_term_that_methods_count_differently_has_two_columns():
+    scene = mixed(("metal", "flow"))
+    signs = terms_of(scene)
+    assert (signs["heat_supplied"], signs["heat_supplied_ulsph"], signs["plastic_work"]) == (-1, 0, 0)
+    assert names_of_terms(scene)[1]["heat_supplied"] == "heat_supplied_ulsph"
+    assert EnergyLimits.of(system.settings for system in scene.systems).balance_warning == 0.03
+
+
+def test_a_restart_may_change_of_each_method_what_it_may_of_one():
+    data = tables(PAIR)
+    before = contents(parse_scene(data))
+    data["methods"][1] |= {"cfl": 0.2, "cell": 0.5}
+    data["bodies"][0]["method"], data["bodies"][1]["method"] = "metal", "soft"
+    found = list(changes(before, before | contents(parse_scene(tables(PAIR))), 1.0))
+    assert not found
+    data["bodies"][0]["method"], data["bodies"][1]["method"] = "soft", "metal"
+    found = list(changes(before, contents(parse_scene(data)), 1.0))
+    wrong, notes = judged(found, (), Path("checkpoint.h5"), 1.0)
+    assert len(wrong) == 1 and wrong[0].startswith("methods.1.cell: expected 0.25 as in the checkpoint")
+    assert len(notes) == 1 and notes[0].startswith("methods.1.cfl: 0.3 until")

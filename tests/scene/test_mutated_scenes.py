@@ -1,0 +1,69 @@
+"""Scenes of `runs/` changed at random, read in this process: a scene or a message, never anything else."""
+
+import copy
+import random
+import sys
+from pathlib import Path
+
+import pytest
+
+from parsolid.scene import SceneError, parse_scene
+
+ROOT = Path(__file__).parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "end_to_end")]
+
+from mutations import mutated  # noqa: E402
+
+from tests.scene_attack import shipped  # noqa: E402
+
+SCENES = shipped()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_changed_scene_is_read_or_refused(seed):
+    chance = random.Random(seed)
+    read, refused = 0, []
+    for _ in range(50):
+        name = chance.choice(sorted(SCENES))
+        scene = mutated(SCENES[name], chance)
+        try:
+            parse_scene(scene, (ROOT / name).parent)
+            read += 1
+        except SceneError as error:
+            refused.append(str(error).strip())
+    assert 0 < read < 50 and all(refused)
+
+
+def of(name: str, **changes: object) -> dict:
+    """Tables of a scene of `runs/`, one of its values, named by its path, replaced."""
+    scene = copy.deepcopy(SCENES[name])
+    for path, value in changes.items():
+        *keys, last = path.split("__")
+        place = scene
+        for key in keys:
+            place = place[int(key) if key.isdigit() else key]
+        place[last] = value
+    return scene
+
+
+@pytest.mark.parametrize(
+    "value, said",
+    [
+        (3, "method.viscosity: expected a table or false, found 3"),
+        (True, "method.viscosity: expected a table or false, found true"),
+        ({"linear": "X"}, "method.viscosity.linear: expected a number, found 'X'"),
+        ({"linar": 1.0}, "method.viscosity.linar: expected one of .*, found the unknown key 'linar' .did you mean"),
+    ],
+)
+def test_a_table_or_a_value_in_its_place(value, said):
+    with pytest.raises(SceneError, match=said) as caught:
+        parse_scene(of("runs/ulsph/taylor.toml", method__viscosity=value), ROOT / "runs" / "ulsph")
+    assert len(caught.value.faults) == 1
+    for sound in (False, {"linear": 0.5}):
+        scene = parse_scene(of("runs/ulsph/taylor.toml", method__viscosity=sound), ROOT / "runs" / "ulsph")
+        assert parse_scene(scene.resolved()).method == scene.method
+
+
+def test_the_name_of_a_library_that_is_no_text():
+    with pytest.raises(SceneError, match=r"bodies.0.material.library: expected one of '4340 .*, found \[\]"):
+        parse_scene(of("runs/ulsph/free_micro_wave.toml", bodies__0__material__library=[]))
