@@ -51,7 +51,31 @@ def load(comm: MPI.Intracomm, options: Namespace) -> Scene:
     overrides = list(options.set)
     if options.end_time is not None:
         overrides.append(f"end_time={options.end_time!r}")
-    return bcast_scene(comm, lambda: load_scene(options.scene or packaged_scene(), overrides, options.trust_code))
+    path = _stated_scene(options)
+    return bcast_scene(comm, lambda: _load(path, overrides, options))
+
+
+def _stated_scene(options: Namespace) -> Path | str:
+    """The scene's file: the one that is named, that of the run which is continued, or the packaged one."""
+    restart = getattr(options, "restart", None)
+    if options.scene is None and restart and restart.endswith(".toml"):
+        # "--restart SCENE": the words stand in the other order
+        options.scene, options.restart = restart, ""
+    elif options.scene is None and (restart or (restart is not None and options.output)):
+        folder = Path(restart).parent if restart else Path(options.output)
+        options.output = options.output or str(folder)
+        return folder / "scene.toml"
+    return options.scene or packaged_scene()
+
+
+def _load(path: Path | str, overrides: list[str], options: Namespace) -> Scene:
+    """For one rank. Raises SceneError."""
+    restart = getattr(options, "restart", None)
+    if options.scene is None and restart and not Path(restart).is_file():
+        raise SceneError([f"--restart {restart}: expected a checkpoint, found no such file"])
+    if options.scene is None and restart is not None and not Path(path).is_file():
+        raise SceneError([f"{path}: expected the scene of the run to go on with, found none"])
+    return load_scene(path, overrides, options.trust_code)
 
 
 def run(comm: MPI.Intracomm, options: Namespace) -> int:

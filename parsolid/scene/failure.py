@@ -6,12 +6,12 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from parsolid.scene.base_model import Positive, SceneModel, reject
-from parsolid.scene.declared import BASES, DeclaredModel, by_law
+from parsolid.scene.base_model import Positive, SceneModel
+from parsolid.scene.declared import BASES, by_law
+from parsolid.scene.library import LibraryTable
 from parsolid.scene.method_settings import named_observables
-from parsolid.scene.validation_errors import suggestion
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -30,21 +30,14 @@ QUANTITIES = {
 }
 
 
-class CriterionTable(DeclaredModel):
-    """What is not given is that of the library, if one is named."""
+class CriterionTable(LibraryTable):
+    """What is not given is that of the library of criteria, if one is named."""
 
-    @model_validator(mode="wrap")
     @classmethod
-    def _with_library(cls, value: Any, handler: Any) -> Any:
-        name = value.get("library") if isinstance(value, dict) else None
-        if name is None:
-            return handler(value)
+    def entries(cls) -> dict[str, dict[str, Any]]:
+        """Those of the criterion's kind."""
         kind = getattr(cls.declared, "kind", None)
-        known = {key: table for key, table in library().items() if table["kind"] == kind}
-        if name not in known:
-            expected = f"one of {', '.join(map(repr, known)) or 'none'}{suggestion(name, known)}"
-            reject((("library",), expected, name))
-        return handler(known[name] | {key: stated for key, stated in value.items() if stated is not None})
+        return {key: table for key, table in library().items() if table["kind"] == kind}
 
 
 BASES["failure"] = (

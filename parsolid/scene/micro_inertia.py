@@ -9,8 +9,8 @@ from typing import Any
 from pydantic import Field, model_validator
 
 from parsolid.scene.base_model import reject
-from parsolid.scene.declared import BASES, DeclaredModel
-from parsolid.scene.validation_errors import suggestion
+from parsolid.scene.declared import BASES
+from parsolid.scene.library import LibraryTable
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -22,22 +22,18 @@ _STATED = "parsolid.materials.plastic.micro_inertia_stated"
 _ELASTIC = ("youngs_modulus", "poissons_ratio", "shear_modulus", "bulk_modulus")
 
 
-class MicroInertiaSolid(DeclaredModel):
+class MicroInertiaSolid(LibraryTable):
     """What is not given is that of the library, if one is named; elastic constants are the library's all or none."""
 
-    @model_validator(mode="wrap")
     @classmethod
-    def _with_library(cls, value: Any, handler: Any) -> Any:
-        name = value.get("library") if isinstance(value, dict) else None
-        if name is None:
-            return handler(value)
-        if not isinstance(name, str) or name not in library():
-            expected = f"one of {', '.join(map(repr, library()))}{suggestion(name, library())}"
-            reject((("library",), expected, name))
-        known = library()[name]
-        if any(value.get(key) is not None for key in _ELASTIC):
-            known = {key: known[key] for key in known if key not in _ELASTIC}
-        return handler(known | {key: stated for key, stated in value.items() if stated is not None})
+    def entries(cls) -> dict[str, dict[str, Any]]:
+        """Published sets."""
+        return library()
+
+    @classmethod
+    def taken(cls, known: dict[str, Any], stated: dict[str, Any]) -> dict[str, Any]:
+        """Without its elastic constants where the scene states one."""
+        return {key: known[key] for key in known if key not in _ELASTIC} if {*_ELASTIC} & {*stated} else known
 
     @model_validator(mode="after")
     def _derived(self) -> "MicroInertiaSolid":

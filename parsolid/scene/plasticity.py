@@ -15,7 +15,8 @@ from parsolid.materials.registry import declared
 from parsolid.scene.base_model import reject
 from parsolid.scene.declared import BASES, DeclaredModel, by_law, model_of
 from parsolid.scene.failure import Failure
-from parsolid.scene.validation_errors import NOTHING, suggestion
+from parsolid.scene.library import entry
+from parsolid.scene.validation_errors import NOTHING
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -39,9 +40,8 @@ class ElasticPlasticTable(DeclaredModel):
     @model_validator(mode="after")
     def _complete(self) -> "ElasticPlasticTable":
         stated: Any = self
-        if stated.library is not None and stated.library not in library():
-            expected = f"one of {', '.join(map(repr, library()))}{suggestion(stated.library, library())}"
-            reject((("library",), expected, stated.library))
+        if stated.library is not None:
+            entry(stated.library, library())
         needed = ("density", "specific_heat", "equation_of_state", "shear_modulus", "flow_stress")
         missing = [key for key in needed if self.parts[key] is None]
         details: list[Any] = [((key,), "a value (or a library that has it)", NOTHING) for key in missing]

@@ -91,7 +91,7 @@ class PlasticPoint:
         damage = self._damage()
         pressure = plastic_evaluation.pressure(self.law, J, energy)
         if len(damage) and damage[0] >= 1.0:
-            pressure = max(pressure, 0.0)
+            pressure = np.maximum(pressure, 0.0)
         # without the heat that has left
         stress -= (np.trace(stress) / 3.0 + pressure) * np.eye(3)
         ep = arrays.plastic_strain[0, 0]

@@ -5,7 +5,7 @@ here.
 """
 
 import functools
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -95,7 +95,7 @@ class ElasticPlasticUpdate:
     def advance(self, block: MaterialBlock, step: float) -> tuple[bool, float, dict[str, float]]:
         """See `HyperelasticUpdate.advance`."""
         points, storage, here = self.points, self.points.storage, (block.first, block.last)
-        state = points.kept(("material state",), lambda: MaterialState(*map(points.find, _STATE)))
+        state = points.kept(("material state",), lambda: MaterialState(*map(cast(Any, points.find), _STATE)))
         rise = points.find("plastic_rise")
         before = None if rise is None else state.plastic_strain[0].copy()
         arrays = (points.motion, storage("velocity_gradient"), storage("stress_and_volume"))
