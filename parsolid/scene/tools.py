@@ -10,7 +10,7 @@ from parsolid.scene.base_model import AXES, NotNegative, Point, Positive, SceneM
 from parsolid.scene.bodies import Name
 from parsolid.scene.formulas import Scalar, Vector
 from parsolid.scene.method_settings import Detail
-from parsolid.scene.shapes import AxisName, Box, MeshFile, Sphere
+from parsolid.scene.shapes import AxisName, Box, MeshFile, OneShape, Sphere
 from parsolid.scene.validation_errors import NOTHING, fault, suggestion
 
 # of a tool's columns of the history, with a suffix for each component
@@ -40,8 +40,8 @@ class CylinderOfTool(SceneModel):
     length: Positive | None = Field(None, description="the length [m], endless unless given")
 
 
-class ToolShape(SceneModel):
-    """Exactly one shape; `kind` names it and `model` is its table."""
+class ToolShape(OneShape):
+    """Exactly one shape of a tool."""
 
     exactly_one: ClassVar = (("plane", "sphere", "cylinder", "box", "mesh"),)
     plane: HalfSpaceOfTool | None = None
@@ -49,16 +49,6 @@ class ToolShape(SceneModel):
     cylinder: CylinderOfTool | None = None
     box: Box | None = None
     mesh: MeshFile | None = None
-
-    @property
-    def kind(self) -> str:
-        """The key that is given."""
-        return next(key for key in self.exactly_one[0] if getattr(self, key) is not None)
-
-    @property
-    def model(self) -> Any:
-        """The table of the shape that is given."""
-        return getattr(self, self.kind)
 
     @property
     def endless(self) -> bool:

@@ -125,6 +125,21 @@ def _stretch(friction, frame, i, x, y, z, n, most):
     return lost
 
 
+@register_jitable
+def _pull(friction, frame, i, x, y, z, n, depth, k, sums):
+    """The force [N] of a particle's spring, which has half the stiffness k; its energies go to the sums."""
+    d = (friction.record.shape[1] - 1) // 2
+    if friction.slipping:
+        if friction.record[i, 0] == 0.0:
+            _hold(friction, frame, i, x, y, z)
+        most = 2.0 * friction.coefficient * depth
+        sums[LOST] += 0.5 * k * _stretch(friction, frame, i, x, y, z, n, most)
+    a, b = friction.record[i, 1 + d], friction.record[i, 2 + d]
+    c = friction.record[i, 3 + d] if d == 3 else 0.0
+    sums[STUCK] += 0.25 * k * (a * a + b * b + c * c)
+    return -0.5 * k * a, -0.5 * k * b, -0.5 * k * c
+
+
 @compiled(error_model="numpy")
 def press(shape, frame, friction, resistance, owned, places, body, meant, rows, forces, sums):
     """Forces (owned, d) [N] on the `rows` of particles that a shape touches, and their `sums` as named above.
@@ -152,22 +167,8 @@ def press(shape, frame, friction, resistance, owned, places, body, meant, rows, 
         fx, fy, fz = push * n[0], push * n[1], push * n[2]
         sums[STORED] += 0.5 * push * depth
         if friction is not None:
-            if friction.slipping:
-                if friction.record[i, 0] == 0.0:
-                    _hold(friction, frame, i, x, y, z)
-                # the spring has half the stiffness k
-                most = 2.0 * friction.coefficient * depth
-                sums[LOST] += 0.5 * k * _stretch(friction, frame, i, x, y, z, n, most)
-            for c in range(d):
-                xi = friction.record[i, 1 + d + c]
-                sums[STUCK] += 0.25 * k * xi * xi
-                pull = -0.5 * k * xi
-                if c == 0:
-                    fx += pull
-                elif c == 1:
-                    fy += pull
-                else:
-                    fz += pull
+            tx, ty, tz = _pull(friction, frame, i, x, y, z, n, depth, k, sums)
+            fx, fy, fz = fx + tx, fy + ty, fz + tz
         a, b, c = x - frame.place[0], y - frame.place[1], z - frame.place[2]
         rows[count], forces[count, 0] = i, fx
         if d > 1:
