@@ -37,7 +37,7 @@ def test_a_block_sticks_on_a_gentle_incline(method):
     data = on_incline(method, 0.2, 0.3, 0.2)
     _, watch = run(data)
     late = watch["time"] > 0.2
-    assert np.ptp(watch["place"][late, 0]) < 1e-3 and np.abs(watch["velocity"][-1]).max() < 2e-3
+    assert np.ptp(watch["place"][late, 0]) < 1e-3 and np.abs(watch["velocity"][-1]).max() < 5e-3
     assert abs(np.mean(watch["floor.force_x"][late]) / (watch["mass"][0] * GRAVITY * np.sin(np.arctan(0.2))) - 1) < 0.02
 
 

@@ -146,14 +146,14 @@ class MaterialPoint(ParticleSystem):
 
     def _with_impulses(self, forces: np.ndarray | None, step: float) -> np.ndarray | None:
         """Forces (capacity, 4) [N] of loads and of the impulses that have been given since the last step [s]."""
-        if "impulse" not in self.points or step == 0.0:
+        if "impulse" not in self.points:
             return forces
         impulse = self.points.owned_rows("impulse")
-        if not impulse.any():
-            return forces
+        # an array in every step, for the kernel is called again as it was called first
         result = aligned_zeros((self.points.capacity, 4)) if forces is None else forces.copy()
-        result[: self.owned, : self.dimension] += impulse / step
-        impulse[:] = 0.0
+        if step > 0.0:
+            result[: self.owned, : self.dimension] += impulse / step
+            impulse[:] = 0.0
         return result
 
     def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
