@@ -7,7 +7,6 @@ that a grid a little wider than that leaves nothing which takes many iterations.
 is bounded, not that of the scene.
 """
 
-from collections.abc import Callable
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -21,8 +20,8 @@ from parsolid.collective import maximum, minimum
 _MOST_NODES = {1: 4000, 2: 8000, 3: 1400}
 # of the greatest stiffness, what keeps motions that nothing holds from being without any
 _FLOOR = 1e-9
-# the same of a motion that nothing holds
-_LOOSE = 1e-10
+# of all its squares, what a motion that nothing holds may be where something holds: rounding
+_LOOSE = 1e-13
 
 
 class Grid(NamedTuple):
@@ -181,19 +180,15 @@ class TwoLevel:
             result -= np.tensordot(parts, self.loose, 1)
         return result
 
-    def leave_out(self, motions: np.ndarray, apply: Callable[[np.ndarray, np.ndarray], None]) -> None:
-        """Give no part of those of some motions (k, n, d) that have no stiffness: nothing holds them, and nothing says
+    def leave_out(self, motions: np.ndarray, restraint: np.ndarray) -> None:
+        """Give no part of those of some motions (k, n, d) that nothing holds: they have no stiffness, and nothing says
         what they should be. Without a preconditioner conjugate gradients have none of them by themselves.
+
+        restraint (k, k): sums of products of what the motions are wherever something holds, on all ranks together.
         """
-        assert self.diagonal is not None
-        motions = motions * self.free
-        images = np.empty_like(motions)
-        for motion, image in zip(motions, images):
-            apply(motion, image)
-        products = [np.tensordot(motions, other, ((1, 2), (1, 2))) for other in (motions, images * self.free)]
-        scale = float(maximum(self.comm, float(self.diagonal.max(initial=0.0))))
-        gram, stiffness = sums(self.comm, np.array(products))
+        gram = sums(self.comm, np.tensordot(motions, motions, ((1, 2), (1, 2))))
         sizes, axes = np.linalg.eigh(gram)
         basis = axes[:, sizes > 1e-12 * sizes[-1]] / np.sqrt(sizes[sizes > 1e-12 * sizes[-1]])
-        values, modes = np.linalg.eigh(basis.T @ stiffness @ basis)
-        self.loose = np.tensordot((basis @ modes[:, values < _LOOSE * scale]).T, motions, 1)
+        values, modes = np.linalg.eigh(basis.T @ restraint @ basis)
+        loose = (basis @ modes[:, values < _LOOSE]).T
+        self.loose = np.tensordot(loose, motions, 1) * self.free

@@ -104,3 +104,14 @@ def test_bonds_have_no_point(tmp_path):
     (tmp_path / "bonds.toml").write_text(f"end_time = 1\nsteps = 1\n{material}[path]\nkind = 'uniaxial'\nstretch = 1\n")
     with pytest.raises(SceneError, match="material.kind: expected a law of stresses .*found 'bond-based'"):
         load_point(tmp_path / "bonds.toml")
+
+
+def test_a_series_on_a_hyperelastic_solid_has_no_point(tmp_path):
+    text = (
+        (EXAMPLES / "prony_finite.toml")
+        .read_text()
+        .replace('strain = "finite"', 'strain = "finite"\nbase = "neo-hookean"')
+    )
+    (tmp_path / "based.toml").write_text(text)
+    with pytest.raises(SceneError, match="material.base: expected no such key at a material point"):
+        load_point(tmp_path / "based.toml")

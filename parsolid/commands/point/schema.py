@@ -76,6 +76,9 @@ class MaterialPoint(SceneModel):
             )
         if self.material.kind == "bond-based":
             details.append((("material", "kind"), "a law of stresses (bonds have none)", self.material.kind))
+        base = getattr(self.material, "base", None)
+        if self.material.kind == "prony" and base is not None:
+            details.append((("material", "base"), "no such key at a material point", base))
         if not _warms(self.material):
             stated = [key for key in ("temperature", "heat") if getattr(self, key) is not None]
             details += [

@@ -14,6 +14,8 @@ from parsolid.solvers import Grid, TwoLevel, start_vector
 
 # width of the grid's cells over the particles' spacing: more than the horizon, within which stiffness is nearly flat
 _WIDTH = 4.0
+# of a rank's particles, about so many are looked at on each mirror plane
+_POINTS = 500
 
 
 class CoarseGrid:
@@ -25,7 +27,7 @@ class CoarseGrid:
 
     def __init__(self, operator: Operator, planes: Any) -> None:
         """planes: the `boundary.mirror_planes.MirrorPlane`s of the scene."""
-        self.operator, self.comm = operator, operator.comm
+        self.operator, self.comm, self.planes = operator, operator.comm, planes
         particles = operator.engine.particles
         places = np.ascontiguousarray(particles.owned_rows("reference_position"))
         self.volume, d = particles.owned_rows("volume"), places.shape[1]
@@ -66,12 +68,12 @@ class CoarseGrid:
         operator.stiffness(trial, image, step)
         power, measure = sums(self.comm, [np.vdot(trial, image), np.vdot(trial, weight * trial)])
         solver.of_moduli(lame, shear, self.volume, weight * float(power / measure) if measure > 0.0 else weight)
-        solver.leave_out(self._rigid_motions(), lambda x, y: operator.stiffness(x, y, step))
+        motions = self._rigid_motions(operator.engine.particles.owned_rows("reference_position"))
+        solver.leave_out(motions, self._restraint(motions))
         return solver
 
-    def _rigid_motions(self) -> np.ndarray:
-        """Translations, and where strains are small rotations, (k, n, d)."""
-        places = self.operator.engine.particles.owned_rows("reference_position")
+    def _rigid_motions(self, places: np.ndarray) -> np.ndarray:
+        """Translations, and where strains are small rotations, (k, n, d), at places (n, d) [m]."""
         n, d = places.shape
         motions = [np.broadcast_to(np.eye(d)[i], (n, d)) for i in range(d)]
         if self.operator.is_linear:
@@ -82,6 +84,20 @@ class CoarseGrid:
                 spin[:, i], spin[:, j] = -arm[:, j], arm[:, i]
                 motions.append(spin)
         return np.array(motions)
+
+    def _restraint(self, motions: np.ndarray) -> np.ndarray:
+        """Sums of products (k, k) of rigid motions (k, n, d) where they are prescribed and on mirror planes, of all
+        ranks: what has none there has no stiffness, and no force need be evaluated to know it.
+        """
+        particles = self.operator.engine.particles
+        parts = [motions * ~self.operator.free]
+        for plane in self.planes:
+            concerned = np.flatnonzero(plane.concerns(particles.owned_rows("body")))
+            # a few points say what a plane lets move
+            onto = particles.owned_rows("reference_position")[concerned[:: len(concerned) // _POINTS + 1]]
+            onto[:, plane.axis] = plane.coordinate
+            parts.append(self._rigid_motions(onto) * plane.held(motions.shape[2]))
+        return sums(self.comm, sum(np.tensordot(one, one, ((1, 2), (1, 2))) for one in parts))
 
 
 def coarse_grid(operator: Any, planes: Any) -> CoarseGrid | None:
