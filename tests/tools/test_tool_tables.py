@@ -83,7 +83,7 @@ def test_a_sharp_corner_of_a_mesh_presses(tmp_path, turned):
     """Whichever way its segments run; the work of the motion is what the body and the contact take up."""
     order = [[1, 0], [1, 2], [0, 2]] if turned else None
     tool = polygon(tmp_path / "wedge.vtk", WEDGE, order) | {"motion": {"velocity": ["0", "-2"]}}
-    data = block("tlsph") | {"tools": [tool], "end_time": 0.03}
+    data = block("tlsph", placement="cells", particles=[10, 5]) | {"tools": [tool], "end_time": 0.03}
     data["tools"].append(floor())
     data["method"]["maximum_step"] = 2e-4
     _, watch = run(data)
