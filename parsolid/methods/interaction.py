@@ -13,12 +13,14 @@ class Interaction:
     the forces at the new places after it, by `ParticleSystem.kick`. It is of second order and touches no method's step.
     Rows of particles change only while systems advance: `ParticleSystem.placements` tells.
 
+    energy_scale: an energy [J], the same on all ranks, of which the balance has the round-off in any case.
     terms: the energy terms it adds to the ledger, with their signs, see `simulation.ledger.Ledger`.
     news: whether this rank has found, by the end of a step, what all ranks must act on at the step after the next one,
     such as lists used up; it travels with the minimum of the next step. news_anywhere: whether any rank had.
     """
 
     terms: Mapping[str, int] = {}
+    energy_scale: float = 0.0
     news: bool = False
     news_anywhere: bool = False
 
@@ -39,6 +41,15 @@ class Interaction:
     def stable_step(self) -> float:
         """Largest step [s] that it allows on this rank, known before a step."""
         return float("inf")
+
+    @property
+    def columns(self) -> list[str]:
+        """Of the history."""
+        return []
+
+    def sample(self) -> list[float]:
+        """Values of the columns; collective where there are any."""
+        return []
 
     def energies(self) -> tuple[float, float]:
         """This rank's kinetic and stored energy [J] that no system has; part of those sums of the ledger."""

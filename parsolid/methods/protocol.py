@@ -146,6 +146,9 @@ class ParticleSystem:
         """Components (owned, d) of velocities that boundaries hold or prescribe, true there; None without any."""
         return None
 
+    def expect_kicks(self) -> None:
+        """Declare what kicks take; asked for before a restart puts fields back, where any may come."""
+
     def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
         """Give impulses (n, d) [N s] to the velocities of owned rows (n,), each once; all of them unless given.
 

@@ -22,6 +22,7 @@ from parsolid.scene.named_regions import Region, all_regions, region_details
 from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, SOLUTIONS_KNOWN, Output, Reference
 from parsolid.scene.probes import Probe, ProbeTable
 from parsolid.scene.systems import SystemOfScene, faults_of_systems, part_of, systems_of
+from parsolid.scene.tools import Tool, still_faults, tool_faults
 from parsolid.scene.validation_errors import NOTHING, SceneError, fault, key_path, suggestion
 
 # more than these, in a run to its end, nobody wants
@@ -43,6 +44,7 @@ class Scene(SceneModel):
     boundaries: list[Boundary] = Field([], description="supports, loads on surfaces and prescribed motion")
     loads: Loads = Loads()
     contact: list[Contact] = Field([], description="bodies that meet")
+    tools: list[Tool] = Field([], description="rigid bodies that others touch")
     probes: list[ProbeTable] = Field([], description="what is watched: columns of history.csv")
     output: Output = Output()
     reference: Reference | None = None
@@ -74,7 +76,7 @@ class Scene(SceneModel):
 
     @model_validator(mode="after")
     def _fits_method(self) -> "Scene":
-        details = faults_of_systems(self)
+        details = faults_of_systems(self) + still_faults(self)
         exact = None if self.reference is None else self.reference.exact
         if self.loads.manufactured and exact not in MANUFACTURED:
             known = " or ".join(map(repr, MANUFACTURED))
@@ -162,6 +164,7 @@ class Parts:
     boundaries: dict[int, Any]
     probes: dict[int, Probe]
     contact: dict[int, Contact]
+    tools: dict[int, Tool]
     reference: Reference | None
     method: Any
     complete: bool
@@ -181,6 +184,7 @@ class Parts:
             ("boundaries", Boundary),
             ("probes", ProbeTable),
             ("contact", Contact),
+            ("tools", Tool),
         ):
             adapter = TypeAdapter(kind)
             entries = data.get(key, [])
@@ -220,7 +224,7 @@ def cross_faults(parts: Parts) -> list[str]:
     faults += _empty_bodies(fillings) + _boundary_faults(parts, fillings, every_body_known)
     if every_body_known:
         faults += _distant_probes(parts, fillings) + _fields_elsewhere(parts, fillings)
-    faults += contact_faults(parts.contact, parts.bodies, parts.complete)
+    faults += contact_faults(parts.contact, parts.bodies, parts.complete) + tool_faults(parts)
     return faults + _reference_faults(parts)
 
 
@@ -311,11 +315,12 @@ def _reference_faults(parts: Parts) -> list[str]:
     if parts.reference is None or not parts.complete or parts.method is None:
         return []
     key = "final" if parts.reference.final is not None else "columns"
-    known = [*HISTORY_COLUMNS, *parts.method.ledger_terms, *(CONTACT_TERMS if parts.contact else ())]
+    known = [*HISTORY_COLUMNS, *parts.method.ledger_terms, *(CONTACT_TERMS if parts.contact or parts.tools else ())]
     for name in (one.reports for one in parts.boundaries.values() if one.reports is not None):
         known += [f"{name}.work", *reaction_columns(name, parts.dimension)]
     try:
-        known += [column for probe in parts.probes.values() for column in probe.columns(parts.dimension)]
+        watched: list[Any] = [*parts.probes.values(), *parts.tools.values()]
+        known += [column for one in watched for column in one.columns(parts.dimension)]
     except KeyError:
         # a field that other faults keep from being known
         return []

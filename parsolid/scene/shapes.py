@@ -120,16 +120,8 @@ class MeshFile(SceneModel):
     scale: Positive = Field(1.0, description="factor on its coordinates: 0.001 for a mesh in mm")
 
 
-class Shape(SceneModel):
-    """Exactly one shape; `kind` names it and `model` is its table."""
-
-    exactly_one: ClassVar = (("box", "perforated_box", "cylinder", "cylindrical_shell", "sphere", "mesh"),)
-    box: Box | None = None
-    perforated_box: PerforatedBox | None = None
-    cylinder: Cylinder | None = None
-    cylindrical_shell: CylindricalShell | None = None
-    sphere: Sphere | None = None
-    mesh: MeshFile | None = None
+class OneShape(SceneModel):
+    """A table with one key of a group, of which `kind` names the one that is given and `model` is its table."""
 
     @property
     def kind(self) -> str:
@@ -140,6 +132,18 @@ class Shape(SceneModel):
     def model(self) -> Any:
         """The table of the shape that is given."""
         return getattr(self, self.kind)
+
+
+class Shape(OneShape):
+    """Exactly one shape; `kind` names it and `model` is its table."""
+
+    exactly_one: ClassVar = (("box", "perforated_box", "cylinder", "cylindrical_shell", "sphere", "mesh"),)
+    box: Box | None = None
+    perforated_box: PerforatedBox | None = None
+    cylinder: Cylinder | None = None
+    cylindrical_shell: CylindricalShell | None = None
+    sphere: Sphere | None = None
+    mesh: MeshFile | None = None
 
     @model_validator(mode="after")
     def _fits_dimension(self, info: ValidationInfo) -> "Shape":

@@ -103,7 +103,7 @@ def terms_of(scene: Scene) -> dict[str, int]:
     named = zip(scene.systems, names_of_terms(scene))
     terms = {names[one]: sign for system, names in named for one, sign in _own_terms(scene, system).items()}
     works = {f"{one.reports}.work": 0 for one in scene.boundaries if one.reports is not None}
-    return terms | (CONTACT_TERMS if scene.contact else {}) | works
+    return terms | (CONTACT_TERMS if scene.contact or scene.tools else {}) | works
 
 
 def _own_terms(scene: Scene, system: SystemOfScene) -> dict[str, int]:

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 from decomposition.reduction import MinimumAhead
 from parsolid.contact.kernel_contact import build_contact
+from parsolid.contact.tools import build_tools
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
@@ -82,7 +83,10 @@ class Simulation:
         self.systems, self.particle_sets = build_systems(comm, scene, restart)
         self._ledgers = [self.ledger.of(names) for names in names_of_terms(scene)]
         self.clock.work = [0.0] * len(self.systems)
-        self.interactions: list[Interaction] = build_contact(comm, scene, self.systems)
+        self.interactions: list[Interaction] = [
+            *build_contact(comm, scene, self.systems),
+            *build_tools(comm, scene, self.systems),
+        ]
         self.time_steps = TimeSteps.of(scene, self.systems)
         # the step agreed on for the current state; a restart takes it from the checkpoint, for the same bits
         self.stable: float | None = None
@@ -131,7 +135,7 @@ class Simulation:
     @property
     def energy_scale(self) -> float:
         """An energy [J], the same on all ranks, of which the balance has the round-off in any case."""
-        return sum(system.energy_scale for system in self.systems)
+        return sum(part.energy_scale for part in self.parts)
 
     def energy_row(self) -> dict[str, float]:
         """The ledger's row [J] of the present state over all ranks; judged before the next step. Collective."""

@@ -50,7 +50,8 @@ class Recorder:
     @property
     def columns(self) -> list[str]:
         """Columns of the history."""
-        return ["step", "time", "dt", *self.simulation.ledger.columns, *self.probes.columns]
+        acting = [column for interaction in self.simulation.interactions for column in interaction.columns]
+        return ["step", "time", "dt", *self.simulation.ledger.columns, *self.probes.columns, *acting]
 
     def look(self, simulation: Simulation) -> None:
         """Write what is due at the end of a step; collective when something is."""
@@ -106,6 +107,8 @@ class Recorder:
         now = self.simulation.clock
         row = {"step": now.step, "time": now.time, "dt": now.step_size} | self.simulation.energy_row()
         row |= dict(zip(self.probes.columns, self.probes.sample()))
+        for interaction in self.simulation.interactions:
+            row |= dict(zip(interaction.columns, interaction.sample()))
         self.last_row = row
         self.files.append_history([row[name] for name in self.columns])
         self.errors.note(row)

@@ -171,6 +171,17 @@ class MaterialPoint(ParticleSystem):
 
     placements = None
 
+    def expect_kicks(self) -> None:
+        """Impulses wait for the next step, and for a restart."""
+        if "impulse" not in self.points:
+            self.points.declare(Field("impulse", self.dimension, "N s", checkpointed=True))
+
+    def _waiting_energy(self) -> float:
+        """What waiting impulses will have given by the time to which the last half kick belongs [J]."""
+        if "impulse" not in self.points:
+            return 0.0
+        return float(np.sum(self.points.owned_rows("impulse") * self.points.owned_rows("velocity")))
+
     @property
     def symmetry_planes(self) -> list[MirrorPlane]:
         """Rollers."""
@@ -224,7 +235,8 @@ class MaterialPoint(ParticleSystem):
 
     def energies(self) -> tuple[float, float]:
         """Kinetic energy and internal energy [J] of this rank's particles, heat and plastic work included."""
-        return kinetic_energy(self.owned, self.points.motion), self.materials.stored_energy()
+        kinetic = kinetic_energy(self.owned, self.points.motion) + self._waiting_energy()
+        return kinetic, self.materials.stored_energy()
 
     def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
         """Fields that are not declared."""

@@ -1,0 +1,265 @@
+"""Rigid tools as contact partners of all systems: one interaction for all tools of a scene."""
+
+from typing import Any
+
+import numpy as np
+
+from decomposition.reduction import sums as over_ranks
+from parsolid.collective import SolverError, minimum, raise_together
+from parsolid.contact.tools import forces
+from parsolid.contact.tools.bodies import make_body, shaped
+from parsolid.contact.tools.rigid_body import FreeBody, GuidedBody, rotation_vector
+from parsolid.contact.tools.touch import STIFFNESS, Touch, meant_by
+from parsolid.methods.interaction import Interaction
+from parsolid.methods.protocol import EnergyLedger, ParticleSystem
+from parsolid.scene import Scene
+from parsolid.scene.contact import CONTACT_TERMS
+from parsolid.scene.load_histories import LoadHistory
+
+# of a spacing, what a body may reach into a tool at the start
+_OVERLAP = 0.5
+# Of M V of one particle: the balance's round-off of it, 1e-12, is a twentieth of the energy of a particle strained by
+# 2e-4. Before that much has happened, the balance of what begins to press is no measure of anything.
+_BEGINNING = 2.5e4
+
+
+class Tool:
+    """One tool, the same on all ranks.
+
+    own (12,): `forces.press`'s sums over all systems on this rank; total: over all ranks, of a free tool. quiet_until
+    [s]: before it nothing touches a free tool, on any rank; step [s]: the last one. whole: of the force [N] over that
+    of what the systems' masses are of.
+    """
+
+    def __init__(self, stated: Any, dimension: int, polar: bool):
+        """stated: `scene.tools.Tool`. Raises SolverError for a mesh that is no closed surface."""
+        form = shaped(stated, dimension)
+        self.name, self.stated, self.shape, self.width = stated.name, stated, form.shape, form.width
+        self.far = form.far
+        self.friction, self.stiffness = stated.friction, stated.stiffness
+        self.whole = 2.0 * np.pi if polar else 1.0
+        self.body: FreeBody | GuidedBody = make_body(stated, form, dimension, 1.0 / self.whole)
+        self.touches: list[Touch] = []
+        self.own, self.total = np.zeros(forces.SUMS), np.zeros(forces.SUMS)
+        self.quiet_until = -np.inf
+        self.step = 0.0
+
+    @property
+    def free(self) -> bool:
+        """Whether it follows forces."""
+        return isinstance(self.body, FreeBody)
+
+    def speed(self, time: float) -> float:
+        """What its points move with at most [m/s], of those that bodies can reach."""
+        pose = self.body.pose
+        turning = float(np.linalg.norm(pose.spin))
+        return float(np.linalg.norm(pose.velocity)) + (turning * self.far if turning else 0.0)
+
+    def evaluate(self, time: float, slipping: bool) -> None:
+        """Forces on this rank at a time [s], see `Touch.evaluate`."""
+        self.own = np.zeros(forces.SUMS)
+        for touch in self.touches:
+            touch.evaluate(time, slipping)
+            self.own += touch.sums
+
+
+class RigidTools(Interaction):
+    """All tools of a scene; no message in a step but, where a tool with mass may be touched, one sum of a few numbers.
+
+    The stored energy of what is pressed, and of friction's springs, is part of the ledger's.
+    """
+
+    terms = CONTACT_TERMS
+
+    def __init__(self, comm: Any, scene: Scene, systems: list[ParticleSystem]):
+        """systems: of the scene, whose particles have the fields of `touch.declare`.
+
+        Raises SolverError on all ranks for tools that cannot be. Collective.
+        """
+        self.comm, self.systems, self.dimension = comm, systems, scene.dimension
+        self.names = [body.name or f"bodies.{i}" for i, body in enumerate(scene.bodies)]
+        polar = getattr(systems[0].settings, "geometry", None) == "axisymmetric"
+        self.tools = [Tool(stated, scene.dimension, polar) for stated in scene.tools]
+        acceleration = scene.loads.acceleration
+        self.gravity = None if acceleration is None else LoadHistory(acceleration, scene.loads)
+        for system in systems:
+            own = [system.wave_modulus(body) for body in range(len(system.bodies))]
+            signal = max(float(np.sqrt(modulus / density)) for modulus, density in own)
+            for tool in self.tools:
+                meant = meant_by(tool.stated, scene, system)
+                if meant.any():
+                    tool.touches.append(Touch(tool, system, meant, signal))
+                    # before the first step, one that is surely longer
+                    tool.step = max(tool.step, self._spacing(tool.touches[-1]) / signal)
+        self._refuse_small()
+        self.energy_scale = _BEGINNING * max((self._particle_energy(system) for system in systems), default=0.0)
+        self._resumed = False
+        self._shown = np.zeros(2)
+
+    def _spacing(self, touch: Touch) -> float:
+        """The widest of what a tool touches [m]; collective."""
+        rows = touch.system.particles.owned_rows
+        return -minimum(self.comm, -float(rows("spacing")[touch.meant[rows("body")]].max(initial=0.0)))
+
+    def _particle_energy(self, system: ParticleSystem) -> float:
+        """The largest M V of a system's particles [J]; collective."""
+        if STIFFNESS not in system.particles:
+            return 0.0
+        rows = system.particles.owned_rows
+        energy = rows(STIFFNESS) * rows("spacing").max(axis=1) ** 2
+        return -minimum(self.comm, -float(energy.max(initial=0.0)))
+
+    def _refuse_small(self) -> None:
+        """Raise SolverError for a tool that fits between particles."""
+        for number, tool in enumerate(self.tools):
+            for touch in tool.touches:
+                spacing = self._spacing(touch)
+                if tool.width < spacing:
+                    raise SolverError(
+                        f"tools.{number}.shape: expected a tool at least as wide as the spacing of what it touches, "
+                        f"{spacing:g} m, found {tool.name!r}, {tool.width:g} m wide"
+                    )
+
+    # --- what the loop asks -------------------------------------------------------------------------------------
+
+    def begin(self, time: float) -> None:
+        """Forces at the start; raises SolverError, on all ranks, where a tool lies in a body. Collective."""
+        for tool in self.tools:
+            if isinstance(tool.body, GuidedBody):
+                tool.body.follow(time)
+        self._evaluate(time, slipping=not self._resumed)
+        if self._resumed:
+            self._shown = self._energies()
+            return
+        for number, tool in enumerate(self.tools):
+            for touch in tool.touches:
+                raise_together(self.comm, self._overlap(number, tool, touch))
+
+    def _overlap(self, number: int, tool: Tool, touch: Touch) -> str | None:
+        """What is wrong where a body reaches into a tool; collective."""
+        particles, depth = touch.system.particles, -minimum(self.comm, float(touch.clearance))
+        spacing = float(particles.owned_rows("spacing")[touch.rows].min(initial=np.inf))
+        allowed = _OVERLAP * minimum(self.comm, spacing)
+        if not depth > allowed * (1.0 + 1e-9) or not touch.count:
+            return None
+        bodies = np.unique(particles.owned_rows("body")[touch.rows])
+        named = " and ".join(repr(self.names[touch.system.bodies[body]]) for body in bodies)
+        return (
+            f"tools.{number}.shape: expected a tool outside the bodies (by half a spacing, {allowed:g} m, at most), "
+            f"found {tool.name!r} within {named} by {depth:g} m"
+        )
+
+    def before(self, time: float, step: float, ledger: EnergyLedger) -> None:
+        """Half a kick, then the tools move on."""
+        self._kick(time, 0.5 * step, ledger)
+        for tool in self.tools:
+            tool.step = step or tool.step
+            tool.body.drift(time, step)
+
+    def after(self, time: float, step: float, ledger: EnergyLedger) -> None:
+        """Forces at the new places, and half a kick; collective where tools with mass may be touched."""
+        self._evaluate(time, slipping=True)
+        stored = self._energies()
+        ledger.add_term("friction_dissipation", sum(float(tool.own[forces.LOST]) for tool in self.tools))
+        for name, change in zip(("contact_energy", "stick_energy"), stored - self._shown):
+            ledger.add_term(name, float(change))
+        self._shown = stored
+        self._kick(time, 0.5 * step, ledger)
+
+    def _evaluate(self, time: float, slipping: bool) -> None:
+        """Forces of all tools at a time [s]."""
+        for tool in self.tools:
+            tool.evaluate(time, slipping)
+        asked = [tool for tool in self.tools if tool.free and not time < tool.quiet_until]
+        if not asked:
+            return
+        totals = over_ranks(self.comm, np.array([tool.own for tool in asked]))
+        for tool, total in zip(asked, totals):
+            tool.total = total
+        apart = [tool for tool in asked if tool.total[forces.COUNT] == 0.0]
+        if apart:
+            quiet = [min((touch.quiet_until for touch in tool.touches), default=np.inf) for tool in apart]
+            for tool, until in zip(apart, minimum(self.comm, np.array(quiet))):
+                tool.quiet_until = float(until)
+
+    def _kick(self, time: float, step: float, ledger: EnergyLedger) -> None:
+        """The impulses of a time [s] over a step [s], on particles and on tools."""
+        work = 0.0
+        for tool in self.tools:
+            for touch in tool.touches:
+                work -= touch.kick(step)
+            if isinstance(tool.body, FreeBody):
+                total = step * tool.total
+                tool.body.kick(-total[forces.FORCE], -total[forces.MOMENT])
+                work += self._weigh(tool.body, time, step)
+            else:
+                work += step * tool.body.pose.power(tool.own[forces.FORCE], tool.own[forces.MOMENT])
+        ledger.add(1.0, 0.0, 0.0, work)
+
+    def _weigh(self, body: FreeBody, time: float, step: float) -> float:
+        """Gravity's impulse over a step [s] from a time [s]; its work [J], on one rank."""
+        if self.gravity is None:
+            return 0.0
+        impulse = np.zeros(3)
+        at = body.pose.place[None, : self.dimension]
+        impulse[: self.dimension] = step * body.mass * self.gravity.evaluate(at, time)[0]
+        before = body.kinetic
+        body.kick(impulse, np.zeros(3))
+        return body.kinetic - before if self.comm.rank == 0 else 0.0
+
+    def stable_step(self) -> float:
+        """Half the limit of the stiffest contact on this rank: what a body that bounces gains in a step grows with its
+        square."""
+        square = 0.0
+        for tool in self.tools:
+            for touch in tool.touches:
+                own = touch.greatest_square
+                if own > 0.0 and isinstance(tool.body, FreeBody):
+                    own += tool.body.square_of(tool.total[forces.STIFFNESS], tool.total[forces.TURNING])
+                square = max(square, own)
+        return np.inf if square == 0.0 else float(1.0 / np.sqrt(square))
+
+    def _energies(self) -> np.ndarray:
+        """Stored in what is pressed and in friction's springs (2,) [J], of this rank."""
+        return np.array([sum(tool.own[place] for tool in self.tools) for place in (forces.STORED, forces.STUCK)])
+
+    def energies(self) -> tuple[float, float]:
+        """Of tools with mass, on one rank; of the contacts of this one [J]."""
+        kinetic = sum(tool.body.kinetic for tool in self.tools) if self.comm.rank == 0 else 0.0
+        return kinetic, float(self._energies().sum())
+
+    def sound(self) -> bool:
+        """Whether tools are somewhere."""
+        return all(bool(np.isfinite(tool.body.pose.place).all()) for tool in self.tools)
+
+    def state(self) -> dict[str, Any]:
+        """Where tools are and how they move."""
+        return {tool.name: tool.body.state() for tool in self.tools}
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Take back what `state` gave."""
+        self._resumed = True
+        for tool in self.tools:
+            tool.body.set_state(state[tool.name])
+
+    # --- what the history shows ---------------------------------------------------------------------------------
+
+    @property
+    def columns(self) -> list[str]:
+        """Of every tool: force and moment on it, place and rotation."""
+        return [column for tool in self.tools for column in tool.stated.columns(self.dimension)]
+
+    def sample(self) -> list[float]:
+        """Values of the columns; collective."""
+        totals, d = over_ranks(self.comm, np.array([tool.own for tool in self.tools])), self.dimension
+        turning = {1: slice(0, 0), 2: slice(2, 3), 3: slice(0, 3)}[d]
+        result: list[float] = []
+        for tool, total in zip(self.tools, totals):
+            force, moment = -tool.whole * total[forces.FORCE], -tool.whole * total[forces.MOMENT]
+            if tool.whole != 1.0:
+                # around the axis, what is across it cancels
+                force[0], moment[:] = 0.0, 0.0
+            pose = tool.body.pose
+            pieces = (force[:d], moment[turning], pose.place[:d], rotation_vector(pose.rotation)[turning])
+            result += [float(value) for piece in pieces for value in piece]
+        return result

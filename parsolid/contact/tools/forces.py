@@ -1,0 +1,198 @@
+"""Forces between particles and a rigid shape: a potential of the signed distance, and friction that sticks elastically.
+
+    U = sum 1/2 k_i g_i^2,  g_i = max(0, r_i - d(x_i)),  k_i = alpha M V_i/h_i^2 (of a node on a face alpha M A_i/h_i)
+
+so the force k_i g_i along the gradient of d is exact, and the tool takes its opposite at the place of the particle.
+Friction keeps for each particle the place on the tool where it took hold and the stretch xi of the spring k_i/2 from
+there, which slips where the spring would pull by more than mu f_n (Cundall and Strack 1979).
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba.extending import register_jitable
+
+from decomposition.compiled import compiled
+from parsolid.contact.tools.shapes import distance
+
+# places in `press`'s sums: force, moment about the tool's place, energies [J], stiffness of all particles together
+FORCE, MOMENT = slice(0, 3), slice(3, 6)
+STORED, STUCK, LOST, STIFFNESS, TURNING, COUNT = 6, 7, 8, 9, 10, 11
+SUMS = 12
+
+
+class Frame(NamedTuple):
+    """Place (3,) [m] and rotation (3, 3) of a tool."""
+
+    place: np.ndarray
+    rotation: np.ndarray
+
+
+class Friction(NamedTuple):
+    """Coefficient; record (rows, 1 + 2 d): whether a particle holds, where in the frame of the tool, xi [m]; slipping:
+    whether records follow the motion, or forces of what is recorded are asked for."""
+
+    coefficient: float
+    record: np.ndarray
+    slipping: bool
+
+
+class Resistance(NamedTuple):
+    """Of each particle the radius r [m] and the stiffness k [N/m] of a tool with alpha = 1; factor: alpha."""
+
+    radius: np.ndarray
+    stiffness: np.ndarray
+    factor: float
+
+
+@register_jitable
+def _to_frame(frame, x, y, z):
+    """A place in the frame of the tool."""
+    R, a, b, c = frame.rotation, x - frame.place[0], y - frame.place[1], z - frame.place[2]
+    return (
+        R[0, 0] * a + R[1, 0] * b + R[2, 0] * c,
+        R[0, 1] * a + R[1, 1] * b + R[2, 1] * c,
+        R[0, 2] * a + R[1, 2] * b + R[2, 2] * c,
+    )
+
+
+@register_jitable
+def _turned(R, a, b, c):
+    """R (a, b, c)."""
+    return (
+        R[0, 0] * a + R[0, 1] * b + R[0, 2] * c,
+        R[1, 0] * a + R[1, 1] * b + R[1, 2] * c,
+        R[2, 0] * a + R[2, 1] * b + R[2, 2] * c,
+    )
+
+
+@register_jitable
+def _component(places, i, k):
+    return places[i, k] if k < places.shape[1] else 0.0
+
+
+@register_jitable
+def _let_go(friction, stiffness, i):
+    """Forget what a particle held; the energy of its spring [J]."""
+    record = friction.record
+    d = (record.shape[1] - 1) // 2
+    energy = 0.0
+    for k in range(1 + d, 1 + 2 * d):
+        energy += record[i, k] * record[i, k]
+    record[i, :] = 0.0
+    return 0.25 * stiffness * energy
+
+
+@register_jitable
+def _hold(friction, frame, i, x, y, z):
+    """Let a particle take hold where it is."""
+    record = friction.record
+    d = (record.shape[1] - 1) // 2
+    here = _to_frame(frame, x, y, z)
+    record[i, 0] = 1.0
+    for k in range(d):
+        record[i, 1 + k], record[i, 1 + d + k] = here[k], 0.0
+
+
+@register_jitable
+def _stretch(friction, frame, i, x, y, z, n, most):
+    """xi after the motion, at most as long as friction holds [m], and the energy lost over the stiffness [m^2].
+
+    The loss is that of the mean of the forces before and after, exact for slip in one direction.
+    """
+    record = friction.record
+    d = (record.shape[1] - 1) // 2
+    third = record[i, 3] if d == 3 else 0.0
+    ax, ay, az = _turned(frame.rotation, record[i, 1], record[i, 2], third)
+    a, b, c = x - frame.place[0] - ax, y - frame.place[1] - ay, z - frame.place[2] - az
+    across = a * n[0] + b * n[1] + c * n[2]
+    a, b, c = a - across * n[0], b - across * n[1], c - across * n[2]
+    long = math.sqrt(a * a + b * b + c * c)
+    lost = 0.0
+    if long > most:
+        keep = most / long
+        oa, ob, oc = record[i, 1 + d], record[i, 2 + d], record[i, 3 + d] if d == 3 else 0.0
+        sa, sb, sc = (1.0 - keep) * a, (1.0 - keep) * b, (1.0 - keep) * c
+        a, b, c = keep * a, keep * b, keep * c
+        lost = max(0.0, 0.5 * ((oa + a) * sa + (ob + b) * sb + (oc + c) * sc))
+        here = _to_frame(frame, x - a, y - b, z - c)
+        for k in range(d):
+            record[i, 1 + k] = here[k]
+    record[i, 1 + d], record[i, 2 + d] = a, b
+    if d == 3:
+        record[i, 3 + d] = c
+    return lost
+
+
+@register_jitable
+def _pull(friction, frame, i, x, y, z, n, depth, k, sums):
+    """The force [N] of a particle's spring, which has half the stiffness k; its energies go to the sums."""
+    d = (friction.record.shape[1] - 1) // 2
+    if friction.slipping:
+        if friction.record[i, 0] == 0.0:
+            _hold(friction, frame, i, x, y, z)
+        most = 2.0 * friction.coefficient * depth
+        sums[LOST] += 0.5 * k * _stretch(friction, frame, i, x, y, z, n, most)
+    a, b = friction.record[i, 1 + d], friction.record[i, 2 + d]
+    c = friction.record[i, 3 + d] if d == 3 else 0.0
+    sums[STUCK] += 0.25 * k * (a * a + b * b + c * c)
+    return -0.5 * k * a, -0.5 * k * b, -0.5 * k * c
+
+
+@compiled(error_model="numpy")
+def press(shape, frame, friction, resistance, owned, places, body, meant, rows, forces, sums):
+    """Forces (owned, d) [N] on the `rows` of particles that a shape touches, and their `sums` as named above.
+
+    meant (bodies,): bodies that it is for. Returns how many rows there are, the least distance [m] of any face of a
+    particle from the shape (below zero where it touches).
+    """
+    count, clearance, d = 0, math.inf, places.shape[1]
+    sums[:] = 0.0
+    for i in range(owned):
+        if not meant[body[i]]:
+            continue
+        x, y, z = _component(places, i, 0), _component(places, i, 1), _component(places, i, 2)
+        radius = resistance.radius[i]
+        u, v, w = _to_frame(frame, x, y, z)
+        away, nx, ny, nz = distance(shape, u, v, w, radius)
+        depth, k = radius - away, resistance.factor * resistance.stiffness[i]
+        clearance = min(clearance, -depth)
+        if not depth > 0.0:
+            if friction is not None:
+                sums[LOST] += _let_go(friction, k, i)
+            continue
+        n = _turned(frame.rotation, nx, ny, nz)
+        push = k * depth
+        fx, fy, fz = push * n[0], push * n[1], push * n[2]
+        sums[STORED] += 0.5 * push * depth
+        if friction is not None:
+            tx, ty, tz = _pull(friction, frame, i, x, y, z, n, depth, k, sums)
+            fx, fy, fz = fx + tx, fy + ty, fz + tz
+        a, b, c = x - frame.place[0], y - frame.place[1], z - frame.place[2]
+        rows[count], forces[count, 0] = i, fx
+        if d > 1:
+            forces[count, 1] = fy
+        if d > 2:
+            forces[count, 2] = fz
+        count += 1
+        total = (fx, fy, fz, b * fz - c * fy, c * fx - a * fz, a * fy - b * fx)
+        for m in range(6):
+            sums[m] += total[m]
+        sums[STIFFNESS] += k
+        sums[TURNING] += k * (a * a + b * b + c * c)
+    sums[COUNT] = count
+    return count, clearance
+
+
+@compiled(error_model="numpy")
+def fastest(owned, velocity):
+    """The greatest speed [m/s]; NaN where one is."""
+    most = 0.0
+    for i in range(owned):
+        square = 0.0
+        for k in range(velocity.shape[1]):
+            square += velocity[i, k] * velocity[i, k]
+        if not square <= most:
+            most = square
+    return math.sqrt(most)

@@ -1,0 +1,140 @@
+"""One tool on the particles of one system on this rank: forces, and when to look again."""
+
+from typing import Any
+
+import numpy as np
+
+from parsolid.contact.tools import forces
+from parsolid.contact.tools.forces import Frame, Friction, Resistance
+from parsolid.contact.tools.resistance import radii, stiffnesses
+from parsolid.methods.protocol import ParticleSystem
+from parsolid.particles.declaration import Field
+from parsolid.scene import Scene
+
+# fields of particles that any tool may touch
+RADIUS, STIFFNESS = "tool_radius", "tool_stiffness"
+# of the time in which particle and tool would meet, should both gain the speed of sound
+_LOOK_AFTER = 0.5
+# in so many steps what is near may be touched: until then steps are as short as contact wants
+_NEAR = 4.0
+
+
+def record_of(tool: str) -> str:
+    """Name of the field in which a tool's friction keeps what particles hold."""
+    return f"stick_{tool}"
+
+
+def declare(scene: Scene, system: ParticleSystem) -> None:
+    """What a system's particles need to be touched by a scene's tools; nothing where there are none."""
+    touching = [tool for tool in scene.tools if meant_by(tool, scene, system).any()]
+    if not touching:
+        return
+    system.expect_kicks()
+    particles = system.particles
+    in_cells = np.array([scene.bodies[number].placed_on == "cells" for number in system.bodies])
+    moduli = np.array([system.wave_modulus(body)[0] for body in range(len(system.bodies))])
+    radius, width = radii(particles, in_cells)
+    polar = getattr(system.settings, "geometry", None) == "axisymmetric"
+    particles.declare(Field(RADIUS, 1, "m"), radius)
+    particles.declare(Field(STIFFNESS, 1, "N/m"), stiffnesses(particles, radius, width, moduli, polar))
+    for tool in touching:
+        if tool.friction > 0.0:
+            particles.declare(Field(record_of(tool.name), 1 + 2 * system.dimension, "m", checkpointed=True))
+
+
+def meant_by(tool: Any, scene: Scene, system: ParticleSystem) -> np.ndarray:
+    """Which bodies (bodies,) of a system a tool is for; tool: `scene.tools.Tool`."""
+    wanted = tool.bodies
+    return np.array([wanted is None or scene.bodies[number].name in wanted for number in system.bodies])
+
+
+class Touch:
+    """A tool on a system.
+
+    rows (n,), forces (n, d) [N]: what it touches; sums (12,): as `forces.press` has them, of this rank; clearance [m]:
+    of the nearest particle; greatest_square [1/s^2]: of an angular frequency that the contact adds to that of a
+    particle, where one is near; quiet_until [s]: nothing can be touched before.
+    """
+
+    def __init__(self, tool: Any, system: ParticleSystem, meant: np.ndarray, signal: float) -> None:
+        """tool: `contact.Tool`; meant (bodies,): which bodies of the system it is for; signal: the speed [m/s] that
+        particles may gain before they are looked at again."""
+        self.tool, self.system, self.meant, self.signal = tool, system, meant, signal
+        self.record = record_of(tool.name) if tool.friction > 0.0 else None
+        self.sums = np.zeros(forces.SUMS)
+        self.count, self.clearance, self.greatest_square = 0, np.inf, 0.0
+        self._rows, self._forces = np.zeros(0, np.int64), np.zeros((0, system.dimension))
+        self._layout, self._hardest, self.quiet_until = -1, 0.0, -np.inf
+
+    @property
+    def rows(self) -> np.ndarray:
+        """Rows (n,) of particles that it touches."""
+        return self._rows[: self.count]
+
+    @property
+    def forces(self) -> np.ndarray:
+        """Forces (n, d) [N] on them, on their parts on this side of mirror planes."""
+        return self._forces[: self.count]
+
+    def evaluate(self, time: float, slipping: bool) -> None:
+        """Forces at a time [s]; slipping: friction follows the motion, or what is recorded is asked for again."""
+        particles, tool = self.system.particles, self.tool
+        if time < tool.quiet_until or (time < self.quiet_until and self._layout == particles.layout):
+            self.count, self.greatest_square = 0, 0.0
+            self.sums[:] = 0.0
+            return
+        if len(self._rows) < particles.owned:
+            self._rows = np.zeros(particles.capacity, np.int64)
+            self._forces = np.zeros((particles.capacity, self.system.dimension))
+        friction = None
+        if self.record is not None:
+            friction = Friction(tool.friction, particles.storage(self.record), slipping)
+        resistance = Resistance(particles[RADIUS], particles[STIFFNESS], tool.stiffness)
+        self.count, self.clearance = forces.press(
+            tool.shape,
+            Frame(tool.body.pose.place, tool.body.pose.matrix),
+            friction,
+            resistance,
+            particles.owned,
+            particles["position"],
+            particles["body"],
+            self.meant,
+            self._rows,
+            self._forces,
+            self.sums,
+        )
+        self._look_ahead(time)
+
+    def _look_ahead(self, time: float) -> None:
+        """When to look again, and how stiff what may be touched by then is."""
+        system, layout = self.system, self.system.particles.layout
+        if layout != self._layout:
+            self._layout, self._hardest = layout, self._hardest_of_all()
+        speed = self.signal + self.tool.speed(time)
+        if self.clearance > _NEAR * self.tool.step * speed:
+            # what moves faster than that will be seen in time
+            speed += forces.fastest(system.particles.owned, system.particles["velocity"])
+        near = self.clearance <= _NEAR * self.tool.step * speed
+        self.greatest_square = self._hardest if near else 0.0
+        self.quiet_until = -np.inf if near else time + _LOOK_AFTER * self.clearance / speed
+
+    def _hardest_of_all(self) -> float:
+        """The greatest square of an angular frequency [1/s^2] that the contact may add to that of a particle."""
+        system = self.system
+        rows = system.particles.owned_rows
+        here = self.meant[rows("body")]
+        mass = (system.mass[: system.owned] * system.share[: system.owned])[here]
+        return self.tool.stiffness * float((rows(STIFFNESS)[here] / mass).max(initial=0.0))
+
+    def kick(self, step: float) -> float:
+        """Give the particles the forces' impulses of a time [s]; the energy [J] that held components take."""
+        if not self.count or step == 0.0:
+            return 0.0
+        impulse = step * self.forces
+        if self.system.held_components() is None:
+            self.system.kick(impulse, self.rows)
+            return 0.0
+        velocity = self.system.particles.owned_rows("velocity")
+        before = velocity[self.rows]
+        gained = self.system.kick(impulse, self.rows)
+        return 0.5 * float(np.sum(impulse * (before + velocity[self.rows]))) - gained

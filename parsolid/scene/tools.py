@@ -1,0 +1,231 @@
+"""Rigid tools of a scene: shapes that bodies touch, with a prescribed motion or with mass."""
+
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from parsolid.materials.declaration import Phrase
+from parsolid.scene.base_model import AXES, NotNegative, Point, Positive, SceneModel, dimension_of, mismatch, reject
+from parsolid.scene.bodies import Name
+from parsolid.scene.formulas import Scalar, Vector
+from parsolid.scene.method_settings import Detail
+from parsolid.scene.shapes import AxisName, Box, MeshFile, OneShape, Sphere
+from parsolid.scene.validation_errors import NOTHING, fault, suggestion
+
+# of a tool's columns of the history, with a suffix for each component
+_WATCHED = ("force", "moment", "place", "rotation")
+
+
+class HalfSpaceOfTool(SceneModel):
+    """All that is below a plane; bodies are on the side that its normal points to."""
+
+    point: Point = Field(description="a point of the plane [m]")
+    normal: Point = Field(description="the normal, towards the bodies; its length does not matter")
+
+    @field_validator("normal")
+    @classmethod
+    def _directed(cls, normal: list[float]) -> list[float]:
+        if not any(normal):
+            raise mismatch("a direction", normal)
+        return normal
+
+
+class CylinderOfTool(SceneModel):
+    """A solid circular cylinder from the centre `base` of one end along `axis`, endless both ways without a length."""
+
+    base: Point = Field(description="the centre of the lower end, or a point of the axis [m]")
+    axis: AxisName
+    radius: Positive = Field(description="the radius [m]")
+    length: Positive | None = Field(None, description="the length [m], endless unless given")
+
+
+class ToolShape(OneShape):
+    """Exactly one shape of a tool."""
+
+    exactly_one: ClassVar = (("plane", "sphere", "cylinder", "box", "mesh"),)
+    plane: HalfSpaceOfTool | None = None
+    sphere: Sphere | None = None
+    cylinder: CylinderOfTool | None = None
+    box: Box | None = None
+    mesh: MeshFile | None = None
+
+    @property
+    def endless(self) -> bool:
+        """Whether it has no bounds in space."""
+        return self.kind == "plane" or (self.cylinder is not None and self.cylinder.length is None)
+
+    @model_validator(mode="after")
+    def _fits_dimension(self, info: ValidationInfo) -> "ToolShape":
+        dimension = dimension_of(info)
+        if dimension in (1, 2) and self.kind == "cylinder":
+            reject((("cylinder",), "a shape of this dimension (a disc is a sphere)", "cylinder"))
+        if dimension == 1 and self.kind == "mesh":
+            reject((("mesh",), "a shape of 2-D or 3-D", "mesh"))
+        return self
+
+
+class Motion(SceneModel):
+    """Motion as formulas of the time t.
+
+    velocity  [m/s] of the point `about`
+    rate      [rad/s] of the rotation about the axis (Z in 2-D) through `about`, which is the tool's place unless given
+    """
+
+    velocity: Vector | None = Field(None, description="a formula in t for each component [m/s]")
+    rate: Scalar | None = Field(None, description="a formula in t [rad/s]")
+    axis: Point | None = Field(None, description="the direction of the axis of rotation, in 3-D")
+    about: Point | None = Field(None, description="a point of the axis of rotation at time 0 [m]")
+
+    @model_validator(mode="after")
+    def _consistent(self, info: ValidationInfo) -> "Motion":
+        details: list[Any] = []
+        dimension = dimension_of(info) or 3
+        formulas = [*(self.velocity or ()), *([] if self.rate is None else [self.rate])]
+        if any(set(formula.names) - {"t"} for formula in formulas):
+            details.append(((), "formulas in t alone", Phrase("one of X, Y, Z")))
+        if self.velocity is None and self.rate is None:
+            details.append(((), "velocity, rate or both", Phrase("none")))
+        if self.rate is not None and dimension == 1:
+            details.append((("rate",), "no such key in 1-D", self.rate.source))
+        if self.rate is not None and dimension == 3 and not any(self.axis or ()):
+            details.append((("axis",), "a direction, for a rotation in 3-D", self.axis or NOTHING))
+        if self.axis is not None and (self.rate is None or dimension < 3):
+            details.append((("axis",), "no such key but with a rate in 3-D", self.axis))
+        if self.about is not None and self.rate is None:
+            details.append((("about",), "no such key without a rate", self.about))
+        reject(*details)
+        return self
+
+
+class Tool(SceneModel):
+    """A rigid body that touches others: at rest unless it has a motion, or a mass and equations of motion.
+
+    bodies      names of those that touch it, all unless given
+    friction    Coulomb's coefficient
+    stiffness   of the contact, over the modulus of pressure waves M over the spacing h: the pressure is about
+                stiffness M/h times the penetration
+    mass        [kg], of a metre of thickness in 2-D; with it gravity of [loads] acts, too
+    inertia     [kg m^2] about the centre: a number in 2-D, in 3-D three about X, Y, Z; that of the shape unless given
+    free        components that follow the forces: "X", "Y", "Z", "rotation"; all unless given
+    velocity, spin: at time 0 [m/s], [rad/s] (a number in 2-D)
+    """
+
+    at_most_one: ClassVar = (("motion", "mass"),)
+    name: Name = Field(description="a name without '.' and ',', for the columns of the history")
+    shape: ToolShape
+    bodies: Annotated[list[str], Field(min_length=1)] | None = None
+    friction: NotNegative = 0.0
+    stiffness: Annotated[float, Field(ge=0.01, le=100)] = Field(1.0, description="a number from 0.01 to 100")
+    motion: Motion | None = None
+    mass: Positive | None = None
+    inertia: Annotated[list[Positive], Field(min_length=1)] | None = None
+    free: list[Literal["X", "Y", "Z", "rotation"]] | None = None
+    velocity: Point | None = None
+    spin: list[float] | None = None
+
+    @field_validator("inertia", "spin", mode="before")
+    @classmethod
+    def _as_list(cls, value: Any) -> Any:
+        return [float(value)] if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+    @model_validator(mode="after")
+    def _consistent(self, info: ValidationInfo) -> "Tool":
+        dimension = dimension_of(info) or 3
+        if dimension == 1 and self.friction:
+            reject((("friction",), "no friction in 1-D, where nothing slides", self.friction))
+        of_mass = {key: getattr(self, key) for key in ("inertia", "free", "velocity", "spin")}
+        details: list[Any] = []
+        if self.mass is None:
+            given = ((key, value) for key, value in of_mass.items() if value is not None)
+            details += [((key,), "no such key without mass", value) for key, value in given]
+            reject(*details)
+            return self
+        turns = self.turns(dimension)
+        count = {2: 1, 3: 3}.get(dimension, 0)
+        for key in ("inertia", "spin"):
+            value = of_mass[key]
+            if value is not None and not turns:
+                details.append(((key,), "no such key for a tool that does not turn", value))
+            elif value is not None and len(value) != count:
+                details.append(((key,), f"{count} numbers in {dimension}-D", value))
+        if self.free is not None and "rotation" in self.free and (self.shape.endless or dimension == 1):
+            details.append((("free",), "no rotation of an endless shape, or in 1-D", self.free))
+        beyond = [axis for axis in self.free or () if axis in AXES[dimension:]]
+        details += [(("free",), f"axes of {dimension}-D", axis) for axis in beyond]
+        for axis, speed in zip(AXES, self.velocity or ()):
+            if speed and axis not in self.translations(dimension):
+                details.append((("velocity",), f"no velocity along {axis}, which is not free", self.velocity))
+        reject(*details)
+        return self
+
+    def translations(self, dimension: int) -> tuple[str, ...]:
+        """Axes along which it moves freely."""
+        axes = AXES[:dimension]
+        return tuple(axis for axis in axes if self.free is None or axis in self.free)
+
+    def turns(self, dimension: int) -> bool:
+        """Whether it turns freely."""
+        if self.shape.endless or dimension == 1:
+            return False
+        return self.free is None or "rotation" in self.free
+
+    def columns(self, dimension: int) -> list[str]:
+        """Of the history: force [N] and moment [N m] on it about its place, its place [m] and rotation [rad]."""
+        axes = [axis.lower() for axis in AXES[:dimension]]
+        around = {1: [], 2: [""], 3: ["_x", "_y", "_z"]}[dimension]
+        along = [f"_{axis}" for axis in axes]
+        suffixes = {"force": along, "moment": around, "place": along, "rotation": around}
+        return [f"{self.name}.{what}{suffix}" for what in _WATCHED for suffix in suffixes[what]]
+
+
+def tool_faults(parts: Any) -> list[str]:
+    """Faults between the tools of a scene and its other tables; parts: `scene.schema.Parts`."""
+    faults, names = [], [body.name for body in parts.bodies.values() if body.name is not None]
+    taken = {probe.name for probe in parts.probes.values()}
+    for i, tool in parts.tools.items():
+        for k, name in enumerate(tool.bodies or ()):
+            if name not in names and len(parts.bodies) == parts.stated_bodies:
+                faults.append(fault(("tools", i, "bodies", k), f"the name of a body{suggestion(name, names)}", name))
+        if tool.name in taken:
+            faults.append(fault(("tools", i, "name"), "a name other than that of a probe or tool before it", tool.name))
+        taken.add(tool.name)
+    return faults
+
+
+def still_faults(scene: Any) -> list[Detail]:
+    """What tools want of the methods: motion that impulses change, and in axisymmetry nothing across the axis."""
+    details: list[Detail] = []
+    for system in scene.systems:
+        names = {scene.bodies[number].name for number in system.bodies}
+        meant = [tool for tool in scene.tools if tool.bodies is None or names.intersection(tool.bodies)]
+        details += _of_method(meant, system.settings)
+    return list({place: (place, expected, found) for place, expected, found in details}.values())
+
+
+def _of_method(tools: list[Tool], method: Any) -> list[Detail]:
+    details: list[Detail] = []
+    if tools and getattr(getattr(method, "solution", None), "kind", None) == "quasi-static":
+        details.append((("tools",), 'method.solution.kind = "explicit" (equilibrium knows no impulses)', len(tools)))
+    if tools and not getattr(method, "motion", True):
+        details.append((("tools",), "method.motion = true", len(tools)))
+    for i, tool in enumerate(tools):
+        if getattr(method, "geometry", None) == "axisymmetric":
+            details += _polar_faults(i, tool)
+    return details
+
+
+def _polar_faults(i: int, tool: Tool) -> list[Detail]:
+    """What moves a tool off the axis of axisymmetry."""
+    motion = tool.motion
+    details: list[Detail] = []
+    if motion is not None and motion.rate is not None:
+        details.append((("tools", i, "motion", "rate"), "no rotation in axisymmetry", motion.rate.source))
+    if motion is not None and motion.velocity is not None:
+        radial = motion.velocity[0]
+        if not radial.is_constant or radial.evaluate(np.zeros((1, 2)))[0] != 0.0:
+            where = ("tools", i, "motion", "velocity", 0)
+            details.append((where, "0 along X, which is the radius", radial.source))
+    if tool.mass is not None and tool.free != ["Y"]:
+        details.append((("tools", i, "free"), '["Y"] in axisymmetry', tool.free or NOTHING))
+    return details

@@ -1,0 +1,72 @@
+"""Forces of tools against numerical derivatives of their energy, for every shape; distances of meshes against boxes."""
+
+import numpy as np
+import pytest
+
+from parsolid.contact.tools import forces
+from parsolid.contact.tools.forces import Frame, Friction, Resistance
+from parsolid.contact.tools.rigid_body import rotation_matrix, turn
+from parsolid.contact.tools.shapes import Ball, Block, HalfSpace, Rod
+from parsolid.contact.tools.surface import make_surface
+
+CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.3, 0.3) for z in (-0.2, 0.2)])
+FACES = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4]]
+BOX = make_surface(CORNERS, np.array([*FACES, [1, 5, 7], [1, 7, 3]]))
+SHAPES = {
+    "plane": HalfSpace(0.6, 0.0, 0.8),
+    "ball": Ball(0.4),
+    "rod": Rod(0.3, 0.25, 0.0, 0.0, 1.0),
+    "block": Block(0.5, 0.3, 0.2),
+    "mesh": BOX,
+}
+FRAME = Frame(np.array([0.1, -0.05, 0.02]), rotation_matrix(turn(np.array([2.0, 1.0, 2.0]) / 3.0, 0.8)))
+
+
+def pressed(shape, places, friction=None):
+    """Forces (n, 3) and sums; all particles of radius 0.1."""
+    n = len(places)
+    rows, found, sums = np.zeros(n, np.int64), np.zeros((n, 3)), np.zeros(forces.SUMS)
+    resistance = Resistance(np.full(n, 0.1), np.full(n, 3.0), 2.0)
+    arguments = (friction, resistance, n, places, np.zeros(n, np.int64), np.ones(1, bool), rows, found, sums)
+    count, _ = forces.press(shape, FRAME, *arguments)
+    result = np.zeros((n, 3))
+    result[rows[:count]] = found[:count]
+    return result, sums
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_the_force_is_the_gradient_of_the_energy(name):
+    shape, places = SHAPES[name], np.random.default_rng(3).uniform(-0.7, 0.7, (60, 3))
+    found, sums = pressed(shape, places)
+    assert np.abs(found).max(axis=1).astype(bool).sum() > 5
+    step, wrong = 1e-6, 0
+    for i in range(len(places)):
+        for k in range(3):
+            moved = places.copy()
+            moved[i, k] += step
+            ahead = pressed(shape, moved)[1][forces.STORED]
+            moved[i, k] -= 2.0 * step
+            slope = -(ahead - pressed(shape, moved)[1][forces.STORED]) / (2.0 * step)
+            wrong += abs(found[i, k] - slope) > 1e-6
+    assert wrong == 0
+    assert np.allclose(sums[forces.FORCE], found.sum(axis=0))
+    assert np.allclose(sums[forces.MOMENT], np.cross(places - FRAME.place, found).sum(axis=0))
+
+
+def test_friction_sticks_as_a_spring_and_slips_at_its_limit():
+    place, plane = np.array([[0.05, 0.0, 0.0]]), HalfSpace(1.0, 0.0, 0.0)
+    friction = Friction(0.2, np.zeros((1, 7)), True)
+    normal, _ = pressed(plane, place, friction)
+    along = FRAME.rotation @ np.array([0.0, 0.6, 0.8])
+    stuck, sums = pressed(plane, place + 1e-4 * along, friction)
+    assert np.allclose(stuck - normal, -0.5 * 6.0 * 1e-4 * along[None], atol=1e-12) and sums[forces.LOST] == 0.0
+    assert abs(sums[forces.STUCK] - 0.25 * 6.0 * 1e-8) < 1e-18
+    slid, sums = pressed(plane, place + along, friction)
+    assert abs(np.linalg.norm(slid - normal) - 0.2 * np.linalg.norm(normal)) < 1e-12 and sums[forces.LOST] > 0.0
+    again, _ = pressed(plane, place + along, friction._replace(slipping=False))
+    assert np.array_equal(again, slid)
+
+
+def test_a_box_of_triangles_is_a_box():
+    places = np.random.default_rng(1).uniform(-0.8, 0.8, (300, 3))
+    assert np.allclose(pressed(BOX, places)[0], pressed(SHAPES["block"], places)[0], atol=1e-9)
