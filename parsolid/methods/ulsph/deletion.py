@@ -27,32 +27,27 @@ class Deletion:
     def __init__(self, system: Any):
         """system: `system.UpdatedLagrangianSPH`, whose fields are declared."""
         self.system, self.particles = system, system.particles
-        self.possible = "deleted_mass" in self.particles
         self._energies: dict[str, float] = {}
 
     def due(self) -> bool:
         """Whether this rank has failed particles to delete."""
-        return self.possible and len(failed_to_delete(self.particles, self.system.blocks)) > 0
+        return len(failed_to_delete(self.particles, self.system.blocks)) > 0
 
-    def announce(self) -> None:
+    def __enter__(self) -> None:
         """Before lists are made: masses of particles that will go, as ghosts shall know them."""
-        if self.possible:
-            rows = failed_to_delete(self.particles, self.system.blocks)
-            mass = self.particles.owned_rows("mass")
-            going = (1.0 - _LEFT) * mass[rows]
-            self.particles.owned_rows("deleted_mass")[rows] = -going
-            mass[rows] = _left_of(going)
+        rows = failed_to_delete(self.particles, self.system.blocks)
+        mass = self.particles.owned_rows("mass")
+        going = (1.0 - _LEFT) * mass[rows]
+        self.particles.owned_rows("deleted_mass")[rows] = -going
+        mass[rows] = _left_of(going)
 
-    def give_back(self) -> None:
+    def __exit__(self, *error: object) -> None:
         """After lists were made: this rank's own particles have their masses once more."""
-        if self.possible:
-            deleted = self.particles.owned_rows("deleted_mass")
-            self.particles.owned_rows("mass")[:] -= np.minimum(deleted, 0.0)
+        deleted = self.particles.owned_rows("deleted_mass")
+        self.particles.owned_rows("mass")[:] -= np.minimum(deleted, 0.0)
 
     def carry_out(self) -> None:
         """Between half kick and first pass: what is due goes, and what has gone stands still."""
-        if not self.possible:
-            return
         particles = self.particles
         rows = np.flatnonzero(particles.owned_rows("deleted_mass") < 0.0)
         if len(rows):
@@ -74,9 +69,8 @@ class Deletion:
 
     def lighten(self) -> None:
         """Take the mass of deleted particles; also after a restart, whose masses are those of time 0."""
-        if self.possible:
-            gone = self.particles.owned_rows("deleted_mass") > 0.0
-            self.particles.owned_rows("mass")[gone] = _left_of(self.particles.owned_rows("deleted_mass")[gone])
+        gone = self.particles.owned_rows("deleted_mass") > 0.0
+        self.particles.owned_rows("mass")[gone] = _left_of(self.particles.owned_rows("deleted_mass")[gone])
 
     def taken(self) -> dict[str, float]:
         """Energies [J] that went with particles since this was asked."""

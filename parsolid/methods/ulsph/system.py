@@ -1,5 +1,6 @@
 """Updated-Lagrangian SPH: neighbours of the present configuration, a leapfrog of two passes (docs/microinertia.md)."""
 
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -81,7 +82,7 @@ class UpdatedLagrangianSPH(PairMethod):
         self.sweeps = Sweeps(self.space, kernel, self.pairs, particles, *terms)
         self.supplied = self.supplied_to_stored = 0.0
         self.lists_state: dict[str, Any] | None = None
-        self.deletion = Deletion(self)
+        self.deletion = Deletion(self) if "deleted_mass" in particles else None
 
     def _declare_constants(self, comm: Any, particle_set: ParticleSet, density: np.ndarray) -> None:
         """Mass, smoothing length and, where bodies meet, the number of the body, known to ghosts."""
@@ -133,7 +134,8 @@ class UpdatedLagrangianSPH(PairMethod):
     def resume(self) -> None:
         """Continue with the lists of the checkpoint; collective."""
         assert self.lists_state is not None
-        self.deletion.lighten()
+        if self.deletion is not None:
+            self.deletion.lighten()
         self.pairs.restore(self.lists_state["pairs"], self.lists_state["time"])
         self.tell_all()
 
@@ -168,9 +170,8 @@ class UpdatedLagrangianSPH(PairMethod):
     def follow_lists(self, time: float) -> None:
         """Make the lists anew where a rank has found them used up; collective then."""
         if self.news_anywhere:
-            self.deletion.announce()
-            self.pairs.rebuild(time)
-            self.deletion.give_back()
+            with self.deletion or nullcontext():
+                self.pairs.rebuild(time)
             self.tell_all()
 
     def tell_all(self) -> None:
@@ -181,7 +182,8 @@ class UpdatedLagrangianSPH(PairMethod):
 
     def look_ahead(self, time: float, step: float) -> None:
         """Whether the lists will be used up by the next step."""
-        self.time, self.news = time, bool(self.pairs.due(time, step)) or self.deletion.due()
+        failed = self.deletion is not None and self.deletion.due()
+        self.time, self.news = time, bool(self.pairs.due(time, step)) or failed
 
     def drift(self, first: int, last: int, step: float) -> None:
         """Move particles first..last-1."""
@@ -189,7 +191,8 @@ class UpdatedLagrangianSPH(PairMethod):
 
     def first_pass(self, drift: float) -> None:
         """Velocity gradients, moments and divergences; ghosts drift as their owners did before the message."""
-        self.deletion.carry_out()
+        if self.deletion is not None:
+            self.deletion.carry_out()
         owned = self.owned
         self.sweeps.rates(lambda: self.drift(owned, owned + self.particles.ghosts, drift))
 
@@ -209,7 +212,7 @@ class UpdatedLagrangianSPH(PairMethod):
         ledger.add_term("leapfrog_oscillation", second[2] - first[2])
         ledger.add_term("heat_supplied", self.supplied)
         ledger.add_term("heat_stored", self.supplied_to_stored)
-        for name, energy in (self.updates.taken() | self.deletion.taken()).items():
+        for name, energy in (self.updates.taken() | (self.deletion.taken() if self.deletion else {})).items():
             ledger.add_term(name, energy)
 
     def advance_state(self, time: float, step: float) -> tuple[bool, float, float]:
