@@ -35,7 +35,7 @@ class CylinderOfTool(SceneModel):
     """A solid circular cylinder from the centre `base` of one end along `axis`, endless both ways without a length."""
 
     base: Point = Field(description="the centre of the lower end, or a point of the axis [m]")
-    axis: AxisName
+    axis: AxisName = Field(description="the direction of the axis")
     radius: Positive = Field(description="the radius [m]")
     length: Positive | None = Field(None, description="the length [m], endless unless given")
 
@@ -121,8 +121,8 @@ class Tool(SceneModel):
     mass: Positive | None = None
     inertia: Annotated[list[Positive], Field(min_length=1)] | None = None
     free: list[Literal["X", "Y", "Z", "rotation"]] | None = None
-    velocity: Point | None = None
-    spin: list[float] | None = None
+    velocity: Point | None = Field(None, description="at time 0 [m/s]")
+    spin: list[float] | None = Field(None, description="angular velocity at time 0 [rad/s], one number in 2-D")
 
     @field_validator("inertia", "spin", mode="before")
     @classmethod

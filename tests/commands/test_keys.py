@@ -10,7 +10,7 @@ from parsolid.collective import SolverError
 from parsolid.commands.cli import main
 from parsolid.commands.keys.description import keys_of
 from parsolid.commands.keys.json_schema import scene_schema
-from parsolid.commands.keys.listing import listing
+from parsolid.commands.keys.listing import listing, page
 from parsolid.commands.keys.starting import starting_scene
 from parsolid.scene import parse_scene
 from parsolid.scene.methods import method_kinds
@@ -50,6 +50,11 @@ def test_a_listing_of_one_key_one_table_and_all_kinds():
     everything = listing()
     for words in ("end_time: a number > 0; needed", "method.mpm.cell: ", "output.fields_interval: ", "probes.name: "):
         assert words in everything
+
+
+def test_the_page_of_keys_is_what_the_command_prints():
+    """docs/keys.md, made by `python docs/make_keys.py`."""
+    assert (ROOT / "docs" / "keys.md").read_text() == page()
 
 
 @pytest.mark.parametrize(

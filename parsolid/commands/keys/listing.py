@@ -37,6 +37,12 @@ def listing(path: str = "") -> str:
     return "\n\n".join(_table(model, place, not place))
 
 
+def page() -> str:
+    """All keys as a page of docs."""
+    head = "# Every key of a scene\n\nWhat `parsolid keys` prints; `parsolid keys method.mpm` prints a part of it.\n"
+    return f"{head}\n```text\n{listing()}\n```\n"
+
+
 def _among(known: Collection[str], word: str, place: str, path: str) -> str:
     """A word of a path. Raises SolverError where it is none of those known."""
     if word not in known:

@@ -72,17 +72,19 @@ def lattice_faults(wanted: str, scene: Any) -> list[Detail]:
 
 
 def _touching(scene: Any) -> list[list[int]]:
-    """For each body the others that are within a kernel's reach of it, by their bounding boxes."""
+    """For each body the others within a kernel's reach of it, by their bounding boxes, that are bonded to it there."""
     if len(scene.bodies) < 2:
         return [[]]
     fillings = [filling_of(body, scene.dimension) for body in scene.bodies]
     support = smoothing_kernel(scene.method.kernel).support * scene.method.smoothing
+    apart = scene.unbonded
     result: list[list[int]] = []
     for i, one in enumerate(fillings):
         result.append([])
         for j, other in enumerate(fillings):
             gap = np.maximum(np.maximum(other.lower - one.upper, one.lower - other.upper), 0.0)
-            if i != j and np.linalg.norm(gap) < support * max(one.coarsest, other.coarsest):
+            bonded = i != j and (apart is None or not apart[i, j])
+            if bonded and np.linalg.norm(gap) < support * max(one.coarsest, other.coarsest):
                 result[-1].append(j)
     return result
 
