@@ -101,11 +101,11 @@ RUNS = Path(__file__).parents[2] / "runs" / "mpm"
 
 @pytest.mark.parametrize("path", sorted(RUNS.glob("*.toml")), ids=lambda path: path.stem)
 def test_scenes_of_the_runs(path, tmp_path):
-    """Each loads, comes back from its resolved form, and its reference can be made."""
+    """Each loads, comes back from its resolved form, and its reference, where it has one, can be made."""
     scene = load_scene(path)
     dump_scene(scene, tmp_path / "scene.toml")
     assert load_scene(tmp_path / "scene.toml") == scene
-    if scene.reference.exact is not None:
+    if scene.reference is not None and scene.reference.exact is not None:
         solution = SOLUTIONS[scene.reference.exact].of_scene(scene)
         assert solution.scales if scene.reference.each_step else solution.error_names(scene.dimension)
 

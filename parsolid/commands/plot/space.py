@@ -137,7 +137,7 @@ class Renderer:
             line_width=_OVERSAMPLING,
             copy_mesh=False,
             render=False,
-            nan_color="#ff00ff",
+            nan_color="#b8b8b8",
         )
 
     def _edges_fit(self, mesh: Any) -> bool:
