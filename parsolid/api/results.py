@@ -11,6 +11,7 @@ import numpy as np
 
 from parsolid.commands.plot.results import Results
 from parsolid.output.errors import OutputError, words
+from parsolid.output.vtkhdf import Layout
 from parsolid.scene import SceneError
 from parsolid.scene.validation_errors import suggestion, told
 
@@ -125,7 +126,8 @@ class FieldsAtTime(Mapping[str, np.ndarray]):
     """Name -> values of all particles, in the order of their identifiers: (n,), vectors (n, 3), tensors (n, 3, 3).
 
     position [m], and what the scene's output.fields names; units stand in docs/api. Plane vectors have a third
-    component of zero. A field is read from the file each time it is asked for.
+    component of zero. A field is read from the file each time it is asked for. Of a scene of several methods the
+    particles of one system stand after those of another, with NaN where a system has no such field.
     """
 
     def __init__(self, results: Results, step: int) -> None:
@@ -139,19 +141,32 @@ class FieldsAtTime(Mapping[str, np.ndarray]):
         return len(list(iter(self)))
 
     def __iter__(self) -> Iterator[str]:
-        layout = self._results.layout
-        return iter(["position", *layout.varying, *layout.constant])
+        layouts = [layout for _, layout in self._results.blocks]
+        varying = (name for layout in layouts for name in layout.varying)
+        return iter(dict.fromkeys(["position", *varying, *(name for layout in layouts for name in layout.constant)]))
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Values of a field. Raises SceneError when the file holds no such field."""
-        layout, n = self._results.layout, self._results.particles
         if name not in self:
             raise SceneError([f"fields: expected one of {', '.join(self)}; found {told(name)}{suggestion(name, self)}"])
-        path = "Points" if name == "position" else f"PointData/{name}"
+        pieces = [self._of_block(path, layout, name) for path, layout in self._results.blocks]
+        shape = next(piece.shape[1:] for piece in pieces if piece is not None)
+        counts = [layout.particles for _, layout in self._results.blocks]
+        filled = [np.full((n, *shape), np.nan) if piece is None else piece for n, piece in zip(counts, pieces)]
+        values = filled[0] if len(filled) == 1 else np.concatenate(filled)
+        return values.reshape(-1, 3, 3) if values.shape[1:] == (9,) else values
+
+    def _of_block(self, path: Path, layout: Layout, name: str) -> np.ndarray | None:
+        """One system's values, None where it has no such field."""
+        if name != "position" and name not in layout.varying and name not in layout.constant:
+            return None
+        n = layout.particles
         first = 0 if name in layout.constant else self._step * n
-        with h5py.File(self._results.fields_path, "r", locking=False) as file:
-            values: np.ndarray = file["VTKHDF"][path][first : first + n]
-        return values.reshape(n, 3, 3) if values.shape[1:] == (9,) else values
+        with h5py.File(path, "r", locking=False) as file:
+            values: np.ndarray = file["VTKHDF/Points" if name == "position" else f"VTKHDF/PointData/{name}"][
+                first : first + n
+            ]
+        return values
 
     def __contains__(self, name: object) -> bool:
         return name in list(iter(self))

@@ -293,7 +293,11 @@ def _fields_elsewhere(parts: Parts, fillings: dict[int, Filling]) -> list[str]:
         distance = {body: _away(filling, probe.at) for body, filling in fillings.items() if probe.at is not None}
         near = [body for body, away in distance.items() if away == min(distance.values())]
         for k, name in enumerate(probe.fields or () if near else ()):
-            kinds = [parts.methods_of_bodies[body].field_kinds(parts.dimension) for body in near]
+            methods = [parts.methods_of_bodies[body] for body in near]
+            # a body whose method is at fault says so itself
+            kinds = [method.field_kinds(parts.dimension) for method in methods if method is not None]
+            if parts.method is None or len(kinds) < len(near):
+                continue
             if name in parts.method.field_kinds(parts.dimension) and not any(name in each for each in kinds):
                 expected = f"a field that the method of bodies.{near[0]} knows"
                 faults.append(fault(("probes", i, "fields", k), expected, name))

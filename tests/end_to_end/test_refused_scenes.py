@@ -54,7 +54,7 @@ BROKEN = {
     "unknown name in a formula": ({"bodies.0.velocity": ["0", "Z"]}, ("bodies.0.velocity.1", "unknown name 'Z'")),
     "formula that is no number": (
         {"bodies.0.velocity": ["0", "log(X - 0.5)"]},
-        ("bodies.0.velocity.1", "expected a finite value at every particle", "found nan at particle"),
+        ("bodies.0.velocity.1", "expected a finite value of a size up to 1e+60 at every", "found nan at particle"),
     ),
     "traction that is no number": (
         {"boundaries.2": {"kind": "traction", "plane": "Y = 1", "traction": ["1/(X-1)", "0"]}},

@@ -250,7 +250,9 @@ def test_a_particle_does_not_feel_its_neighbours(law):
         moved.advance(1e-8, gradients[::-1], viscosity, first=1)
     assert (first.state.plastic_strain[0, :11] > 0.0).any()
     for one, other in zip(first.state, moved.state):
-        np.testing.assert_array_equal(one[:, :11], other[:, 11:0:-1])
+        # the damage of a law without failure is None
+        if one is not None or other is not None:
+            np.testing.assert_array_equal(one[:, :11], other[:, 11:0:-1])
     np.testing.assert_array_equal(first.record[:11], moved.record[11:0:-1])
     virgin = new_state(3, 4)
     assert (moved.state.deformation[:, [0, 12]] == virgin.deformation[:, [0, 0]]).all()
@@ -304,9 +306,9 @@ def test_a_melted_particle_carries_pressure_alone(law):
 def test_a_step_without_length_changes_nothing():
     """Not even a stress above the flow stress of slow flow."""
     particles = sheared(JOHNSON_COOK, 1e4, 50, shear=0.3)
-    before, record = [array.copy() for array in particles.state], particles.record[0].copy()
+    before, record = [array.copy() for array in particles.state if array is not None], particles.record[0].copy()
     particles.advance(0.0, np.zeros((3, 3)))
-    for old, new in zip(before, particles.state):
+    for old, new in zip(before, (array for array in particles.state if array is not None), strict=True):
         np.testing.assert_array_equal(new, old)
     np.testing.assert_array_equal(particles.record[0], record)
 

@@ -62,8 +62,9 @@ class Particles:
                 body.rate_sums[k, place * i : place * i + d] = weight[k] * gradient[:d, i]
             first = {2: 4, 3: 12}[d]
             body.rate_sums[k, first : first + d] = weight[k]
-        sound, work, heat = advance_state(LAYOUT[d], 0, 4, self.law, step, None, None, GradientCorrection(6.0), body)
-        assert sound and heat == 0.0
+        kept = None, None, GradientCorrection(6.0)
+        sound, work, heat, freed = advance_state(LAYOUT[d], 0, 4, self.law, step, *kept, body)
+        assert sound and heat == 0.0 and freed == 0.0
         return work / (4 * 2.0 / self.law.density)
 
     def deviator(self):

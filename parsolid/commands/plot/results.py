@@ -105,9 +105,10 @@ class Results:
         return self._tables
 
     @property
-    def layout(self) -> Any:
-        """What fields the file holds, see `output.vtkhdf.Layout`. Raises SceneError when there are none."""
-        return self._published[0]
+    def blocks(self) -> list[tuple[Path, Layout]]:
+        """File and `output.vtkhdf.Layout` of each system's fields. Raises SceneError when there are none."""
+        blocks: list[tuple[Path, Layout]] = self._published[0]
+        return blocks
 
     @property
     def times(self) -> np.ndarray:
