@@ -1,7 +1,6 @@
 """A run that was stopped and restarted ends where the uninterrupted one does."""
 
 import json
-import shutil
 
 import pytest
 from command_line import all_done, many
@@ -24,26 +23,20 @@ def runs(tmp_path_factory):
     """
     folder = tmp_path_factory.mktemp("restarts")
     paths = {name: write(scene, folder / f"{name}.toml") for name, scene in SCENES.items()}
-    whole = [[path, "-q", "-o", folder / "whole" / name] for name, path in paths.items()]
-    begun = [[path, "-q", "-o", folder / "pieces" / name, "--max-steps", PIECES[0]] for name, path in paths.items()]
-    all_done(many(whole + begun, RANKS, folder / "job-0"))
-    for number, steps in enumerate(PIECES[1:], 1):
-        all_done(many(restarts(paths, folder / "pieces", "--max-steps", steps), RANKS, folder / f"job-{number}"))
+    commands = [[path, "-q", "-o", folder / "whole" / name] for name, path in paths.items()]
+    for place in ("pieces", "on-1", "on-3"):
+        first = "--max-steps", PIECES[0]
+        commands += [[path, "-q", "-o", folder / place / name, *first] for name, path in paths.items()]
+    for steps in PIECES[1:]:
+        for place in ("pieces", "on-1", "on-3"):
+            commands += restarts(paths, folder / place, "--max-steps", steps)
+    for name, path in paths.items():
+        earlier = folder / "pieces" / name / "checkpoint.previous.h5"
+        commands.append([path, "-q", "-o", folder / "elsewhere" / name, "--restart", earlier])
+    # one job, for loading the kernels takes longer than the runs; what comes back after a kill is in test_killed_runs
+    all_done(many(commands + restarts(paths, folder / "pieces"), RANKS, folder / "job"))
     for ranks in (1, 3):
-        shutil.copytree(folder / "pieces", folder / f"on-{ranks}")
         all_done(many(restarts(paths, folder / f"on-{ranks}"), ranks, folder / f"job-on-{ranks}"))
-    elsewhere = [
-        [
-            path,
-            "-q",
-            "-o",
-            folder / "elsewhere" / name,
-            "--restart",
-            folder / "pieces" / name / "checkpoint.previous.h5",
-        ]
-        for name, path in paths.items()
-    ]
-    all_done(many(elsewhere + restarts(paths, folder / "pieces"), RANKS, folder / "job-last"))
     return folder
 
 
