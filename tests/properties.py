@@ -11,7 +11,8 @@ What is checked, by room, and where it runs; a test compares this list with the 
 |---|---|---|
 | all | `python -m pytest -n 2 --dist loadfile` | every test but the long ones, on one rank |
 | fast | `python -m pytest -n 2 -m "not slow"` | for daily work |
-| mpi | `mpirun -n 2 python -m pytest -q -m mpi` | tests in which ranks talk to each other |
+| mpi | `mpirun -n 2 python -m pytest -q -m "mpi and not verification"` | tests in which ranks talk to each other |
+| mpi, whole | `mpirun -n 2 python -m pytest -q -m mpi` | the same, and whole runs against exact solutions |
 | mpi, on three | `mpirun -n 3 python -m pytest -q -m "mpi and not slow"` | the same, but for whole runs |
 | verification | `python -m pytest -n 2 -m verification` | against exact solutions, other codes, published results |
 | long | `--long` added to any of them | tests that take minutes |

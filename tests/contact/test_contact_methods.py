@@ -1,12 +1,14 @@
 """Contact in every method that knows it, in two and three dimensions, and within one body."""
 
 import numpy as np
+import pytest
 from meeting import BONDS, SOFT, SPEED, bars, block, simulated, tables
 from mpi4py import MPI
 from solids import Record
 
 from parsolid.simulation.loop import Limits, StopRequest
 
+pytestmark = pytest.mark.slow
 LINEAR = {"kind": "linear-elastic", "density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3}
 STEEL = {"kind": "micro-inertia", "library": "4340 steel, Rahaman"} | dict.fromkeys(
     (
