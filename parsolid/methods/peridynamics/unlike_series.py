@@ -7,6 +7,7 @@ stress and a control: each bond between bodies has a part of either. One displac
 when nothing but a translation has happened, since q_j is that of the whole displacement.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -61,20 +62,22 @@ class SeriesEngine:
 
     def evaluate(self, laws: Any) -> np.ndarray:
         """Force (owned, d) [N] of the field by the laws of the series, as far as it is linear in it."""
-        self._alone()
-        self.force[:] = self.engine.evaluate_linear(laws)
+        self.force[:] = self._alone(self.engine.evaluate_linear, laws)
         return self.force
 
     def evaluate_stiffness(self, laws: Any) -> np.ndarray:
         """The same by the laws of a stiffness."""
-        self._alone()
-        return self.engine.evaluate_stiffness(laws)
+        return self._alone(self.engine.evaluate_stiffness, laws)
 
-    def _alone(self) -> None:
-        record = self.engine.record
-        record[self.others, : self.changing] = 0.0
+    def _alone(self, evaluate: Callable[[Any], np.ndarray], laws: Any) -> np.ndarray:
+        """An evaluation in which only particles of the series tell others anything."""
         if self.control is not None:
-            record[:, self.changing : self.changing + self.control.shape[1]] = self.control
+            self.engine.record[:, self.changing : self.changing + self.control.shape[1]] = self.control
+        self.engine.silent = self.others, slice(self.changing)
+        try:
+            return evaluate(laws)
+        finally:
+            self.engine.silent = None
 
 
 class UnlikeSeries:
@@ -106,7 +109,8 @@ class UnlikeSeries:
         """-K du [N] (owned, d) of a displacement du (owned, d), see `Operator.stiffness`."""
         total = np.zeros((self.engine.owned, self.engine.dimension))
         for part in self.parts:
-            own = [one for one in tangents if any(one[0] == first for first, _, _ in part.laws)]
+            # a rank without particles of a series has an empty block, which begins where the next one does
+            own = [one for one in tangents if any(one[:2] == (first, last) for first, last, _ in part.laws)]
             total += part.stiffness_force(own, change)
         return total
 
