@@ -340,3 +340,17 @@ def test_particles_of_a_layer(comm):
     chosen = selected(scene, scene.boundaries[0], particle_set, comm)
     assert np.array_equal(chosen, particle_set.position[:, 0] < 0.3)
     assert comm.allreduce(int(chosen.sum())) == 15
+
+
+@pytest.mark.parametrize("dimension, plane", [(2, "stress"), (1, None)])
+def test_hyperelastic_solids_know_no_free_thickness(dimension, plane):
+    """They had the energy of plane strain."""
+    material = {"kind": "neo-hookean", "density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3}
+    box = {"lower": [0.0] * dimension, "upper": [1.0] * dimension}
+    body = {"shape": {"box": box}, "particles": [8] * dimension, "placement": "cells", "material": material}
+    method = {"kind": "peridynamics"} | ({} if plane is None else {"plane": plane})
+    tables = {"dimension": dimension, "end_time": 1e-3, "method": method, "bodies": [body]}
+    with pytest.raises(SceneError, match=r"bodies.0.material.kind: expected a law that knows .*, found 'neo-hookean'"):
+        parse_scene(tables)
+    if dimension == 2:
+        assert parse_scene(tables | {"method": method | {"plane": "strain"}})

@@ -5,7 +5,8 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, ValidationInfo, model_validator
 
 from parsolid.scene.base_model import Plane, Point, Positive, SceneModel, by_kind, dimension_of, reject
-from parsolid.scene.method_settings import MethodSettings
+from parsolid.scene.materials import HyperelasticSolid
+from parsolid.scene.method_settings import Detail, MethodSettings
 from parsolid.scene.shapes import Box
 
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -223,6 +224,20 @@ class Peridynamics(MethodSettings):
             details.append((("plane",), "no such key but in 2-D", self.plane))
         reject(*details)
         return self
+
+    def scene_faults(self, scene: Any) -> list[Detail]:
+        """Hyperelastic solids that would have to find their own thickness: their laws know no free direction."""
+        state = self.state(scene.dimension)
+        if state not in ("plane-stress", "bar"):
+            return []
+        what = "plane stress" if state == "plane-stress" else "bars"
+        expected = f"a law that knows {what}: prony, linear-elastic or bond-based"
+        kinds = [(i, body.material) for i, body in enumerate(scene.bodies)]
+        return [
+            (("bodies", i, "material", "kind"), expected, getattr(material, "kind", ""))
+            for i, material in kinds
+            if isinstance(material, HyperelasticSolid)
+        ]
 
     def contact_refused(self, scene: Any) -> str | None:
         """Equilibrium has no motion that impulses could change."""
