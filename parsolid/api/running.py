@@ -1,11 +1,13 @@
 """Whole runs from Python."""
 
+import copy
 import os
 import shutil
 import subprocess
 import sys
 import tempfile
 import time as clock
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +16,9 @@ from mpi4py import MPI
 from parsolid.api.results import RunResults, load
 from parsolid.collective import SolverError
 from parsolid.commands.cli import parse
-from parsolid.commands.run import bcast_scene, run_scene
-from parsolid.scene import Scene, dump_scene, load_scene, parse_scene
+from parsolid.commands.run import TO_BE_CONTINUED, bcast_scene, overrides_of, run_scene
+from parsolid.scene import Scene, SceneError, dump_scene, load_scene, parse_scene
+from parsolid.scene.loading import apply_override
 from parsolid.simulation.loop import RunFailed
 
 
@@ -39,26 +42,32 @@ def run(
     comm = MPI.COMM_WORLD
     if ranks is not None and comm.size > 1:
         raise SolverError(f"ranks: expected none in a script on {comm.size} ranks, which all take part, found {ranks}")
-    stated = bcast_scene(comm, lambda: read_scene(scene, trust_code))
+    more = (*options, "--trust-code") if trust_code else options
+    words = parse(["run", *more])
+    stated = bcast_scene(comm, lambda: read_scene(scene, words.trust_code, overrides_of(words)))
     folder = Path(output if output is not None else stated.output.directory)
-    more = ["--trust-code"] if trust_code else []
     if ranks is None:
-        words = parse(["run", str(scene) if not isinstance(scene, dict) else "", "-o", str(folder), *options, *more])
-        words.scene = words.scene or None
+        words.scene, words.output = None if isinstance(scene, dict) else str(scene), str(folder)
         run_scene(comm, stated, words, clock.perf_counter())
     else:
-        _in_processes(stated, folder, ranks, (*options, *more))
+        _in_processes(stated, folder, ranks, more)
     comm.barrier()
     return load(folder)
 
 
-def read_scene(scene: str | Path | dict[str, Any], trust_code: bool) -> Scene:
-    """A scene of a TOML file or of its tables, in which files are relative to the working folder. Raises SceneError."""
+def read_scene(scene: str | Path | dict[str, Any], trust_code: bool, overrides: Sequence[str] = ()) -> Scene:
+    """A scene of a TOML file or of its tables, in which files are relative to the working folder. Raises SceneError.
+
+    overrides: see `load_scene`.
+    """
     if not isinstance(scene, dict):
-        return load_scene(scene, trust_code=trust_code)
-    output = scene.get("output", {})
-    named = {"output": {"directory": "results/scene"} | output} if isinstance(output, dict) else {}
-    return parse_scene(scene | named, os.getcwd(), trust_code)
+        return load_scene(scene, list(overrides), trust_code)
+    tables = copy.deepcopy(scene)
+    if faults := [text for text in (apply_override(tables, override) for override in overrides) if text]:
+        raise SceneError(faults)
+    if isinstance(output := tables.setdefault("output", {}), dict):
+        output.setdefault("directory", "results/scene")
+    return parse_scene(tables, os.getcwd(), trust_code)
 
 
 def _in_processes(scene: Scene, folder: Path, ranks: int, options: tuple[str, ...]) -> None:
@@ -75,6 +84,7 @@ def _in_processes(scene: Scene, folder: Path, ranks: int, options: tuple[str, ..
         command = [launcher, "-n", str(ranks), sys.executable, "-m", "parsolid", "run", str(stated), "-o", str(folder)]
         done = subprocess.run([*command, *options], env=kept, stderr=subprocess.PIPE, text=True, check=False)
     said = done.stderr.strip().removeprefix("parsolid: ")
-    if done.returncode == 0:
+    # one that was told to stop is done, too, as it is in this process
+    if done.returncode in (0, TO_BE_CONTINUED):
         return
     raise {2: SolverError, 3: RunFailed}.get(done.returncode, RuntimeError)(said or f"exit status {done.returncode}")

@@ -48,11 +48,14 @@ def bcast_scene(comm: MPI.Intracomm, read: Callable[[], Scene]) -> Scene:
 
 def load(comm: MPI.Intracomm, options: Namespace) -> Scene:
     """The scene of a command line, read by rank 0 alone; the same on all ranks. Raises SceneError on all ranks."""
-    overrides = list(options.set)
-    if options.end_time is not None:
-        overrides.append(f"end_time={options.end_time!r}")
     path = _stated_scene(options)
-    return bcast_scene(comm, lambda: _load(path, overrides, options))
+    return bcast_scene(comm, lambda: _load(path, overrides_of(options), options))
+
+
+def overrides_of(options: Namespace) -> list[str]:
+    """What a command line changes in a scene, as "key.path=value"."""
+    end = [] if options.end_time is None else [f"end_time={options.end_time!r}"]
+    return [*options.set, *end]
 
 
 def _stated_scene(options: Namespace) -> Path | str:
@@ -89,8 +92,9 @@ def run_scene(comm: MPI.Intracomm, scene: Scene, options: Namespace, began: floa
     """Run a scene with the options of a command line; began: reading of the performance counter [s]. Collective."""
     with ExitStack() as kept:
         if comm.rank == 0 and not options.quiet:
-            LISTENERS.append(Compilations(folder()))
-            kept.callback(LISTENERS.clear)
+            tell = Compilations(folder())
+            LISTENERS.append(tell)
+            kept.callback(LISTENERS.remove, tell)
         try:
             simulation, files, restart = _set_up(comm, scene, options, kept)
         except OutputError as error:
