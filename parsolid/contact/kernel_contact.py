@@ -37,6 +37,7 @@ def declare_fields(scene: Scene, system: ParticleSystem) -> None:
     slots, d = slots_of(scene), system.dimension
     if not slots:
         return
+    system.expect_kicks()
     particles = system.particles
     vector: dict[str, Any] = {"mirror": "vector", "layout": Rows(d)}
     particles.declare(Field("contact_depth", slots, "1", checkpointed=True, layout=Rows(slots)))

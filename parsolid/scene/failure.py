@@ -1,6 +1,5 @@
 """Failure of elastic-plastic solids as a scene states it: criteria, what becomes of failed matter, scatter."""
 
-import sys
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -10,13 +9,8 @@ from pydantic import Field
 
 from parsolid.scene.base_model import Positive, SceneModel
 from parsolid.scene.declared import BASES, by_law
-from parsolid.scene.library import LibraryTable
+from parsolid.scene.library import LibraryTable, stated_sets
 from parsolid.scene.method_settings import named_observables
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 _LIBRARY = Path(__file__).parents[1] / "materials" / "failure" / "library.toml"
 # names that only a scene with failure, or with deletion, may ask for
@@ -100,6 +94,4 @@ def faults_of_names(scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
 @cache
 def library() -> dict[str, dict[str, Any]]:
     """Name -> what a set of constants states, without its source."""
-    with open(_LIBRARY, "rb") as file:
-        tables = tomllib.load(file)
-    return {name: {key: value for key, value in table.items() if key != "source"} for name, table in tables.items()}
+    return stated_sets(_LIBRARY)

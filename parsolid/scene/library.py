@@ -1,6 +1,8 @@
 """Entries of libraries of materials, as a table's key `library` names them."""
 
+import sys
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import model_validator
@@ -9,7 +11,19 @@ from parsolid.scene.base_model import reject
 from parsolid.scene.declared import DeclaredModel
 from parsolid.scene.validation_errors import suggestion
 
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
 Entry = TypeVar("Entry")
+
+
+def stated_sets(path: Path) -> dict[str, dict[str, Any]]:
+    """Name -> what each set of a library's TOML file states, without where it was published."""
+    with open(path, "rb") as file:
+        tables = tomllib.load(file)
+    return {name: {key: value for key, value in table.items() if key != "source"} for name, table in tables.items()}
 
 
 def entry(name: object, known: Mapping[str, Entry]) -> Entry:

@@ -1,6 +1,5 @@
 """The law "micro-inertia" as a scene states it: the declared table, and a library that fills in what is not given."""
 
-import sys
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -10,12 +9,7 @@ from pydantic import Field, model_validator
 
 from parsolid.scene.base_model import reject
 from parsolid.scene.declared import BASES
-from parsolid.scene.library import LibraryTable
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
+from parsolid.scene.library import LibraryTable, stated_sets
 
 _LIBRARY = Path(__file__).parents[1] / "materials" / "plastic" / "micro_inertia.toml"
 _STATED = "parsolid.materials.plastic.micro_inertia_stated"
@@ -51,9 +45,7 @@ class MicroInertiaSolid(LibraryTable):
 @cache
 def library() -> dict[str, dict[str, Any]]:
     """Name -> what a set states, without its source."""
-    with open(_LIBRARY, "rb") as file:
-        tables = tomllib.load(file)
-    return {name: {key: value for key, value in table.items() if key != "source"} for name, table in tables.items()}
+    return stated_sets(_LIBRARY)
 
 
 BASES["micro-inertia"] = (

@@ -2,7 +2,6 @@
 `kind`.
 """
 
-import sys
 from functools import cache, cached_property
 from importlib import import_module
 from pathlib import Path
@@ -15,13 +14,8 @@ from parsolid.materials.registry import declared
 from parsolid.scene.base_model import reject
 from parsolid.scene.declared import BASES, DeclaredModel, by_law, model_of
 from parsolid.scene.failure import Failure
-from parsolid.scene.library import entry
+from parsolid.scene.library import entry, stated_sets
 from parsolid.scene.validation_errors import NOTHING
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 _LIBRARY = Path(__file__).parents[1] / "materials" / "plastic" / "library.toml"
 
@@ -135,10 +129,8 @@ def positive_definite(components: list[float]) -> bool:
 @cache
 def library() -> dict[str, Any]:
     """The material library: name -> material, without names of other materials."""
-    with open(_LIBRARY, "rb") as file:
-        tables = tomllib.load(file)
     table: Any = model_of(declared("elastic-plastic", "elastic-plastic"))
     return {
-        name: table.model_validate({"kind": "elastic-plastic"} | {k: v for k, v in stated.items() if k != "source"})
-        for name, stated in tables.items()
+        name: table.model_validate({"kind": "elastic-plastic"} | stated)
+        for name, stated in stated_sets(_LIBRARY).items()
     }

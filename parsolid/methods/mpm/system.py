@@ -55,8 +55,6 @@ class MaterialPoint(ParticleSystem):
         self.comm, self.settings, self.dimension = comm, scene.method, scene.dimension
         refuse_bad_places(comm, scene, particle_set)
         self.points = self.particles = points = MaterialPoints(scene, particle_set)
-        if scene.contact:
-            points.declare(Field("impulse", self.dimension, "N s", checkpointed=True))
         self.materials = StressUpdate(scene, points)
         self.conditions = GridConditions(comm, scene, particle_set.position, points.origin)
         conducting = conducts(scene, points.laws)
