@@ -7,6 +7,8 @@ from mpi4py import MPI
 
 from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Limits, Simulation, StopRequest
+from parsolid.simulation.output_files import OutputFiles
+from parsolid.simulation.recorder import Recorder
 from parsolid.simulation.time_step import TimeSteps
 from parsolid.solvers.runge_kutta import Stage
 
@@ -105,6 +107,19 @@ def follow(sim, record, steps: int | None = None, policy=StableSteps) -> dict[st
     sim.time_steps = policy.of(sim.scene, sim.systems)
     sim.run(record, Limits(steps=steps), StopRequest())
     return record.columns()
+
+
+def run_into(folder, comm, scene, steps: int | None = None, restart=None) -> Recorder:
+    """A run with all its files, so many steps or to its end; the recorder knows its simulation."""
+    sim = Simulation(comm, scene, restart)
+    recorder = Recorder(sim, OutputFiles(comm, scene, folder, restart), None)
+    recorder.files.open_history(recorder.columns)
+    if restart:
+        recorder.resume(restart.header)
+    sim.run(recorder, Limits(steps), StopRequest())
+    recorder.finish()
+    recorder.files.close()
+    return recorder
 
 
 def run_steps(data: dict, steps: int, comm=MPI.COMM_SELF, more=None) -> tuple[Simulation, dict]:

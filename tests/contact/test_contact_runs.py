@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 from meeting import SPEED, bars, discs, momenta, simulated
 from mpi4py import MPI
-from solids import Record, gathered
+from solids import Record, gathered, run_into
 
 from parsolid.scene import parse_scene
-from parsolid.simulation.loop import Limits, Simulation, StopRequest
-from parsolid.simulation.output_files import OutputFiles
-from parsolid.simulation.recorder import Recorder
+from parsolid.simulation.loop import Limits, StopRequest
 from parsolid.simulation.restart import Restart
 
 STATE = ("position", "velocity", "contact_force")
@@ -74,25 +72,14 @@ def test_ranks_do_not_matter(comm):
         np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-11 * np.abs(wanted).max())
 
 
-def into_folder(comm, data, folder, steps=None, restart=None) -> Simulation:
-    scene = parse_scene(data)
-    sim = Simulation(comm, scene, restart)
-    recorder = Recorder(sim, OutputFiles(comm, scene, folder, restart), None)
-    recorder.files.open_history(recorder.columns)
-    if restart:
-        recorder.resume(restart.header)
-    sim.run(recorder, Limits(steps), StopRequest())
-    recorder.finish()
-    return sim
-
-
 def test_a_restart_in_the_middle_of_stick_has_the_same_bits(comm, shared_path):
     data = discs(friction=0.4, end_time=2.0 / SPEED, output={"fields_times": []})
-    whole = into_folder(comm, data, shared_path / "whole")
-    into_folder(comm, data, shared_path / "pieces", steps=18)
+    scene = parse_scene(data)
+    whole = run_into(shared_path / "whole", comm, scene).simulation
+    run_into(shared_path / "pieces", comm, scene, steps=18)
     file = shared_path / "pieces" / "checkpoint.h5"
     restart = Restart(comm, file)
-    again = into_folder(comm, data, shared_path / "pieces", restart=restart)
+    again = run_into(shared_path / "pieces", comm, scene, restart=restart).simulation
     assert whole.clock.step == again.clock.step > 25
     stick = again.systems[0].particles.owned_rows("contact_stick")
     assert comm.allreduce(float(np.abs(stick).max(initial=0.0)), MPI.MAX) > 0.0

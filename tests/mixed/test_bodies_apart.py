@@ -5,15 +5,13 @@ import numpy as np
 import pytest
 from bodies_apart import METHODS, alone, mixed
 from mpi4py import MPI
-from solids import Record, follow
+from solids import Record, follow, run_into
 
 from parsolid.commands.plot.results import Results
 from parsolid.output.history import read_history
 from parsolid.output.vtkhdf import collected, published
 from parsolid.scene import dump_scene
-from parsolid.simulation.loop import Limits, Simulation, StopRequest
-from parsolid.simulation.output_files import OutputFiles
-from parsolid.simulation.recorder import Recorder
+from parsolid.simulation.loop import Simulation
 from parsolid.simulation.restart import Restart
 
 
@@ -53,25 +51,12 @@ PROBES = [
 ]
 
 
-def run(comm, scene, folder, steps=None, restart=None) -> Recorder:
-    """A run with all its files."""
-    sim = Simulation(comm, scene, restart)
-    recorder = Recorder(sim, OutputFiles(comm, scene, folder, restart), None)
-    recorder.files.open_history(recorder.columns)
-    if restart:
-        recorder.resume(restart.header)
-    sim.run(recorder, Limits(steps), StopRequest())
-    recorder.finish()
-    recorder.files.close()
-    return recorder
-
-
 def test_a_restart_on_the_same_ranks_has_the_same_bits_and_a_block_of_fields_a_method(comm, shared_path):
     scene = mixed(PAIR, probes=PROBES, **OUTPUT)
-    whole = run(comm, scene, shared_path / "whole").simulation
-    run(comm, scene, shared_path / "pieces", steps=13)
+    whole = run_into(shared_path / "whole", comm, scene).simulation
+    run_into(shared_path / "pieces", comm, scene, steps=13)
     restart = Restart(comm, shared_path / "pieces" / "checkpoint.h5")
-    again = run(comm, scene, shared_path / "pieces", restart=restart)
+    again = run_into(shared_path / "pieces", comm, scene, restart=restart)
     for found, wanted in zip(again.simulation.systems, whole.systems):
         rows = state(wanted)
         assert all(rows[name].tobytes() == values.tobytes() for name, values in state(found).items())
@@ -99,7 +84,7 @@ def test_a_restart_on_the_same_ranks_has_the_same_bits_and_a_block_of_fields_a_m
 
 def test_pictures_show_all_blocks(tmp_path):
     scene = mixed(PAIR, **OUTPUT)
-    run(MPI.COMM_SELF, scene, tmp_path / "run")
+    run_into(tmp_path / "run", MPI.COMM_SELF, scene)
     dump_scene(scene, tmp_path / "run" / "scene.toml")
     results = Results(tmp_path / "run")
     assert results.particles == 128 and "plastic_strain" in results.field_names
@@ -114,7 +99,7 @@ def test_a_restart_on_other_ranks_deals_each_system_out_anew(comm, shared_path):
     single = comm.Split(comm.rank)
     scene = mixed(probes=PROBES)
     if comm.rank == 0:
-        run(single, scene, shared_path / "one", steps=7)
+        run_into(shared_path / "one", single, scene, steps=7)
     comm.Barrier()
     sim = Simulation(comm, scene, Restart(comm, shared_path / "one" / "checkpoint.h5"))
     assert sim.clock.step == 7 and all(comm.allreduce(system.owned) == 64 for system in sim.systems)

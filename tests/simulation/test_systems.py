@@ -7,7 +7,7 @@ from itertools import pairwise
 import h5py
 import numpy as np
 import pytest
-from solids import Record, StableSteps, follow
+from solids import Record, StableSteps, follow, run_into
 from systems import BONDS, SPH, STIFF, plate, raw, two_systems
 
 from parsolid.collective import SolverError, minimum
@@ -16,11 +16,9 @@ from parsolid.methods.interaction import Interaction
 from parsolid.output.checkpoint import read_checkpoint
 from parsolid.output.history import read_history
 from parsolid.scene import parse_scene
-from parsolid.simulation.loop import Limits, Simulation, StopRequest
+from parsolid.simulation.loop import Simulation
 from parsolid.simulation.observables import Observables
-from parsolid.simulation.output_files import OutputFiles
 from parsolid.simulation.probes import Probes
-from parsolid.simulation.recorder import Recorder
 from parsolid.simulation.restart import Restart
 
 LEFT, RIGHT = plate("left", 0.0), plate("right", 5.0, STIFF)
@@ -164,35 +162,23 @@ def test_probes_see_all_systems(comm, second):
     assert all(values[0][name] == pytest.approx(value, rel=1e-12) for name, value in values[1].items())
 
 
-def run(comm, scene, folder, steps=None, restart=None) -> Simulation:
-    """A run with all its files."""
-    sim = Simulation(comm, scene, restart)
-    recorder = Recorder(sim, OutputFiles(comm, scene, folder, restart), None)
-    recorder.files.open_history(recorder.columns)
-    if restart:
-        recorder.resume(restart.header)
-    sim.run(recorder, Limits(steps), StopRequest())
-    recorder.finish()
-    sim.told = recorder.summary("finished")
-    return sim
-
-
 def test_a_restart_goes_on_with_the_same_bits(comm, second, shared_path):
     output = {"history_steps": 1, "fields_times": [1e-4]}
     data = pair(second) | {"probes": PROBES, "output": output, "end_time": 2e-4}
     scene = two_systems(data, METHODS[second])
-    whole = run(comm, scene, shared_path / "whole")
-    run(comm, scene, shared_path / "pieces", steps=4)
+    whole = run_into(shared_path / "whole", comm, scene).simulation
+    run_into(shared_path / "pieces", comm, scene, steps=4)
     file = shared_path / "pieces" / "checkpoint.h5"
-    again = run(comm, scene, shared_path / "pieces", restart=Restart(comm, file))
+    recorder = run_into(shared_path / "pieces", comm, scene, restart=Restart(comm, file))
+    again, told = recorder.simulation, recorder.summary("finished")
     for found, wanted in zip(again.systems, whole.systems):
         assert all(rows.tobytes() == state(wanted)[name].tobytes() for name, rows in state(found).items())
     assert again.clock.step == whole.clock.step == 10
     header, systems, _ = read_checkpoint(comm, file)
     assert {"method_state", "method_state_1"} < set(header) and len(systems) == 2
     assert [comm.allreduce(len(fields["identifier"])) for fields in systems] == [64, 64]
-    assert again.told["pairs"] == sum(comm.allreduce(s.directed_pairs) for s in whole.systems) // 2
-    assert again.told["method"] == ("tlsph" if second == "tlsph" else "tlsph and peridynamics")
+    assert told["pairs"] == sum(comm.allreduce(s.directed_pairs) for s in whole.systems) // 2
+    assert told["method"] == ("tlsph" if second == "tlsph" else "tlsph and peridynamics")
     if comm.rank == 0:
         histories = [read_history(shared_path / name / "history.csv") for name in ("whole", "pieces")]
         assert histories[0] == histories[1] and len(histories[0]["step"]) == 11
@@ -211,7 +197,7 @@ def test_on_other_ranks_a_restart_deals_the_particles_out_anew(comm, second, sha
     data = pair(second) | {"output": {"fields_times": []}, "end_time": 2e-4}
     scene = two_systems(data, METHODS[second])
     if comm.rank == 0:
-        run(single, scene, shared_path / "one", steps=4)
+        run_into(shared_path / "one", single, scene, steps=4)
     comm.Barrier()
     sim = Simulation(comm, scene, Restart(comm, shared_path / "one" / "checkpoint.h5"))
     assert sim.clock.step == 4 and sim.particles == 128
