@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from bodies_apart import RUBBER
 from mpi4py import MPI
-from solids import Record, follow
-from test_bodies_apart import run
+from solids import Record, follow, run_into
 
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.loop import Simulation
@@ -79,7 +78,7 @@ def test_on_any_ranks_and_after_a_restart_bars_move_alike(comm, shared_path):
     spread = follow(Simulation(comm, scene), Record(momenta))
     if comm.rank == 0:
         # in the middle of the contact
-        run(single, scene, shared_path / "one", steps=len(whole["time"]) - 10)
+        run_into(shared_path / "one", single, scene, steps=len(whole["time"]) - 10)
     comm.Barrier()
     sim = Simulation(comm, scene, Restart(comm, shared_path / "one" / "checkpoint.h5"))
     again = follow(sim, Record(momenta))
