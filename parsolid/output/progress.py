@@ -24,6 +24,9 @@ _COMPILING_SECONDS = 5.0
 
 _WORDS_OF_TERMS = {"dissipation_fracture": "fracture", "leapfrog_oscillation": "oscillation of the steps"}
 
+# of probes that a scene has of them, with their units: told once there is something
+_OF_FAILURE = {"failed_mass": "kg", "deleted_mass": "kg"}
+
 Told = tuple[float, int, float]
 
 
@@ -107,6 +110,7 @@ class Progress:
         parts = [f"dt {step_size:.2e} s", f"ETA {_duration(left)}"]
         if row:
             parts += [f"{name} {value:.3e} J" for name, value in self._energies(row).items()]
+            parts += _failed(row)
         return [*parts, f"{rate:.2e} particle-steps/s"]
 
     def _energies(self, row: dict[str, float]) -> dict[str, float]:
@@ -144,6 +148,16 @@ class Progress:
             print(text, file=self._stream, flush=True)
         except (OSError, ValueError):  # nobody listens any more: the run goes on
             self._level = QUIET
+
+
+def _failed(row: dict[str, float]) -> list[str]:
+    """What the probes of a history row say of failed matter."""
+    asked = [(column, column.rpartition(".")[2]) for column in row]
+    return [
+        f"{name.replace('_', ' ')} {row[column]:.3e} {_OF_FAILURE[name]}"
+        for column, name in asked
+        if name in _OF_FAILURE and row[column] > 0.0
+    ]
 
 
 class Compilations:
