@@ -9,11 +9,13 @@ from parsolid.solvers.conjugate_gradients import conjugate_gradients
 from parsolid.solvers.dynamic_relaxation import dynamic_relaxation, relaxation_mass
 from parsolid.solvers.power_iteration import largest_eigenvalue, start_vector
 from parsolid.solvers.solution import Solution
+from parsolid.solvers.stiff_volumes import StiffVolumes
 from parsolid.solvers.two_level import Grid, TwoLevel
 
 __all__ = [
     "Grid",
     "Solution",
+    "StiffVolumes",
     "TwoLevel",
     "conjugate_gradients",
     "dynamic_relaxation",

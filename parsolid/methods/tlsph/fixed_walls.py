@@ -53,7 +53,7 @@ class FixedWalls:
         Q, R = codes.signs[:, :d], codes.reflections[:, :d]
         self.factors = codes.stress_signs[:, None, None] * Q[:, :, None] * Q[:, None] - Q[:, :, None] * R[:, None]
         first, width = record_columns(system.space, self.pairs.terms).stress, matrix_columns(d)
-        self.stress = lambda: self.particles.storage("record")[:, first : first + width].reshape(-1, d, width // d)
+        self.columns, self.width = slice(first, first + width), width // d
         # the force that a step begins with is that which the one before ended with
         self.particles.declare(Field("excess_wall_force", d, "N", checkpointed=True, mirror="vector"))
 
@@ -62,8 +62,9 @@ class FixedWalls:
         if self.are_there:
             force, pairs = self.particles.owned_rows("excess_wall_force"), self.pairs.mirror
             force[:] = 0.0
+            stress = self.particles.storage("record")[:, self.columns].reshape(-1, force.shape[1], self.width)
             lists = (pairs.start, pairs.neighbour, pairs.images.code, pairs.weight)
-            add_excess_forces(*lists, self.factors, self.stress(), force)
+            add_excess_forces(*lists, self.factors, stress, force)
 
     def meet(self, duration: float, ledger: Any) -> None:
         """Both."""
