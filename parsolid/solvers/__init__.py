@@ -10,7 +10,7 @@ from parsolid.solvers.dynamic_relaxation import dynamic_relaxation, relaxation_m
 from parsolid.solvers.power_iteration import largest_eigenvalue, start_vector
 from parsolid.solvers.solution import Solution
 from parsolid.solvers.stiff_volumes import StiffVolumes
-from parsolid.solvers.two_level import Grid, TwoLevel
+from parsolid.solvers.two_level import Grid, TwoLevel, motions_without
 
 __all__ = [
     "Grid",
@@ -20,6 +20,7 @@ __all__ = [
     "conjugate_gradients",
     "dynamic_relaxation",
     "largest_eigenvalue",
+    "motions_without",
     "relaxation_mass",
     "start_vector",
 ]

@@ -195,9 +195,15 @@ class TwoLevel:
 
         restraint (k, k): sums of products of what the motions are wherever something holds, on all ranks together.
         """
-        gram = sums(self.comm, np.tensordot(motions, motions, ((1, 2), (1, 2))))
-        sizes, axes = np.linalg.eigh(gram)
-        basis = axes[:, sizes > 1e-12 * sizes[-1]] / np.sqrt(sizes[sizes > 1e-12 * sizes[-1]])
-        values, modes = np.linalg.eigh(basis.T @ restraint @ basis)
-        loose = (basis @ modes[:, values < _LOOSE]).T
-        self.loose = np.tensordot(loose, motions, 1) * self.free
+        self.loose = motions_without(self.comm, motions, restraint) * self.free
+
+
+def motions_without(comm: Any, motions: np.ndarray, restraint: np.ndarray) -> np.ndarray:
+    """Those (l, n, d), orthonormal over all ranks, of the span of some motions (k, n, d) that have no restraint (k, k),
+    see `TwoLevel.leave_out`. Collective.
+    """
+    gram = sums(comm, np.tensordot(motions, motions, ((1, 2), (1, 2))))
+    sizes, axes = np.linalg.eigh(gram)
+    basis = axes[:, sizes > 1e-12 * sizes[-1]] / np.sqrt(sizes[sizes > 1e-12 * sizes[-1]])
+    values, modes = np.linalg.eigh(basis.T @ restraint @ basis)
+    return np.asarray(np.tensordot((basis @ modes[:, values < _LOOSE]).T, motions, 1))

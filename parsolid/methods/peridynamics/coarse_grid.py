@@ -11,6 +11,7 @@ from parsolid.collective import maximum
 from parsolid.materials.damage.bond_based import BondBased
 from parsolid.methods.peridynamics.divergence import divergence_of_components
 from parsolid.methods.peridynamics.operator import Operator, algorithmic_law
+from parsolid.methods.peridynamics.pieces import unbalanced_piece
 from parsolid.solvers import Grid, StiffVolumes, TwoLevel, start_vector
 
 # width of the grid's cells over the particles' spacing: more than the horizon, within which stiffness is nearly flat
@@ -112,14 +113,25 @@ class CoarseGrid:
                 motions.append(spin)
         return np.array(motions)
 
-    def _restraint(self, motions: np.ndarray) -> np.ndarray:
+    def unbalanced_piece(self, residual: np.ndarray, target: float) -> str:
+        """See `pieces.unbalanced_piece`."""
+        motions = self._rigid_motions(self.operator.engine.particles.owned_rows("reference_position"))
+        return unbalanced_piece(self.operator, motions, self._restraint, residual, target)
+
+    def _restraint(self, motions: np.ndarray, piece: np.ndarray | None = None) -> np.ndarray:
         """Sums of products (k, k) of rigid motions (k, n, d) where they are prescribed and on mirror planes, of all
         ranks: what has none there has no stiffness, and no force need be evaluated to know it.
+
+        piece (n,) bool: the particles that move; of them those with images in a plane feel it.
         """
         particles = self.operator.engine.particles
         parts = [motions * ~self.operator.free]
         for plane in self.planes:
-            concerned = np.flatnonzero(plane.concerns(particles.owned_rows("body")))
+            concerned = plane.concerns(particles.owned_rows("body"))
+            if piece is not None:
+                near = np.abs(particles.owned_rows("reference_position")[:, plane.axis] - plane.coordinate)
+                concerned = concerned & piece & (near <= self.length)
+            concerned = np.flatnonzero(concerned)
             # a few points say what a plane lets move
             onto = particles.owned_rows("reference_position")[concerned[:: len(concerned) // _POINTS + 1]]
             onto[:, plane.axis] = plane.coordinate

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from decomposition.compiled import compiled
-from parsolid.methods.tlsph.settings import FIXED_WALLS
+from parsolid.methods.tlsph.reactions import Reactions
 from parsolid.pairs.terms import matrix_columns, record_columns
 from parsolid.particles.declaration import Field
 
@@ -40,40 +40,46 @@ def add_excess_forces(
 
 
 class FixedWalls:
-    """Books the work of one rank's images at fixed planes; of a scene without any it does nothing."""
+    """The work [J] of one rank's images at fixed planes in a step, as `reactions.Reactions` ask for it."""
+
+    work = 0.0
 
     def __init__(self, system: Any) -> None:
         """system: `system.TotalLagrangianSPH`, before its lists are made."""
-        self.particles, self.pairs = system.particles, system.pairs
-        codes, d = self.pairs.codes, system.dimension
-        planes = () if codes is None else {plane for subset in codes.planes for plane in subset}
-        self.are_there = any(plane.kind == "fixed" for plane in planes)
-        if not self.are_there:
-            return
+        self.particles, self.pairs, d = system.particles, system.pairs, system.dimension
+        codes = self.pairs.codes
         Q, R = codes.signs[:, :d], codes.reflections[:, :d]
         self.factors = codes.stress_signs[:, None, None] * Q[:, :, None] * Q[:, None] - Q[:, :, None] * R[:, None]
         first, width = record_columns(system.space, self.pairs.terms).stress, matrix_columns(d)
         self.columns, self.width = slice(first, first + width), width // d
-        # the force that a step begins with is that which the one before ended with
-        self.particles.declare(Field("excess_wall_force", d, "N", checkpointed=True, mirror="vector"))
+        self.staged = system.leapfrog is None
+        # a step without stages begins with the force that the one before ended with
+        self.particles.declare(Field("excess_wall_force", d, "N", checkpointed=not self.staged, mirror="vector"))
+
+    def meet(self, before: bool) -> None:
+        """The forces of a stage; before: whether it ends a step, or is within it."""
+        if self.staged or before:
+            self.find()
 
     def find(self) -> None:
         """The forces of the present records, after ghosts have sent theirs."""
-        if self.are_there:
-            force, pairs = self.particles.owned_rows("excess_wall_force"), self.pairs.mirror
-            force[:] = 0.0
-            stress = self.particles.storage("record")[:, self.columns].reshape(-1, force.shape[1], self.width)
-            lists = (pairs.start, pairs.neighbour, pairs.images.code, pairs.weight)
-            add_excess_forces(*lists, self.factors, stress, force)
+        force, pairs = self.particles.owned_rows("excess_wall_force"), self.pairs.mirror
+        force[:] = 0.0
+        stress = self.particles.storage("record")[:, self.columns].reshape(-1, force.shape[1], self.width)
+        lists = (pairs.start, pairs.neighbour, pairs.images.code, pairs.weight)
+        add_excess_forces(*lists, self.factors, stress, force)
 
-    def meet(self, duration: float, ledger: Any) -> None:
-        """Both."""
-        self.find()
-        self.book(duration, ledger)
+    def book(self, duration: float) -> None:
+        """Count their work over a duration [s] with the present velocities."""
+        rows = self.particles.owned_rows
+        power = np.sum(rows("excess_wall_force") * rows("velocity"), axis=1) @ rows("share")
+        self.work += duration * float(power)
 
-    def book(self, duration: float, ledger: Any) -> None:
-        """Tell the ledger of their work over a duration [s] with the present velocities."""
-        if self.are_there:
-            rows = self.particles.owned_rows
-            power = np.sum(rows("excess_wall_force") * rows("velocity"), axis=1) @ rows("share")
-            ledger.add_term(FIXED_WALLS, duration * float(power))
+
+def watch_fixed_walls(system: Any) -> None:
+    """Let a system's reactions tell the work of its fixed planes, where there are any."""
+    boundaries, codes = system.boundaries, system.pairs.codes
+    if codes is not None and any(plane.kind == "fixed" for subset in codes.planes for plane in subset):
+        if boundaries.reactions is None:
+            boundaries.reactions = Reactions(system.particles, [])
+        boundaries.reactions.walls = FixedWalls(system)

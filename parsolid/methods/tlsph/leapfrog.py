@@ -67,12 +67,10 @@ class Leapfrog:
             self.evaluate()
         boundaries.prescribe_mean(time, step, system.kinematics)
         taken, work = self._half_kick(True, time, step)
-        system.walls.book(0.5 * step, ledger)
         system.pairs.gradient("motion")
         sound, internal, stable = self._advance_strain_of_all(step)
         announce(sound, stable)
         system.pairs.divergence(system.pairs.terms)
-        system.walls.meet(0.5 * step, ledger)
         more, done = self._half_kick(False, time + step, step)
         boundaries.prescribe(time + step, system.kinematics)
         ledger.add(1.0, internal, taken + more, work + done + system.prescribed_energy_gain())
@@ -86,7 +84,8 @@ class Leapfrog:
         self._advance_strain_of_all(0.0)
         storage("pair_sums")[:] = 0.0
         pairs.divergence(pairs.terms)
-        self.system.walls.find()
+        if (told := self.system.boundaries.reactions) is not None and told.walls is not None:
+            told.walls.find()
         self.forces_of = self._reference_updates
 
     @property

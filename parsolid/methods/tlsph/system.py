@@ -18,7 +18,7 @@ from parsolid.methods.tlsph.body_weights import ON_LATTICES, weights_of_bodies
 from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.methods.tlsph.deformation import Relaxation, advance_deformation, largest_wave_modulus
 from parsolid.methods.tlsph.displacement import displacement_gradient
-from parsolid.methods.tlsph.fixed_walls import FixedWalls
+from parsolid.methods.tlsph.fixed_walls import watch_fixed_walls
 from parsolid.methods.tlsph.lattice_bodies import put_on_lattices
 from parsolid.methods.tlsph.leapfrog import Leapfrog
 from parsolid.methods.tlsph.state import Body
@@ -63,9 +63,9 @@ class TotalLagrangianSPH(PairMethod):
         self.branches = maximum(comm, max((block.branches for block in self.blocks), default=0))
         self.pairs = self._pair_system(particle_set)
         self.pairs.unbonded = scene.unbonded
-        self.walls = FixedWalls(self)
         fixed, staged = self.settings.reference == "fixed", self.settings.integrator == "ssp-rk3"
         self.leapfrog = None if staged else Leapfrog(self)
+        watch_fixed_walls(self)
         self.evaluations = len(self.stages) if staged else 1
         self.landings = () if staged else self.boundaries.jump_times
         state.declare_motion(self.particles, particle_set, fixed, staged)
@@ -235,7 +235,6 @@ class TotalLagrangianSPH(PairMethod):
             if stage.last:
                 announce(positive, stable)
             self.pairs.divergence(self.pairs.terms)
-            self.walls.meet(stage.quadrature * step, ledger)
             numerical, external = self.advance_motion(stage, time, step)
             ledger.add(stage.quadrature * step, internal, numerical, external)
             sound = sound and positive
