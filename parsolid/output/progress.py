@@ -22,7 +22,11 @@ _LINES = {NORMAL: (5.0, 0.1), VERBOSE: (1.0, 0.02)}
 _LEAST_SECONDS = 0.5
 _COMPILING_SECONDS = 5.0
 
-_WORDS_OF_TERMS = {"dissipation_fracture": "fracture", "leapfrog_oscillation": "oscillation of the steps"}
+_WORDS_OF_TERMS = {
+    "dissipation_fracture": "fracture",
+    "leapfrog_oscillation": "oscillation of the steps",
+    "work_fixed_walls": "from fixed walls",
+}
 
 Told = tuple[float, int, float]
 
