@@ -64,7 +64,7 @@ class Peridynamics(PairMethod):
 
     def begin(self, scene: Any, particle_set: Any) -> None:
         """Velocity and displacement by the bodies' formulas, and what is stored in the branches; collective."""
-        place = (scene, particle_set.body, particle_set.position)
+        place = (scene, particle_set.body, particle_set.position, particle_set.regions)
         self.particles.owned_rows("velocity")[:] = initial_velocity(*place)
         displacement = initial_displacement(*place)
         if displacement is not None:

@@ -111,12 +111,12 @@ class UpdatedLagrangianSPH(PairMethod):
     def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
         """Set the state at time 0 by the bodies' formulas; collective."""
         rows, place = self.particles.owned_rows, (scene, particle_set.body, particle_set.position)
-        rows("velocity")[:] = initial_velocity(*place)
-        displacement = initial_displacement(*place)
+        rows("velocity")[:] = initial_velocity(*place, particle_set.regions)
+        displacement = initial_displacement(*place, particle_set.regions)
         if displacement is not None:
             rows("position")[:] += displacement
         usual = np.array([law.reference_temperature for law in self.laws])[self.particles.law_of_body]
-        rows("temperature")[:] = initial_temperature(scene, particle_set.body, particle_set.position, usual)
+        rows("temperature")[:] = initial_temperature(*place, usual, particle_set.regions)
         flowing = initial_micro_rate(*place)
         if flowing is not None:
             held = self.boundaries.held_micro

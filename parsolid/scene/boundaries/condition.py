@@ -21,9 +21,6 @@ BOUNDARY_KINDS = ByKind((), known="boundaries")
 Boundary = Annotated[Any, BOUNDARY_KINDS]
 
 
-RegionName = Annotated[str, Field(min_length=1, description="the name of a region, or of a group of a mesh")]
-
-
 class Condition(SceneModel):
     """A boundary condition with a literal field `kind`; its keys are those of its table in the scene.
 

@@ -6,7 +6,8 @@ from pydantic import Field, model_validator
 
 from parsolid.scene.base_model import Plane, reject
 from parsolid.scene.bodies import Name
-from parsolid.scene.boundaries.condition import Condition, RegionName, Reporting, boundary_kind
+from parsolid.scene.boundaries.condition import Condition, Reporting, boundary_kind
+from parsolid.scene.named_regions import RegionName
 
 if TYPE_CHECKING:
     from parsolid.boundary.declarations import Declarations

@@ -6,9 +6,10 @@ from pydantic import Field, model_validator
 
 from parsolid.scene.base_model import NotNegative, Plane, reject
 from parsolid.scene.bodies import Name
-from parsolid.scene.boundaries.condition import Condition, RegionName, Reporting, boundary_kind
+from parsolid.scene.boundaries.condition import Condition, Reporting, boundary_kind
 from parsolid.scene.formulas import FormulaVector, Scalar
 from parsolid.scene.load_histories import LoadHistory, Timed
+from parsolid.scene.named_regions import RegionName
 from parsolid.scene.validation_errors import NOTHING
 
 if TYPE_CHECKING:
