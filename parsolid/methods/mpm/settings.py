@@ -57,6 +57,7 @@ class MaterialPoint(MethodSettings):
     shared_field: ClassVar = True
     materials: ClassVar = ("hyperelastic", "elastic-plastic")
     boundaries: ClassVar = ("fixed", "roller", "velocity", "wall", "temperature", "heat_flux")
+    reactions: ClassVar = ("velocity", "wall")
     loads: ClassVar = ("body_force", "acceleration", "heat_source", "manufactured")
     declared_fields: ClassVar = (*PLASTIC_STATE, DAMAGE)
     extra_fields: ClassVar = {"density": "scalar", "velocity_gradient": "tensor"}

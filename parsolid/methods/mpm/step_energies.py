@@ -33,6 +33,8 @@ class StepEnergies:
         if self.forces is not None and self.before is not None:
             supplied += _work(self.forces, self.before, self.points.motion[: self.points.owned], step)
         ledger.add(1.0, 0.0, self._lost() + caught, supplied)
+        for told in self.nodes.told:
+            told.finish(step, ledger)
         # what is deleted leaves after the step, so that it is not taken for a loss of the scheme
         for name, energy in (materials | self.points.delete_failed()).items():
             ledger.add_term(name, energy)

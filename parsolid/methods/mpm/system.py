@@ -63,6 +63,7 @@ class MaterialPoint(ParticleSystem):
         mirrors = tuple(dict.fromkeys(folded))
         self.grid = RankGrid(comm, self.dimension, nodes_across(points.basis), mirrors, scene.method.bitwise)
         self.nodes = Nodes(self.grid, points, self.conditions.planes, conducting)
+        self.told = self.nodes.told = self.conditions.told
         self.stress: StressUpdate | ReferenceGrid = self.materials
         if scene.method.formulation == "total-lagrangian":
             self.stress = ReferenceGrid(self.materials, self.nodes)

@@ -26,7 +26,7 @@ class TotalLagrangianSPH(MethodSettings):
         "pressure",
         "spring",
     )
-    reactions: ClassVar = True
+    reactions: ClassVar = boundaries
     kind: Literal["tlsph"]
     kernel: Literal[kernel_names()] = Field(  # type: ignore[valid-type]
         "wendland-c2", description="the smoothing kernel"

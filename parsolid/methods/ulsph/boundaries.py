@@ -15,9 +15,11 @@ from parsolid.boundary.declarations import (
 )
 from parsolid.boundary.loads import accelerations
 from parsolid.boundary.prescribed import NotFree, PrescribedRows
+from parsolid.boundary.reactions import holders
 from parsolid.boundary.rows import keep
 from parsolid.boundary.supports import Supports
 from parsolid.collective import anywhere
+from parsolid.methods.protocol import EnergyLedger
 from parsolid.methods.ulsph.kinematics import kick, second_vector
 from parsolid.methods.ulsph.walls import Walls
 from parsolid.particles.container import Particles
@@ -51,6 +53,8 @@ class BoundarySet:
         self.prescribed = PrescribedRows(comm, scene, motions, particle_set, particles)
         self.not_free = NotFree(particles, self.prescribed, self._held)
         self.walls = Walls(comm, declared.of(RigidWall), particles)
+        self.holders = holders(comm, declared, self.prescribed, particle_set, particles)
+        self.told = [one for one, _ in self.holders] + self.walls.told
         self.loads = accelerations(scene, particles)
         self.held_micro: np.ndarray | None = None
         for micro in declared.of(HeldMicroVelocity):
@@ -80,6 +84,7 @@ class BoundarySet:
         guided = self.prescribed.guided
         rows, components = self.prescribed.entries
         before = kinematics[rows, components]
+        start = particles.owned_rows("velocity").copy() if self.holders else None
         loads = self.loads.at(time) if self.loads.acting else None
         clamp = self._held()
         begun = particles.owned_rows("velocity").copy() if self.walls.walls else None
@@ -94,10 +99,30 @@ class BoundarySet:
             of_viscosity = forces[rows, second_vector(dimension) + components]
             viscous += float(0.25 * step * of_viscosity @ (new - free))
             swing += float(0.25 * step * (forces[rows, components] - of_viscosity) @ (new - free))
+        if start is not None:
+            self._take(start, 0.5 * step, loads)
         if begun is not None:
             loaded, slowed, stilled = self.walls.catch(time, 0.5 * step, begun)
             work, viscous, swing = work + loaded, viscous + slowed, swing + stilled
         return work, -viscous, swing
+
+    def _take(self, start: np.ndarray, step: float, loads: np.ndarray | None) -> None:
+        """Count the impulses that hold components through a kick of a step [s] from velocities (n, d)."""
+        rows = self.particles.owned_rows
+        velocity, mass, d = rows("velocity"), self.particles.storage("mass")[0], start.shape[1]
+        for told, held in self.holders:
+            here, components = held()
+            pushed = step * self.particles.storage("force_sums")[here, :d]
+            if loads is not None:
+                pushed = pushed + step * mass[here, None] * loads[here, :d]
+            impulse = components * (mass[here, None] * (velocity[here] - start[here]) - pushed)
+            told.add(rows("position")[here], impulse, 0.5 * (velocity[here] + start[here]))
+
+    def taken(self, step: float, ledger: EnergyLedger) -> tuple[float, float]:
+        """Work of walls, and loss to them [J], forgotten; the ledger takes what conditions tell of a step [s]."""
+        for told in self.told:
+            told.finish(step, ledger)
+        return self.walls.taken()
 
     def hold_motion(self, time: float) -> None:
         """Held and prescribed components of the velocity at a time [s], for a new state."""

@@ -45,6 +45,7 @@ class UpdatedLagrangianSPH(MethodSettings):
     system: ClassVar = "parsolid.methods.ulsph.system:UpdatedLagrangianSPH"
     materials: ClassVar = ("micro-inertia", "elastic-plastic")
     boundaries: ClassVar = ("fixed", "roller", "velocity", "rotation", "wall", "micro_clamped", "temperature")
+    reactions: ClassVar = ("fixed", "roller", "velocity", "rotation", "wall")
     declared_fields: ClassVar = (*STATE, *MICRO_STATE, DAMAGE)
     extra_fields: ClassVar = {"internal_energy": "scalar"}
     pictured_fields: ClassVar = ("plastic_strain", "temperature", "pressure")

@@ -66,10 +66,10 @@ class UpdatedLagrangianSPH(PairMethod):
         self.carried = self.updates.carried
         warms = settings.viscous_heating or any(self.updates.storing)
         self.heating = Warming() if warms and settings.viscosity else None
-        speeds_change = self.updates.speeds_change
-        declare_motion(particles, particle_set.position, self.carried, self.heating, speeds_change)
+        declare_motion(particles, particle_set.position, self.carried, self.heating, self.updates.speeds_change)
         density = density_of(self.laws, law_of_body, particle_set.body)
         self.boundaries = BoundarySet(comm, scene, particle_set, particles)
+        self.told = self.boundaries.told
         lacks = self.updates.lacks | ({"micro_free"} if self.boundaries.held_micro is None else set())
         declare_state(particles, self.dimension, density, lacks)
         failed_matter.declare_failure(particles, self.laws)
@@ -206,7 +206,7 @@ class UpdatedLagrangianSPH(PairMethod):
         if any(self.updates.storing):
             # what laws store heats them; the others' share is lost
             viscous = self.viscous_heat_of_others(step)
-        pushed, caught = self.boundaries.walls.taken()
+        pushed, caught = self.boundaries.taken(step, ledger)
         ledger.add(1.0, plastic, lost + caught, float(first[0] + second[0]) + pushed)
         ledger.add_term("viscous_dissipation", float(viscous))
         ledger.add_term("leapfrog_oscillation", second[2] - first[2])

@@ -73,7 +73,7 @@ class PrescribedDisplacement(RegionCondition, Timed, Reporting):
 
 
 @boundary_kind
-class FictitiousLayer(Condition, Timed):
+class FictitiousLayer(Condition, Timed, Reporting):
     """A layer of fictitious particles, the part of a body on one side of a plane, with prescribed displacement.
 
     As wide as the horizon it holds the rest of the body at the plane (Galadima et al., section 8), with an error of

@@ -44,8 +44,6 @@ class Support(Condition, Reporting):
     def _told_by_particles(self) -> "Support":
         if self.where is not None and self.mirror:
             reject((("mirror",), "false in a region with a name (images are beyond a plane)", self.mirror))
-        if self.reaction and self.mirror:
-            reject((("reaction",), "mirror = false (the force of images is on no particle)", True))
         return self
 
     def declare(self, to: "Declarations") -> None:
