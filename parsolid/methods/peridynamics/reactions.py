@@ -71,6 +71,9 @@ class Reactions:
             told.set(places[rows], needed, float(np.sum(components * work[rows])))
         for told, parts in self.loads:
             first, last = self._values(parts, time, step == 0.0), self._values(parts, time + step, step > 0.0)
+            if time == step == 0.0:
+                # what held the bodies' start lets go as the first loads come
+                first[:] = 0.0
             told.set(places, last, float(np.sum(0.5 * (first + last) * change)))
 
     def _values(self, loads: list[Load], time: float, before: bool) -> np.ndarray:
