@@ -3,12 +3,14 @@
 import h5py
 import numpy as np
 import pytest
-from solids import SOFT, simulation, tables
+from solids import SOFT, run_into, simulation, tables
 
-from parsolid.scene import SceneError
+from parsolid.scene import SceneError, parse_scene
+from parsolid.simulation.loop import Simulation
 from parsolid.simulation.observables import Observables
 from parsolid.simulation.output_files import OutputFiles
 from parsolid.simulation.probes import Probes
+from parsolid.simulation.restart import Restart
 
 STRIP = {"name": "strip", "formula": "Y > 0.7"}
 
@@ -71,3 +73,17 @@ def test_fields_of_a_region_are_written_in_the_order_of_its_particles(shared_pat
     assert count == 12 and (points[:, 1] > 0.7).all()
     assert sorted(map(tuple, points[:, :2].round(12))) == sorted((x.round(12), y) for x in X for y in (0.8, 1.0))
     np.testing.assert_allclose(velocity[:, :2], np.column_stack([2 * points[:, 0], -points[:, 1]]), rtol=1e-6)
+
+
+def test_a_restart_does_not_end_before_it_starts(shared_path, comm):
+    data = thrown(probes=[{"name": "p", "where": "strip", "fields": ["velocity"]}])
+    recorder = run_into(shared_path / "first", comm, parse_scene(data), 3)
+    now = recorder.simulation.clock.time
+    restart = Restart(comm, shared_path / "first" / "checkpoint.h5")
+    message = rf"end_time: expected at least {now:.6g} s, the time of the checkpoint .*, found {0.5 * now:.6g} s"
+    with pytest.raises(SceneError, match=message):
+        Simulation(comm, parse_scene(data | {"end_time": 0.5 * now}), restart)
+    # who is in a region is kept
+    column, again = "p.velocity_x", run_into(shared_path / "next", comm, parse_scene(data), 1, restart)
+    whole = run_into(shared_path / "whole", comm, parse_scene(data), 4)
+    assert again.last_row[column] == pytest.approx(whole.last_row[column], rel=1e-12)
