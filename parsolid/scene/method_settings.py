@@ -19,7 +19,7 @@ class MethodSettings(SceneModel):
     boundaries: the kinds that it knows; declared_fields: declarations that a scene often names (of others the code is
     asked); extra_fields, extra_quantities: what the method computes -> "scalar", "vector" or "tensor"; pictured_fields:
     what colours the bodies, the first that was written; prescribes: what of a motion is, of velocity and displacement;
-    reactions: kinds of boundaries that can tell their force; loads: keys of the table of that name; ledger_terms: see
+    reactions: kinds of boundaries that can tell their force; pressed: keys of places where a pressure acts; loads: keys of the table of that name; ledger_terms: see
     `ledger.Ledger`; viscous_terms: those of them that artificial viscosity fills; bodies_meet: whether bodies that come
     together feel each other without contact; shared_field: whether bodies stick together on a field of velocities that
     they share, so that those which do not need systems of their own.
@@ -32,6 +32,7 @@ class MethodSettings(SceneModel):
     boundaries: ClassVar[tuple[str, ...]] = ()
     prescribes: ClassVar[tuple[str, ...]] = ("velocity",)
     reactions: ClassVar[tuple[str, ...]] = ()
+    pressed: ClassVar[tuple[str, ...]] = ("plane", "where")
     loads: ClassVar[tuple[str, ...]] = ("body_force", "acceleration")
     declared_fields: ClassVar[tuple[particles.Field, ...]] = ()
     extra_fields: ClassVar[dict[str, str]] = {}

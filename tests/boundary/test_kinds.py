@@ -27,7 +27,7 @@ def test_these_are_all_kinds():
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_method_takes_a_kind_or_refuses_it(method, kind, comm):
-    data = tables_of(method, table(kind))
+    data = tables_of(method, table(kind, method))
     if kind in TAKEN[method]:
         translated(comm, data)
         return
@@ -47,7 +47,7 @@ def test_no_kind_is_taken_for_another(method, kind, comm, monkeypatch):
         return
     monkeypatch.setattr(settings_class({"kind": method}), "boundaries", tuple(KINDS))
     with pytest.raises(SolverError, match="boundaries.0.kind: expected .* with this method, found " + repr(kind)):
-        translated(comm, tables_of(method, table(kind)))
+        translated(comm, tables_of(method, table(kind, method)))
 
 
 def test_the_table_in_the_documents_is_that_of_the_methods():
@@ -136,3 +136,15 @@ def test_a_kind_that_means_nothing_is_refused(new_kind, monkeypatch):
 def test_two_kinds_of_one_name_are_refused(new_kind):
     with pytest.raises(ValueError, match="expected one of the name 'traction', found two"):
         new_kind(PRESSURE.replace('Literal["push"]', 'Literal["traction"]'))
+
+
+def test_a_kind_with_another_name_now_is_refused_with_it():
+    data = tables_of("peridynamics", table("pressure", "peridynamics") | {"kind": "surface_pressure"})
+    with pytest.raises(SceneError, match="expected 'pressure', as this kind is called now, found 'surface_pressure'"):
+        parse_scene(data)
+
+
+@pytest.mark.parametrize(("method", "other"), [("tlsph", "peridynamics"), ("peridynamics", "tlsph")])
+def test_a_pressure_where_a_method_knows_none_is_refused(method, other):
+    with pytest.raises(SceneError, match=r"boundaries.0.\w+: expected one of .*where.* with this method"):
+        parse_scene(tables_of(method, table("pressure", other)))

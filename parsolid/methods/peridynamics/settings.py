@@ -191,8 +191,9 @@ class Peridynamics(MethodSettings):
         "displacement",
         "layer",
         "traction",
-        "surface_pressure",
+        "pressure",
     )
+    pressed: ClassVar = ("where", "box", "ball")
     reactions: ClassVar = ("fixed", "roller", "velocity", "rotation", "displacement", "layer", "traction", "pressure")
     pictured_fields: ClassVar = ("damage", "pressure")
     ledger_terms: ClassVar = {"dissipation_fracture": 1, "leapfrog_oscillation": -1, "residual_work": 0}

@@ -82,7 +82,12 @@ class Tractions:
         unit = self._unit(engine)
         # what is left inside a regular body is rounding
         least = 1e-12 * maximum(self.comm, float(np.abs(unit).max(initial=0.0)))
+        known = self.declared.scene.named_regions
         for one in pressures:
+            name = one.where.region_name
+            if name is not None and known[name].groups(known):
+                expected = "a region in space, with what lies within two horizons of the surface"
+                raise SolverError(f"{one.key}.where: expected {expected}, found a group of a mesh in {name!r}")
             within = selected(self.declared.scene, one.where, self.particle_set, self.comm)
             for axis in range(d):
                 chosen = within & (np.abs(unit[:, axis]) > least)

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.boundary.declarations import Declarations, Declared, FollowingPressure, HeldRegion, SurfaceSpring
+from parsolid.boundary.declarations import Declarations, Declared, HeldRegion, SurfacePressure, SurfaceSpring
 from parsolid.boundary.rows import keep
 from parsolid.boundary.surfaces import Surface
 from parsolid.particles.container import Particles
@@ -20,7 +20,7 @@ _PARALLEL = 1e-6
 class Pressed:
     """Pressure on the present area, cof(F) dA."""
 
-    def __init__(self, one: FollowingPressure, surface: Surface):
+    def __init__(self, one: SurfacePressure, surface: Surface):
         self.one, self.surface, self.particles = one, surface, surface.particles
         self._areas = np.zeros((0, 1))
 
@@ -134,7 +134,7 @@ class SurfaceForces:
             return Surface(comm, declared, one, particle_set, particles)
 
         self.mass = mass
-        self.loads: list[Pressed | Sprung] = [Pressed(one, surface(one)) for one in declared.of(FollowingPressure)]
+        self.loads: list[Pressed | Sprung] = [Pressed(one, surface(one)) for one in declared.of(SurfacePressure)]
         self.loads += [Sprung(one, surface(one), mass) for one in declared.of(SurfaceSpring)]
         held = [one for one in declared.of(HeldRegion) if one.kind != "fixed"]
         projections = clamped[:, :, None] * np.eye(declared.dimension)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from parsolid.boundary.declarations import Declarations
     from parsolid.scene.regions import Region
 
-BOUNDARY_KINDS = ByKind((), known="boundaries")
+BOUNDARY_KINDS = ByKind((), known="boundaries", renamed={"surface_pressure": "pressure"})
 Boundary = Annotated[Any, BOUNDARY_KINDS]
 
 
