@@ -154,7 +154,9 @@ class ByKind:
             reject((("kind",), f"one of {kinds}{suggestion(value['kind'], allowed)}", value["kind"]))
         if value["kind"] not in allowed:
             whose = "of the body" if (info.context or {}).get("methods") else "of the scene"
-            reject((("kind",), f"one of {kinds}, which the method {whose} knows", value["kind"]))
+            why = getattr(method_of(info, value), "refused", {}).get(value["kind"])
+            reason = f" ({value['kind']}: {why})" if why and self.known == "boundaries" else ""
+            reject((("kind",), f"one of {kinds}, which the method {whose} knows{reason}", value["kind"]))
         assert model is not None
         return model
 

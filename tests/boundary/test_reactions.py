@@ -21,12 +21,15 @@ MPM = {"kind": "mpm", "cell": 0.2}
 FAST = 3e3
 
 
-def pulled(method: dict, foot: dict, gravity: bool = True) -> dict:
-    """A block that stands on a foot and is pulled at its top, thrown sideways."""
+def pulled(method: dict, foot: dict, top: dict | None = None, gravity: bool = True) -> dict:
+    """A block that stands on a foot and is pulled (or loaded) at its top, thrown sideways."""
     scale = FAST if method["kind"] == "ulsph" else 1.0
-    pull = PULL | {"velocity": [0, f"0.3*sin({5 * scale}*t)"]}
+    pull = (top or PULL | {"velocity": [0, f"0.3*sin({5 * scale}*t)"]}) | {"name": "top", "reaction": True}
     data = tables((10, 10), material=STEEL if scale > 1.0 else ELASTIC, end_time=0.2 / scale, boundaries=[foot, pull])
-    data["method"], data["regions"] = method, [LOW, HIGH] if "where" in foot else [HIGH]
+    data["method"], data["regions"] = (
+        method,
+        [one for one in (LOW, HIGH) if one["name"] in (foot.get("where"), pull.get("where"))],
+    )
     data["bodies"][0]["placement"] = "cells"
     if method != QUASI:
         data["bodies"][0]["velocity"] = ["0.2*Y", "0"]
@@ -54,12 +57,18 @@ METHODS = {
     "mpm-wall": (MPM, WALL),
     "ulsph": ({"kind": "ulsph"}, HELD),
     "ulsph-wall": ({"kind": "ulsph"}, WALL),
+    "mpm-pressure": (MPM, REST, {"kind": "pressure", "plane": "Y = 1", "pressure": "0.3*t"}),
+    "mpm-traction": (MPM, REST, {"kind": "traction", "where": "high", "traction": ["0.2", "0.3*X*t"]}),
+    "mpm-spring": (MPM, REST, {"kind": "spring", "plane": "Y = 1", "stiffness": 2.0, "damping": 0.5}),
+    "ulsph-traction": ({"kind": "ulsph"}, HELD, {"kind": "traction", "plane": "Y = 1", "traction": [1e8, "1e8*X"]}),
+    "ulsph-spring": ({"kind": "ulsph"}, HELD, {"kind": "spring", "where": "high", "stiffness": 1e11, "damping": 1e7}),
 }
 
 
-@pytest.mark.parametrize(("method", "foot"), METHODS.values(), ids=list(METHODS))
-def test_forces_of_all_conditions_change_the_momentum(method, foot, comm):
-    sim = simulation(pulled(method, foot), comm)
+@pytest.mark.parametrize("stated", METHODS.values(), ids=list(METHODS))
+def test_forces_of_all_conditions_change_the_momentum(stated, comm):
+    method = stated[0]
+    sim = simulation(pulled(*stated), comm)
     rows = follow(sim, Record(told), 30)
     steps = np.diff(rows["time"])[:, None]
     found = (rows["foot"] + rows["top"])[1:, :2] * steps
@@ -70,9 +79,9 @@ def test_forces_of_all_conditions_change_the_momentum(method, foot, comm):
     np.testing.assert_allclose(np.diff(rows["momentum"], axis=0), found, atol=1e-9 * scale)
 
 
-@pytest.mark.parametrize(("method", "foot"), [*METHODS.values(), (QUASI, HELD)], ids=[*METHODS, "quasi-static"])
-def test_their_work_is_the_work_of_the_ledger(method, foot, comm):
-    sim = simulation(pulled(method, foot, gravity=False), comm)
+@pytest.mark.parametrize("stated", [*METHODS.values(), (QUASI, HELD)], ids=[*METHODS, "quasi-static"])
+def test_their_work_is_the_work_of_the_ledger(stated, comm):
+    sim = simulation(pulled(*stated, gravity=False), comm)
     rows = follow(sim, Record(told), 12, TimeSteps)
     work = rows["foot.work"] + rows["top.work"]
     assert np.abs(work).max() > 0.0

@@ -7,6 +7,7 @@ import numpy as np
 from mpi4py import MPI
 
 from decomposition.occupied import Mirror
+from parsolid.boundary import surface_loads
 from parsolid.boundary.declarations import (
     Declarations,
     Declared,
@@ -28,7 +29,7 @@ from parsolid.scene.schema import Scene
 
 # a plane this near, in cells, to nodes or to the middle between them counts as there
 _NEAR = 1e-6
-TAKES = (Support, PrescribedMotion, RigidWall, TemperaturePlane, SurfaceHeat)
+TAKES = (Support, PrescribedMotion, RigidWall, TemperaturePlane, SurfaceHeat, *surface_loads.TAKES)
 
 
 @dataclass
@@ -264,7 +265,7 @@ class GridConditions:
 
 
 def _refuse_body(one: Declared) -> None:
-    """Nodes belong to all bodies; only heat through a plane goes to the particles of one."""
-    if one.where.body is not None and not isinstance(one, SurfaceHeat):
+    """Nodes belong to all bodies; only heat through a plane and loads on surfaces go to the particles of one."""
+    if one.where.body is not None and not isinstance(one, (SurfaceHeat, *surface_loads.TAKES)):
         what = "a plane's temperature" if isinstance(one, TemperaturePlane) else "a condition on nodes"
         raise SolverError(f"{one.key}.body: expected none, {what} is that of all bodies, found one")

@@ -69,7 +69,7 @@ class UpdatedLagrangianSPH(PairMethod):
         declare_motion(particles, particle_set.position, self.carried, self.heating, self.updates.speeds_change)
         density = density_of(self.laws, law_of_body, particle_set.body)
         self.boundaries = BoundarySet(comm, scene, particle_set, particles)
-        self.told = self.boundaries.told
+        self.told, self.landings = self.boundaries.told, self.boundaries.surface_loads.landings
         lacks = self.updates.lacks | ({"micro_free"} if self.boundaries.held_micro is None else set())
         declare_state(particles, self.dimension, density, lacks)
         failed_matter.declare_failure(particles, self.laws)
@@ -263,7 +263,7 @@ class UpdatedLagrangianSPH(PairMethod):
         arrays = (self.particles.storage("kinematics"), self.particles["sound_speed"])
         transit = motion.least_transit(self.owned, self.dimension, *arrays, self.particles.storage("smoothing_length"))
         fluxes = min((update.stable_step(block, body) for update, block, body in self.updates.each()), default=np.inf)
-        return float(min(self.settings.cfl * transit, fluxes))
+        return float(min(self.settings.cfl * transit, fluxes, self.boundaries.surface_loads.largest_step))
 
     @property
     def placements(self) -> int:  # type: ignore[override]

@@ -51,10 +51,8 @@ class Pressure(Condition, Timed, Reporting):
     @model_validator(mode="after")
     def _known_place(self, info: ValidationInfo) -> "Pressure":
         method: Any = method_of(info)
-        known = getattr(method, "pressed", ())
-        wrong = [
-            key for key in ("plane", "where", "box", "ball") if getattr(self, key) is not None and key not in known
-        ]
+        known, (places,) = getattr(method, "pressed", ()), self.exactly_one
+        wrong = [key for key in places if getattr(self, key) is not None and key not in known]
         if method is not None and wrong:
             reject(((wrong[0],), f"one of {', '.join(known)} with this method", Phrase(wrong[0])))
         return self
