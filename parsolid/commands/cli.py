@@ -16,6 +16,7 @@ from parsolid import __version__
 from parsolid.collective import SolverError
 from parsolid.commands.arguments import TRUST_CODE, whole_number
 from parsolid.output.errors import OutputError
+from parsolid.output.log import LOG
 from parsolid.output.whereabouts import HERE, report
 from parsolid.scene.validation_errors import SceneError
 
@@ -72,6 +73,10 @@ def build_parser(command: str) -> argparse.ArgumentParser:
     run.add_argument("--max-steps", type=whole_number, metavar="N", help="stop after so many steps")
     run.add_argument(
         "--wall-time", type=_seconds, metavar="S", help="write a checkpoint and stop after so many seconds"
+    )
+    run.add_argument("--log", metavar="FILE", help="also append what the run says to a file, with -q too")
+    run.add_argument(
+        "--profile", action="store_true", help="which functions take the time, in DIR/profile-RANK.txt; slower"
     )
     run.add_argument("--dry-run", action="store_true", help="set up, report, and stop")
     check = commands.add_parser("check", help="set a scene up and report its cost, without running it")
@@ -147,11 +152,14 @@ def main(arguments: list[str] | None = None) -> int:
             return FAILED
         told = report(error)
         if told is not None:
+            LOG.say(f"parsolid: {told}")
             print(f"parsolid: {told}", file=sys.stderr, flush=True)
         if comm.size > 1:
             # the others may wait for this one
             comm.Abort(FAILED)
         return FAILED
+    finally:
+        LOG.close()
 
 
 def _headline(error: Exception) -> str:
@@ -163,6 +171,7 @@ def _headline(error: Exception) -> str:
 
 def _say(comm: MPI.Intracomm, text: str) -> None:
     if comm.rank == 0:
+        LOG.say(text)
         print(text, file=sys.stderr, flush=True)
 
 

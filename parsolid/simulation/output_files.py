@@ -1,6 +1,5 @@
 """The files of one run: which folder, what is in it, and how a restart goes on with them."""
 
-import time as clock
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +55,6 @@ class OutputFiles:
         capacity = max(1, len(self.field_times))
         self.blocks = FieldBlocks(comm, file, names, capacity, resume_at) if len(names) > 1 else None
         self.fields = None if self.blocks else FieldSeries(comm, file, capacity, resume_at)
-        self.seconds = 0.0
 
     def close(self) -> None:
         """Close the history and give the folder back, on each rank for itself; nothing is written after it."""
@@ -93,7 +91,6 @@ class OutputFiles:
 
     def write_fields(self, observables: Observables, time: float) -> None:
         """Write the shown fields at a time [s]."""
-        began = clock.perf_counter()
         if self.fields is not None:
             names = self.scene.output.fields or observables.usual_fields()
             self.fields.write(time, observables.rows("identifier"), *self._shown(observables, names))
@@ -106,7 +103,6 @@ class OutputFiles:
                 constant["identifier"] = block.rows("identifier")
                 self.blocks.write(time, number, position, varying, constant)
             self.blocks.collect()
-        self.seconds += clock.perf_counter() - began
 
     @staticmethod
     def _shown(of: Observables, names: list[str]) -> tuple[np.ndarray, Fields, Fields]:
