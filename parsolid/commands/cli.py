@@ -81,6 +81,7 @@ def build_parser(command: str) -> argparse.ArgumentParser:
     run.add_argument("--dry-run", action="store_true", help="set up, report, and stop")
     check = commands.add_parser("check", help="set a scene up and report its cost, without running it")
     _scene_arguments(check)
+    check.add_argument("--ranks", type=whole_number, metavar="N", help="also tell the cost on so many ranks")
     bench = commands.add_parser("bench", help="measure the speed of the kernels on this machine")
     bench.add_argument("--method", default=_BENCHES[0], choices=_BENCHES, help=f"the method (default {_BENCHES[0]})")
     bench.add_argument(

@@ -18,7 +18,7 @@ from parsolid.output.directory import occupy
 from parsolid.output.errors import OutputError, together
 from parsolid.output.log import LOG
 from parsolid.output.progress import NORMAL, Compilations, Progress, Several
-from parsolid.output.summary import provenance, write_summary
+from parsolid.output.summary import peak_memory_bytes, provenance, write_summary
 from parsolid.output.whereabouts import HERE
 from parsolid.scene import Scene, SceneError, dump_scene, load_scene, packaged_scene
 from parsolid.scene.declared import law_files
@@ -28,7 +28,7 @@ from parsolid.simulation.output_files import OutputFiles
 from parsolid.simulation.recorder import Recorder
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.signals import REQUEST
-from parsolid.simulation.warmup import warm_up
+from parsolid.simulation.warmup import load_kernels, warm_up
 
 TO_BE_CONTINUED = 75
 
@@ -214,9 +214,14 @@ def check(comm: MPI.Intracomm, options: Namespace) -> int:
 
     scene = load(comm, options)
     warm_up(comm, scene)
+    elsewhere, base = getattr(options, "ranks", None), 0
+    if elsewhere:
+        # what the program takes once its kernels are there
+        load_kernels(scene)
+        base = peak_memory_bytes(present=True)
     simulation = Simulation(comm, scene)
     notes = advice(simulation)
-    print_report(comm, simulation)
+    print_report(comm, simulation, elsewhere, base)
     for note in notes if comm.rank == 0 else ():
         print(f"note: {note}", flush=True)
     return 0

@@ -52,7 +52,7 @@ class OutputFiles:
         resume_at = self.continued.header["time"] if self.continued else None
         names = [plan.name or f"system-{number}" for number, plan in enumerate(scene.systems)]
         file = self.directory / "fields.vtkhdf"
-        capacity = max(1, len(self.field_times))
+        capacity = max(1, sum(time > (-1.0 if resume_at is None else resume_at) for time in self.field_times))
         self.blocks = FieldBlocks(comm, file, names, capacity, resume_at) if len(names) > 1 else None
         self.fields = None if self.blocks else FieldSeries(comm, file, capacity, resume_at)
 
