@@ -29,7 +29,8 @@ class FieldSeries:
     bytes instead of 4 (positions always have 8); method as in `slabs`; index, of a block its place among others.
 
     A file that is gone on with and has too little room gives its steps to one that has. A file that is at path and is
-    not gone on with, or is full, is renamed to the next free of fields.1.vtkhdf, fields.2.vtkhdf and so on. Checkpoints must be written after the fields of the same time, not before.
+    not gone on with, or is full, is renamed to the next free of fields.1.vtkhdf, fields.2.vtkhdf and so on.
+    Checkpoints must be written after the fields of the same time, not before.
     """
 
     def __init__(
