@@ -1,4 +1,4 @@
-"""The command line: run, check, bench, point, study, quadrature, keys, schema, init, plot.
+"""The command line: run, check, bench, point, study, quadrature, keys, schema, init, plot, view.
 
 Exit status: 0 done, 2 bad input, 3 the run went wrong, 75 stopped with a checkpoint to continue from,
 130 interrupted from the keyboard at once, 1 an error of the machine or of the program.
@@ -112,6 +112,7 @@ _MODULES = {
     "schema": ("parsolid.commands.keys.json_schema", "JSON Schema of scenes, for editors that complete and check TOML"),
     "init": ("parsolid.commands.keys.starting", "write a commented scene of a method to start from"),
     "plot": ("parsolid.commands.plot", "pictures of a run: energies, probes, the deformed body"),
+    "view": ("parsolid.commands.view", "turn a run's bodies in a window, or write a page that turns in a browser"),
 }
 COMMANDS = ("run", "check", "bench", *_MODULES)
 

@@ -30,7 +30,7 @@ def draw(options: argparse.Namespace) -> list[Path]:
     faults = _faults(results, options, output, one_file)
     if faults:
         raise SceneError(faults)
-    field = options.field or _first_field(results)
+    field = options.field or first_field(results)
     results.check_field(field)
     moving = options.animation or output.suffix.lower() in _MOVING
     steps = _steps(results, options, moving)
@@ -89,7 +89,8 @@ def _faults(results: Results, options: argparse.Namespace, output: Path, one_fil
     return faults
 
 
-def _first_field(results: Results) -> str:
+def first_field(results: Results) -> str:
+    """What colours the bodies unless something is chosen."""
     names = results.field_names
     method: Any = results.method
     preferred = method.pictured_fields if method else ()
@@ -135,7 +136,7 @@ def _draw_bodies(
         colours=options.colours,
         exaggeration=options.exaggerate,
         title=options.title,
-        cut=_cut(options),
+        cut=cut_of(options),
         bodies=bodies_named(results, options.only),
     )
     sheet = Sheet(results, field, steps, look)
@@ -154,7 +155,7 @@ def _draw_bodies(
         sheet.close()
 
 
-def _cut(options: Any) -> tuple[int, float, bool | None, bool] | None:
+def cut_of(options: Any) -> tuple[int, float, bool | None, bool] | None:
     """Axis, value, side and configuration of a `cuts.Cut`."""
     if options.clip is None and options.slice is None:
         return None
