@@ -1,6 +1,8 @@
 """Pictures of a run: sizes, contents, messages; and the fields file as pyvista reads it."""
 
 import argparse
+import base64
+import json
 import os
 import subprocess
 import sys
@@ -14,6 +16,8 @@ from parsolid.commands.cli import main
 from parsolid.commands.plot import add_arguments, plot_run, run_plot
 from parsolid.commands.plot.scales import scale_of
 from parsolid.commands.plot.skins import Skin, lattice_faces
+from parsolid.commands.view import add_arguments as add_view_arguments
+from parsolid.commands.view import run_view
 from parsolid.scene import SceneError
 
 pytest.importorskip("matplotlib")
@@ -312,3 +316,38 @@ def test_pyvista_reads_all_time_steps(comm, folders):
             reference.max(axis=0), [1, 2, 1], atol=1e-6
         )
     assert not np.allclose(places[0], places[2])
+
+
+@pytest.mark.parametrize("kind, more", [("plate", []), ("ball", ["--mirror", "X"]), ("block", ["--clip", "Y > 0.9"])])
+def test_a_page_holds_all_times_of_all_bodies(comm, folders, kind, more):
+    out = folders / f"{kind}.html"
+    parser = argparse.ArgumentParser()
+    add_view_arguments(parser)
+    assert run_view(comm, parser.parse_args([str(folders / kind), "--html", str(out), *more])) == 0
+    if comm.rank == 0:
+        page = out.read_text()
+        data = json.loads(page.split('type="application/json">')[1].split("</script>")[0])
+        assert data["title"] == f"Small {kind}"
+        assert [frame["time"] for frame in data["frames"]] == ["t = 0 µs", "t = 100 µs", "t = 200 µs"]
+        assert "http" not in page
+        for frame in data["frames"]:
+            assert len(frame["pieces"]) == (2 if kind == "ball" else 1)
+            for piece in frame["pieces"]:
+                places = np.frombuffer(base64.b64decode(piece["places"]), np.float32).reshape(-1, 3)
+                assert len(places) == len(base64.b64decode(piece["values"])) and np.isfinite(places).all()
+                if piece["faces"] is None:
+                    assert kind == "ball" and piece["diameter"] > 0.1
+                    continue
+                faces = np.frombuffer(base64.b64decode(data["triangles"][piece["faces"]]), np.uint32)
+                assert len(faces) % 3 == 0 and faces.max() < len(places)
+                assert kind != "block" or places[:, 1].min() > 0.8
+
+
+def test_a_window_wants_a_display(comm, folders, monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    parser = argparse.ArgumentParser()
+    add_view_arguments(parser)
+    if sys.platform.startswith("linux"):
+        with pytest.raises(SceneError, match="--html FILE writes a page instead"):
+            run_view(comm, parser.parse_args([str(folders / "plate")]))

@@ -76,9 +76,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     mirror = "also show the images in the planes X = 0, Y = 0, Z = 0 of these axes, such as XZ"
     parser.add_argument("--mirror", type=axes, default=(), metavar="AXES", help=mirror)
     clip = "show what lies on one side of a plane, of the reference (X) or as it is (x), such as 'Y > 0'"
-    parser.add_argument("--clip", type=plane("<>"), metavar="PLANE", help=clip)
+    parser.add_argument("--clip", type=cut_plane("<>"), metavar="PLANE", help=clip)
     section = "show a section of bodies in space, such as 'Y = 0'"
-    parser.add_argument("--slice", type=plane("="), metavar="PLANE", help=section)
+    parser.add_argument("--slice", type=cut_plane("="), metavar="PLANE", help=section)
     parser.add_argument("--only", metavar="NAMES", help="draw these bodies alone, by name or number: rod or 0,2")
     parser.add_argument("--along", type=axes, default=(), metavar="AXIS", help="curves over one coordinate, no bodies")
     parser.add_argument(
@@ -165,7 +165,7 @@ def axes(text: str) -> tuple[int, ...]:
     return tuple("XYZ".index(letter) for letter in text.upper())
 
 
-def plane(signs: str) -> Callable[[str], tuple[str, str, float]]:
+def cut_plane(signs: str) -> Callable[[str], tuple[str, str, float]]:
     """Reads "X > 0" as ("X", ">", 0.0)."""
 
     def read(text: str) -> tuple[str, str, float]:

@@ -6,7 +6,7 @@ Light to import: what draws is loaded when it is needed.
 import argparse
 from typing import Any
 
-from parsolid.commands.plot import axes, direction, limits, plane
+from parsolid.commands.plot import axes, cut_plane, direction, limits
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,8 +20,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--colours", metavar="MAP", help="colour map of matplotlib (default: by the field)")
     mirror = "also show the images in the planes X = 0, Y = 0, Z = 0 of these axes, such as XZ"
     parser.add_argument("--mirror", type=axes, default=(), metavar="AXES", help=mirror)
-    parser.add_argument("--clip", type=plane("<>"), metavar="PLANE", help="as for plot, such as 'Y > 0'")
-    parser.add_argument("--slice", type=plane("="), metavar="PLANE", help="as for plot, such as 'Y = 0'")
+    parser.add_argument("--clip", type=cut_plane("<>"), metavar="PLANE", help="as for plot, such as 'Y > 0'")
+    parser.add_argument("--slice", type=cut_plane("="), metavar="PLANE", help="as for plot, such as 'Y = 0'")
     parser.add_argument("--only", metavar="NAMES", help="these bodies alone, by name or number")
 
 
