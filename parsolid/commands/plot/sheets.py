@@ -54,7 +54,7 @@ class Sheet:
     def __init__(self, results: Results, field: str, steps: list[int], look: Look) -> None:
         """Raises SceneError when there is no such field, or when particles are nowhere."""
         results.check_field(field)
-        self.results, self.field, self.look = results, field, look
+        self.results, self.field, self.steps, self.look = results, field, steps, look
         self.frames = [_mirrored(frame, look.mirror) for frame in results.frames(steps, field, look.exaggeration)]
         if not all(np.isfinite(frame.position).all() for frame in self.frames):
             raise SceneError([f"{results.fields_path}: expected finite positions, found some that are not"])
@@ -69,8 +69,18 @@ class Sheet:
     def skins(self) -> Any:
         """The skins of the bodies and of their images."""
         skins = skins_of(self.results.parts.bodies, int(self.results.dimension or 0), self.results.constant("body"))
+        skins = [skin.torn() if self._failed[skin.first : skin.last].any() else skin for skin in skins]
         particles = self.results.particles
         return [skin.moved(image * particles) for image in range(2 ** len(self.look.mirror)) for skin in skins]
+
+    @cached_property
+    def _failed(self) -> np.ndarray:
+        """Which particles have failed at one of the steps: faces between them would bridge what has parted."""
+        failed = np.zeros(self.results.particles, bool)
+        if "damage" in self.results.field_names:
+            for frame in self.results.frames(self.steps, "damage"):
+                failed |= frame.values >= 1.0
+        return failed
 
     @cached_property
     def view(self) -> Any:
