@@ -19,7 +19,7 @@ from parsolid.scene.lattice import Filling
 from parsolid.scene.loads import Loads
 from parsolid.scene.methods import Method, NamedMethodTable
 from parsolid.scene.named_regions import Region, all_regions, region_details
-from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, SOLUTIONS_KNOWN, Output, Reference
+from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, Output, Reference, solution_faults
 from parsolid.scene.probes import Probe, ProbeTable
 from parsolid.scene.systems import SystemOfScene, faults_of_systems, part_of, systems_of
 from parsolid.scene.tools import Tool, still_faults, tool_faults
@@ -83,11 +83,10 @@ class Scene(SceneModel):
             details.append(
                 (("loads", "manufactured"), f"reference.exact = {known}", NOTHING if exact is None else exact)
             )
-        kinds, kind = SOLUTIONS_KNOWN[exact][1] if exact else (), self.bodies[0].material.kind
         if exact and len(self.methods or ()) > 1:
             details.append((("reference", "exact"), "no such key with several methods", exact))
-        elif exact and kind not in kinds:
-            details.append((("reference", "exact"), f"a solution for the material {kind!r}", exact))
+        elif exact:
+            details += solution_faults(exact, self.bodies[0].material)
         meshes = any(body.shape.kind == "mesh" for body in self.bodies)
         details += region_details(self.regions, self.boundaries, meshes)
         details += reaction_details(self.boundaries, [probe.name for probe in self.probes], self.systems)
