@@ -16,10 +16,12 @@ class MethodSettings(SceneModel):
     """What every method has, and what it says of itself to the other tables of a scene.
 
     system: module and class, "module:class"; dimensions; materials: the roles of laws that the method takes;
-    boundaries: the kinds that it knows; declared_fields: declarations that a scene often names (of others the code is
-    asked); extra_fields, extra_quantities: what the method computes -> "scalar", "vector" or "tensor"; pictured_fields:
+    boundaries: the kinds that it knows; refused: of others the reason, or what to use in place;
+    declared_fields: declarations that a scene often names (of others the code is asked);
+    extra_fields, extra_quantities: what the method computes -> "scalar", "vector" or "tensor"; pictured_fields:
     what colours the bodies, the first that was written; prescribes: what of a motion is, of velocity and displacement;
-    reactions: whether boundaries can tell their force; loads: keys of the table of that name; ledger_terms: see
+    reactions: kinds of boundaries that can tell their force; pressed: keys of places where a
+    pressure acts; loads: keys of the table of that name; ledger_terms: see
     `ledger.Ledger`; viscous_terms: those of them that artificial viscosity fills; bodies_meet: whether bodies that come
     together feel each other without contact; shared_field: whether bodies stick together on a field of velocities that
     they share, so that those which do not need systems of their own.
@@ -30,8 +32,10 @@ class MethodSettings(SceneModel):
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
     materials: ClassVar[tuple[str, ...]] = ()
     boundaries: ClassVar[tuple[str, ...]] = ()
+    refused: ClassVar[dict[str, str]] = {}
     prescribes: ClassVar[tuple[str, ...]] = ("velocity",)
-    reactions: ClassVar[bool] = False
+    reactions: ClassVar[tuple[str, ...]] = ()
+    pressed: ClassVar[tuple[str, ...]] = ("plane", "where")
     loads: ClassVar[tuple[str, ...]] = ("body_force", "acceleration")
     declared_fields: ClassVar[tuple[particles.Field, ...]] = ()
     extra_fields: ClassVar[dict[str, str]] = {}

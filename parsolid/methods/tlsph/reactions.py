@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from parsolid.boundary.reactions import moments
 from parsolid.methods.tlsph.settings import FIXED_WALLS
 
 
@@ -51,13 +52,6 @@ def held_against(stage: Taken, rows: np.ndarray, components: np.ndarray) -> np.n
     if stage.loads is not None:
         resisted = resisted + stage.mass[rows, None] * stage.loads[rows, :d]
     return np.asarray(-stage.share[rows, None] * resisted * components)
-
-
-def moments(places: np.ndarray, forces: np.ndarray) -> np.ndarray:
-    """Their sum, (3,) in space, (1,) about the axis out of the plane."""
-    if places.shape[1] == 2:
-        return np.array([places[:, 0] @ forces[:, 1] - places[:, 1] @ forces[:, 0]])
-    return np.asarray(np.cross(places, forces).sum(axis=0))
 
 
 class Reactions:

@@ -30,7 +30,15 @@ class TotalLagrangianSPH(MethodSettings):
         "pressure",
         "spring",
     )
-    reactions: ClassVar = True
+    reactions: ClassVar = boundaries
+    refused: ClassVar = {
+        "displacement": "motion is prescribed as a velocity or a rotation",
+        "layer": "a part of a body is held by 'fixed' in a region",
+        "wall": "rigid bodies that others touch are tools",
+        "temperature": "the method knows no heat",
+        "heat_flux": "the method knows no heat",
+        "micro_clamped": "it is for micro-inertia, in ulsph",
+    }
     kind: Literal["tlsph"]
     kernel: Literal[kernel_names()] = Field(  # type: ignore[valid-type]
         "wendland-c2", description="the smoothing kernel"

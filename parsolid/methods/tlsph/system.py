@@ -112,7 +112,7 @@ class TotalLagrangianSPH(PairMethod):
 
     def begin(self, scene: Any, particle_set: Any) -> None:
         """Set velocity, displacement and deformation gradient at time 0 by the bodies' formulas; collective."""
-        rows, place = self.particles.owned_rows, (scene, particle_set.body, particle_set.position)
+        rows, place = self.particles.owned_rows, (scene, particle_set.body, particle_set.position, particle_set.regions)
         rows("velocity")[:] = initial_velocity(*place)
         displacement, given = initial_displacement(*place), initial_deformation_gradient(*place)
         derived = np.zeros(len(particle_set), bool)
