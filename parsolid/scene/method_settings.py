@@ -70,6 +70,10 @@ class MethodSettings(SceneModel):
         """What the method cannot make of a scene's other tables: (location, expected, found)."""
         return []
 
+    def notes(self, scene: Any, bodies: Iterable[int]) -> list[str]:
+        """What a scene asks for of the method's bodies that costs accuracy where it need not, in words."""
+        return []
+
     def contact_refused(self, scene: Any) -> str | None:
         """Why bodies of the method cannot be in contact, None where they can."""
         return "with this method"
