@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 from parsolid import __version__
 from parsolid.collective import SolverError
-from parsolid.commands.arguments import TRUST_CODE, whole_number
+from parsolid.commands.arguments import TRUST_CODE, error_arguments, seconds, whole_number
 from parsolid.output.errors import OutputError
 from parsolid.output.whereabouts import HERE, report
 from parsolid.scene.validation_errors import SceneError
@@ -31,13 +31,6 @@ class _Parser(argparse.ArgumentParser):
         raise _BadArguments(f"{message}\n{self.format_usage().rstrip()}")
 
 
-def _seconds(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"expected a positive number of seconds, found {text}")
-    return value
-
-
 def _scene_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", nargs="?", metavar="SCENE", help="TOML file (default: the twisting column)")
     parser.add_argument(
@@ -47,7 +40,7 @@ def _scene_arguments(parser: argparse.ArgumentParser) -> None:
         "--set", action="append", default=[], metavar="KEY.PATH=VALUE", help="override a key of the scene"
     )
     parser.add_argument("--trust-code", action="store_true", help=TRUST_CODE)
-    parser.add_argument("--end-time", type=_seconds, metavar="T", help="simulated time to stop at [s]")
+    parser.add_argument("--end-time", type=seconds, metavar="T", help="simulated time to stop at [s]")
     parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
     parser.add_argument("-v", "--verbose", action="store_true", help="say more")
 
@@ -70,10 +63,9 @@ def build_parser(command: str) -> argparse.ArgumentParser:
         help="let this key of the scene differ from that of the checkpoint",
     )
     run.add_argument("--max-steps", type=whole_number, metavar="N", help="stop after so many steps")
-    run.add_argument(
-        "--wall-time", type=_seconds, metavar="S", help="write a checkpoint and stop after so many seconds"
-    )
+    run.add_argument("--wall-time", type=seconds, metavar="S", help="write a checkpoint and stop after so many seconds")
     run.add_argument("--dry-run", action="store_true", help="set up, report, and stop")
+    error_arguments(run)
     check = commands.add_parser("check", help="set a scene up and report its cost, without running it")
     _scene_arguments(check)
     bench = commands.add_parser("bench", help="measure the speed of the kernels on this machine")

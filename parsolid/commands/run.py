@@ -11,6 +11,8 @@ from mpi4py import MPI
 from decomposition.compiled import LISTENERS, folder
 from parsolid.collective import SolverError, anywhere
 from parsolid.commands.check_advice import advice, scene_advice
+from parsolid.commands.error_bars import run_with_bars, wanted
+from parsolid.commands.target import run_to_targets, targets
 from parsolid.contact.relations import relations
 from parsolid.output.checkpoint import find_checkpoint
 from parsolid.output.directory import occupy
@@ -90,6 +92,15 @@ def run(comm: MPI.Intracomm, options: Namespace) -> int:
 
 def run_scene(comm: MPI.Intracomm, scene: Scene, options: Namespace, began: float) -> int:
     """Run a scene with the options of a command line; began: reading of the performance counter [s]. Collective."""
+    if targets(scene, options):
+        return run_to_targets(comm, scene, options, began, run_alone)
+    if wanted(scene, options):
+        return run_with_bars(comm, scene, options, began, run_alone)
+    return run_alone(comm, scene, options, began)
+
+
+def run_alone(comm: MPI.Intracomm, scene: Scene, options: Namespace, began: float) -> int:
+    """The same without anything beside the run. Collective."""
     with ExitStack() as kept:
         if comm.rank == 0 and not options.quiet:
             tell = Compilations(folder())
