@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 
 from parsolid.errors.coarsening import NotCoarsened, coarser, parsed
 from parsolid.errors.running import result_of, run_into
-from parsolid.errors.variants import SPACING, Companion, companions_of, quieter
+from parsolid.errors.variants import SPACING, Companion, companions_of
 from parsolid.exact import SOLUTIONS
 from parsolid.scene.loading import apply_override, parse_scene, read_tables
 from parsolid.simulation.loop import Limits
@@ -368,7 +368,7 @@ def main() -> None:
     parser.add_argument("--only", default="")
     parser.add_argument("-o", default="results/coverage")
     options = parser.parse_args()
-    folder, everything = Path(options.o), []
+    folder = Path(options.o)
     folder.mkdir(parents=True, exist_ok=True)
     for one in SCENES:
         if options.only in one.name and not (folder / f"{one.name.replace(' ', '_')}.pickle").exists():

@@ -10,6 +10,7 @@ from typing import Any
 from mpi4py import MPI
 
 from parsolid.collective import anywhere
+from parsolid.commands.standard_pictures import draw
 from parsolid.errors.bars import ErrorTable, error_table, lines, summary_of_bars
 from parsolid.errors.files import NAME, history_of, write_error_columns
 from parsolid.errors.running import FOLDER, Done, Interrupted, run_companions, seconds_without_loading
@@ -41,6 +42,8 @@ def run_with_bars(comm: MPI.Intracomm, scene: Scene, options: Namespace, began: 
             extra = extra_time(folder, done)
             for line in lines(table, scene, extra):
                 say(line)
+    if status == 0 and scene.output.pictures:
+        draw(comm, folder)
     return status
 
 

@@ -9,7 +9,7 @@ from mpi4py import MPI
 from parsolid.collective import SolverError
 from parsolid.commands.error_bars import Alone, companions_done, speaker, without_checkpoint, write_bars
 from parsolid.errors.bars import ErrorTable, told
-from parsolid.errors.coarsening import NotCoarsened, coarser, lattice_words, parsed
+from parsolid.errors.coarsening import NotCoarsened, coarser, lattice_words, parsed, unasked
 from parsolid.errors.running import Done, result_of
 from parsolid.errors.targets import Cost, Target, finer_by, predicted_seconds
 from parsolid.errors.variants import RATIOS, SPACING, Companion, companions_of
@@ -32,13 +32,12 @@ class Search:
     began: float
     folder: Path
     done: list[Done] = field(default_factory=list)
-    costs: list[Cost] = field(default_factory=list)
     spent: float = 0.0
 
     def level(self, ratio: float) -> Companion:
         """The scene nearest to a ratio, below 1 for a finer one. Raises NotCoarsened."""
         made = None if ratio == 1.0 else coarser(self.scene, ratio, 0.0)
-        scene = self.scene if made is None else parsed(made.tables, self.options.trust_code)
+        scene = parsed(unasked(self.scene) if made is None else made.tables, self.options.trust_code)
         return Companion(scene, SPACING, 1.0 if made is None else made.ratio, lattice_words(scene))
 
     def folder_of(self, level: Companion) -> Path:
@@ -70,7 +69,7 @@ def run_to_targets(comm: MPI.Intracomm, scene: Scene, options: Namespace, began:
         if table is None or status:
             say("target: stopped before it was reached, by a signal or the wall time: the same command goes on")
             return status
-        say(f"target: {level.lattices}: {search.costs[-1].seconds:.3g} core-s{foretold(predicted)}")
+        say(f"target: {level.lattices}: {search.done[-1].processor_seconds:.3g} core-s{foretold(predicted)}")
         for one in wanted if table.bars else ():
             say(f"target: {told(table, one.column)}; asked for {one}")
         excess = comm.bcast(worst(table, wanted) if comm.rank == 0 else None)
@@ -78,9 +77,7 @@ def run_to_targets(comm: MPI.Intracomm, scene: Scene, options: Namespace, began:
             say(f"target: {wanted[0]} has no bar: {table.without or table.bars[wanted[0].column].verdict}")
             return 0
         if excess[0] <= 1.0:
-            say(
-                f"target: reached with {level.lattices} after {search.spent:.3g} core-s; results in {search.folder_of(level)}"
-            )
+            say(f"target: reached with {level.lattices} after {search.spent:.3g} core-s in {search.folder_of(level)}")
             return 0
         level, predicted = next_level(search, level, *excess)
         say(f"target: {search.done[-1].companion.lattices} -> {level.lattices}, about {predicted:.3g} core-s")
@@ -146,7 +143,6 @@ def run_level(search: Search, level: Companion, alone: Alone) -> tuple[int, Erro
         table, _ = write_bars(level.scene, folder, others, [])
     search.done.append(result)
     search.spent += result.processor_seconds
-    search.costs.append(Cost(result.particles, result.steps, result.processor_seconds))
     return 0, table
 
 
@@ -166,6 +162,7 @@ def next_level(search: Search, level: Companion, excess: float, order: float) ->
     """The level that should do, and the core-seconds it should take. Raises NotCoarsened."""
     finer = search.level(level.ratio / finer_by(excess, order))
     share = level.ratio / finer.ratio
-    last = search.costs[-1]
+    last = search.done[-1]
     particles = round(last.particles * share**search.scene.dimension)
-    return finer, predicted_seconds(search.costs, particles, last.steps * share)
+    known = [Cost(o.particles, o.steps, o.processor_seconds) for o in search.done if o.companion.purpose == SPACING]
+    return finer, predicted_seconds(known, particles, last.steps * share)

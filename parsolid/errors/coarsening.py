@@ -101,7 +101,7 @@ def coarser(scene: Scene, asked: float, more_than: float = _LEAST_RATIO) -> Coar
                 raise NotCoarsened(
                     f"bodies.{lattice.number} would have {found} at 1/{ratio:.3g} of its resolution, {least}"
                 )
-    tables = scene.resolved()
+    tables = unasked(scene)
     for lattice, intervals in zip(lattices, new):
         body = tables["bodies"][lattice.number]
         body.pop("spacing", None)
@@ -114,6 +114,11 @@ def coarser(scene: Scene, asked: float, more_than: float = _LEAST_RATIO) -> Coar
         actual = _mean_ratio(lattices, new)
     words = ", ".join(" x ".join(map(str, tables["bodies"][one.number]["particles"])) for one in lattices)
     return Coarser(tables, actual, words)
+
+
+def unasked(scene: Scene) -> dict[str, Any]:
+    """A scene's tables without what is asked of its errors, which its numbers do not depend on."""
+    return {key: part for key, part in scene.resolved().items() if key not in ("errors", "run")}
 
 
 def methods_of(tables: dict[str, Any]) -> list[dict[str, Any]]:

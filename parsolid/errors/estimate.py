@@ -125,16 +125,17 @@ def running_rms(values: np.ndarray, times: np.ndarray) -> np.ndarray:
 def judged_order(order: float | None, alike: float, known: float) -> tuple[float, float, str]:
     """The order to estimate with, the factor of safety and why."""
     if order is None:
-        return min(known, 1.0), UNSAFE, "two resolutions: no order observed"
+        return known, UNSAFE, "two resolutions: no order observed"
     if alike < ALIKE:
-        return min(known, 1.0), UNSAFE, "differences change sign between resolutions: no order observed"
+        return known, UNSAFE, "differences change sign between resolutions: no order observed"
     if order < LEAST_ORDER:
         return LEAST_ORDER, UNSAFE, f"hardly converges: order {order:.1f}"
-    if abs(order - known) <= TOLERANCE:
+    if order > known + TOLERANCE:
+        # an error of the known order is larger than one of the observed order would be
+        return known, SAFE, f"order {order:.1f}, above the known one"
+    if order >= known - TOLERANCE:
         return min(order, known), SAFE, f"order {order:.1f}"
-    if order > known:
-        return known, UNSAFE, f"order {order:.1f}, above the known one"
-    return order, UNSAFE if order < known - 1.0 else 0.5 * (SAFE + UNSAFE), f"order {order:.1f}, below the known one"
+    return order, SAFE, f"order {order:.1f}, below the known one"
 
 
 def nearby_reach(values: np.ndarray, times: np.ndarray, duration: float) -> np.ndarray:

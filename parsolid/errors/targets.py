@@ -3,6 +3,8 @@
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from parsolid.scene import SceneError
 
 # levels are at most so much finer than the one before, and at least
@@ -56,13 +58,15 @@ def finer_by(excess: float, order: float) -> float:
 
 
 def predicted_seconds(known: list[Cost], particles: int, steps: float) -> float:
-    """Core-seconds of a run, from a time a step and a time a particle and step that fit those known, last ones best."""
-    last = known[-1]
-    if len(known) > 1:
-        before = known[-2]
-        each = [one.seconds / max(1, one.steps) for one in (before, last)]
-        slope = (each[1] - each[0]) / max(1, last.particles - before.particles)
-        # neither part of a step's time is negative
-        slope = min(max(slope, 0.0), each[1] / last.particles)
-        return steps * (each[1] + slope * (particles - last.particles))
-    return steps * last.seconds / max(1, last.steps) * particles / last.particles
+    """Core-seconds of a run, from a time a step and one a particle and step that fit the runs known, the largest best.
+
+    Neither is negative.
+    """
+    sizes = np.array([one.particles for one in known], float)
+    times = np.array([one.seconds / max(1, one.steps) for one in known])
+    weights = sizes / sizes.sum()
+    mean, size = float(weights @ times), float(weights @ sizes)
+    spread = float(weights @ (sizes - size) ** 2)
+    slope = float(weights @ ((sizes - size) * (times - mean))) / spread if spread > 0.0 else mean / size
+    slope = min(max(slope, 0.0), mean / size)
+    return steps * (mean + slope * (particles - size))
