@@ -12,6 +12,7 @@ from parsolid.output.errors import together
 from parsolid.output.fields import Fields, FieldSeries
 from parsolid.output.history import History, read_history
 from parsolid.output.lock import FolderLock
+from parsolid.output.packing import pack
 from parsolid.output.whereabouts import HERE
 from parsolid.scene import Scene
 from parsolid.simulation.observables import Observables
@@ -103,6 +104,16 @@ class OutputFiles:
                 constant["identifier"] = block.rows("identifier")
                 self.blocks.write(time, number, position, varying, constant)
             self.blocks.collect()
+
+    def pack(self) -> None:
+        """Deflate the fields as the scene says, once no more are to come; collective."""
+        level = self.scene.output.compression
+        series = [self.fields] if self.fields is not None else self.blocks.series if self.blocks is not None else []
+        with together(self.comm, "cannot pack the fields"):
+            if self.comm.rank == 0 and level:
+                for one in series:
+                    if len(one.times):
+                        pack(one.path, level)
 
     @staticmethod
     def _shown(of: Observables, names: list[str]) -> tuple[np.ndarray, Fields, Fields]:
