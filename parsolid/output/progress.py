@@ -22,7 +22,14 @@ _LINES = {NORMAL: (5.0, 0.1), VERBOSE: (1.0, 0.02)}
 _LEAST_SECONDS = 0.5
 _COMPILING_SECONDS = 5.0
 
-_WORDS_OF_TERMS = {"dissipation_fracture": "fracture", "leapfrog_oscillation": "oscillation of the steps"}
+_WORDS_OF_TERMS = {
+    "dissipation_fracture": "fracture",
+    "leapfrog_oscillation": "oscillation of the steps",
+    "work_fixed_walls": "from fixed walls",
+}
+
+# of probes that a scene has of them, with their units: told once there is something
+_OF_FAILURE = {"failed_mass": "kg", "deleted_mass": "kg"}
 
 Told = tuple[float, int, float]
 
@@ -111,6 +118,7 @@ class Progress:
         parts = [f"dt {step_size:.2e} s", f"ETA {_duration(left)}"]
         if row:
             parts += [f"{name} {value:.3e} J" for name, value in self._energies(row).items()]
+            parts += _failed(row)
         return [*parts, f"{rate:.2e} particle-steps/s"]
 
     def _energies(self, row: dict[str, float]) -> dict[str, float]:
@@ -165,6 +173,16 @@ class Several:
         """See `Progress.close`."""
         for one in self._told:
             one.close(summary)
+
+
+def _failed(row: dict[str, float]) -> list[str]:
+    """What the probes of a history row say of failed matter."""
+    asked = [(column, column.rpartition(".")[2]) for column in row]
+    return [
+        f"{name.replace('_', ' ')} {row[column]:.3e} {_OF_FAILURE[name]}"
+        for column, name in asked
+        if name in _OF_FAILURE and row[column] > 0.0
+    ]
 
 
 class Compilations:

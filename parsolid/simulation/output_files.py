@@ -6,12 +6,14 @@ from typing import Any
 import numpy as np
 
 from parsolid.collective import anywhere
+from parsolid.observables.in_region import OfRegion
 from parsolid.output.blocks import FieldBlocks
 from parsolid.output.directory import occupy, prepare
 from parsolid.output.errors import together
 from parsolid.output.fields import Fields, FieldSeries
 from parsolid.output.history import History, read_history
 from parsolid.output.lock import FolderLock
+from parsolid.output.numbering import numbers_of
 from parsolid.output.packing import pack
 from parsolid.output.whereabouts import HERE
 from parsolid.scene import Scene
@@ -94,14 +96,16 @@ class OutputFiles:
         """Write the shown fields at a time [s]."""
         if self.fields is not None:
             names = self.scene.output.fields or observables.usual_fields()
-            self.fields.write(time, observables.rows("identifier"), *self._shown(observables, names))
+            identifier, shown = self._chosen(observables)
+            self.fields.write(time, identifier, *self._shown(shown, names))
         elif self.blocks is not None:
             for number in reversed(range(len(observables.systems))):
                 # the first block tells the times
                 block = Observables([observables.systems[number]])
                 names = [name for name in self.scene.output.fields or block.usual_fields() if block.has(name)]
-                position, varying, constant = self._shown(block, names)
-                constant["identifier"] = block.rows("identifier")
+                numbers, shown = self._chosen(block)
+                position, varying, constant = self._shown(shown, names)
+                constant["identifier"] = numbers
                 self.blocks.write(time, number, position, varying, constant)
             self.blocks.collect()
 
@@ -115,8 +119,15 @@ class OutputFiles:
                     if len(one.times):
                         pack(one.path, level)
 
+    def _chosen(self, of: Observables) -> tuple[np.ndarray, Observables | OfRegion]:
+        """The particles that are written, and their numbers; of a region these run through those there; collective."""
+        if self.scene.output.where is None:
+            return of.rows("identifier"), of
+        chosen = OfRegion(of, list(self.scene.named_regions).index(self.scene.output.where))
+        return numbers_of(self.comm, chosen.rows("identifier")), chosen
+
     @staticmethod
-    def _shown(of: Observables, names: list[str]) -> tuple[np.ndarray, Fields, Fields]:
+    def _shown(of: Observables | OfRegion, names: list[str]) -> tuple[np.ndarray, Fields, Fields]:
         """Position, fields of these names, and those that do not change."""
         varying = {name: np.ascontiguousarray(of.field(name)) for name in names}
         constant = {"body": of.body, "volume": of.rows("volume")}

@@ -59,7 +59,7 @@ class Sheet:
     def __init__(self, results: Results, field: str, steps: list[int], look: Look) -> None:
         """Raises SceneError when there is no such field, or when particles are nowhere."""
         results.check_field(field)
-        self.results, self.field, self.look = results, field, look
+        self.results, self.field, self.steps, self.look = results, field, steps, look
         body = results.constant("body")
         self._rows = np.isin(body, look.bodies) if look.bodies is not None else np.ones(len(body), bool)
         self.frames = [self._shown(frame) for frame in results.frames(steps, field, look.exaggeration)]
@@ -87,8 +87,18 @@ class Sheet:
         """The skins of the bodies and of their images."""
         body = self.results.constant("body")[self._rows]
         skins = skins_of(self.results.parts.bodies, int(self.results.dimension or 0), body)
+        skins = [skin.torn() if self._failed[skin.first : skin.last].any() else skin for skin in skins]
         particles = len(body)
         return [skin.moved(image * particles) for image in range(2 ** len(self.look.mirror)) for skin in skins]
+
+    @cached_property
+    def _failed(self) -> np.ndarray:
+        """Which particles have failed at one of the steps: faces between them would bridge what has parted."""
+        failed = np.zeros(self.results.particles, bool)
+        if "damage" in self.results.field_names:
+            for frame in self.results.frames(self.steps, "damage"):
+                failed |= frame.values >= 1.0
+        return failed[self._rows]
 
     @cached_property
     def view(self) -> Any:

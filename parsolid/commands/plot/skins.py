@@ -37,6 +37,10 @@ class Skin:
         """The same skin of particles that come so many rows later."""
         return replace(self, first=self.first + rows, last=self.last + rows)
 
+    def torn(self) -> "Skin":
+        """The same body drawn particle by particle."""
+        return replace(self, patches=None, cells=None)
+
     def points(self, values: np.ndarray, linear: bool) -> np.ndarray:
         """Values (n, ...) of the body's particles at the points of the faces.
 
