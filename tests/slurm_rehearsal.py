@@ -228,6 +228,26 @@ class Rehearsal:
         self.ends(job)
         self.same("node")
 
+    def started_by_srun(self) -> None:
+        """Slurm starts the ranks of MPICH itself; warned once."""
+        self._by_srun("srun", {"PARSOLID_LAUNCH": "srun --mpi=pmi2"})
+
+    def started_by_srun_with_pmix(self) -> None:
+        """Slurm starts the ranks of Debian's Open MPI; the other MPI of the environment is left aside."""
+        self._by_srun("pmix", {"PARSOLID_LAUNCH": "srun --mpi=pmix --cpu-bind=cores", "MPI4PY_MPIABI": "openmpi"})
+
+    def _by_srun(self, name: str, variables: dict[str, str]) -> None:
+        before, self.values = self.values, self.values | variables
+        try:
+            job = self.submit(name)
+            self.runs(job, name)
+            self.slurm("scancel", "--signal=USR1", "--batch", job)
+            self.again(job, 1)
+            self.ends(job)
+            self.same(name)
+        finally:
+            self.values = before
+
     def an_array(self) -> None:
         """Two cases of a study, each in a folder of its own."""
         (self.folder / "cases.txt").write_text("--set method.cfl=0.5\n--set method.cfl=0.7\n")
@@ -249,6 +269,8 @@ class Rehearsal:
 CASES = (
     Rehearsal.a_refused_scene,
     Rehearsal.warned_by_hand_three_times,
+    Rehearsal.started_by_srun,
+    Rehearsal.started_by_srun_with_pmix,
     Rehearsal.put_back_by_the_administrator,
     Rehearsal.cancelled_and_submitted_again,
     Rehearsal.ranks_killed_and_submitted_again,

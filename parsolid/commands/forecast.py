@@ -115,16 +115,13 @@ def bytes_on_disk(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> tup
     for system in systems:
         shown, total = Observables([system]), comm.allreduce(system.owned)
         names = [name for name in scene.output.fields or shown.usual_fields() if shown.has(name)]
-        written = total if scene.output.where is None else _in_region(comm, scene, shown)
+        written = total
+        if scene.output.where is not None:
+            chosen = OfRegion(shown, list(scene.named_regions).index(scene.output.where))
+            written = int(comm.allreduce(len(chosen.rows("identifier"))))
         fields += written * (24 + sum(bytes_of_rows(np.asarray(shown.field(name))) for name in names))
         particles += written
         kept = system.particles.checkpointed().values()
         checkpoint += total * sum(rows.dtype.itemsize * int(np.prod(rows.shape[1:])) for rows in kept)
     # of a particle: its body, its volume, and the cell that shows it
     return fields, particles * (8 + 4 + 16), checkpoint
-
-
-def _in_region(comm: Any, scene: Scene, shown: Observables) -> int:
-    """Particles that are written; collective."""
-    chosen = OfRegion(shown, list(scene.named_regions).index(scene.output.where))
-    return int(comm.allreduce(len(chosen.rows("identifier"))))
