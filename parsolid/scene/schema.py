@@ -14,6 +14,7 @@ from parsolid.scene.bodies import FilledShape, OwnBody, own_method
 from parsolid.scene.boundaries import Boundary
 from parsolid.scene.boundaries.condition import reaction_details
 from parsolid.scene.contact import CONTACT_TERMS, Contact, contact_faults, contact_pairs, unbonded
+from parsolid.scene.error_bars import ErrorBars, RunTargets
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.initial_state import InitialState, initial_details
 from parsolid.scene.lattice import Filling
@@ -52,6 +53,8 @@ class Scene(SceneModel):
     probes: list[ProbeTable] = Field([], description="what is watched: columns of history.csv")
     output: Output = Output()
     reference: Reference | None = None
+    errors: ErrorBars | None = Field(None, description="error bars for what is in history.csv")
+    run: RunTargets | None = Field(None, description="errors to be reached, by runs from coarse to fine")
 
     @classmethod
     def _conflicts(cls, table: dict[str, Any]) -> list[Any]:

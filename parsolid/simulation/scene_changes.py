@@ -29,6 +29,8 @@ FREE = (
     "title",
     "end_time",
     "output.*",
+    "errors",
+    "run",
     *_of_methods(
         "cfl",
         "safety",
@@ -46,7 +48,7 @@ FREE = (
     ),
 )
 # not worth a note
-SILENT = ("title", "end_time", "output.*")
+SILENT = ("title", "end_time", "output.*", "errors", "run")
 # which particles and bonds there are, and what is of the start alone
 FIXED = (
     "dimension",
