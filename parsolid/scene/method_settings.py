@@ -61,11 +61,11 @@ class MethodSettings(SceneModel):
         kinds = {field.name: field.kind(dimension or 3) for field in cls.declared_fields}
         return {name: kind for name, kind in kinds.items() if kind} | cls.extra_fields
 
-    def energy_terms(self, materials: Iterable[Any]) -> dict[str, int]:
-        """The method's `ledger_terms`, and those of the materials of its bodies."""
+    def energy_terms(self, scene: Any, bodies: Iterable[int]) -> dict[str, int]:
+        """The method's `ledger_terms`, and those of the materials of its bodies, numbers of those of the scene."""
         terms = dict(self.ledger_terms)
-        for material in materials:
-            terms |= getattr(material, "ledger_terms", {})
+        for i in bodies:
+            terms |= getattr(scene.bodies[i].material, "ledger_terms", {})
         return terms
 
     def scene_faults(self, scene: Any) -> list[Detail]:

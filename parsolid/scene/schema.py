@@ -23,6 +23,7 @@ from parsolid.scene.named_regions import Region, all_regions, region_details, us
 from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, SOLUTIONS_KNOWN, Output, Reference
 from parsolid.scene.probes import Probe, ProbeTable
 from parsolid.scene.systems import SystemOfScene, faults_of_systems, part_of, systems_of
+from parsolid.scene.tie import TIE_TERMS, Tie, tie_faults
 from parsolid.scene.tools import Tool, still_faults, tool_faults
 from parsolid.scene.validation_errors import NOTHING, SceneError, fault, key_path, suggestion
 
@@ -46,6 +47,7 @@ class Scene(SceneModel):
     initial: list[InitialState] = Field([], description="initial states of regions, or from results of another run")
     loads: Loads = Loads()
     contact: list[Contact] = Field([], description="bodies that meet")
+    tie: list[Tie] = Field([], description="bodies of different methods that are bonded")
     tools: list[Tool] = Field([], description="rigid bodies that others touch")
     probes: list[ProbeTable] = Field([], description="what is watched: columns of history.csv")
     output: Output = Output()
@@ -78,7 +80,7 @@ class Scene(SceneModel):
 
     @model_validator(mode="after")
     def _fits_method(self) -> "Scene":
-        details = faults_of_systems(self) + still_faults(self)
+        details = faults_of_systems(self) + still_faults(self) + tie_faults(self)
         exact = None if self.reference is None else self.reference.exact
         if self.loads.manufactured and exact not in MANUFACTURED:
             known = " or ".join(map(repr, MANUFACTURED))
@@ -165,6 +167,7 @@ class Parts:
     boundaries: dict[int, Any]
     probes: dict[int, Probe]
     contact: dict[int, Contact]
+    tie: dict[int, Tie]
     tools: dict[int, Tool]
     reference: Reference | None
     method: Any
@@ -185,6 +188,7 @@ class Parts:
             ("boundaries", Boundary),
             ("probes", ProbeTable),
             ("contact", Contact),
+            ("tie", Tie),
             ("tools", Tool),
         ):
             adapter = TypeAdapter(kind)
@@ -321,6 +325,7 @@ def _reference_faults(parts: Parts) -> list[str]:
         return []
     key = "final" if parts.reference.final is not None else "columns"
     known = [*HISTORY_COLUMNS, *parts.method.ledger_terms, *(CONTACT_TERMS if parts.contact or parts.tools else ())]
+    known += TIE_TERMS if parts.tie else ()
     for name in (one.reports for one in parts.boundaries.values() if one.reports is not None):
         known += [f"{name}.work", *reaction_columns(name, parts.dimension)]
     try:

@@ -1,6 +1,5 @@
 """The files of one run: which folder, what is in it, and how a restart goes on with them."""
 
-import time as clock
 from pathlib import Path
 from typing import Any
 
@@ -55,10 +54,9 @@ class OutputFiles:
         resume_at = self.continued.header["time"] if self.continued else None
         names = [plan.name or f"system-{number}" for number, plan in enumerate(scene.systems)]
         file = self.directory / "fields.vtkhdf"
-        capacity = max(1, len(self.field_times))
+        capacity = max(1, sum(time > (-1.0 if resume_at is None else resume_at) for time in self.field_times))
         self.blocks = FieldBlocks(comm, file, names, capacity, resume_at) if len(names) > 1 else None
         self.fields = None if self.blocks else FieldSeries(comm, file, capacity, resume_at)
-        self.seconds = 0.0
 
     def close(self) -> None:
         """Close the history and give the folder back, on each rank for itself; nothing is written after it."""
@@ -95,7 +93,6 @@ class OutputFiles:
 
     def write_fields(self, observables: Observables, time: float) -> None:
         """Write the shown fields at a time [s]."""
-        began = clock.perf_counter()
         if self.fields is not None:
             names = self.scene.output.fields or observables.usual_fields()
             identifier, shown = self._chosen(observables)
@@ -110,7 +107,6 @@ class OutputFiles:
                 constant["identifier"] = numbers
                 self.blocks.write(time, number, position, varying, constant)
             self.blocks.collect()
-        self.seconds += clock.perf_counter() - began
 
     def _chosen(self, of: Observables) -> tuple[np.ndarray, Observables | OfRegion]:
         """The particles that are written, and their numbers; of a region these run through those there; collective."""

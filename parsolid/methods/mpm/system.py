@@ -255,9 +255,7 @@ class MaterialPoint(ParticleSystem):
             field = name.removeprefix("maximum_")
             values = rows(field) if field in self.particles else np.zeros(0)
             return "maximum", np.array([values.max(initial=0.0)])
-        failed = (
-            failed_matter.measure(self.particles, self.mass[: self.owned], name) if "damage" in self.particles else None
-        )
+        failed = failed_matter.measure(self.particles, self.mass[: self.owned], name)
         if failed is not None:
             return failed
         if name == "plastic_work":

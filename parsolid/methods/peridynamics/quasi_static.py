@@ -44,6 +44,11 @@ class QuasiStatic(TimeSolver):
         """The material step [s]."""
         return self.settings.step
 
+    @property
+    def unheld(self) -> bool:
+        """Whether the last step found no balance because nothing holds a piece of the bodies."""
+        return self.equilibrium.unheld
+
     # --- a step ------------------------------------------------------------------------------------------------
 
     def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:

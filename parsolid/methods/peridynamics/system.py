@@ -229,6 +229,8 @@ class Peridynamics(PairMethod):
 
     def advice(self) -> str:
         """What most likely helps."""
+        if self.solver.unheld:
+            return "a support of the piece, or loads on it that balance"
         hints = []
         if self.settings.stabilisation.kind != "shear-scaled":
             hints.append('method.stabilisation.kind = "shear-scaled"')

@@ -18,6 +18,7 @@ from parsolid.methods.tlsph.body_weights import ON_LATTICES, weights_of_bodies
 from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.methods.tlsph.deformation import Relaxation, advance_deformation, largest_wave_modulus
 from parsolid.methods.tlsph.displacement import displacement_gradient
+from parsolid.methods.tlsph.fixed_walls import watch_fixed_walls
 from parsolid.methods.tlsph.lattice_bodies import put_on_lattices
 from parsolid.methods.tlsph.leapfrog import Leapfrog
 from parsolid.methods.tlsph.state import Body
@@ -64,6 +65,7 @@ class TotalLagrangianSPH(PairMethod):
         self.pairs.unbonded = scene.unbonded
         fixed, staged = self.settings.reference == "fixed", self.settings.integrator == "ssp-rk3"
         self.leapfrog = None if staged else Leapfrog(self)
+        watch_fixed_walls(self)
         self.evaluations = len(self.stages) if staged else 1
         self.landings = () if staged else self.boundaries.jump_times
         state.declare_motion(self.particles, particle_set, fixed, staged)
