@@ -24,7 +24,8 @@ class MethodSettings(SceneModel):
     pressure acts; loads: keys of the table of that name; ledger_terms: see
     `ledger.Ledger`; viscous_terms: those of them that artificial viscosity fills; bodies_meet: whether bodies that come
     together feel each other without contact; shared_field: whether bodies stick together on a field of velocities that
-    they share, so that those which do not need systems of their own.
+    they share, so that those which do not need systems of their own; strained: whether stress is that of a
+    displacement or deformation gradient, which a start may have.
     """
 
     system: ClassVar[str]
@@ -35,6 +36,7 @@ class MethodSettings(SceneModel):
     refused: ClassVar[dict[str, str]] = {}
     prescribes: ClassVar[tuple[str, ...]] = ("velocity",)
     reactions: ClassVar[tuple[str, ...]] = ()
+    strained: ClassVar[bool] = True
     pressed: ClassVar[tuple[str, ...]] = ("plane", "where")
     loads: ClassVar[tuple[str, ...]] = ("body_force", "acceleration")
     declared_fields: ClassVar[tuple[particles.Field, ...]] = ()
