@@ -339,10 +339,8 @@ def run(one: Scene, folder: Path, budget: float) -> list[dict[str, Any]]:
                 run_into(comm, plan.scene, place, Limits())
                 done = result_of(comm, plan, place)
             runs.append(done)
-        print(
-            f"{one.name:<28} ratio {ratio:<5} {[(r.companion.purpose[:3], round(r.ratio, 2), round(r.core_seconds, 2), r.fault) for r in runs]} {refused} {clock.process_time() - began:.1f} s",
-            flush=True,
-        )
+        told = [f"{r.companion.purpose} {r.ratio:.2f} {r.processor_seconds:.2f} s {r.fault or ''}" for r in runs]
+        print(f"{one.name:<28} ratio {ratio:<5} {told} {refused} {clock.process_time() - began:.1f} s", flush=True)
         history = runs[-1].history
         truth = truth_of(one, scene, list(history)) if history else {}
         rows = [int(np.argmin(np.abs(history["time"] - share * scene.end_time))) for share in SHARES] if history else []
