@@ -109,7 +109,7 @@ def spacing_bar(series: Series, known: float, duration: float) -> Bar:
             return unresolved(series, known)
     used, factor, verdict = judged_order(order, alike, known)
     if order is not None and alike < UNLIKE:
-        error, missed = unlike_error(series, used), 0.0
+        error, missed = unlike_error(series, used), np.zeros(len(times))
     else:
         error, missed = largest_fitted_error(series, used)
     reach = REACH * duration
