@@ -24,6 +24,7 @@ RESULTS = (
     "summary.json",
     "traceback*.txt",
     "pictures",
+    "profile-*.txt",
     "*.partial",
 )
 
