@@ -385,7 +385,8 @@ def cases_of(folder: Path) -> tuple[list[Case], int]:
             if not own.history:
                 continue
             scene = parse_scene(found["tables"])
-            table = error_table(scene, own.history, others)
+            known = ("step", "time", *found["true"])
+            table = error_table(scene, {name: own.history[name] for name in known}, others)
             time = own.history["time"]
             rows = [int(np.argmin(np.abs(time - share * scene.end_time))) for share in SHARES]
             for column, true in found["true"].items():

@@ -75,10 +75,8 @@ def main() -> None:
             true = true_share(Path(end[3]), scene, column) if end else ""
             reached = f"{shares[-1]} %" if end else text.splitlines()[-1]
             lattice = end[1] if end else ""
-            print(
-                f"| {scene}, {column} | {percent} % | {reached} | {true} | {lattice} | {last[0]} | {last[1]} | {ratio} |",
-                flush=True,
-            )
+            row = [f"{scene}, {column}", f"{percent} %", reached, true, lattice, last[0], last[1], ratio]
+            print("| " + " | ".join(row) + " |", flush=True)
 
 
 if __name__ == "__main__":
