@@ -32,8 +32,7 @@ class Ties(Interaction):
 
     def _body(self, scene: Scene, body: int) -> TiedBody:
         """Facts of a body; collective."""
-        index = next(index for index, system in enumerate(self.systems) if body in system.bodies)
-        system = self.systems[index]
+        system = next(system for system in self.systems if body in system.bodies)
         local, read, d = system.bodies.index(body), system.particles.owned_rows, scene.dimension
         rows = read("body") == local
         place = read("reference_position")[rows][:, :d]
@@ -43,7 +42,7 @@ class Ties(Interaction):
         spacing = np.prod(read("spacing")[rows], axis=1) ** (1.0 / d)
         coarsest = maximum(self.comm, float(spacing.max(initial=0.0)))
         nodal, name = scene.bodies[body].placed_on == "nodes", scene.bodies[body].name or f"bodies.{body}"
-        return TiedBody(body, name, index, system, local, coarsest, system.wave_modulus(local)[0], nodal, box)
+        return TiedBody(body, name, system, local, coarsest, system.wave_modulus(local)[0], nodal, box)
 
     def begin(self, time: float) -> None:
         """Springs and their forces; collective. Raises SolverError on all ranks for bodies that cannot be tied."""
