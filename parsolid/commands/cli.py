@@ -1,4 +1,4 @@
-"""The command line: run, check, bench, point, study, quadrature, keys, schema, init, plot.
+"""The command line: run, check, bench, point, study, quadrature, keys, schema, init, plot, view.
 
 Exit status: 0 done, 2 bad input, 3 the run went wrong, 75 stopped with a checkpoint to continue from,
 130 interrupted from the keyboard at once, 1 an error of the machine or of the program.
@@ -16,6 +16,7 @@ from parsolid import __version__
 from parsolid.collective import SolverError
 from parsolid.commands.arguments import TRUST_CODE, whole_number
 from parsolid.output.errors import OutputError
+from parsolid.output.log import LOG
 from parsolid.output.whereabouts import HERE, report
 from parsolid.scene.validation_errors import SceneError
 
@@ -73,9 +74,14 @@ def build_parser(command: str) -> argparse.ArgumentParser:
     run.add_argument(
         "--wall-time", type=_seconds, metavar="S", help="write a checkpoint and stop after so many seconds"
     )
+    run.add_argument("--log", metavar="FILE", help="also append what the run says to a file, with -q too")
+    run.add_argument(
+        "--profile", action="store_true", help="which functions take the time, in DIR/profile-RANK.txt; slower"
+    )
     run.add_argument("--dry-run", action="store_true", help="set up, report, and stop")
     check = commands.add_parser("check", help="set a scene up and report its cost, without running it")
     _scene_arguments(check)
+    check.add_argument("--ranks", type=whole_number, metavar="N", help="also tell the cost on so many ranks")
     bench = commands.add_parser("bench", help="measure the speed of the kernels on this machine")
     bench.add_argument("--method", default=_BENCHES[0], choices=_BENCHES, help=f"the method (default {_BENCHES[0]})")
     bench.add_argument(
@@ -106,6 +112,7 @@ _MODULES = {
     "schema": ("parsolid.commands.keys.json_schema", "JSON Schema of scenes, for editors that complete and check TOML"),
     "init": ("parsolid.commands.keys.starting", "write a commented scene of a method to start from"),
     "plot": ("parsolid.commands.plot", "pictures of a run: energies, probes, the deformed body"),
+    "view": ("parsolid.commands.view", "turn a run's bodies in a window, or write a page that turns in a browser"),
 }
 COMMANDS = ("run", "check", "bench", *_MODULES)
 
@@ -147,11 +154,14 @@ def main(arguments: list[str] | None = None) -> int:
             return FAILED
         told = report(error)
         if told is not None:
+            LOG.say(f"parsolid: {told}")
             print(f"parsolid: {told}", file=sys.stderr, flush=True)
         if comm.size > 1:
             # the others may wait for this one
             comm.Abort(FAILED)
         return FAILED
+    finally:
+        LOG.close()
 
 
 def _headline(error: Exception) -> str:
@@ -163,6 +173,7 @@ def _headline(error: Exception) -> str:
 
 def _say(comm: MPI.Intracomm, text: str) -> None:
     if comm.rank == 0:
+        LOG.say(text)
         print(text, file=sys.stderr, flush=True)
 
 

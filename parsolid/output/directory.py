@@ -23,6 +23,7 @@ RESULTS = (
     "summary.json",
     "traceback*.txt",
     "pictures",
+    "profile-*.txt",
     "*.partial",
 )
 

@@ -15,10 +15,11 @@ from parsolid.scene.boundaries import Boundary
 from parsolid.scene.boundaries.condition import reaction_details
 from parsolid.scene.contact import CONTACT_TERMS, Contact, contact_faults, contact_pairs, unbonded
 from parsolid.scene.fillings import filling_of
+from parsolid.scene.initial_state import InitialState, initial_details
 from parsolid.scene.lattice import Filling
 from parsolid.scene.loads import Loads
 from parsolid.scene.methods import Method, NamedMethodTable
-from parsolid.scene.named_regions import Region, all_regions, region_details
+from parsolid.scene.named_regions import Region, all_regions, region_details, uses_of_regions
 from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, SOLUTIONS_KNOWN, Output, Reference
 from parsolid.scene.probes import Probe, ProbeTable
 from parsolid.scene.substeps import substep_faults
@@ -44,6 +45,7 @@ class Scene(SceneModel):
     bodies: Annotated[list[OwnBody], Field(min_length=1)] = Field(description="at least one body")
     regions: list[Region] = Field([], description="parts of bodies or of space with a name")
     boundaries: list[Boundary] = Field([], description="supports, loads on surfaces and prescribed motion")
+    initial: list[InitialState] = Field([], description="initial states of regions, or from results of another run")
     loads: Loads = Loads()
     contact: list[Contact] = Field([], description="bodies that meet")
     tie: list[Tie] = Field([], description="bodies of different methods that are bonded")
@@ -91,8 +93,7 @@ class Scene(SceneModel):
             details.append((("reference", "exact"), "no such key with several methods", exact))
         elif exact and kind not in kinds:
             details.append((("reference", "exact"), f"a solution for the material {kind!r}", exact))
-        meshes = any(body.shape.kind == "mesh" for body in self.bodies)
-        details += region_details(self.regions, self.boundaries, meshes)
+        details += region_details(self) + initial_details(self)
         details += reaction_details(self.boundaries, [probe.name for probe in self.probes], self.systems)
         reject(*details)
         return self
@@ -132,8 +133,8 @@ class Scene(SceneModel):
 
     @property
     def named_regions(self) -> dict[str, Region]:
-        """Regions by name, also those groups of meshes that boundaries name directly; numbered in this order."""
-        return all_regions(self.regions, [one.region_name for one in self.boundaries if one.region_name is not None])
+        """Regions by name, also those groups of meshes that are named directly; numbered in this order."""
+        return all_regions(self.regions, [name for _, name in uses_of_regions(self)])
 
     def part(self, system: SystemOfScene) -> "Scene":
         """The scene of one system: its method, its bodies, and the boundaries and loads that it carries."""

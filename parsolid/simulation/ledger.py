@@ -110,4 +110,4 @@ def terms_of(scene: Scene) -> dict[str, int]:
 
 def _own_terms(scene: Scene, system: SystemOfScene) -> dict[str, int]:
     """Those of one system, with the names that its method gives them."""
-    return system.settings.energy_terms(scene.bodies[i].material for i in system.bodies)
+    return system.settings.energy_terms(scene, system.bodies)

@@ -65,6 +65,8 @@ FIXED = (
     "bodies.*.displacement",
     "bodies.*.deformation_gradient",
     "bodies.*.temperature",
+    "initial*",
+    "output.where",
 )
 
 
@@ -160,7 +162,7 @@ def judged(found: list[Change], allowed: tuple[str, ...], source: Path, time: fl
     faults, notes = [], []
     for change in found:
         fixed = change.of(FIXED)
-        if change.later or change.of(FREE) or (not fixed and change.of(allowed)):
+        if change.later or (change.of(FREE) and not fixed) or (not fixed and change.of(allowed)):
             if not change.of(SILENT):
                 then = f"{told(change.before)} until the checkpoint at t = {time:.6g} s"
                 notes.append(f"{change.key}: {then}, from there on {told(change.now)}")
