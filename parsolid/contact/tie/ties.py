@@ -13,6 +13,8 @@ from parsolid.scene.tie import TIE_TERMS, tied_pairs
 
 # of the limit of the springs' frequency
 _SAFETY = 0.8
+# of M V of one particle, see `contact.tools.contact`: before so much has happened the balance is no measure of anything
+_BEGINNING = 2.5e4
 
 
 class Ties(Interaction):
@@ -27,6 +29,8 @@ class Ties(Interaction):
         for number, (first, second, tie) in enumerate(tied_pairs(scene)):
             sides = sorted((self._body(scene, body) for body in (first, second)), key=lambda side: side.spacing)
             self.faces.append(TiedFaces(comm, number, tie.stiffness, sides[0], sides[1]))
+        sides = [side for face in self.faces for side in face.sides]
+        self.energy_scale = _BEGINNING * max(side.modulus * side.spacing**scene.dimension for side in sides)
         self._placed: tuple[int | None, ...] = ()
         self._longest = np.inf
 
