@@ -23,6 +23,7 @@ from parsolid.scene.methods import Method, NamedMethodTable
 from parsolid.scene.named_regions import Region, all_regions, region_details, uses_of_regions
 from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, Output, Reference, solution_faults
 from parsolid.scene.probes import Probe, ProbeTable
+from parsolid.scene.substeps import substep_faults
 from parsolid.scene.systems import SystemOfScene, faults_of_systems, part_of, systems_of
 from parsolid.scene.tie import TIE_TERMS, Tie, tie_faults
 from parsolid.scene.tools import Tool, still_faults, tool_faults
@@ -83,7 +84,7 @@ class Scene(SceneModel):
 
     @model_validator(mode="after")
     def _fits_method(self) -> "Scene":
-        details = faults_of_systems(self) + still_faults(self) + tie_faults(self)
+        details = faults_of_systems(self) + still_faults(self) + tie_faults(self) + substep_faults(self)
         exact = None if self.reference is None else self.reference.exact
         if self.loads.manufactured and exact not in MANUFACTURED:
             known = " or ".join(map(repr, MANUFACTURED))
