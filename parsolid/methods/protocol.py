@@ -7,6 +7,7 @@ import numpy as np
 
 from parsolid.boundary.mirror_planes import MirrorPlane
 from parsolid.materials.registry import laws_of
+from parsolid.methods.impulses import give
 from parsolid.particles.container import Particles
 from parsolid.particles.distribution import sort_for_speed
 from parsolid.particles.particle_set import ParticleSet
@@ -53,6 +54,8 @@ class ParticleSystem:
     stored vanish.
     news: whether this rank has found what all ranks must act on at the next step, as it is when a step is announced;
     news_anywhere: whether any rank had, told before the next step.
+    verlet: "all" where a step is half kicks of all forces around one drift and its oscillation is in no ledger,
+    "others" where that of its own forces is in the ledger, None for other steps.
     placements: counts how often particles may have changed their rows or ranks, or bonds have broken, the same on all
     ranks; None where rows may change in every step.
     """
@@ -73,6 +76,7 @@ class ParticleSystem:
     news: bool = False
     news_anywhere: bool = False
     placements: int | None = 0
+    verlet: str | None = None
 
     @staticmethod
     def sort(comm: Any, scene: Scene, particle_set: ParticleSet) -> np.ndarray:
@@ -155,15 +159,9 @@ class ParticleSystem:
         An impulse is that on the part of a particle on this side of mirror planes; components that are held keep their
         velocity. Between steps only. Returns the kinetic energy [J] that the particles gain.
         """
+        rows = np.arange(self.owned) if rows is None else rows
         velocity, held = self.particles.owned_rows("velocity"), self.held_components()
-        here: Any = slice(None) if rows is None else rows
-        mass = (self.mass[: self.owned] * self.share[: self.owned])[here, None]
-        change = impulse / mass
-        if held is not None:
-            change[held[here]] = 0.0
-        gained = 0.5 * float(np.sum(mass * change * (2.0 * velocity[here] + change)))
-        velocity[here] += change
-        return gained
+        return float(give(rows, impulse, self.mass, self.share, held, velocity))
 
     def energies(self) -> tuple[float, float]:
         """Kinetic and stored energy [J] of this rank's particles."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from parsolid.methods.protocol import EnergyLedger
 from parsolid.scene import Scene
-from parsolid.scene.contact import CONTACT_TERMS
+from parsolid.scene.contact import CONTACT_TERMS, OSCILLATION
 from parsolid.scene.systems import SystemOfScene
 
 ACCUMULATED = ("dissipation_internal", "dissipation_numerical", "work_external")
@@ -103,7 +103,8 @@ def terms_of(scene: Scene) -> dict[str, int]:
     named = zip(scene.systems, names_of_terms(scene))
     terms = {names[one]: sign for system, names in named for one, sign in _own_terms(scene, system).items()}
     works = {f"{one.reports}.work": 0 for one in scene.boundaries if one.reports is not None}
-    return terms | (CONTACT_TERMS if scene.contact or scene.tools else {}) | works
+    touching = CONTACT_TERMS if scene.contact or scene.tools else {}
+    return terms | touching | (OSCILLATION if scene.contact else {}) | works
 
 
 def _own_terms(scene: Scene, system: SystemOfScene) -> dict[str, int]:

@@ -130,6 +130,8 @@ class Peridynamics(PairMethod):
         """One step of the time solver."""
         return self.solver.advance(time, step, ledger, announce)
 
+    verlet = "others"
+
     @property
     def placements(self) -> int:  # type: ignore[override]
         """Bonds break."""
