@@ -1,12 +1,10 @@
 """What an impulse does to a particle."""
 
-from typing import Any
-
 from decomposition.compiled import compiled
 
 
 @compiled(error_model="numpy")
-def give(rows: Any, impulse: Any, mass: Any, share: Any, held: Any, velocity: Any) -> float:
+def give(rows, impulse, mass, share, held, velocity):
     """Add impulses (k, d) [N s] on the part `share` of particles, rows (k,), to their velocities (n, d) [m/s], but for
     components that are held (n, d); None: none are. Returns the kinetic energy [J] gained."""
     gained = 0.0

@@ -54,8 +54,6 @@ class ParticleSystem:
     stored vanish.
     news: whether this rank has found what all ranks must act on at the next step, as it is when a step is announced;
     news_anywhere: whether any rank had, told before the next step.
-    verlet: "all" where a step is half kicks of all forces around one drift and its oscillation is in no ledger,
-    "others" where that of its own forces is in the ledger, None for other steps.
     placements: counts how often particles may have changed their rows or ranks, or bonds have broken, the same on all
     ranks; None where rows may change in every step.
     """
@@ -76,7 +74,6 @@ class ParticleSystem:
     news: bool = False
     news_anywhere: bool = False
     placements: int | None = 0
-    verlet: str | None = None
 
     @staticmethod
     def sort(comm: Any, scene: Scene, particle_set: ParticleSet) -> np.ndarray:
@@ -99,6 +96,14 @@ class ParticleSystem:
     def share(self) -> np.ndarray:
         """The part (owned,) of a particle on this side of mirror planes."""
         return self.particles.owned_rows("share") if "share" in self.particles else np.ones(self.owned)
+
+    @property
+    def verlet(self) -> str | None:
+        """ "all" where a step is half kicks of all forces around one drift and their oscillation is in no ledger,
+        "others" where that of its own forces is in the ledger, None for other steps."""
+        if "leapfrog_oscillation" in self.settings.ledger_terms:
+            return "others"
+        return "all" if getattr(self.settings, "integrator", None) == "leapfrog" else None
 
     @property
     def communication_seconds(self) -> float:

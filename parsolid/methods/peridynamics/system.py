@@ -130,8 +130,6 @@ class Peridynamics(PairMethod):
         """One step of the time solver."""
         return self.solver.advance(time, step, ledger, announce)
 
-    verlet = "others"
-
     @property
     def placements(self) -> int:  # type: ignore[override]
         """Bonds break."""

@@ -64,7 +64,6 @@ class TotalLagrangianSPH(PairMethod):
         self.pairs.unbonded = scene.unbonded
         fixed, staged = self.settings.reference == "fixed", self.settings.integrator == "ssp-rk3"
         self.leapfrog = None if staged else Leapfrog(self)
-        self.verlet = None if staged else "all"
         self.evaluations = len(self.stages) if staged else 1
         self.landings = () if staged else self.boundaries.jump_times
         state.declare_motion(self.particles, particle_set, fixed, staged)

@@ -265,8 +265,6 @@ class UpdatedLagrangianSPH(PairMethod):
         fluxes = min((update.stable_step(block, body) for update, block, body in self.updates.each()), default=np.inf)
         return float(min(self.settings.cfl * transit, fluxes))
 
-    verlet = "others"
-
     @property
     def placements(self) -> int:  # type: ignore[override]
         """Particles change their places when lists are made."""
