@@ -14,6 +14,11 @@ import zlib
 from pathlib import Path
 
 import pytest
+
+# ranks that wait give the processor away, for there are often more of them than processors; before MPI starts (MPICH)
+os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE", "1")
+os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT", "256")
+
 from mpi4py import MPI
 from properties import list_of_properties
 

@@ -89,15 +89,7 @@ class RegionTraction(Declared):
 
 @dataclass(frozen=True)
 class SurfacePressure(Declared):
-    """A pressure [Pa] on a body's surface in a region."""
-
-    name: ClassVar[str] = "a pressure on a surface"
-    course: LoadHistory
-
-
-@dataclass(frozen=True)
-class FollowingPressure(Declared):
-    """A pressure [Pa] on the present surface."""
+    """A pressure [Pa] on the present surface; in peridynamics per reference area, in the condition's region."""
 
     name: ClassVar[str] = "a pressure"
     course: LoadHistory
@@ -225,16 +217,12 @@ class Declarations:
             self._add(SurfaceTraction(self._key, where, where.plane, course))
 
     def pressure(self, where: Condition, course: LoadHistory) -> None:
-        """A pressure that follows the surface."""
-        self._add(FollowingPressure(self._key, where, course))
+        """A pressure on a surface."""
+        self._add(SurfacePressure(self._key, where, course))
 
     def springs(self, where: Condition, stiffness: float, damping: float, normal: bool) -> None:
         """Springs and dashpots on the surface."""
         self._add(SurfaceSpring(self._key, where, stiffness, damping, normal))
-
-    def surface_pressure(self, where: Condition, course: LoadHistory) -> None:
-        """A pressure on the surface in the condition's region."""
-        self._add(SurfacePressure(self._key, where, course))
 
     def wall(
         self, where: Condition, side: Literal["above", "below"], velocity: list[float] | None, sticking: bool

@@ -1,4 +1,4 @@
-"""The command line: run, check, bench, point, study, quadrature, keys, schema, init, plot.
+"""The command line: run, check, bench, point, study, quadrature, keys, schema, init, plot, view.
 
 Exit status: 0 done, 2 bad input, 3 the run went wrong, 75 stopped with a checkpoint to continue from,
 130 interrupted from the keyboard at once, 1 an error of the machine or of the program.
@@ -14,8 +14,9 @@ from mpi4py import MPI
 
 from parsolid import __version__
 from parsolid.collective import SolverError
-from parsolid.commands.arguments import TRUST_CODE, whole_number
+from parsolid.commands.arguments import TRUST_CODE, error_arguments, seconds, whole_number
 from parsolid.output.errors import OutputError
+from parsolid.output.log import LOG
 from parsolid.output.whereabouts import HERE, report
 from parsolid.scene.validation_errors import SceneError
 
@@ -31,13 +32,6 @@ class _Parser(argparse.ArgumentParser):
         raise _BadArguments(f"{message}\n{self.format_usage().rstrip()}")
 
 
-def _seconds(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"expected a positive number of seconds, found {text}")
-    return value
-
-
 def _scene_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", nargs="?", metavar="SCENE", help="TOML file (default: the twisting column)")
     parser.add_argument(
@@ -47,7 +41,7 @@ def _scene_arguments(parser: argparse.ArgumentParser) -> None:
         "--set", action="append", default=[], metavar="KEY.PATH=VALUE", help="override a key of the scene"
     )
     parser.add_argument("--trust-code", action="store_true", help=TRUST_CODE)
-    parser.add_argument("--end-time", type=_seconds, metavar="T", help="simulated time to stop at [s]")
+    parser.add_argument("--end-time", type=seconds, metavar="T", help="simulated time to stop at [s]")
     parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
     parser.add_argument("-v", "--verbose", action="store_true", help="say more")
 
@@ -70,12 +64,16 @@ def build_parser(command: str) -> argparse.ArgumentParser:
         help="let this key of the scene differ from that of the checkpoint",
     )
     run.add_argument("--max-steps", type=whole_number, metavar="N", help="stop after so many steps")
+    run.add_argument("--wall-time", type=seconds, metavar="S", help="write a checkpoint and stop after so many seconds")
+    run.add_argument("--log", metavar="FILE", help="also append what the run says to a file, with -q too")
     run.add_argument(
-        "--wall-time", type=_seconds, metavar="S", help="write a checkpoint and stop after so many seconds"
+        "--profile", action="store_true", help="which functions take the time, in DIR/profile-RANK.txt; slower"
     )
     run.add_argument("--dry-run", action="store_true", help="set up, report, and stop")
+    error_arguments(run)
     check = commands.add_parser("check", help="set a scene up and report its cost, without running it")
     _scene_arguments(check)
+    check.add_argument("--ranks", type=whole_number, metavar="N", help="also tell the cost on so many ranks")
     bench = commands.add_parser("bench", help="measure the speed of the kernels on this machine")
     bench.add_argument("--method", default=_BENCHES[0], choices=_BENCHES, help=f"the method (default {_BENCHES[0]})")
     bench.add_argument(
@@ -106,6 +104,7 @@ _MODULES = {
     "schema": ("parsolid.commands.keys.json_schema", "JSON Schema of scenes, for editors that complete and check TOML"),
     "init": ("parsolid.commands.keys.starting", "write a commented scene of a method to start from"),
     "plot": ("parsolid.commands.plot", "pictures of a run: energies, probes, the deformed body"),
+    "view": ("parsolid.commands.view", "turn a run's bodies in a window, or write a page that turns in a browser"),
 }
 COMMANDS = ("run", "check", "bench", *_MODULES)
 
@@ -147,11 +146,14 @@ def main(arguments: list[str] | None = None) -> int:
             return FAILED
         told = report(error)
         if told is not None:
+            LOG.say(f"parsolid: {told}")
             print(f"parsolid: {told}", file=sys.stderr, flush=True)
         if comm.size > 1:
             # the others may wait for this one
             comm.Abort(FAILED)
         return FAILED
+    finally:
+        LOG.close()
 
 
 def _headline(error: Exception) -> str:
@@ -163,6 +165,7 @@ def _headline(error: Exception) -> str:
 
 def _say(comm: MPI.Intracomm, text: str) -> None:
     if comm.rank == 0:
+        LOG.say(text)
         print(text, file=sys.stderr, flush=True)
 
 

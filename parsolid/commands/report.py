@@ -6,20 +6,29 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.collective import maximum, minimum
+from parsolid.commands.forecast import bytes_on_disk, load_on, memory_on, seconds_a_step
 from parsolid.contact.relations import relations
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.output.summary import peak_memory_bytes
 from parsolid.simulation.loop import Simulation
 
+# steps that are measured, at least and at most, and for how long [s]
+_STEPS, _SECONDS = (3, 200), 1.0
 
-def print_report(comm: MPI.Intracomm, simulation: Simulation) -> None:
-    """Print the report on rank 0; collective. A few tiny steps measure the wall time of one."""
+
+def print_report(comm: MPI.Intracomm, simulation: Simulation, elsewhere: int | None = None, base: int = 0) -> None:
+    """Print the report on rank 0; collective. A few steps measure the wall time of one.
+
+    elsewhere: a number of ranks to tell the cost on, too; base: memory [bytes] of the program without particles.
+    """
     systems, scene = simulation.systems, simulation.scene
     stable = minimum(comm, simulation.stable_step())
     numbers = _counts(comm, systems)
     pairs = comm.allreduce(sum(system.directed_pairs for system in systems)) // 2
     sent = comm.allreduce(sum(system.bytes_a_step() for system in systems))
-    seconds = _seconds_a_step(comm, simulation, stable)
+    seconds, work = _seconds_a_step(comm, simulation, stable)
+    disk = bytes_on_disk(comm, scene, systems)
+    lines = _elsewhere(comm, systems, elsewhere, base, work) if elsewhere else []
     memory, meetings = maximum(comm, peak_memory_bytes()), relations(comm, scene, systems)
     table = _of_each(comm, simulation) if len(systems) > 1 else ""
     if comm.rank > 0:
@@ -47,6 +56,28 @@ def print_report(comm: MPI.Intracomm, simulation: Simulation) -> None:
         f"{'estimated wall time':<28} {steps * seconds:>14,.1f} s   {seconds * 1e3:.3g} ms a step, without output",
         flush=True,
     )
+    times = max(1, len(scene.fields_times))
+    print(f"{'fields':<28} {_mib(times * disk[0] + disk[1])}   {times} times of {disk[0] / 2**20:.3g} MiB")
+    print(f"{'checkpoints':<28} {_mib(2 * disk[2])}   two of {disk[2] / 2**20:.3g} MiB", flush=True)
+    for line in lines:
+        print(line, flush=True)
+
+
+def _mib(size: float) -> str:
+    return f"{size / 2**20:>14,.4g} MiB"
+
+
+def _elsewhere(comm: MPI.Intracomm, systems: list[ParticleSystem], ranks: int, base: int, work: float) -> list[str]:
+    """What the scene costs on another number of ranks, each with a core of its own; collective."""
+    now, then = load_on(comm, systems, comm.size), load_on(comm, systems, ranks)
+    step, messages = seconds_a_step(systems, work, now, then, ranks)
+    memory = memory_on(maximum(comm, base), maximum(comm, peak_memory_bytes()), now, then)
+    return [
+        f"\non {ranks} {'rank' if ranks == 1 else 'ranks'}, a core to each:",
+        f"{'particles of a rank':<28} {then.particles:>14,.0f}   and {then.ghosts:,.0f} ghosts at most",
+        f"{'memory a rank':<28} {_mib(memory)}   of which {maximum(comm, base) / 2**20:,.0f} MiB the program",
+        f"{'time a step':<28} {(step + messages) * 1e3:>14,.4g} ms   of which {messages * 1e3:.3g} ms messages",
+    ]
 
 
 def _of_each(comm: MPI.Intracomm, simulation: Simulation) -> str:
@@ -95,11 +126,20 @@ def bytes_a_particle(systems: list[ParticleSystem]) -> float:
     return float(total) / max(1, sum(system.owned for system in systems))
 
 
-def _seconds_a_step(comm: MPI.Intracomm, simulation: Simulation, stable: float) -> float:
-    """Measured wall time of a step [s]; collective."""
-    small = 1e-6 * stable
-    simulation.take_step(small)
-    began = clock.perf_counter()
-    for _ in range(3):
-        simulation.take_step(small)
-    return maximum(comm, (clock.perf_counter() - began) / 3.0)
+def _seconds_a_step(comm: MPI.Intracomm, simulation: Simulation, stable: float) -> tuple[float, float]:
+    """Measured wall time of a step [s], and its work without messages on the busiest rank; collective."""
+    # steps as the run takes them: those of a solver and of moving lists cost what their motion makes them cost
+    step = min(stable, simulation.scene.end_time)
+    simulation.take_step(step)
+    walls: list[float] = []
+    works: list[float] = []
+    while len(walls) < _STEPS[0] or (sum(walls) < _SECONDS and len(walls) < _STEPS[1]):
+        began, sent = clock.perf_counter(), sum(system.communication_seconds for system in simulation.systems)
+        loop = simulation.clock.loop_seconds
+        simulation.take_step(step)
+        sent = sum(system.communication_seconds for system in simulation.systems) - sent
+        works.append(simulation.clock.loop_seconds - loop - sent)
+        # the same on all ranks, which stop together
+        walls.append(maximum(comm, clock.perf_counter() - began))
+    # not the mean: what else the machine does is not the scene's
+    return float(np.median(walls)), maximum(comm, float(np.median(works)))

@@ -11,12 +11,17 @@ from mpi4py import MPI
 from decomposition.compiled import LISTENERS, folder
 from parsolid.collective import SolverError, anywhere
 from parsolid.commands.check_advice import advice, scene_advice
+from parsolid.commands.error_bars import run_with_bars, wanted
+from parsolid.commands.profiling import profiled
+from parsolid.commands.standard_pictures import draw
+from parsolid.commands.target import run_to_targets, targets
 from parsolid.contact.relations import relations
 from parsolid.output.checkpoint import find_checkpoint
 from parsolid.output.directory import occupy
 from parsolid.output.errors import OutputError, together
-from parsolid.output.progress import Compilations, Progress
-from parsolid.output.summary import provenance, write_summary
+from parsolid.output.log import LOG
+from parsolid.output.progress import NORMAL, Compilations, Progress, Several
+from parsolid.output.summary import peak_memory_bytes, provenance, write_summary
 from parsolid.output.whereabouts import HERE
 from parsolid.scene import Scene, SceneError, dump_scene, load_scene, packaged_scene
 from parsolid.scene.declared import law_files
@@ -26,7 +31,7 @@ from parsolid.simulation.output_files import OutputFiles
 from parsolid.simulation.recorder import Recorder
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.signals import REQUEST
-from parsolid.simulation.warmup import warm_up
+from parsolid.simulation.warmup import load_kernels, warm_up
 
 TO_BE_CONTINUED = 75
 
@@ -85,11 +90,24 @@ def run(comm: MPI.Intracomm, options: Namespace) -> int:
     """Run a scene to its end; the exit status. Collective."""
     began = clock.perf_counter()
     REQUEST.install()
+    try:
+        LOG.open(comm, options.log)
+    except OutputError as error:
+        raise SolverError(str(error)) from error
     return run_scene(comm, load(comm, options), options, began)
 
 
 def run_scene(comm: MPI.Intracomm, scene: Scene, options: Namespace, began: float) -> int:
     """Run a scene with the options of a command line; began: reading of the performance counter [s]. Collective."""
+    if targets(scene, options):
+        return run_to_targets(comm, scene, options, began, run_alone)
+    if wanted(scene, options):
+        return run_with_bars(comm, scene, options, began, run_alone)
+    return run_alone(comm, scene, options, began)
+
+
+def run_alone(comm: MPI.Intracomm, scene: Scene, options: Namespace, began: float) -> int:
+    """The same without anything beside the run. Collective."""
     with ExitStack() as kept:
         if comm.rank == 0 and not options.quiet:
             tell = Compilations(folder())
@@ -117,16 +135,20 @@ def _run_in(
     if comm.rank == 0:
         level = 0 if options.quiet else 2 if options.verbose else 1
         notes = [*scene_advice(scene), *(restart.notes if restart else ()), *meetings]
-        for note in notes if level else ():
-            print(f"note: {note}", flush=True)
-        progress = Progress(scene.title, scene.end_time, simulation.particles, level)
+        for note in notes:
+            LOG.say(f"note: {note}")
+            if level:
+                print(f"note: {note}", flush=True)
+        streams = [(level, None), (NORMAL, LOG.stream)][: 1 + (LOG.stream is not None)]
+        progress = Several(*(Progress(scene.title, scene.end_time, simulation.particles, *one) for one in streams))
     watch = Recorder(simulation, files, progress)
     files.open_history(watch.columns)
     if restart:
         watch.resume(restart.header)
         simulation.last_checkpoint = HERE.checkpoint = str(restart.path)
     limits = Limits(options.max_steps, None if options.wall_time is None else began + options.wall_time)
-    return _follow(comm, simulation, watch, limits)
+    with profiled(comm, files.directory if options.profile else None):
+        return _follow(comm, simulation, watch, limits, options)
 
 
 def _set_up(
@@ -165,7 +187,7 @@ def _inputs(options: Namespace, scene: Scene, restart: Restart | None) -> tuple[
     return named + meshes + series + tuple(law_files(scene)) + ((restart.path,) if restart else ())
 
 
-def _follow(comm: MPI.Intracomm, simulation: Simulation, watch: Recorder, limits: Limits) -> int:
+def _follow(comm: MPI.Intracomm, simulation: Simulation, watch: Recorder, limits: Limits, options: Namespace) -> int:
     """The loop with its ending: checkpoint, summary, pictures."""
     failure = None
     try:
@@ -182,20 +204,9 @@ def _follow(comm: MPI.Intracomm, simulation: Simulation, watch: Recorder, limits
         watch.progress.close(summary)
     if failure is not None:
         raise failure
-    if status == FINISHED and simulation.scene.output.pictures:
-        _pictures(comm, watch.files.directory)
+    if status == FINISHED and simulation.scene.output.pictures and not wanted(simulation.scene, options):
+        draw(comm, watch.files.directory)
     return TO_BE_CONTINUED if status == INTERRUPTED else 0
-
-
-def _pictures(comm: MPI.Intracomm, directory: Path) -> None:
-    """The standard set of pictures, on rank 0, where the plotting packages are installed."""
-    if comm.rank > 0:
-        return
-    try:
-        from parsolid.commands.plot import plot_run
-    except ImportError:
-        return
-    plot_run(directory)
 
 
 def check(comm: MPI.Intracomm, options: Namespace) -> int:
@@ -204,9 +215,14 @@ def check(comm: MPI.Intracomm, options: Namespace) -> int:
 
     scene = load(comm, options)
     warm_up(comm, scene)
+    elsewhere, base = getattr(options, "ranks", None), 0
+    if elsewhere:
+        # what the program takes once its kernels are there
+        load_kernels(scene)
+        base = peak_memory_bytes(present=True)
     simulation = Simulation(comm, scene)
     notes = advice(simulation)
-    print_report(comm, simulation)
+    print_report(comm, simulation, elsewhere, base)
     for note in notes if comm.rank == 0 else ():
         print(f"note: {note}", flush=True)
     return 0

@@ -9,6 +9,7 @@ from parsolid.contact.boxes import body_motions, meeting
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
 from parsolid.scene.contact import contact_pairs
+from parsolid.scene.tie import tied_pairs
 
 # bodies closer than so many of the larger spacing touch
 _TOUCHING = 1.5
@@ -22,9 +23,10 @@ def relations(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[st
         return []
     names = [body.name or f"bodies.{number}" for number, body in enumerate(scene.bodies)]
     pairs = {one[:2]: one.contact for one in contact_pairs(scene.contact, [body.name for body in scene.bodies])}
+    tied = {one[:2] for one in tied_pairs(scene)}
     lower, upper, velocity, spacing = body_motions(comm, len(names), systems)
     alone = {body for system in systems if not system.settings.bodies_meet for body in system.bodies}
-    told: dict[str, list[str]] = {"in contact": [], "bonded where they touch": [], "apart": []}
+    told: dict[str, list[str]] = {"in contact": [], "tied": [], "bonded where they touch": [], "apart": []}
     blind = []
     for i, contact in ((one[0], contact) for one, contact in pairs.items() if one[0] == one[1]):
         told["in contact"].append(f"{names[i]} with itself{_words(contact)}")
@@ -33,6 +35,8 @@ def relations(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[st
         gap = float(np.linalg.norm(np.maximum(np.maximum(lower[i] - upper[j], lower[j] - upper[i]), 0.0)))
         if (i, j) in pairs:
             told["in contact"].append(both + _words(pairs[i, j]))
+        elif (i, j) in tied:
+            told["tied"].append(both)
         elif gap <= _TOUCHING * max(spacing[i], spacing[j]):
             told["bonded where they touch"].append(both)
         else:

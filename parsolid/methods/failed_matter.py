@@ -58,17 +58,23 @@ def note_deleted(particles: Particles, rows: np.ndarray, mass: np.ndarray, veloc
 
 
 def measure(particles: Particles, mass: np.ndarray, name: str) -> tuple[str, np.ndarray] | None:
-    """This rank's part of a quantity of failure, None for other names; mass (owned,) [kg] of what is left."""
-    rows = particles.owned_rows
+    """This rank's part of a quantity of failure, None for other names; mass (owned,) [kg] of what is left.
+
+    Zero where no law of the particles fails, as in one of several systems.
+    """
+
+    def field(of: str) -> np.ndarray:
+        return particles.owned_rows(of) if of in particles else np.zeros(particles.owned)
+
     if name == "maximum_damage":
-        return "maximum", np.array([rows("damage").max(initial=0.0)])
+        return "maximum", np.array([field("damage").max(initial=0.0)])
     if name == "failed_mass":
-        gone = rows("deleted_mass") if "deleted_mass" in particles else 0.0
-        return "sum", np.array([float(((mass + gone) * (rows("damage") >= 1.0)).sum())])
+        return "sum", np.array([float(((mass + field("deleted_mass")) * (field("damage") >= 1.0)).sum())])
     if name == "deleted_mass":
-        return "sum", np.array([rows(name).sum()])
+        return "sum", np.array([field(name).sum()])
     if name == "deleted_momentum":
-        return "sum", np.asarray(rows(name).reshape(particles.owned, -1).sum(axis=0))
+        lost = field(name).reshape(particles.owned, -1).sum(axis=0)
+        return "sum", lost + np.zeros(particles.fields["velocity"].components)
     return None
 
 

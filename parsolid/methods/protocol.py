@@ -1,11 +1,12 @@
 """What the loop, the output and the reports ask of a method; a new method derives from `ParticleSystem`."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from parsolid.boundary.mirror_planes import MirrorPlane
+from parsolid.boundary.reactions import Told, told_by
 from parsolid.materials.registry import laws_of
 from parsolid.methods.impulses import give
 from parsolid.particles.container import Particles
@@ -54,11 +55,13 @@ class ParticleSystem:
     stored vanish.
     news: whether this rank has found what all ranks must act on at the next step, as it is when a step is announced;
     news_anywhere: whether any rank had, told before the next step.
+    told: conditions that tell what they take, see `boundary.reactions.Told`.
     placements: counts how often particles may have changed their rows or ranks, or bonds have broken, the same on all
     ranks; None where rows may change in every step.
     """
 
     comm: Any
+    told: Sequence[Told] = ()
     settings: Any
     bodies: tuple[int, ...]
     name: str = ""
@@ -182,9 +185,9 @@ class ParticleSystem:
     def reaction(self, name: str) -> np.ndarray | None:
         """Force (d,) [N] and moment (1 or 3,) [N m] of a condition that tells them, on this rank's particles.
 
-        None where no condition of this name is the method's.
+        Of the last step; None where no condition of this name is the method's.
         """
-        return None
+        return told_by(self.told, name)
 
     def measure(self, name: str) -> tuple[str, np.ndarray]:
         """ "sum", "minimum" or "maximum", and this rank's part, of one of the settings' extra quantities."""

@@ -130,6 +130,14 @@ class Watched(Protocol):
     def tributary_mass(self) -> np.ndarray:
         """Mass (n,) [kg] of this rank's particles on this side of mirror planes."""
 
+    @property
+    def body(self) -> np.ndarray:
+        """Number (n,) of each particle's body in the scene."""
+
+    @property
+    def tributary_volume(self) -> np.ndarray:
+        """Reference volume (n,) [m^3] of this rank's particles on this side of mirror planes."""
+
     def field(self, name: str) -> np.ndarray:
         """A field of this rank's particles."""
 

@@ -14,7 +14,7 @@ from decomposition.migration import migrate
 from parsolid.output import vtkhdf
 from parsolid.output.directory import next_free
 from parsolid.output.errors import OutputError, agree, together
-from parsolid.output.slabs import DataSet, SlabWriter, places, probe
+from parsolid.output.slabs import DataSet, SlabWriter, open_serial, places, probe
 
 DEFAULT_NAME = "fields.vtkhdf"
 Fields = dict[str, np.ndarray]
@@ -23,13 +23,14 @@ Fields = dict[str, np.ndarray]
 class FieldSeries:
     """Writes steps to a VTKHDF file, which is readable, with all complete steps, at every instant.
 
-    Parameters: comm; path; capacity, how many steps the file has room for (space is taken as steps are written);
+    Parameters: comm; path; capacity, how many steps are to come (space is taken as they are written);
     resume_at, a time [s]: go on with the file at path, keeping its steps up to and including that time, if it is
     whole and holds the same fields of as many particles, else None; double, write floating-point fields with 8
     bytes instead of 4 (positions always have 8); method as in `slabs`; index, of a block its place among others.
 
-    A file that is at path and is not gone on with, or is full, is renamed to the next free of fields.1.vtkhdf,
-    fields.2.vtkhdf and so on. Checkpoints must be written after the fields of the same time, not before.
+    A file that is gone on with and has too little room gives its steps to one that has. A file that is at path and is
+    not gone on with, or is full, is renamed to the next free of fields.1.vtkhdf, fields.2.vtkhdf and so on.
+    Checkpoints must be written after the fields of the same time, not before.
     """
 
     def __init__(
@@ -129,9 +130,48 @@ class FieldSeries:
         found = self._comm.bcast(found)
         if found is None:
             return False
-        self._layout, times, self._places = found
-        self._publish(times)
+        layout, times, self._places = found
+        if layout.capacity < len(times) + self._capacity:
+            self._enlarge(layout, times)
+        else:
+            self._layout = layout
+            self._publish(times)
         return True
+
+    def _enlarge(self, layout: vtkhdf.Layout, times: np.ndarray) -> None:
+        """Go on in a file with more room, which takes the steps at these times [s] over: one film over restarts."""
+        self._layout = layout._replace(capacity=len(times) + self._capacity)
+        partial, laid = self.path.with_name(self.path.name + ".partial"), None
+        with together(self._comm, f"cannot lay out {self.path}"):
+            if self._comm.rank == 0:
+                laid = self._lay_out(partial, len(times))
+        self._places = self._comm.bcast(laid)
+        n = layout.particles
+        varying = {"VTKHDF/Points", *(f"VTKHDF/PointData/{name}" for name in layout.varying)}
+        once = [f"VTKHDF/PointData/{name}" for name in layout.constant]
+        once += ["VTKHDF/Vertices/Connectivity", "VTKHDF/Vertices/Offsets"]
+        with open_serial(self.path, "r") as old, SlabWriter(self._comm, partial, self._places, self._method) as new:
+            for name in [*sorted(varying), *once]:
+                # a step at a time, so that no rank has more than its share of one
+                total, steps = (n, len(times)) if name in varying else (old[name].shape[0], 1)
+                for step in range(steps):
+                    first, last = (step * total + total * rank // self._comm.size for rank in self._mine)
+                    new.write(name, first, old[name][first:last])
+        with together(self._comm, f"cannot write {self.path}"):
+            if self._comm.rank == 0:
+                vtkhdf.publish(partial, times)
+                partial.replace(self.path)
+        self._times = times
+
+    @property
+    def _mine(self) -> tuple[int, int]:
+        return self._comm.rank, self._comm.rank + 1
+
+    def _lay_out(self, partial: Path, steps: int) -> dict[str, DataSet]:
+        """A new file with room, of which so many steps are written soon; for one rank alone."""
+        probe(partial, self._layout.bytes_per_step * steps)
+        vtkhdf.lay_out(partial, self._layout, self._index)
+        return places(partial)
 
     def _start_new_file(self) -> None:
         self._layout = self._layout._replace(capacity=self._capacity)
@@ -139,9 +179,7 @@ class FieldSeries:
         with together(self._comm, f"cannot lay out {self.path}"):
             if self._comm.rank == 0:
                 partial = self.path.with_name(self.path.name + ".partial")
-                probe(partial, self._layout.bytes_per_step)
-                vtkhdf.lay_out(partial, self._layout, self._index)
-                laid = places(partial)
+                laid = self._lay_out(partial, 1)
                 if self.path.exists():
                     self.path.rename(next_free(self.path))
                 partial.rename(self.path)
@@ -153,7 +191,7 @@ class FieldSeries:
             writer.write(f"VTKHDF/PointData/{name}", rows.first, rows.arrange(self._shown(constant[name])))
         for name, entries in (("Connectivity", vtkhdf.vertex_connectivity), ("Offsets", vtkhdf.vertex_offsets)):
             total = self._places[f"VTKHDF/Vertices/{name}"].shape[0]
-            first, last = (total * rank // self._comm.size for rank in (self._comm.rank, self._comm.rank + 1))
+            first, last = (total * rank // self._comm.size for rank in self._mine)
             writer.write(f"VTKHDF/Vertices/{name}", first, entries(first, last))
 
     def _publish(self, times: np.ndarray) -> None:
@@ -189,6 +227,12 @@ class _ByIdentifier:
     def arrange(self, values: np.ndarray) -> np.ndarray:
         """This rank's share of an array in the order of the identifiers. Collective."""
         return migrate(self._comm, self._owner, {"values": values})["values"][self._order]
+
+
+def bytes_of_rows(values: np.ndarray) -> int:
+    """Bytes that a row of a field takes in the file."""
+    width = int(np.prod(_in_space(values[:0]).shape[1:]))
+    return width * (4 if values.dtype.kind == "f" else values.dtype.itemsize)
 
 
 def _in_space(values: np.ndarray) -> np.ndarray:

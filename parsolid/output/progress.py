@@ -22,7 +22,14 @@ _LINES = {NORMAL: (5.0, 0.1), VERBOSE: (1.0, 0.02)}
 _LEAST_SECONDS = 0.5
 _COMPILING_SECONDS = 5.0
 
-_WORDS_OF_TERMS = {"dissipation_fracture": "fracture", "leapfrog_oscillation": "oscillation of the steps"}
+_WORDS_OF_TERMS = {
+    "dissipation_fracture": "fracture",
+    "leapfrog_oscillation": "oscillation of the steps",
+    "work_fixed_walls": "from fixed walls",
+}
+
+# of probes that a scene has of them, with their units: told once there is something
+_OF_FAILURE = {"failed_mass": "kg", "deleted_mass": "kg"}
 
 Told = tuple[float, int, float]
 
@@ -80,12 +87,16 @@ class Progress:
         if self._level == QUIET:
             return
         text = f"{summary.get('status', 'ended')}: {summary.get('steps')} steps to t = {summary.get('end_time'):.6g} s"
-        text += f" in {summary.get('wall_seconds'):.1f} s"
+        text += f" in {_short(summary['wall_seconds'])}"
+        if (loop := summary.get("loop_seconds")) is not None:
+            text += f", {_short(loop)} of it in the steps"
         if (rate := summary.get("particle_steps_per_second_per_rank")) is not None:
             text += f", {rate:.3g} particle-steps/s a rank"
         if (balance := summary.get("energy_balance")) is not None:
             text += f", energy balance {balance:.1e}"
         self._say(text)
+        if "phases" in summary:
+            self._say(_shares(summary))
         if "trust" in summary:
             self._say(f"{summary['trust']}: {summary['trust_reason']}")
         for name, value in (summary.get("errors") or {}).items():
@@ -107,6 +118,7 @@ class Progress:
         parts = [f"dt {step_size:.2e} s", f"ETA {_duration(left)}"]
         if row:
             parts += [f"{name} {value:.3e} J" for name, value in self._energies(row).items()]
+            parts += _failed(row)
         return [*parts, f"{rate:.2e} particle-steps/s"]
 
     def _energies(self, row: dict[str, float]) -> dict[str, float]:
@@ -144,6 +156,33 @@ class Progress:
             print(text, file=self._stream, flush=True)
         except (OSError, ValueError):  # nobody listens any more: the run goes on
             self._level = QUIET
+
+
+class Several:
+    """Tells more than one stream how far a run is."""
+
+    def __init__(self, *told: Progress) -> None:
+        self._told = told
+
+    def update(self, step: int, time: float, step_size: float, row: dict[str, float] | None) -> None:
+        """See `Progress.update`."""
+        for one in self._told:
+            one.update(step, time, step_size, row)
+
+    def close(self, summary: dict[str, Any]) -> None:
+        """See `Progress.close`."""
+        for one in self._told:
+            one.close(summary)
+
+
+def _failed(row: dict[str, float]) -> list[str]:
+    """What the probes of a history row say of failed matter."""
+    asked = [(column, column.rpartition(".")[2]) for column in row]
+    return [
+        f"{name.replace('_', ' ')} {row[column]:.3e} {_OF_FAILURE[name]}"
+        for column, name in asked
+        if name in _OF_FAILURE and row[column] > 0.0
+    ]
 
 
 class Compilations:
@@ -206,6 +245,20 @@ def _launcher_columns() -> int | None:
     except (OSError, ValueError):
         return None
     return columns
+
+
+def _shares(summary: dict[str, Any]) -> str:
+    """Where the time went, in words, without what took nothing of it."""
+    seconds = {name.replace("_", " "): value for name, value in summary["phases"].items()}
+    whole = max(sum(seconds.values()), 1e-9)
+    shares = [f"{name} {100.0 * value / whole:.0f} %" for name, value in seconds.items() if value > 0.005 * whole]
+    imbalance = summary.get("load_imbalance")
+    busiest = f"; busiest rank {imbalance:.2f} of the mean" if imbalance and summary["ranks"] > 1 else ""
+    return f"time: {', '.join(shares)}{busiest}"
+
+
+def _short(seconds: float) -> str:
+    return f"{seconds:.1f} s" if seconds >= 1.0 else f"{seconds:.2g} s"
 
 
 def _duration(seconds: float) -> str:

@@ -35,12 +35,12 @@ def write_summary(path: Path | str, summary: dict[str, Any]) -> None:
         raise OutputError(f"cannot write {path}: {words(error)}") from error
 
 
-def peak_memory_bytes() -> int:
-    """Most memory this process has had resident so far [bytes]."""
+def peak_memory_bytes(present: bool = False) -> int:
+    """Most memory this process has had resident so far [bytes], or what it has at present where that is known."""
     try:
         # getrusage would count what the process had before it became this program
         for line in Path("/proc/self/status").read_text().splitlines():
-            if line.startswith("VmHWM:"):
+            if line.startswith("VmRSS:" if present else "VmHWM:"):
                 return 1024 * int(line.split()[1])
     except OSError:
         pass  # not Linux

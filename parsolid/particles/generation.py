@@ -12,11 +12,12 @@ from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.base_model import LEAST, MOST
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.formulas import Formula, FormulaVector
+from parsolid.scene.initial import meant
 from parsolid.scene.lattice import Filling
 from parsolid.scene.marks import mark_lattice
-from parsolid.scene.named_regions import Region
+from parsolid.scene.named_regions import Region, uses_of_regions
 from parsolid.scene.overlap import overlap_faults
-from parsolid.scene.regions import NOBODY, nearest_particles, selected
+from parsolid.scene.regions import NOBODY, Named, nearest_particles, selected
 from parsolid.scene.schema import Scene, unbounded_plane
 from parsolid.scene.validation_errors import SceneError, agree, fault, key_path, suggestion
 
@@ -54,7 +55,7 @@ def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:
     del fillings
     everywhere = np.ones(len(particle_set), bool)
     chosen = [selected(scene, one, particle_set, comm) if one.on_particles else everywhere for one in scene.boundaries]
-    faults = _distant_probes(scene, particle_set, coarsest, comm) + _empty_regions(chosen, comm)
+    faults = _distant_probes(scene, particle_set, coarsest, comm) + _empty_regions(scene, particle_set, chosen, comm)
     agree(comm, faults + _not_finite(scene, particle_set, chosen, comm))
     return particle_set
 
@@ -102,8 +103,7 @@ def _mark_meshes(scene: Scene, fillings: list[Filling], known: dict[str, Region]
 def _place_of(scene: Scene, name: str) -> tuple[Any, ...]:
     """Where a scene names a region."""
     regions = [("regions", i, "group") for i, one in enumerate(scene.regions) if one.name == name]
-    conditions = [("boundaries", i, "where") for i, one in enumerate(scene.boundaries) if one.region_name == name]
-    return [*regions, *conditions, ("regions",)][0]
+    return [*regions, *(place for place, used in uses_of_regions(scene) if used == name), ("regions",)][0]
 
 
 def _distant_probes(scene: Scene, particle_set: ParticleSet, coarsest: float, comm: MPI.Comm) -> list[str]:
@@ -122,10 +122,15 @@ def _distant_probes(scene: Scene, particle_set: ParticleSet, coarsest: float, co
     ]
 
 
-def _empty_regions(chosen: list[np.ndarray], comm: MPI.Comm) -> list[str]:
-    count = np.array([mask.sum() for mask in chosen], np.int64)
+def _empty_regions(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray], comm: MPI.Comm) -> list[str]:
+    """Regions of boundaries (chosen), probes, initial states and of the output in which there is no particle."""
+    masks: list[tuple[tuple[Any, ...], Any]] = [(("boundaries", i), mask) for i, mask in enumerate(chosen)]
+    for place, name in uses_of_regions(scene):
+        if place[0] != "boundaries":
+            masks.append((place, Named(name).particles(scene, particle_set, comm, np.ones(0, bool))))
+    count = np.array([mask.sum() for _, mask in masks], np.int64)
     comm.Allreduce(MPI.IN_PLACE, count, op=MPI.SUM)
-    return [fault(("boundaries", i), "a region that holds particles", int(n)) for i, n in enumerate(count) if n == 0]
+    return [fault(place, "a region that holds particles", int(n)) for (place, _), n in zip(masks, count) if n == 0]
 
 
 def _formulas(
@@ -142,6 +147,13 @@ def _formulas(
                 yield ("bodies", i, key), _as_vector(getattr(body, key)), here
         for row, formulas in enumerate(body.deformation_gradient or ()):
             yield ("bodies", i, "deformation_gradient", row), formulas, here
+    for i, state in enumerate(scene.initial):
+        here = meant(scene, state, particle_set.body, particle_set.regions)
+        for key in ("velocity", "displacement", "temperature"):
+            if getattr(state, key) is not None:
+                yield ("initial", i, key), _as_vector(getattr(state, key)), here
+        for row, formulas in enumerate(state.deformation_gradient or ()):
+            yield ("initial", i, "deformation_gradient", row), formulas, here
     for i, boundary in enumerate(scene.boundaries):
         for key, formulas in boundary.formulas.items():
             yield ("boundaries", i, key), formulas, chosen[i]
@@ -164,7 +176,7 @@ def _not_finite(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray
         rows = np.flatnonzero(here)
         values = formulas.evaluate(particle_set.position[rows])
         wanted, sound = f"a finite value of a size up to {MOST:g}", np.abs(values) <= MOST
-        if key[0] == "bodies" and key[-1] == "temperature":
+        if key[0] in ("bodies", "initial") and key[-1] == "temperature":
             wanted, sound = "a temperature of at least 0 K", sound & (values >= 0.0)
         if key[0] == "bodies" and key[-1] == "micro_rate":
             wanted, sound = "a rate that is not negative (plastic flow does not run backwards)", sound & (values >= 0.0)

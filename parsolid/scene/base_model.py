@@ -1,6 +1,8 @@
 """What all tables of a scene share: strictness, exclusive keys, a kind that chooses the model, points and planes."""
 
+from collections.abc import Mapping
 from math import isfinite
+from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
@@ -99,11 +101,17 @@ class SceneModel(BaseModel):
 class ByKind:
     """Annotation of a field whose table's `kind` chooses one of several models.
 
-    known: the attribute of a method's settings that lists the kinds which the method knows, "" where all will do.
+    known: the attribute of a method's settings that lists the kinds which the method knows, "" where all will do;
+    renamed: kinds that have another name now.
     """
 
-    def __init__(self, models: tuple[type[SceneModel], ...], known: str = "") -> None:
+    renamed: Mapping[str, str] = MappingProxyType({})
+
+    def __init__(
+        self, models: tuple[type[SceneModel], ...], known: str = "", renamed: Mapping[str, str] | None = None
+    ) -> None:
         self.known = known
+        self.renamed = renamed or self.renamed
         self.models = {kind: model for model in models for kind in get_args(model.model_fields["kind"].annotation)}
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
@@ -139,11 +147,16 @@ class ByKind:
         if "kind" not in value:
             reject((("kind",), f"one of {kinds}", NOTHING))
         model = self.choose(value)
+        if model is None and value["kind"] in self.renamed:
+            new = self.renamed[value["kind"]]
+            reject((("kind",), f"{new!r}, as this kind is called now", value["kind"]))
         if model is None:
             reject((("kind",), f"one of {kinds}{suggestion(value['kind'], allowed)}", value["kind"]))
         if value["kind"] not in allowed:
             whose = "of the body" if (info.context or {}).get("methods") else "of the scene"
-            reject((("kind",), f"one of {kinds}, which the method {whose} knows", value["kind"]))
+            why = getattr(method_of(info, value), "refused", {}).get(value["kind"])
+            reason = f" ({value['kind']}: {why})" if why and self.known == "boundaries" else ""
+            reject((("kind",), f"one of {kinds}, which the method {whose} knows{reason}", value["kind"]))
         assert model is not None
         return model
 

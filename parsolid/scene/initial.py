@@ -1,49 +1,85 @@
-"""Initial fields of particles from the bodies' formulas."""
+"""Initial fields of particles from the formulas of bodies, and of initial states of regions, which hold before those.
+
+Functions take the particles' body index (n,), their reference position (n, d) [m], and which regions with a name they
+are in (n, regions), needed where initial states name some.
+"""
+
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from parsolid.scene.schema import Scene
 
-
-def initial_velocity(scene: Scene, body: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Initial velocity (n, d) [m/s] of particles with body index (n,) and reference position (n, d) [m]."""
-    return _vectors(scene, body, position, "velocity")
+Regions = np.ndarray | None
 
 
-def initial_displacement(scene: Scene, body: np.ndarray, position: np.ndarray) -> np.ndarray | None:
-    """Initial displacement (n, d) [m]; None when no body has one."""
-    if all(one.displacement is None for one in scene.bodies):
+def _stated(scene: Scene, body: np.ndarray, regions: Regions, key: str) -> Iterator[tuple[np.ndarray, Any]]:
+    """Rows of particles and the formula that is stated for them, the later one holding."""
+    for i, one in enumerate(scene.bodies):
+        if getattr(one, key) is not None:
+            yield np.flatnonzero(body == i), getattr(one, key)
+    numbers = {one.name: i for i, one in enumerate(scene.bodies)}
+    for state in scene.initial:
+        if getattr(state, key) is not None and (state.body is None or state.body in numbers):
+            yield np.flatnonzero(meant(scene, state, body, regions)), getattr(state, key)
+
+
+def meant(scene: Scene, state: Any, body: np.ndarray, regions: Regions) -> np.ndarray:
+    """Which particles (n,) bool an initial state is about."""
+    result = np.ones(len(body), bool)
+    if state.body is not None:
+        names = [one.name for one in scene.bodies]
+        result &= body == (names.index(state.body) if state.body in names else -1)
+    if state.where is not None:
+        assert regions is not None
+        result &= regions[:, list(scene.named_regions).index(state.where)] == 1
+    return result
+
+
+def _anyone_states(scene: Scene, key: str) -> bool:
+    return any(getattr(one, key) is not None for one in (*scene.bodies, *scene.initial))
+
+
+def initial_velocity(scene: Scene, body: np.ndarray, position: np.ndarray, regions: Regions = None) -> np.ndarray:
+    """Initial velocity (n, d) [m/s]."""
+    return _vectors(scene, body, position, regions, "velocity")
+
+
+def initial_displacement(
+    scene: Scene, body: np.ndarray, position: np.ndarray, regions: Regions = None
+) -> np.ndarray | None:
+    """Initial displacement (n, d) [m]; None when nothing has one."""
+    if not _anyone_states(scene, "displacement"):
         return None
-    return _vectors(scene, body, position, "displacement")
+    return _vectors(scene, body, position, regions, "displacement")
 
 
 def initial_deformation_gradient(
-    scene: Scene, body: np.ndarray, position: np.ndarray
+    scene: Scene, body: np.ndarray, position: np.ndarray, regions: Regions = None
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Initial deformation gradient (n, d, d) and where it is given (n,) bool, the identity elsewhere; None
     without any.
     """
-    if all(one.deformation_gradient is None for one in scene.bodies):
+    if not _anyone_states(scene, "deformation_gradient"):
         return None
     dimension = position.shape[1]
     result = np.tile(np.eye(dimension), (len(position), 1, 1))
     given = np.zeros(len(position), bool)
-    for i, one in enumerate(scene.bodies):
-        here = np.flatnonzero(body == i)
-        if one.deformation_gradient is not None:
-            given[here] = True
-            for row, formulas in enumerate(one.deformation_gradient):
-                result[here, row] = formulas.evaluate(position[here])
+    for here, rows in _stated(scene, body, regions, "deformation_gradient"):
+        given[here] = True
+        for row, formulas in enumerate(rows):
+            result[here, row] = formulas.evaluate(position[here])
     return result, given
 
 
-def initial_temperature(scene: Scene, body: np.ndarray, position: np.ndarray, usual: np.ndarray) -> np.ndarray:
-    """Initial temperature (n,) [K]; `usual` (bodies,) [K] is taken where a body states none."""
+def initial_temperature(
+    scene: Scene, body: np.ndarray, position: np.ndarray, usual: np.ndarray, regions: Regions = None
+) -> np.ndarray:
+    """Initial temperature (n,) [K]; `usual` (bodies,) [K] is taken where nothing is stated."""
     result = np.asarray(usual, float)[body]
-    for i, one in enumerate(scene.bodies):
-        if one.temperature is not None:
-            here = np.flatnonzero(body == i)
-            result[here] = one.temperature.evaluate(position[here])
+    for here, formula in _stated(scene, body, regions, "temperature"):
+        result[here] = formula.evaluate(position[here])
     return result
 
 
@@ -71,11 +107,8 @@ def initial_zero_energy_temperature(
     return np.where(held, reference, temperature)
 
 
-def _vectors(scene: Scene, body: np.ndarray, position: np.ndarray, key: str) -> np.ndarray:
+def _vectors(scene: Scene, body: np.ndarray, position: np.ndarray, regions: Regions, key: str) -> np.ndarray:
     result = np.zeros_like(position)
-    for i, one in enumerate(scene.bodies):
-        formulas = getattr(one, key)
-        if formulas is not None:
-            here = np.flatnonzero(body == i)
-            result[here] = formulas.evaluate(position[here])
+    for here, formulas in _stated(scene, body, regions, key):
+        result[here] = formulas.evaluate(position[here])
     return result

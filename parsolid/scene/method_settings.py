@@ -16,10 +16,12 @@ class MethodSettings(SceneModel):
     """What every method has, and what it says of itself to the other tables of a scene.
 
     system: module and class, "module:class"; dimensions; materials: the roles of laws that the method takes;
-    boundaries: the kinds that it knows; declared_fields: declarations that a scene often names (of others the code is
-    asked); extra_fields, extra_quantities: what the method computes -> "scalar", "vector" or "tensor"; pictured_fields:
+    boundaries: the kinds that it knows; refused: of others the reason, or what to use in place;
+    declared_fields: declarations that a scene often names (of others the code is asked);
+    extra_fields, extra_quantities: what the method computes -> "scalar", "vector" or "tensor"; pictured_fields:
     what colours the bodies, the first that was written; prescribes: what of a motion is, of velocity and displacement;
-    reactions: whether boundaries can tell their force; loads: keys of the table of that name; ledger_terms: see
+    reactions: kinds of boundaries that can tell their force; pressed: keys of places where a
+    pressure acts; loads: keys of the table of that name; ledger_terms: see
     `ledger.Ledger`; viscous_terms: those of them that artificial viscosity fills; bodies_meet: whether bodies that come
     together feel each other without contact; shared_field: whether bodies stick together on a field of velocities that
     they share, so that those which do not need systems of their own.
@@ -30,8 +32,10 @@ class MethodSettings(SceneModel):
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
     materials: ClassVar[tuple[str, ...]] = ()
     boundaries: ClassVar[tuple[str, ...]] = ()
+    refused: ClassVar[dict[str, str]] = {}
     prescribes: ClassVar[tuple[str, ...]] = ("velocity",)
-    reactions: ClassVar[bool] = False
+    reactions: ClassVar[tuple[str, ...]] = ()
+    pressed: ClassVar[tuple[str, ...]] = ("plane", "where")
     loads: ClassVar[tuple[str, ...]] = ("body_force", "acceleration")
     declared_fields: ClassVar[tuple[particles.Field, ...]] = ()
     extra_fields: ClassVar[dict[str, str]] = {}
@@ -55,11 +59,11 @@ class MethodSettings(SceneModel):
         kinds = {field.name: field.kind(dimension or 3) for field in cls.declared_fields}
         return {name: kind for name, kind in kinds.items() if kind} | cls.extra_fields
 
-    def energy_terms(self, materials: Iterable[Any]) -> dict[str, int]:
-        """The method's `ledger_terms`, and those of the materials of its bodies."""
+    def energy_terms(self, scene: Any, bodies: Iterable[int]) -> dict[str, int]:
+        """The method's `ledger_terms`, and those of the materials of its bodies, numbers of those of the scene."""
         terms = dict(self.ledger_terms)
-        for material in materials:
-            terms |= getattr(material, "ledger_terms", {})
+        for i in bodies:
+            terms |= getattr(scene.bodies[i].material, "ledger_terms", {})
         return terms
 
     def scene_faults(self, scene: Any) -> list[Detail]:

@@ -12,6 +12,9 @@ from parsolid.scene.bodies import Name
 from parsolid.scene.formulas import Formula, InitialScalar
 from parsolid.scene.inside import INSIDE
 from parsolid.scene.shapes import Shape
+from parsolid.scene.validation_errors import suggestion
+
+RegionName = Annotated[str, Field(min_length=1, description="the name of a region, or of a group of a mesh")]
 
 # Which of some places are in a group of a mesh, by its name
 Groups = Callable[[str], np.ndarray]
@@ -52,7 +55,7 @@ AnyPlane: Any = Annotated[Any, PlainValidator(_plane), PlainSerializer(_stated)]
 
 
 class Region(SceneModel):
-    """A part of space or of a mesh that boundaries name with `where`.
+    """A part of space or of a mesh that boundaries, probes, initial states and the output name with `where`.
 
     group    a group of a mesh: meshio's cell_sets or point_sets, a physical group of Gmsh
     plane    "Y = 0", or { point = [...], normal = [...] }; side: what is on it, or "above" (beyond it along its
@@ -139,25 +142,36 @@ def all_regions(stated: list[Region], wanted: list[str]) -> dict[str, Region]:
     return known | {name: Region.model_construct(name=name, group=name) for name in names if name not in known}
 
 
-def region_details(stated: list[Region], conditions: list[Any], meshes: bool) -> list[Any]:
-    """Faults of regions and of conditions that name them: (place, expected, found); meshes: whether any body may have
-    groups."""
+def uses_of_regions(scene: Any) -> list[tuple[tuple[str | int, ...], str]]:
+    """Place and name of every region that a scene's boundaries, probes, initial states and output name."""
+    uses: list[tuple[tuple[str | int, ...], Any]] = []
+    uses += [(("boundaries", i, "where"), one.region_name) for i, one in enumerate(scene.boundaries)]
+    uses += [(("probes", i, "where"), one.where) for i, one in enumerate(scene.probes)]
+    uses += [(("initial", i, "where"), one.where) for i, one in enumerate(scene.initial)]
+    uses.append((("output", "where"), scene.output.where))
+    return [(place, name) for place, name in uses if name is not None]
+
+
+def region_details(scene: Any) -> list[Any]:
+    """Faults of a scene's regions and of what names them: (place, expected, found)."""
+    stated, uses = scene.regions, uses_of_regions(scene)
+    meshes = any(body.shape.kind == "mesh" for body in scene.bodies)
     details: list[Any] = []
-    wanted = [one.region_name for one in conditions if one.region_name is not None]
-    names = ", ".join(region.name for region in stated) or "there is none"
-    for i, one in enumerate(conditions):
-        if one.region_name is not None and not meshes and one.region_name not in [region.name for region in stated]:
-            details.append((("boundaries", i, "where"), f"the name of a region ({names})", one.region_name))
+    own = [region.name for region in stated]
+    names = ", ".join(own) or "there is none"
+    for place, name in uses:
+        if not meshes and name not in own:
+            details.append((place, f"the name of a region ({names}){suggestion(name, own)}", name))
     seen: dict[str, Region] = {}
-    later = {region.name for region in stated}
-    used = {*wanted, *(name for region in stated for name in region.parts)}
+    later, used = set(own), {*(name for _, name in uses), *(name for region in stated for name in region.parts)}
     for i, region in enumerate(stated):
         key: tuple[Any, ...] = ("regions", i)
         later.discard(region.name)
         if region.name in seen:
             details.append(((*key, "name"), "a name that no region before has", region.name))
         if region.name not in used:
-            details.append(((*key, "name"), "a region that a boundary names with where", region.name))
+            expected = "a region that a boundary, a probe, an initial state or the output names with where"
+            details.append(((*key, "name"), expected, region.name))
         for name in region.parts:
             if name in later or name == region.name:
                 details.append((key, "names of regions that stand before", name))

@@ -11,6 +11,7 @@ from pydantic import Field, field_validator, model_validator
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import NotNegative, Positive, SceneModel, reject
 from parsolid.scene.method_settings import Detail
+from parsolid.scene.named_regions import RegionName
 from parsolid.scene.probes import ShownField
 from parsolid.scene.shapes import ExistingFile
 
@@ -37,6 +38,7 @@ class Output(SceneModel):
     fields: list[ShownField] | None = Field(
         default=None, description="the fields to write, the usual ones unless given"
     )
+    where: RegionName | None = Field(None, description="fields of the particles of this region alone")
     checkpoint_interval: Positive | None = Field(None, description="simulated time between checkpoints [s]")
     checkpoint_steps: Annotated[int, Field(ge=1)] | None = Field(None, description="steps between checkpoints")
     checkpoint_wall: Positive = Field(default=600.0, description="wall time between checkpoints [s]")

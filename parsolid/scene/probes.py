@@ -6,11 +6,13 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, PrivateAttr, ValidationInfo, create_model, model_validator
 
+from parsolid.materials.declaration import Phrase
 from parsolid.observables.declared import Key, field_kinds, quantity_kinds, samplers_with_keys, shown_kinds
 from parsolid.scene.base_model import ByKind, Point, SceneModel, dimension_of, method_of, mismatch, reject
 from parsolid.scene.bodies import Name
 from parsolid.scene.declared_fields import DeclaredFields
 from parsolid.scene.formulas import InitialScalar
+from parsolid.scene.named_regions import RegionName
 from parsolid.scene.validation_errors import NOTHING, suggestion
 
 Kinds = Mapping[str, str]
@@ -72,19 +74,39 @@ def component_names(field: str, dimension: int, kind: str | None = None) -> list
 class Probe(SceneModel):
     """Values written to the history: fields of the particle nearest to `at`, or one quantity of all particles.
 
+    With a region `where` in place of `at` fields are those of its particles: their mean by volume, the least or the
+    greatest of each component, or their integral over the volume; a quantity is then that of the region.
     With a `weight` w(X, Y, Z) in place of `at` fields are projected on it, sum V w f / sum V w^2 over all particles:
     the amplitude of a mode w.
     twist is the angle [rad], accumulated over turns, by which the particle has turned about `axis` through `centre`.
     """
 
-    exactly_one: ClassVar = (("at", "quantity", "weight"), ("fields", "quantity"))
+    exactly_one: ClassVar = (("fields", "quantity"),)
+    at_most_one: ClassVar = (("at", "weight", "where"), ("at", "quantity"), ("weight", "quantity"))
     name: Name
     at: Point | None = Field(None, description="the point [m] whose nearest particle is followed")
     weight: InitialScalar | None = Field(None, description="a formula w in X, Y, Z on which fields are projected")
+    where: RegionName | None = None
+    statistic: Literal["mean", "minimum", "maximum", "integral"] | None = Field(
+        None, description="of fields in a region: 'mean' (unless given), 'minimum', 'maximum' or 'integral'"
+    )
     fields: Annotated[list[ProbeField], Field(min_length=1)] | None = Field(None, description="what is watched there")
     quantity: ProbeQuantity | None = Field(None, description="one number or vector of all particles")
     # of the fields or the quantity, as the scene's method and declarations have it
     _kinds: dict[str, str] = PrivateAttr(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _somewhere(self, info: ValidationInfo) -> "Probe":
+        """Fields are of a place, a mode or a region; only a region has a statistic."""
+        if self.fields is not None and self.at is None and self.weight is None and self.where is None:
+            reject(((), "exactly one of at, quantity, weight, where", Phrase("none")))
+        if self.statistic is not None and (self.where is None or self.fields is None):
+            reject((("statistic",), "no such key but of fields in a region (where)", self.statistic))
+        own: Any = getattr(method_of(info), "extra_quantities", {})
+        if self.where is not None and self.quantity in own and self.quantity not in quantity_kinds():
+            known = ", ".join(map(repr, quantity_kinds()))
+            reject((("quantity",), f"one of {known} in a region", self.quantity))
+        return self
 
     @model_validator(mode="after")
     def _keys_wanted(self, info: ValidationInfo) -> "Probe":

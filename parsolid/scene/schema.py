@@ -14,14 +14,17 @@ from parsolid.scene.bodies import FilledShape, OwnBody, own_method
 from parsolid.scene.boundaries import Boundary
 from parsolid.scene.boundaries.condition import reaction_details
 from parsolid.scene.contact import CONTACT_TERMS, OSCILLATION, Contact, contact_faults, contact_pairs, unbonded
+from parsolid.scene.error_bars import ErrorBars, RunTargets
 from parsolid.scene.fillings import filling_of
+from parsolid.scene.initial_state import InitialState, initial_details
 from parsolid.scene.lattice import Filling
 from parsolid.scene.loads import Loads
 from parsolid.scene.methods import Method, NamedMethodTable
-from parsolid.scene.named_regions import Region, all_regions, region_details
+from parsolid.scene.named_regions import Region, all_regions, region_details, uses_of_regions
 from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, SOLUTIONS_KNOWN, Output, Reference
 from parsolid.scene.probes import Probe, ProbeTable
 from parsolid.scene.systems import SystemOfScene, faults_of_systems, part_of, systems_of
+from parsolid.scene.tie import TIE_TERMS, Tie, tie_faults
 from parsolid.scene.tools import Tool, still_faults, tool_faults
 from parsolid.scene.validation_errors import NOTHING, SceneError, fault, key_path, suggestion
 
@@ -42,12 +45,16 @@ class Scene(SceneModel):
     bodies: Annotated[list[OwnBody], Field(min_length=1)] = Field(description="at least one body")
     regions: list[Region] = Field([], description="parts of bodies or of space with a name")
     boundaries: list[Boundary] = Field([], description="supports, loads on surfaces and prescribed motion")
+    initial: list[InitialState] = Field([], description="initial states of regions, or from results of another run")
     loads: Loads = Loads()
     contact: list[Contact] = Field([], description="bodies that meet")
+    tie: list[Tie] = Field([], description="bodies of different methods that are bonded")
     tools: list[Tool] = Field([], description="rigid bodies that others touch")
     probes: list[ProbeTable] = Field([], description="what is watched: columns of history.csv")
     output: Output = Output()
     reference: Reference | None = None
+    errors: ErrorBars | None = Field(None, description="error bars for what is in history.csv")
+    run: RunTargets | None = Field(None, description="errors to be reached, by runs from coarse to fine")
 
     @classmethod
     def _conflicts(cls, table: dict[str, Any]) -> list[Any]:
@@ -76,7 +83,7 @@ class Scene(SceneModel):
 
     @model_validator(mode="after")
     def _fits_method(self) -> "Scene":
-        details = faults_of_systems(self) + still_faults(self)
+        details = faults_of_systems(self) + still_faults(self) + tie_faults(self)
         exact = None if self.reference is None else self.reference.exact
         if self.loads.manufactured and exact not in MANUFACTURED:
             known = " or ".join(map(repr, MANUFACTURED))
@@ -88,8 +95,7 @@ class Scene(SceneModel):
             details.append((("reference", "exact"), "no such key with several methods", exact))
         elif exact and kind not in kinds:
             details.append((("reference", "exact"), f"a solution for the material {kind!r}", exact))
-        meshes = any(body.shape.kind == "mesh" for body in self.bodies)
-        details += region_details(self.regions, self.boundaries, meshes)
+        details += region_details(self) + initial_details(self)
         details += reaction_details(self.boundaries, [probe.name for probe in self.probes], self.systems)
         reject(*details)
         return self
@@ -129,8 +135,8 @@ class Scene(SceneModel):
 
     @property
     def named_regions(self) -> dict[str, Region]:
-        """Regions by name, also those groups of meshes that boundaries name directly; numbered in this order."""
-        return all_regions(self.regions, [one.region_name for one in self.boundaries if one.region_name is not None])
+        """Regions by name, also those groups of meshes that are named directly; numbered in this order."""
+        return all_regions(self.regions, [name for _, name in uses_of_regions(self)])
 
     def part(self, system: SystemOfScene) -> "Scene":
         """The scene of one system: its method, its bodies, and the boundaries and loads that it carries."""
@@ -164,6 +170,7 @@ class Parts:
     boundaries: dict[int, Any]
     probes: dict[int, Probe]
     contact: dict[int, Contact]
+    tie: dict[int, Tie]
     tools: dict[int, Tool]
     reference: Reference | None
     method: Any
@@ -184,6 +191,7 @@ class Parts:
             ("boundaries", Boundary),
             ("probes", ProbeTable),
             ("contact", Contact),
+            ("tie", Tie),
             ("tools", Tool),
         ):
             adapter = TypeAdapter(kind)
@@ -320,7 +328,7 @@ def _reference_faults(parts: Parts) -> list[str]:
         return []
     key = "final" if parts.reference.final is not None else "columns"
     known = [*HISTORY_COLUMNS, *parts.method.ledger_terms, *(CONTACT_TERMS if parts.contact or parts.tools else ())]
-    known += OSCILLATION if parts.contact else ()
+    known += [*(OSCILLATION if parts.contact else ()), *(TIE_TERMS if parts.tie else ())]
     for name in (one.reports for one in parts.boundaries.values() if one.reports is not None):
         known += [f"{name}.work", *reaction_columns(name, parts.dimension)]
     try:

@@ -73,7 +73,7 @@ class EnergyBalance:
             "resolved",
             f"at most {balance:.2g} of the energy unaccounted for, {share:.2g} lost in the scheme",
         )
-        if self.viscous_terms:
+        if viscous:
             # in a shock that is what heats matter, elsewhere it is a loss: told, not judged
             reason += f", {viscous:.2g} in artificial viscosity"
         if abs(share) > limits.dissipation_warning:

@@ -9,6 +9,7 @@ from parsolid.methods.protocol import EnergyLedger
 from parsolid.scene import Scene
 from parsolid.scene.contact import CONTACT_TERMS, OSCILLATION
 from parsolid.scene.systems import SystemOfScene
+from parsolid.scene.tie import TIE_TERMS
 
 ACCUMULATED = ("dissipation_internal", "dissipation_numerical", "work_external")
 COLUMNS = ("kinetic", "stored", *ACCUMULATED, "balance")
@@ -103,10 +104,11 @@ def terms_of(scene: Scene) -> dict[str, int]:
     named = zip(scene.systems, names_of_terms(scene))
     terms = {names[one]: sign for system, names in named for one, sign in _own_terms(scene, system).items()}
     works = {f"{one.reports}.work": 0 for one in scene.boundaries if one.reports is not None}
-    touching = CONTACT_TERMS if scene.contact or scene.tools else {}
-    return terms | touching | (OSCILLATION if scene.contact else {}) | works
+    met = CONTACT_TERMS if scene.contact or scene.tools else {}
+    met = met | (OSCILLATION if scene.contact else {}) | (TIE_TERMS if scene.tie else {})
+    return terms | met | works
 
 
 def _own_terms(scene: Scene, system: SystemOfScene) -> dict[str, int]:
     """Those of one system, with the names that its method gives them."""
-    return system.settings.energy_terms(scene.bodies[i].material for i in system.bodies)
+    return system.settings.energy_terms(scene, system.bodies)

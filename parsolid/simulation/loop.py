@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 from decomposition.reduction import MinimumAhead
 from parsolid.contact.kernel_contact import build_contact
+from parsolid.contact.tie import build_ties
 from parsolid.contact.tools import build_tools
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import ParticleSystem
@@ -15,6 +16,7 @@ from parsolid.scene import Scene
 from parsolid.simulation.diagnosis import describe_failure
 from parsolid.simulation.energy_balance import EnergyBalance, EnergyLimits
 from parsolid.simulation.ledger import Ledger, names_of_terms, terms_of, viscous_terms_of
+from parsolid.simulation.phases import Phases
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.setup import build_systems
 from parsolid.simulation.signals import StopRequest
@@ -49,7 +51,6 @@ class Clock:
     # the first step of a program also loads or compiles the kernels
     first_step_seconds: float = 0.0
     first_step_processor_seconds: float = 0.0
-    waiting_seconds: float = 0.0
     # of each system, on this rank: time in its steps but the first, without that spent on messages
     work: list[float] = field(default_factory=list)
 
@@ -82,10 +83,11 @@ class Simulation:
             restart.check(scene)
         self.systems, self.particle_sets = build_systems(comm, scene, restart)
         self._ledgers = [self.ledger.of(names) for names in names_of_terms(scene)]
-        self.clock.work = [0.0] * len(self.systems)
+        self.clock.work, self.phases = [0.0] * len(self.systems), Phases(self.systems)
         self.interactions: list[Interaction] = [
             *build_contact(comm, scene, self.systems),
             *build_tools(comm, scene, self.systems),
+            *build_ties(comm, scene, self.systems),
         ]
         self.time_steps = TimeSteps.of(scene, self.systems)
         # the step agreed on for the current state; a restart takes it from the checkpoint, for the same bits
@@ -150,6 +152,7 @@ class Simulation:
         """
         end = self.scene.end_time
         self.first_step = self.clock.step
+        self.phases.set_up = self.phases.set_up or clock.perf_counter() - self.clock.began
         stable = self.stable
         if stable is None:
             self._announce(min(system.stable_step() for system in self.systems), (0.0, 0.0))
@@ -159,7 +162,7 @@ class Simulation:
             self.stable, interrupted, checkpoint = self._result()
             self.checkpoint_wanted = checkpoint < 0.0
             self._check_step(self.stable)
-            watch.look(self)
+            self._show(watch)
             self._check_balance()
             if self.clock.time >= end:
                 return FINISHED
@@ -170,6 +173,12 @@ class Simulation:
             late = limits.wall is not None and clock.perf_counter() > limits.wall
             wishes = (float(stop.received is not None or late), float(watch.wall_checkpoint_due()))
             self._advance(*self.time_steps.next(self.clock.time, self.stable), wishes)
+
+    def _show(self, watch: Watch) -> None:
+        """Let the watch look at the state."""
+        began = clock.perf_counter()
+        watch.look(self)
+        self.phases.output += clock.perf_counter() - began
 
     def take_step(self, step: float) -> None:
         """One time step [s] and the reduction that goes with it, whatever the stable step is; collective."""
@@ -187,7 +196,9 @@ class Simulation:
     def _result(self) -> tuple[float, float, float]:
         waiting = clock.perf_counter()
         stable, allowed, interrupted, checkpoint, *news = self.minimum.result()
-        self.clock.waiting_seconds += clock.perf_counter() - waiting
+        self.phases.waiting += clock.perf_counter() - waiting
+        if self.clock.step <= self.first_step + 1:
+            self.phases.begin()
         for one, first in zip(self.parts, news):
             one.news_anywhere = first < 0.0
         return _together(stable, allowed), interrupted, checkpoint
@@ -199,15 +210,19 @@ class Simulation:
         self._wishes = wishes
         for interaction in self.interactions:
             interaction.before(self.clock.time, step, self.ledger)
+        before = clock.perf_counter()
         advance = self._advance_system if len(self.systems) == 1 else self._advance_and_count
         for number in range(len(self.systems)):
             advance(number, step)
+        after = clock.perf_counter()
         for interaction in self.interactions:
             interaction.after(arrival, step, self.ledger)
             self.failed = self.failed or not interaction.sound()
         self.clock.time, self.clock.step_size = arrival, step
         self.clock.step += 1
-        self._count(clock.perf_counter() - began, clock.process_time() - processor_began)
+        now = clock.perf_counter()
+        self.phases.contact += before - began + now - after
+        self._count(now - began, clock.process_time() - processor_began)
 
     def _advance_system(self, number: int, step: float) -> None:
         """One step [s] of one system."""

@@ -29,6 +29,12 @@ class Observables:
         return _joined([system.mass[: system.owned] * system.share[: system.owned] for system in self.systems])
 
     @property
+    def tributary_volume(self) -> np.ndarray:
+        """Reference volume (n,) [m^3] on this side of mirror planes."""
+        shares = _joined([system.share[: system.owned] for system in self.systems])
+        return np.asarray(self.rows("volume") * shares)
+
+    @property
     def body(self) -> np.ndarray:
         """Number (n,) of each particle's body in the scene."""
         own = [system.particles.owned_rows("body") for system in self.systems]

@@ -1,18 +1,19 @@
 """The files of one run: which folder, what is in it, and how a restart goes on with them."""
 
-import time as clock
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from parsolid.collective import anywhere
+from parsolid.observables.in_region import OfRegion
 from parsolid.output.blocks import FieldBlocks
 from parsolid.output.directory import occupy, prepare
 from parsolid.output.errors import together
 from parsolid.output.fields import Fields, FieldSeries
 from parsolid.output.history import History, read_history
 from parsolid.output.lock import FolderLock
+from parsolid.output.numbering import numbers_of
 from parsolid.output.whereabouts import HERE
 from parsolid.scene import Scene
 from parsolid.simulation.observables import Observables
@@ -53,10 +54,9 @@ class OutputFiles:
         resume_at = self.continued.header["time"] if self.continued else None
         names = [plan.name or f"system-{number}" for number, plan in enumerate(scene.systems)]
         file = self.directory / "fields.vtkhdf"
-        capacity = max(1, len(self.field_times))
+        capacity = max(1, sum(time > (-1.0 if resume_at is None else resume_at) for time in self.field_times))
         self.blocks = FieldBlocks(comm, file, names, capacity, resume_at) if len(names) > 1 else None
         self.fields = None if self.blocks else FieldSeries(comm, file, capacity, resume_at)
-        self.seconds = 0.0
 
     def close(self) -> None:
         """Close the history and give the folder back, on each rank for itself; nothing is written after it."""
@@ -93,23 +93,30 @@ class OutputFiles:
 
     def write_fields(self, observables: Observables, time: float) -> None:
         """Write the shown fields at a time [s]."""
-        began = clock.perf_counter()
         if self.fields is not None:
             names = self.scene.output.fields or observables.usual_fields()
-            self.fields.write(time, observables.rows("identifier"), *self._shown(observables, names))
+            identifier, shown = self._chosen(observables)
+            self.fields.write(time, identifier, *self._shown(shown, names))
         elif self.blocks is not None:
             for number in reversed(range(len(observables.systems))):
                 # the first block tells the times
                 block = Observables([observables.systems[number]])
                 names = [name for name in self.scene.output.fields or block.usual_fields() if block.has(name)]
-                position, varying, constant = self._shown(block, names)
-                constant["identifier"] = block.rows("identifier")
+                numbers, shown = self._chosen(block)
+                position, varying, constant = self._shown(shown, names)
+                constant["identifier"] = numbers
                 self.blocks.write(time, number, position, varying, constant)
             self.blocks.collect()
-        self.seconds += clock.perf_counter() - began
+
+    def _chosen(self, of: Observables) -> tuple[np.ndarray, Observables | OfRegion]:
+        """The particles that are written, and their numbers; of a region these run through those there; collective."""
+        if self.scene.output.where is None:
+            return of.rows("identifier"), of
+        chosen = OfRegion(of, list(self.scene.named_regions).index(self.scene.output.where))
+        return numbers_of(self.comm, chosen.rows("identifier")), chosen
 
     @staticmethod
-    def _shown(of: Observables, names: list[str]) -> tuple[np.ndarray, Fields, Fields]:
+    def _shown(of: Observables | OfRegion, names: list[str]) -> tuple[np.ndarray, Fields, Fields]:
         """Position, fields of these names, and those that do not change."""
         varying = {name: np.ascontiguousarray(of.field(name)) for name in names}
         constant = {"body": of.body, "volume": of.rows("volume")}

@@ -7,6 +7,7 @@ import numpy as np
 
 from parsolid.collective import minimum
 from parsolid.observables.declared import PARTICLE_SAMPLERS, QUANTITIES, Sampler
+from parsolid.observables.in_region import InRegion, Statistic
 from parsolid.observables.method_quantity import MethodQuantity
 from parsolid.observables.particle_field import ParticleField, Place
 from parsolid.observables.projected import Projected
@@ -27,7 +28,11 @@ class Probes:
         self.samplers: list[Sampler] = []
         for probe in scene.probes:
             columns = probe.columns_of_fields(scene.dimension)
-            self.samplers += _samplers(comm, probe, columns, observables)
+            samplers = _samplers(comm, probe, columns, observables)
+            if probe.where is not None:
+                number = list(scene.named_regions).index(probe.where)
+                samplers = [InRegion(sampler, number) for sampler in samplers]
+            self.samplers += samplers
         for name in (one.reports for one in scene.boundaries if one.reports is not None):
             self.samplers.append(ReactionForce(name, reaction_columns(name, scene.dimension)))
         self.columns = [column for sampler in self.samplers for column in sampler.columns]
@@ -70,6 +75,8 @@ def _samplers(comm: Any, probe: Any, columns: dict[str, list[str]], observables:
     if probe.weight is not None:
         names = [column for field in probe.fields for column in columns[field]]
         return [Projected(probe.name, names, probe.weight, probe.fields)]
+    if probe.where is not None:
+        return [Statistic(probe.name, columns[name], name, probe.statistic or "mean") for name in probe.fields]
     rows, where = observables.rows, np.array([probe.at], float)
     winner, _ = nearest_particles(comm, rows("identifier"), rows("reference_position"), where)
     place, result = Place(int(winner[0])), []

@@ -5,7 +5,7 @@ from typing import Any
 
 from parsolid.output.checkpoint import write_checkpoint
 from parsolid.output.errors import together
-from parsolid.output.progress import Progress
+from parsolid.output.progress import Progress, Several
 from parsolid.output.whereabouts import HERE
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.observables import Observables
@@ -21,7 +21,7 @@ from parsolid.simulation.time_step import SLIVER
 class Recorder:
     """Looks at a simulation after every step and writes what is due; created on all ranks."""
 
-    def __init__(self, simulation: Simulation, files: OutputFiles, progress: Progress | None):
+    def __init__(self, simulation: Simulation, files: OutputFiles, progress: Progress | Several | None):
         """files: `output_files.OutputFiles`; progress: `output.progress.Progress` or None on other ranks."""
         self.simulation, self.files, self.progress = simulation, files, progress
         self.scene = simulation.scene
@@ -34,7 +34,6 @@ class Recorder:
         with together(simulation.comm, "cannot read a file of the scene"):
             if simulation.comm.rank == 0:
                 self.contents = contents(simulation.scene)
-        self.output_seconds = 0.0
         self.last_checkpoint_step: int | None = None
         self.last_checkpoint_wall = clock.perf_counter()
         self.resumed_step: int | None = None
@@ -55,7 +54,6 @@ class Recorder:
 
     def look(self, simulation: Simulation) -> None:
         """Write what is due at the end of a step; collective when something is."""
-        began = clock.perf_counter()
         if simulation.clock.step == self.resumed_step:
             return
         time, step, end = simulation.clock.time, simulation.clock.step, simulation.clock.time >= self.scene.end_time
@@ -68,7 +66,6 @@ class Recorder:
             self.write_checkpoint()
         if self.progress is not None:
             self.progress.update(step, time, self.simulation.clock.step_size, self.last_row)
-        self.output_seconds += clock.perf_counter() - began
 
     def _history_due(self, time: float, step: int) -> bool:
         output = self.scene.output
@@ -83,7 +80,9 @@ class Recorder:
 
     def finish(self) -> None:
         """Write the checkpoint that the end of a run owes; collective."""
+        began = clock.perf_counter()
         self.write_checkpoint()
+        self.simulation.phases.output += clock.perf_counter() - began
 
     def _checkpoint_due(self, simulation: Simulation) -> bool:
         output, step = self.scene.output, simulation.clock.step
@@ -131,4 +130,4 @@ class Recorder:
     def summary(self, status: str) -> dict[str, Any]:
         """What summary.json says of the run; collective, the same on all ranks."""
         balance = None if self.last_row is None else self.last_row["balance"]
-        return summary_of(self.simulation, status, balance, self.output_seconds, self.errors.result())
+        return summary_of(self.simulation, status, balance, self.errors.result())

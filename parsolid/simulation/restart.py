@@ -65,6 +65,9 @@ class Restart:
         time = self.header["time"]
         found = list(changes(self.header["scene"], self.comm.bcast(tables), time))
         faults, self.notes = judged(found, self.allowed, self.path, time)
+        if scene.end_time < time:
+            expected = f"at least {time:.6g} s, the time of the checkpoint {self.path}"
+            faults.append(f"end_time: expected {expected}, found {scene.end_time:.6g} s")
         if faults:
             raise SceneError(faults)
 

@@ -9,18 +9,18 @@ from parsolid.methods.protocol import ParticleSystem
 from parsolid.output.summary import peak_memory_bytes
 from parsolid.scene.systems import in_words_of
 from parsolid.simulation.loop import Simulation
+from parsolid.simulation.phases import of_all_ranks
 
 
-def summary_of(
-    simulation: Simulation, status: str, balance: float | None, output_seconds: float, errors: dict[str, float]
-) -> dict[str, Any]:
+def summary_of(simulation: Simulation, status: str, balance: float | None, errors: dict[str, float]) -> dict[str, Any]:
     """The summary; balance: of the last history row [J]; collective, the same on all ranks."""
     comm, scene, spent, systems = simulation.comm, simulation.scene, simulation.clock, simulation.systems
     steps, ranks = spent.step - simulation.first_step, comm.size
     pairs = comm.allreduce(sum(system.directed_pairs for system in systems))
     evaluated = comm.allreduce(sum(system.evaluations * system.directed_pairs for system in systems)) * steps
     slowest = maximum(comm, spent.loop_seconds)
-    waited = comm.allreduce(sum(system.communication_seconds for system in systems) + spent.waiting_seconds)
+    wall = clock.perf_counter() - spent.began
+    mine = simulation.phases.seconds(spent.first_step_seconds, spent.loop_seconds)
     plans = {plan.bodies: plan for plan in scene.systems}
     doubts = [in_words_of(scene, plans[s.bodies], doubt) for s in systems if (doubt := s.doubt()) is not None]
     return {
@@ -32,16 +32,16 @@ def summary_of(
         "ranks": ranks,
         "steps": spent.step,
         "end_time": spent.time,
-        "wall_seconds": clock.perf_counter() - spent.began,
+        "wall_seconds": wall,
         "setup_seconds": simulation.setup_seconds,
         "loop_seconds": slowest,
         "loop_processor_seconds": comm.allreduce(spent.loop_processor_seconds),
         "first_step_seconds": maximum(comm, spent.first_step_seconds),
         "first_step_processor_seconds": comm.allreduce(spent.first_step_processor_seconds),
-        "output_seconds": output_seconds,
+        "output_seconds": simulation.phases.output,
         "particle_steps_per_second_per_rank": simulation.particles * steps / slowest / ranks if steps else None,
         "nanoseconds_per_pair": slowest * ranks / (evaluated / 2) * 1e9 if evaluated else None,
-        "communication_share": waited / (slowest * ranks) if steps else None,
+        **of_all_ranks(comm, mine, wall),
         "energy_balance": None if balance is None else simulation.balance.relative(balance, simulation.energy_scale),
         **simulation.balance.verdict(simulation.energy_scale, doubts),
         "peak_memory_bytes_per_rank": maximum(comm, peak_memory_bytes()),

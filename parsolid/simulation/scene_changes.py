@@ -29,6 +29,8 @@ FREE = (
     "title",
     "end_time",
     "output.*",
+    "errors",
+    "run",
     *_of_methods(
         "cfl",
         "safety",
@@ -46,7 +48,7 @@ FREE = (
     ),
 )
 # not worth a note
-SILENT = ("title", "end_time", "output.*")
+SILENT = ("title", "end_time", "output.*", "errors", "run")
 # which particles and bonds there are, and what is of the start alone
 FIXED = (
     "dimension",
@@ -64,6 +66,8 @@ FIXED = (
     "bodies.*.displacement",
     "bodies.*.deformation_gradient",
     "bodies.*.temperature",
+    "initial*",
+    "output.where",
 )
 
 
@@ -159,7 +163,7 @@ def judged(found: list[Change], allowed: tuple[str, ...], source: Path, time: fl
     faults, notes = [], []
     for change in found:
         fixed = change.of(FIXED)
-        if change.later or change.of(FREE) or (not fixed and change.of(allowed)):
+        if change.later or (change.of(FREE) and not fixed) or (not fixed and change.of(allowed)):
             if not change.of(SILENT):
                 then = f"{told(change.before)} until the checkpoint at t = {time:.6g} s"
                 notes.append(f"{change.key}: {then}, from there on {told(change.now)}")

@@ -9,6 +9,7 @@ import numpy as np
 
 from parsolid.collective import SolverError
 from parsolid.contact.kernel_contact import declare_fields
+from parsolid.contact.tie import declare_tie_fields
 from parsolid.contact.tools import declare_tool_fields
 from parsolid.methods import method_class
 from parsolid.methods.protocol import ParticleSystem
@@ -40,6 +41,7 @@ def build_systems(comm: Any, scene: Scene, restart: Restart | None) -> tuple[lis
             system = kind(comm, part, particle_sets[-1])
             system.bodies, system.name = plan.bodies, plan.name
             declare_fields(scene, system)
+            declare_tie_fields(scene, system)
             declare_tool_fields(scene, system)
             systems.append(system)
             if not restart:

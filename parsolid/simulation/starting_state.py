@@ -35,7 +35,7 @@ def _inside_out(scene: Scene, system: ParticleSystem) -> str | None:
 
 def _misfit(scene: Scene, system: ParticleSystem, particle_set: ParticleSet) -> str | None:
     """The first particle whose deformation gradient is neither 1 + grad u from one side nor from the other."""
-    given = initial_deformation_gradient(scene, particle_set.body, particle_set.position)
+    given = initial_deformation_gradient(scene, particle_set.body, particle_set.position, particle_set.regions)
     if given is None or not len(particle_set):
         return None
     stated, where = given
@@ -62,7 +62,7 @@ def _column(scene: Scene, particle_set: ParticleSet, axis: int, step: np.ndarray
     """Column (n, d) of 1 + grad u along an axis, by a difference to one side."""
     place, body = particle_set.position, particle_set.body
     result = np.zeros_like(place)
-    here, there = (initial_displacement(scene, body, at) for at in (place, place + step))
+    here, there = (initial_displacement(scene, body, at, particle_set.regions) for at in (place, place + step))
     if here is not None and there is not None:
         result = (there - here) / step[axis]
     result[:, axis] += 1.0

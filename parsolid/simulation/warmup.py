@@ -33,6 +33,13 @@ def warm_up(comm: Any, scene: Scene) -> None:
     node.Free()
 
 
+def load_kernels(scene: Scene) -> None:
+    """Have a scene's kernels in this rank's memory."""
+    for system in scene.systems:
+        with suppress(Exception):
+            compile_kernels(small_scene(scene.part(system), system.settings))
+
+
 def _compile_unless_marked(mark: Path, tables: Tables) -> None:
     if mark.exists():
         return

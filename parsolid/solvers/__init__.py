@@ -9,15 +9,18 @@ from parsolid.solvers.conjugate_gradients import conjugate_gradients
 from parsolid.solvers.dynamic_relaxation import dynamic_relaxation, relaxation_mass
 from parsolid.solvers.power_iteration import largest_eigenvalue, start_vector
 from parsolid.solvers.solution import Solution
-from parsolid.solvers.two_level import Grid, TwoLevel
+from parsolid.solvers.stiff_volumes import StiffVolumes
+from parsolid.solvers.two_level import Grid, TwoLevel, motions_without
 
 __all__ = [
     "Grid",
     "Solution",
+    "StiffVolumes",
     "TwoLevel",
     "conjugate_gradients",
     "dynamic_relaxation",
     "largest_eigenvalue",
+    "motions_without",
     "relaxation_mass",
     "start_vector",
 ]

@@ -9,6 +9,9 @@ from decomposition.compiled import compiled
 from decomposition.reduction import sums
 from parsolid.solvers.solution import Solution
 
+# iterations after which it is asked whether there is a solution at all
+_PATIENCE = 200
+
 
 @compiled
 def _advance(
@@ -49,13 +52,15 @@ def conjugate_gradients(
     free: np.ndarray | None = None,
     limit: int | None = None,
     precondition: Callable[[np.ndarray], np.ndarray] | None = None,
+    hopeless: Callable[[], str] | None = None,
 ) -> Solution:
     """Solve K u = load on free components for a symmetric positive definite K; collective.
 
     load (n, d) [N], only its free components are looked at; ends when |load - K u|_2 over all ranks is at most target
     [N], after `limit` products (default: ten times the number of components), or when a direction has no positive
     stiffness (`converged` is then false). Two global sums an iteration. precondition(r) gives M^-1 r (n, d), M
-    symmetric positive definite, of a residual that is 0 where not free. Source: M. R. Hestenes, E. Stiefel, J. Res.
+    symmetric positive definite, of a residual that is 0 where not free; hopeless() says, after many iterations, why
+    there is no solution, or nothing. Source: M. R. Hestenes, E. Stiefel, J. Res.
     Nat. Bur. Standards 49 (1952) 409.
     """
     residual = (load.copy() if free is None else load * free).ravel()
@@ -73,6 +78,8 @@ def conjugate_gradients(
     while square > target * target and not reason:
         if iterations == limit:
             reason = f"no solution after {limit} iterations"
+            break
+        if iterations == _PATIENCE and hopeless is not None and (reason := hopeless()):
             break
         apply(shaped, product)
         stiffness = float(sums(comm, [_masked_product(flat, direction, mask)])[0])

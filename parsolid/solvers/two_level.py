@@ -155,6 +155,7 @@ class TwoLevel:
         chosen = np.flatnonzero(self.moving.ravel())
         A = whole[chosen][:, chosen].tocsc()
         A += _FLOOR * A.diagonal().max(initial=0.0) * sparse.identity(len(chosen), format="csc")
+        self.stiffness = A
         self.factors = splu(A, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}) if len(chosen) else None
         self.diagonal = diagonal
 
@@ -168,6 +169,10 @@ class TwoLevel:
 
     def __call__(self, residual: np.ndarray) -> np.ndarray:
         """M^-1 r (n, d) of a residual (n, d) that is 0 where a component is prescribed."""
+        return self.less_loose(self.without_loose(residual))
+
+    def without_loose(self, residual: np.ndarray) -> np.ndarray:
+        """The same, whatever is left out."""
         assert self.diagonal is not None
         result = residual / self.diagonal
         if self.factors is not None:
@@ -175,6 +180,10 @@ class TwoLevel:
             coarse[self.moving] = self.factors.solve(coarse[self.moving])
             coarse[~self.moving] = 0.0
             result += (self.prolongation @ coarse) * self.free
+        return result
+
+    def less_loose(self, result: np.ndarray) -> np.ndarray:
+        """M^-1 r (n, d) less its part of motions that are left out; in place."""
         if len(self.loose):
             parts = sums(self.comm, np.tensordot(self.loose, result, 2))
             result -= np.tensordot(parts, self.loose, 1)
@@ -186,9 +195,15 @@ class TwoLevel:
 
         restraint (k, k): sums of products of what the motions are wherever something holds, on all ranks together.
         """
-        gram = sums(self.comm, np.tensordot(motions, motions, ((1, 2), (1, 2))))
-        sizes, axes = np.linalg.eigh(gram)
-        basis = axes[:, sizes > 1e-12 * sizes[-1]] / np.sqrt(sizes[sizes > 1e-12 * sizes[-1]])
-        values, modes = np.linalg.eigh(basis.T @ restraint @ basis)
-        loose = (basis @ modes[:, values < _LOOSE]).T
-        self.loose = np.tensordot(loose, motions, 1) * self.free
+        self.loose = motions_without(self.comm, motions, restraint) * self.free
+
+
+def motions_without(comm: Any, motions: np.ndarray, restraint: np.ndarray) -> np.ndarray:
+    """Those (l, n, d), orthonormal over all ranks, of the span of some motions (k, n, d) that have no restraint (k, k),
+    see `TwoLevel.leave_out`. Collective.
+    """
+    gram = sums(comm, np.tensordot(motions, motions, ((1, 2), (1, 2))))
+    sizes, axes = np.linalg.eigh(gram)
+    basis = axes[:, sizes > 1e-12 * sizes[-1]] / np.sqrt(sizes[sizes > 1e-12 * sizes[-1]])
+    values, modes = np.linalg.eigh(basis.T @ restraint @ basis)
+    return np.asarray(np.tensordot((basis @ modes[:, values < _LOOSE]).T, motions, 1))

@@ -25,7 +25,6 @@ KINDS = {
     "displacement": {"plane": "X = 1", "displacement": ["t", "free"]},
     "layer": {"plane": "X = 0.5", "side": "below"},
     "traction": {"plane": "X = 1", "traction": [1.0, 0.0]},
-    "surface_pressure": {"ball": {"centre": [0.5, 0.5], "radius": 2.0}, "pressure": 1.0},
     "pressure": {"plane": "X = 1", "pressure": 1.0},
     "spring": {"plane": "X = 1", "stiffness": 1.0},
     "wall": {"plane": "X = 2", "side": "below"},
@@ -36,8 +35,10 @@ KINDS = {
 PRONY = {"kind": "prony", "density": 1000.0, "youngs_modulus": 7e6, "poissons_ratio": 0.3, "terms": []}
 
 
-def table(kind: str) -> dict:
+def table(kind: str, method: str = "tlsph") -> dict:
     """The table of a kind."""
+    if kind == "pressure" and method == "peridynamics":
+        return {"kind": kind, "ball": {"centre": [0.5, 0.5], "radius": 2.0}, "pressure": 1.0}
     return copy.deepcopy({"kind": kind, **KINDS[kind]})
 
 

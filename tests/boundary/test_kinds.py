@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from kinds import KINDS, table, tables_of, translated
+from mpi4py import MPI
 from solids import gathered, simulation
 
 from parsolid.boundary.declarations import Declarations, Support
@@ -27,16 +28,15 @@ def test_these_are_all_kinds():
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_method_takes_a_kind_or_refuses_it(method, kind, comm):
-    data = tables_of(method, table(kind))
+    data = tables_of(method, table(kind, method))
     if kind in TAKEN[method]:
         translated(comm, data)
         return
     with pytest.raises(SceneError) as found:
         parse_scene(data)
-    known = ", ".join(map(repr, TAKEN[method]))
-    assert found.value.faults == [
-        f"boundaries.0.kind: expected one of {known}, which the method of the scene knows, found {kind!r}"
-    ]
+    known, why = ", ".join(map(repr, TAKEN[method])), settings_class({"kind": method}).refused[kind]
+    expected = f"one of {known}, which the method of the scene knows ({kind}: {why})"
+    assert found.value.faults == [f"boundaries.0.kind: expected {expected}, found {kind!r}"]
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -47,7 +47,7 @@ def test_no_kind_is_taken_for_another(method, kind, comm, monkeypatch):
         return
     monkeypatch.setattr(settings_class({"kind": method}), "boundaries", tuple(KINDS))
     with pytest.raises(SolverError, match="boundaries.0.kind: expected .* with this method, found " + repr(kind)):
-        translated(comm, tables_of(method, table(kind)))
+        translated(comm, tables_of(method, table(kind, method)))
 
 
 def test_the_table_in_the_documents_is_that_of_the_methods():
@@ -59,6 +59,42 @@ def test_the_table_in_the_documents_is_that_of_the_methods():
         assert dict(zip(METHODS, marks)) == {one: "yes" if kind in TAKEN[one] else "" for one in METHODS}, kind
         model = BOUNDARY_KINDS.models[kind]
         assert model.__module__ == "parsolid.scene.boundaries." + re.fullmatch(r"`(\w+)\.py`", file)[1]
+
+
+def in_region(kind: str, method: str) -> str:
+    """Whether a method takes a kind in a region with a name, as a cell of the table says it."""
+    stated = {key: value for key, value in table(kind, method).items() if key not in ("plane", "ball")}
+    if "where" not in BOUNDARY_KINDS.models[kind].model_fields:
+        return "yes"
+    data = tables_of(method, stated | {"where": "here"})
+    data["regions"] = [{"name": "here", "formula": "X > 0.95" if method == "tlsph" else "X > 0.5"}]
+    try:
+        translated(MPI.COMM_SELF, data)
+    except (SceneError, SolverError):
+        return "yes, no regions"
+    return "yes, regions"
+
+
+def table_of_parts() -> str:
+    """What each method takes, in regions with a name too, with the force that it tells, or why it takes none."""
+    lines = [f"| kind | {' | '.join(METHODS)} |", "|---" * 5 + "|"]
+    for kind in KINDS:
+        cells = []
+        for method in METHODS:
+            settings = settings_class({"kind": method})
+            told = ", force" if kind in settings.reactions else ""
+            cells.append(in_region(kind, method) + told if kind in TAKEN[method] else f"no: {settings.refused[kind]}")
+        lines.append(f"| `{kind}` | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+PARTS = ROOT / "docs" / "parts.md"
+_BEGIN, _END = "<!-- kinds: python tests/boundary/test_kinds.py -->\n", "\n<!-- end of kinds -->"
+
+
+def test_the_page_on_parts_says_what_each_method_takes():
+    text = PARTS.read_text(encoding="utf-8")
+    assert text.split(_BEGIN)[1].split(_END)[0] == table_of_parts()
 
 
 PRESSURE = '''
@@ -136,3 +172,20 @@ def test_a_kind_that_means_nothing_is_refused(new_kind, monkeypatch):
 def test_two_kinds_of_one_name_are_refused(new_kind):
     with pytest.raises(ValueError, match="expected one of the name 'traction', found two"):
         new_kind(PRESSURE.replace('Literal["push"]', 'Literal["traction"]'))
+
+
+def test_a_kind_with_another_name_now_is_refused_with_it():
+    data = tables_of("peridynamics", table("pressure", "peridynamics") | {"kind": "surface_pressure"})
+    with pytest.raises(SceneError, match="expected 'pressure', as this kind is called now, found 'surface_pressure'"):
+        parse_scene(data)
+
+
+@pytest.mark.parametrize(("method", "other"), [("tlsph", "peridynamics"), ("peridynamics", "tlsph")])
+def test_a_pressure_where_a_method_knows_none_is_refused(method, other):
+    with pytest.raises(SceneError, match=r"boundaries.0.\w+: expected one of .*where.* with this method"):
+        parse_scene(tables_of(method, table("pressure", other)))
+
+
+if __name__ == "__main__":
+    before, rest = PARTS.read_text(encoding="utf-8").split(_BEGIN)
+    PARTS.write_text(before + _BEGIN + table_of_parts() + _END + rest.split(_END)[1], encoding="utf-8")

@@ -1,6 +1,8 @@
 """Pictures of a run: sizes, contents, messages; and the fields file as pyvista reads it."""
 
 import argparse
+import base64
+import json
 import os
 import subprocess
 import sys
@@ -14,6 +16,8 @@ from parsolid.commands.cli import main
 from parsolid.commands.plot import add_arguments, plot_run, run_plot
 from parsolid.commands.plot.scales import scale_of
 from parsolid.commands.plot.skins import Skin, lattice_faces
+from parsolid.commands.view import add_arguments as add_view_arguments
+from parsolid.commands.view import run_view
 from parsolid.scene import SceneError
 
 pytest.importorskip("matplotlib")
@@ -207,21 +211,66 @@ def test_cells_are_continued_to_the_surface_linearly_or_not_at_all():
 
 
 @pytest.mark.parametrize(
-    "name, largest, label",
+    "name, largest, label, one_map",
     [
-        ("pressure", 2e6, "pressure [MPa]"),
-        ("velocity_x", 300.0, "velocity x [m/s]"),
-        ("displacement", 1e-5, "displacement [µm]"),
+        ("pressure", 2e6, "pressure [MPa]", True),
+        ("stress_xy", 2e-6, "stress xy [Pa]", True),
+        ("velocity_x", 300.0, "velocity x [m/s]", False),
+        ("displacement", 1e-5, "displacement [µm]", False),
     ],
 )
-def test_scales_have_units_and_signs(name, largest, label):
+def test_scales_have_units_and_signs(name, largest, label, one_map):
     values = np.linspace(-largest, 0.8 * largest, 1001)
     scale = scale_of(name, [values], None)
     assert scale.label == label
     assert scale.lower == -scale.upper and 0.9 * largest < scale.upper <= largest
-    assert scale.colours != scale_of(name, [np.abs(values)], None).colours
+    # a quantity with a map of its own keeps it, whatever its signs
+    assert (scale.colours == scale_of(name, [np.abs(values)], None).colours) == one_map
     fixed = scale_of(name, [values], (-1.0, 2.0))
     assert (fixed.lower, fixed.upper) == (-1.0, 2.0)
+
+
+def test_damage_is_coloured_from_nothing_to_all():
+    scale = scale_of("damage", [np.array([0.0, 0.2])], None)
+    assert (scale.lower, scale.upper) == (0.0, 1.0)
+
+
+def lit(path):
+    """How many pixels of the bodies' panel are not white."""
+    image = pixels(path)[:, :-110]
+    return np.count_nonzero(image.min(axis=2) < 250)
+
+
+def test_bodies_cut_open_show_a_part(comm, folders):
+    """A half of a lattice, of a plane body, of particles drawn as spheres; a section."""
+    whole = {}
+    for kind in SHAPES:
+        for name, more in {"whole": [], "half": ["--clip", "X > 0.5" if kind != "ball" else "x < 0"]}.items():
+            out = folders / f"cut-{kind}-{name}.png"
+            draw(comm, folders / kind, "--times", "0", "--view", "front", "--size", "400x300", *more, "-o", out)
+            whole[kind, name] = lit(out) if comm.rank == 0 else 0
+        if comm.rank == 0:
+            assert 0.3 * whole[kind, "whole"] < whole[kind, "half"] < 0.7 * whole[kind, "whole"], kind
+    out = folders / "section.png"
+    draw(comm, folders / "block", "--times", "0", "--view", "1,0,0", "--slice", "Y=1", "--size", "400x300", "-o", out)
+    # seen from its edge
+    assert comm.rank > 0 or lit(out) < 0.1 * whole["block", "whole"]
+    with pytest.raises(SceneError, match="--slice: expected bodies of 3 dimensions"):
+        run_plot(comm, options_of(folders / "plate", "--slice", "X = 0", "-o", out))
+    with pytest.raises(SceneError, match="--only: expected some of 0, found 'plate'"):
+        run_plot(comm, options_of(folders / "plate", "--only", "plate", "-o", out))
+
+
+def test_images_join_without_a_seam(comm, folders):
+    """A body and its image in a plane through its side are one surface of two sides less."""
+    from parsolid.commands.plot.space import _seamless, _surface
+
+    lines = ((3, False), (3, False), (3, False))
+    skin = Skin(0, 27, lattice_faces(list(lines), 3), None, lines)
+    position = np.stack(np.meshgrid(*3 * [np.arange(3.0)], indexing="ij"), axis=-1).reshape(-1, 3)
+    images = [_surface(skin, position * [sign, 1, 1], position[:, 0], turned=sign < 0) for sign in (1, -1)]
+    joined = _seamless(images, (0,), 0.05)
+    assert joined.n_cells == 40 and joined.area == pytest.approx(40.0) and joined.n_open_edges == 0
 
 
 @pytest.mark.mpi
@@ -267,3 +316,38 @@ def test_pyvista_reads_all_time_steps(comm, folders):
             reference.max(axis=0), [1, 2, 1], atol=1e-6
         )
     assert not np.allclose(places[0], places[2])
+
+
+@pytest.mark.parametrize("kind, more", [("plate", []), ("ball", ["--mirror", "X"]), ("block", ["--clip", "Y > 0.9"])])
+def test_a_page_holds_all_times_of_all_bodies(comm, folders, kind, more):
+    out = folders / f"{kind}.html"
+    parser = argparse.ArgumentParser()
+    add_view_arguments(parser)
+    assert run_view(comm, parser.parse_args([str(folders / kind), "--html", str(out), *more])) == 0
+    if comm.rank == 0:
+        page = out.read_text()
+        data = json.loads(page.split('type="application/json">')[1].split("</script>")[0])
+        assert data["title"] == f"Small {kind}"
+        assert [frame["time"] for frame in data["frames"]] == ["t = 0 µs", "t = 100 µs", "t = 200 µs"]
+        assert "http" not in page
+        for frame in data["frames"]:
+            assert len(frame["pieces"]) == (2 if kind == "ball" else 1)
+            for piece in frame["pieces"]:
+                places = np.frombuffer(base64.b64decode(piece["places"]), np.float32).reshape(-1, 3)
+                assert len(places) == len(base64.b64decode(piece["values"])) and np.isfinite(places).all()
+                if piece["faces"] is None:
+                    assert kind == "ball" and piece["diameter"] > 0.1
+                    continue
+                faces = np.frombuffer(base64.b64decode(data["triangles"][piece["faces"]]), np.uint32)
+                assert len(faces) % 3 == 0 and faces.max() < len(places)
+                assert kind != "block" or places[:, 1].min() > 0.8
+
+
+def test_a_window_wants_a_display(comm, folders, monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    parser = argparse.ArgumentParser()
+    add_view_arguments(parser)
+    if sys.platform.startswith("linux"):
+        with pytest.raises(SceneError, match="--html FILE writes a page instead"):
+            run_view(comm, parser.parse_args([str(folders / "plate")]))

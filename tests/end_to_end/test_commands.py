@@ -50,7 +50,17 @@ def jobs(tmp_path_factory):
         "check elastic": ["check", elastic],
         "check viscous": ["check", viscous],
         "dry run": ["run", elastic, "--dry-run", "-o", folder / "never"],
-        "quiet": [column, "-q", "-o", folder / "quiet", "--end-time", "0.02"],
+        "quiet": [
+            column,
+            "-q",
+            "-o",
+            folder / "quiet",
+            "--end-time",
+            "0.02",
+            "--profile",
+            "--log",
+            folder / "quiet.log",
+        ],
         "told": [elastic, "-o", folder / "told", *end],
         "verbose": ["run", elastic, "-v", "-o", folder / "verbose", *end],
         "set": [
@@ -122,7 +132,20 @@ def test_the_summary_says_what_was_run(jobs):
     assert abs(found["energy_balance"]) < 1e-2 and found["errors"] == {}
     assert 0.0 < found["communication_share"] < 1.0 and found["peak_memory_bytes_per_rank"] > 1e7
     assert all(found[name] > 0.0 for name in SUMMARY if name.endswith(("seconds", "pair", "rank", "pairs")))
+    phases, ranks = found["phases"], found["phases_by_rank"]
+    assert sum(phases.values()) == pytest.approx(found["wall_seconds"]) and found["load_imbalance"] >= 1.0
+    assert all(len(ranks[name]) == RANKS and phases[name] > 0.0 for name in ("set_up", "forces", "output"))
+    assert all(sum(ranks[name]) == pytest.approx(RANKS * phases[name]) for name in ranks)
     assert {"git_hash", "versions"} <= set(found) and found["versions"]["parsolid"]
+
+
+def test_a_quiet_run_tells_its_log_and_each_rank_its_functions(jobs):
+    log = (jobs[0] / "quiet.log").read_text().splitlines()
+    assert log[0].startswith("--- parsolid") and log[1] == "Small column: 225 particles, to t = 0.02 s"
+    assert any(line.startswith("time: ") and "busiest rank" in line for line in log)
+    for rank in range(RANKS):
+        told = (jobs[0] / "quiet" / f"profile-{rank}.txt").read_text()
+        assert told.startswith(f"rank {rank} of {RANKS}") and "loop.py" in told
 
 
 def test_the_resolved_scene_holds_what_the_command_line_changed_and_runs_again(jobs):

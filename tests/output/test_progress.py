@@ -62,12 +62,14 @@ def test_terms_of_a_method_are_told_once_there_is_something_in_them(passing_time
     log, row = io.StringIO(), {"kinetic": 2.0, "stored": 1.0, "dissipation_internal": 0.0, "dissipation_numerical": 0.0}
     shown = Progress("Glass", 0.5, 10, NORMAL, log)
     terms = {"work_external": 3.0, "dissipation_fracture": 0.5, "residual_work": 1e-15, "balance": 0.0, "end.u": 7.0}
+    terms |= {"plate.failed_mass": 0.25, "plate.deleted_mass": 0.0}
     for step in range(2):
         passing_time[0] += 10.0
         shown.update(step, 0.1 * step, 0.1, row | terms)
     line = log.getvalue().splitlines()[1]
     assert "stored 1.000e+00 J  fracture 5.000e-01 J" in line
     assert "residual" not in line and "end" not in line and "dissipated" not in line
+    assert "failed mass 2.500e-01 kg" in line and "deleted" not in line
 
 
 def test_verbose_says_more_and_quiet_nothing(passing_time):

@@ -234,7 +234,7 @@ def test_the_last_boundary_holds(comm):
     assert (u[at_end] == [2.0, 1.0]).all() and len(body.loads.entries[0]) == 2 * at_end.sum()
 
 
-ALL_AROUND = {"kind": "surface_pressure", "pressure": "2e4*(t < 5)", "jumps": [5.0]}
+ALL_AROUND = {"kind": "pressure", "pressure": "2e4*(t < 5)", "jumps": [5.0]}
 HOLED = {"perforated_box": {"lower": [0.0, 0.0], "upper": [1.0, 1.0], "centre": [1.0, 1.0], "radius": 0.6}}
 
 

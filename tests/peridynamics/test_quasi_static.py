@@ -230,6 +230,33 @@ def test_iterations_do_not_grow_with_the_particles(comm, held):
     assert iterations[48, "two-level"] < 30
 
 
+@pytest.mark.parametrize(
+    "body", [{"placement": "cells", "jitter": 0.2}, {"placement": "nodes"}], ids=["cells", "nodes"]
+)
+def test_volumes_that_hardly_change_take_no_more_iterations(comm, body):
+    """Poisson's ratio 0.4999, where two levels alone take hundreds."""
+    load = {"kind": "traction", "plane": "X = 1", "traction": ["0.01*Y", "0.003"]}
+    found = {}
+    for kind in ("none", "two-level"):
+        sim = simulation(
+            tables(
+                (18, 14),
+                material={"kind": "linear-elastic", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": 0.4999},
+                method={
+                    "kind": "peridynamics",
+                    "solution": {"kind": "quasi-static", "step": 1.0, "preconditioner": kind},
+                },
+                boundaries=[{"kind": "roller", "plane": "X = 0"}, {"kind": "fixed", "plane": "Y = 0"}, load],
+                body=body,
+            ),
+            comm,
+        )
+        sim.take_step(0.0)
+        found[kind] = sim.systems[0].solver.equilibrium.iterations, sim.energy_row()["work_external"]
+    assert found["two-level"][1] == pytest.approx(found["none"][1], rel=1e-6)
+    assert found["none"][0] > 500 and found["two-level"][0] < 30
+
+
 PAIR = [{"kind": "traction", "plane": f"X = {x}", "traction": [f"{0.01 * (2 * x - 1)}", "0"]} for x in (0, 1)]
 HELD = {
     "nothing": ([], 3),

@@ -88,6 +88,9 @@ def test_what_artificial_viscosity_took_is_told():
         said["trust"] == "resolved" and "0.01 lost in the scheme, 0.3 in artificial viscosity" in said["trust_reason"]
     )
     assert said["artificial_viscosity_share"] == pytest.approx(0.3)
+    # nothing of it is said where there was none
+    judge.judge(row(0.0) | {"viscous_work": 0.0, "viscous_heat": 0.0}, 0.0, initial=1.0)
+    assert "viscosity" not in judge.verdict(0.0)["trust_reason"]
 
 
 def test_nothing_that_moves_is_resolved():

@@ -6,8 +6,10 @@ Light to import: what draws is loaded when it is needed.
 import argparse
 import importlib.util
 import os
+import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -65,15 +67,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--frames-per-second", type=_positive, default=8.0, metavar="N", help="of an animation (default 8)"
     )
-    view = "iso, front, side, top or the direction towards the viewer, such as --view=1,-2,0.5"
-    parser.add_argument("--view", type=_view, default="iso", help=view)
+    view = "iso, front, side, top, below or the direction towards the viewer, such as --view=1,-2,0.5"
+    parser.add_argument("--view", type=direction, default="iso", help=view)
     parser.add_argument(
-        "--range", type=_range, metavar="LO,HI", help="of the colours, in SI units, such as --range=-2e6,2e6"
+        "--range", type=limits, metavar="LO,HI", help="of the colours, in SI units, such as --range=-2e6,2e6"
     )
     parser.add_argument("--colours", metavar="MAP", help="colour map of matplotlib (default: by the field)")
     mirror = "also show the images in the planes X = 0, Y = 0, Z = 0 of these axes, such as XZ"
-    parser.add_argument("--mirror", type=_axes, default=(), metavar="AXES", help=mirror)
-    parser.add_argument("--along", type=_axes, default=(), metavar="AXIS", help="curves over one coordinate, no bodies")
+    parser.add_argument("--mirror", type=axes, default=(), metavar="AXES", help=mirror)
+    clip = "show what lies on one side of a plane, of the reference (X) or as it is (x), such as 'Y > 0'"
+    parser.add_argument("--clip", type=cut_plane("<>"), metavar="PLANE", help=clip)
+    section = "show a section of bodies in space, such as 'Y = 0'"
+    parser.add_argument("--slice", type=cut_plane("="), metavar="PLANE", help=section)
+    parser.add_argument("--only", metavar="NAMES", help="draw these bodies alone, by name or number: rod or 0,2")
+    parser.add_argument("--along", type=axes, default=(), metavar="AXIS", help="curves over one coordinate, no bodies")
     parser.add_argument(
         "--follow", action="store_true", help="keep the middle of the bodies in the middle of the picture"
     )
@@ -90,16 +97,25 @@ def run_plot(comm: Any, options: argparse.Namespace) -> int:
     Raises SceneError on all ranks for options or a folder that will not do, OutputError for files that cannot be
     written.
     """
+
+    def draw_all() -> None:
+        from parsolid.commands.plot.command import draw
+
+        for path in draw(options):
+            print(path, flush=True)
+
+    return on_first_rank(comm, draw_all)
+
+
+def on_first_rank(comm: Any, draw: Callable[[], None]) -> int:
+    """Draw on rank 0; exit status 0. Collective. Raises SceneError and OutputError on all ranks."""
     from parsolid.output.errors import OutputError, words
     from parsolid.scene import SceneError
 
     fault: Any = None
     if comm.rank == 0:
         try:
-            from parsolid.commands.plot.command import draw
-
-            for path in draw(options):
-                print(path, flush=True)
+            draw()
         except SceneError as error:
             fault = (SceneError, error.faults)
         except OSError as error:
@@ -124,26 +140,44 @@ def _times(text: str) -> tuple[float, ...]:
     return _numbers(text, None, "times [s] separated by commas")
 
 
-def _range(text: str) -> tuple[float, ...]:
-    limits = _numbers(text, 2, "two numbers LO,HI with LO < HI")
-    if not limits[0] < limits[1]:
+def limits(text: str) -> tuple[float, ...]:
+    """Two numbers of the command line, the lower first."""
+    found = _numbers(text, 2, "two numbers LO,HI with LO < HI")
+    if not found[0] < found[1]:
         raise argparse.ArgumentTypeError(f"expected two numbers LO,HI with LO < HI, found {text!r}")
-    return limits
+    return found
 
 
-def _view(text: str) -> str | tuple[float, ...]:
-    if text in ("iso", "front", "side", "top"):
+def direction(text: str) -> str | tuple[float, ...]:
+    """A name of a view, or the direction towards the viewer."""
+    if text in ("iso", "front", "side", "top", "below"):
         return text
-    direction = _numbers(text, 3, "iso, front, side, top or three numbers x,y,z")
-    if not any(direction):
+    found = _numbers(text, 3, "iso, front, side, top, below or three numbers x,y,z")
+    if not any(found):
         raise argparse.ArgumentTypeError(f"expected a direction that is not zero, found {text!r}")
-    return direction
+    return found
 
 
-def _axes(text: str) -> tuple[int, ...]:
+def axes(text: str) -> tuple[int, ...]:
+    """Numbers of the axes that letters name."""
     if not text or len(set(text.upper())) != len(text) or not set(text.upper()) <= set("XYZ"):
         raise argparse.ArgumentTypeError(f"expected axes such as X or XZ, found {text!r}")
     return tuple("XYZ".index(letter) for letter in text.upper())
+
+
+def cut_plane(signs: str) -> Callable[[str], tuple[str, str, float]]:
+    """Reads "X > 0" as ("X", ">", 0.0)."""
+
+    def read(text: str) -> tuple[str, str, float]:
+        found = re.fullmatch(rf"\s*([XYZxyz])\s*([{signs}])\s*([-+.\deE]+)\s*", text)
+        try:
+            assert found is not None
+            return found[1], found[2], float(found[3])
+        except (AssertionError, ValueError):
+            expected = " or ".join(f"'X {sign} 0.1'" for sign in signs)
+            raise argparse.ArgumentTypeError(f"expected a plane such as {expected}, found {text!r}") from None
+
+    return read
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -30,7 +30,7 @@ def draw(options: argparse.Namespace) -> list[Path]:
     faults = _faults(results, options, output, one_file)
     if faults:
         raise SceneError(faults)
-    field = options.field or _first_field(results)
+    field = options.field or first_field(results)
     results.check_field(field)
     moving = options.animation or output.suffix.lower() in _MOVING
     steps = _steps(results, options, moving)
@@ -71,6 +71,12 @@ def _faults(results: Results, options: argparse.Namespace, output: Path, one_fil
         faults.append(
             "--animation, --single: expected a scene in two or three dimensions and no --along, found otherwise"
         )
+    if options.clip and options.slice:
+        faults.append("--clip, --slice: expected one of them, found both")
+    for name, plane in (("--clip", options.clip), ("--slice", options.slice)):
+        least = max(2 if name == "--clip" else 3, "XYZ".index(plane[0].upper()) + 1) if plane else 0
+        if plane and ((results.dimension or 0) < least or options.along):
+            faults.append(f"{name}: expected bodies of {least} dimensions and no --along, found {results.dimension}")
     if not one_file and output.suffix and not output.is_dir():
         endings = ", ".join(_STILL + _MOVING)
         faults.append(f"--output: expected a folder or a name that ends in {endings}, found {told(output.name)}")
@@ -83,7 +89,8 @@ def _faults(results: Results, options: argparse.Namespace, output: Path, one_fil
     return faults
 
 
-def _first_field(results: Results) -> str:
+def first_field(results: Results) -> str:
+    """What colours the bodies unless something is chosen."""
     names = results.field_names
     method: Any = results.method
     preferred = method.pictured_fields if method else ()
@@ -129,6 +136,8 @@ def _draw_bodies(
         colours=options.colours,
         exaggeration=options.exaggerate,
         title=options.title,
+        cut=cut_of(options),
+        bodies=bodies_named(results, options.only),
     )
     sheet = Sheet(results, field, steps, look)
     try:
@@ -144,6 +153,27 @@ def _draw_bodies(
         return [path]
     finally:
         sheet.close()
+
+
+def cut_of(options: Any) -> tuple[int, float, bool | None, bool] | None:
+    """Axis, value, side and configuration of a `cuts.Cut`."""
+    if options.clip is None and options.slice is None:
+        return None
+    letter, sign, value = options.clip or options.slice
+    return "XYZ".index(letter.upper()), value, None if sign == "=" else sign == ">", letter.islower()
+
+
+def bodies_named(results: Results, words: str | None) -> tuple[int, ...] | None:
+    """Numbers of the bodies of `--only`, None for all. Raises SceneError for one that the scene has not."""
+    if words is None:
+        return None
+    names = [str(body.get("name", number)) for number, body in enumerate(results.tables["bodies"])]
+    found = []
+    for word in words.split(","):
+        if word not in names and not (word.isdigit() and int(word) < len(names)):
+            raise SceneError([f"--only: expected some of {', '.join(names)}, found {told(word)}"])
+        found.append(names.index(word) if word in names else int(word))
+    return tuple(found)
 
 
 def _check_renderer() -> None:

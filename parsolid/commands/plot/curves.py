@@ -48,6 +48,7 @@ def write_energies(results: Results, path: Path, size: tuple[int, int] | None = 
         dissipations.plot(time, terms[name] / unit, color=colour, label=words_of(name))
     for axes, names in ((energies, ("kinetic", "stored")), (dissipations, HISTORY_COLUMNS[2:4])):
         _add_references(axes, results, names, factor, unit)
+        _add_bands(axes, results, names, time, unit, _COLOURS)
     balance.plot(time, history["balance"] / (largest or 1.0), color="#222222")
     energies.set_ylabel(f"energy [{label}]")
     dissipations.set_ylabel(f"dissipated [{label}]")
@@ -83,6 +84,7 @@ def write_probes(results: Results, path: Path, size: tuple[int, int] | None = No
             part = name[len(panel) :].lstrip("_")
             axes.plot(time, history[name] / unit, color=colour, label=part or None)
         _add_references(axes, results, names, factor, unit)
+        _add_bands(axes, results, names, time, unit)
         axes.set_title(probe, fontsize=10)
         axes.set_ylabel(words_of(field) + (f" [{label}]" if label else ""))
     for axes in grid[len(panels) :]:
@@ -115,6 +117,19 @@ def _add_references(axes: Any, results: Results, names: Iterable[str], factor: f
         if name in series:
             axes.plot(times[shown] / factor, series[name][shown] / unit, label=label, **_REFERENCE)
             label = None
+
+
+def _add_bands(
+    axes: Any, results: Results, names: Iterable[str], time: np.ndarray, unit: float, colours: Any = None
+) -> None:
+    """Error bars of these columns as bands, where the run has them; the panel stays that of the curves."""
+    shown = axes.get_ylim()
+    for name, colour in zip(names, _PALETTE):
+        if name in results.bars:
+            value, bar = results.history[name] / unit, results.bars[name] / unit
+            colour = colours[name] if colours else colour
+            axes.fill_between(time, value - bar, value + bar, color=colour, alpha=0.2, linewidth=0)
+    axes.set_ylim(shown)
 
 
 def _time_axis(time: np.ndarray) -> tuple[np.ndarray, float]:

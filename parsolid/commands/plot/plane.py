@@ -1,5 +1,6 @@
 """Pictures of plane bodies, drawn into matplotlib axes."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -39,11 +40,27 @@ class PlaneView:
         width, height = self.upper[0] - self.lower[0]
         return float(width / height)
 
+    # of the coordinates' axes in the picture
+    directions = np.eye(2)
+
+    def pixels_of_a_metre(self, width: int, height: int) -> float:
+        """In a picture of so many pixels."""
+        across, up = self.upper[0] - self.lower[0]
+        return float(min(width / across, height / up))
+
 
 def draw_plane(
-    axes: Any, skins: list[Skin], volume: np.ndarray, frame: Frame, number: int, view: PlaneView, scale: Scale
+    axes: Any,
+    skins: list[Skin],
+    volume: np.ndarray,
+    frame: Frame,
+    number: int,
+    view: PlaneView,
+    scale: Scale,
+    cut: Any = None,
+    seams: Sequence[tuple[int, float]] = (),
 ) -> None:
-    """Draw the number-th frame of a view into axes."""
+    """Draw the number-th frame of a view into axes; seams: see `_edges`."""
     axes.set(xlim=(view.lower[number, 0], view.upper[number, 0]), ylim=(view.lower[number, 1], view.upper[number, 1]))
     axes.set_aspect("equal")
     axes.set_axis_off()
@@ -51,13 +68,21 @@ def draw_plane(
     for skin in skins:
         rows = slice(skin.first, skin.last)
         position, values = frame.position[rows, :2], frame.values[rows]
+        size, along = volume[rows], np.empty(0) if frame.along is None else frame.along[rows]
         if skin.patches is None:
-            _discs(axes, position, values, volume[rows], limits, scale)
-        else:
-            points, shown = skin.points(position, linear=True), skin.points(values, linear=False)
-            for faces in skin.patches:
-                _fill(axes, points, shown, faces, limits, scale)
-            _edges(axes, points, skin.patches)
+            left = slice(None) if cut is None else cut.keeps(along, 0.0 * size)
+            _discs(axes, position[left], values[left], size[left], limits, scale)
+            continue
+        points, shown = skin.points(position, linear=True), skin.points(values, linear=False)
+        patches = skin.patches
+        if cut is not None:
+            there = cut.keeps(skin.points(along, linear=True), 0.0)
+            patches = [faces[there[faces].all(axis=1)] for faces in patches]
+        patches = [faces for faces in patches if len(faces)]
+        for faces in patches:
+            _fill(axes, points, shown, faces, limits, scale)
+        if patches:
+            _edges(axes, points, patches, seams)
 
 
 def _fill(axes: Any, points: Any, values: np.ndarray, faces: Any, limits: Any, scale: Any) -> None:
@@ -72,8 +97,10 @@ def _fill(axes: Any, points: Any, values: np.ndarray, faces: Any, limits: Any, s
     axes.tripcolor(triangles, values, shading="gouraud", cmap=scale.colours, norm=limits, rasterized=True)
 
 
-def _edges(axes: Any, points: Any, patches: list[np.ndarray]) -> None:
-    """The lines between faces where there is room for them, and the outline."""
+def _edges(axes: Any, points: Any, patches: list[np.ndarray], seams: Sequence[tuple[int, float]]) -> None:
+    """The lines between faces where there is room for them, and the outline, but on the seams of images: axis of a
+    mirror plane and how near to it [m] points are on it.
+    """
     edges = [
         np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1) for faces in patches
     ]
@@ -83,7 +110,10 @@ def _edges(axes: Any, points: Any, patches: list[np.ndarray]) -> None:
     inner = points[pairs[count > 1]]
     if len(inner) and np.median(np.linalg.norm(inner[:, 1] - inner[:, 0], axis=1)) * pixels > 5.0:
         axes.add_collection(LineCollection(inner, **_EDGES))
-    axes.add_collection(LineCollection(points[pairs[count == 1]], **_OUTLINE))
+    outline = points[pairs[count == 1]]
+    for axis, near in seams:
+        outline = outline[(np.abs(outline[:, :, axis]) > near).any(axis=1)]
+    axes.add_collection(LineCollection(outline, **_OUTLINE))
 
 
 def _discs(axes: Any, position: Any, values: np.ndarray, volume: Any, limits: Any, scale: Any) -> None:

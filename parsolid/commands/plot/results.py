@@ -31,11 +31,15 @@ _TENSOR = [f"{row}{column}" for row in "xyz" for column in "xyz"]
 
 @dataclass(frozen=True)
 class Frame:
-    """The particles at one time [s]: position (n, 3) [m] and the values (n,) of the field that is shown."""
+    """The particles at one time [s]: position (n, 3) [m] and the values (n,) of the field that is shown.
+
+    along (n,) [m]: the coordinate across which bodies are cut, None where they are whole.
+    """
 
     time: float
     position: np.ndarray
     values: np.ndarray
+    along: np.ndarray | None = None
 
 
 class Results:
@@ -76,6 +80,20 @@ class Results:
             return {name: np.array(values) for name, values in read_history(self.directory / "history.csv").items()}
         except OutputError as error:
             raise SceneError([f"{self.directory}: expected a run's history, found: {error}"]) from None
+
+    @cached_property
+    def bars(self) -> dict[str, np.ndarray]:
+        """Column -> its error bar (n,) at the rows of the history; empty for a run without them."""
+        try:
+            found = read_history(self.directory / "history_error.csv")
+        except OutputError:
+            return {}
+        rows = len(self.history["time"])
+        return {
+            name.removesuffix("_error"): np.array(values)
+            for name, values in found.items()
+            if name.endswith("_error") and len(values) == rows
+        }
 
     @cached_property
     def reference(self) -> tuple[np.ndarray, dict[str, np.ndarray]] | None:
@@ -183,6 +201,21 @@ class Results:
         for path, layout in self._published[0]:
             with h5py.File(path, "r", locking=False) as file:
                 pieces.append(file[f"VTKHDF/PointData/{name}"][: layout.particles])
+        return np.concatenate(pieces)
+
+    @cached_property
+    def reference_position(self) -> np.ndarray:
+        """Positions (n, 3) [m] in the reference. Raises SceneError when the fields do not tell them."""
+        pieces = []
+        for path, layout in self._published[0]:
+            with h5py.File(path, "r", locking=False) as file:
+                first = np.asarray(file["VTKHDF/Points"][: layout.particles])
+                if "displacement" in layout.varying:
+                    first = first - file["VTKHDF/PointData/displacement"][: layout.particles]
+                elif self.times[0] != 0.0:
+                    expected = "fields of time 0, or the field displacement, for planes of the reference (X)"
+                    raise SceneError([f"{self.fields_path}: expected {expected}, found none (x cuts what is shown)"])
+                pieces.append(first)
         return np.concatenate(pieces)
 
     def _split(self, field: str) -> tuple[str, int | None]:

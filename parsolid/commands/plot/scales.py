@@ -30,6 +30,22 @@ UNITS = {
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 _PREFIXED = ("Pa", "m", "m/s", "J", "s", "W")
 _SIGNED, _UNSIGNED = "RdBu_r", "viridis"
+# one quantity, one map, on all pictures: name -> map, and whether it starts at 0 (True), is centred on it (False), or
+# neither (None); what is not here has the usual maps by its signs
+_COLOURS: dict[str, tuple[str, bool | None]] = {
+    "pressure": ("RdBu_r", False),
+    "stress": ("PuOr_r", False),
+    "first_piola_kirchhoff_stress": ("PuOr_r", False),
+    "von_mises_stress": ("cividis", True),
+    "damage": ("YlOrRd", True),
+    "failure": ("YlOrRd", True),
+    "plastic_strain": ("viridis", True),
+    "plastic_strain_rate": ("viridis", True),
+    "temperature": ("inferno", None),
+    "maximum_temperature": ("inferno", None),
+    "jacobian": ("BrBG", None),
+}
+_WHOLE = {"damage": 1.0}
 
 
 @dataclass(frozen=True)
@@ -60,6 +76,9 @@ def prefixed(unit: str, largest: float) -> tuple[float, str]:
         return 1.0, unit
     # 0.5 m stays in metres: centimetres and millimetres only for what is small
     floor = 0.02 if unit in ("m", "m/s") else 0.9995
+    if unit == "Pa" and largest < floor:
+        # thousandths of a pascal: the scene has units of its own
+        return 1.0, unit
     factor, letter = next((pair for pair in _PREFIXES if largest >= floor * pair[0]), _PREFIXES[-1])
     if unit in ("m", "m/s") and factor > 1.0:
         factor, letter = 1.0, ""
@@ -80,17 +99,21 @@ def scale_of(
     """The scale of a field from its values at all times of a picture, or from given limits [SI].
 
     Without limits 1 % of the values at either end may lie beyond the scale: a few particles in a corner must not take
-    the colours from all others. A field of both signs gets a symmetric range and diverging colours.
+    the colours from all others. A quantity has the same map on all pictures; one without a map of its own that has both
+    signs gets a symmetric range and diverging colours.
     """
     values = np.concatenate([piece[np.isfinite(piece)] for piece in pieces] or [np.zeros(1)])
     values = values if len(values) else np.zeros(1)
     least, most = float(values.min()), float(values.max())
     lower, upper = limits or map(float, np.percentile(values, (1.0, 99.0)))
     signed = lower < 0.0 < upper and min(-lower, upper) > 0.1 * max(-lower, upper)
+    chosen, from_zero = _convention(name)
     if limits is None:
-        if signed:
+        if signed or from_zero is False:
             upper = max(-lower, upper)
             lower = -upper
+        elif from_zero and lower >= 0.0:
+            lower, upper = 0.0, _WHOLE.get(name, upper)
         if upper - lower <= 1e-9 * max(abs(lower), abs(upper)):
             width = 0.5 * max(abs(lower) * 1e-3, 1e-12)
             lower, upper = lower - width, upper + width
@@ -99,7 +122,14 @@ def scale_of(
     extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[beyond]
     factor, unit = prefixed(unit_of(name), max(abs(lower), abs(upper)))
     label = words_of(name) + (f" [{unit}]" if unit else "")
-    return Scale(lower, upper, label, factor, colours or (_SIGNED if signed else _UNSIGNED), extend)
+    return Scale(lower, upper, label, factor, colours or chosen or (_SIGNED if signed else _UNSIGNED), extend)
+
+
+def _convention(name: str) -> tuple[str | None, bool | None]:
+    """Map of a quantity, or of one of its components, and whether it starts at 0; None where it has none."""
+    field, _, part = name.rpartition("_")
+    whole = name if name in _COLOURS or not set(part) <= set("xyz") else field
+    return _COLOURS.get(whole, (None, None))
 
 
 def time_labels(times: list[float]) -> list[str]:

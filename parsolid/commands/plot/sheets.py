@@ -15,6 +15,8 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from PIL import Image
 
+from parsolid.commands.plot.marks import HEIGHT as MARKS
+from parsolid.commands.plot.marks import add_marks
 from parsolid.commands.plot.plane import PlaneView, draw_plane
 from parsolid.commands.plot.results import Frame, Results
 from parsolid.commands.plot.scales import scale_of, time_labels
@@ -32,9 +34,10 @@ _LARGEST = 8000
 class Look:
     """How bodies are shown; None: chosen to fit.
 
-    view: "iso", "front", "side", "top" or the direction towards the viewer; limits: of the colours, in SI units; size:
-    of the whole picture in pixels; follow: keep the body's middle in the middle; mirror: also show the images in the
-    planes X = 0, Y = 0, Z = 0 of these axes (0, 1, 2); exaggeration: factor on the displacements.
+    view: "iso", "front", "side", "top", "below" or the direction towards the viewer; limits: of the colours, in SI
+    units; size: of the whole picture in pixels; follow: keep the body's middle in the middle; mirror: also show the
+    images in the planes X = 0, Y = 0, Z = 0 of these axes (0, 1, 2); exaggeration: factor on the displacements; cut:
+    the entries of a `cuts.Cut`; bodies: numbers of those that are drawn.
     """
 
     view: str | tuple[float, float, float] = "iso"
@@ -46,6 +49,8 @@ class Look:
     colours: str | None = None
     exaggeration: float = 1.0
     title: str | None = None
+    cut: tuple[int, float, bool | None, bool] | None = None
+    bodies: tuple[int, ...] | None = None
 
 
 class Sheet:
@@ -54,23 +59,46 @@ class Sheet:
     def __init__(self, results: Results, field: str, steps: list[int], look: Look) -> None:
         """Raises SceneError when there is no such field, or when particles are nowhere."""
         results.check_field(field)
-        self.results, self.field, self.look = results, field, look
-        self.frames = [_mirrored(frame, look.mirror) for frame in results.frames(steps, field, look.exaggeration)]
+        self.results, self.field, self.steps, self.look = results, field, steps, look
+        body = results.constant("body")
+        self._rows = np.isin(body, look.bodies) if look.bodies is not None else np.ones(len(body), bool)
+        self.frames = [self._shown(frame) for frame in results.frames(steps, field, look.exaggeration)]
         if not all(np.isfinite(frame.position).all() for frame in self.frames):
             raise SceneError([f"{results.fields_path}: expected finite positions, found some that are not"])
-        self.volume = np.tile(results.constant("volume"), 2 ** len(look.mirror))
+        self.volume = np.tile(results.constant("volume")[self._rows], 2 ** len(look.mirror))
         self.scale = scale_of(field, [frame.values for frame in self.frames], look.limits, look.colours)
         self.labels = time_labels([frame.time for frame in self.frames])
         if look.exaggeration != 1.0:
             self.labels = [f"{label}, displacement × {look.exaggeration:g}" for label in self.labels]
         self._renderers: dict[tuple[int, int], Any] = {}
 
+    def _shown(self, frame: Frame) -> Frame:
+        """What is drawn of a frame: its bodies and their images, with the coordinate of a cut."""
+        along = None
+        if self.look.cut is not None:
+            axis, _, _, present = self.look.cut
+            along = (frame.position if present else self.results.reference_position)[:, axis]
+            along = along[self._rows]
+        chosen = Frame(frame.time, frame.position[self._rows], frame.values[self._rows], along)
+        return _mirrored(chosen, self.look.mirror, self.look.cut[0] if self.look.cut else None)
+
     @cached_property
     def skins(self) -> Any:
         """The skins of the bodies and of their images."""
-        skins = skins_of(self.results.parts.bodies, int(self.results.dimension or 0), self.results.constant("body"))
-        particles = self.results.particles
+        body = self.results.constant("body")[self._rows]
+        skins = skins_of(self.results.parts.bodies, int(self.results.dimension or 0), body)
+        skins = [skin.torn() if self._failed[skin.first : skin.last].any() else skin for skin in skins]
+        particles = len(body)
         return [skin.moved(image * particles) for image in range(2 ** len(self.look.mirror)) for skin in skins]
+
+    @cached_property
+    def _failed(self) -> np.ndarray:
+        """Which particles have failed at one of the steps: faces between them would bridge what has parted."""
+        failed = np.zeros(self.results.particles, bool)
+        if "damage" in self.results.field_names:
+            for frame in self.results.frames(self.steps, "damage"):
+                failed |= frame.values >= 1.0
+        return failed[self._rows]
 
     @cached_property
     def view(self) -> Any:
@@ -83,6 +111,19 @@ class Sheet:
         from parsolid.commands.plot.space import Camera
 
         return Camera(self.frames, self.look.view, self.look.follow, margin)
+
+    @cached_property
+    def cut(self) -> Any:
+        """The `cuts.Cut`, None where bodies are whole."""
+        from parsolid.commands.plot.cuts import Cut
+
+        return Cut(*self.look.cut) if self.look.cut else None
+
+    @property
+    def _seams(self) -> list[tuple[int, float]]:
+        """Axes of the mirror planes, and how near to them a point [m] lies on the seam of the images."""
+        least = float(self.volume.min()) ** (1.0 / int(self.results.dimension or 3)) if len(self.volume) else 0.0
+        return [(axis, 0.05 * least) for axis in self.look.mirror]
 
     def figure(self, numbers: list[int]) -> Figure:
         """A figure of the frames with these numbers."""
@@ -97,6 +138,7 @@ class Sheet:
         if self.look.title:
             figure.text(0.5, 1.0 - _MARGIN / size[1], self.look.title, ha="center", va="top", fontsize=13)
         self._add_bar(figure, size)
+        add_marks(figure, size[0] - _BAR, size, self.view.directions, self.view.pixels_of_a_metre(*panels[0][2:]))
         return figure
 
     def close(self) -> None:
@@ -141,7 +183,9 @@ class Sheet:
 
     def _draw(self, axes: Any, number: int, pixels: tuple[int, int]) -> None:
         if self.results.dimension == 2:
-            draw_plane(axes, self.skins, self.volume, self.frames[number], number, self.view, self.scale)
+            draw_plane(
+                axes, self.skins, self.volume, self.frames[number], number, self.view, self.scale, self.cut, self._seams
+            )
             return
         axes.set_axis_off()
         axes.imshow(self._renderer(pixels).draw(self.frames[number], number), interpolation="none", aspect="auto")
@@ -150,13 +194,16 @@ class Sheet:
         if pixels not in self._renderers:
             from parsolid.commands.plot.space import Renderer
 
-            self._renderers[pixels] = Renderer(self.skins, self.volume, self.view, self.scale, pixels)
+            self._renderers[pixels] = Renderer(
+                self.skins, self.volume, self.view, self.scale, pixels, self.cut, self.look.mirror
+            )
         return self._renderers[pixels]
 
     def _add_bar(self, figure: Figure, size: tuple[int, int]) -> None:
         scale = self.scale
-        height = min(size[1] - 2 * _MARGIN - _LABEL, max(240, int(0.6 * size[1])))
-        bottom = 0.5 * (size[1] - height)
+        room = size[1] - 2 * _MARGIN - MARKS
+        height = max(40, min(room, max(240, int(0.6 * size[1]))))
+        bottom = MARKS + 0.5 * (size[1] - MARKS - height)
         axes = figure.add_axes(((size[0] - _BAR + 10) / size[0], bottom / size[1], 16 / size[0], height / size[1]))
         limits = Normalize(scale.lower / scale.factor, scale.upper / scale.factor)
         colours = ScalarMappable(limits, matplotlib.colormaps[scale.colours])
@@ -167,13 +214,16 @@ class Sheet:
         bar.update_ticks()
 
 
-def _mirrored(frame: Frame, axes: tuple[int, ...]) -> Frame:
-    position, values = frame.position, frame.values
+def _mirrored(frame: Frame, axes: tuple[int, ...], cut: int | None) -> Frame:
+    """A frame with its images; cut: the axis of its coordinate `along`."""
+    position, values, along = frame.position, frame.values, frame.along
     for axis in axes:
         image = position.copy()
         image[:, axis] *= -1.0
         position, values = np.concatenate([position, image]), np.concatenate([values, values])
-    return Frame(frame.time, position, values)
+        if along is not None:
+            along = np.concatenate([along, -along if axis == cut else along])
+    return Frame(frame.time, position, values, along)
 
 
 def write_sheet(sheet: Sheet, path: Path, small: bool = False) -> None:
@@ -204,7 +254,7 @@ def _save(figure: Figure, path: Path, small: bool) -> None:
 
 
 def write_animation(sheet: Sheet, path: Path, frames_per_second: float) -> None:
-    """The frames one after the other, as .gif or, where ffmpeg is found, .mp4. Raises SceneError without ffmpeg."""
+    """The frames one after the other, as .gif or .mp4. Raises SceneError without ffmpeg."""
     images = (_pixels(sheet.figure([number])) for number in range(len(sheet.frames)))
     if path.suffix == ".mp4":
         _write_mp4(images, path, frames_per_second)
@@ -216,10 +266,21 @@ def write_animation(sheet: Sheet, path: Path, frames_per_second: float) -> None:
     frames[0].save(path, save_all=True, append_images=frames[1:], duration=1000.0 / frames_per_second, loop=0)
 
 
+def _ffmpeg() -> str:
+    """The program that writes .mp4: the machine's, else that of imageio-ffmpeg. Raises SceneError without any."""
+    if (program := shutil.which("ffmpeg")) is not None:
+        return program
+    try:
+        import imageio_ffmpeg
+
+        return str(imageio_ffmpeg.get_ffmpeg_exe())
+    except (ImportError, RuntimeError):
+        expected = "the program ffmpeg or the package imageio-ffmpeg for .mp4"
+        raise SceneError([f"--animation: expected {expected}, found none (.gif needs none)"]) from None
+
+
 def _write_mp4(images: Any, path: Path, frames_per_second: float) -> None:
-    program = shutil.which("ffmpeg")
-    if program is None:
-        raise SceneError(["--animation: expected the program ffmpeg for .mp4, found none (.gif needs none)"])
+    program = _ffmpeg()
     first = next(images)
     # the usual encoding wants even numbers of pixels
     height, width = (length - length % 2 for length in first.shape[:2])

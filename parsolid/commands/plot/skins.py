@@ -19,13 +19,14 @@ class Skin:
 
     patches: smooth pieces, each faces (m, 3 or 4) of point numbers counted within the body; None: no faces are known,
     the particles are drawn one by one. shape: the lattice whose points are extrapolated from cells, None where
-    particles are themselves the points.
+    particles are themselves the points; lines: number of points and closedness along each direction of a lattice.
     """
 
     first: int
     last: int
     patches: list[np.ndarray] | None
     cells: tuple[tuple[int, bool], ...] | None = None
+    lines: tuple[tuple[int, bool], ...] | None = None
 
     @property
     def reaches(self) -> bool:
@@ -35,6 +36,10 @@ class Skin:
     def moved(self, rows: int) -> "Skin":
         """The same skin of particles that come so many rows later."""
         return replace(self, first=self.first + rows, last=self.last + rows)
+
+    def torn(self) -> "Skin":
+        """The same body drawn particle by particle."""
+        return replace(self, patches=None, cells=None)
 
     def points(self, values: np.ndarray, linear: bool) -> np.ndarray:
         """Values (n, ...) of the body's particles at the points of the faces.
@@ -74,17 +79,18 @@ def skins_of(bodies: Mapping[int, Any], dimension: int, body: np.ndarray) -> lis
         patches = cells = None
         if int(place) in bodies:
             try:
-                patches, cells = _patches(bodies[int(place)], dimension, int(last - first))
+                patches, cells, lines = _patches(bodies[int(place)], dimension, int(last - first))
             except SceneError:
                 patches = None  # its mesh has gone since the run: drawn particle by particle
-        skins.append(Skin(int(first), int(last), patches, cells))
+        skins.append(Skin(int(first), int(last), patches, cells, lines))
     return skins
 
 
-def _patches(filled: Any, dimension: int, count: int) -> tuple[list[np.ndarray] | None, tuple[Any, ...] | None]:
+def _patches(filled: Any, dimension: int, count: int) -> tuple[list[np.ndarray] | None, Any, Any]:
+    """Faces, cells and lines of a `Skin`."""
     if filled.shape.kind == "mesh":
         if filled.placed_on == "cells":
-            return None, None
+            return None, None, None
         mesh = filled.shape.model
         points, blocks, _ = read_mesh(mesh.file, mesh.scale, dimension)
         used = np.unique(np.concatenate([cells.ravel() for _, cells in blocks]))
@@ -92,17 +98,17 @@ def _patches(filled: Any, dimension: int, count: int) -> tuple[list[np.ndarray] 
         number[used] = np.arange(len(used))
         blocks = [(kind, number[cells]) for kind, cells in blocks]
         known = [cells for _, cells in blocks] if dimension == 2 else _outer_facets(blocks)
-        return (known if len(used) == count else None), None
+        return (known if len(used) == count else None), None, None
     filling = filling_of(filled, dimension)
     if not isinstance(filling, Lattice) or filling.count != count:
-        return None, None
+        return None, None, None
     lines = [(line.count, line.closed) for line in filling.lines]
     cells = None
     if filled.placed_on == "cells":
         cells = tuple(lines)
         lines = [(count + (count > 1 and not closed), closed) for count, closed in lines]
     faces = lattice_faces(lines, dimension)
-    return (faces or None), cells if faces else None
+    return (faces, cells, tuple(lines)) if faces else (None, None, None)
 
 
 def lattice_faces(lines: list[tuple[int, bool]], dimension: int) -> list[np.ndarray]:

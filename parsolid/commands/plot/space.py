@@ -4,8 +4,10 @@ from typing import Any
 
 import numpy as np
 import pyvista
+from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkLogger
 
+from parsolid.commands.plot.cuts import Cut, cut_body
 from parsolid.commands.plot.results import Frame
 from parsolid.commands.plot.scales import Scale
 from parsolid.commands.plot.skins import Skin
@@ -14,11 +16,14 @@ from parsolid.commands.plot.skins import Skin
 vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
 
 _DIRECTIONS = {"iso": (1.0, -1.25, 0.75), "front": (0.0, -1.0, 0.0), "side": (1.0, 0.0, 0.0), "top": (0.0, 0.0, 1.0)}
+_DIRECTIONS["below"] = (1.0, -1.25, -0.75)
 # drawn larger and reduced: smooth edges from any renderer
 _OVERSAMPLING = 2
+# an edge between faces that turn by more [degrees] is one of the body
+_SHARP = 40.0
 _EDGE_COLOUR, _EDGE_OPACITY = "#202020", 0.28
 # triangles of all spheres together, and of the finest one
-_TRIANGLES, _FINEST = 3_000_000, 12
+_TRIANGLES, _FINEST = 1_000_000, 12
 
 
 class Camera:
@@ -62,6 +67,15 @@ class Camera:
         """Width over height."""
         return self.span[0] / self.span[1]
 
+    @property
+    def directions(self) -> np.ndarray:
+        """Of the coordinates' axes in the picture (3, 2)."""
+        return np.stack([self.right, self.up], axis=1)
+
+    def pixels_of_a_metre(self, width: int, height: int) -> float:
+        """In a picture of so many pixels."""
+        return height / max(self.span[1], self.span[0] * height / width)
+
 
 def _bounds(points: Any) -> tuple[np.ndarray, np.ndarray]:
     return points.min(axis=0), points.max(axis=0)
@@ -79,9 +93,18 @@ class Renderer:
     """Draws frames from one camera at one size in pixels."""
 
     def __init__(
-        self, skins: list[Skin], volume: np.ndarray, camera: Camera, scale: Scale, size: tuple[int, int]
+        self,
+        skins: list[Skin],
+        volume: np.ndarray,
+        camera: Camera,
+        scale: Scale,
+        size: tuple[int, int],
+        cut: Cut | None = None,
+        mirror: tuple[int, ...] = (),
     ) -> None:
+        """skins: of all bodies, then of their images in the planes of the axes `mirror`."""
         self.skins, self.camera, self.scale, self.size = skins, camera, scale, size
+        self.cut, self.mirror = cut, mirror
         self.volume = volume
         window = [_OVERSAMPLING * max(1, pixels) for pixels in size]
         plotter: Any = pyvista.Plotter(off_screen=True, window_size=window, lighting="none", border=False)
@@ -103,24 +126,46 @@ class Renderer:
         """The picture (height, width, 3) uint8 of a frame, the number-th of the camera's."""
         plotter = self._plotter
         plotter.clear_actors()
-        for skin in self.skins:
-            rows = slice(skin.first, skin.last)
-            position, values = frame.position[rows], frame.values[rows]
-            if skin.patches is None:
-                self._add(_spheres(position, values, self.volume[rows]), edges=False)
-            else:
-                mesh = _surface(skin, position, values)
-                self._add(mesh, edges=self._edges_fit(mesh))
+        images = 2 ** len(self.mirror)
+        bodies = len(self.skins) // images
+        for body in range(bodies):
+            self._add_body(frame, [self.skins[body + image * bodies] for image in range(images)])
         self._point(number)
         plotter.render()
         image = plotter.screenshot(return_img=True)
         return _reduced(image, self.size)
 
+    def _add_body(self, frame: Frame, skins: list[Skin]) -> None:
+        """Draw a body and its images."""
+        pieces = []
+        for image, skin in enumerate(skins):
+            rows = slice(skin.first, skin.last)
+            position, values, volume = frame.position[rows], frame.values[rows], self.volume[rows]
+            if self.cut is not None:
+                assert frame.along is not None
+                along = frame.along[rows]
+                if skin.lines is not None:
+                    left = cut_body(skin, position, values, along, self.cut)
+                    if left is not None:
+                        self._add(left, edges=False)
+                    continue
+                there = self.cut.keeps(along, 0.55 * np.cbrt(volume) * (self.cut.above is None))
+                position, values, volume = position[there], values[there], volume[there]
+            if skin.patches is None or self.cut is not None:
+                if len(position):
+                    self._add(_spheres(position, values, volume), edges=False, round_ones=True)
+                continue
+            pieces.append(_surface(skin, position, values, turned=image.bit_count() % 2 == 1))
+        if pieces:
+            mesh = _seamless(pieces, self.mirror, 0.05 * float(np.cbrt(self.volume[skins[0].first])))
+            self._add(mesh, edges=self._edges_fit(mesh))
+
     def close(self) -> None:
         """Free the renderer's memory."""
         self._plotter.close()
 
-    def _add(self, mesh: Any, edges: bool) -> None:
+    def _add(self, mesh: Any, edges: bool, round_ones: bool = False) -> None:
+        """round_ones: spheres, which have no edges to be kept sharp."""
         self._plotter.add_mesh(
             mesh,
             scalars="shown",
@@ -131,6 +176,8 @@ class Renderer:
             diffuse=0.72,
             specular=0.04,
             smooth_shading=True,
+            split_sharp_edges=not round_ones,
+            feature_angle=_SHARP,
             show_edges=edges,
             edge_color=_EDGE_COLOUR,
             edge_opacity=_EDGE_OPACITY,
@@ -166,14 +213,38 @@ def _reduced(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     return blocks.mean(axis=(1, 3)).round().astype(np.uint8)
 
 
-def _surface(skin: Skin, position: np.ndarray, values: np.ndarray) -> pyvista.PolyData:
-    """The faces of a skin; points are not shared between patches, so that edges of the body stay sharp."""
+def _seamless(pieces: list[pyvista.PolyData], mirror: tuple[int, ...], near: float) -> pyvista.PolyData:
+    """A surface and its images as one, without the faces between them; near [m]: such points are on a plane."""
+    if len(pieces) == 1:
+        return pieces[0]
+    whole = pieces[0].append_polydata(*pieces[1:])
+    points = np.array(whole.points)
+    inside = np.zeros(whole.n_cells, bool)
+    # all faces of a lattice are quads, those of a mesh may be triangles, too
+    offsets, corners = whole.GetPolys().GetOffsetsArray(), whole.GetPolys().GetConnectivityArray()
+    to_numpy: Any = vtk_to_numpy
+    first, number = to_numpy(offsets)[:-1], to_numpy(corners)
+    for axis in mirror:
+        on_plane = np.abs(points[:, axis]) < near
+        points[on_plane, axis] = 0.0
+        inside |= np.logical_and.reduceat(on_plane[number], first)
+    whole.points = points
+    outer = whole.remove_cells(inside) if inside.any() else whole
+    return outer.clean(tolerance=1e-3 * near, absolute=True)
+
+
+def _surface(skin: Skin, position: np.ndarray, values: np.ndarray, turned: bool = False) -> pyvista.PolyData:
+    """The faces of a skin; points are not shared between patches, so that edges of the body stay sharp.
+
+    turned: the corners of faces run the other way, as an image's must.
+    """
     points, shown = skin.points(position, linear=True), skin.points(values, linear=False)
     pieces, faces, first = [], [], 0
     for patch in skin.patches or ():
         used, number = np.unique(patch, return_inverse=True)
         pieces.append(used)
-        faces.append((patch.shape[1], number.reshape(patch.shape) + first))
+        corners = number.reshape(patch.shape) + first
+        faces.append((patch.shape[1], corners[:, ::-1] if turned else corners))
         first += len(used)
     used = np.concatenate(pieces)
     cells = np.concatenate([np.insert(numbers, 0, count, axis=1).ravel() for count, numbers in faces])

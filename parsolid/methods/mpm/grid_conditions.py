@@ -7,6 +7,7 @@ import numpy as np
 from mpi4py import MPI
 
 from decomposition.occupied import Mirror
+from parsolid.boundary import surface_loads
 from parsolid.boundary.declarations import (
     Declarations,
     Declared,
@@ -17,6 +18,7 @@ from parsolid.boundary.declarations import (
     TemperaturePlane,
 )
 from parsolid.boundary.mirror_planes import MirrorPlane
+from parsolid.boundary.reactions import Told
 from parsolid.collective import SolverError, maximum, minimum
 from parsolid.methods.mpm import grid as kernels
 from parsolid.scene.base_model import Plane
@@ -27,7 +29,7 @@ from parsolid.scene.schema import Scene
 
 # a plane this near, in cells, to nodes or to the middle between them counts as there
 _NEAR = 1e-6
-TAKES = (Support, PrescribedMotion, RigidWall, TemperaturePlane, SurfaceHeat)
+TAKES = (Support, PrescribedMotion, RigidWall, TemperaturePlane, SurfaceHeat, *surface_loads.TAKES)
 
 
 @dataclass
@@ -95,6 +97,7 @@ class MovingWall:
             self.velocity[:dimension] = wall.velocity
         self.stick = 1.0 if wall.sticking else 0.0
         self._held, self._seen = np.zeros(0, bool), -1
+        self.told = Told(wall, dimension) if wall.where.reports is not None else None
 
     def held(self, tables: Any) -> np.ndarray:
         """Which nodes (count,) it holds in the step, kept from the motion for what is mapped back."""
@@ -121,6 +124,7 @@ class DrivenRegion:
         self.region, self._seen = region_of(scene, motion.key, motion.where), -1
         free = motion.course.free
         self.components = [(int(i), motion.course.component(int(i))) for i in np.flatnonzero(~free)]
+        self.told = Told(motion, scene.dimension) if motion.where.reports is not None else None
 
     def choose(self, tables: Any, dimension: int) -> None:
         """The nodes in the region, anew when there are others."""
@@ -162,6 +166,8 @@ class GridConditions:
         self.planes, self.dimension = self._folded(scene), scene.dimension
         self.walls = [MovingWall(wall, scene.dimension) for wall in self.declared.of(RigidWall)]
         self.driven = [DrivenRegion(motion, scene) for motion in self.declared.of(PrescribedMotion, "velocity")]
+        telling: list[Any] = [*self.walls, *self.driven]
+        self.told: list[Told] = [one.told for one in telling if one.told is not None]
 
     def _folded(self, scene: Scene) -> list[FoldedPlane]:
         supports = self.declared.of(Support, "roller", "fixed")
@@ -195,16 +201,34 @@ class GridConditions:
             )
         return Mirror(axis, round(place), 1 if self.lower[axis] >= offset else -1)
 
+    def _take(self, one: Any, nodes: Any, before: np.ndarray | None) -> None:
+        """Count the impulses by which the velocities `before` (count, d) of a step's nodes have changed; their work is
+        that on a wall's velocity, or on the mean of the nodes' own."""
+        if one.told is None or before is None:
+            return
+        d, now = self.dimension, nodes.motion[: nodes.count]
+        change = now[:, :d] - before
+        moving = now[:, :d] - 0.5 * now[:, 4 : 4 + d]
+        if isinstance(one, MovingWall):
+            moving = np.broadcast_to(one.velocity[:d], moving.shape)
+        told_mass = (nodes.share * now[:, 3])[:, None]
+        one.told.add(nodes.places[:, :d], told_mass * change, moving)
+
     def obey(self, nodes: Any, array: np.ndarray, time: float) -> tuple[float, float]:
         """Let velocities in an array of `Nodes` obey at a time [s]; the work this takes, and what of it is lost [J]."""
         supplied, caught = 0.0, 0.0
+        telling = bool(self.told) and array is nodes.motion
         for wall in self.walls:
+            before = array[: nodes.count, : self.dimension].copy() if telling else None
             reached = wall.at(time)
             here = nodes.places, nodes.share, wall.held(nodes), nodes.motion, array is nodes.again
             *impulse, lost = kernels.obey_wall(0, nodes.count, array, *here, reached)
             supplied, caught = supplied + float(np.dot(impulse, wall.velocity[:3])), caught + lost
+            self._take(wall, nodes, before)
         for region in self.driven:
+            before = array[: nodes.count, : self.dimension].copy() if telling else None
             supplied += region.drive(array, nodes, time, self.dimension)
+            self._take(region, nodes, before)
         nodes.spread(array)
         return supplied, caught
 
@@ -241,7 +265,7 @@ class GridConditions:
 
 
 def _refuse_body(one: Declared) -> None:
-    """Nodes belong to all bodies; only heat through a plane goes to the particles of one."""
-    if one.where.body is not None and not isinstance(one, SurfaceHeat):
+    """Nodes belong to all bodies; only heat through a plane and loads on surfaces go to the particles of one."""
+    if one.where.body is not None and not isinstance(one, (SurfaceHeat, *surface_loads.TAKES)):
         what = "a plane's temperature" if isinstance(one, TemperaturePlane) else "a condition on nodes"
         raise SolverError(f"{one.key}.body: expected none, {what} is that of all bodies, found one")

@@ -17,7 +17,7 @@ def set_initial_motion(scene: Scene, particle_set: ParticleSet, points: Material
 
     The slopes are those at the places that weights belong to; those of a body at rest would smooth its first step.
     """
-    d, place = points.dimension, (scene, particle_set.body, particle_set.position)
+    d, place = points.dimension, (scene, particle_set.body, particle_set.position, particle_set.regions)
     rows = points.owned_rows
     rows("velocity")[:] = initial_velocity(*place)
     displacement, given = initial_displacement(*place), initial_deformation_gradient(*place)
@@ -43,7 +43,7 @@ def _gradient(formula: Callable[..., np.ndarray | None], scene: Scene, particle_
     columns, body, place = [], particle_set.body, particle_set.position
     small = _DIFFERENCE * scene.method.cell
     for step in small * np.eye(place.shape[1]):
-        ahead, behind = (formula(scene, body, place + s * step) for s in (1.0, -1.0))
+        ahead, behind = (formula(scene, body, place + s * step, particle_set.regions) for s in (1.0, -1.0))
         assert ahead is not None and behind is not None
         columns.append((ahead - behind) / (2.0 * small))
     return np.stack(columns, axis=2)

@@ -6,6 +6,8 @@ import numpy as np
 
 from decomposition.grid import RankGrid
 from decomposition.node_sum import CellSum, NodeSum
+from parsolid.boundary.reactions import Told
+from parsolid.boundary.surface_loads import SurfaceLoads
 from parsolid.collective import minimum
 from parsolid.methods.mpm import grid as kernels
 from parsolid.methods.mpm.grid_conditions import FoldedPlane
@@ -25,7 +27,9 @@ class Nodes:
     heat (slots, 8), see `methods.mpm.heat`; again and heat only where the scene has them.
     interpolation: `kernels.Interpolation` of the step, to be found anew when particles have been listed anew.
     places (count, 4) [m]; share (count,): what counts of a node on this rank's side of mirror planes, if no lower rank
-    counts it; partial (cells, width**d, 8): parts of single cells, with bitwise sums, else None.
+    counts it; surface_loads: what acts on surfaces, set with the boundaries;
+    told: conditions that tell what they take, see `boundary.reactions`;
+    partial (cells, width**d, 8): parts of single cells, with bitwise sums, else None.
     """
 
     def __init__(self, ranks: RankGrid, points: MaterialPoints, planes: list[FoldedPlane], conducts: bool):
@@ -42,6 +46,8 @@ class Nodes:
         self.scratch = kernels.make_scratch(points.basis, ranks.dimension)
         self.motion = self.again = self.heat = aligned_zeros((0, 8))
         self.partial: np.ndarray | None = None
+        self.told: list[Told] = []
+        self.surface_loads: SurfaceLoads | None = None
         self.changes, self.communication_seconds = 0, 0.0
         self._seen: tuple[int, int] | None = None
         self._sums: dict[str, NodeSum | CellSum] = {}

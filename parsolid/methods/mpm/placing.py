@@ -20,7 +20,7 @@ def refuse_bad_places(comm: MPI.Comm, scene: Scene, particle_set: ParticleSet) -
     particle_set: this rank's particles. Collective.
     """
     count, d = len(scene.bodies), scene.dimension
-    displacement = initial_displacement(scene, particle_set.body, particle_set.position)
+    displacement = initial_displacement(scene, particle_set.body, particle_set.position, particle_set.regions)
     start = particle_set.position if displacement is None else particle_set.position + displacement
     lower, upper = np.full((count, d), np.inf), np.full((count, d), -np.inf)
     np.minimum.at(lower, particle_set.body, start)

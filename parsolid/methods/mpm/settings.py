@@ -12,6 +12,8 @@ from parsolid.scene.method_settings import MethodSettings, named_observables
 
 Basis = Literal["linear", "ugimp", "cpgimp", "quadratic-spline", "cubic-spline"]
 
+# on surfaces
+_LOADS = ("traction", "pressure", "spring")
 # what only elastic-plastic particles carry
 _OF_PLASTICITY = (
     *(field.name for field in PLASTIC_STATE),
@@ -56,7 +58,15 @@ class MaterialPoint(MethodSettings):
     system: ClassVar = "parsolid.methods.mpm.system:MaterialPoint"
     shared_field: ClassVar = True
     materials: ClassVar = ("hyperelastic", "elastic-plastic")
-    boundaries: ClassVar = ("fixed", "roller", "velocity", "wall", "temperature", "heat_flux")
+    boundaries: ClassVar = ("fixed", "roller", "velocity", "wall", "temperature", "heat_flux", *_LOADS)
+    reactions: ClassVar = ("velocity", "wall", *_LOADS)
+    refused: ClassVar = {
+        "antisymmetric": "a grid is folded at planes of symmetry and of rest",
+        "rotation": "nodes of a grid do not turn; 'velocity' takes formulas of place and time",
+        "displacement": "nodes of a grid have velocities alone",
+        "layer": "nodes of a grid have velocities alone",
+        "micro_clamped": "it is for micro-inertia, in ulsph",
+    }
     loads: ClassVar = ("body_force", "acceleration", "heat_source", "manufactured")
     declared_fields: ClassVar = (*PLASTIC_STATE, DAMAGE)
     extra_fields: ClassVar = {"density": "scalar", "velocity_gradient": "tensor"}
@@ -151,6 +161,8 @@ class MaterialPoint(MethodSettings):
             if boundary.kind == "wall" and self.formulation == "total-lagrangian":
                 # the grid lies on the undeformed body and knows nothing of where the body is
                 details.append((("boundaries", i, "kind"), "no wall with the formulation 'total-lagrangian'", "wall"))
+            if boundary.kind in _LOADS and self.geometry == "axisymmetric":
+                details.append((("boundaries", i, "kind"), "no load on a surface about an axis", boundary.kind))
             if boundary.kind in ("temperature", "heat_flux") and not conducting:
                 details.append((("boundaries", i, "kind"), "a body with a conductivity", boundary.kind))
         return details + self._fields_of_no_body(scene) + faults_of_names(scene)

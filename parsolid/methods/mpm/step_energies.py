@@ -31,8 +31,13 @@ class StepEnergies:
         """
         supplied, caught = boundaries
         if self.forces is not None and self.before is not None:
-            supplied += _work(self.forces, self.before, self.points.motion[: self.points.owned], step)
+            moved = _moved(self.before, self.points.motion[: self.points.owned], step)
+            supplied += float((self.forces[: len(moved), :3] * moved).sum())
+            if self.nodes.surface_loads is not None:
+                self.nodes.surface_loads.tell(step, moved[:, : self.points.dimension])
         ledger.add(1.0, 0.0, self._lost() + caught, supplied)
+        for told in self.nodes.told:
+            told.finish(step, ledger)
         # what is deleted leaves after the step, so that it is not taken for a loss of the scheme
         for name, energy in (materials | self.points.delete_failed()).items():
             ledger.add_term(name, energy)
@@ -60,7 +65,7 @@ class StepEnergies:
         return self.nodes.energy_of_changes() - 0.5 * float(now[:, 3] @ (change**2).sum(axis=1))
 
 
-def _work(forces: np.ndarray, before: np.ndarray, after: np.ndarray, step: float) -> float:
-    """Work [J] on particles: the nodal velocity in the middle of the step is the mean of the old and the new."""
-    moved = after[:, :3] - before[:, :3] - 0.5 * step * (after[:, 4:7] - before[:, 4:7])
-    return float((forces[: len(after), :3] * moved).sum())
+def _moved(before: np.ndarray, after: np.ndarray, step: float) -> np.ndarray:
+    """By what (n, 3) [m] forces act on particles: the nodal velocity in the middle of the step is the mean of the old
+    and the new."""
+    return np.asarray(after[:, :3] - before[:, :3] - 0.5 * step * (after[:, 4:7] - before[:, 4:7]))

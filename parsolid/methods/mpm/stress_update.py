@@ -85,7 +85,9 @@ class ElasticPlasticUpdate:
         points, rows = self.points, self.points.owned_rows
         laws = [points.laws[number] for number in points.law_of_body]
         usual = np.array([getattr(law, "reference_temperature", 0.0) for law in laws])
-        rows("temperature")[:] = initial_temperature(scene, particle_set.body, particle_set.position, usual)
+        rows("temperature")[:] = initial_temperature(
+            scene, particle_set.body, particle_set.position, usual, particle_set.regions
+        )
         for block in points.warm_blocks:
             here = slice(block.first, block.last)
             warm, reference = rows("temperature")[here], block.law.reference_temperature

@@ -14,6 +14,7 @@ from decomposition.cell_partition import CellPartition
 from decomposition.grid import RankGrid
 from parsolid.boundary.loads import accelerations
 from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
+from parsolid.boundary.surface_loads import SurfaceLoads
 from parsolid.collective import maximum
 from parsolid.materials.hyperelastic.law import elastic_moduli
 from parsolid.materials.plastic import plastic_evaluation
@@ -63,6 +64,11 @@ class MaterialPoint(ParticleSystem):
         mirrors = tuple(dict.fromkeys(folded))
         self.grid = RankGrid(comm, self.dimension, nodes_across(points.basis), mirrors, scene.method.bitwise)
         self.nodes = Nodes(self.grid, points, self.conditions.planes, conducting)
+        self.surface_loads = self.nodes.surface_loads = SurfaceLoads(
+            self.conditions.declared, comm, points, particle_set
+        )
+        self.landings = self.surface_loads.landings
+        self.told = self.nodes.told = [*self.conditions.told, *self.surface_loads.told]
         self.stress: StressUpdate | ReferenceGrid = self.materials
         if scene.method.formulation == "total-lagrangian":
             self.stress = ReferenceGrid(self.materials, self.nodes)
@@ -139,10 +145,12 @@ class MaterialPoint(ParticleSystem):
 
     def _forces(self, time: float) -> np.ndarray | None:
         """Forces (capacity, 4) [N] of the loads on particles."""
-        if not self.loads.acting:
+        if not self.loads.acting and not self.surface_loads.acting:
             return None
         result = aligned_zeros((self.points.capacity, 4))
-        result[: self.owned] = self.points.motion[: self.owned, 3:4] * self.loads.at(time)
+        if self.loads.acting:
+            result[: self.owned] = self.points.motion[: self.owned, 3:4] * self.loads.at(time)
+        self.surface_loads.add_to(result, time)
         return result
 
     def _with_impulses(self, forces: np.ndarray | None, step: float) -> np.ndarray | None:
@@ -227,7 +235,7 @@ class MaterialPoint(ParticleSystem):
         if self.materials.fastest == 0.0 and "deleted_mass" in self.points:
             # nothing is left on this rank
             waves = _ANY_STEP
-        return float(min(waves, thermal))
+        return float(min(waves, thermal, self.surface_loads.largest_step))
 
     # --- what the loop and the reports ask ------------------------------------------------------------------------
 
@@ -247,9 +255,7 @@ class MaterialPoint(ParticleSystem):
             field = name.removeprefix("maximum_")
             values = rows(field) if field in self.particles else np.zeros(0)
             return "maximum", np.array([values.max(initial=0.0)])
-        failed = (
-            failed_matter.measure(self.particles, self.mass[: self.owned], name) if "damage" in self.particles else None
-        )
+        failed = failed_matter.measure(self.particles, self.mass[: self.owned], name)
         if failed is not None:
             return failed
         if name == "plastic_work":

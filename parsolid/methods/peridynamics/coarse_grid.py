@@ -9,13 +9,21 @@ import numpy as np
 from decomposition.reduction import sums
 from parsolid.collective import maximum
 from parsolid.materials.damage.bond_based import BondBased
+from parsolid.methods.peridynamics.divergence import divergence_of_components
 from parsolid.methods.peridynamics.operator import Operator, algorithmic_law
-from parsolid.solvers import Grid, TwoLevel, start_vector
+from parsolid.methods.peridynamics.pieces import unbalanced_piece
+from parsolid.solvers import Grid, StiffVolumes, TwoLevel, start_vector
 
 # width of the grid's cells over the particles' spacing: more than the horizon, within which stiffness is nearly flat
 _WIDTH = 4.0
 # of a rank's particles, about so many are looked at on each mirror plane
 _POINTS = 500
+# first Lame constant over shear modulus from which volumes are stiff, as with Poisson's ratio 0.495
+_STIFF = 100.0
+# of the shear modulus, what resists a change of volume at least
+_LEAST = 1e-3
+# particles whose divergences are factorised at most, by dimension: in space each has 300 to 900 neighbours there
+_MOST_FACTORISED = {2: 10_000, 3: 5_000}
 
 
 class CoarseGrid:
@@ -37,6 +45,7 @@ class CoarseGrid:
             row[plane.axis] = plane.coordinate
         width = _WIDTH * maximum(self.comm, float(self.length.max(initial=0.0)))
         self.grid = Grid.over(self.comm, np.concatenate((places, ends)), width)
+        self.divergence: Any = None
         self.bare = TwoLevel(self.comm, self.grid, places, operator.free, self._held(planes))
 
     def _held(self, planes: Any) -> np.ndarray:
@@ -51,26 +60,45 @@ class CoarseGrid:
             result[near] |= plane.held(len(shape))
         return result
 
-    def preconditioner(self, step: float) -> TwoLevel:
+    def preconditioner(self, step: float) -> TwoLevel | StiffVolumes:
         """The preconditioner of a step of a length [s]."""
-        solver = copy(self.bare)
-        operator, history = self.operator, self.operator.history
+        solver, history = copy(self.bare), self.operator.history
         history.begin(step)
-        lame, shear = np.zeros(len(self.volume)), np.zeros(len(self.volume))
+        lame, shear, laws = np.zeros(len(self.volume)), np.zeros(len(self.volume)), []
         for first, last, law in history.laws:
             elastic = algorithmic_law(law, step)
             lame[first:last], shear[first:last] = elastic.first_lame, elastic.shear_modulus
+            laws.append((first, last, elastic._replace(first_lame=0.0)))
+        stiff = self._has_stiff_volumes(lame, shear)
         lame, shear = lame * history.factor, shear * history.factor
-        weight = (self.volume * (lame + 2.0 * shear) / self.length**2)[:, None] * np.ones(operator.free.shape)
-        # the stiffness is nearly a multiple of the weight: the mean of its eigenvalues, from one product
+        resisted = np.maximum(lame, _LEAST * shear) * self.volume
+        if stiff:
+            lame = np.zeros_like(lame)
+        solver.of_moduli(lame, shear, self.volume, self._diagonal(lame + 2.0 * shear, laws if stiff else None, step))
+        motions = self._rigid_motions(self.operator.engine.particles.owned_rows("reference_position"))
+        solver.leave_out(motions, self._restraint(motions))
+        if not stiff:
+            return solver
+        if self.divergence is None:
+            self.divergence = divergence_of_components(self.operator.engine.bond_system, self.operator.dimension)
+        return StiffVolumes(solver, self.divergence, 1.0 / np.concatenate(self.comm.allgather(resisted)))
+
+    def _has_stiff_volumes(self, lame: np.ndarray, shear: np.ndarray) -> bool:
+        """Whether volumes are so stiff that two levels alone take long, and particles few enough for more."""
+        few = self.comm.allreduce(len(lame)) <= _MOST_FACTORISED.get(self.operator.dimension, 0)
+        return few and maximum(self.comm, float(np.max(lame / shear, initial=0.0))) > _STIFF
+
+    def _diagonal(self, modulus: np.ndarray, laws: Any, step: float) -> np.ndarray:
+        """D (n, d) [N/m] of the step's stiffness, or of that of other laws: it is nearly a multiple of V modulus/dx^2,
+        by the mean of its eigenvalues, from one product.
+        """
+        operator = self.operator
+        weight = (self.volume * modulus / self.length**2)[:, None] * np.ones(operator.free.shape)
         trial = np.sign(start_vector(operator.identifier, operator.dimension)) * operator.free
         image = np.empty_like(trial)
-        operator.stiffness(trial, image, step)
+        operator.stiffness(trial, image, step, laws)
         power, measure = sums(self.comm, [np.vdot(trial, image), np.vdot(trial, weight * trial)])
-        solver.of_moduli(lame, shear, self.volume, weight * float(power / measure) if measure > 0.0 else weight)
-        motions = self._rigid_motions(operator.engine.particles.owned_rows("reference_position"))
-        solver.leave_out(motions, self._restraint(motions))
-        return solver
+        return weight * float(power / measure) if measure > 0.0 else weight
 
     def _rigid_motions(self, places: np.ndarray) -> np.ndarray:
         """Translations, and where strains are small rotations, (k, n, d), at places (n, d) [m]."""
@@ -85,14 +113,25 @@ class CoarseGrid:
                 motions.append(spin)
         return np.array(motions)
 
-    def _restraint(self, motions: np.ndarray) -> np.ndarray:
+    def unbalanced_piece(self, residual: np.ndarray, target: float) -> str:
+        """See `pieces.unbalanced_piece`."""
+        motions = self._rigid_motions(self.operator.engine.particles.owned_rows("reference_position"))
+        return unbalanced_piece(self.operator, motions, self._restraint, residual, target)
+
+    def _restraint(self, motions: np.ndarray, piece: np.ndarray | None = None) -> np.ndarray:
         """Sums of products (k, k) of rigid motions (k, n, d) where they are prescribed and on mirror planes, of all
         ranks: what has none there has no stiffness, and no force need be evaluated to know it.
+
+        piece (n,) bool: the particles that move; of them those with images in a plane feel it.
         """
         particles = self.operator.engine.particles
         parts = [motions * ~self.operator.free]
         for plane in self.planes:
-            concerned = np.flatnonzero(plane.concerns(particles.owned_rows("body")))
+            concerned = plane.concerns(particles.owned_rows("body"))
+            if piece is not None:
+                near = np.abs(particles.owned_rows("reference_position")[:, plane.axis] - plane.coordinate)
+                concerned = concerned & piece & (near <= self.length)
+            concerned = np.flatnonzero(concerned)
             # a few points say what a plane lets move
             onto = particles.owned_rows("reference_position")[concerned[:: len(concerned) // _POINTS + 1]]
             onto[:, plane.axis] = plane.coordinate

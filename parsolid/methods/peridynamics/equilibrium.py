@@ -43,7 +43,8 @@ class Balance(NamedTuple):
 class Equilibrium:
     """Solves for balance on one rank; all methods are collective.
 
-    largest_load [N]: of the run so far; fault: why the last solution is not in balance; iterations: force evaluations
+    largest_load [N]: of the run so far; fault: why the last solution is not in balance; unheld:
+    whether because nothing holds a piece; iterations: force evaluations
     of the run so far, most_iterations: of a step at most.
     """
 
@@ -52,7 +53,7 @@ class Equilibrium:
         None.
         """
         self.comm, self.operator, self.settings = comm, operator, settings
-        self.largest_load, self.fault = 0.0, ""
+        self.largest_load, self.fault, self.unheld = 0.0, "", False
         self.iterations, self.most_iterations = 0, 0
         self._fictitious: dict[float, np.ndarray] = {}
         self.coarse = coarse
@@ -64,7 +65,7 @@ class Equilibrium:
 
         Where it is not `reached`, `fault` says why. The operator's `commit` ends the step.
         """
-        self.fault, count, self.step = "", self.iterations, step
+        self.fault, self.unheld, count, self.step = "", False, self.iterations, step
         improve = self.relax_dynamically if self.settings.solver == "dynamic-relaxation" else self.correct
         balance = self._balance(start, external)
         for _ in range(_PASSES):
@@ -103,6 +104,7 @@ class Equilibrium:
             operator.free,
             self.settings.most_iterations,
             self._preconditioner(),
+            None if self.coarse is None else lambda: self._unbalanced_piece(balance.residual, target),
         )
         self.iterations += solution.iterations
         if not solution.converged:
@@ -116,6 +118,12 @@ class Equilibrium:
             factor *= 0.5
         self.fault = "Newton's method: no shorter step reduces what is not balanced"
         return balance
+
+    def _unbalanced_piece(self, residual: np.ndarray, target: float) -> str:
+        """What nothing holds, in words."""
+        words = self.coarse.unbalanced_piece(residual, target)
+        self.unheld = bool(words)
+        return str(words)
 
     def _preconditioner(self) -> Any:
         """Of a step of this length, or None."""

@@ -29,7 +29,8 @@ class PeridynamicLoads:
 
     planes, codes, share: see `boundary.supports.Supports`, share at the start; entries: particles and components (k,)
     of everything guided; jumps: times [s] before the end at which loads or prescribed displacements jump, with 0 where
-    anything is loaded. Forces [N] are those on the part of a particle on this side of mirror planes.
+    anything is loaded; loads_of: key of a condition -> its loads.
+    Forces [N] are those on the part of a particle on this side of mirror planes.
     """
 
     def __init__(self, comm: MPI.Comm, scene: Scene, particle_set: ParticleSet, particles: Particles):
@@ -52,6 +53,7 @@ class PeridynamicLoads:
         self.jumps = self._jump_times()
         self._tractions = Tractions(comm, self.declared, supports, particle_set, self.particles)
         self._body_loads = self._loads_of_bodies()
+        self.loads_of: dict[str, list[Load]] = {}
         self.loads = InTime(self.particles, self._body_loads, free.shape[1])
         self.move, self.guided_velocities = self.prescribed.move, self.prescribed.velocities
 
@@ -77,7 +79,10 @@ class PeridynamicLoads:
 
     def install_tractions(self, force: Any, horizon: np.ndarray) -> None:
         """Find the forces of tractions; force: `BondForce` with all bonds whole; horizon (owned,) [m]; collective."""
-        parts = [*self._body_loads, *self._tractions.forces(force, horizon)]
+        found = self._tractions.forces(force, horizon)
+        for key, load in found:
+            self.loads_of.setdefault(key, []).append(load)
+        parts = [*self._body_loads, *(load for _, load in found)]
         self.loads = InTime(self.particles, parts, self.free.shape[1])
 
     @property

@@ -139,13 +139,13 @@ class Operator:
         out -= ahead
         out *= 0.5 / shift
 
-    def stiffness(self, change: np.ndarray, out: np.ndarray, step: float) -> None:
-        """K du [N] of the undeformed body over a step of a given length."""
+    def stiffness(self, change: np.ndarray, out: np.ndarray, step: float, laws: Any = None) -> None:
+        """K du [N] of the undeformed body over a step of a given length; laws: others than those of the step."""
         if step != self.step:
             self.step = step
             self.tangents = [(first, last, algorithmic_law(law, step)) for first, last, law in self.history.laws]
         self.history.begin(step)
-        force = self.history.stiffness_force(self.tangents, change)
+        force = self.history.stiffness_force(self.tangents if laws is None else laws, change)
         np.multiply(force[:, : self.dimension], -self.share[:, None], out=out)
 
     @property

@@ -44,6 +44,11 @@ class QuasiStatic(TimeSolver):
         """The material step [s]."""
         return self.settings.step
 
+    @property
+    def unheld(self) -> bool:
+        """Whether the last step found no balance because nothing holds a piece of the bodies."""
+        return self.equilibrium.unheld
+
     # --- a step ------------------------------------------------------------------------------------------------
 
     def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
@@ -75,6 +80,8 @@ class QuasiStatic(TimeSolver):
         announce(balance.reached, self.settings.step)
         lost = self.operator.commit(balance.displacement, step)
         work = self.operator.work_since(start, before, after)
+        if self.body.reactions is not None:
+            self.body.reactions.balance(start, (before, after), time, step)
         # within a step strain goes linearly whatever the loads do, so that forces are out of balance; a jump is as it
         # should be
         ledger.add(1.0, lost, work.internal - lost - work.stored if step > 0.0 else 0.0, work.external)

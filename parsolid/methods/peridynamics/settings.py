@@ -191,8 +191,18 @@ class Peridynamics(MethodSettings):
         "displacement",
         "layer",
         "traction",
-        "surface_pressure",
+        "pressure",
     )
+    pressed: ClassVar = ("where", "box", "ball")
+    refused: ClassVar = {
+        "antisymmetric": "images of a solid that moves against it are not made",
+        "spring": "loads do not depend on the motion",
+        "wall": "rigid bodies that others touch are tools",
+        "temperature": "the method knows no heat",
+        "heat_flux": "the method knows no heat",
+        "micro_clamped": "it is for micro-inertia, in ulsph",
+    }
+    reactions: ClassVar = ("fixed", "roller", "velocity", "rotation", "displacement", "layer", "traction", "pressure")
     pictured_fields: ClassVar = ("damage", "pressure")
     ledger_terms: ClassVar = {"dissipation_fracture": 1, "leapfrog_oscillation": -1, "residual_work": 0}
     extra_fields: ClassVar = {"damage": "scalar"}

@@ -21,6 +21,7 @@ from parsolid.methods.peridynamics.fracture import fracture_of
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.methods.peridynamics.operator import Operator, instantaneous_wave_modulus
 from parsolid.methods.peridynamics.quasi_static import QuasiStatic
+from parsolid.methods.peridynamics.reactions import reactions_of
 from parsolid.methods.peridynamics.tensor_history import is_small_strain
 from parsolid.methods.peridynamics.velocity_verlet import VelocityVerlet
 from parsolid.methods.peridynamics.velocity_verlet_kernels import kinetic_energy
@@ -50,6 +51,8 @@ class Peridynamics(PairMethod):
         self.owned, self.dimension = particle_set.position.shape
         self.laws = self.history.laws
         self.loads.install_tractions(self.engine, forces.horizon)
+        self.reactions = reactions_of(comm, self, particle_set)
+        self.told = () if self.reactions is None else self.reactions.told
         self.fracture = fracture_of(comm, scene, particle_set, forces)
         self.operator = Operator(self.engine, self.history, self.loads)
         motion: dict[str, Any] = {"shown": True, "mirror": "vector"}
@@ -64,7 +67,7 @@ class Peridynamics(PairMethod):
 
     def begin(self, scene: Any, particle_set: Any) -> None:
         """Velocity and displacement by the bodies' formulas, and what is stored in the branches; collective."""
-        place = (scene, particle_set.body, particle_set.position)
+        place = (scene, particle_set.body, particle_set.position, particle_set.regions)
         self.particles.owned_rows("velocity")[:] = initial_velocity(*place)
         displacement = initial_displacement(*place)
         if displacement is not None:
@@ -128,7 +131,10 @@ class Peridynamics(PairMethod):
 
     def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """One step of the time solver."""
-        return self.solver.advance(time, step, ledger, announce)
+        sound = self.solver.advance(time, step, ledger, announce)
+        for told in self.told:
+            told.finish(step, ledger)
+        return sound
 
     @property
     def placements(self) -> int:  # type: ignore[override]
@@ -223,6 +229,8 @@ class Peridynamics(PairMethod):
 
     def advice(self) -> str:
         """What most likely helps."""
+        if self.solver.unheld:
+            return "a support of the piece, or loads on it that balance"
         hints = []
         if self.settings.stabilisation.kind != "shear-scaled":
             hints.append('method.stabilisation.kind = "shear-scaled"')

@@ -14,6 +14,11 @@ class TimeSolver:
     landings: tuple[float, ...] = ()
     setting: str
 
+    @property
+    def unheld(self) -> bool:
+        """Whether the last step found no balance because nothing holds a piece of the bodies."""
+        return False
+
     def begin(self) -> None:
         """What the solver changes in the bodies' initial displacement and velocity."""
 

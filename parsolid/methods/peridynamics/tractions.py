@@ -69,11 +69,12 @@ class Tractions:
         self.comm, self.declared, self.supports = comm, declared, supports
         self.particle_set, self.particles = particle_set, particles
 
-    def forces(self, engine: Any, horizon: np.ndarray) -> list[Load]:
-        """Forces [N] on the particles; engine: `BondForce` with all bonds whole; horizon (owned,) [m]."""
+    def forces(self, engine: Any, horizon: np.ndarray) -> list[tuple[str, Load]]:
+        """Keys of conditions and forces [N] on the particles, several of one; engine: `BondForce` with all bonds whole;
+        horizon (owned,) [m]."""
         return self._of_planes(engine, horizon) + self._pressures(engine)
 
-    def _pressures(self, engine: Any) -> list[Load]:
+    def _pressures(self, engine: Any) -> list[tuple[str, Load]]:
         """The forces that balance a uniform pressure, in the region of each pressure."""
         pressures, d, loads = self.declared.of(SurfacePressure), self.particle_set.position.shape[1], []
         if not pressures:
@@ -81,12 +82,18 @@ class Tractions:
         unit = self._unit(engine)
         # what is left inside a regular body is rounding
         least = 1e-12 * maximum(self.comm, float(np.abs(unit).max(initial=0.0)))
+        known = self.declared.scene.named_regions
         for one in pressures:
+            name = one.where.region_name
+            if name is not None and known[name].groups(known):
+                expected = "a region in space, with what lies within two horizons of the surface"
+                raise SolverError(f"{one.key}.where: expected {expected}, found a group of a mesh in {name!r}")
             within = selected(self.declared.scene, one.where, self.particle_set, self.comm)
             for axis in range(d):
                 chosen = within & (np.abs(unit[:, axis]) > least)
                 scale = keep(self.particles, f"force_per_pressure_{one.key}_{axis}", unit[:, axis])
-                loads.append(Load(self.particles, self.particles.selection(chosen), scale, Along(one.course, axis, d)))
+                load = Load(self.particles, self.particles.selection(chosen), scale, Along(one.course, axis, d))
+                loads.append((one.key, load))
         return loads
 
     def _unit(self, engine: Any) -> np.ndarray:
@@ -95,11 +102,11 @@ class Tractions:
         unit: np.ndarray = engine.of_stress(unit_stress) * self.supports.share[:, None]
         return unit
 
-    def _of_planes(self, engine: Any, horizon: np.ndarray) -> list[Load]:
+    def _of_planes(self, engine: Any, horizon: np.ndarray) -> list[tuple[str, Load]]:
         tractions = self.declared.of(SurfaceTraction)
         reach = maximum(self.comm, float(horizon.max(initial=0.0)))
         kind = self.declared.scene.method.traction
-        there = [self._in_region(one, kind) for one in self.declared.of(RegionTraction)]
+        there = [(one.key, self._in_region(one, kind)) for one in self.declared.of(RegionTraction)]
         return [*self._on_planes(tractions, kind, reach, engine), *there]
 
     def _in_region(self, one: RegionTraction, kind: str) -> Load:
@@ -111,18 +118,22 @@ class Tractions:
         surface = Surface(self.comm, self.declared, one, self.particle_set, self.particles)
         return Load(self.particles, surface.chosen, surface.areas, one.course)
 
-    def _on_planes(self, tractions: list[SurfaceTraction], kind: str, reach: float, engine: Any) -> list[Load]:
+    def _on_planes(
+        self, tractions: list[SurfaceTraction], kind: str, reach: float, engine: Any
+    ) -> list[tuple[str, Load]]:
         if kind == "horizon":
-            return [self._spread(one, reach) for one in tractions]
+            return [(one.key, self._spread(one, reach)) for one in tractions]
         if not kind.startswith("consistent"):
-            return [self._at_face(one, one.course) for one in tractions]
+            return [(one.key, self._at_face(one, one.course)) for one in tractions]
         if not tractions:
             return []
         unit = self._unit(engine)
         depth = 2.0 * reach if kind == "consistent" else np.inf
         means = [self._mean(one) for one in tractions]
-        inside = [self._consistent(one, mean, unit[:, one.plane.axis], depth) for one, mean in zip(tractions, means)]
-        return inside + [self._at_face(one, BeyondMean(one.course, mean)) for one, mean in zip(tractions, means)]
+        pairs, keys = list(zip(tractions, means)), [one.key for one in tractions]
+        inside = [self._consistent(one, mean, unit[:, one.plane.axis], depth) for one, mean in pairs]
+        beyond = [self._at_face(one, BeyondMean(one.course, mean)) for one, mean in pairs]
+        return [*zip(keys, inside), *zip(keys, beyond)]
 
     def _mean(self, one: SurfaceTraction) -> MeanOverFace:
         """The mean of a traction over its face, or over some particles of a large one, the same on any number of

@@ -125,6 +125,8 @@ class VelocityVerlet(TimeSolver):
     def guided_motion(self) -> tuple[Any, ...]:
         """Displacement, velocity and force of guided components before a step."""
         body, entries = self.body, self.body.loads.entries
+        if body.reactions is not None:
+            body.reactions.begin()
         if not len(entries[0]):
             return ()
         return tuple(array[entries] for array in (body.engine.displacement, body.velocity, body.engine.force))
@@ -133,13 +135,19 @@ class VelocityVerlet(TimeSolver):
         """Set the velocity of guided components after a step; the work [J] of what guides them and of their loads."""
         body, entries, particles = self.body, self.body.loads.entries, self.body.loads.entries[0]
         if not before:
+            self._tell(time, step)
             return 0.0
         displacement, velocity, force = before
         change = body.engine.displacement[entries] - displacement
         body.velocity[entries] = body.loads.guided_velocities(time, step, change)
+        self._tell(time, step)
         share, mass = body.share[particles], body.mass[particles]
         kinetic = 0.5 * mass * (body.velocity[entries] ** 2 - velocity**2)
         return float(np.sum(share * (kinetic - 0.5 * (force + body.engine.force[entries]) * change)))
+
+    def _tell(self, time: float, step: float) -> None:
+        if self.body.reactions is not None:
+            self.body.reactions.finish(time, step)
 
     # --- what is asked of it -----------------------------------------------------------------------------------
 

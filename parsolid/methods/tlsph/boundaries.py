@@ -8,11 +8,11 @@ from mpi4py import MPI
 from parsolid.boundary.declarations import (
     Declarations,
     Declared,
-    FollowingPressure,
     HeldRegion,
     PrescribedMotion,
     RegionTraction,
     Support,
+    SurfacePressure,
     SurfaceSpring,
     SurfaceTraction,
 )
@@ -52,7 +52,7 @@ class BoundarySet:
         self._clamp = _clamp(comm, supports.held, particles)
         density = densities(declared.scene, particles)
         self.surfaces = None
-        if any(isinstance(one, HeldRegion | FollowingPressure | SurfaceSpring) for one in declared.all):
+        if any(isinstance(one, HeldRegion | SurfacePressure | SurfaceSpring) for one in declared.all):
             self.surfaces = SurfaceForces(declared, comm, particles, particle_set, density, supports.held)
         self.prescribed = PrescribedRows(
             comm, declared.scene, declared.of(PrescribedMotion, "velocity"), particle_set, particles
@@ -175,7 +175,7 @@ def build_boundaries(
         PrescribedMotion,
         SurfaceTraction,
         RegionTraction,
-        FollowingPressure,
+        SurfacePressure,
         SurfaceSpring,
     )
     return BoundarySet(comm, declared, particle_set, particles, closed)

@@ -84,6 +84,8 @@ class Leapfrog:
         self._advance_strain_of_all(0.0)
         storage("pair_sums")[:] = 0.0
         pairs.divergence(pairs.terms)
+        if (told := self.system.boundaries.reactions) is not None and told.walls is not None:
+            told.walls.find()
         self.forces_of = self._reference_updates
 
     @property

@@ -6,6 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from parsolid.boundary.reactions import moments
+from parsolid.methods.tlsph.settings import FIXED_WALLS
+
 
 class Taken(NamedTuple):
     """Arrays of a stage before the motion is advanced: pair forces (n, 8) [N] of whole particles with what holds those
@@ -51,22 +54,17 @@ def held_against(stage: Taken, rows: np.ndarray, components: np.ndarray) -> np.n
     return np.asarray(-stage.share[rows, None] * resisted * components)
 
 
-def moments(places: np.ndarray, forces: np.ndarray) -> np.ndarray:
-    """Their sum, (3,) in space, (1,) about the axis out of the plane."""
-    if places.shape[1] == 2:
-        return np.array([places[:, 0] @ forces[:, 1] - places[:, 1] @ forces[:, 0]])
-    return np.asarray(np.cross(places, forces).sum(axis=0))
-
-
 class Reactions:
-    """Of all conditions that tell them."""
+    """Of all conditions that tell them; walls: `fixed_walls.FixedWalls`, whose work is told, too, or None."""
 
-    def __init__(self, particles: Any, reactions: list[Reaction]):
-        self.particles, self.all = particles, reactions
+    def __init__(self, particles: Any, reactions: list[Reaction], walls: Any = None):
+        self.particles, self.all, self.walls = particles, reactions, walls
 
     def begin(self) -> None:
         """Of a step."""
         velocity = self.particles.owned_rows("velocity")
+        if self.walls is not None:
+            self.walls.work = 0.0
         for one in self.all:
             d = velocity.shape[1]
             one.force, one.moment, one.work = np.zeros(d), np.zeros(1 if d == 2 else 3), 0.0
@@ -75,12 +73,16 @@ class Reactions:
 
     def find(self, stage: Taken) -> None:
         """Forces of a stage, before the arrays change."""
+        if self.walls is not None:
+            self.walls.meet(stage.before)
         for one in self.all:
             one.pending = [one.find(stage)]
 
     def book(self, weight: float, duration: float) -> None:
         """Count what was found with a weight, and its work over a duration [s] with the present velocities."""
         of = self.particles.owned_rows
+        if self.walls is not None:
+            self.walls.book(duration)
         for one in self.all:
             for rows, forces in one.pending:
                 self._count(one, rows, weight * forces)
@@ -94,6 +96,8 @@ class Reactions:
     def finish(self, step: float, mass: np.ndarray, share: np.ndarray, ledger: Any) -> None:
         """Add the inertia of what is driven, and tell the ledger of the work of a step [s]."""
         velocity = self.particles.owned_rows("velocity")
+        if self.walls is not None:
+            ledger.add_term(FIXED_WALLS, self.walls.work)
         for one in self.all:
             if one.driven is not None and step > 0.0:
                 rows, components = one.driven()

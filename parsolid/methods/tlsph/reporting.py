@@ -10,11 +10,11 @@ from mpi4py import MPI
 from parsolid.boundary.declarations import (
     Declarations,
     Declared,
-    FollowingPressure,
     HeldRegion,
     PrescribedMotion,
     RegionTraction,
     Support,
+    SurfacePressure,
     SurfaceSpring,
     SurfaceTraction,
 )
@@ -59,7 +59,7 @@ def _finder(
         return lambda stage: (place()[0], held_against(stage, *place())), place
     if isinstance(one, SurfaceTraction | RegionTraction):
         return partial(_of_load, particles, tractions[one.key], declared.dimension), None
-    if isinstance(one, FollowingPressure | SurfaceSpring):
+    if isinstance(one, SurfacePressure | SurfaceSpring):
         load = next(each for each in surfaces.loads if each.one is one)
         return lambda stage: load.forces(stage.time, stage.before), None
     if isinstance(one, HeldRegion) and one.kind != "fixed":

@@ -1,13 +1,17 @@
 """Total-Lagrangian SPH as a scene states it."""
 
+from collections.abc import Iterable
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from parsolid.methods.tlsph.body_weights import lattice_faults
+from parsolid.methods.tlsph.body_weights import ON_LATTICES, lattice_faults
 from parsolid.pairs.smoothing import kernel_names
 from parsolid.scene.base_model import NotNegative, Positive, reject
 from parsolid.scene.method_settings import Detail, MethodSettings
+
+# what images at fixed planes do beyond what is adjoint, see `fixed_walls`
+FIXED_WALLS = "work_fixed_walls"
 
 
 class TotalLagrangianSPH(MethodSettings):
@@ -26,7 +30,15 @@ class TotalLagrangianSPH(MethodSettings):
         "pressure",
         "spring",
     )
-    reactions: ClassVar = True
+    reactions: ClassVar = boundaries
+    refused: ClassVar = {
+        "displacement": "motion is prescribed as a velocity or a rotation",
+        "layer": "a part of a body is held by 'fixed' in a region",
+        "wall": "rigid bodies that others touch are tools",
+        "temperature": "the method knows no heat",
+        "heat_flux": "the method knows no heat",
+        "micro_clamped": "it is for micro-inertia, in ulsph",
+    }
     kind: Literal["tlsph"]
     kernel: Literal[kernel_names()] = Field(  # type: ignore[valid-type]
         "wendland-c2", description="the smoothing kernel"
@@ -96,6 +108,12 @@ class TotalLagrangianSPH(MethodSettings):
         if self.pair_correction == "closure" and self.weights not in (None, "closure"):
             reject((("pair_correction",), f"weights alone, which is '{self.weights}'", self.pair_correction))
         return self
+
+    def energy_terms(self, scene: Any, bodies: Iterable[int]) -> dict[str, int]:
+        """Also what fixed planes give to bodies that have images there."""
+        terms, planes = super().energy_terms(scene, bodies), [one for one in scene.boundaries if one.kind == "fixed"]
+        images = self.pair_weights not in ON_LATTICES and any(one.plane is not None for one in planes)
+        return terms | ({FIXED_WALLS: -1} if images else {})
 
     def contact_refused(self, scene: Any) -> str | None:
         """It can."""

@@ -5,79 +5,15 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.boundary.declarations import Declarations, Declared, FollowingPressure, HeldRegion, SurfaceSpring
+from parsolid.boundary.declarations import Declarations, Declared, HeldRegion, SurfacePressure, SurfaceSpring
 from parsolid.boundary.rows import keep
+from parsolid.boundary.surface_loads import Pressed, Sprung
 from parsolid.boundary.surfaces import Surface
 from parsolid.particles.container import Particles
 from parsolid.particles.particle_set import ParticleSet
 
-# of the largest stable step of a spring or dashpot on its own
-_SAFETY = 0.8
 # length of what is left of a direction that another condition holds
 _PARALLEL = 1e-6
-
-
-class Pressed:
-    """Pressure on the present area, cof(F) dA."""
-
-    def __init__(self, one: FollowingPressure, surface: Surface):
-        self.one, self.surface, self.particles = one, surface, surface.particles
-        self._areas = np.zeros((0, 1))
-
-    def look(self) -> None:
-        """Keep the present areas."""
-        rows, d = self.surface.chosen.rows, self.particles.owned_rows("position").shape[1]
-        F = self.particles.owned_rows("deformation_gradient")[rows].reshape(-1, d, d)
-        A = self.surface.vectors(rows)
-        if d == 2:
-            cofactor = np.empty_like(F)
-            cofactor[:, 0, 0], cofactor[:, 0, 1] = F[:, 1, 1], -F[:, 1, 0]
-            cofactor[:, 1, 0], cofactor[:, 1, 1] = -F[:, 0, 1], F[:, 0, 0]
-        else:
-            cofactor = np.cross(F[:, (1, 2, 0)], F[:, (2, 0, 1)])
-        self._areas = np.einsum("kij,kj->ki", cofactor, A)
-
-    def forces(self, time: float, before: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Rows (k,) and forces (k, d) [N] at a time [s], of a jump just after, or just before it."""
-        rows = self.surface.chosen.rows
-        if len(self._areas) != len(rows):
-            self.look()
-        places = np.ascontiguousarray(self.particles.owned_rows("reference_position")[rows])
-        return rows, -self.one.course.evaluate(places, time, before) * self._areas
-
-    @property
-    def largest_step(self) -> float:
-        """Pressure bounds no step."""
-        return np.inf
-
-
-class Sprung:
-    """Springs and dashpots to rest."""
-
-    def __init__(self, one: SurfaceSpring, surface: Surface, mass: Any):
-        """mass(rows) [kg]: tributary."""
-        self.one, self.surface, self.particles, self.mass = one, surface, surface.particles, mass
-
-    def look(self) -> None:
-        """Nothing to keep: x and v are those of the stage."""
-
-    def forces(self, time: float, before: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Rows (k,) and forces (k, d) [N]."""
-        rows, of = self.surface.chosen.rows, self.particles.owned_rows
-        moved = of("position")[rows] - of("reference_position")[rows]
-        traction = -self.one.stiffness * moved - self.one.damping * of("velocity")[rows]
-        if self.one.normal:
-            normal = self.surface.normals(rows)
-            traction = (traction * normal).sum(axis=1)[:, None] * normal
-        return rows, traction * self.surface.areas(rows)[:, None]
-
-    @property
-    def largest_step(self) -> float:
-        """Largest stable step [s] of the particles' mass on springs and dashpots alone."""
-        rows = self.surface.chosen.rows
-        share = self.surface.areas(rows) / self.mass(rows)
-        rate = np.sqrt(self.one.stiffness * share) + self.one.damping * share
-        return float(_SAFETY * 1.7 / rate.max(initial=1e-300))
 
 
 class Slide:
@@ -134,7 +70,7 @@ class SurfaceForces:
             return Surface(comm, declared, one, particle_set, particles)
 
         self.mass = mass
-        self.loads: list[Pressed | Sprung] = [Pressed(one, surface(one)) for one in declared.of(FollowingPressure)]
+        self.loads: list[Pressed | Sprung] = [Pressed(one, surface(one)) for one in declared.of(SurfacePressure)]
         self.loads += [Sprung(one, surface(one), mass) for one in declared.of(SurfaceSpring)]
         held = [one for one in declared.of(HeldRegion) if one.kind != "fixed"]
         projections = clamped[:, :, None] * np.eye(declared.dimension)

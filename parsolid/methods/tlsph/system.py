@@ -18,6 +18,7 @@ from parsolid.methods.tlsph.body_weights import ON_LATTICES, weights_of_bodies
 from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.methods.tlsph.deformation import Relaxation, advance_deformation, largest_wave_modulus
 from parsolid.methods.tlsph.displacement import displacement_gradient
+from parsolid.methods.tlsph.fixed_walls import watch_fixed_walls
 from parsolid.methods.tlsph.lattice_bodies import put_on_lattices
 from parsolid.methods.tlsph.leapfrog import Leapfrog
 from parsolid.methods.tlsph.state import Body
@@ -64,6 +65,7 @@ class TotalLagrangianSPH(PairMethod):
         self.pairs.unbonded = scene.unbonded
         fixed, staged = self.settings.reference == "fixed", self.settings.integrator == "ssp-rk3"
         self.leapfrog = None if staged else Leapfrog(self)
+        watch_fixed_walls(self)
         self.evaluations = len(self.stages) if staged else 1
         self.landings = () if staged else self.boundaries.jump_times
         state.declare_motion(self.particles, particle_set, fixed, staged)
@@ -110,7 +112,7 @@ class TotalLagrangianSPH(PairMethod):
 
     def begin(self, scene: Any, particle_set: Any) -> None:
         """Set velocity, displacement and deformation gradient at time 0 by the bodies' formulas; collective."""
-        rows, place = self.particles.owned_rows, (scene, particle_set.body, particle_set.position)
+        rows, place = self.particles.owned_rows, (scene, particle_set.body, particle_set.position, particle_set.regions)
         rows("velocity")[:] = initial_velocity(*place)
         displacement, given = initial_displacement(*place), initial_deformation_gradient(*place)
         derived = np.zeros(len(particle_set), bool)

@@ -9,15 +9,21 @@ from parsolid.boundary.declarations import (
     HeldMicroVelocity,
     HeldRegion,
     PrescribedMotion,
+    RegionTraction,
     RigidWall,
     Support,
+    SurfaceSpring,
+    SurfaceTraction,
     TemperaturePlane,
 )
 from parsolid.boundary.loads import accelerations
 from parsolid.boundary.prescribed import NotFree, PrescribedRows
+from parsolid.boundary.reactions import holders
 from parsolid.boundary.rows import keep
 from parsolid.boundary.supports import Supports
+from parsolid.boundary.surface_loads import SurfaceLoads
 from parsolid.collective import anywhere
+from parsolid.methods.protocol import EnergyLedger
 from parsolid.methods.ulsph.kinematics import kick, second_vector
 from parsolid.methods.ulsph.walls import Walls
 from parsolid.particles.container import Particles
@@ -38,7 +44,9 @@ class BoundarySet:
     def __init__(self, comm: Any, scene: Scene, particle_set: ParticleSet, particles: Particles):
         """particles: those of the particle_set; collective. Raises SolverError on all ranks."""
         declared = Declarations(
-            scene, Support, HeldRegion, PrescribedMotion, RigidWall, TemperaturePlane, HeldMicroVelocity
+            scene,
+            *(Support, HeldRegion, PrescribedMotion, RigidWall, TemperaturePlane, HeldMicroVelocity),
+            *(SurfaceTraction, RegionTraction, SurfaceSpring),
         )
         supports = Supports(
             comm, scene, declared.of(Support, "fixed", "roller"), declared.of(HeldRegion, "fixed"), particle_set
@@ -51,6 +59,9 @@ class BoundarySet:
         self.prescribed = PrescribedRows(comm, scene, motions, particle_set, particles)
         self.not_free = NotFree(particles, self.prescribed, self._held)
         self.walls = Walls(comm, declared.of(RigidWall), particles)
+        self.holders = holders(comm, declared, self.prescribed, particle_set, particles)
+        self.surface_loads = SurfaceLoads(declared, comm, particles, particle_set)
+        self.told = [one for one, _ in self.holders] + self.walls.told + self.surface_loads.told
         self.loads = accelerations(scene, particles)
         self.held_micro: np.ndarray | None = None
         for micro in declared.of(HeldMicroVelocity):
@@ -80,12 +91,16 @@ class BoundarySet:
         guided = self.prescribed.guided
         rows, components = self.prescribed.entries
         before = kinematics[rows, components]
-        loads = self.loads.at(time) if self.loads.acting else None
+        start = particles.owned_rows("velocity").copy() if self.holders else None
+        loads = self._accelerations(time)
         clamp = self._held()
         begun = particles.owned_rows("velocity").copy() if self.walls.walls else None
         dimension = particles["position"].shape[1]
         forces = particles.storage("force_sums")
+        began = particles.owned_rows("velocity").copy() if self.surface_loads.acting else None
         work, viscous, swing = kick(particles.owned, dimension, 0.5 * step, kinematics, forces, mass, loads, clamp)
+        if began is not None:
+            self.surface_loads.tell(0.5 * step, 0.25 * step * (began + particles.owned_rows("velocity")))
         if guided:
             free = kinematics[rows, components]
             new = self.prescribed.values("velocity", values_at)
@@ -94,10 +109,40 @@ class BoundarySet:
             of_viscosity = forces[rows, second_vector(dimension) + components]
             viscous += float(0.25 * step * of_viscosity @ (new - free))
             swing += float(0.25 * step * (forces[rows, components] - of_viscosity) @ (new - free))
+        if start is not None:
+            self._take(start, 0.5 * step, loads)
         if begun is not None:
             loaded, slowed, stilled = self.walls.catch(time, 0.5 * step, begun)
             work, viscous, swing = work + loaded, viscous + slowed, swing + stilled
         return work, -viscous, swing
+
+    def _accelerations(self, time: float) -> np.ndarray | None:
+        """Of all loads (owned, 4) [m/s^2] at a time [s]; None without any."""
+        loads = self.loads.at(time) if self.loads.acting else None
+        if not self.surface_loads.acting:
+            return loads
+        forces = np.zeros((self.particles.owned, 4))
+        self.surface_loads.add_to(forces, time)
+        forces /= self.particles.storage("mass")[0, : self.particles.owned, None]
+        return forces if loads is None else forces + loads
+
+    def _take(self, start: np.ndarray, step: float, loads: np.ndarray | None) -> None:
+        """Count the impulses that hold components through a kick of a step [s] from velocities (n, d)."""
+        rows = self.particles.owned_rows
+        velocity, mass, d = rows("velocity"), self.particles.storage("mass")[0], start.shape[1]
+        for told, held in self.holders:
+            here, components = held()
+            pushed = step * self.particles.storage("force_sums")[here, :d]
+            if loads is not None:
+                pushed = pushed + step * mass[here, None] * loads[here, :d]
+            impulse = components * (mass[here, None] * (velocity[here] - start[here]) - pushed)
+            told.add(rows("position")[here], impulse, 0.5 * (velocity[here] + start[here]))
+
+    def taken(self, step: float, ledger: EnergyLedger) -> tuple[float, float]:
+        """Work of walls, and loss to them [J], forgotten; the ledger takes what conditions tell of a step [s]."""
+        for told in self.told:
+            told.finish(step, ledger)
+        return self.walls.taken()
 
     def hold_motion(self, time: float) -> None:
         """Held and prescribed components of the velocity at a time [s], for a new state."""

@@ -34,7 +34,7 @@ def shown(system: Any, name: str, first: int, last: int) -> np.ndarray | None:
 def measure(system: Any, name: str) -> tuple[str, np.ndarray]:
     """ "sum", "minimum" or "maximum", and this rank's part, of one of the settings' quantities."""
     rows, mass = system.particles.owned_rows, system.mass[: system.owned]
-    failed = failed_matter.measure(system.particles, mass, name) if "damage" in system.particles else None
+    failed = failed_matter.measure(system.particles, mass, name)
     if failed is not None:
         return failed
     if name == "maximum_deviator_norm":

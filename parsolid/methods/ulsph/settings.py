@@ -44,7 +44,15 @@ class UpdatedLagrangianSPH(MethodSettings):
 
     system: ClassVar = "parsolid.methods.ulsph.system:UpdatedLagrangianSPH"
     materials: ClassVar = ("micro-inertia", "elastic-plastic")
-    boundaries: ClassVar = ("fixed", "roller", "velocity", "rotation", "wall", "micro_clamped", "temperature")
+    reactions: ClassVar = ("fixed", "roller", "velocity", "rotation", "wall", "traction", "spring")
+    boundaries: ClassVar = (*reactions, "micro_clamped", "temperature")
+    refused: ClassVar = {
+        "antisymmetric": "images of a solid that moves against it are not made",
+        "displacement": "motion is prescribed as a velocity or a rotation",
+        "layer": "a part of a body is held by 'fixed' in a region",
+        "pressure": "a present area needs a deformation gradient; 'traction' is per reference area",
+        "heat_flux": "heat comes through planes of a temperature",
+    }
     declared_fields: ClassVar = (*STATE, *MICRO_STATE, DAMAGE)
     extra_fields: ClassVar = {"internal_energy": "scalar"}
     pictured_fields: ClassVar = ("plastic_strain", "temperature", "pressure")

@@ -66,10 +66,10 @@ class UpdatedLagrangianSPH(PairMethod):
         self.carried = self.updates.carried
         warms = settings.viscous_heating or any(self.updates.storing)
         self.heating = Warming() if warms and settings.viscosity else None
-        speeds_change = self.updates.speeds_change
-        declare_motion(particles, particle_set.position, self.carried, self.heating, speeds_change)
+        declare_motion(particles, particle_set.position, self.carried, self.heating, self.updates.speeds_change)
         density = density_of(self.laws, law_of_body, particle_set.body)
         self.boundaries = BoundarySet(comm, scene, particle_set, particles)
+        self.told, self.landings = self.boundaries.told, self.boundaries.surface_loads.landings
         lacks = self.updates.lacks | ({"micro_free"} if self.boundaries.held_micro is None else set())
         declare_state(particles, self.dimension, density, lacks)
         failed_matter.declare_failure(particles, self.laws)
@@ -111,12 +111,12 @@ class UpdatedLagrangianSPH(PairMethod):
     def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
         """Set the state at time 0 by the bodies' formulas; collective."""
         rows, place = self.particles.owned_rows, (scene, particle_set.body, particle_set.position)
-        rows("velocity")[:] = initial_velocity(*place)
-        displacement = initial_displacement(*place)
+        rows("velocity")[:] = initial_velocity(*place, particle_set.regions)
+        displacement = initial_displacement(*place, particle_set.regions)
         if displacement is not None:
             rows("position")[:] += displacement
         usual = np.array([law.reference_temperature for law in self.laws])[self.particles.law_of_body]
-        rows("temperature")[:] = initial_temperature(scene, particle_set.body, particle_set.position, usual)
+        rows("temperature")[:] = initial_temperature(*place, usual, particle_set.regions)
         flowing = initial_micro_rate(*place)
         if flowing is not None:
             held = self.boundaries.held_micro
@@ -206,7 +206,7 @@ class UpdatedLagrangianSPH(PairMethod):
         if any(self.updates.storing):
             # what laws store heats them; the others' share is lost
             viscous = self.viscous_heat_of_others(step)
-        pushed, caught = self.boundaries.walls.taken()
+        pushed, caught = self.boundaries.taken(step, ledger)
         ledger.add(1.0, plastic, lost + caught, float(first[0] + second[0]) + pushed)
         ledger.add_term("viscous_dissipation", float(viscous))
         ledger.add_term("leapfrog_oscillation", second[2] - first[2])
@@ -263,7 +263,7 @@ class UpdatedLagrangianSPH(PairMethod):
         arrays = (self.particles.storage("kinematics"), self.particles["sound_speed"])
         transit = motion.least_transit(self.owned, self.dimension, *arrays, self.particles.storage("smoothing_length"))
         fluxes = min((update.stable_step(block, body) for update, block, body in self.updates.each()), default=np.inf)
-        return float(min(self.settings.cfl * transit, fluxes))
+        return float(min(self.settings.cfl * transit, fluxes, self.boundaries.surface_loads.largest_step))
 
     @property
     def placements(self) -> int:  # type: ignore[override]

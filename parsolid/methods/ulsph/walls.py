@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.boundary.declarations import RigidWall
+from parsolid.boundary.reactions import Told
 from parsolid.collective import raise_together
 from parsolid.methods.ulsph.kinematics import second_vector
 from parsolid.particles.container import Particles
@@ -20,6 +21,9 @@ class Walls:
     def __init__(self, comm: Any, walls: list[RigidWall], particles: Particles):
         """Raises SolverError on all ranks where a particle stands beyond a wall. Collective."""
         self.particles, self.walls, self.work, self.lost = particles, walls, 0.0, 0.0
+        d = particles.owned_rows("position").shape[1]
+        self._told = {wall.key: Told(wall, d) for wall in walls if wall.where.reports is not None}
+        self.told = list(self._told.values())
         for wall in walls:
             beyond = self._gap(wall, 0.0) < -_TOUCHING * particles.owned_rows("spacing")[:, wall.plane.axis]
             fault = f"{wall.key}: expected all bodies {wall.side} the wall, found particles that it cuts"
@@ -59,6 +63,9 @@ class Walls:
             swing += float(0.5 * step * ((forces[rows, :d] - of_viscosity) * change).sum())
             velocity[rows] += change
             self.work += float((impulse @ own).sum())
+            if wall.key in self._told:
+                places = self.particles.owned_rows("position")[rows]
+                self._told[wall.key].add(places, impulse, np.broadcast_to(own, impulse.shape))
             self.lost -= float(0.5 * (impulse * (before[rows] - own)).sum())
         return loads, viscous, swing
 

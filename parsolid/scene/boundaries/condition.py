@@ -17,11 +17,8 @@ if TYPE_CHECKING:
     from parsolid.boundary.declarations import Declarations
     from parsolid.scene.regions import Region
 
-BOUNDARY_KINDS = ByKind((), known="boundaries")
+BOUNDARY_KINDS = ByKind((), known="boundaries", renamed={"surface_pressure": "pressure"})
 Boundary = Annotated[Any, BOUNDARY_KINDS]
-
-
-RegionName = Annotated[str, Field(min_length=1, description="the name of a region, or of a group of a mesh")]
 
 
 class Condition(SceneModel):
@@ -102,8 +99,16 @@ def reaction_details(conditions: list[Any], probes: list[str], systems: Any) -> 
     names = [name for _, name in told] + probes
     details: list[Detail] = []
     for i, name in told:
-        if not all(system.settings.reactions for system in systems):
-            details.append((("boundaries", i, "reaction"), "methods that tell forces (tlsph)", True))
+        carrying = [one.settings for one in systems if conditions[i].kind in one.settings.boundaries]
+        telling = [settings.reactions for settings in carrying if conditions[i].kind not in settings.reactions]
+        if telling:
+            known = ", ".join(map(repr, telling[0])) or "none"
+            details.append(
+                (("boundaries", i, "reaction"), f"one of the kinds {known} with this method", conditions[i].kind)
+            )
+        elif getattr(conditions[i], "mirror", False):
+            expected = "mirror = false, or a region with a name (the force of images is on no particle)"
+            details.append((("boundaries", i, "reaction"), expected, True))
         if names.count(name) > 1:
             expected = "a name that no probe and no other boundary with a reaction has"
             details.append((("boundaries", i, "name"), expected, name))

@@ -6,9 +6,10 @@ from pydantic import Field
 
 from parsolid.scene.base_model import Plane, Point
 from parsolid.scene.bodies import Name
-from parsolid.scene.boundaries.condition import Condition, RegionName, Reporting, boundary_kind
+from parsolid.scene.boundaries.condition import Condition, Reporting, boundary_kind
 from parsolid.scene.formulas import Formula, FormulaVector, VectorOrFree
 from parsolid.scene.load_histories import LoadHistory, Timed
+from parsolid.scene.named_regions import RegionName
 from parsolid.scene.regions import Beside, InBall, InBox, Named, NearestTo, OnPlane, Region
 from parsolid.scene.shapes import Box, Sphere
 
@@ -72,7 +73,7 @@ class PrescribedDisplacement(RegionCondition, Timed, Reporting):
 
 
 @boundary_kind
-class FictitiousLayer(Condition, Timed):
+class FictitiousLayer(Condition, Timed, Reporting):
     """A layer of fictitious particles, the part of a body on one side of a plane, with prescribed displacement.
 
     As wide as the horizon it holds the rest of the body at the plane (Galadima et al., section 8), with an error of

@@ -6,7 +6,8 @@ from pydantic import Field, model_validator
 
 from parsolid.scene.base_model import Plane, reject
 from parsolid.scene.bodies import Name
-from parsolid.scene.boundaries.condition import Condition, RegionName, Reporting, boundary_kind
+from parsolid.scene.boundaries.condition import Condition, Reporting, boundary_kind
+from parsolid.scene.named_regions import RegionName
 
 if TYPE_CHECKING:
     from parsolid.boundary.declarations import Declarations
@@ -43,8 +44,6 @@ class Support(Condition, Reporting):
     def _told_by_particles(self) -> "Support":
         if self.where is not None and self.mirror:
             reject((("mirror",), "false in a region with a name (images are beyond a plane)", self.mirror))
-        if self.reaction and self.mirror:
-            reject((("reaction",), "mirror = false (the force of images is on no particle)", True))
         return self
 
     def declare(self, to: "Declarations") -> None:

@@ -1,14 +1,18 @@
 """Pressure that follows a surface, springs and dashpots on it."""
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
-from parsolid.scene.base_model import NotNegative, Plane, reject
+from parsolid.materials.declaration import Phrase
+from parsolid.scene.base_model import NotNegative, Plane, method_of, reject
 from parsolid.scene.bodies import Name
-from parsolid.scene.boundaries.condition import Condition, RegionName, Reporting, boundary_kind
+from parsolid.scene.boundaries.condition import Condition, Reporting, boundary_kind
 from parsolid.scene.formulas import FormulaVector, Scalar
 from parsolid.scene.load_histories import LoadHistory, Timed
+from parsolid.scene.named_regions import RegionName
+from parsolid.scene.regions import InBall, InBox, Region
+from parsolid.scene.shapes import Box, Sphere
 from parsolid.scene.validation_errors import NOTHING
 
 if TYPE_CHECKING:
@@ -26,14 +30,44 @@ class OnSurface(Condition, Reporting):
 
 
 @boundary_kind
-class Pressure(OnSurface, Timed):
-    """Pressure [Pa] on the deformed surface, against its present normal: -p da = -p cof(F) dA."""
+class Pressure(Condition, Timed, Reporting):
+    """Pressure [Pa] on a body's surface: on a plane that bounds it, in a region with a name, in a box or a ball.
 
+    On a plane and in a region it is on the deformed surface, against its present normal: -p da = -p cof(F) dA. In
+    peridynamics it is per reference area, on all of the surface within the region, box or ball, which must hold what
+    lies within two horizons of that surface, and no other free surface.
+    """
+
+    exactly_one: ClassVar = (("plane", "where", "box", "ball"),)
+    needs_bounding_plane: ClassVar[bool] = True
     kind: Literal["pressure"]
+    plane: Plane | None = Field(None, description="a plane such as 'Y = 0' that bounds the body")
+    where: RegionName | None = None
+    box: Box | None = None
+    ball: Sphere | None = None
+    body: Name | None = None
     pressure: Scalar = Field(description="a formula in X, Y, Z, t [Pa]")
 
+    @model_validator(mode="after")
+    def _known_place(self, info: ValidationInfo) -> "Pressure":
+        method: Any = method_of(info)
+        known, (places,) = getattr(method, "pressed", ()), self.exactly_one
+        wrong = [key for key in places if getattr(self, key) is not None and key not in known]
+        if method is not None and wrong:
+            reject(((wrong[0],), f"one of {', '.join(known)} with this method", Phrase(wrong[0])))
+        return self
+
+    @property
+    def region(self) -> Region:
+        """The plane, region, box or ball."""
+        if self.box is not None:
+            return InBox(self.box.lower, self.box.upper)
+        if self.ball is not None:
+            return InBall(self.ball.centre, self.ball.radius)
+        return super().region
+
     def declare(self, to: "Declarations") -> None:
-        """A force on the present area."""
+        """A force on an area."""
         to.pressure(self, LoadHistory(FormulaVector((self.pressure,)), self))
 
 

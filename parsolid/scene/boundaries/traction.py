@@ -6,9 +6,10 @@ from pydantic import Field
 
 from parsolid.scene.base_model import Plane
 from parsolid.scene.bodies import Name
-from parsolid.scene.boundaries.condition import Condition, RegionName, Reporting, boundary_kind
+from parsolid.scene.boundaries.condition import Condition, Reporting, boundary_kind
 from parsolid.scene.formulas import Vector
 from parsolid.scene.load_histories import LoadHistory, Timed
+from parsolid.scene.named_regions import RegionName
 
 if TYPE_CHECKING:
     from parsolid.boundary.declarations import Declarations

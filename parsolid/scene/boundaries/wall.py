@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 from pydantic import Field
 
 from parsolid.scene.base_model import Plane, Point
-from parsolid.scene.boundaries.condition import Condition, boundary_kind
+from parsolid.scene.boundaries.condition import Condition, Reporting, boundary_kind
 
 if TYPE_CHECKING:
     from parsolid.boundary.declarations import Declarations
 
 
 @boundary_kind
-class Wall(Condition):
+class Wall(Condition, Reporting):
     """A rigid plane that moves with a constant velocity, and on one side of which all bodies are.
 
     contact      "frictionless": the wall's normal velocity; "sticking": its whole velocity

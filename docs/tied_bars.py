@@ -1,0 +1,113 @@
+"""A bar made of two methods, tied in its middle: python docs/tied_bars.py tlsph mpm 25 50, see mixed.md.
+
+A pulse of stress runs through the tie; what is reflected and transmitted is compared with the exact amplitudes.
+impedance=2: of the second half over the first; stiffness=1: of the tie.
+"""
+
+import sys
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from parsolid.scene import Scene, parse_scene
+from parsolid.simulation.loop import Limits, Simulation, StopRequest
+
+DENSITY, YOUNG, POISSON = 1000.0, 17e6, 0.3
+SPEED = np.sqrt(YOUNG * (1 - POISSON) / ((1 + POISSON) * (1 - 2 * POISSON)) / DENSITY)
+# of the pulse, cosine squared, over the length of half the bar; amplitude of its velocity over the wave speed
+WIDTH, AMPLITUDE = 0.8, 1e-4
+
+
+def bar(kinds: list[str], count: int, impedance: float, stiffness: float | None) -> Scene:
+    """Two halves of 1 m and 10 spacings that touch at X = 0, guided at their sides; a pulse runs right in the first."""
+    h, bodies = 1.0 / count, []
+    settings: dict[str, Any] = {
+        "tlsph": {"dissipation": 0.0},
+        "peridynamics": {},
+        "mpm": {"cell": 2 * h},
+        "ulsph": {"viscosity": False},
+    }
+    names = list(dict.fromkeys(kinds)) if kinds[0] != kinds[1] else [kinds[0], f"{kinds[1]}-2"]
+    for number, kind in enumerate(kinds):
+        nodes, factor = kind == "tlsph", impedance**number
+        rubber = {"density": DENSITY * factor, "youngs_modulus": YOUNG * factor, "poissons_ratio": POISSON}
+        material: dict[str, Any] = {"kind": "neo-hookean"} | rubber
+        if kind == "ulsph":
+            flow = {"kind": "linear-hardening", "yield_stress": 1e12, "hardening": 0.0}
+            heat = {"specific_heat": 1000.0, "taylor_quinney": 0.9}
+            material = {"kind": "elastic-plastic"} | rubber | heat | {"flow_stress": flow}
+        lower = [number - 1.0, 0.0]
+        body = {"name": "ab"[number], "shape": {"box": {"lower": lower, "upper": [lower[0] + 1.0, 10 * h]}}}
+        body |= {"particles": [count + nodes, 10 + nodes], "placement": "nodes" if nodes else "cells"}
+        body |= {"method": names[number], "material": material}
+        if number == 0:
+            phase = f"(X + 0.5)/{WIDTH}"
+            shape = f"where(abs({phase}) < 0.5, cos(pi*{phase})**2, 0)"
+            inner = f"(0.5*({phase}) + sin(2*pi*{phase})/(4*pi))"
+            moved = f"{-AMPLITUDE * WIDTH}*where({phase} < -0.5, -0.5, where({phase} > 0.5, 0, {inner} - 0.25))"
+            body |= {"velocity": [f"{AMPLITUDE * SPEED}*{shape}", "0"], "displacement": [moved, "0"]}
+        bodies.append(body)
+    methods = [{"name": name, "kind": kind} | settings[kind] for name, kind in zip(names, kinds)]
+    guides = [{"plane": f"Y = {place}", "kind": "roller"} for place in (0.0, 10 * h)]
+    data = {"dimension": 2, "end_time": 1.0 / SPEED, "methods": methods, "bodies": bodies, "boundaries": guides}
+    tie = {"bodies": ["a", "b"]} | ({} if stiffness is None else {"stiffness": stiffness})
+    return parse_scene(data | {"tie": [tie]})
+
+
+class Rows:
+    """The largest residual and interface energy after every step."""
+
+    def __init__(self) -> None:
+        self.rows: list[tuple[float, ...]] = []
+
+    def look(self, simulation: Simulation) -> None:
+        """Take a row."""
+        row = simulation.energy_row()
+        names = ("kinetic", "stored", "tie_energy", "balance")
+        self.rows.append((simulation.clock.time, *(row[name] for name in names)))
+
+    def wall_checkpoint_due(self) -> bool:
+        """Never."""
+        return False
+
+
+def amplitudes(simulation: Simulation) -> tuple[float, float]:
+    """Velocity of each half as a multiple of the pulse where it is in the end: (reflected, transmitted)."""
+    result = []
+    for number, system in enumerate(simulation.systems):
+        rows, owned = system.particles.owned_rows, system.owned
+        phase = (rows("reference_position")[:, 0] - (number - 0.5)) / WIDTH
+        pulse = np.where(np.abs(phase) < 0.5, np.cos(np.pi * phase) ** 2, 0.0)
+        mass = system.mass[:owned] * system.share[:owned]
+        result.append(float((mass * pulse) @ rows("velocity")[:, 0] / ((mass * pulse) @ pulse) / (AMPLITUDE * SPEED)))
+    return result[0], result[1]
+
+
+def main() -> None:
+    """A line for each number of spacings."""
+    options = dict(word.split("=") for word in sys.argv[1:] if "=" in word)
+    words = [word for word in sys.argv[1:] if "=" not in word]
+    impedance, stiffness = float(options.get("impedance", 1.0)), options.get("stiffness")
+    exact = (1.0 - impedance) / (1.0 + impedance), 2.0 / (1.0 + impedance)
+    for count in map(int, words[2:]):
+        rows = Rows()
+        simulation = Simulation(
+            MPI.COMM_SELF, bar(words[:2], count, impedance, None if stiffness is None else float(stiffness))
+        )
+        simulation.run(rows, Limits(), StopRequest())
+        time, kinetic, stored, tie, balance = np.array(rows.rows).T
+        energy = kinetic[0] + stored[0]
+        reflected, transmitted = amplitudes(simulation)
+        left = sum(simulation.systems[0].energies()) / energy
+        told = f"reflected {reflected:+.4f} ({exact[0]:+.4f}), transmitted {transmitted:+.4f} ({exact[1]:+.4f})"
+        told += f", energy left {left:.2g} ({exact[0] ** 2:.2g}), most in the tie {tie.max() / energy:.2g}"
+        print(
+            f"{' and '.join(words[:2])}, {count} spacings: {told}, "
+            f"residual {np.abs(balance).max() / energy:.2g}, {len(time) - 1} steps",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,178 @@
+"""Kernels of ties: points on the face between two bodies, weights of the particles around them, and forces.
+
+place (n, d) [m]: of the particles of both bodies in the reference; volume (n,) [m^3]; other (n,): whether a particle is
+of the second body. Lists: start (points + 1,) and rows of particles.
+"""
+
+import math
+
+import numpy as np
+from numba.extending import register_jitable
+
+from decomposition.compiled import compiled
+from parsolid.contact.kernel import shape, slope
+from parsolid.contact.passes import inverse_of
+
+# halvings of the stretch on which a face is looked for
+_HALVINGS = 50
+
+
+@register_jitable
+def _balance(point, near, rows, place, volume, other, inverse):
+    """Colour of the second body less that of the first at a point, up to a factor; neighbours are rows[near]."""
+    total = 0.0
+    for k in range(near[0], near[1]):
+        b, square = rows[k], 0.0
+        for i in range(place.shape[1]):
+            square += (point[i] - place[b, i]) ** 2
+        part = volume[b] * shape(math.sqrt(square) * inverse)
+        total += part if other[b] else -part
+    return total
+
+
+@register_jitable
+def _towards(a, near, rows, place, volume, other, inverse, n):
+    """Unit vector n (d,) along the gradient of that difference at particle a; whether there is one."""
+    n[:] = 0.0
+    length = 0.0
+    for k in range(near[0], near[1]):
+        b, square = rows[k], 0.0
+        for i in range(place.shape[1]):
+            square += (place[a, i] - place[b, i]) ** 2
+        q = math.sqrt(square) * inverse
+        if q > 0.0:
+            pull = volume[b] * slope(q) / q * (1.0 if other[b] else -1.0)
+            for i in range(place.shape[1]):
+                n[i] += pull * (place[a, i] - place[b, i])
+    for i in range(place.shape[1]):
+        length += n[i] * n[i]
+    for i in range(place.shape[1]):
+        n[i] /= max(math.sqrt(length), 1e-300)
+    return length > 0.0
+
+
+@compiled(error_model="numpy")
+def faces(source, length, start, rows, place, volume, other, inverse, points):
+    """Which particles (m,) of the first body lie next to the second, within a length [m] of the face between the two,
+    along the gradient of their colours; where that meets the face, into points (m, d)."""
+    d = place.shape[1]
+    found = np.zeros(len(source), np.bool_)
+    n, point = np.empty(d), np.empty(d)
+    for m in range(len(source)):
+        a, near = source[m], (start[m], start[m + 1])
+        if not _towards(a, near, rows, place, volume, other, inverse, n):
+            continue
+        low, high = -length, length
+        for i in range(d):
+            point[i] = place[a, i] + high * n[i]
+        if _balance(point, near, rows, place, volume, other, inverse) < 0.0:
+            continue
+        for i in range(d):
+            point[i] = place[a, i] + low * n[i]
+        if _balance(point, near, rows, place, volume, other, inverse) >= 0.0:
+            continue
+        found[m] = True
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            for i in range(d):
+                point[i] = place[a, i] + middle * n[i]
+            if _balance(point, near, rows, place, volume, other, inverse) < 0.0:
+                low = middle
+            else:
+                high = middle
+        for i in range(d):
+            points[m, i] = place[a, i] + 0.5 * (low + high) * n[i]
+    return found
+
+
+@compiled(error_model="numpy")
+def weigh(points, start, rows, place, volume, inverse, sign, weight):
+    """Weights of particles around points that reproduce linear fields there, times a sign, into weight (k,).
+
+    w'_j = w_j [1 + b . (x_j - xm)], w_j = V_j W_j/c, xm = sum w_j x_j, b = [sum w_j (x_j - xm)(x_j - xm)^T]^-1 (x - xm)
+    Returns how far sum w'_j x_j is from its point at most [m].
+    """
+    d, worst = place.shape[1], 0.0
+    matrix, solved, mean, b, got = np.empty((3, 3)), np.empty((3, 3)), np.zeros(3), np.zeros(3), np.zeros(3)
+    for m in range(len(points)):
+        total = 0.0
+        for k in range(start[m], start[m + 1]):
+            j, square = rows[k], 0.0
+            for i in range(d):
+                square += (points[m, i] - place[j, i]) ** 2
+            weight[k] = volume[j] * shape(math.sqrt(square) * inverse)
+            total += weight[k]
+        matrix[:], mean[:], b[:], got[:] = 0.0, 0.0, 0.0, 0.0
+        for k in range(start[m], start[m + 1]):
+            weight[k] /= max(total, 1e-300)
+            for i in range(d):
+                mean[i] += weight[k] * (place[rows[k], i] - points[m, i])
+                for j in range(d):
+                    x = (place[rows[k], i] - points[m, i]) * (place[rows[k], j] - points[m, j])
+                    matrix[i, j] += weight[k] * x
+        for i in range(d):
+            for j in range(d):
+                matrix[i, j] -= mean[i] * mean[j]
+        inverse_of(matrix, d, solved)
+        for i in range(d):
+            for j in range(d):
+                b[i] -= solved[i, j] * mean[j]
+        for k in range(start[m], start[m + 1]):
+            part = 1.0
+            for i in range(d):
+                part += b[i] * (place[rows[k], i] - points[m, i] - mean[i])
+            weight[k] *= part
+            for i in range(d):
+                got[i] += weight[k] * (place[rows[k], i] - points[m, i])
+            weight[k] *= sign
+        away = 0.0 if start[m + 1] > start[m] else 1e300
+        for i in range(d):
+            away = max(away, abs(got[i]))
+        worst = max(worst, away)
+    return worst
+
+
+@compiled(error_model="numpy")
+def pull(start, rows, weight, stiffness, counted, moved, owned, force):
+    """Forces (owned, d) [N] of ties on owned particles by the displacements moved (n, d) [m] of all; energy [J] of
+    those that this rank counts.
+
+    U = sum_p k_p |e_p|^2/2, e_p = sum_j w_pj u_j, the parting of the faces at p; weights of the first body < 0.
+    """
+    d, energy, e = moved.shape[1], 0.0, np.empty(3)
+    force[:] = 0.0
+    for p in range(len(stiffness)):
+        square = 0.0
+        for i in range(d):
+            e[i] = 0.0
+        for k in range(start[p], start[p + 1]):
+            for i in range(d):
+                e[i] += weight[k] * moved[rows[k], i]
+        for i in range(d):
+            square += e[i] * e[i]
+            e[i] *= stiffness[p]
+        if counted[p]:
+            energy += 0.5 * stiffness[p] * square
+        for k in range(start[p], start[p + 1]):
+            if rows[k] < owned:
+                for i in range(d):
+                    force[rows[k], i] -= weight[k] * e[i]
+    return energy
+
+
+@compiled(error_model="numpy")
+def frequency(start, rows, weight, stiffness, mass, owned):
+    """Square of the highest frequency [1/s^2] of ties alone, by the sums of rows of M^-1 K (Gershgorin)."""
+    sums = np.zeros(owned)
+    for p in range(len(stiffness)):
+        total = 0.0
+        for k in range(start[p], start[p + 1]):
+            total += abs(weight[k])
+        for k in range(start[p], start[p + 1]):
+            if rows[k] < owned:
+                sums[rows[k]] += stiffness[p] * abs(weight[k]) * total
+    most = 0.0
+    for a in range(owned):
+        if mass[a] > 0.0:
+            most = max(most, sums[a] / mass[a])
+    return most

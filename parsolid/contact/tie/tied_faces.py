@@ -1,0 +1,213 @@
+"""One tie on one rank: the particles near the face between two bodies, their ghosts, and the springs that join them.
+
+In the reference a point p stands on the face beside each particle of the outer layer of the finer body, where both
+bodies have the same colour. Each body's displacement there is that of its particles, by weights exact for linear
+fields, and a spring holds the two together. So bodies strained alike, or each in its own way with a kink at the face,
+feel nothing, and neither does what turns as one: momentum and angular momentum are kept.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from decomposition.close_pairs import ClosePairs
+from decomposition.halo import Halo
+from parsolid.collective import maximum, raise_together
+from parsolid.contact.list_kernels import sort_rows
+from parsolid.contact.tie import kernels
+from parsolid.methods.protocol import ParticleSystem
+
+# radius of the kernels over the spacing, as in contact
+_RADIUS = 2.7
+# a particle is next to the face within so much of its spacing: cells of the first layer are at .5, of the second 1.5
+_NEXT = 0.75
+# of a spacing, what weights may miss their point by
+_ROUND_OFF = 1e-6
+
+
+class TiedBody(NamedTuple):
+    """A body of a tie: its number and name in the scene, system, number there, spacing [m], modulus M [Pa]; nodal:
+    particles on its faces; box (2, d) [m] in the reference."""
+
+    body: int
+    name: str
+    index: int
+    system: ParticleSystem
+    local: int
+    spacing: float
+    modulus: float
+    nodal: bool
+    box: np.ndarray
+
+
+class TiedFaces:
+    """The springs of one tie; first is the finer body. owned: particles of this rank that they may pull.
+
+    energy [J]: stored, as far as this rank counts it; force (owned, d) [N].
+    """
+
+    def __init__(self, comm: Any, number: int, stiffness: float, first: TiedBody, second: TiedBody):
+        self.comm, self.number, self.sides = comm, number, (first, second)
+        least = min(side.modulus / side.spacing for side in self.sides)
+        self.stiffness, self.energy = stiffness * least, 0.0
+        self._search = ClosePairs()
+
+    def build(self) -> None:
+        """Springs between the particles that this rank has now, or whose springs reach them; collective.
+
+        Raises SolverError on all ranks where bodies do not touch, or are too thin.
+        """
+        coarse = max(side.spacing for side in self.sides)
+        reach = _RADIUS * coarse
+        self.rows = [self._near(side, other, 2.0 * reach) for side, other in (self.sides, self.sides[::-1])]
+        self.first = len(self.rows[0])
+        self.owned = self.first + len(self.rows[1])
+        place = self._gathered("reference_position")[:, : self._dimension]
+        # what a spring joins lies within two reaches and the way to the face of what it pulls
+        halo = Halo.plan(self.comm, place, 2.0 * reach + 2.0 * coarse)
+        told = halo.with_ghosts(np.column_stack((place, self._gathered("volume"))))
+        names = halo.with_ghosts(self._gathered("identifier").astype(np.int64))
+        second = halo.with_ghosts((np.arange(self.owned) >= self.first).astype(np.int64)) > 0
+        place, volume = np.ascontiguousarray(told[:, :-1]), np.ascontiguousarray(told[:, -1])
+        source, points = self._points(place, volume, second, reach)
+        source, points = self._in_order(source, points, names)
+        start, rows, weight = self._weights(points, place, volume, second, names)
+        self._keep(halo, start, rows, weight, source, volume)
+
+    @property
+    def _dimension(self) -> int:
+        return self.sides[0].system.dimension
+
+    def _near(self, side: TiedBody, other: TiedBody, reach: float) -> np.ndarray:
+        """Rows of a body's particles near the other's box in the reference."""
+        read = side.system.particles.owned_rows
+        rows = np.flatnonzero(read("body") == side.local)
+        place = read("reference_position")[rows][:, : self._dimension]
+        gap = np.maximum(np.maximum(other.box[0] - place, place - other.box[1]), 0.0)
+        return np.asarray(rows[(gap * gap).sum(axis=1) < reach * reach])
+
+    def _gathered(self, name: str) -> np.ndarray:
+        """A field of the owned particles."""
+        pieces = [side.system.particles.owned_rows(name)[rows] for side, rows in zip(self.sides, self.rows)]
+        return np.ascontiguousarray(np.concatenate(pieces))
+
+    def _points(self, place: Any, volume: Any, second: Any, reach: float) -> tuple[np.ndarray, np.ndarray]:
+        """Particles of the first body beside the face, and the points of the face that are theirs."""
+        box, length = self.sides[1].box, _NEXT * self.sides[0].spacing
+        gap = np.maximum(np.maximum(box[0] - place, place - box[1]), 0.0)
+        source = np.flatnonzero(~second & ((gap * gap).sum(axis=1) < reach * reach))
+        at, half = np.ascontiguousarray(place[source]), 0.5 * (reach + length)
+        start, rows = self._search.across(at, np.full(len(at), half), place, np.full(len(place), half))
+        points = np.zeros_like(at)
+        found = kernels.faces(source, length, start, rows, place, volume, second, 1.0 / reach, points)
+        return source[found], points[found]
+
+    def _in_order(self, source: Any, points: Any, names: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Springs in the order of their particles' names; collective. Raises SolverError where there are none."""
+        none = maximum(self.comm, float(len(source))) == 0.0
+        called = " and ".join(repr(side.name) for side in self.sides)
+        expected = f"tie.{self.number}: expected bodies that touch, found {called} apart"
+        raise_together(self.comm, expected if none else None)
+        order = np.argsort(names[source], kind="stable")
+        return source[order], points[order]
+
+    def _weights(self, points: Any, place: Any, volume: Any, second: Any, names: Any) -> tuple[Any, Any, Any]:
+        """Particles of both bodies around points, in the order of names, and their weights; collective."""
+        pieces, fault = [], None
+        for side, own, sign in zip(self.sides, (~second, second), (-1.0, 1.0)):
+            reach, here = _RADIUS * side.spacing, np.flatnonzero(own)
+            half, others = np.full(len(points), 0.5 * reach), np.ascontiguousarray(place[here])
+            start, found = self._search.across(points, half, others, np.full(len(here), 0.5 * reach))
+            rows = here[found].astype(np.int32)
+            sort_rows(start, rows, np.zeros(len(rows), np.int8), names)
+            weight = np.zeros(len(rows))
+            missed = kernels.weigh(points, start, rows, place, volume, 1.0 / reach, sign, weight)
+            if missed > _ROUND_OFF * side.spacing:
+                expected = f"tie.{self.number}: expected bodies of at least two layers of particles beside the face"
+                fault = f"{expected}, found fewer in {side.name!r}"
+            pieces.append((start, rows, weight))
+        # a rank sees whole surroundings of what it pulls alone: only such points count, see `_keep`
+        self._fault = fault
+        return _joined(pieces[0], pieces[1])
+
+    def _keep(self, halo: Halo, start: Any, rows: Any, weight: Any, source: Any, volume: Any) -> None:
+        """Of springs those that pull a particle of this rank, of ghosts those that they join; collective."""
+        concerned = np.add.reduceat(np.append(rows < self.owned, False).astype(int), start[:-1]) if len(source) else []
+        kept = np.asarray(concerned, int) > 0
+        inside = np.repeat(kept, np.diff(start))
+        self.rows_of, self.weight = rows[inside], np.ascontiguousarray(weight[inside])
+        self.start = np.concatenate(([0], np.cumsum(np.diff(start)[kept]))).astype(np.int64)
+        raise_together(self.comm, self._fault if kept.any() else None)
+        used = np.zeros(halo.ghosts, bool)
+        used[self.rows_of[self.rows_of >= self.owned] - self.owned] = True
+        self.halo = halo.keep(used)
+        number = np.concatenate((np.arange(self.owned), self.owned + np.cumsum(used) - 1)).astype(np.int32)
+        self.rows_of = number[self.rows_of]
+        source = source[kept]
+        finer = self.sides[0]
+        area = volume[source] / (finer.spacing * (0.5 if finer.nodal else 1.0))
+        self.springs, self.counted = self.stiffness * area, source < self.owned
+        self.moved = np.zeros((self.owned + self.halo.ghosts, self._dimension))
+        self.force = np.zeros((self.owned, self._dimension))
+        self.reference = self._gathered("reference_position")[:, : self._dimension]
+        self._message = self.halo.exchange([self.moved])
+        self._fresh = True
+
+    def lists(self) -> tuple[Any, ...]:
+        """Starts, rows, weights and stiffness [N/m] of the springs."""
+        return self.start, self.rows_of, self.weight, self.springs
+
+    def evaluate(self) -> None:
+        """Forces and energy at the present places; neighbours exchange displacements."""
+        self.moved[: self.owned] = self._gathered("position") - self.reference
+        if not self._message.silent:
+            self._message.start()
+            self._message.finish()
+        self.energy = kernels.pull(*self.lists(), self.counted, self.moved, self.owned, self.force)
+        self._fresh = False
+
+    def advance(self, step: float) -> float:
+        """Forces at new places after a step [s]; the work [J] of those who guide particles that are pulled."""
+        held = self._held()
+        if held is None:
+            self.evaluate()
+            return 0.0
+        # in a step that makes lists anew the old places of their particles are not known
+        fresh, before, force = self._fresh, self.moved[: self.owned].copy(), self.force.copy()
+        self.evaluate()
+        moved = step * self._gathered("velocity") if fresh else self.moved[: self.owned] - before
+        force = self.force if fresh else 0.5 * (force + self.force)
+        return -float(np.sum(moved[held] * force[held]))
+
+    def _held(self) -> np.ndarray | None:
+        """Components (owned, d) that boundaries guide, of the owned particles."""
+        known = [side.system.held_components() for side in self.sides]
+        if all(one is None for one in known):
+            return None
+        d, parts = self._dimension, zip(known, self.rows)
+        return np.concatenate([np.zeros((len(rows), d), bool) if one is None else one[rows] for one, rows in parts])
+
+    def pulled(self) -> list[tuple[TiedBody, np.ndarray, np.ndarray]]:
+        """Both bodies with rows of particles and the forces [N] on them."""
+        cut = self.first
+        parts = (self.rows[0], self.force[:cut]), (self.rows[1], self.force[cut:])
+        return [(side, rows, force) for side, (rows, force) in zip(self.sides, parts) if len(rows)]
+
+    def frequency(self) -> float:
+        """Square of the highest frequency [1/s^2] of what this rank owns, at most."""
+        mass = np.concatenate(
+            [
+                (side.system.mass[: side.system.owned] * side.system.share[: side.system.owned])[rows]
+                for side, rows in zip(self.sides, self.rows)
+            ]
+        )
+        return float(kernels.frequency(*self.lists(), mass, self.owned))
+
+
+def _joined(one: tuple[Any, Any, Any], other: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
+    """Two lists of rows and weights, those of the first before those of the second in each row."""
+    count = [np.diff(start) for start, _, _ in (one, other)]
+    point = np.concatenate([np.repeat(np.arange(len(each)), each) for each in count])
+    order = np.argsort(point, kind="stable")
+    start = np.concatenate(([0], np.cumsum(count[0] + count[1]))).astype(np.int64)
+    return start, np.concatenate((one[1], other[1]))[order], np.concatenate((one[2], other[2]))[order]

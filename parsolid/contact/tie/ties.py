@@ -1,0 +1,98 @@
+"""Ties of a scene as one interaction: springs between the faces of bodies of different methods, as half kicks."""
+
+from typing import Any
+
+import numpy as np
+
+from parsolid.collective import maximum
+from parsolid.contact.tie.tied_faces import TiedBody, TiedFaces
+from parsolid.methods.interaction import Interaction
+from parsolid.methods.protocol import EnergyLedger, ParticleSystem
+from parsolid.scene import Scene
+from parsolid.scene.tie import TIE_TERMS, tied_pairs
+
+# of the limit of the springs' frequency
+_SAFETY = 0.8
+
+
+class Ties(Interaction):
+    """All ties of a scene, on one rank."""
+
+    terms = TIE_TERMS
+
+    def __init__(self, comm: Any, scene: Scene, systems: list[ParticleSystem]) -> None:
+        """systems: of the scene, in their state. Collective."""
+        self.comm, self.systems = comm, systems
+        self.faces = []
+        for number, (first, second, tie) in enumerate(tied_pairs(scene)):
+            sides = sorted((self._body(scene, body) for body in (first, second)), key=lambda side: side.spacing)
+            self.faces.append(TiedFaces(comm, number, tie.stiffness, sides[0], sides[1]))
+        self._placed: tuple[int | None, ...] = ()
+        self._longest = np.inf
+
+    def _body(self, scene: Scene, body: int) -> TiedBody:
+        """Facts of a body; collective."""
+        index = next(index for index, system in enumerate(self.systems) if body in system.bodies)
+        system = self.systems[index]
+        local, read, d = system.bodies.index(body), system.particles.owned_rows, scene.dimension
+        rows = read("body") == local
+        place = read("reference_position")[rows][:, :d]
+        box = np.stack((-place.min(axis=0, initial=np.inf), place.max(axis=0, initial=-np.inf)))
+        box = maximum(self.comm, box)
+        box[0] *= -1.0
+        spacing = np.prod(read("spacing")[rows], axis=1) ** (1.0 / d)
+        coarsest = maximum(self.comm, float(spacing.max(initial=0.0)))
+        nodal, name = scene.bodies[body].placed_on == "nodes", scene.bodies[body].name or f"bodies.{body}"
+        return TiedBody(body, name, index, system, local, coarsest, system.wave_modulus(local)[0], nodal, box)
+
+    def begin(self, time: float) -> None:
+        """Springs and their forces; collective. Raises SolverError on all ranks for bodies that cannot be tied."""
+        self._build()
+        for face in self.faces:
+            face.evaluate()
+
+    def _build(self) -> None:
+        self._placed = self.placements
+        for face in self.faces:
+            face.build()
+        square = max(face.frequency() for face in self.faces)
+        self._longest = _SAFETY * 2.0 / np.sqrt(square) if square > 0.0 else np.inf
+
+    @property
+    def placements(self) -> tuple[int | None, ...]:
+        """Of the systems that are tied."""
+        return tuple(side.system.placements for face in self.faces for side in face.sides)
+
+    @property
+    def _energy(self) -> float:
+        return sum(face.energy for face in self.faces)
+
+    def before(self, time: float, step: float, ledger: EnergyLedger) -> None:
+        """Half a kick with the forces of the last evaluation."""
+        self._kick(step)
+
+    def after(self, time: float, step: float, ledger: EnergyLedger) -> None:
+        """Forces in the new places, half a kick, and what went into the ledger."""
+        energy, placed = self._energy, self.placements
+        if None in placed or placed != self._placed:
+            self._build()
+        work = sum(face.advance(step) for face in self.faces)
+        ledger.add_term("tie_energy", self._energy - energy)
+        ledger.add(1.0, 0.0, 0.0, work)
+        self._kick(step)
+
+    def _kick(self, step: float) -> None:
+        """Half a step [s] of the forces."""
+        if step == 0.0:
+            return
+        for face in self.faces:
+            for side, rows, force in face.pulled():
+                side.system.kick(0.5 * step * force, rows)
+
+    def stable_step(self) -> float:
+        """Of the springs on this rank, alone."""
+        return self._longest
+
+    def energies(self) -> tuple[float, float]:
+        """What the springs store."""
+        return 0.0, self._energy

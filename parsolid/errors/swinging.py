@@ -1,0 +1,34 @@
+"""Series that swing: how much of a difference is a shift in time, and how much of the size."""
+
+import numpy as np
+
+from parsolid.errors.estimate import Series
+
+# stretches of time that are tried, and how many swings a series needs to have a phase
+_LARGEST, _TRIALS, _SWINGS = 0.08, 161, 3
+
+
+def swings(values: np.ndarray) -> int:
+    """How often a series (n,) crosses its mean, small ripples aside."""
+    about = values - values.mean()
+    sound = np.abs(about) > 0.1 * np.abs(about).max(initial=0.0)
+    return int(np.sum(np.diff(np.sign(about[sound])) != 0.0))
+
+
+def phase_and_amplitude(series: Series, order: float) -> tuple[float | None, float | None]:
+    """Errors of the first run's phase (stretch of its time) and of its amplitude, both relative; None where nothing
+    swings.
+    """
+    times, values, ratios = series
+    if swings(values[0]) < _SWINGS or np.ptp(times) <= 0.0:
+        return None, None
+    about = values[1] - values[1].mean()
+    best = (np.inf, 0.0, 1.0)
+    for stretch in np.linspace(-_LARGEST, _LARGEST, _TRIALS):
+        moved = np.interp(times[0] + (times - times[0]) * (1.0 + stretch), times, values[0] - values[0].mean())
+        size = float(moved @ about / max(moved @ moved, 1e-300))
+        missed = float(np.sum((about - size * moved) ** 2))
+        if missed < best[0]:
+            best = (missed, float(stretch), size)
+    share = 1.0 / (ratios[1] ** order - 1.0)
+    return abs(best[1]) * share, abs(best[2] - 1.0) * share

@@ -1,0 +1,67 @@
+"""Pieces of bodies that no bond joins: where loads on one that nothing holds do not balance, there is no solution.
+
+A direction u without stiffness keeps its part u . r of what is not balanced whatever a solver does.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from decomposition.reduction import sums
+from parsolid.collective import anywhere
+from parsolid.pairs.lists import images_of
+from parsolid.solvers import motions_without
+
+# pieces are looked at as many at most, the largest first
+_MOST = 50
+
+
+def pieces_of(bond_system: Any) -> np.ndarray:
+    """Of each owned particle (owned,) the least number of a particle, by rank and row, of its piece. Collective."""
+    from scipy import sparse
+
+    owned, comm, halo = bond_system.owned, bond_system.comm, bond_system.halo
+    first = sum(comm.allgather(owned)[: comm.rank])
+    labels = halo.with_ghosts(first + np.arange(owned, dtype=np.int64))
+    ends = []
+    for pairs, _ in bond_system.lists():
+        if images_of(pairs) is None:
+            a = np.repeat(np.arange(len(pairs.start) - 1), np.diff(pairs.start))
+            ends.append((a[pairs.weight != 0.0], pairs.neighbour[pairs.weight != 0.0]))
+    a, b = (np.concatenate(one) for one in zip(*ends))
+    graph = sparse.coo_array((np.ones(len(a), np.int8), (a, b)), (len(labels), len(labels)))
+    _, here = sparse.csgraph.connected_components(graph, directed=False)
+    while True:
+        least = np.full(here.max(initial=-1) + 1, np.iinfo(np.int64).max)
+        np.minimum.at(least, here, labels)
+        changed = anywhere(comm, bool((least[here] != labels).any()))
+        labels = halo.with_ghosts(least[here][:owned])
+        if not changed:
+            return np.asarray(labels[:owned])
+
+
+def unbalanced_piece(
+    operator: Any, motions: np.ndarray, restraint: Callable[..., np.ndarray], residual: np.ndarray, target: float
+) -> str:
+    """Which piece moves as a whole under more of a residual (n, d) [N] than the target [N], in words; or nothing.
+
+    motions (k, n, d): rigid ones of all particles; restraint(motions, mask): see `coarse_grid`. Collective.
+    """
+    comm, labels = operator.comm, pieces_of(operator.engine.bond_system)
+    known: dict[int, int] = {}
+    for numbers, counts in comm.allgather(np.unique(labels, return_counts=True)):
+        for number, count in zip(numbers.tolist(), counts.tolist()):
+            known[number] = known.get(number, 0) + count
+    places = operator.engine.particles.owned_rows("reference_position")
+    for number in sorted(known, key=lambda one: -known[one])[:_MOST]:
+        mask = labels == number
+        piece = motions * mask[:, None]
+        loose = motions_without(comm, piece, restraint(piece, mask)) * operator.free
+        parts = sums(comm, np.tensordot(loose, residual, 2))
+        if np.linalg.norm(parts) > target:
+            middle = sums(comm, places[mask].sum(axis=0)) / known[number]
+            which = "of the bodies" if len(known) == 1 else f"of {len(known)} that no bond joins"
+            around = ", ".join(f"{x:.4g}" for x in middle)
+            return f"a piece {which}, {known[number]} particles around ({around}), that nothing holds against its loads"
+    return ""

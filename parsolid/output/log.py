@@ -1,0 +1,53 @@
+"""A file that keeps what a run says, besides the terminal."""
+
+import shlex
+import sys
+from contextlib import suppress
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import TextIO
+
+from mpi4py import MPI
+
+import parsolid
+from parsolid.output.errors import together
+
+
+class Log:
+    """Lines appended to a file by one rank; nothing happens where none is open."""
+
+    def __init__(self) -> None:
+        self.stream: TextIO | None = None
+
+    def open(self, comm: MPI.Intracomm, path: Path | str | None) -> None:
+        """Append to a file from now on, for which the first rank opens it; collective. None: to none.
+
+        Raises OutputError on all ranks when it cannot be written.
+        """
+        self.close()
+        if path is None:
+            return
+        with together(comm, f"cannot write the log {path}"):
+            if comm.rank == 0:
+                Path(path).absolute().parent.mkdir(parents=True, exist_ok=True)
+                self.stream = open(path, "a", encoding="utf-8")  # noqa: SIM115
+        now = datetime.now(timezone.utc).isoformat(timespec="seconds")
+        ranks = f"{comm.size} {'rank' if comm.size == 1 else 'ranks'}"
+        self.say(f"--- parsolid {parsolid.__version__}, {ranks}, {now}: {shlex.join(sys.argv[1:])}")
+
+    def say(self, text: str) -> None:
+        """Add a line; a disk that is full ends no run."""
+        if self.stream is not None:
+            with suppress(OSError, ValueError):
+                print(text, file=self.stream, flush=True)
+
+    def close(self) -> None:
+        """Close the file."""
+        if self.stream is not None:
+            with suppress(OSError):
+                self.stream.close()
+            self.stream = None
+
+
+# of this process
+LOG = Log()

@@ -1,0 +1,124 @@
+"""Forces that conditions tell, in every method: those of the change of momentum, and with their work in the ledger."""
+
+import numpy as np
+import pytest
+from solids import Record, follow, simulation, tables
+
+from parsolid.scene import SceneError, parse_scene
+from parsolid.simulation.time_step import TimeSteps
+
+ELASTIC = {"kind": "neo-hookean", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": 0.3}
+STEEL = {"kind": "micro-inertia", "library": "4340 steel, Rahaman"}
+PULL = {"kind": "velocity", "where": "high", "name": "top", "reaction": True}
+REST = {"kind": "velocity", "where": "low", "velocity": [0, 0], "name": "foot", "reaction": True}
+HELD = {"kind": "fixed", "where": "low", "name": "foot", "reaction": True, "moment_about": [0.5, 0.0]}
+WALL = {"kind": "wall", "plane": "Y = 0", "side": "above", "velocity": [0, 0.1], "name": "foot", "reaction": True}
+LOW, HIGH = {"name": "low", "formula": "Y < 0.21"}, {"name": "high", "formula": "Y > 0.79"}
+EXPLICIT = {"kind": "peridynamics"}
+QUASI = EXPLICIT | {"solution": {"kind": "quasi-static", "step": 0.02}}
+MPM = {"kind": "mpm", "cell": 0.2}
+# of a second: steel is so much faster than what is soft
+FAST = 3e3
+
+
+def pulled(method: dict, foot: dict, top: dict | None = None, gravity: bool = True) -> dict:
+    """A block that stands on a foot and is pulled (or loaded) at its top, thrown sideways."""
+    scale = FAST if method["kind"] == "ulsph" else 1.0
+    pull = (top or PULL | {"velocity": [0, f"0.3*sin({5 * scale}*t)"]}) | {"name": "top", "reaction": True}
+    data = tables((10, 10), material=STEEL if scale > 1.0 else ELASTIC, end_time=0.2 / scale, boundaries=[foot, pull])
+    data["method"], data["regions"] = (
+        method,
+        [one for one in (LOW, HIGH) if one["name"] in (foot.get("where"), pull.get("where"))],
+    )
+    data["bodies"][0]["placement"] = "cells"
+    if method != QUASI:
+        data["bodies"][0]["velocity"] = ["0.2*Y", "0"]
+    if gravity:
+        data["loads"] = {"acceleration": [0.3 * scale, 0.1 * scale]}
+    return data
+
+
+def told(sim) -> dict:
+    """Forces and moments, momentum, mass, the work of both."""
+    system = sim.systems[0]
+    mass, v = (
+        (system.mass[: system.owned] * system.share[: system.owned])[:, None],
+        system.particles.owned_rows("velocity"),
+    )
+    mine = {"momentum": (mass * v).sum(axis=0), "mass": mass.sum(axis=0)}
+    mine |= {name: system.reaction(name) for name in ("foot", "top")}
+    return {name: sim.comm.allreduce(np.array(value)) for name, value in mine.items()}
+
+
+METHODS = {
+    "tlsph": ({"kind": "tlsph"}, HELD),
+    "peridynamics": (EXPLICIT, HELD),
+    "mpm": (MPM, REST),
+    "mpm-wall": (MPM, WALL),
+    "ulsph": ({"kind": "ulsph"}, HELD),
+    "ulsph-wall": ({"kind": "ulsph"}, WALL),
+    "mpm-pressure": (MPM, REST, {"kind": "pressure", "plane": "Y = 1", "pressure": "0.3*t"}),
+    "mpm-traction": (MPM, REST, {"kind": "traction", "where": "high", "traction": ["0.2", "0.3*X*t"]}),
+    "mpm-spring": (MPM, REST, {"kind": "spring", "plane": "Y = 1", "stiffness": 2.0, "damping": 0.5}),
+    "ulsph-traction": ({"kind": "ulsph"}, HELD, {"kind": "traction", "plane": "Y = 1", "traction": [1e8, "1e8*X"]}),
+    "ulsph-spring": ({"kind": "ulsph"}, HELD, {"kind": "spring", "where": "high", "stiffness": 1e11, "damping": 1e7}),
+}
+
+
+@pytest.mark.parametrize("stated", METHODS.values(), ids=list(METHODS))
+def test_forces_of_all_conditions_change_the_momentum(stated, comm):
+    method = stated[0]
+    sim = simulation(pulled(*stated), comm)
+    rows = follow(sim, Record(told), 30)
+    steps = np.diff(rows["time"])[:, None]
+    found = (rows["foot"] + rows["top"])[1:, :2] * steps
+    gravity = np.array([0.3, 0.1]) * (FAST if method["kind"] == "ulsph" else 1.0)
+    found = found + rows["mass"][1:] * gravity * steps
+    scale = np.abs(found).max()
+    assert np.abs(rows["foot"][1:, 1]).max() > 0.0 and np.abs(rows["top"][1:, 1]).max() > 0.0
+    np.testing.assert_allclose(np.diff(rows["momentum"], axis=0), found, atol=1e-9 * scale)
+
+
+@pytest.mark.parametrize("stated", [*METHODS.values(), (QUASI, HELD)], ids=[*METHODS, "quasi-static"])
+def test_their_work_is_the_work_of_the_ledger(stated, comm):
+    sim = simulation(pulled(*stated, gravity=False), comm)
+    rows = follow(sim, Record(told), 12, TimeSteps)
+    work = rows["foot.work"] + rows["top.work"]
+    assert np.abs(work).max() > 0.0
+    np.testing.assert_allclose(work, rows["work_external"], atol=1e-11 * np.abs(work).max())
+
+
+@pytest.mark.parametrize("method", [EXPLICIT, QUASI], ids=["explicit", "quasi-static"])
+def test_a_traction_in_peridynamics_is_met_by_the_support(method, comm):
+    """In balance the support's force and moment are those of the traction; the works are those of the ledger."""
+    data = pulled(method, HELD, gravity=False)
+    push = {"kind": "traction", "plane": "Y = 1", "traction": [0.01, "0.02*X"], "name": "top", "reaction": True}
+    data["method"] = method | {"traction": "single-layer"}
+    data["boundaries"][1], data["regions"] = push | {"moment_about": [0.5, 0.0]}, [LOW]
+    sim = simulation(data, comm)
+    rows = follow(sim, Record(told), 12, TimeSteps)
+    np.testing.assert_allclose(rows["top"][-1, :2], [0.01, 0.01], rtol=1e-9)
+    np.testing.assert_allclose(rows["foot.work"] + rows["top.work"], rows["work_external"], atol=1e-16)
+    assert rows["top.work"][-1] > 1e-6
+    if method == QUASI:
+        # 0.02 X about the middle, and 0.01 at a height of 1, of the particles half a spacing within
+        np.testing.assert_allclose(rows["foot"][-1, :2], -rows["top"][-1, :2], rtol=1e-6)
+        np.testing.assert_allclose(rows["foot"][-1, 2], -rows["top"][-1, 2], rtol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("method", "boundary", "message"),
+    [
+        (MPM, {"kind": "roller", "plane": "Y = 0"}, r"boundaries.0.reaction: .* the kinds 'velocity', 'wall'"),
+        (
+            EXPLICIT,
+            {"kind": "roller", "plane": "Y = 0"},
+            r"boundaries.0.reaction: expected mirror = false, or a region",
+        ),
+    ],
+)
+def test_what_has_no_force_of_its_own_is_refused(method, boundary, message):
+    data = pulled(method, HELD)
+    data["boundaries"][0], data["regions"] = boundary | {"name": "foot", "reaction": True}, [HIGH]
+    with pytest.raises(SceneError, match=message):
+        parse_scene(data)

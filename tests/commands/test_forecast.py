@@ -1,0 +1,69 @@
+"""What a scene would cost on other ranks, against what it costs on them."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from parsolid.commands.forecast import _bisected, bytes_on_disk, load_on, memory_on, seconds_a_step
+from parsolid.output.checkpoint import write_checkpoint
+from parsolid.output.vtkhdf import published
+from parsolid.scene import parse_scene
+from parsolid.simulation.loop import Simulation
+from parsolid.simulation.observables import Observables
+from parsolid.simulation.output_files import OutputFiles
+
+TABLES = {
+    "dimension": 2,
+    "end_time": 1e-3,
+    "method": {"kind": "tlsph"},
+    "bodies": [
+        {
+            "shape": {"box": {"lower": [0.0, 0.0], "upper": [2.0, 1.0]}},
+            "particles": [33, 17],
+            "velocity": ["0", "-20*Y"],
+            "material": {"kind": "neo-hookean", "density": 1100.0, "youngs_modulus": 17e6, "poissons_ratio": 0.4},
+        }
+    ],
+}
+
+
+@pytest.fixture
+def simulation(comm):
+    return Simulation(comm, parse_scene(TABLES))
+
+
+@pytest.mark.mpi
+def test_particles_and_ghosts_of_the_busiest_rank(comm, simulation):
+    (system,) = simulation.systems
+    busiest = comm.allreduce(system.owned, MPI.MAX), comm.allreduce(system.particles.ghosts, MPI.MAX)
+    found = load_on(comm, simulation.systems, comm.size)
+    assert found.particles == busiest[0]
+    assert found.ghosts == pytest.approx(busiest[1], rel=0.2)
+    # one rank has no ghosts and half as many have twice the particles, from wherever it is asked
+    alone, two = (load_on(comm, simulation.systems, ranks) for ranks in (1, 2))
+    assert (alone.particles, alone.ghosts, alone.weight) == (561.0, 0.0, 561.0)
+    assert two.particles == 281.0 and two.neighbours == 1.0 and 17.0 <= two.ghosts <= 4 * 17.0
+    work, talk = seconds_a_step(simulation.systems, 1.0, alone, two, 2)
+    assert 0.5 < work < 0.6 and 0.0 < talk < 1e-3
+    assert memory_on(100.0, 661.0, alone, two) == pytest.approx(100.0 + 281.0 + two.ghosts)
+
+
+def test_bytes_on_disk(comm, simulation, tmp_path):
+    fields, once, checkpoint = bytes_on_disk(comm, simulation.scene, simulation.systems)
+    folder = comm.bcast(str(tmp_path))
+    files = OutputFiles(comm, simulation.scene, folder)
+    files.write_fields(Observables(simulation.systems), 0.0)
+    kept = [system.particles.checkpointed() for system in simulation.systems]
+    write_checkpoint(comm, files.checkpoint, {}, kept, simulation.ledger.values)
+    if comm.rank == 0:
+        layout, _ = published(files.fields.path)
+        assert fields == layout.bytes_per_step
+        whole = once + layout.capacity * fields
+        assert files.fields.path.stat().st_size == pytest.approx(whole, rel=0.1)
+        assert files.checkpoint.stat().st_size == pytest.approx(checkpoint, abs=2e4)
+    files.close()
+
+
+def test_parts_are_even():
+    points = np.random.default_rng(0).random((1000, 3)) * [5.0, 1.0, 1.0]
+    assert sorted(map(len, _bisected(points, 7))) == [142] * 1 + [143] * 6

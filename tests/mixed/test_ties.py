@@ -1,0 +1,167 @@
+"""Bodies of different methods that are tied: nothing at rest, forces of an energy, on any ranks and after a restart."""
+
+import numpy as np
+import pytest
+from bodies_apart import COPPER, RUBBER
+from mpi4py import MPI
+from solids import Record, follow, run_into
+
+from parsolid.collective import SolverError
+from parsolid.contact.relations import relations
+from parsolid.scene import SceneError, parse_scene
+from parsolid.simulation.loop import Simulation
+from parsolid.simulation.restart import Restart
+from parsolid.simulation.time_step import TimeSteps
+
+METHODS = {
+    "sph": {"kind": "tlsph"},
+    "bonds": {"kind": "peridynamics", "horizon_ratio": 2.0},
+    "points": {"kind": "mpm", "cell": 0.25},
+    "flow": {"kind": "ulsph"},
+}
+STIFFNESS = 4.0
+
+
+def blocks(first: str, second: str, **rest) -> dict:
+    """Raw tables of a block beside a taller and coarser one, both in a motion that strains the face."""
+    bodies = []
+    for number, name in enumerate((first, second)):
+        h = (0.125, 0.15625)[number]
+        nodes, lower = name == "sph", [float(number), 0.0]
+        box = {"lower": lower, "upper": [lower[0] + 8 * h, 8 * h]}
+        body = {"name": "ab"[number], "shape": {"box": box}, "particles": [8 + nodes, 8 + nodes], "method": name}
+        body |= {"placement": "nodes" if nodes else "cells", "material": COPPER if name == "flow" else RUBBER}
+        bodies.append(body | {"velocity": ["20*X*Y", "-5*X + 10*Y*Y"]})
+    methods = [{"name": name} | METHODS[name] for name in dict.fromkeys((first, second))]
+    data = {"dimension": 2, "end_time": 0.05, "methods": methods, "bodies": bodies}
+    return data | {"tie": [{"bodies": ["a", "b"], "stiffness": STIFFNESS}]} | rest
+
+
+def turned(sim, gradient: np.ndarray) -> list[np.ndarray]:
+    """Forces of the tie where all particles are at `gradient` times their reference."""
+    for system in sim.systems:
+        rows = system.particles.owned_rows
+        rows("position")[:] = rows("reference_position")[:, :2] @ gradient.T
+    (face,) = sim.interactions[0].faces
+    face.evaluate()
+    return [force for _, _, force in face.pulled()]
+
+
+def test_forces_are_minus_the_gradient_of_an_energy_that_no_affine_motion_has():
+    sim = Simulation(MPI.COMM_SELF, parse_scene(blocks("sph", "points")))
+    tie, (face,) = sim.interactions[0], sim.interactions[0].faces
+    modulus = min(side.modulus / side.spacing for side in face.sides)
+    scale = STIFFNESS * modulus * 0.125
+    angle = 0.7
+    spin = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    for gradient in (np.eye(2), spin, spin @ np.array([[1.2, 0.3], [0.0, 0.8]])):
+        assert max(np.abs(force).max() for force in turned(sim, gradient)) < 1e-13 * scale
+    # each body strained along the face's normal in its own way: a kink at the face is free
+    for number, system in enumerate(sim.systems):
+        rows = system.particles.owned_rows
+        rows("position")[:, 0] += (0.1, -0.2)[number] * (rows("reference_position")[:, 0] - 1.0)
+    face.evaluate()
+    # but at the edge of the lower block, where its colour alone falls off
+    height = face.reference[:, 1]
+    inner = np.abs(face.force[(height > 0.4) & (height < 0.65)]).max() / scale
+    assert inner < 1e-3
+    rng = np.random.default_rng(1)
+    for system in sim.systems:
+        place = system.particles.owned_rows("position")
+        place += 0.02 * rng.standard_normal(place.shape)
+    face.evaluate()
+    pulled, places = face.pulled(), []
+    total, moment = np.zeros(2), 0.0
+    for side, rows, force in pulled:
+        x = side.system.particles.owned_rows("position")[rows]
+        total, moment = total + force.sum(axis=0), moment + np.sum(x[:, 0] * force[:, 1] - x[:, 1] * force[:, 0])
+        places.append((side.system.particles.owned_rows("position"), rows, force.copy()))
+    largest = max(np.abs(force).max() for *_, force in places)
+    assert np.abs(total).max() < 1e-12 * largest and abs(moment) < 1e-12 * largest
+    for position, rows, force in places:
+        for k in (0, len(rows) // 2):
+            found = []
+            for shift in (1e-5, -1e-5):
+                position[rows[k], 1] += shift
+                face.evaluate()
+                found.append(tie.energies()[1])
+                position[rows[k], 1] -= shift
+            assert (found[1] - found[0]) / 2e-5 == pytest.approx(force[k, 1], abs=1e-7 * largest)
+
+
+def motion(sim) -> dict[str, float]:
+    """Momentum and angular momentum [N s, N m s], impulses that are on their way included."""
+    found = np.zeros(3)
+    for system in sim.systems:
+        rows, owned = system.particles.owned_rows, system.owned
+        p = (system.mass[:owned] * system.share[:owned])[:, None] * rows("velocity")
+        p = p + (rows("impulse") if "impulse" in system.particles else 0.0)
+        x = rows("position")
+        found += [*p.sum(axis=0), np.sum(x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0])]
+    return {"motion": sim.comm.allreduce(found)}
+
+
+@pytest.mark.parametrize(("first", "second"), [("bonds", "points"), ("sph", "flow")])
+def test_on_any_ranks_and_after_a_restart_tied_blocks_move_alike(comm, shared_path, first, second):
+    single = comm.Split(comm.rank)
+    steps = 30 if second == "points" else 20
+    scene = parse_scene(blocks(first, second, output={"history_steps": 1, "fields_times": []}))
+    whole = follow(Simulation(single, scene), Record(motion), steps, TimeSteps)
+    spread = Simulation(comm, scene)
+    rows = follow(spread, Record(motion), steps, TimeSteps)
+    run_into(shared_path / "same", comm, scene, steps=steps // 2)
+    again = run_into(
+        shared_path / "same", comm, scene, steps // 2, Restart(comm, shared_path / "same" / "checkpoint.h5")
+    )
+    plain = run_into(shared_path / "plain", comm, scene, steps=steps)
+    for found, wanted in zip(again.simulation.systems, plain.simulation.systems):
+        kept = wanted.particles.checkpointed()
+        assert all(np.array_equal(values, kept[name]) for name, values in found.particles.checkpointed().items())
+    if comm.rank == 0:
+        run_into(shared_path / "one", single, scene, steps=steps // 2)
+    comm.Barrier()
+    other = Simulation(comm, scene, Restart(comm, shared_path / "one" / "checkpoint.h5"))
+    late = follow(other, Record(motion), steps - steps // 2, TimeSteps)
+    energy = np.abs(whole["kinetic"]).max()
+    assert whole["tie_energy"].max() > 1e-6 * energy
+    for name in ("kinetic", "stored", "tie_energy", "balance", "motion"):
+        scale = np.abs(whole["motion"]).max() if name == "motion" else energy
+        np.testing.assert_allclose(rows[name], whole[name], rtol=0.0, atol=1e-12 * scale, err_msg=name)
+        np.testing.assert_allclose(late[name], whole[name][steps // 2 :], rtol=0.0, atol=1e-9 * scale, err_msg=name)
+    drift = np.abs(whole["motion"] - whole["motion"][0])
+    assert drift[:, :2].max() < 1e-12 * np.abs(whole["motion"]).max()
+    assert np.abs(whole["balance"]).max() < 0.02 * energy
+
+
+def test_check_names_tied_bodies_and_refuses_what_cannot_be_tied():
+    scene = parse_scene(blocks("sph", "bonds"))
+    sim = Simulation(MPI.COMM_SELF, scene)
+    assert "bodies tied: a and b" in relations(MPI.COMM_SELF, scene, sim.systems)
+    far = blocks("sph", "bonds")
+    far["bodies"][1]["shape"]["box"] = {"lower": [1.5, 0.0], "upper": [2.75, 1.25]}
+    with pytest.raises(SolverError, match=r"tie\.0: expected bodies that touch, found 'a' and 'b' apart"):
+        Simulation(MPI.COMM_SELF, parse_scene(far))
+
+
+@pytest.mark.parametrize(
+    ("change", "wanted"),
+    [
+        ({"tie": [{"bodies": ["a", "c"]}]}, "tie.0.bodies: expected the name of a body"),
+        ({"tie": [{"bodies": ["a", "a"]}]}, "tie.0.bodies: expected two bodies"),
+        ({"contact": [{"bodies": ["a", "b"]}]}, "tie.0.bodies: expected a pair without contact"),
+        ({"tie": [{"bodies": ["a", "b"]}, {"bodies": ["b", "a"]}]}, "tie.1.bodies: expected a pair that no other"),
+    ],
+)
+def test_what_is_refused_is_named_by_its_key(change, wanted):
+    with pytest.raises(SceneError) as error:
+        parse_scene(blocks("sph", "bonds", **change))
+    assert any(text.startswith(wanted) for text in error.value.faults), error.value.faults
+
+
+def test_bodies_of_one_method_need_no_tie_and_equilibrium_knows_none():
+    with pytest.raises(SceneError, match="tie.0.bodies: expected bodies of two methods"):
+        parse_scene(blocks("bonds", "bonds"))
+    data = blocks("sph", "bonds")
+    data["methods"][1]["solution"] = {"kind": "quasi-static", "step": 1e-4}
+    with pytest.raises(SceneError, match="tie: expected no such table with equilibrium"):
+        parse_scene(data)
