@@ -8,6 +8,7 @@ import numpy as np
 from parsolid.boundary.mirror_planes import MirrorPlane
 from parsolid.boundary.reactions import Told, told_by
 from parsolid.materials.registry import laws_of
+from parsolid.methods.impulses import give
 from parsolid.particles.container import Particles
 from parsolid.particles.distribution import sort_for_speed
 from parsolid.particles.particle_set import ParticleSet
@@ -103,6 +104,14 @@ class ParticleSystem:
         return self.particles.owned_rows("share") if "share" in self.particles else np.ones(self.owned)
 
     @property
+    def verlet(self) -> str | None:
+        """ "all" where a step is half kicks of all forces around one drift and their oscillation is in no ledger,
+        "others" where that of its own forces is in the ledger, None for other steps."""
+        if "leapfrog_oscillation" in self.settings.ledger_terms:
+            return "others"
+        return "all" if getattr(self.settings, "integrator", None) == "leapfrog" else None
+
+    @property
     def communication_seconds(self) -> float:
         """Spent on sending and receiving."""
         return self.particles.communication_seconds
@@ -161,15 +170,9 @@ class ParticleSystem:
         An impulse is that on the part of a particle on this side of mirror planes; components that are held keep their
         velocity. Between steps only. Returns the kinetic energy [J] that the particles gain.
         """
+        rows = np.arange(self.owned) if rows is None else rows
         velocity, held = self.particles.owned_rows("velocity"), self.held_components()
-        here: Any = slice(None) if rows is None else rows
-        mass = (self.mass[: self.owned] * self.share[: self.owned])[here, None]
-        change = impulse / mass
-        if held is not None:
-            change[held[here]] = 0.0
-        gained = 0.5 * float(np.sum(mass * change * (2.0 * velocity[here] + change)))
-        velocity[here] += change
-        return gained
+        return float(give(rows, impulse, self.mass, self.share, held, velocity))
 
     def energies(self) -> tuple[float, float]:
         """Kinetic and stored energy [J] of this rank's particles."""

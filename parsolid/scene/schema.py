@@ -13,7 +13,7 @@ from parsolid.scene.base_model import Plane, Positive, SceneModel, method_of, mi
 from parsolid.scene.bodies import FilledShape, OwnBody, own_method
 from parsolid.scene.boundaries import Boundary
 from parsolid.scene.boundaries.condition import reaction_details
-from parsolid.scene.contact import CONTACT_TERMS, Contact, contact_faults, contact_pairs, unbonded
+from parsolid.scene.contact import CONTACT_TERMS, OSCILLATION, Contact, contact_faults, contact_pairs, unbonded
 from parsolid.scene.error_bars import ErrorBars, RunTargets
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.initial_state import InitialState, initial_details
@@ -328,7 +328,7 @@ def _reference_faults(parts: Parts) -> list[str]:
         return []
     key = "final" if parts.reference.final is not None else "columns"
     known = [*HISTORY_COLUMNS, *parts.method.ledger_terms, *(CONTACT_TERMS if parts.contact or parts.tools else ())]
-    known += TIE_TERMS if parts.tie else ()
+    known += [*(OSCILLATION if parts.contact else ()), *(TIE_TERMS if parts.tie else ())]
     for name in (one.reports for one in parts.boundaries.values() if one.reports is not None):
         known += [f"{name}.work", *reaction_columns(name, parts.dimension)]
     try:
