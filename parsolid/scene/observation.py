@@ -42,6 +42,9 @@ class Output(SceneModel):
     checkpoint_interval: Positive | None = Field(None, description="simulated time between checkpoints [s]")
     checkpoint_steps: Annotated[int, Field(ge=1)] | None = Field(None, description="steps between checkpoints")
     checkpoint_wall: Positive = Field(default=600.0, description="wall time between checkpoints [s]")
+    compression: Annotated[int, Field(ge=0, le=9)] = Field(
+        default=0, description="level at which the fields are deflated when the run has finished, 0 for not at all"
+    )
     pictures: bool = Field(True, description="draw the standard pictures at the end")
 
     @field_validator("fields_times")

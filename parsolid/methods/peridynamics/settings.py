@@ -257,3 +257,9 @@ class Peridynamics(MethodSettings):
     def contact_refused(self, scene: Any) -> str | None:
         """Equilibrium has no motion that impulses could change."""
         return None if self.solution.kind == "explicit" else "with equilibrium instead of motion"
+
+    def substeps_refused(self) -> str | None:
+        """Of equilibrium, and of bonds, which break in a step that all ranks agree on."""
+        if self.solution.kind != "explicit":
+            return "with equilibrium instead of motion"
+        return "with bonds that break" if self.damage is not None else None
