@@ -76,18 +76,16 @@ def conjugate_gradients(
     limit = 10 * int(count) if limit is None else limit
     iterations, reason = 0, ""
     while square > target * target and not reason:
-        if iterations == limit:
-            reason = f"no solution after {limit} iterations"
-            break
-        if iterations == _PATIENCE and hopeless is not None and (reason := hopeless()):
+        reason = hopeless() if iterations == _PATIENCE and hopeless is not None else ""
+        reason = f"no solution after {limit} iterations" if iterations == limit else reason
+        if reason:
             break
         apply(shaped, product)
         stiffness = float(sums(comm, [_masked_product(flat, direction, mask)])[0])
         iterations += 1
         if not stiffness > 0.0:
-            reason = (
-                "a direction without positive stiffness" if np.isfinite(stiffness) else "a product that is not finite"
-            )
+            finite = np.isfinite(stiffness)
+            reason = "a direction without positive stiffness" if finite else "a product that is not finite"
             break
         before, square = power, _advance(power / stiffness, direction, flat, solution, residual)
         turned = better()
