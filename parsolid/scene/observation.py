@@ -77,11 +77,22 @@ SOLUTIONS_KNOWN = {
     "micro-layer": ((("height", "rate"),), _MICRO),
 }
 
+# those of linear solids
+_SMALL_STRAIN = ("uniaxial-creep", "bar-vibration")
 # those that come with a body force
 MANUFACTURED = ("axis-aligned", "generalised-vortex")
 
 # the type checker does not know what literals a table holds
 KnownSolution: Any = Literal[tuple(SOLUTIONS_KNOWN)]
+
+
+def solution_faults(exact: str, material: Any) -> list[Detail]:
+    """Why an exact solution is not one for a material."""
+    if material.kind not in SOLUTIONS_KNOWN[exact][1]:
+        return [(("reference", "exact"), f"a solution for the material {material.kind!r}", exact)]
+    if exact in _SMALL_STRAIN and getattr(material, "strain", "small") != "small":
+        return [(("reference", "exact"), f"a solution for strain = '{material.strain}'", exact)]
+    return []
 
 
 def _series_faults(file: str, columns: dict[str, str]) -> list[Detail]:
