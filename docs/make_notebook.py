@@ -15,8 +15,8 @@ from nbclient import NotebookClient
 HERE = Path(__file__).resolve().parent
 CELLS = (
     (
-        "# parsolid in a notebook\n\nA rubber block is pushed down on its base; what the run leaves is looked at, then the "
-        "same scene is advanced by hand. [python.md](python.md) explains the names."
+        "# parsolid in a notebook\n\nA rubber block is pushed down on its base; what the run leaves is looked at, then "
+        "the same scene is advanced by hand. [python.md](python.md) explains the names."
     ),
     """
 import matplotlib.pyplot as plt
