@@ -18,6 +18,7 @@ LINE, FILE, FUNCTION, COPY = 120, 350, 50, 6
 ROWS = (
     ("parsolid.api",),
     ("parsolid.commands", "parsolid.__main__"),
+    ("parsolid.errors",),
     ("parsolid.simulation",),
     ("parsolid.contact",),
     ("parsolid.methods.tlsph", "parsolid.methods.peridynamics", "parsolid.methods.mpm", "parsolid.methods.ulsph"),

@@ -65,6 +65,14 @@ class RunResults:
             raise OutputError(f"cannot read {path}: {words(error) if isinstance(error, OSError) else error}") from error
         return found
 
+    @property
+    def errors(self) -> dict[str, np.ndarray]:
+        """Error bars: column -> half width (n,) at the rows of the history; empty for a run without --error-bars.
+
+        What is known of each (order, parts, verdict) is in summary["error_bars"].
+        """
+        return dict(self._results.bars)
+
     def plot(self, *columns: str, axes: Any = None) -> Any:
         """Draw columns of the history over time (the energies unless named); the matplotlib axes.
 

@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 from parsolid import __version__
 from parsolid.collective import SolverError
-from parsolid.commands.arguments import TRUST_CODE, whole_number
+from parsolid.commands.arguments import TRUST_CODE, error_arguments, seconds, whole_number
 from parsolid.output.errors import OutputError
 from parsolid.output.log import LOG
 from parsolid.output.whereabouts import HERE, report
@@ -32,13 +32,6 @@ class _Parser(argparse.ArgumentParser):
         raise _BadArguments(f"{message}\n{self.format_usage().rstrip()}")
 
 
-def _seconds(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"expected a positive number of seconds, found {text}")
-    return value
-
-
 def _scene_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", nargs="?", metavar="SCENE", help="TOML file (default: the twisting column)")
     parser.add_argument(
@@ -48,7 +41,7 @@ def _scene_arguments(parser: argparse.ArgumentParser) -> None:
         "--set", action="append", default=[], metavar="KEY.PATH=VALUE", help="override a key of the scene"
     )
     parser.add_argument("--trust-code", action="store_true", help=TRUST_CODE)
-    parser.add_argument("--end-time", type=_seconds, metavar="T", help="simulated time to stop at [s]")
+    parser.add_argument("--end-time", type=seconds, metavar="T", help="simulated time to stop at [s]")
     parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
     parser.add_argument("-v", "--verbose", action="store_true", help="say more")
 
@@ -71,14 +64,13 @@ def build_parser(command: str) -> argparse.ArgumentParser:
         help="let this key of the scene differ from that of the checkpoint",
     )
     run.add_argument("--max-steps", type=whole_number, metavar="N", help="stop after so many steps")
-    run.add_argument(
-        "--wall-time", type=_seconds, metavar="S", help="write a checkpoint and stop after so many seconds"
-    )
+    run.add_argument("--wall-time", type=seconds, metavar="S", help="write a checkpoint and stop after so many seconds")
     run.add_argument("--log", metavar="FILE", help="also append what the run says to a file, with -q too")
     run.add_argument(
         "--profile", action="store_true", help="which functions take the time, in DIR/profile-RANK.txt; slower"
     )
     run.add_argument("--dry-run", action="store_true", help="set up, report, and stop")
+    error_arguments(run)
     check = commands.add_parser("check", help="set a scene up and report its cost, without running it")
     _scene_arguments(check)
     check.add_argument("--ranks", type=whole_number, metavar="N", help="also tell the cost on so many ranks")

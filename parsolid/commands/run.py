@@ -11,7 +11,10 @@ from mpi4py import MPI
 from decomposition.compiled import LISTENERS, folder
 from parsolid.collective import SolverError, anywhere
 from parsolid.commands.check_advice import advice, scene_advice
+from parsolid.commands.error_bars import run_with_bars, wanted
 from parsolid.commands.profiling import profiled
+from parsolid.commands.standard_pictures import draw
+from parsolid.commands.target import run_to_targets, targets
 from parsolid.contact.relations import relations
 from parsolid.output.checkpoint import find_checkpoint
 from parsolid.output.directory import occupy
@@ -96,6 +99,15 @@ def run(comm: MPI.Intracomm, options: Namespace) -> int:
 
 def run_scene(comm: MPI.Intracomm, scene: Scene, options: Namespace, began: float) -> int:
     """Run a scene with the options of a command line; began: reading of the performance counter [s]. Collective."""
+    if targets(scene, options):
+        return run_to_targets(comm, scene, options, began, run_alone)
+    if wanted(scene, options):
+        return run_with_bars(comm, scene, options, began, run_alone)
+    return run_alone(comm, scene, options, began)
+
+
+def run_alone(comm: MPI.Intracomm, scene: Scene, options: Namespace, began: float) -> int:
+    """The same without anything beside the run. Collective."""
     with ExitStack() as kept:
         if comm.rank == 0 and not options.quiet:
             tell = Compilations(folder())
@@ -136,7 +148,7 @@ def _run_in(
         simulation.last_checkpoint = HERE.checkpoint = str(restart.path)
     limits = Limits(options.max_steps, None if options.wall_time is None else began + options.wall_time)
     with profiled(comm, files.directory if options.profile else None):
-        return _follow(comm, simulation, watch, limits)
+        return _follow(comm, simulation, watch, limits, options)
 
 
 def _set_up(
@@ -175,7 +187,7 @@ def _inputs(options: Namespace, scene: Scene, restart: Restart | None) -> tuple[
     return named + meshes + series + tuple(law_files(scene)) + ((restart.path,) if restart else ())
 
 
-def _follow(comm: MPI.Intracomm, simulation: Simulation, watch: Recorder, limits: Limits) -> int:
+def _follow(comm: MPI.Intracomm, simulation: Simulation, watch: Recorder, limits: Limits, options: Namespace) -> int:
     """The loop with its ending: checkpoint, summary, pictures."""
     failure = None
     try:
@@ -192,20 +204,9 @@ def _follow(comm: MPI.Intracomm, simulation: Simulation, watch: Recorder, limits
         watch.progress.close(summary)
     if failure is not None:
         raise failure
-    if status == FINISHED and simulation.scene.output.pictures:
-        _pictures(comm, watch.files.directory)
+    if status == FINISHED and simulation.scene.output.pictures and not wanted(simulation.scene, options):
+        draw(comm, watch.files.directory)
     return TO_BE_CONTINUED if status == INTERRUPTED else 0
-
-
-def _pictures(comm: MPI.Intracomm, directory: Path) -> None:
-    """The standard set of pictures, on rank 0, where the plotting packages are installed."""
-    if comm.rank > 0:
-        return
-    try:
-        from parsolid.commands.plot import plot_run
-    except ImportError:
-        return
-    plot_run(directory)
 
 
 def check(comm: MPI.Intracomm, options: Namespace) -> int:

@@ -15,6 +15,7 @@ from parsolid.output.whereabouts import NAME as TRACEBACK
 # what a run writes; a new run moves it aside
 RESULTS = (
     "history.csv",
+    "history_error.csv",
     "fields.vtkhdf",
     "fields.*.vtkhdf",
     "checkpoint.h5",

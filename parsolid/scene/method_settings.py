@@ -1,7 +1,7 @@
 """What the settings of all methods have in common."""
 
 from collections.abc import Iterable
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -49,6 +49,9 @@ class MethodSettings(SceneModel):
     kind: str
     maximum_step: Positive | None = Field(None, description="the largest time step [s]")
     minimum_step: Positive | None = Field(None, description="the time step [s] below which the run stops")
+    substeps: Annotated[int, Field(ge=1, le=64)] | Literal["auto"] | None = Field(
+        None, description="steps of this method in a common one of several methods: a number, or 'auto'"
+    )
     balance_warning: Positive = Field(0.01, description='energy unaccounted for from which a run is "unbalanced"')
     balance_limit: Positive = Field(0.05, description="energy unaccounted for, over the largest, at which a run fails")
     dissipation_warning: Positive = Field(
@@ -72,9 +75,17 @@ class MethodSettings(SceneModel):
         """What the method cannot make of a scene's other tables: (location, expected, found)."""
         return []
 
+    def notes(self, scene: Any, bodies: Iterable[int]) -> list[str]:
+        """What a scene asks for of the method's bodies that costs accuracy where it need not, in words."""
+        return []
+
     def contact_refused(self, scene: Any) -> str | None:
         """Why bodies of the method cannot be in contact, None where they can."""
         return "with this method"
+
+    def substeps_refused(self) -> str | None:
+        """Why the method cannot take several steps in one that all methods take; None where it can."""
+        return None
 
     def state(self, dimension: int) -> str:
         """The state of strain, "bar", "plane-strain", "plane-stress" or "space"."""

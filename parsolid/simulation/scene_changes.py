@@ -29,11 +29,14 @@ FREE = (
     "title",
     "end_time",
     "output.*",
+    "errors",
+    "run",
     *_of_methods(
         "cfl",
         "safety",
         "maximum_step",
         "minimum_step",
+        "substeps",
         "rebalance",
         "balance_warning",
         "balance_limit",
@@ -46,7 +49,7 @@ FREE = (
     ),
 )
 # not worth a note
-SILENT = ("title", "end_time", "output.*")
+SILENT = ("title", "end_time", "output.*", "errors", "run")
 # which particles and bonds there are, and what is of the start alone
 FIXED = (
     "dimension",

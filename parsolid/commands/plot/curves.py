@@ -36,18 +36,21 @@ def write_energies(results: Results, path: Path, size: tuple[int, int] | None = 
     figure = _figure(size or (3 * _PANEL[0], _PANEL[1] + 30), results.title)
     energies, dissipations, balance = figure.subplots(1, 3)
     for name in ("kinetic", "stored", "work_external"):
-        if name != "work_external" or np.any(terms[name]):
+        if np.any(terms[name]):
             energies.plot(time, terms[name] / unit, color=_COLOURS[name], label=words_of(name))
     total = terms["kinetic"] + terms["stored"]
-    energies.plot(time, total / unit, color=_COLOURS["total"], label="kinetic + stored", linewidth=1.0)
+    if np.any(terms["kinetic"]) and np.any(terms["stored"]):
+        energies.plot(time, total / unit, color=_COLOURS["total"], label="kinetic + stored", linewidth=1.0)
     for name, words in (("dissipation_internal", "internal"), ("dissipation_numerical", "numerical")):
-        dissipations.plot(time, terms[name] / unit, color=_COLOURS[name], label=words)
+        if np.any(terms[name]):
+            dissipations.plot(time, terms[name] / unit, color=_COLOURS[name], label=words)
     for name, colour in zip(_method_terms(history), _PALETTE[4:]):
         if not np.any(terms[name]):
             continue
         dissipations.plot(time, terms[name] / unit, color=colour, label=words_of(name))
     for axes, names in ((energies, ("kinetic", "stored")), (dissipations, HISTORY_COLUMNS[2:4])):
         _add_references(axes, results, names, factor, unit)
+        _add_bands(axes, results, names, time, unit, _COLOURS)
     balance.plot(time, history["balance"] / (largest or 1.0), color="#222222")
     energies.set_ylabel(f"energy [{label}]")
     dissipations.set_ylabel(f"dissipated [{label}]")
@@ -75,14 +78,16 @@ def write_probes(results: Results, path: Path, size: tuple[int, int] | None = No
     rows = -(-len(panels) // columns)
     figure = _figure(size or (columns * _PANEL[0], rows * (_PANEL[1] - 30) + 60), results.title)
     grid = np.atleast_1d(figure.subplots(rows, columns)).ravel()
+    largest = _largest_of_fields(panels, history)
     for axes, (panel, names) in zip(grid, panels.items()):
         probe, _, field = panel.partition(".")
-        largest = max((np.nanmax(np.abs(history[name])) for name in names if len(history[name])), default=0.0)
-        unit, label = prefixed(unit_of(field), largest)
+        # the same unit in all panels of a field
+        unit, label = prefixed(unit_of(field), largest[field])
         for name, colour in zip(names, _PALETTE):
             part = name[len(panel) :].lstrip("_")
             axes.plot(time, history[name] / unit, color=colour, label=part or None)
         _add_references(axes, results, names, factor, unit)
+        _add_bands(axes, results, names, time, unit)
         axes.set_title(probe, fontsize=10)
         axes.set_ylabel(words_of(field) + (f" [{label}]" if label else ""))
     for axes in grid[len(panels) :]:
@@ -90,6 +95,16 @@ def write_probes(results: Results, path: Path, size: tuple[int, int] | None = No
     _finish(figure, grid[: len(panels)], prefixed("s", _last(history["time"]))[1])
     figure.savefig(path, dpi=DOTS_PER_INCH)
     return True
+
+
+def _largest_of_fields(panels: dict[str, list[str]], history: dict[str, np.ndarray]) -> dict[str, float]:
+    """Field -> the largest magnitude of all its panels."""
+    found: dict[str, float] = {}
+    for panel, names in panels.items():
+        values = [float(np.nanmax(np.abs(history[name]))) for name in names if np.isfinite(history[name]).any()]
+        field = panel.partition(".")[2]
+        found[field] = max([found.get(field, 0.0), *values])
+    return found
 
 
 def _probe_panels(columns: list[str]) -> dict[str, list[str]]:
@@ -115,6 +130,19 @@ def _add_references(axes: Any, results: Results, names: Iterable[str], factor: f
         if name in series:
             axes.plot(times[shown] / factor, series[name][shown] / unit, label=label, **_REFERENCE)
             label = None
+
+
+def _add_bands(
+    axes: Any, results: Results, names: Iterable[str], time: np.ndarray, unit: float, colours: Any = None
+) -> None:
+    """Error bars of these columns as bands, where the run has them; the panel stays that of the curves."""
+    shown = axes.get_ylim()
+    for name, colour in zip(names, _PALETTE):
+        if name in results.bars:
+            value, bar = results.history[name] / unit, results.bars[name] / unit
+            colour = colours[name] if colours else colour
+            axes.fill_between(time, value - bar, value + bar, color=colour, alpha=0.2, linewidth=0)
+    axes.set_ylim(shown)
 
 
 def _time_axis(time: np.ndarray) -> tuple[np.ndarray, float]:

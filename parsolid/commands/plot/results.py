@@ -82,6 +82,20 @@ class Results:
             raise SceneError([f"{self.directory}: expected a run's history, found: {error}"]) from None
 
     @cached_property
+    def bars(self) -> dict[str, np.ndarray]:
+        """Column -> its error bar (n,) at the rows of the history; empty for a run without them."""
+        try:
+            found = read_history(self.directory / "history_error.csv")
+        except OutputError:
+            return {}
+        rows = len(self.history["time"])
+        return {
+            name.removesuffix("_error"): np.array(values)
+            for name, values in found.items()
+            if name.endswith("_error") and len(values) == rows
+        }
+
+    @cached_property
     def reference(self) -> tuple[np.ndarray, dict[str, np.ndarray]] | None:
         """Times [s] and history column -> values of the scene's reference series, None without one."""
         stated = self.parts.reference

@@ -184,7 +184,7 @@ class UpdatedLagrangianSPH(PairMethod):
     def look_ahead(self, time: float, step: float) -> None:
         """Whether the lists will be used up by the next step."""
         failed = self.deletion is not None and self.deletion.due()
-        self.time, self.news = time, bool(self.pairs.due(time, step)) or failed
+        self.time, self.news = time, bool(self.pairs.due(time, self.substeps * step)) or failed
 
     def drift(self, first: int, last: int, step: float) -> None:
         """Move particles first..last-1."""

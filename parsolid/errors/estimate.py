@@ -1,0 +1,172 @@
+"""From the histories of a run and its companions to error bars.
+
+After Eca & Hoekstra, J. Comput. Phys. 262 (2014) 104: an expansion phi = phi_0 + alpha h^p is fitted to the spacings by
+least squares with weights 1/h, and its error gets the factor 1.25 where the observed order is one that the method has,
+3 where it is not. A history is a function of time: the order is observed from the norms of differences over all of it,
+which zeros of a swinging difference do not disturb, and the error at a time is the largest nearby.
+"""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+SAFE, UNSAFE = 1.25, 3.0
+
+
+class Series(NamedTuple):
+    """A column over time as runs of several spacings have it: times (n,) [s], values (m, n), ratios (m,) from 1 on."""
+
+    times: np.ndarray
+    values: np.ndarray
+    ratios: np.ndarray
+
+
+@dataclass
+class Bar:
+    """The error bar of a column.
+
+    error (n,): at the times of the run; order: that was observed, None where none was; used: that of the estimate;
+    factor: of safety; parts: (n,) by name, without that factor; verdict: in words.
+    """
+
+    error: np.ndarray
+    order: float | None
+    used: float
+    factor: float
+    verdict: str
+    parts: dict[str, np.ndarray] = field(default_factory=dict)
+    phase: float | None = None
+    amplitude: float | None = None
+    mean: float | None = None
+    mean_error: float | None = None
+
+
+def rms(values: np.ndarray) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
+
+
+def observed_order(near: float, far: float, ratios: np.ndarray) -> float | None:
+    """p with (r_3^p - r_2^p)/(r_2^p - 1) = far/near, norms of the differences of runs 2 - 1 and 3 - 2; None if none."""
+    if near <= 0.0 or far <= 0.0:
+        return None
+    orders = np.linspace(-2.0, 8.0, 2001)
+    orders = orders[np.abs(orders) > 1e-9]
+    second, third = ratios[1] ** orders, ratios[2] ** orders
+    miss = np.log(np.abs((third - second) / (second - 1.0))) - np.log(far / near)
+    change = np.nonzero(np.diff(np.sign(miss)))[0]
+    return float(orders[change[0]]) if len(change) else float(orders[0] if miss[0] > 0.0 else orders[-1])
+
+
+def fitted_error(series: Series, order: float) -> tuple[np.ndarray, np.ndarray]:
+    """Error (n,) of the first run by least squares with an order, and what the fit misses of the values (n,)."""
+    spacing = series.ratios**order
+    weights = 1.0 / series.ratios
+    weights = weights / weights.sum()
+    mean = weights @ spacing
+    slope = (weights * (spacing - mean)) @ series.values / (weights @ (spacing - mean) ** 2)
+    limit = weights @ series.values - slope * mean
+    missed = series.values - (limit + np.outer(spacing, slope))
+    spread = np.sqrt((weights * len(weights)) @ missed**2 / max(1, len(weights) - 2))
+    result: np.ndarray = series.values[0] - limit
+    return result, spread
+
+
+def nearby_largest(values: np.ndarray, times: np.ndarray, reach: float) -> np.ndarray:
+    """The largest of |values| (n,) within a time [s] of each."""
+    size = np.abs(values)
+    first, last = np.searchsorted(times, times - reach), np.searchsorted(times, times + reach, side="right")
+    return np.array([size[a:b].max() for a, b in zip(first, last)])
+
+
+# of the duration, within which the largest error counts; of the observed order below the known one that is believed
+REACH, TOLERANCE = 0.04, 0.5
+# observed orders below and above this are no orders; estimates with more than the known one are never made
+LEAST_ORDER = 0.4
+# differences of so much of the variation that do not fall from one resolution to the next by this are of no use
+UNRESOLVED, STILL = 0.5, 0.8
+# differences that have as much in common as this fall together
+ALIKE = 0.5
+# and with less than this are independent of each other
+UNLIKE = 0.1
+
+
+def spacing_bar(series: Series, known: float, duration: float) -> Bar:
+    """The bar of the discretisation of a column; known: the order that its method has; duration: of the run [s]."""
+    times, values, ratios = series
+    changes = np.abs(values - values[:, :1])
+    scale = float(changes.max()) if changes.size else 0.0
+    differences = np.diff(values, axis=0)
+    norms = [rms(one) for one in differences]
+    if max(norms, default=0.0) <= 1e-13 * float(np.abs(values).max(initial=0.0)) or scale == 0.0:
+        return Bar(np.abs(values).max(axis=0) * 1e-13, None, known, SAFE, "exact to rounding")
+    order, alike = None, 0.0
+    if len(values) > 2 and norms[0] > 0.0:
+        order = observed_order(norms[0], norms[1], ratios)
+        alike = float(np.mean(differences[0] * differences[1])) / (norms[0] * norms[1]) if norms[1] > 0.0 else 0.0
+        if norms[0] > UNRESOLVED * rms(values[0] - values[0].mean()) and norms[0] > STILL * norms[1]:
+            return unresolved(series, known)
+    used, factor, verdict = judged_order(order, alike, known)
+    if order is not None and alike < UNLIKE:
+        error, missed = unlike_error(series, used), np.zeros(len(times))
+    else:
+        error, missed = largest_fitted_error(series, used)
+    reach = REACH * duration
+    near = nearby_largest(error, times, reach)
+    # errors grow: a zero of the difference is none of the error
+    total = factor * np.maximum(near, 0.5 * running_rms(error, times)) + missed
+    return Bar(total, order, used, factor, verdict, {"spacing": near})
+
+
+def largest_fitted_error(series: Series, order: float) -> tuple[np.ndarray, np.ndarray]:
+    """The larger of what all spacings and the two finest say of the first run's error (n,), and what the fit misses."""
+    error, missed = fitted_error(series, order)
+    other, _ = fitted_error(Series(series.times, series.values[:2], series.ratios[:2]), order)
+    return np.maximum(np.abs(error), np.abs(other)), missed
+
+
+def unlike_error(series: Series, order: float) -> np.ndarray:
+    """The error (n,) of the first run where those of others are independent of it: squares add up."""
+    apart = np.abs(series.values[1:] - series.values[0])
+    result: np.ndarray = (apart / np.sqrt(1.0 + series.ratios[1:, None] ** (2.0 * order))).max(axis=0)
+    return result
+
+
+def unresolved(series: Series, known: float) -> Bar:
+    """What a column has whose runs differ by as much as it varies, finer ones no less: a bar of its mean over time."""
+    times, values, _ = series
+    spans = np.diff(times)
+    means = (0.5 * (values[:, 1:] + values[:, :-1])) @ spans / spans.sum()
+    bar = Bar(np.full(len(times), np.nan), None, known, UNSAFE, "resolutions differ by as much as it varies (chaotic?)")
+    bar.mean, bar.mean_error = float(means[0]), UNSAFE * float(np.abs(means[1:] - means[0]).max())
+    return bar
+
+
+def running_rms(values: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Root of the mean square (n,) over all times up to each."""
+    steps = np.maximum(np.diff(times, prepend=times[:1]), 0.0)
+    spans = np.cumsum(steps)
+    result: np.ndarray = np.sqrt(np.cumsum(steps * values**2) / np.where(spans > 0.0, spans, 1.0))
+    return result
+
+
+def judged_order(order: float | None, alike: float, known: float) -> tuple[float, float, str]:
+    """The order to estimate with, the factor of safety and why."""
+    if order is None:
+        return known, UNSAFE, "two resolutions: no order observed"
+    if alike < ALIKE:
+        return known, UNSAFE, "differences change sign between resolutions: no order observed"
+    if order < LEAST_ORDER:
+        return LEAST_ORDER, UNSAFE, f"hardly converges: order {order:.1f}"
+    if order > known + TOLERANCE:
+        # an error of the known order is larger than one of the observed order would be
+        return known, SAFE, f"order {order:.1f}, above the known one"
+    if order >= known - TOLERANCE:
+        return min(order, known), SAFE, f"order {order:.1f}"
+    return order, SAFE, f"order {order:.1f}, below the known one"
+
+
+def nearby_reach(values: np.ndarray, times: np.ndarray, duration: float) -> np.ndarray:
+    """The largest of |values| (n,) within REACH of the duration [s]."""
+    return nearby_largest(values, times, REACH * duration)

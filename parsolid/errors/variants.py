@@ -1,0 +1,108 @@
+"""The runs beside a run: coarser scenes, and a coarse one with half the step or with a solver that stops earlier."""
+
+import hashlib
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from parsolid.errors.coarsening import NotCoarsened, coarser, methods_of, parsed
+from parsolid.scene import Scene
+from parsolid.sources import source_digest
+
+SPACING, STEP, SOLVER = "spacing", "step", "solver"
+# ratios of the spacing asked for where the scene names none, by dimension: the time that they take is bounded
+RATIOS = {1: (1.5, 2.25), 2: (1.6, 2.56), 3: (1.5, 2.25)}
+# of what a solver stops at
+LOOSER = 100.0
+
+
+@dataclass(frozen=True)
+class Companion:
+    """A scene to be run beside another one: what it is for, its ratio of spacings, and its particles in words."""
+
+    scene: Scene
+    purpose: str
+    ratio: float
+    lattices: str
+
+    @property
+    def title(self) -> str:
+        """What the progress calls it."""
+        special = {SPACING: "", STEP: ", half the step", SOLVER: f", tolerance x {LOOSER:g}"}[self.purpose]
+        return f"{self.lattices}{special}"
+
+    @property
+    def digest(self) -> str:
+        """Twelve hexadecimal digits of all that its numbers depend on."""
+        text = json.dumps([self.scene.resolved(), source_digest()], sort_keys=True)
+        found = hashlib.sha256(text.encode())
+        for file in self.scene_files():
+            found.update(Path(file).read_bytes())
+        return found.hexdigest()[:12]
+
+    def scene_files(self) -> list[str]:
+        """Files that the scene reads and whose contents are no part of its tables."""
+        from parsolid.scene.declared import law_files
+
+        return law_files(self.scene)
+
+
+def companions_of(scene: Scene, trust_code: bool, ratios: Iterable[float] = ()) -> tuple[list[Companion], list[str]]:
+    """Companions, coarsest first, and why others cannot be: in words for the user."""
+    found: list[Companion] = []
+    refused: list[str] = []
+    last, asked = 1.15, tuple(ratios) or RATIOS[scene.dimension]
+    coarse: dict[str, Any] | None = None
+    for wanted in asked:
+        try:
+            made = coarser(scene, wanted, last)
+        except NotCoarsened as reason:
+            refused.append(str(reason))
+            continue
+        # the next one is coarser again by a share that tells something
+        last, coarse = 1.25 * made.ratio, quieter(scene, made.tables, made.ratio)
+        found.insert(0, Companion(parsed(coarse, trust_code), SPACING, made.ratio, made.lattices))
+    if coarse is not None:
+        one = found[0]
+        found.insert(1, Companion(parsed(half_step(coarse), trust_code), STEP, one.ratio, one.lattices))
+        looser = looser_solver(coarse)
+        if looser is not None:
+            found.insert(2, Companion(parsed(looser, trust_code), SOLVER, one.ratio, one.lattices))
+    return found, refused
+
+
+def quieter(scene: Scene, tables: dict[str, Any], ratio: float) -> dict[str, Any]:
+    """Tables of a companion that writes a history and nothing else; its rows are as dense as the scene's, or denser."""
+    output = tables["output"]
+    kept = {"pictures": False, "fields_times": [], "checkpoint_wall": scene.output.checkpoint_wall}
+    if output.get("history_steps") is not None:
+        kept["history_steps"] = max(1, int(output["history_steps"] / ratio))
+    else:
+        kept["history_interval"] = (output.get("history_interval") or scene.end_time / 200.0) / 2.0
+    # a manufactured load is that of the reference
+    unwanted = ("output", "errors", "run") if scene.loads.manufactured else ("output", "reference", "errors", "run")
+    return {key: part for key, part in tables.items() if key not in unwanted} | {"output": kept}
+
+
+def half_step(tables: dict[str, Any]) -> dict[str, Any]:
+    """The same with half the step, however the method states it."""
+    changed: dict[str, Any] = json.loads(json.dumps(tables))
+    for method in methods_of(changed):
+        solution = method.get("solution", {})
+        for table, keys in (
+            (method, ("cfl", "safety", "maximum_step")),
+            (solution, ("safety", "damage_safety", "step")),
+        ):
+            table |= {key: 0.5 * table[key] for key in keys if table.get(key) is not None}
+    return changed
+
+
+def looser_solver(tables: dict[str, Any]) -> dict[str, Any] | None:
+    """The same with a solver that stops earlier, None where none iterates."""
+    changed: dict[str, Any] = json.loads(json.dumps(tables))
+    solvers = [m["solution"] for m in methods_of(changed) if "tolerance" in m.get("solution", {})]
+    for solver in solvers:
+        solver["tolerance"] = min(0.5, LOOSER * solver["tolerance"])
+    return changed if solvers else None

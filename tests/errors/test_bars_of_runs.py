@@ -1,0 +1,111 @@
+"""`run --error-bars` and `--target` as a whole, on any number of ranks: bars, restarts in a companion, limits."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from parsolid.api.results import load
+from parsolid.commands.cli import parse
+from parsolid.commands.run import run_scene
+from parsolid.errors.files import history_of
+from parsolid.errors.running import Interrupted, run_companions
+from parsolid.errors.targets import Cost, Target, predicted_seconds
+from parsolid.errors.variants import companions_of
+from parsolid.scene import SceneError, load_scene
+from parsolid.simulation.loop import Limits
+
+SCENE = Path(__file__).parents[2] / "runs" / "tlsph" / "tensile_smooth.toml"
+SMALL = ["bodies.0.particles=[17, 17]", "end_time=0.0008", "output.pictures=false", "output.fields_times=[]"]
+COLUMNS = {"kinetic": "K", "stored": "W", "dissipation_internal": "Dint", "corner.displacement_y": "uy_11"}
+
+
+def run(comm, folder, *options, more=()):
+    words = parse(["run", str(SCENE), "-q", "-o", str(folder), *options])
+    return run_scene(comm, load_scene(SCENE, [*SMALL, *more]), words, 0.0)
+
+
+def test_bars_hold_the_true_errors_and_are_the_same_on_any_ranks(comm, shared_path, capsys):
+    from scipy.interpolate import CubicSpline
+
+    assert run(comm, shared_path / "all", "--error-bars") == 0
+    comm.barrier()
+    if comm.rank == 0:
+        folder = shared_path / "all"
+        told = json.loads((folder / "summary.json").read_text())["error_bars"]
+        results = load(folder)
+        data = json.loads((SCENE.parent / "reference" / "tensile_smooth_b3.json").read_text())
+        time, inside = results.columns["time"], []
+        for column, name in COLUMNS.items():
+            true = np.abs(results.columns[column] - CubicSpline(data["t"], data["series"][name])(time))
+            inside.append(np.mean(true <= results.errors[column] + 1e-9))
+            assert np.median(results.errors[column][5:] / np.maximum(true[5:], 1e-12)) < 8.0
+        assert np.mean(inside) > 0.95, inside
+        assert [one["for"] for one in told["companions"]] == ["spacing", "step", "spacing"]
+        assert told["columns"]["kinetic"]["order"] > 1.0 and set(told["columns"]["kinetic"]["parts"]) == {
+            "spacing",
+            "step",
+        }
+    if comm.size > 1:
+        # the same on one rank
+        status = run(MPI.COMM_SELF, shared_path / f"alone-{comm.rank}", "--error-bars") if comm.rank == 0 else 0
+        if comm.rank == 0:
+            mine, alone = (load(shared_path / name).errors for name in ("all", "alone-0"))
+            assert status == 0 and mine.keys() == alone.keys()
+            for name, values in mine.items():
+                assert np.allclose(values, alone[name], rtol=1e-6, atol=1e-9 * np.abs(values).max())
+        comm.barrier()
+
+
+def test_a_companion_that_was_stopped_goes_on_with_the_same_bits(comm, shared_path):
+    found, _ = companions_of(load_scene(SCENE, SMALL), False)
+    with pytest.raises(Interrupted):
+        run_companions(comm, found, shared_path / "stopped", Limits(steps=7), lambda text: None)
+    done, again = (
+        run_companions(comm, found[:2], shared_path / name, Limits(), lambda text: None)
+        for name in ("stopped", "whole")
+    )
+    assert [one.steps for one in done] == [one.steps for one in again]
+    if comm.rank == 0:
+        for one, other in zip(done, again):
+            assert all(np.array_equal(one.history[name], other.history[name]) for name in other.history)
+    kept = []
+    run_companions(comm, found[:2], shared_path / "whole", Limits(), kept.append)
+    assert not kept
+
+
+def test_a_target_is_reached_or_the_limit_is_told(comm, shared_path, capsys):
+    scene = load_scene(SCENE, SMALL)
+    words = parse(["run", str(SCENE), "-o", str(shared_path / "t"), "--target", "corner.displacement_y 15 %"])
+    assert run_scene(comm, scene, words, 0.0) == 0
+    said = capsys.readouterr().out
+    words = parse(["run", str(SCENE), "-o", str(shared_path / "t"), "--target", "kinetic 1e-9 %", "--cost", "1e-6"])
+    assert run_scene(comm, scene, words, 0.0) == 0
+    limited = capsys.readouterr().out
+    if comm.rank == 0:
+        assert "target: reached with" in said and "companion 1 of 3" in said
+        # what is there is not run again
+        assert "the cost limit of 1e-06 core-s" in limited and "companion" not in limited
+        levels = sorted((shared_path / "t" / "levels").iterdir())
+        assert all(len(history_of(level)["time"]) > 2 for level in levels)
+
+
+@pytest.mark.parametrize(
+    "text, fault",
+    [
+        ("kinetic", "a column and a bar"),
+        ("kinetic two %", "a positive number"),
+        ("tip.twist 2 %", "one of kinetic, stored"),
+    ],
+)
+def test_a_target_that_is_none_is_refused(text, fault):
+    with pytest.raises(SceneError, match=fault):
+        Target.parse(text, ["kinetic", "stored"])
+
+
+def test_times_of_runs_are_foretold_from_a_time_a_step_and_one_a_particle():
+    known = [Cost(n, 10 * n, 10 * n * (2e-4 + 1e-6 * n)) for n in (50, 100, 400)]
+    assert predicted_seconds(known, 1000, 5000) == pytest.approx(5000 * 1.2e-3)
+    assert predicted_seconds(known[:1], 100, 100) == pytest.approx(100 * 2 * known[0].seconds / 500)

@@ -1,0 +1,60 @@
+"""What differences between resolutions say: orders and errors that are known, series that swing, those of no order."""
+
+import numpy as np
+import pytest
+
+from parsolid.errors.estimate import SAFE, UNSAFE, Series, observed_order, spacing_bar
+from parsolid.errors.swinging import phase_and_amplitude
+
+TIMES = np.linspace(0.0, 1.0, 201)
+RATIOS = np.array([1.0, 1.5, 2.25])
+
+
+def series(error, exact=None):
+    """exact(t) + error(h, t) for h of all ratios."""
+    exact = np.sin(5.0 * TIMES) if exact is None else exact
+    return Series(TIMES, np.array([exact + error(h, TIMES) for h in RATIOS]), RATIOS), exact
+
+
+@pytest.mark.parametrize("order", [1.0, 1.7, 2.0])
+def test_a_power_of_the_spacing_is_found_with_its_error(order):
+    found, exact = series(lambda h, t: 0.01 * t * h**order)
+    bar = spacing_bar(found, 2.0, 1.0)
+    assert bar.order == pytest.approx(order, abs=0.01) and bar.factor == SAFE
+    true = np.abs(found.values[0] - exact)
+    assert (bar.error >= true).all() and bar.error[-1] == pytest.approx(SAFE * true[-1], rel=0.02)
+
+
+def test_an_order_that_the_method_has_not_is_not_believed():
+    found, exact = series(lambda h, t: 0.001 * t * h**5)
+    bar = spacing_bar(found, 2.0, 1.0)
+    assert bar.used == 2.0 and bar.error[-1] > 5.0 * abs(found.values[0] - exact)[-1]
+
+
+def test_differences_that_change_sign_get_the_large_factor():
+    signs = dict(zip(RATIOS, (1.0, -1.0, 1.0)))
+    found, exact = series(lambda h, t: 0.01 * signs[h] * t * h)
+    bar = spacing_bar(found, 2.0, 1.0)
+    assert bar.factor == UNSAFE and "no order" in bar.verdict and (bar.error >= np.abs(found.values[0] - exact)).all()
+
+
+def test_zeros_of_a_swinging_error_are_no_zeros_of_the_bar():
+    found, exact = series(lambda h, t: 0.01 * h**2 * np.sin(80.0 * t))
+    bar = spacing_bar(found, 2.0, 1.0)
+    assert (bar.error >= 0.999 * 0.01 * np.abs(np.sin(80.0 * TIMES))).all() and bar.error[20:].min() > 0.008
+
+
+def test_a_lag_and_a_loss_are_told_apart():
+    exact = np.sin(20.0 * TIMES)
+    values = np.array([(1.0 - 0.01 * h**2) * np.sin(20.0 * TIMES * (1.0 - 0.004 * h**2)) for h in RATIOS])
+    phase, amplitude = phase_and_amplitude(Series(TIMES, values, RATIOS), 2.0)
+    assert phase == pytest.approx(0.004, rel=0.2) and amplitude == pytest.approx(0.01, rel=0.2)
+    assert phase_and_amplitude(Series(TIMES, np.array([TIMES, TIMES]), RATIOS[:2]), 2.0) == (None, None)
+    assert exact.shape == TIMES.shape
+
+
+def test_orders_from_norms_of_differences():
+    for order in (0.5, 1.0, 2.0, 3.0):
+        second, third = RATIOS[1] ** order, RATIOS[2] ** order
+        assert observed_order(second - 1.0, third - second, RATIOS) == pytest.approx(order, abs=0.01)
+    assert observed_order(0.0, 1.0, RATIOS) is None
