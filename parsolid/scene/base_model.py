@@ -147,7 +147,7 @@ class ByKind:
         if "kind" not in value:
             reject((("kind",), f"one of {kinds}", NOTHING))
         model = self.choose(value)
-        if model is None and value["kind"] in self.renamed:
+        if model is None and isinstance(value["kind"], str) and value["kind"] in self.renamed:
             new = self.renamed[value["kind"]]
             reject((("kind",), f"{new!r}, as this kind is called now", value["kind"]))
         if model is None:

@@ -26,8 +26,8 @@ class InitialState(SceneModel):
     are where particles have the same reference place, interpolated by moving least squares elsewhere.
     """
 
-    where: RegionName | None = None
-    body: Name | None = None
+    where: RegionName | None = Field(None, description="a region or a group of a mesh, all particles unless given")
+    body: Name | None = Field(None, description="the name of a body, all of them unless given")
     velocity: InitialVector | None = Field(None, description="a formula in X, Y, Z for each component [m/s]")
     displacement: InitialVector | None = Field(None, description="a formula for each component [m]")
     deformation_gradient: InitialMatrix | None = Field(None, description="rows of formulas")

@@ -86,7 +86,7 @@ class Probe(SceneModel):
     name: Name
     at: Point | None = Field(None, description="the point [m] whose nearest particle is followed")
     weight: InitialScalar | None = Field(None, description="a formula w in X, Y, Z on which fields are projected")
-    where: RegionName | None = None
+    where: RegionName | None = Field(None, description="a region or a group of a mesh: of the particles there")
     statistic: Literal["mean", "minimum", "maximum", "integral"] | None = Field(
         None, description="of fields in a region: 'mean' (unless given), 'minimum', 'maximum' or 'integral'"
     )
