@@ -151,8 +151,11 @@ class Halo:
         """Owner of each ghost (ghosts,) int32."""
         return np.repeat(np.array(self.neighbours, np.int32), self.receive_counts)
 
-    def keep(self, mask: np.ndarray) -> "Halo":
-        """A halo of only those ghosts for which mask (ghosts,) is true, in the same order; collective."""
+    def keep(self, mask: np.ndarray, owned: np.ndarray | None = None) -> "Halo":
+        """A halo of only those ghosts for which mask (ghosts,) is true, in the same order; collective.
+
+        owned (owned,): which of the own rows stay, all unless given; every ghost that any rank keeps must be one.
+        """
         mask = np.asarray(mask, dtype=bool)
         if mask.shape != (self.ghosts,):
             raise ValueError(f"mask: expected shape ({self.ghosts},), one entry a ghost, found {mask.shape}")
@@ -161,7 +164,13 @@ class Halo:
         wanted = _swap(self.comm, self.neighbours, pieces, _KEEP_TAG)
         send_lists = [rows[theirs] for rows, theirs in zip(self.send_lists, wanted)]
         counts = [int(piece.sum()) for piece in pieces]
-        return Halo(self.comm, self.owned, self._positions[mask], self.neighbours, send_lists, counts)
+        if owned is not None:
+            number = np.cumsum(owned) - 1
+            if not all(owned[rows].all() for rows in send_lists):
+                raise ValueError("owned: expected every row that a rank keeps as a ghost, found some left out")
+            send_lists = [number[rows] for rows in send_lists]
+        count = self.owned if owned is None else int(np.sum(owned))
+        return Halo(self.comm, count, self._positions[mask], self.neighbours, send_lists, counts)
 
     def _tag(self) -> int:
         self._made += 1

@@ -145,7 +145,7 @@ class NotFree:
     def __init__(self, particles: Particles, prescribed: PrescribedRows, clamp: Callable[[], np.ndarray | None]):
         """clamp: gives multipliers (owned, d or more) of velocities, 0 where one is held, or None."""
         self.particles, self.prescribed, self.clamp = particles, prescribed, clamp
-        self._layout, self._mask = -1, np.zeros((0, 0), bool)
+        self._layout, self._mask, self._any = -1, np.zeros((0, 0), bool), False
 
     def mask(self, dimension: int) -> np.ndarray | None:
         """(owned, d) bool, None where this rank has none."""
@@ -155,4 +155,5 @@ class NotFree:
             if clamp is not None:
                 self._mask |= clamp[:, :dimension] == 0.0
             self._mask[self.prescribed.entries] = True
-        return self._mask if self._mask.any() else None
+            self._any = bool(self._mask.any())
+        return self._mask if self._any else None

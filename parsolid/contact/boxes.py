@@ -12,13 +12,15 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.collective import maximum
-from parsolid.contact.passes import skin_used
+from parsolid.contact.list_kernels import time_left
 from parsolid.contact.sides import Side, Sides
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.pairs.displacement import body_bounds
 
 # of the gap to the next body, what a body apart may outgrow its box by
 _SHARE = 0.25
+# of its speed of waves, by which a body's particles are taken to get faster until the next look
+_FASTER = 0.01
 
 
 class Boxes:
@@ -30,6 +32,9 @@ class Boxes:
     def __init__(self, comm: Any, bodies: int, sides: Sides, systems: list[ParticleSystem]) -> None:
         self.comm, self.sides, self.systems, self.bodies = comm, sides, systems, bodies
         self.numbers = [np.array(system.bodies) for system in systems]
+        self.faster = np.zeros(bodies)
+        for body, facts in sides.facts.items():
+            self.faster[body] = _FASTER * facts.speed
 
     def agree(self, time: float) -> None:
         """Boxes and motions at a time [s]; collective."""
@@ -57,26 +62,23 @@ class Boxes:
         one, other = ((self.lower[i], self.upper[i], self.velocity[i]) for i in (side.own, side.other))
         return meeting(one, other, self.margin[side.own] + self.margin[side.other] + side.reach)
 
-    def used_up(self, time: float, ahead: float) -> bool:
-        """Whether this rank wants lists anew, so that they hold from a time [s] for a time ahead [s]."""
-        if time + ahead >= self.expires:
-            return True
+    def time_left(self, time: float, ahead: float) -> float:
+        """How long [s] after a time [s] this rank's lists hold, at most a time ahead [s]."""
+        left = min(ahead, self.expires - time)
         elapsed = time - self.time
         moved = self.velocity * elapsed
-        margins = np.zeros_like(moved)
-        margins[:, 0] = self.margin
-        now = np.stack((self.lower + moved, self.upper + moved, self.velocity, margins, margins), axis=1)
+        margins, faster = np.zeros_like(moved), np.zeros_like(moved)
+        margins[:, 0], faster[:, 0] = self.margin, self.faster
+        now = np.stack((self.lower + moved, self.upper + moved, self.velocity, margins, faster), axis=1)
         for system, number in zip(self.systems, self.numbers):
-            if not (self.margin[number] >= 0.0).any():
-                continue
-            rows = system.particles.owned_rows
-            fields = rows("position"), rows("velocity"), rows("contact_listed"), rows("body")
-            if skin_used(*fields, now[number], self._partners(number, elapsed), ahead):
-                return True
-        return False
+            if (self.margin[number] >= 0.0).any():
+                rows = system.particles.owned_rows
+                fields = rows("position"), rows("velocity"), rows("contact_listed"), rows("body")
+                left = time_left(*fields, now[number], self._partners(number, elapsed), left)
+        return left
 
     def _partners(self, numbers: np.ndarray, elapsed: float) -> tuple[np.ndarray, np.ndarray]:
-        """Near bodies of each of some bodies, as `passes.skin_used` takes them."""
+        """Near bodies of each of some bodies, as `list_kernels.time_left` takes them."""
         d, start, rows = self.velocity.shape[1], [0], []
         for body in numbers:
             for number, side in self.sides.of_body(int(body)):

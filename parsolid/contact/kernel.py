@@ -16,15 +16,8 @@ _POINTS = 96
 @register_jitable
 def shape(q: float) -> float:
     """W over N R^-d at q = r/R."""
-    third = 1.0 - q
-    result = third * third * third * third * third if third > 0.0 else 0.0
-    second = 2.0 / 3.0 - q
-    if second > 0.0:
-        result -= 6.0 * second * second * second * second * second
-        first = 1.0 / 3.0 - q
-        if first > 0.0:
-            result += 15.0 * first * first * first * first * first
-    return result
+    third, second, first = max(0.0, 1.0 - q), max(0.0, 2.0 / 3.0 - q), max(0.0, 1.0 / 3.0 - q)
+    return third**5 - 6.0 * second**5 + 15.0 * first**5
 
 
 @register_jitable

@@ -16,18 +16,20 @@ from parsolid.collective import maximum, raise_together
 from parsolid.contact import passes
 from parsolid.contact.boxes import Boxes
 from parsolid.contact.depth import fill_depths
-from parsolid.contact.lists import Entries
+from parsolid.contact.list_kernels import give_to_rows, take_from_rows
+from parsolid.contact.lists import SEEN, Entries, Segment
+from parsolid.contact.recipients import Recipient
 from parsolid.contact.sides import sides_of, slots_of
 from parsolid.contact.within import WithinBodies
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.particles.declaration import Field, Rows
 from parsolid.scene import Scene
-from parsolid.scene.contact import CONTACT_TERMS
+from parsolid.scene.contact import CONTACT_TERMS, OSCILLATION
 
-# steps between looks at how far particles have moved, where bodies are near and where all are apart; lists are asked
-# for when they may not hold until twice the next look, and for as many steps more
-_LOOKS, _AHEAD = {True: 4, False: 16}, 4
+# steps between looks at how far particles have moved, at least and at most, where bodies are near and where all are
+# apart; lists are asked for when they may not hold until twice the next look, and for as many steps more
+_LEAST_STEPS, _MOST_STEPS, _AHEAD = 4, {True: 16, False: 32}, 4
 # penetration at the start that is refused, in the smaller spacing
 _TOO_DEEP = 1.0
 
@@ -41,8 +43,10 @@ def declare_fields(scene: Scene, system: ParticleSystem) -> None:
     particles = system.particles
     vector: dict[str, Any] = {"mirror": "vector", "layout": Rows(d)}
     particles.declare(Field("contact_depth", slots, "1", checkpointed=True, layout=Rows(slots)))
+    particles.declare(Field("contact_level", slots, "m", layout=Rows(slots)))
     particles.declare(Field("contact_listed", d, "m", **vector))
-    particles.declare(Field("contact_place", d, "m", **vector))
+    # place [m] and velocity [m/s] at the start of a step
+    particles.declare(Field("contact_start", 2 * d, "1", layout=Rows(2 * d)))
     particles.declare(Field("contact_force", d, "N", shown=True, **vector))
     if any(one.friction for one in scene.contact):
         particles.declare(Field("contact_stick", slots * d, "m", checkpointed=True, layout=Rows(slots * d)))
@@ -51,7 +55,7 @@ def declare_fields(scene: Scene, system: ParticleSystem) -> None:
 class KernelContact(Interaction):
     """All contacts of a scene, on one rank."""
 
-    terms = CONTACT_TERMS
+    terms = CONTACT_TERMS | OSCILLATION
 
     def __init__(self, comm: Any, scene: Scene, systems: list[ParticleSystem]) -> None:
         """systems: of the scene, whose particles have the fields of `declare_fields`. Collective."""
@@ -64,7 +68,8 @@ class KernelContact(Interaction):
         self.restarted = False
         self.rebuilds, self.energy, self.stuck = 0, 0.0, 0.0
         self._placed: tuple[int | None, ...] = ()
-        self._steps, self._nearest, self._clean = 0, np.inf, False
+        self._until_look, self._nearest = 0, np.inf
+        self.recipients: list[Recipient] = []
 
     def begin(self, time: float) -> None:
         """Thresholds of a new state, lists, and forces; collective. Raises SolverError on all ranks where bodies lie in
@@ -79,7 +84,7 @@ class KernelContact(Interaction):
         depth, where = deepest
         if where < 0:
             return None
-        side = self.sides.sides[self.entries.side[where]]
+        side = next(self.sides.sides[one.side] for one in self.entries.segments if where < one.last)
         least = min(self.sides.facts[body].spacing for body in (side.own, side.other))
         if depth <= _TOO_DEEP * least:
             return None
@@ -102,7 +107,13 @@ class KernelContact(Interaction):
         """Half a kick with the forces of the last evaluation; new lists where a rank has asked for them."""
         if self.news_anywhere:
             self.rebuild(time)
-        self.kick(step)
+            self._colours(anew=True)
+            for system in self.systems:
+                # the start of the step, of particles that had no entry, too
+                start, position = map(system.particles.owned_rows, ("contact_start", "position"))
+                start[:, : position.shape[1]] = position
+        for one in self.recipients:
+            one.kick(step, opening=True)
 
     def after(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Forces in the new places, half a kick, and what went into the ledger."""
@@ -114,27 +125,22 @@ class KernelContact(Interaction):
             self.evaluate(ledger, held=step == 0.0)
             ledger.add_term("contact_energy", self.energy - energy)
             ledger.add_term("stick_energy", self.stuck - stuck)
-            self.kick(step)
-        self._steps += 1
-        interval = _LOOKS[bool(self.boxes.near.any())]
-        if not self.news and self._steps % interval == 0:
-            self.news = self.boxes.used_up(time, (2.0 * interval + _AHEAD) * step)
+            ledger.add_term("contact_oscillation", sum(one.kick(step, opening=False) for one in self.recipients))
+        self._until_look -= 1
+        if self._until_look <= 0 and not self.news:
+            self._look(time, step)
+
+    def _look(self, time: float, step: float) -> None:
+        """Ask for lists where they may not hold until twice the next look."""
+        most = _MOST_STEPS[bool(self.boxes.near.any())]
+        left = self.boxes.time_left(time, (2 * most + _AHEAD) * step)
+        steps = most if step == 0.0 else int((left / step - _AHEAD) / 2.0)
+        self.news, self._until_look = steps < _LEAST_STEPS, steps
 
     @property
     def placements(self) -> tuple[int | None, ...]:
         """Of all systems."""
         return tuple(system.placements for system in self.systems)
-
-    def kick(self, step: float) -> None:
-        """Half a step [s] of the forces."""
-        if step == 0.0:
-            return
-        for system in self.systems if self.energy or self.stuck or self._nearest < np.inf else ():
-            force = system.particles.owned_rows("contact_force")
-            rows = np.flatnonzero(passes.acting(force))
-            if len(rows):
-                share = system.share[: system.owned][rows, None]
-                system.kick(0.5 * step * share * force[rows], rows)
 
     def stable_step(self) -> float:
         """Of the stiffest contact whose bodies see one another on this rank, by the present places alone, so that it
@@ -152,55 +158,55 @@ class KernelContact(Interaction):
         self._placed = self.placements
         self.boxes.agree(time)
         self.within.look()
-        self.entries.build(self.boxes, self.within.excluded if self.within.any else None)
+        self.entries.build(self.boxes, self.within.excluded if self.within.any else None, self._constants)
         self.rebuilds += 1
-        self.news, self._steps, self._clean = False, 0, False
+        self.news, self._until_look = False, _LEAST_STEPS
         for system in self.systems:
             rows = system.particles.owned_rows
             rows("contact_listed")[:] = rows("position")
             if self.rebuilds == 1 or self.restarted:
-                rows("contact_place")[:] = rows("position")
+                rows("contact_start")[:, : system.dimension] = rows("position")
         entries, d = self.entries, self.systems[0].dimension
-        chosen = [self.sides.sides[one.side] for one in entries.segments]
-        count = [one.last - one.first for one in entries.segments]
         owned, whole = entries.owned, entries.owned + entries.halo.ghosts
         self.place, self.moved = np.zeros((whole, d)), np.zeros((whole, d) if self.rubs else (0, d))
-        self.record = np.zeros((whole, 2 + 3 * d if self.rubs else 1))
-        self.force, self.colour, self.lost = np.zeros((owned, d)), np.zeros(owned), np.zeros(owned)
-        shares = [
-            self.systems[one.system].share[: self.systems[one.system].owned][one.rows] for one in entries.segments
-        ]
-        self.share = np.concatenate(shares or [np.zeros(0)])
-        volume = entries.gathered("volume") / self.share
-        self.volume = entries.halo.with_ghosts(volume)
-        self.constants = np.zeros((owned, 5))
-        self.friction = np.repeat([side.friction for side in chosen], count)
-        for one, side in zip(entries.segments, chosen):
-            here = slice(one.first, one.last)
-            depths = self._of_slot("contact_depth", one, side.slot, 1)[:, 0]
-            colour, steepness = side.threshold(depths)
-            least = self.within.least_thresholds(one.system, side, one.rows, d)
-            colour = colour if least is None else np.maximum(colour, least)
-            self.constants[here, 0], self.constants[here, 1] = colour, 1.0 / steepness
-            self.constants[here, 2] = 0.5 * side.stiffness * self._areas(one, volume[here])
-            self.constants[here, 3:] = 1.0 / side.reach, side.norm
-        self.matter = passes.Matter(self.place, self.volume, self.share, self.constants)
-        self.lists = passes.Lists(entries.start, entries.neighbour, entries.code, entries.table)
+        self.record = np.zeros((whole, 3 + 3 * d if self.rubs else 2))
+        self.force, self.extra, self.colour, self.lost = (np.zeros((owned, *more)) for more in ((d,), (d,), (), ()))
+        slots = [(one, self.sides.sides[one.side].slot) for one in entries.segments]
+        level = [self._of_slot("contact_level", one, slot, 1)[:, 0] for one, slot in slots]
+        self.level = np.concatenate(level or [np.zeros(0)])
+        sides = [self.sides.sides[one.side] for one in entries.segments]
+        self.friction = np.repeat([side.friction for side in sides], [one.last - one.first for one in entries.segments])
+        self.longest = np.repeat([side.longest for side in sides], [one.last - one.first for one in entries.segments])
+        self.matter = passes.Matter(self.place, entries.volume, entries.share, entries.constants)
         told = [self.place, self.moved] if self.rubs else [self.place]
         self.first, self.second = entries.halo.exchange(told), entries.halo.exchange([self.record])
+        self.recipients = [Recipient(system, i, entries.segments) for i, system in enumerate(self.systems)]
 
-    def _areas(self, one: Any, volume: np.ndarray) -> np.ndarray:
+    def _constants(self, segments: list[Segment], volume: np.ndarray) -> np.ndarray:
+        """Of `passes`, (n, 5), of the entries of segments with volumes (n,) [m^3]."""
+        result = np.zeros((len(volume), 5))
+        for one in segments:
+            side, here = self.sides.sides[one.side], slice(one.first, one.last)
+            colour, steepness = side.threshold(self._of_slot("contact_depth", one, side.slot, 1)[:, 0])
+            least = self.within.least_thresholds(one.system, side, one.rows, self.systems[0].dimension)
+            colour = colour if least is None else np.maximum(colour, least)
+            result[here, 0], result[here, 1] = colour, 1.0 / steepness
+            result[here, 2] = 0.5 * side.stiffness * self._areas(one, volume[here])
+            result[here, 3:] = 1.0 / side.reach, side.norm
+        return result
+
+    def _areas(self, one: Segment, volume: np.ndarray) -> np.ndarray:
         """Area [m^2] of a face that a particle stands for: its own where it lies on one, volume over spacing."""
         system, side = self.systems[one.system], self.sides.sides[one.side]
         rows, facts = system.particles.owned_rows, self.sides.facts[side.own]
         spacing = np.prod(rows("spacing")[one.rows], axis=1) ** (1.0 / system.dimension)
         result = volume / spacing
         if facts.nodal and "area" in system.particles:
-            area = np.abs(rows("area")[one.rows]) / self.share[one.first : one.last, None]
+            area = np.abs(rows("area")[one.rows]) / system.share[: system.owned][one.rows, None]
             result = np.maximum(result, area.max(axis=1))
         return np.asarray(result)
 
-    def _of_slot(self, name: str, one: Any, slot: int, width: int) -> np.ndarray:
+    def _of_slot(self, name: str, one: Segment, slot: int, width: int) -> np.ndarray:
         """Values (k, width) of a field in one slot of the particles of a segment."""
         field = self.systems[one.system].particles.storage(name)
         return np.ascontiguousarray(field[one.rows, slot * width : (slot + 1) * width])
@@ -210,23 +216,47 @@ class KernelContact(Interaction):
     def evaluate(self, ledger: EnergyLedger | None, held: bool) -> tuple[float, int]:
         """Energy, forces and friction in the present places; the deepest penetration [m], and of which entry.
 
-        held: the stick history stays as it is.
+        held: nothing has moved since the last evaluation, or it is the first; the stick history stays as it is.
         """
         entries, owned = self.entries, self.entries.owned
-        self.place[:owned] = entries.gathered("position")
         if self.rubs:
-            self.moved[:owned] = self.place[:owned] - entries.gathered("contact_place")
-        self._exchange(self.first)
-        self.energy, *deepest = passes.colours(owned, self.matter, self.lists, self.colour, self.record)
-        seen = (one.side for one in entries.segments if self.colour[one.first : one.last].any())
-        self._nearest = min((self.sides.sides[side].longest for side in seen), default=np.inf)
+            for one in entries.segments:
+                start = self.systems[one.system].particles.owned_rows("contact_start")
+                take_from_rows(start[:, : self.moved.shape[1]], one.rows, one.first, self.moved)
+        deepest = self._colours(anew=held)
+        self._nearest = passes.longest_step(self.colour, entries.constants, self.longest, SEEN)
         self.stuck = 0.0
         if self.rubs:
             self._rub(ledger, True if held else None)
         self._exchange(self.second)
-        passes.forces(owned, self.matter, self.lists, self.record, True if self.rubs else None, self.force)
-        self._hand_over(ledger)
-        return float(deepest[0]), int(deepest[1])
+        lists = entries.lists
+        passes.forces(owned, self.matter, lists, self.record, 0, True if self.rubs else None, self.force)
+        opens_or_closes = bool(self.record[:, 1].any())
+        if opens_or_closes:
+            passes.forces(owned, self.matter, lists, self.record, 1, None, self.extra)
+        work = sum(one.take(self.force, self.extra if opens_or_closes else None) for one in self.recipients)
+        if ledger is not None:
+            ledger.add(1.0, 0.0, 0.0, work)
+        return deepest
+
+    def _colours(self, anew: bool) -> tuple[float, int]:
+        """Places, colours, penetrations and energy; the deepest and of which entry; collective among neighbours.
+
+        anew: the penetrations at the start of the step are not known, or nothing has moved in it.
+        """
+        entries, owned = self.entries, self.entries.owned
+        for one in entries.segments:
+            place = self.systems[one.system].particles.owned_rows("position")
+            take_from_rows(place, one.rows, one.first, self.place)
+        if self.rubs:
+            self.moved[:owned] = self.place[:owned] - self.moved[:owned]
+        self._exchange(self.first)
+        arrays = True if anew else None, self.colour, self.level, self.record
+        self.energy, deepest, where = passes.colours(owned, self.matter, entries.lists, *arrays)
+        for one in entries.segments:
+            field, slot = self.systems[one.system].particles.storage("contact_level"), self.sides.sides[one.side].slot
+            give_to_rows(self.level[one.first : one.last, None], one.rows, field[:, slot : slot + 1])
+        return float(deepest), int(where)
 
     def _rub(self, ledger: EnergyLedger | None, held: Any) -> None:
         """Friction of the owned entries, whose history the particles keep."""
@@ -236,35 +266,12 @@ class KernelContact(Interaction):
             [np.zeros((0, d)), *(self._of_slot("contact_stick", one, slot, d) for one, slot in parts)]
         )
         arrays = self.moved, self.friction, self.colour, stick, self.record, self.lost
-        self.stuck = passes.friction(entries.owned, held, self.matter, self.lists, *arrays)
+        self.stuck = passes.friction(entries.owned, held, self.matter, entries.lists, *arrays)
         for one, slot in parts:
             field = self.systems[one.system].particles.storage("contact_stick")
             field[one.rows, slot * d : (slot + 1) * d] = stick[one.first : one.last]
         if ledger is not None:
             ledger.add_term("friction_dissipation", float(self.lost.sum()))
-
-    def _hand_over(self, ledger: EnergyLedger | None) -> None:
-        """Forces to the particles; work of those who guide particles in contact."""
-        work = 0.0
-        for index, system in enumerate(self.systems):
-            here = [one for one in self.entries.segments if one.system == index]
-            rows = system.particles.owned_rows
-            force, place = rows("contact_force"), rows("contact_place")
-            held = system.held_components() if ledger is not None else None
-            if held is not None:
-                moved = np.where(held, rows("position") - place, 0.0) * system.share[: system.owned, None]
-                work -= 0.5 * float(np.sum(moved * force))
-            for rows_of in [one.rows for one in here] if self._clean else [slice(None)]:
-                force[rows_of] = 0.0
-            for one in here:
-                force[one.rows] += self.force[one.first : one.last]
-            if held is not None:
-                work -= 0.5 * float(np.sum(moved * force))
-            if self.rubs or held is not None:
-                place[:] = rows("position")
-        self._clean = True
-        if ledger is not None:
-            ledger.add(1.0, 0.0, 0.0, work)
 
     def _exchange(self, message: Any) -> None:
         if not message.silent:
@@ -273,7 +280,7 @@ class KernelContact(Interaction):
 
     def numbers(self) -> dict[str, int]:
         """Entries and pairs that are near."""
-        return {"contact entries": self.entries.owned, "contact pairs": len(self.entries.neighbour) // 2}
+        return {"contact entries": self.entries.owned, "contact pairs": len(self.entries.lists.neighbour) // 2}
 
 
 def build_contact(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[Interaction]:

@@ -1,4 +1,6 @@
-"""Kernels that make lists of contact and sum colours of the reference."""
+"""Kernels that make lists of contact, sum colours of the reference, and carry values between particles and entries."""
+
+import math
 
 import numpy as np
 
@@ -78,3 +80,109 @@ def add_images(row, place, image, other, weight, inverse, total):
         for i in range(place.shape[1]):
             square += (place[row[k], i] - image[other[k], i]) ** 2
         total[row[k]] += weight[other[k]] * shape(np.sqrt(square) * inverse)
+
+
+@compiled
+def take_from_rows(source, rows, first, target):
+    """Rows (k,) of an array (n, d) into target[first:first + k]."""
+    for k in range(len(rows)):
+        for i in range(source.shape[1]):
+            target[first + k, i] = source[rows[k], i]
+
+
+@compiled
+def give_to_rows(source, rows, target):
+    """Values (k, d) into rows (k,) of an array (n, d)."""
+    for k in range(len(rows)):
+        for i in range(source.shape[1]):
+            target[rows[k], i] = source[k, i]
+
+
+@compiled
+def hand_over(entry, recipient, force, result):
+    """Sum the forces (n, d) of entries (m,) of each recipient into result (k, d)."""
+    result[:] = 0.0
+    for m in range(len(entry)):
+        for i in range(force.shape[1]):
+            result[recipient[m], i] += force[entry[m], i]
+
+
+@compiled
+def impulses(rows, force, share, time):
+    """The rows on which a force (k, d) acts, and its impulse in a time [s] on the part `share` of each."""
+    acting = np.empty(len(rows), np.int64)
+    count = 0
+    for k in range(len(rows)):
+        some = False
+        for i in range(force.shape[1]):
+            some = some or force[k, i] != 0.0
+        acting[count] = k
+        count += some
+    result, chosen = np.empty((count, force.shape[1])), np.empty(count, np.int64)
+    for m in range(count):
+        k = acting[m]
+        chosen[m] = rows[k]
+        for i in range(force.shape[1]):
+            result[m, i] = time * share[k] * force[k, i]
+    return chosen, result
+
+
+@compiled(error_model="numpy")
+def time_left(place, velocity, listed, body, of_body, near, ahead):
+    """How long [s] this rank's particles stay within what lists and boxes allow, at most `ahead`.
+
+    place, velocity, listed (n, d); body (n,). of_body: moving boxes (bodies, 5, d) now: lower and upper [m], the body's
+    mean velocity [m/s], and in first components the margin [m], negative for bodies without contact, and a speed [m/s]
+    by which particles may get faster. near: starts (bodies + 1,) and rows (m, 5, d): the partner's lower and upper now,
+    the frame's velocity [m/s], its displacement since the build [m], and (allowed displacement, reach) [m].
+    """
+    d, left = place.shape[1], ahead
+    start, rows = near
+    for a in range(len(place)):
+        A = body[a]
+        margin, more = of_body[A, 3, 0], of_body[A, 4, 0]
+        if margin < 0.0:
+            continue
+        for i in range(d):
+            room = min(place[a, i] - of_body[A, 0, i], of_body[A, 1, i] - place[a, i]) + margin
+            if room < left * (abs(velocity[a, i] - of_body[A, 2, i]) + more):
+                left = room / (abs(velocity[a, i] - of_body[A, 2, i]) + more)
+        for p in range(start[A], start[A + 1]):
+            gap, square, faster = 0.0, 0.0, 0.0
+            for i in range(d):
+                v = velocity[a, i] - rows[p, 2, i]
+                out = max(rows[p, 0, i] - place[a, i], place[a, i] - rows[p, 1, i], 0.0)
+                gap += out * out
+                u = place[a, i] - listed[a, i] - rows[p, 3, i]
+                square += u * u
+                faster += v * v
+            speed = math.sqrt(faster) + more
+            if gap < (rows[p, 4, 1] + speed * left) ** 2:
+                left = min(left, (rows[p, 4, 0] - math.sqrt(square)) / speed)
+    return left
+
+
+@compiled
+def oscillation(rows, step, every, forces, mass, share, held, start, velocity, position):
+    """What leapfrog's kinetic energy has at the end of a step [s] beyond that at its start of swings from the middle of
+    the step, sum m (v - v_mid)^2/2 [J], of rows (k,) on which contact acts.
+
+    forces (3, k, d) [N]: of contact at the start, at the end, and what its last impulse has besides; every: whether all
+    forces count, else only what contact adds to the others'; start (k, 2 d): place and velocity at the start;
+    velocity, position (n, d): at the end.
+    """
+    total, d = 0.0, forces.shape[2]
+    for k in range(len(rows)):
+        a = rows[k]
+        whole = mass[a] * share[a]
+        for i in range(d):
+            if (forces[0, k, i] == 0.0 and forces[1, k, i] == 0.0) or (held is not None and held[k, i]):
+                continue
+            middle, weight = (position[a, i] - start[k, i]) / step, 0.5 * step * share[a] / whole
+            first = middle - start[k, d + i]
+            last = velocity[a, i] - weight * forces[2, k, i] - middle
+            total += 0.5 * whole * (last * last - first * first)
+            if not every:
+                first, last = first - weight * forces[0, k, i], last - weight * forces[1, k, i]
+                total -= 0.5 * whole * (last * last - first * first)
+    return total

@@ -7,12 +7,15 @@ import numpy as np
 
 from decomposition.close_pairs import ClosePairs
 from decomposition.halo import Halo
+from parsolid.contact import passes
 from parsolid.contact.boxes import Boxes
 from parsolid.contact.list_kernels import directed, sort_rows
 from parsolid.contact.sides import Sides, reflections
 from parsolid.methods.protocol import ParticleSystem
 
 _HAIR = 1.0 + 1e-9
+# of its threshold, what a particle sees of a body that it has met
+SEEN = 0.5
 
 
 class Segment(NamedTuple):
@@ -28,7 +31,7 @@ class Segment(NamedTuple):
 class Entries:
     """Entries of one rank: segments, the halo of their ghosts, and lists; arrays with ghosts behind.
 
-    side, particle: number of the side and identifier of the particle; start, neighbour, code, table: see `passes`.
+    volume (with ghosts) [m^3], share, constants, lists: see `passes`.
     """
 
     def __init__(self, comm: Any, sides: Sides, systems: list[ParticleSystem]) -> None:
@@ -36,22 +39,26 @@ class Entries:
         self._search = ClosePairs()
         self.reverse = np.array([side.reverse for side in sides.sides], np.int64)
         self.half = np.array([0.5 * (side.reach + side.skin) for side in sides.sides])
+        self.skin = np.array([side.skin for side in sides.sides])
 
-    def build(self, boxes: Boxes, excluded: Callable[..., np.ndarray] | None) -> None:
+    def build(self, boxes: Boxes, excluded: Callable[..., np.ndarray] | None, law: Callable[..., np.ndarray]) -> None:
         """Entries and lists in the present places; collective.
 
         excluded: which pairs of entries of one body, by side, owned row, neighbour and reference places with ghosts,
-        do not touch although they are near.
+        do not touch although they are near. law: constants (owned, 5) of `passes` from the volumes (owned,) [m^3].
+        Entries that press on nothing and on which nothing presses, as long as the lists hold, are left out.
         """
         self.segments = self._segments(boxes)
         self.owned = self.segments[-1].last if self.segments else 0
         side = np.concatenate([np.full(one.last - one.first, one.side) for one in self.segments] or [np.zeros(0, int)])
-        place = self.gathered("position")
+        place, self.share = self.gathered("position"), self._shares()
         reach = float((2.0 * self.half[boxes.near]).max(initial=0.0))
         if not reach > 0.0:
             reach = 1.0
         halo = Halo.plan(self.comm, place, reach * _HAIR)
-        whole = halo.with_ghosts(place)
+        whole, volume = halo.with_ghosts(place), self.gathered("volume") / self.share
+        self.constants = law(self.segments, volume)
+        volume = halo.with_ghosts(volume)
         side = halo.with_ghosts(side.astype(np.int64))
         particle = halo.with_ghosts(self.gathered("identifier").astype(np.int64))
         if self.owned:
@@ -65,21 +72,38 @@ class Entries:
             start, neighbour = _kept(start, neighbour, ~excluded(side, row, neighbour, reference, particle))
         code = np.zeros(len(neighbour), np.int8)
         start, neighbour, code = self._with_images(start, neighbour, code, whole, side)
-        used = np.zeros(halo.ghosts, bool)
-        used[neighbour[neighbour >= self.owned] - self.owned] = True
-        self.halo = halo.keep(used)
-        number = np.concatenate((np.arange(self.owned), self.owned + np.cumsum(used) - 1)).astype(np.int32)
-        kept = np.concatenate((np.ones(self.owned, bool), used))
-        neighbour = number[neighbour]
-        self.side, self.particle = side[kept], particle[kept]
-        sort_rows(start, neighbour, code, self.particle)
-        self.start, self.neighbour = start, neighbour
-        self.code = code if self.table is not None else None
+        lists = passes.Lists(start, neighbour, code if self.table is not None else None, self.table, None)
+        matter = passes.Matter(whole, volume, self.share, self.constants)
+        feels = passes.may_feel(self.owned, matter, lists, self.skin[side[: self.owned]], SEEN)
+        self._prune(halo, start, neighbour, code, halo.with_ghosts(feels) > 0, volume, particle)
 
-    @property
-    def active(self) -> bool:
-        """Whether anything is near anything on this rank."""
-        return len(self.neighbour) > 0
+    def _prune(self, halo: Halo, start: Any, neighbour: Any, code: Any, feels: Any, volume: Any, particle: Any) -> None:
+        """Keep the pairs of which one may press; collective. feels, volume, particle: with ghosts."""
+        row = np.repeat(np.arange(self.owned), np.diff(start))
+        keep = feels[row] | feels[neighbour]
+        start, neighbour = _kept(start, neighbour, keep)
+        used = np.zeros(len(feels), bool)
+        used[row[keep]] = used[neighbour] = True
+        number = (np.cumsum(used) - 1).astype(np.int32)
+        mine = used[: self.owned]
+        self.halo = halo.keep(used[self.owned :], mine)
+        neighbour, code, start = number[neighbour], code[keep], start[np.append(mine, True)]
+        sort_rows(start, neighbour, code, particle[used])
+        self.volume, self.share, self.constants = volume[used], self.share[mine], self.constants[mine]
+        lists = start, neighbour, code if self.table is not None else None, self.table
+        self.lists = passes.Lists(*lists, feels[: self.owned][mine])
+        self.segments = [
+            one._replace(rows=one.rows[mine[one.first : one.last]], first=first, last=last)
+            for one, first, last in (
+                (one, int(mine[: one.first].sum()), int(mine[: one.last].sum())) for one in self.segments
+            )
+            if last > first
+        ]
+        self.owned = int(mine.sum())
+
+    def _shares(self) -> np.ndarray:
+        pieces = [self.systems[one.system].share[: self.systems[one.system].owned][one.rows] for one in self.segments]
+        return np.concatenate(pieces or [np.zeros(0)])
 
     def _segments(self, boxes: Boxes) -> list[Segment]:
         result: list[Segment] = []
@@ -136,7 +160,8 @@ class Entries:
                 neighbours.append(neighbour[chosen])
                 codes.append(np.full(len(chosen), len(tables), np.int8))
                 tables.append((R, T))
-        self.table = np.array(tables).swapaxes(0, 1).copy()
+        self.table = np.zeros((2, len(tables), 3))
+        self.table[:, :, :d] = np.array(tables).swapaxes(0, 1)
         row, neighbour, code = (np.concatenate(pieces) for pieces in (rows, neighbours, codes))
         order = np.argsort(row, kind="stable")
         start = np.concatenate(([0], np.cumsum(np.bincount(row, minlength=self.owned)))).astype(np.int64)

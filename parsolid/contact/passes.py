@@ -2,9 +2,9 @@
 
 An entry is a particle and one of the sides of its body. Rows: entries of owned particles first, ghosts behind. Arrays,
 with d = dimension: place (n, d) [m], volume (n,) [m^3]; constants (n, 5): c0, 1/s [m], kappa A/2 [N/m], 1/R [1/m],
-N R^-d [1/m^d]; record (n, width): q = kappa A g/(2 s) [N], and with friction also 1/c, t (d) [N], the weights' b (d)
-[1/m] and mean place (d) [m]. Sums run in the order of the lists, which is that of identifiers, so that they do not
-depend on ranks.
+N R^-d [1/m^d]; record (n, width): q = kappa A g/(2 s) [N], what the impulse at the end of the step has of q beyond it,
+and with friction also 1/c, t (d) [N], the weights' b (d) [1/m] and mean place (d) [m]. Sums run in the order of the
+lists, which is that of identifiers, so that they do not depend on ranks.
 """
 
 import math
@@ -19,12 +19,14 @@ from parsolid.contact.kernel import shape, slope
 
 class Lists(NamedTuple):
     """Neighbours of entry a are neighbour[start[a]] .. neighbour[start[a + 1] - 1]; code (0: none) and table
-    (2, codes, d), R and T of images behind symmetry planes, are None without any."""
+    (2, codes, 3), R and T of images behind symmetry planes, are None without any; feels (owned,): whether a may press.
+    """
 
     start: Any
     neighbour: Any
     code: Any
     table: Any
+    feels: Any
 
 
 class Matter(NamedTuple):
@@ -61,24 +63,104 @@ def distance(matter, near, a, k, x):
     return math.sqrt(square) if square < 1.0 else 1.0
 
 
-@compiled(fastmath={"contract"}, error_model="numpy")
-def colours(owned, matter, near, colour, record):
-    """Colours and q of the owned entries; the stored energy [J], the deepest penetration [m] and whose that is."""
-    energy, deepest, where, x, constants = 0.0, 0.0, -1, np.empty(3), matter.constants
+@register_jitable
+def columns_of(place):
+    """Places (n, d) as columns (3, n), zero beyond the dimension."""
+    result = np.zeros((3, len(place)))
+    for a in range(len(place)):
+        for i in range(place.shape[1]):
+            result[i, a] = place[a, i]
+    return result
+
+
+@register_jitable
+def apart(near, a, k, columns):
+    """x_a - x_b of pair k of an entry, three components, and its square."""
+    b = near.neighbour[k]
+    u = columns[0, a] - _reflected(near.code, near.table, columns[0, b], k, 0, 1.0)
+    v = columns[1, a] - _reflected(near.code, near.table, columns[1, b], k, 1, 1.0)
+    w = columns[2, a] - _reflected(near.code, near.table, columns[2, b], k, 2, 1.0)
+    return u, v, w, u * u + v * v + w * w
+
+
+@register_jitable
+def colour_of(matter, near, a, columns):
+    """Colour of an entry."""
+    total, inverse = 0.0, matter.constants[a, 3]
+    limit = 1.0 / (inverse * inverse)
+    for k in range(near.start[a], near.start[a + 1]):
+        square = apart(near, a, k, columns)[3]
+        if square < limit:
+            total += matter.volume[near.neighbour[k]] * shape(math.sqrt(square) * inverse)
+    return total * matter.constants[a, 4]
+
+
+@compiled(error_model="numpy")
+def may_feel(owned, matter, near, skin, share):
+    """1 for owned entries that may see more than a share of their threshold while pairs approach by a skin (owned,)
+    [m], else 0."""
+    result = np.zeros(owned, np.int64)
     for a in range(owned):
-        total = 0.0
+        most = 0.0
         for k in range(near.start[a], near.start[a + 1]):
-            q = distance(matter, near, a, k, x)
-            if q < 1.0:
-                total += matter.volume[near.neighbour[k]] * shape(q)
-        total *= constants[a, 4]
-        depth = max(0.0, total - constants[a, 0]) * constants[a, 1]
-        colour[a] = total
+            square = 0.0
+            for i in range(matter.place.shape[1]):
+                square += (matter.place[a, i] - put(matter.place, 0, near, k, i, 1.0)) ** 2
+            q = max(math.sqrt(square) - skin[a], 0.0) * matter.constants[a, 3]
+            most += matter.volume[near.neighbour[k]] * shape(min(q, 1.0))
+        result[a] = most * matter.constants[a, 4] > share * matter.constants[a, 0]
+    return result
+
+
+@register_jitable
+def crossing(before, now):
+    """By how much the impulse at the end of a step differs from now's penetration [m], where it opens or closes a gap.
+
+    Penetration is taken to change evenly in the step. One that begins has acted for the part of the step in which it
+    was positive; one that ends has had the whole impulse at the start and gives back what was too much.
+    """
+    if now > 0.0 >= before:
+        return now * (now / (now - before) - 1.0)
+    if before > 0.0 >= now:
+        return before * now / (before - now)
+    return 0.0
+
+
+@compiled(fastmath={"contract"}, error_model="numpy")
+def colours(owned, matter, near, new, colour, level, record):
+    """Colours, penetrations (owned,) [m] less those at which nothing acts, and q of the owned entries.
+
+    near.feels (owned,): which those are; new: not None where `level` does not hold the penetrations before the step.
+    Returns the stored energy [J], the deepest penetration [m] and whose that is.
+    """
+    energy, deepest, where, constants = 0.0, 0.0, -1, matter.constants
+    columns = columns_of(matter.place)
+    for a in range(owned):
+        record[a, 0] = record[a, 1] = colour[a] = 0.0
+        if not near.feels[a]:
+            level[a] = -1.0 / constants[a, 3]
+            continue
+        colour[a] = colour_of(matter, near, a, columns)
+        now = (colour[a] - constants[a, 0]) * constants[a, 1]
+        if new is None:
+            record[a, 1] = constants[a, 2] * constants[a, 1] * crossing(level[a], now)
+        level[a], depth = now, max(0.0, now)
         record[a, 0] = constants[a, 2] * depth * constants[a, 1]
         energy += 0.5 * matter.share[a] * constants[a, 2] * depth * depth
         if depth > deepest:
             deepest, where = depth, a
     return energy, deepest, where
+
+
+@compiled
+def longest_step(colour, constants, longest, share):
+    """The least of the steps `longest` (owned,) [s] that those entries allow that see more than a share of their
+    threshold; inf where none does."""
+    least = math.inf
+    for a in range(len(colour)):
+        if colour[a] > share * constants[a, 0]:
+            least = min(least, longest[a])
+    return least
 
 
 @register_jitable
@@ -183,7 +265,7 @@ def friction(owned, held, matter, near, moved, coefficient, colour, stick, recor
     """
     d, stored, w = matter.place.shape[1], 0.0, np.zeros((12, 3))
     for a in range(owned):
-        rigidity, record[a, 1:], lost[a] = matter.constants[a, 2], 0.0, 0.0
+        rigidity, record[a, 2:], lost[a] = matter.constants[a, 2], 0.0, 0.0
         half = 0.5 * matter.share[a] * rigidity
         if not (record[a, 0] > 0.0 and coefficient[a] > 0.0):
             # opened: what the tangential spring held is gone
@@ -197,12 +279,12 @@ def friction(owned, held, matter, near, moved, coefficient, colour, stick, recor
             slip(matter, near, a, weight, moved, w)
             most = coefficient[a] * record[a, 0] * length * matter.constants[a, 4] * matter.constants[a, 3]
             lost[a] = matter.share[a] * slide(d, w[0], w[4], stick[a], w[5], rigidity, most)
-        record[a, 1] = 1.0 / colour[a]
+        record[a, 2] = 1.0 / colour[a]
         for i in range(d):
             stored += half * stick[a, i] * stick[a, i]
-            record[a, 2 + i] = -rigidity * stick[a, i]
-            record[a, 2 + d + i] = w[2, i]
-            record[a, 2 + 2 * d + i] = matter.place[a, i] + w[1, i]
+            record[a, 3 + i] = -rigidity * stick[a, i]
+            record[a, 3 + d + i] = w[2, i]
+            record[a, 3 + 2 * d + i] = matter.place[a, i] + w[1, i]
     return stored
 
 
@@ -211,79 +293,58 @@ def reaction(matter, near, record, a, k, q, force):
     """Add to a force what friction on the neighbour in pair k gives back to entry a."""
     d, part = matter.place.shape[1], 1.0
     for i in range(d):
-        mean = put(record, 2 + 2 * d, near, k, i, 1.0)
-        part += put(record, 2 + d, near, k, i, 0.0) * (matter.place[a, i] - mean)
-    part *= matter.constants[a, 4] * matter.volume[a] * shape(q) * record[near.neighbour[k], 1]
+        mean = put(record, 3 + 2 * d, near, k, i, 1.0)
+        part += put(record, 3 + d, near, k, i, 0.0) * (matter.place[a, i] - mean)
+    part *= matter.constants[a, 4] * matter.volume[a] * shape(q) * record[near.neighbour[k], 2]
     for i in range(d):
-        force[a, i] -= part * put(record, 2, near, k, i, 0.0)
+        force[a, i] -= part * put(record, 3, near, k, i, 0.0)
+
+
+@register_jitable
+def acts(near, a, pull):
+    """Whether any pair of an entry has a force."""
+    first, most = np.uintp(near.start[a]), abs(pull[a])
+    for j in range(np.uintp(near.start[a + 1]) - first):
+        most = max(most, abs(pull[np.uintp(near.neighbour[first + j])]))
+    return most > 0.0
+
+
+@register_jitable
+def push(matter, near, a, pull, columns):
+    """Force on an entry, three components [N], of the gradient of the energy."""
+    inverse, volume = matter.constants[a, 3], matter.volume
+    factor, mine, own, limit = -matter.constants[a, 4] * inverse, pull[a], volume[a], 1.0 / (inverse * inverse)
+    x, y, z = 0.0, 0.0, 0.0
+    for k in range(near.start[a], near.start[a + 1]):
+        b = near.neighbour[k]
+        if mine == 0.0 and pull[b] == 0.0:
+            continue
+        u, v, w, square = apart(near, a, k, columns)
+        # the slope is zero in the centre
+        if 0.0 < square < limit:
+            length = math.sqrt(square)
+            over = factor * slope(length * inverse) * (mine * volume[b] + pull[b] * own) / length
+            x, y, z = x + over * u, y + over * v, z + over * w
+    return x, y, z
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
-def forces(owned, matter, near, record, rubbing, force):
+def forces(owned, matter, near, record, column, rubbing, force):
     """Forces (owned, d) [N] on the owned entries: the gradient of the energy, and friction where `rubbing` is not None;
-    of the particle as a whole where a symmetry plane cuts it."""
-    d, e, volume = matter.place.shape[1], np.empty(3), matter.volume
+    of the particle as a whole where a symmetry plane cuts it. column: of the record, that of q."""
+    d, pull, x = matter.place.shape[1], record[:, column].copy(), np.empty(3)
+    columns = columns_of(matter.place)
     for a in range(owned):
-        inverse, factor, mine = matter.constants[a, 3], matter.constants[a, 4], record[a, 0]
         for i in range(d):
-            force[a, i] = 0.0 if rubbing is None else record[a, 2 + i]
-        for k in range(near.start[a], near.start[a + 1]):
-            b = near.neighbour[k]
-            theirs = record[b, 0]
-            if mine == 0.0 and theirs == 0.0:
-                continue
-            q = distance(matter, near, a, k, e)
-            if q >= 1.0 or q == 0.0:
-                continue
-            push = -factor * inverse * inverse * slope(q) * (mine * volume[b] + theirs * volume[a]) / q
-            for i in range(d):
-                force[a, i] += push * e[i]
-            if rubbing is not None and theirs > 0.0:
-                reaction(matter, near, record, a, k, q, force)
-
-
-@compiled(error_model="numpy")
-def skin_used(place, velocity, listed, body, of_body, near, ahead):
-    """Whether this rank's particles may leave what lists and boxes allow in a time ahead [s].
-
-    place, velocity, listed (n, d); body (n,). of_body: moving boxes (bodies, 5, d) now: lower and upper [m], the body's
-    mean velocity [m/s], and the margin [m] in its first component, negative for bodies without contact. near: starts
-    (bodies + 1,) and rows (m, 5, d): the partner's lower and upper now, the frame's velocity [m/s], its displacement
-    since the build [m], and (allowed displacement, reach) [m].
-    """
-    d = place.shape[1]
-    start, rows = near
-    for a in range(len(place)):
-        A = body[a]
-        margin = of_body[A, 3, 0]
-        if margin < 0.0:
+            force[a, i] = 0.0 if rubbing is None else record[a, 3 + i]
+        if not acts(near, a, pull):
             continue
+        x[0], x[1], x[2] = push(matter, near, a, pull, columns)
         for i in range(d):
-            drift = abs(velocity[a, i] - of_body[A, 2, i]) * ahead
-            if place[a, i] - drift < of_body[A, 0, i] - margin or place[a, i] + drift > of_body[A, 1, i] + margin:
-                return True
-        for p in range(start[A], start[A + 1]):
-            gap, square, faster = 0.0, 0.0, 0.0
-            for i in range(d):
-                v = abs(velocity[a, i] - rows[p, 2, i])
-                out = max(rows[p, 0, i] - place[a, i], place[a, i] - rows[p, 1, i], 0.0)
-                gap += out * out
-                u = place[a, i] - listed[a, i] - rows[p, 3, i]
-                square += u * u
-                faster += v * v
-            drift = math.sqrt(faster) * ahead
-            reach = rows[p, 4, 1] + drift
-            if gap < reach * reach and math.sqrt(square) + drift > rows[p, 4, 0]:
-                return True
-    return False
-
-
-@compiled
-def acting(force):
-    """Which rows (n,) of forces (n, d) are not zero."""
-    result = np.zeros(len(force), np.bool_)
-    for a in range(len(force)):
-        for i in range(force.shape[1]):
-            if force[a, i] != 0.0:
-                result[a] = True
-    return result
+            force[a, i] += x[i]
+        if rubbing is not None:
+            for k in range(near.start[a], near.start[a + 1]):
+                if record[near.neighbour[k], 2] > 0.0:
+                    q = distance(matter, near, a, k, x)
+                    if q < 1.0:
+                        reaction(matter, near, record, a, k, q, force)

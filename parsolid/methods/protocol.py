@@ -8,6 +8,7 @@ import numpy as np
 from parsolid.boundary.mirror_planes import MirrorPlane
 from parsolid.boundary.reactions import Told, told_by
 from parsolid.materials.registry import laws_of
+from parsolid.methods.impulses import give
 from parsolid.particles.container import Particles
 from parsolid.particles.distribution import sort_for_speed
 from parsolid.particles.particle_set import ParticleSet
@@ -49,6 +50,7 @@ class ParticleSystem:
     jumps: times [s] at which a step of length 0 is due for all systems, because loads jump.
     landings: times [s] at which a step must end; even_steps: whether steps between two of them have one length
     (leapfrog near its limit gains energy where they change).
+    substep, substeps: number of its step in the present one of all systems, and how many those are.
     evaluations: force evaluations a step; directed_pairs: interactions counted once a particle.
     energy_scale: an energy [J], the same on all ranks, of which the balance has the round-off even where kinetic and
     stored vanish.
@@ -71,6 +73,8 @@ class ParticleSystem:
     landings: tuple[float, ...] = ()
     even_steps: bool = False
     energy_scale: float = 0.0
+    substep: int = 0
+    substeps: int = 1
     evaluations: int = 1
     directed_pairs: int = 0
     news: bool = False
@@ -98,6 +102,14 @@ class ParticleSystem:
     def share(self) -> np.ndarray:
         """The part (owned,) of a particle on this side of mirror planes."""
         return self.particles.owned_rows("share") if "share" in self.particles else np.ones(self.owned)
+
+    @property
+    def verlet(self) -> str | None:
+        """ "all" where a step is half kicks of all forces around one drift and their oscillation is in no ledger,
+        "others" where that of its own forces is in the ledger, None for other steps."""
+        if "leapfrog_oscillation" in self.settings.ledger_terms:
+            return "others"
+        return "all" if getattr(self.settings, "integrator", None) == "leapfrog" else None
 
     @property
     def communication_seconds(self) -> float:
@@ -158,15 +170,9 @@ class ParticleSystem:
         An impulse is that on the part of a particle on this side of mirror planes; components that are held keep their
         velocity. Between steps only. Returns the kinetic energy [J] that the particles gain.
         """
+        rows = np.arange(self.owned) if rows is None else rows
         velocity, held = self.particles.owned_rows("velocity"), self.held_components()
-        here: Any = slice(None) if rows is None else rows
-        mass = (self.mass[: self.owned] * self.share[: self.owned])[here, None]
-        change = impulse / mass
-        if held is not None:
-            change[held[here]] = 0.0
-        gained = 0.5 * float(np.sum(mass * change * (2.0 * velocity[here] + change)))
-        velocity[here] += change
-        return gained
+        return float(give(rows, impulse, self.mass, self.share, held, velocity))
 
     def energies(self) -> tuple[float, float]:
         """Kinetic and stored energy [J] of this rank's particles."""

@@ -9,8 +9,10 @@ from pydantic import Field
 from parsolid.scene.base_model import NotNegative, SceneModel
 from parsolid.scene.validation_errors import fault, suggestion
 
-# what a contact adds to the ledger: parts of what is stored, and what friction takes; signs as in `simulation.ledger`
+# what contact and tools add to the ledger: parts of what is stored, and what friction takes; and contact alone: what
+# leapfrog adds by the end of a step and takes by the next; signs as in `simulation.ledger`
 CONTACT_TERMS = {"contact_energy": 0, "stick_energy": 0, "friction_dissipation": 1}
+OSCILLATION = {"contact_oscillation": -1}
 
 
 class Contact(SceneModel):

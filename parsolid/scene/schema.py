@@ -13,7 +13,7 @@ from parsolid.scene.base_model import Plane, Positive, SceneModel, method_of, mi
 from parsolid.scene.bodies import FilledShape, OwnBody, own_method
 from parsolid.scene.boundaries import Boundary
 from parsolid.scene.boundaries.condition import reaction_details
-from parsolid.scene.contact import CONTACT_TERMS, Contact, contact_faults, contact_pairs, unbonded
+from parsolid.scene.contact import CONTACT_TERMS, OSCILLATION, Contact, contact_faults, contact_pairs, unbonded
 from parsolid.scene.error_bars import ErrorBars, RunTargets
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.initial_state import InitialState, initial_details
@@ -21,8 +21,9 @@ from parsolid.scene.lattice import Filling
 from parsolid.scene.loads import Loads
 from parsolid.scene.methods import Method, NamedMethodTable
 from parsolid.scene.named_regions import Region, all_regions, region_details, uses_of_regions
-from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, SOLUTIONS_KNOWN, Output, Reference
+from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, Output, Reference, solution_faults
 from parsolid.scene.probes import Probe, ProbeTable
+from parsolid.scene.substeps import substep_faults
 from parsolid.scene.systems import SystemOfScene, faults_of_systems, part_of, systems_of
 from parsolid.scene.tie import TIE_TERMS, Tie, tie_faults
 from parsolid.scene.tools import Tool, still_faults, tool_faults
@@ -83,18 +84,17 @@ class Scene(SceneModel):
 
     @model_validator(mode="after")
     def _fits_method(self) -> "Scene":
-        details = faults_of_systems(self) + still_faults(self) + tie_faults(self)
+        details = faults_of_systems(self) + still_faults(self) + tie_faults(self) + substep_faults(self)
         exact = None if self.reference is None else self.reference.exact
         if self.loads.manufactured and exact not in MANUFACTURED:
             known = " or ".join(map(repr, MANUFACTURED))
             details.append(
                 (("loads", "manufactured"), f"reference.exact = {known}", NOTHING if exact is None else exact)
             )
-        kinds, kind = SOLUTIONS_KNOWN[exact][1] if exact else (), self.bodies[0].material.kind
         if exact and len(self.methods or ()) > 1:
             details.append((("reference", "exact"), "no such key with several methods", exact))
-        elif exact and kind not in kinds:
-            details.append((("reference", "exact"), f"a solution for the material {kind!r}", exact))
+        elif exact:
+            details += solution_faults(exact, self.bodies[0].material)
         details += region_details(self) + initial_details(self)
         details += reaction_details(self.boundaries, [probe.name for probe in self.probes], self.systems)
         reject(*details)
@@ -328,7 +328,7 @@ def _reference_faults(parts: Parts) -> list[str]:
         return []
     key = "final" if parts.reference.final is not None else "columns"
     known = [*HISTORY_COLUMNS, *parts.method.ledger_terms, *(CONTACT_TERMS if parts.contact or parts.tools else ())]
-    known += TIE_TERMS if parts.tie else ()
+    known += [*(OSCILLATION if parts.contact else ()), *(TIE_TERMS if parts.tie else ())]
     for name in (one.reports for one in parts.boundaries.values() if one.reports is not None):
         known += [f"{name}.work", *reaction_columns(name, parts.dimension)]
     try:

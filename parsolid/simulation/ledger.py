@@ -7,7 +7,7 @@ import numpy as np
 
 from parsolid.methods.protocol import EnergyLedger
 from parsolid.scene import Scene
-from parsolid.scene.contact import CONTACT_TERMS
+from parsolid.scene.contact import CONTACT_TERMS, OSCILLATION
 from parsolid.scene.systems import SystemOfScene
 from parsolid.scene.tie import TIE_TERMS
 
@@ -105,7 +105,8 @@ def terms_of(scene: Scene) -> dict[str, int]:
     terms = {names[one]: sign for system, names in named for one, sign in _own_terms(scene, system).items()}
     works = {f"{one.reports}.work": 0 for one in scene.boundaries if one.reports is not None}
     met = CONTACT_TERMS if scene.contact or scene.tools else {}
-    return terms | met | (TIE_TERMS if scene.tie else {}) | works
+    met = met | (OSCILLATION if scene.contact else {}) | (TIE_TERMS if scene.tie else {})
+    return terms | met | works
 
 
 def _own_terms(scene: Scene, system: SystemOfScene) -> dict[str, int]:

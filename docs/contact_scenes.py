@@ -1,0 +1,231 @@
+"""More figures of docs/contact.md: python docs/contact_scenes.py hertz, and so on; without a name it tells which."""
+
+import sys
+import time
+from typing import Any
+
+import numpy as np
+from contact_tables import (
+    POISSON,
+    SPEED,
+    YOUNG,
+    Rows,
+    Tables,
+    bars_scene,
+    block,
+    discs_scene,
+    material,
+    means,
+    momenta,
+    off,
+    one_of,
+    run,
+    scene,
+)
+from mpi4py import MPI
+
+from parsolid.collective import SolverError
+from parsolid.scene import SceneError, parse_scene
+from parsolid.simulation.loop import Limits, RunFailed, Simulation, StopRequest
+
+
+class Timed:
+    """Processor time spent in a function [s]."""
+
+    def __init__(self, call: Any) -> None:
+        self.call, self.spent = call, 0.0
+
+    def __call__(self, *values: Any) -> None:
+        """Call it."""
+        began = time.process_time()
+        self.call(*values)
+        self.spent += time.process_time() - began
+
+
+def spin() -> None:
+    """Two discs pressed together turn as one: no friction; with one that turns alone there is."""
+    for both in (True, False):
+        tables = discs_scene(friction=0.5)
+        # centres on one line, overlapping by a third of a spacing, turning about the point between them
+        for body, side in zip(tables["bodies"], (-1.0, 1.0)):
+            centre = [0.49 * side, 0.0]
+            body["shape"] = {"sphere": {"centre": centre, "radius": 0.5}}
+            body["velocity"] = ["-0.01*Y", "0.01*X"] if both or side > 0 else [0.0, 0.0]
+        _, columns = run(tables | {"end_time": 2.0 / SPEED})
+        took = columns["friction_dissipation"][-1] / columns["kinetic"][0]
+        stick = columns["stick_energy"].max() / columns["kinetic"][0]
+        print(
+            f"turning {'together' if both else 'alone'}: stick energy {stick:.1e}, friction took {took:.1e} of it",
+            flush=True,
+        )
+
+
+def stack() -> None:
+    """Three blocks on one another under gravity that rises slowly: force through each face against the weight above."""
+    h, g = 1.0 / 8, 2e-3
+    bodies = [block(name, [0.0, float(i)], [1.0, i + 1.0], h) for i, name in enumerate("abc")]
+    ramp = 30.0 / SPEED
+    loads = {"acceleration": ["0", f"-{g}*where(t < {ramp}, t/{ramp}, 1)"]}
+    floor = [{"plane": "Y = 0", "kind": "roller", "body": "a"}]
+    tables = scene(bodies, 80.0 / SPEED, {"bodies": ["a", "b", "c"], "friction": 0.3}, boundaries=floor, loads=loads)
+
+    def through(simulation: Simulation) -> Tables:
+        owned = simulation.systems[0].particles.owned_rows
+        body, force = owned("body"), owned("contact_force")[:, 1]
+        return {"upper": float(force[body == 2].sum()), "both": float(force[body >= 1].sum())}
+
+    _, columns = run(tables, through)
+    late = columns["time"] > 50.0 / SPEED
+    spans = np.gradient(columns["time"])[late]
+    for name, weight in (("upper", g), ("both", 2 * g)):
+        mean = float((columns[name][late] * spans).sum() / spans.sum())
+        print(f"force under {name}: {mean / weight:.4f} of the weight above")
+    print(
+        f"balance {np.abs(columns['balance']).max() / columns['stored'].max():.1e} of the largest stored energy",
+        flush=True,
+    )
+
+
+def three() -> None:
+    """Three blocks meet in space at one time: what is kept."""
+    h, v = 0.25, 0.02 * SPEED
+    boxes = [
+        ([-1.05, 0.0, 0.0], [v, 0.0, 0.0]),
+        ([0.0, 0.1, 0.05], [-v, 0.0, 0.0]),
+        ([-0.5, 1.13, 0.1], [0.0, -v, 0.0]),
+    ]
+    bodies = [
+        block(name, low, [x + 1.0 for x in low], h, velocity=velocity) for name, (low, velocity) in zip("abc", boxes)
+    ]
+    simulation, columns = run(scene(bodies, 6.0 / SPEED, {"friction": 0.2}), lambda one: {"p": momenta(one)})
+    scale = v * 1.0
+    print(
+        f"momentum {np.abs(columns['p'] - columns['p'][0])[:, :2].max() / scale:.0e}, balance {off(columns):.1e}, "
+        f"friction took {columns['friction_dissipation'][-1] / columns['kinetic'][0]:.3f}, "
+        f"contact energy at the end {columns['contact_energy'][-1] / columns['kinetic'][0]:.0e}",
+        flush=True,
+    )
+
+
+def hertz() -> None:
+    """A cylinder pressed on a block, plane strain: half width and peak of the pressure against Hertz's."""
+    for n in (20, 40):
+        radius, depth = 1.0, 0.75
+        h = 0.8 / n
+        cap = {
+            "cylindrical_shell": {"centre": [0.0, radius], "radius": radius, "thickness": 0.5, "angles": [-125, -55]}
+        }
+        rings, around = round(0.5 / h), round(np.radians(70) * radius / h)
+        a = {"name": "roll", "shape": cap, "particles": [around, rings], "placement": "cells", "material": material()}
+        b = block("base", [-0.9, -depth], [0.9, 0.0], h, "cells")
+        end, push = 40.0 / SPEED, 0.012
+        top = {
+            "kind": "velocity",
+            "where": "upper",
+            "velocity": [0.0, f"-{push * SPEED / 25}*where(t < {25 / SPEED}, 1, 0)"],
+        }
+        floor = {
+            "kind": "velocity",
+            "box": {"lower": [-1, -1], "upper": [1, -depth + h]},
+            "velocity": [0.0, 0.0],
+            "body": "base",
+        }
+        upper = {"kind": "velocity", "ball": {"centre": [0.0, radius], "radius": 0.5 + 1.1 * h}, "body": "roll"}
+        boundaries = [upper | {"velocity": top["velocity"]}, floor]
+        simulation, _ = run(scene([a, b], end, {"bodies": ["roll", "base"]}, boundaries=boundaries))
+        owned = simulation.systems[0].particles.owned_rows
+        mine = owned("body") == 1
+        x, force = owned("position")[mine, 0], -owned("contact_force")[mine, 1]
+        load = float(force.sum())
+        wanted = np.sqrt(8 * load * radius * (1 - POISSON**2) / (np.pi * YOUNG))
+        width = 2.0 * np.sqrt(float((force * x * x).sum()) / load)
+        columns = np.round((x + 0.9) / h - 0.5).astype(int)
+        pressure = np.bincount(columns, force) / h
+        peak = np.convolve(pressure, [0.25, 0.5, 0.25], "same").max()
+        print(
+            f"spacing {h:.3f}: a/h {wanted / h:.2f}, half width {width / wanted - 1:+.3f}, "
+            f"peak {peak / (2 * load / (np.pi * wanted)) - 1:+.3f}",
+            flush=True,
+        )
+
+
+def cost() -> None:
+    """Processor time of contact in a step, of two blocks 30 layers thick that touch, apart or together."""
+    h = 1.0 / 200
+    for gap in (0.5, 0.0):
+        a = block("a", [0.0, -30 * h - gap], [1.0, -gap], h, velocity=[0.0, 0.005 * SPEED])
+        b = block("b", [0.0, 0.0], [1.0, 30 * h], h, velocity=[0.0, -0.005 * SPEED])
+        if not gap:
+            # so that no two nodes are at one place
+            a["shape"] = {"box": {"lower": [0.0, -30 * h - 1e-3 * h], "upper": [1.0, -1e-3 * h]}}
+        simulation, rows = Simulation(MPI.COMM_SELF, parse_scene(scene([a, b], 10.0))), Rows()
+        simulation.run(rows, Limits(5), StopRequest())
+        contact: Any = simulation.interactions[0]
+        contact.before, contact.after = Timed(contact.before), Timed(contact.after)
+        began = time.process_time()
+        for _ in range(60):
+            simulation.take_step(0.4 * h / SPEED)
+        whole = time.process_time() - began
+        share = 100 * (contact.before.spent + contact.after.spent) / whole
+        print(
+            f"gap {gap}: {whole / 60 * 1e6:.0f} us a step, contact {share:.1f} %",
+            flush=True,
+        )
+
+
+def extreme() -> None:
+    """What happens at the edge of what a scene may ask."""
+    soft = bars_scene(24, "equal")
+    cases: dict[str, Tables] = {
+        f"stiffness {one}": soft | {"contact": [{"bodies": ["left", "right"], "stiffness": one}]} for one in (0.01, 100)
+    }
+    hard = bars_scene(24, "equal")
+    hard["bodies"][1]["material"] = material(1e6, 1e6)
+    cases["modulus and density 1e6 to 1"] = hard
+    light = bars_scene(24, "equal")
+    light["bodies"][1]["material"] = material(1e6, 1.0)
+    cases["modulus 1e6 to 1"] = light | {"end_time": 0.06 / SPEED}
+    coarse = bars_scene(24, "equal")
+    coarse["bodies"][0]["particles"], coarse["bodies"][1]["particles"] = [97, 17], [25, 5]
+    cases["spacing 1:4"] = coarse
+    fast = bars_scene(24, "equal")
+    fast["bodies"][0]["velocity"] = [0.6 * SPEED, 0.0]
+    cases["closing at .6 c"] = fast | {"end_time": 1.0 / SPEED}
+    h = 1.0 / 12
+    many = [
+        block(
+            f"b{i}",
+            [1.1 * (i % 10), 1.1 * (i // 10)],
+            [1.1 * (i % 10) + 1, 1.1 * (i // 10) + 1],
+            0.25,
+            "cells",
+            velocity=[f"-0.02*({1.1 * (i % 10) - 5.0})", f"-0.02*({1.1 * (i // 10) - 5.0})"],
+        )
+        for i in range(100)
+    ]
+    cases["100 bodies"] = scene(many, 12.0 / SPEED)
+    corner = block("corner", [0.0, -1.5], [1.0, -0.5], h, velocity=["0", f"{0.02 * SPEED}"])
+    turned = {"displacement": ["(X-0.5)*(cos(pi/4)-1)-(Y+1)*sin(pi/4)", "(X-0.5)*sin(pi/4)+(Y+1)*(cos(pi/4)-1)+0.25"]}
+    cases["a corner"] = scene([corner | turned, block("base", [-0.5, 0.0], [1.5, 0.5], h)], 3.0 / SPEED)
+    thin = block("thin", [0.0, 0.0], [1.0, h], h, "cells")
+    cases["one layer"] = scene([thin, block("base", [0.0, -0.5], [1.0, 0.0], h, "cells")], 1.0)
+    deep = block("deep", [0.0, 0.0], [1.0, 1.0], h, "cells", displacement=["0", "-0.4"])
+    cases["overlap"] = scene([deep, block("base", [0.0, -1.0], [1.0, 0.0], h, "cells")], 1.0)
+    for name, tables in cases.items():
+        if sys.argv[2:] and not any(word in name for word in sys.argv[2:]):
+            continue
+        try:
+            simulation, columns = run(tables)
+        except (SceneError, SolverError, RunFailed) as error:
+            print(f"{name}: {str(error)[:200]}", flush=True)
+            continue
+        deepest = columns["contact_energy"].max() / columns["kinetic"].max()
+        print(
+            f"{name}: {simulation.clock.step} steps, balance {off(columns):.1e}, contact energy up to {deepest:.2g} of "
+            f"the kinetic, velocities {np.round(means(simulation)[:2, 0] / (0.01 * SPEED), 3).tolist()} of .01 c",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    one_of((spin, stack, three, hertz, cost, extreme))

@@ -1,0 +1,73 @@
+"""The particles of a system on which contact acts: they get its impulses, and those who guide them do its work."""
+
+import numpy as np
+
+from parsolid.contact.list_kernels import give_to_rows, hand_over, impulses, oscillation, take_from_rows
+from parsolid.contact.lists import Segment
+from parsolid.methods.protocol import ParticleSystem
+
+
+class Recipient:
+    """Rows (k,) of a system's particles that have entries; forces (3, k, d) [N]: at the start and at the end of the
+    step under way, and what the impulse at its end has besides, where `crossing`."""
+
+    def __init__(self, system: ParticleSystem, number: int, segments: list[Segment]) -> None:
+        """number: of the system in the segments."""
+        here = [one for one in segments if one.system == number]
+        owned, empty = system.particles.owned_rows, np.zeros(0, np.int64)
+        self.system = system
+        self.rows, number_of = np.unique(np.concatenate([empty, *(one.rows for one in here)]), return_inverse=True)
+        self.entry = np.concatenate([empty, *(np.arange(one.first, one.last) for one in here)])
+        self.recipient = np.ascontiguousarray(number_of.reshape(-1))
+        d = system.dimension
+        self.forces = np.zeros((3, len(self.rows), d))
+        self.forces[1] = owned("contact_force")[self.rows]
+        self.crossing = False
+        self.opened = None if system.verlet is None else np.zeros((len(self.rows), d))
+        self.started, self.place = np.zeros((len(self.rows), 2 * d)), np.zeros((len(self.rows), d))
+        self.share = np.ascontiguousarray(system.share[: system.owned][self.rows])
+        held = system.held_components()
+        self.held = None if held is None or not held[self.rows].any() else held[self.rows]
+        # rows of earlier lists may still show a force
+        self._clean = False
+
+    def kick(self, step: float, opening: bool) -> float:
+        """Half a step [s] of the forces; at its end what leapfrog's oscillation has gained in it [J]."""
+        system = self.system
+        owned = system.particles.owned_rows
+        if opening and self.opened is not None:
+            take_from_rows(owned("velocity"), self.rows, 0, self.opened)
+            give_to_rows(self.opened, self.rows, owned("contact_start")[:, self.forces.shape[2] :])
+        if step == 0.0 or not len(self.rows):
+            return 0.0
+        force = self.forces[1] if opening or not self.crossing else self.forces[1] + self.forces[2]
+        rows, impulse = impulses(self.rows, force, self.share, 0.5 * step)
+        if len(rows):
+            system.kick(impulse, rows)
+        if opening or self.opened is None:
+            return 0.0
+        arrays = system.mass, system.share, self.held, self.started, owned("velocity"), owned("position")
+        return float(oscillation(self.rows, step, system.verlet == "all", self.forces, *arrays))
+
+    def take(self, force: np.ndarray, extra: np.ndarray | None) -> float:
+        """Forces (entries, d) [N] in new places; the work [J] of those who guide particles since the last places."""
+        owned, forces = self.system.particles.owned_rows, self.forces
+        shown, start, position = owned("contact_force"), owned("contact_start"), owned("position")
+        if not self._clean:
+            shown[:], self._clean = 0.0, True
+        forces[0] = forces[1]
+        hand_over(self.entry, self.recipient, force, forces[1])
+        self.crossing = extra is not None
+        if extra is None:
+            forces[2] = 0.0
+        else:
+            hand_over(self.entry, self.recipient, extra, forces[2])
+        give_to_rows(forces[1], self.rows, shown)
+        work, d = 0.0, position.shape[1]
+        if self.held is not None:
+            moved = np.where(self.held, position[self.rows] - start[self.rows, :d], 0.0) * self.share[:, None]
+            work = -0.5 * float(np.sum(moved * forces.sum(axis=0)))
+        take_from_rows(start, self.rows, 0, self.started)
+        take_from_rows(position, self.rows, 0, self.place)
+        give_to_rows(self.place, self.rows, start)
+        return work
