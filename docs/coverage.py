@@ -17,7 +17,9 @@ import numpy as np
 from mpi4py import MPI
 from scipy.interpolate import CubicSpline
 
+from parsolid.errors.bars import error_table
 from parsolid.errors.coarsening import NotCoarsened, coarser, parsed
+from parsolid.errors.orders import kind_of
 from parsolid.errors.running import result_of, run_into
 from parsolid.errors.variants import SPACING, Companion, companions_of
 from parsolid.exact import SOLUTIONS
@@ -317,7 +319,7 @@ def _exact(solution: Any, scene: Any, probe: Any, field: str, component: int) ->
     return value
 
 
-def run(one: Scene, folder: Path, budget: float) -> list[dict[str, Any]]:
+def run(one: Scene, folder: Path) -> list[dict[str, Any]]:
     """Main runs of a scene with their companions."""
     comm = MPI.COMM_WORLD
     found = []
@@ -329,7 +331,8 @@ def run(one: Scene, folder: Path, budget: float) -> list[dict[str, Any]]:
             print(f"{one.name} at {ratio}: {reason}", flush=True)
             continue
         plans, refused = companions_of(scene, False)
-        output = scene.resolved()["output"] | {"fields_times": [], "pictures": False}
+        output = {"fields_times": [], "pictures": False}
+        output |= {k: v for k, v in scene.resolved()["output"].items() if k.startswith("history")}
         main = Companion(parsed(scene.resolved() | {"output": output}, False), SPACING, 1.0, "main")
         began, runs = clock.process_time(), []
         for plan in [*plans, main]:
@@ -339,15 +342,12 @@ def run(one: Scene, folder: Path, budget: float) -> list[dict[str, Any]]:
                 run_into(comm, plan.scene, place, Limits())
                 done = result_of(comm, plan, place)
             runs.append(done)
-        print(
-            f"{one.name:<28} ratio {ratio:<5} {[(r.companion.purpose[:3], round(r.ratio, 2), round(r.core_seconds, 2), r.fault) for r in runs]} {refused} {clock.process_time() - began:.1f} s",
-            flush=True,
-        )
+        told = [f"{r.companion.purpose} {r.ratio:.2f} {r.processor_seconds:.2f} s {r.fault or ''}" for r in runs]
+        print(f"{one.name:<28} ratio {ratio:<5} {told} {refused} {clock.process_time() - began:.1f} s", flush=True)
         history = runs[-1].history
         truth = truth_of(one, scene, list(history)) if history else {}
         rows = [int(np.argmin(np.abs(history["time"] - share * scene.end_time))) for share in SHARES] if history else []
         true = {column: value(history["time"][rows]) for column, value in truth.items() if column in history}
-        extra = {"kinds": [m.kind for m in (s.settings for s in scene.systems)]}
         found.append(
             {
                 "scene": one.name,
@@ -356,28 +356,102 @@ def run(one: Scene, folder: Path, budget: float) -> list[dict[str, Any]]:
                 "true": true,
                 "rows": rows,
                 "refused": refused,
-                **extra,
                 "tables": scene.resolved(),
             }
         )
     return found
 
 
+class Case(NamedTuple):
+    """A column at a time: true error and bar over the largest value of the column."""
+
+    scene: str
+    method: str
+    kind: str
+    ratio: float
+    column: str
+    share: float
+    error: float
+    bar: float
+    verdict: str
+
+
+def cases_of(folder: Path) -> tuple[list[Case], int]:
+    """All cases of what has been run, and how many have no bar because resolutions differ by as much as a column."""
+    cases, without = [], 0
+    for file in sorted(folder.glob("*.pickle")):
+        for found in pickle.loads(file.read_bytes()):
+            *others, own = found["runs"]
+            if not own.history:
+                continue
+            scene = parse_scene(found["tables"])
+            known = ("step", "time", *found["true"])
+            table = error_table(scene, {name: own.history[name] for name in known}, others)
+            time = own.history["time"]
+            rows = [int(np.argmin(np.abs(time - share * scene.end_time))) for share in SHARES]
+            for column, true in found["true"].items():
+                values = own.history[column]
+                largest = float(np.abs(values).max())
+                family = [np.abs(v).max() for n, v in own.history.items() if n[:-1] == column[:-1]]
+                if column not in table.bars or largest <= 1e-9 * max(family) or np.abs(true).max() <= 1e-9 * largest:
+                    continue
+                for share, row, wanted in zip(SHARES, rows, true if len(true) == len(SHARES) else true[rows]):
+                    error, bar = abs(values[row] - wanted) / largest, table.bars[column].error[row] / largest
+                    without += not np.isfinite(bar)
+                    # below this it is the reference's error, or there is none
+                    if error >= 1e-7 and np.isfinite(bar):
+                        kind, verdict = kind_of(column, scene), table.bars[column].verdict
+                        method = scene.systems[0].settings.kind
+                        one = Case(found["scene"], method, kind, found["ratio"], column, share, error, bar, verdict)
+                        cases.append(one)
+    return cases, without
+
+
+def print_rows(title: str, cases: list[Case], key: Any) -> None:
+    """A table in Markdown, one row a value of the key."""
+    print(f"\n| {title} | cases | inside | median bar/error | median error | median bar |")
+    print("|---|---:|---:|---:|---:|---:|")
+    for name in [*sorted({key(one) for one in cases}), None]:
+        rows = [one for one in cases if name is None or key(one) == name]
+        inside = np.mean([one.error <= one.bar for one in rows])
+        ratio = np.median([one.bar / one.error for one in rows])
+        sizes = [np.median([one.error for one in rows]), np.median([one.bar for one in rows])]
+        told = f"{100 * inside:.1f} % | {ratio:.1f} | {100 * sizes[0]:.2g} % | {100 * sizes[1]:.2g} %"
+        print(f"| {name or 'all'} | {len(rows)} | {told} |")
+
+
+def report(folder: Path) -> None:
+    """Tables by method and kind and by scene, and every miss."""
+    cases, without = cases_of(folder)
+    seen = [one for one in cases if one.method == "tlsph" or one.scene.startswith("vibrating bar")]
+    print_rows("part", cases, lambda one: "constants chosen on" if one in seen else "judged on")
+    print_rows("method, kind", cases, lambda one: f"{one.method}, {one.kind}")
+    print_rows("scene", cases, lambda one: one.scene)
+    print(f"\n{without} further values have no bar, for resolutions differ by as much as the column varies.\n")
+    for one in cases:
+        if one.error > one.bar:
+            where = f"{one.scene}, spacing x {one.ratio:g}, {one.column} at {one.share:g} of the time"
+            print(f"- {where}: error {100 * one.error:.2g} %, bar {100 * one.bar:.2g} % ({one.verdict})")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser()
-    parser.add_argument("--only", default="")
+    parser.add_argument("--only", default="", help="scenes with this in their name")
+    parser.add_argument("--report", action="store_true", help="tables of what has been run")
     parser.add_argument("-o", default="results/coverage")
     options = parser.parse_args()
     folder = Path(options.o)
+    if options.report:
+        report(folder)
+        return
     folder.mkdir(parents=True, exist_ok=True)
     for one in SCENES:
-        if options.only in one.name and not (folder / f"{one.name.replace(' ', '_')}.pickle").exists():
+        kept = folder / f"{one.name.replace(' ', '_')}.pickle"
+        if options.only in one.name and not kept.exists():
             try:
-                result = run(one, folder, 0.0)
-            except Exception as error:
+                kept.write_bytes(pickle.dumps(run(one, folder)))
+            except Exception as error:  # the others are of use without it
                 print(f"{one.name}: {type(error).__name__}: {str(error)[:300]}", file=sys.stderr, flush=True)
-                continue
-            (folder / f"{one.name.replace(' ', '_')}.pickle").write_bytes(pickle.dumps(result))
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
 """A bar made of two methods, tied in its middle: python docs/tied_bars.py tlsph mpm 25 50, see mixed.md.
 
 A pulse of stress runs through the tie; what is reflected and transmitted is compared with the exact amplitudes.
-impedance=2: of the second half over the first; stiffness=1: of the tie.
+impedance=2: of the second half over the first; stiffness=1: of the tie. pull=0.01: no pulse, the right end is pulled
+slowly until the mean strain is that.
 """
 
 import sys
@@ -19,7 +20,31 @@ SPEED = np.sqrt(YOUNG * (1 - POISSON) / ((1 + POISSON) * (1 - 2 * POISSON)) / DE
 WIDTH, AMPLITUDE = 0.8, 1e-4
 
 
-def bar(kinds: list[str], count: int, impedance: float, stiffness: float | None) -> Scene:
+def pulled(data: dict[str, Any], strain: float) -> dict[str, Any]:
+    """The bar without a pulse, held at the left, whose right end is pulled in 60 L/c by a strain times its length."""
+    for body in data["bodies"]:
+        body.pop("velocity", None)
+        body.pop("displacement", None)
+    end = 60.0 / SPEED
+    course = f"{2.0 * strain / end}*(1 - cos(2*pi*t/{end}))"
+    right = {"plane": "X = 1", "kind": "velocity", "body": "b", "velocity": [course, "free"]}
+    left = {"plane": "X = -1", "kind": "roller", "body": "a"}
+    return data | {"end_time": end, "boundaries": [*data["boundaries"], left, right]}
+
+
+def strains(simulation: Simulation) -> tuple[float, float, float]:
+    """Mean strains along the two halves, and how far they have parted at X = 0 [m], by straight lines through the
+    displacements of all particles farther than a tenth of a half from its ends."""
+    lines = []
+    for number, system in enumerate(simulation.systems):
+        rows = system.particles.owned_rows
+        place = rows("reference_position")[:, 0]
+        inner = np.abs(place - (number - 0.5)) < 0.4
+        lines.append(np.polyfit(place[inner], (rows("position")[:, 0] - place)[inner], 1))
+    return float(lines[0][0]), float(lines[1][0]), float(lines[1][1] - lines[0][1])
+
+
+def bar(kinds: list[str], count: int, impedance: float, stiffness: float | None, pull: float | None) -> Scene:
     """Two halves of 1 m and 10 spacings that touch at X = 0, guided at their sides; a pulse runs right in the first."""
     h, bodies = 1.0 / count, []
     settings: dict[str, Any] = {
@@ -52,7 +77,7 @@ def bar(kinds: list[str], count: int, impedance: float, stiffness: float | None)
     guides = [{"plane": f"Y = {place}", "kind": "roller"} for place in (0.0, 10 * h)]
     data = {"dimension": 2, "end_time": 1.0 / SPEED, "methods": methods, "bodies": bodies, "boundaries": guides}
     tie = {"bodies": ["a", "b"]} | ({} if stiffness is None else {"stiffness": stiffness})
-    return parse_scene(data | {"tie": [tie]})
+    return parse_scene((data if pull is None else pulled(data, pull)) | {"tie": [tie]})
 
 
 class Rows:
@@ -88,15 +113,19 @@ def main() -> None:
     """A line for each number of spacings."""
     options = dict(word.split("=") for word in sys.argv[1:] if "=" in word)
     words = [word for word in sys.argv[1:] if "=" not in word]
-    impedance, stiffness = float(options.get("impedance", 1.0)), options.get("stiffness")
+    impedance = float(options.get("impedance", 1.0))
+    stiffness, pull = (float(options[name]) if name in options else None for name in ("stiffness", "pull"))
     exact = (1.0 - impedance) / (1.0 + impedance), 2.0 / (1.0 + impedance)
     for count in map(int, words[2:]):
         rows = Rows()
-        simulation = Simulation(
-            MPI.COMM_SELF, bar(words[:2], count, impedance, None if stiffness is None else float(stiffness))
-        )
+        simulation = Simulation(MPI.COMM_SELF, bar(words[:2], count, impedance, stiffness, pull))
         simulation.run(rows, Limits(), StopRequest())
         time, kinetic, stored, tie, balance = np.array(rows.rows).T
+        if pull is not None:
+            first, second, parted = strains(simulation)
+            told = f"strain {first / pull:.4f} and {second / pull:.4f} of the mean, parted {parted * count / pull:.3f}"
+            print(f"{' and '.join(words[:2])}, {count} spacings: {told} h strain, {len(time) - 1} steps", flush=True)
+            continue
         energy = kinetic[0] + stored[0]
         reflected, transmitted = amplitudes(simulation)
         left = sum(simulation.systems[0].energies()) / energy

@@ -149,6 +149,19 @@ class Rehearsal:
             f"{self.show(job, 'JobState')}, {self.show(job, 'ExitCode')}: {said}"
         )
 
+    def kill(self, name: str) -> None:
+        """SIGKILL to the ranks that write to the folder of that name, by their numbers."""
+        wanted, found = str(self.folder / name), []
+        for entry in Path("/proc").iterdir():
+            with contextlib.suppress(OSError):
+                words = (entry / "cmdline").read_bytes().decode(errors="replace").split("\0")
+                if entry.name.isdigit() and "parsolid" in words and wanted in words:
+                    found.append(int(entry.name))
+        assert found, f"{name}: no ranks to kill"
+        for process in found:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(process, signal.SIGKILL)
+
     def same(self, name: str) -> None:
         """A finished run's folder holds the bits of the uninterrupted one."""
         assert summary(self.folder / name)["status"] == "finished"
@@ -197,7 +210,7 @@ class Rehearsal:
         """SIGKILL to the ranks: the job has failed; the same command goes on from the last checkpoint."""
         job = self.submit("killed")
         self.runs(job, "killed", 12)
-        subprocess.run(["pkill", "-KILL", "-f", f"{self.folder}/killed -q"], check=True)
+        self.kill("killed")
         self.ends(job, "FAILED")
         self.ends(self.submit("killed"))
         self.same("killed")
@@ -208,12 +221,32 @@ class Rehearsal:
         self.runs(job, "node", 12)
         for process in self.slurm("pgrep", "-f", f"slurmstepd: \\[{job}").split():
             os.kill(int(process), signal.SIGKILL)
-        subprocess.run(["pkill", "-KILL", "-f", f"{self.folder}/node -q"], check=True)
+        self.kill("node")
         self.slurm("scontrol", "update", f"NodeName={self.show(job, 'BatchHost')}", "State=DOWN", "Reason=rehearsal")
         self.slurm("scontrol", "update", f"NodeName={self.show(job, 'BatchHost')}", "State=RESUME")
         self.again(job, 1)
         self.ends(job)
         self.same("node")
+
+    def started_by_srun(self) -> None:
+        """Slurm starts the ranks of MPICH itself; warned once."""
+        self._by_srun("srun", {"PARSOLID_LAUNCH": "srun --mpi=pmi2"})
+
+    def started_by_srun_with_pmix(self) -> None:
+        """Slurm starts the ranks of Debian's Open MPI; the other MPI of the environment is left aside."""
+        self._by_srun("pmix", {"PARSOLID_LAUNCH": "srun --mpi=pmix --cpu-bind=cores", "MPI4PY_MPIABI": "openmpi"})
+
+    def _by_srun(self, name: str, variables: dict[str, str]) -> None:
+        before, self.values = self.values, self.values | variables
+        try:
+            job = self.submit(name)
+            self.runs(job, name)
+            self.slurm("scancel", "--signal=USR1", "--batch", job)
+            self.again(job, 1)
+            self.ends(job)
+            self.same(name)
+        finally:
+            self.values = before
 
     def an_array(self) -> None:
         """Two cases of a study, each in a folder of its own."""
@@ -236,6 +269,8 @@ class Rehearsal:
 CASES = (
     Rehearsal.a_refused_scene,
     Rehearsal.warned_by_hand_three_times,
+    Rehearsal.started_by_srun,
+    Rehearsal.started_by_srun_with_pmix,
     Rehearsal.put_back_by_the_administrator,
     Rehearsal.cancelled_and_submitted_again,
     Rehearsal.ranks_killed_and_submitted_again,

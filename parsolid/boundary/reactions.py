@@ -8,6 +8,7 @@ from mpi4py import MPI
 
 from parsolid.boundary.declarations import Declarations, Declared, HeldRegion, PrescribedMotion, Support
 from parsolid.boundary.prescribed import PrescribedRows
+from parsolid.boundary.slides import Slide
 from parsolid.particles.container import Particles
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.regions import selected
@@ -65,11 +66,11 @@ def holders(
 ) -> list[tuple[Told, Held]]:
     """Conditions that tell their force and hold components of particles, each with what it holds; collective.
 
-    What a prescribed motion holds is no other condition's.
+    What a prescribed motion holds is no other condition's. Slides are not among them, see `sliding`.
     """
     result: list[tuple[Told, Held]] = []
     for one in declared.all:
-        if one.where.reports is None:
+        if one.where.reports is None or (isinstance(one, HeldRegion) and one.kind != "fixed"):
             continue
         if isinstance(one, PrescribedMotion):
             result.append((Told(one, declared.dimension), lambda one=one: prescribed.of(one)))  # type: ignore[misc]
@@ -80,6 +81,11 @@ def holders(
             chosen = selected(declared.scene, one.where, particle_set, comm)
             result.append((Told(one, declared.dimension), _clamped(particles, chosen, components, prescribed)))
     return result
+
+
+def sliding(slides: list[Slide], dimension: int) -> list[tuple[Told, Slide]]:
+    """Those of slides that tell their force."""
+    return [(Told(slide.one, dimension), slide) for slide in slides if slide.one.where.reports is not None]
 
 
 def _clamped(particles: Particles, chosen: np.ndarray, components: np.ndarray, prescribed: PrescribedRows) -> Held:

@@ -29,6 +29,8 @@ _SLENDER = 4.0
 def scene_advice(scene: Scene) -> list[str]:
     """What follows from the scene alone."""
     result = notes_of(scene)
+    for system in scene.systems:
+        result += system.settings.notes(scene, system.bodies)
     names = [
         f"bodies.{i}"
         for system in scene.systems

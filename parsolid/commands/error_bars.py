@@ -36,13 +36,16 @@ def run_with_bars(comm: MPI.Intracomm, scene: Scene, options: Namespace, began: 
         return 75
     without_checkpoint(comm, options, folder)
     status = alone(comm, scene, options, began)
+    if status:
+        say("error bars: at the end of the run, which the same command goes on with when --restart is added")
+        return status
     with together(comm, f"cannot write the error bars of {folder}"):
         if comm.rank == 0:
             table, _ = write_bars(scene, folder, done, refused)
             extra = extra_time(folder, done)
             for line in lines(table, scene, extra):
                 say(line)
-    if status == 0 and scene.output.pictures:
+    if scene.output.pictures:
         draw(comm, folder)
     return status
 

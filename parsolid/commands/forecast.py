@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.methods.protocol import ParticleSystem
+from parsolid.observables.in_region import OfRegion
 from parsolid.output.fields import bytes_of_rows
 from parsolid.scene import Scene
 from parsolid.simulation.observables import Observables
@@ -110,11 +111,16 @@ def memory_on(base: float, peak: float, now: Load, then: Load) -> float:
 def bytes_on_disk(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> tuple[int, int, int]:
     """Bytes of the fields of one time, of what their file holds once, and of a checkpoint; collective."""
     fields = checkpoint = 0
-    particles = comm.allreduce(sum(system.owned for system in systems))
+    particles = 0
     for system in systems:
         shown, total = Observables([system]), comm.allreduce(system.owned)
         names = [name for name in scene.output.fields or shown.usual_fields() if shown.has(name)]
-        fields += total * (24 + sum(bytes_of_rows(np.asarray(shown.field(name))) for name in names))
+        written = total
+        if scene.output.where is not None:
+            chosen = OfRegion(shown, list(scene.named_regions).index(scene.output.where))
+            written = int(comm.allreduce(len(chosen.rows("identifier"))))
+        fields += written * (24 + sum(bytes_of_rows(np.asarray(shown.field(name))) for name in names))
+        particles += written
         kept = system.particles.checkpointed().values()
         checkpoint += total * sum(rows.dtype.itemsize * int(np.prod(rows.shape[1:])) for rows in kept)
     # of a particle: its body, its volume, and the cell that shows it

@@ -57,6 +57,9 @@ def error_table(scene: Scene, history: History, done: list[Done]) -> ErrorTable:
         series = Series(times, np.array([values, *(on_times(one.history, name, times) for one in coarse)]), ratios)
         bars[name] = spacing_bar(series, order_in_spacing(name, scene), scene.end_time)
         _add_parts(scene, name, bars[name], times, done)
+        if name in ("kinetic", "stored") and "dissipation_numerical" in columns:
+            # what the scheme has taken of both
+            bars[name].parts["dissipation"] = np.abs(columns["dissipation_numerical"])
         bars[name].phase, bars[name].amplitude = phase_and_amplitude(series, bars[name].used)
     return ErrorTable(times, columns, bars, steps=history["step"])
 
@@ -129,7 +132,7 @@ def told(table: ErrorTable, name: str) -> str:
     error, share = float(bar.error[-1]), table.share(name)
     if not math.isfinite(error):
         mean = f", mean over time {bar.mean:.4g} +- {bar.mean_error:.2g}" if bar.mean_error is not None else ""
-        return f"{name} {value:.4g}, no bar: {bar.verdict}{mean}"
+        return f"{name} {value:.4g}: no bar, {bar.verdict}{mean}"
     percent = f" ({100.0 * share:.2g} % of its largest)" if math.isfinite(share) else ""
     return f"{name} {_rounded(value, error)} +- {error:.2g}{percent}, {bar.verdict}"
 

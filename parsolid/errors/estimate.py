@@ -84,8 +84,12 @@ def nearby_largest(values: np.ndarray, times: np.ndarray, reach: float) -> np.nd
 REACH, TOLERANCE = 0.04, 0.5
 # observed orders below and above this are no orders; estimates with more than the known one are never made
 LEAST_ORDER = 0.4
+# differences of so much of the variation that do not fall from one resolution to the next by this are of no use
+UNRESOLVED, STILL = 0.5, 0.8
 # differences that have as much in common as this fall together
 ALIKE = 0.5
+# and with less than this are independent of each other
+UNLIKE = 0.1
 
 
 def spacing_bar(series: Series, known: float, duration: float) -> Bar:
@@ -101,17 +105,42 @@ def spacing_bar(series: Series, known: float, duration: float) -> Bar:
     if len(values) > 2 and norms[0] > 0.0:
         order = observed_order(norms[0], norms[1], ratios)
         alike = float(np.mean(differences[0] * differences[1])) / (norms[0] * norms[1]) if norms[1] > 0.0 else 0.0
+        if norms[0] > UNRESOLVED * rms(values[0] - values[0].mean()) and norms[0] > STILL * norms[1]:
+            return unresolved(series, known)
     used, factor, verdict = judged_order(order, alike, known)
-    error, missed = fitted_error(series, used)
-    if len(values) > 2:
-        # what two grids alone say
-        other, _ = fitted_error(Series(times, values[:2], ratios[:2]), used)
-        error = np.maximum(np.abs(error), np.abs(other))
+    if order is not None and alike < UNLIKE:
+        error, missed = unlike_error(series, used), np.zeros(len(times))
+    else:
+        error, missed = largest_fitted_error(series, used)
     reach = REACH * duration
     near = nearby_largest(error, times, reach)
     # errors grow: a zero of the difference is none of the error
     total = factor * np.maximum(near, 0.5 * running_rms(error, times)) + missed
     return Bar(total, order, used, factor, verdict, {"spacing": near})
+
+
+def largest_fitted_error(series: Series, order: float) -> tuple[np.ndarray, np.ndarray]:
+    """The larger of what all spacings and the two finest say of the first run's error (n,), and what the fit misses."""
+    error, missed = fitted_error(series, order)
+    other, _ = fitted_error(Series(series.times, series.values[:2], series.ratios[:2]), order)
+    return np.maximum(np.abs(error), np.abs(other)), missed
+
+
+def unlike_error(series: Series, order: float) -> np.ndarray:
+    """The error (n,) of the first run where those of others are independent of it: squares add up."""
+    apart = np.abs(series.values[1:] - series.values[0])
+    result: np.ndarray = (apart / np.sqrt(1.0 + series.ratios[1:, None] ** (2.0 * order))).max(axis=0)
+    return result
+
+
+def unresolved(series: Series, known: float) -> Bar:
+    """What a column has whose runs differ by as much as it varies, finer ones no less: a bar of its mean over time."""
+    times, values, _ = series
+    spans = np.diff(times)
+    means = (0.5 * (values[:, 1:] + values[:, :-1])) @ spans / spans.sum()
+    bar = Bar(np.full(len(times), np.nan), None, known, UNSAFE, "resolutions differ by as much as it varies (chaotic?)")
+    bar.mean, bar.mean_error = float(means[0]), UNSAFE * float(np.abs(means[1:] - means[0]).max())
+    return bar
 
 
 def running_rms(values: np.ndarray, times: np.ndarray) -> np.ndarray:

@@ -50,6 +50,7 @@ class ParticleSystem:
     jumps: times [s] at which a step of length 0 is due for all systems, because loads jump.
     landings: times [s] at which a step must end; even_steps: whether steps between two of them have one length
     (leapfrog near its limit gains energy where they change).
+    substep, substeps: number of its step in the present one of all systems, and how many those are.
     evaluations: force evaluations a step; directed_pairs: interactions counted once a particle.
     energy_scale: an energy [J], the same on all ranks, of which the balance has the round-off even where kinetic and
     stored vanish.
@@ -72,6 +73,8 @@ class ParticleSystem:
     landings: tuple[float, ...] = ()
     even_steps: bool = False
     energy_scale: float = 0.0
+    substep: int = 0
+    substeps: int = 1
     evaluations: int = 1
     directed_pairs: int = 0
     news: bool = False

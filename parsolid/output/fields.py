@@ -131,7 +131,8 @@ class FieldSeries:
         if found is None:
             return False
         layout, times, self._places = found
-        if layout.capacity < len(times) + self._capacity:
+        # rows of a file that was packed have no places
+        if layout.capacity < len(times) + self._capacity or "VTKHDF/Points" not in self._places:
             self._enlarge(layout, times)
         else:
             self._layout = layout

@@ -17,6 +17,7 @@ from parsolid.scene.lattice import Filling
 from parsolid.scene.marks import mark_lattice
 from parsolid.scene.named_regions import Region, uses_of_regions
 from parsolid.scene.overlap import overlap_faults
+from parsolid.scene.previous_results import PreviousField
 from parsolid.scene.regions import NOBODY, Named, nearest_particles, selected
 from parsolid.scene.schema import Scene, unbounded_plane
 from parsolid.scene.validation_errors import SceneError, agree, fault, key_path, suggestion
@@ -135,7 +136,7 @@ def _empty_regions(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndar
 
 def _formulas(
     scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray]
-) -> Iterator[tuple[tuple[Any, ...], FormulaVector, np.ndarray]]:
+) -> Iterator[tuple[tuple[Any, ...], FormulaVector | PreviousField, np.ndarray]]:
     """Every formula of the scene with its key and the particles at which it is needed."""
     for i, body in enumerate(scene.bodies):
         here = particle_set.body == i
@@ -147,19 +148,28 @@ def _formulas(
                 yield ("bodies", i, key), _as_vector(getattr(body, key)), here
         for row, formulas in enumerate(body.deformation_gradient or ()):
             yield ("bodies", i, "deformation_gradient", row), formulas, here
-    for i, state in enumerate(scene.initial):
-        here = meant(scene, state, particle_set.body, particle_set.regions)
-        for key in ("velocity", "displacement", "temperature"):
-            if getattr(state, key) is not None:
-                yield ("initial", i, key), _as_vector(getattr(state, key)), here
-        for row, formulas in enumerate(state.deformation_gradient or ()):
-            yield ("initial", i, "deformation_gradient", row), formulas, here
+    yield from _formulas_of_states(scene, particle_set)
     for i, boundary in enumerate(scene.boundaries):
         for key, formulas in boundary.formulas.items():
             yield ("boundaries", i, key), formulas, chosen[i]
     for key in ("body_force", "acceleration", "heat_source"):
         if getattr(scene.loads, key) is not None:
             yield ("loads", key), _as_vector(getattr(scene.loads, key)), np.ones(len(particle_set), bool)
+
+
+def _formulas_of_states(
+    scene: Scene, particle_set: ParticleSet
+) -> Iterator[tuple[tuple[Any, ...], FormulaVector | PreviousField, np.ndarray]]:
+    """Those of initial states, and the fields that they take of results."""
+    for i, state in enumerate(scene.initial):
+        here = meant(scene, state, particle_set.body, particle_set.regions)
+        for key in ("velocity", "displacement", "temperature"):
+            if getattr(state, key) is not None:
+                yield ("initial", i, key), _as_vector(getattr(state, key)), here
+        for values in state.of_results:
+            yield ("initial", i, "results"), values, here
+        for row, formulas in enumerate(state.deformation_gradient or ()):
+            yield ("initial", i, "deformation_gradient", row), formulas, here
 
 
 def _as_vector(formulas: Formula | FormulaVector) -> FormulaVector:
@@ -174,7 +184,7 @@ def _not_finite(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray
     faults: list[Any] = []
     for key, formulas, here in _formulas(scene, particle_set, chosen):
         rows = np.flatnonzero(here)
-        values = formulas.evaluate(particle_set.position[rows])
+        values = formulas.evaluate(particle_set.position[rows]).reshape(len(rows), len(formulas))
         wanted, sound = f"a finite value of a size up to {MOST:g}", np.abs(values) <= MOST
         if key[0] in ("bodies", "initial") and key[-1] == "temperature":
             wanted, sound = "a temperature of at least 0 K", sound & (values >= 0.0)

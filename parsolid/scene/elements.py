@@ -57,8 +57,9 @@ def lumped_volumes(kind: str, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray
     """
     element = ELEMENTS[kind]
     if element.corners is None:
-        volume = np.linalg.det(nodes[:, 1:] - nodes[:, :1]) / math.factorial(element.dimension)
-        size = np.abs(nodes[:, 1:] - nodes[:, :1]).max(axis=(1, 2)) ** element.dimension
+        arms = nodes[:, 1:] - nodes[:, :1]
+        volume = np.linalg.det(arms) / math.factorial(element.dimension)
+        size = np.maximum(arms.max(axis=(1, 2)), -arms.min(axis=(1, 2))) ** element.dimension
         count = nodes.shape[1]
         return np.repeat(np.abs(volume)[:, None] / count, count, axis=1), np.abs(volume) > 1e-14 * size
     values, gradient = _at_gauss_points(element.corners)

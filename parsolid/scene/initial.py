@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from parsolid.scene.previous_results import PreviousField
 from parsolid.scene.schema import Scene
 
 Regions = np.ndarray | None
@@ -17,12 +18,12 @@ Regions = np.ndarray | None
 def _stated(scene: Scene, body: np.ndarray, regions: Regions, key: str) -> Iterator[tuple[np.ndarray, Any]]:
     """Rows of particles and the formula that is stated for them, the later one holding."""
     for i, one in enumerate(scene.bodies):
-        if getattr(one, key) is not None:
+        if getattr(one, key, None) is not None:
             yield np.flatnonzero(body == i), getattr(one, key)
     numbers = {one.name: i for i, one in enumerate(scene.bodies)}
     for state in scene.initial:
-        if getattr(state, key) is not None and (state.body is None or state.body in numbers):
-            yield np.flatnonzero(meant(scene, state, body, regions)), getattr(state, key)
+        if state.of(key) is not None and (state.body is None or state.body in numbers):
+            yield np.flatnonzero(meant(scene, state, body, regions)), state.of(key)
 
 
 def meant(scene: Scene, state: Any, body: np.ndarray, regions: Regions) -> np.ndarray:
@@ -38,7 +39,17 @@ def meant(scene: Scene, state: Any, body: np.ndarray, regions: Regions) -> np.nd
 
 
 def _anyone_states(scene: Scene, key: str) -> bool:
-    return any(getattr(one, key) is not None for one in (*scene.bodies, *scene.initial))
+    stated = [getattr(body, key, None) for body in scene.bodies] + [state.of(key) for state in scene.initial]
+    return any(one is not None for one in stated)
+
+
+def taken_from_results(scene: Scene, body: np.ndarray, regions: Regions) -> np.ndarray:
+    """Which particles (n,) bool have a state of another run."""
+    result = np.zeros(len(body), bool)
+    for state in scene.initial:
+        if state.results is not None:
+            result |= meant(scene, state, body, regions)
+    return result
 
 
 def initial_velocity(scene: Scene, body: np.ndarray, position: np.ndarray, regions: Regions = None) -> np.ndarray:
@@ -68,6 +79,9 @@ def initial_deformation_gradient(
     given = np.zeros(len(position), bool)
     for here, rows in _stated(scene, body, regions, "deformation_gradient"):
         given[here] = True
+        if isinstance(rows, PreviousField):
+            result[here] = rows.evaluate(position[here])
+            continue
         for row, formulas in enumerate(rows):
             result[here, row] = formulas.evaluate(position[here])
     return result, given
@@ -80,6 +94,14 @@ def initial_temperature(
     result = np.asarray(usual, float)[body]
     for here, formula in _stated(scene, body, regions, "temperature"):
         result[here] = formula.evaluate(position[here])
+    return result
+
+
+def initial_plastic_strain(scene: Scene, body: np.ndarray, position: np.ndarray, regions: Regions = None) -> np.ndarray:
+    """Initial equivalent plastic strain (n,), 0 where nothing is stated."""
+    result = np.zeros(len(body))
+    for here, values in _stated(scene, body, regions, "plastic_strain"):
+        result[here] = values.evaluate(position[here])
     return result
 
 

@@ -1,15 +1,18 @@
 """Initial states of a scene beside those of its bodies' tables: of a region, or from the results of another run."""
 
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import SceneModel, reject
+from parsolid.scene.base_model import NotNegative, SceneModel, dimension_of, reject
 from parsolid.scene.bodies import Name
 from parsolid.scene.formulas import InitialMatrix, InitialScalar, InitialVector
 from parsolid.scene.method_settings import Detail
 from parsolid.scene.named_regions import RegionName
+from parsolid.scene.previous_results import TAKEN, PreviousField, steps_of
+from parsolid.scene.shapes import ExistingFolder
 
 # keys with formulas
 FIELDS = ("velocity", "displacement", "deformation_gradient", "temperature")
@@ -19,7 +22,8 @@ class InitialState(SceneModel):
     """The state at time 0 of the particles of a region, of a body, or of all; it holds in place of what stands before.
 
     Of `displacement` and `deformation_gradient` the same holds as in a body's table: the second is one plus the
-    gradient of the first.
+    gradient of the first. In place of formulas there may be the results of another run: its fields at a time, as they
+    are where particles have the same reference place, interpolated by moving least squares elsewhere.
     """
 
     where: RegionName | None = None
@@ -28,11 +32,34 @@ class InitialState(SceneModel):
     displacement: InitialVector | None = Field(None, description="a formula for each component [m]")
     deformation_gradient: InitialMatrix | None = Field(None, description="rows of formulas")
     temperature: InitialScalar | None = Field(None, description="a formula [K]")
+    results: ExistingFolder | None = Field(None, description="a folder of results of another run")
+    time: NotNegative | None = Field(None, description="the time of these results [s], the last unless given")
+    fields: Annotated[list[Literal[TAKEN]], Field(min_length=1)] | None = Field(  # type: ignore[valid-type]
+        None, description="what is taken of them, displacement and velocity unless given"
+    )
+    _of_results: dict[str, PreviousField] = PrivateAttr(default_factory=dict)
 
     @model_validator(mode="after")
     def _something(self, info: ValidationInfo) -> "InitialState":
-        if not self.stated:
-            reject(((), f"at least one of {', '.join(FIELDS)}", Phrase("none")))
+        if not self.stated and self.results is None:
+            reject(((), f"at least one of {', '.join(FIELDS)}, results", Phrase("none")))
+        if self.results is None:
+            alone = [(key, getattr(self, key)) for key in ("time", "fields") if getattr(self, key) is not None]
+            reject(*(((key,), "no such key without results", value) for key, value in alone))
+            return self
+        try:
+            steps = steps_of(Path(self.results), self.time)
+        except (OSError, KeyError, ValueError) as error:
+            key, found = ("results", self.results) if self.time is None else ("time", self.time)
+            reject(((key,), str(error), found))
+        for i, name in enumerate(self.fields or ("displacement", "velocity")):
+            lacking = [one for one in ("displacement", name) if any(one not in step.names for step in steps)]
+            if lacking:
+                place = ("fields", i) if self.fields else ("results",)
+                reject((place, f"results with the field {lacking[0]!r} ({', '.join(steps[0].names)})", self.results))
+            self._of_results[name] = PreviousField(steps, name, dimension_of(info) or 3)
+        both = sorted(set(self.stated) & set(self._of_results))
+        reject(*(((name,), "a formula or results, not both", Phrase("both")) for name in both))
         return self
 
     @property
@@ -40,15 +67,30 @@ class InitialState(SceneModel):
         """The keys with formulas that are given."""
         return [key for key in FIELDS if getattr(self, key) is not None]
 
+    @property
+    def of_results(self) -> list[PreviousField]:
+        """The fields that are taken of results."""
+        return list(self._of_results.values())
+
+    def of(self, name: str) -> Any:
+        """The formula or the field of results for a name, None where neither is given."""
+        return self._of_results.get(name, getattr(self, name, None))
+
 
 def initial_details(scene: Any) -> list[Detail]:
-    """Faults of initial states: bodies that are not there, temperatures that no body has."""
+    """Faults of initial states: bodies that are not there, what no method can take."""
     details: list[Detail] = []
     names = [body.name for body in scene.bodies if body.name is not None]
+    methods = [plan.settings for plan in scene.systems]
+    known = {name for one in methods for name in one.field_kinds(scene.dimension)}
     for i, one in enumerate(scene.initial):
         if one.body is not None and one.body not in names:
             details.append((("initial", i, "body"), f"the name of a body ({', '.join(names) or 'none'})", one.body))
-        warm = any("temperature" in plan.settings.field_kinds(scene.dimension) for plan in scene.systems)
-        if one.temperature is not None and not warm:
-            details.append((("initial", i, "temperature"), "no such key with this method", one.temperature.source))
+        for name in ("temperature", "plastic_strain"):
+            if one.of(name) is not None and name not in known:
+                key = "fields" if one.results and name not in one.stated else name
+                details.append((("initial", i, key), "what bodies of this scene have", name))
+        if one.results is not None and one.of("displacement") and not all(each.strained for each in methods):
+            expected = "velocity, temperature or plastic_strain (the stress of this method is no function of it)"
+            details.append((("initial", i, "fields"), expected, "displacement"))
     return details

@@ -10,9 +10,10 @@ import numpy as np
 
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.bodies import FilledShape
-from parsolid.scene.elements import ELEMENTS, facet_areas, lumped_volumes
+from parsolid.scene.elements import ELEMENTS, lumped_volumes
 from parsolid.scene.lattice import jitter_offsets
 from parsolid.scene.marks import TOLERANCE
+from parsolid.scene.mesh_facets import boundary_facets, mean_edge, numbers_of_places, repeated_rows
 from parsolid.scene.mesh_groups import MeshGroups, facets_in, groups_of, nodes_in
 from parsolid.scene.named_regions import Region
 from parsolid.scene.validation_errors import SceneError
@@ -67,14 +68,12 @@ def _check_nodes(blocks: list[tuple[str, np.ndarray]], count: int) -> None:
 
 def _check_repeated(points: np.ndarray, blocks: list[tuple[str, np.ndarray]]) -> None:
     """Raise SceneError when an element is there twice, on the same nodes or on others at the same places."""
-    _, place = np.unique(points, axis=0, return_inverse=True)
+    place = numbers_of_places(points)
     for kind, cells in blocks:
-        ordered = np.sort(place.reshape(-1)[cells], axis=1)
-        _, first, number = np.unique(ordered, axis=0, return_index=True, return_counts=True)
-        repeated = number > 1
-        if repeated.any():
-            middle = ", ".join(f"{x:g}" for x in points[cells[first[repeated].min()]].mean(axis=0))
-            found = f"{repeated.sum()} {kind} elements more than once, the first at ({middle})"
+        repeated, first = repeated_rows(np.sort(place[cells], axis=1))
+        if repeated:
+            middle = ", ".join(f"{x:g}" for x in points[cells[first]].mean(axis=0))
+            found = f"{repeated} {kind} elements more than once, the first at ({middle})"
             raise SceneError([f"expected every element once, found {found}"])
 
 
@@ -92,16 +91,20 @@ class MeshFilling:
         points, blocks, self.groups = read_mesh(body.shape.model.file, body.shape.model.scale, dimension)
         lumped = [self._sound_volumes(kind, points[cells]) for kind, cells in blocks]
         _check_repeated(points, blocks)
-        used = np.unique(np.concatenate([cells.ravel() for _, cells in blocks]))
+        met = np.zeros(len(points), bool)
+        for _, cells in blocks:
+            met[cells] = True
+        used = np.flatnonzero(met)
         self.lower, self.upper = points[used].min(axis=0), points[used].max(axis=0)
-        facets = _boundary_facets(points, blocks)
+        facets, edge = boundary_facets(points, blocks), mean_edge(points, blocks)
         if body.placed_on == "nodes":
             self._on_nodes(points, blocks, lumped, facets, used)
+            self.spacing = edge[used]
         else:
             self._in_cells(points, blocks, lumped, facets)
         self.regions: np.ndarray | None = None
         self.surfaces: np.ndarray | None = None
-        self._whole = points, blocks, facets, used
+        self._whole = points, blocks, facets, used, TOLERANCE * edge
         self.count = len(self.volume)
         self.coarsest = float(self.spacing.max())
 
@@ -132,7 +135,6 @@ class MeshFilling:
         for _, nodes, _ in facets:
             self.movable[nodes] = False
         self.movable = self.movable[used]
-        self.spacing = _mean_edge(points, blocks)[used]
 
     def _in_cells(self, points: np.ndarray, blocks: Any, lumped: list[np.ndarray], facets: Any) -> None:
         self.position = np.concatenate([points[cells].mean(axis=1) for _, cells in blocks])
@@ -145,9 +147,8 @@ class MeshFilling:
 
     def mark(self, known: Mapping[str, Region]) -> None:
         """Find the particles in regions, and what of their surface is: facets of which all nodes are."""
-        points, blocks, facets, used = self._whole
+        points, blocks, facets, used, tolerance = self._whole
         cells, on_nodes = [nodes for _, nodes in blocks], self.body.placed_on == "nodes"
-        tolerance = TOLERANCE * _mean_edge(points, blocks)
         vectors = np.zeros((len(points) if on_nodes else self.count, len(known), points.shape[1]))
         for owner, nodes, area in facets:
             inside = facets_in(known, self.groups, points, tolerance, cells, nodes)
@@ -185,36 +186,3 @@ class MeshFilling:
             regions=None if self.regions is None else self.regions[rows].copy(),
             surfaces=None if self.surfaces is None else self.surfaces[rows].copy(),
         )
-
-
-def _boundary_facets(points: np.ndarray, blocks: Any) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """(owning element, nodes, outward area vector) of the facets that belong to one element only, by number
-    of nodes.
-    """
-    gathered: dict[Any, Any] = {}
-    first = 0
-    for kind, cells in blocks:
-        owner = np.arange(first, first + len(cells))
-        first += len(cells)
-        centre = points[cells].mean(axis=1)
-        for facet in ELEMENTS[kind].facets:
-            gathered.setdefault(len(facet), []).append((owner, cells[:, facet], centre))
-    result = []
-    for pieces in gathered.values():
-        owner, nodes, centre = (np.concatenate(column) for column in zip(*pieces))
-        _, index, count = np.unique(np.sort(nodes, axis=1), axis=0, return_index=True, return_counts=True)
-        single = np.sort(index[count == 1])
-        result.append((owner[single], nodes[single], facet_areas(points[nodes[single]], centre[single])))
-    return result
-
-
-def _mean_edge(points: np.ndarray, blocks: Any) -> np.ndarray:
-    """Mean length [m] of the edges that meet in each node; 0 for nodes of no element."""
-    total = len(points)
-    pairs = np.concatenate([np.sort(cells[:, edge], axis=1) for kind, cells in blocks for edge in ELEMENTS[kind].edges])
-    keys = np.unique(pairs[:, 0] * total + pairs[:, 1])
-    start, end = keys // total, keys % total
-    length = np.linalg.norm(points[start] - points[end], axis=1)
-    both = np.concatenate([start, end])
-    summed = np.bincount(both, np.concatenate([length, length]), minlength=total)
-    return summed / np.maximum(np.bincount(both, minlength=total), 1)

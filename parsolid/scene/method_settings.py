@@ -1,7 +1,7 @@
 """What the settings of all methods have in common."""
 
 from collections.abc import Iterable
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -24,7 +24,8 @@ class MethodSettings(SceneModel):
     pressure acts; loads: keys of the table of that name; ledger_terms: see
     `ledger.Ledger`; viscous_terms: those of them that artificial viscosity fills; bodies_meet: whether bodies that come
     together feel each other without contact; shared_field: whether bodies stick together on a field of velocities that
-    they share, so that those which do not need systems of their own.
+    they share, so that those which do not need systems of their own; strained: whether stress is that of a
+    displacement or deformation gradient, which a start may have.
     """
 
     system: ClassVar[str]
@@ -35,6 +36,7 @@ class MethodSettings(SceneModel):
     refused: ClassVar[dict[str, str]] = {}
     prescribes: ClassVar[tuple[str, ...]] = ("velocity",)
     reactions: ClassVar[tuple[str, ...]] = ()
+    strained: ClassVar[bool] = True
     pressed: ClassVar[tuple[str, ...]] = ("plane", "where")
     loads: ClassVar[tuple[str, ...]] = ("body_force", "acceleration")
     declared_fields: ClassVar[tuple[particles.Field, ...]] = ()
@@ -47,6 +49,9 @@ class MethodSettings(SceneModel):
     kind: str
     maximum_step: Positive | None = Field(None, description="the largest time step [s]")
     minimum_step: Positive | None = Field(None, description="the time step [s] below which the run stops")
+    substeps: Annotated[int, Field(ge=1, le=64)] | Literal["auto"] | None = Field(
+        None, description="steps of this method in a common one of several methods: a number, or 'auto'"
+    )
     balance_warning: Positive = Field(0.01, description='energy unaccounted for from which a run is "unbalanced"')
     balance_limit: Positive = Field(0.05, description="energy unaccounted for, over the largest, at which a run fails")
     dissipation_warning: Positive = Field(
@@ -70,9 +75,17 @@ class MethodSettings(SceneModel):
         """What the method cannot make of a scene's other tables: (location, expected, found)."""
         return []
 
+    def notes(self, scene: Any, bodies: Iterable[int]) -> list[str]:
+        """What a scene asks for of the method's bodies that costs accuracy where it need not, in words."""
+        return []
+
     def contact_refused(self, scene: Any) -> str | None:
         """Why bodies of the method cannot be in contact, None where they can."""
         return "with this method"
+
+    def substeps_refused(self) -> str | None:
+        """Why the method cannot take several steps in one that all methods take; None where it can."""
+        return None
 
     def state(self, dimension: int) -> str:
         """The state of strain, "bar", "plane-strain", "plane-stress" or "space"."""

@@ -42,6 +42,9 @@ class Output(SceneModel):
     checkpoint_interval: Positive | None = Field(None, description="simulated time between checkpoints [s]")
     checkpoint_steps: Annotated[int, Field(ge=1)] | None = Field(None, description="steps between checkpoints")
     checkpoint_wall: Positive = Field(default=600.0, description="wall time between checkpoints [s]")
+    compression: Annotated[int, Field(ge=0, le=9)] = Field(
+        default=0, description="level at which the fields are deflated when the run has finished, 0 for not at all"
+    )
     pictures: bool = Field(True, description="draw the standard pictures at the end")
 
     @field_validator("fields_times")
@@ -74,11 +77,22 @@ SOLUTIONS_KNOWN = {
     "micro-layer": ((("height", "rate"),), _MICRO),
 }
 
+# those of linear solids
+_SMALL_STRAIN = ("uniaxial-creep", "bar-vibration")
 # those that come with a body force
 MANUFACTURED = ("axis-aligned", "generalised-vortex")
 
 # the type checker does not know what literals a table holds
 KnownSolution: Any = Literal[tuple(SOLUTIONS_KNOWN)]
+
+
+def solution_faults(exact: str, material: Any) -> list[Detail]:
+    """Why an exact solution is not one for a material."""
+    if material.kind not in SOLUTIONS_KNOWN[exact][1]:
+        return [(("reference", "exact"), f"a solution for the material {material.kind!r}", exact)]
+    if exact in _SMALL_STRAIN and getattr(material, "strain", "small") != "small":
+        return [(("reference", "exact"), f"a solution for strain = '{material.strain}'", exact)]
+    return []
 
 
 def _series_faults(file: str, columns: dict[str, str]) -> list[Detail]:

@@ -21,8 +21,9 @@ from parsolid.scene.lattice import Filling
 from parsolid.scene.loads import Loads
 from parsolid.scene.methods import Method, NamedMethodTable
 from parsolid.scene.named_regions import Region, all_regions, region_details, uses_of_regions
-from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, SOLUTIONS_KNOWN, Output, Reference
+from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, Output, Reference, solution_faults
 from parsolid.scene.probes import Probe, ProbeTable
+from parsolid.scene.substeps import substep_faults
 from parsolid.scene.systems import SystemOfScene, faults_of_systems, part_of, systems_of
 from parsolid.scene.tie import TIE_TERMS, Tie, tie_faults
 from parsolid.scene.tools import Tool, still_faults, tool_faults
@@ -83,18 +84,17 @@ class Scene(SceneModel):
 
     @model_validator(mode="after")
     def _fits_method(self) -> "Scene":
-        details = faults_of_systems(self) + still_faults(self) + tie_faults(self)
+        details = faults_of_systems(self) + still_faults(self) + tie_faults(self) + substep_faults(self)
         exact = None if self.reference is None else self.reference.exact
         if self.loads.manufactured and exact not in MANUFACTURED:
             known = " or ".join(map(repr, MANUFACTURED))
             details.append(
                 (("loads", "manufactured"), f"reference.exact = {known}", NOTHING if exact is None else exact)
             )
-        kinds, kind = SOLUTIONS_KNOWN[exact][1] if exact else (), self.bodies[0].material.kind
         if exact and len(self.methods or ()) > 1:
             details.append((("reference", "exact"), "no such key with several methods", exact))
-        elif exact and kind not in kinds:
-            details.append((("reference", "exact"), f"a solution for the material {kind!r}", exact))
+        elif exact:
+            details += solution_faults(exact, self.bodies[0].material)
         details += region_details(self) + initial_details(self)
         details += reaction_details(self.boundaries, [probe.name for probe in self.probes], self.systems)
         reject(*details)

@@ -19,7 +19,17 @@ def _existing_file(path: str, info: ValidationInfo) -> str:
     return full
 
 
+def _existing_folder(path: str, info: ValidationInfo) -> str:
+    """The absolute path of a folder named relative to the scene's, or to the one that the program runs in."""
+    near = os.path.join((info.context or {}).get("folder", ""), path)
+    found = [os.path.abspath(one) for one in (near, path) if os.path.isdir(one)]
+    if not found:
+        raise mismatch("an existing folder", os.path.abspath(near))
+    return found[0]
+
+
 ExistingFile = Annotated[str, AfterValidator(_existing_file)]
+ExistingFolder = Annotated[str, AfterValidator(_existing_folder)]
 
 
 class Box(SceneModel):

@@ -20,6 +20,7 @@ from parsolid.simulation.phases import Phases
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.setup import build_systems
 from parsolid.simulation.signals import StopRequest
+from parsolid.simulation.subcycling import Subcycling
 from parsolid.simulation.time_step import TimeSteps
 
 FINISHED, STOPPED, INTERRUPTED = "finished", "stopped", "interrupted"
@@ -92,6 +93,8 @@ class Simulation:
         self.time_steps = TimeSteps.of(scene, self.systems)
         # the step agreed on for the current state; a restart takes it from the checkpoint, for the same bits
         self.stable: float | None = None
+        # of each system, where any takes several steps in a common one
+        self.subcycling = Subcycling(comm, self.systems, restart.header.get("stable_steps") if restart else None)
         if restart:
             restart.apply(self)
         for interaction in self.interactions:
@@ -99,6 +102,7 @@ class Simulation:
         self._minimum: MinimumAhead | None = None
         # what the systems have announced of the step under way, and the wishes that go with it
         self._told: list[float] = []
+        self._alone = False
         self._wishes = (0.0, 0.0)
         self.failed, self.failed_somewhere, self.checkpoint_wanted = False, False, False
         self.last_checkpoint: str | None = None
@@ -123,12 +127,13 @@ class Simulation:
     def minimum(self) -> MinimumAhead:
         """The one collective of a step: stable step, wishes, and news of all systems and interactions."""
         if self._minimum is None:
-            self._minimum = MinimumAhead(self.comm, 4 + len(self.parts))
+            self._minimum = MinimumAhead(self.comm, 4 + len(self.parts) + self.subcycling.extra)
         return self._minimum
 
     def stable_step(self) -> float:
         """Largest step [s] of this rank's particles in the current state."""
-        return _together(min(system.stable_step() for system in self.systems), self._allowed())
+        own = [system.stable_step() for system in self.systems]
+        return _together(self.subcycling.common(min(own), own), self._allowed())
 
     def _allowed(self) -> float:
         """Step [s] that interactions allow on this rank where nothing else acts."""
@@ -155,9 +160,9 @@ class Simulation:
         self.phases.set_up = self.phases.set_up or clock.perf_counter() - self.clock.began
         stable = self.stable
         if stable is None:
-            self._announce(min(system.stable_step() for system in self.systems), (0.0, 0.0))
+            self._announce([system.stable_step() for system in self.systems], (0.0, 0.0))
         else:
-            self._announce(stable, (0.0, 0.0), alone=True)
+            self._announce([stable], (0.0, 0.0), alone=True)
         while True:
             self.stable, interrupted, checkpoint = self._result()
             self.checkpoint_wanted = checkpoint < 0.0
@@ -185,22 +190,27 @@ class Simulation:
         self._advance(step, self.clock.time + step, (0.0, 0.0))
         self._result()
 
-    def _announce(self, stable: float, wishes: tuple[float, float], alone: bool = False) -> None:
-        """Begin to agree on the stable step, on wishes (to stop, to write a checkpoint) and on everyone's news.
+    def _announce(self, stable: list[float], wishes: tuple[float, float], alone: bool = False) -> None:
+        """Begin to agree on the stable steps of systems, on wishes (to stop, to write a checkpoint) and on news.
 
         alone: the stable step is one that takes interactions into account.
         """
         news = [-float(one.news) for one in self.parts]
-        self.minimum.begin((stable, inf if alone else self._allowed(), -wishes[0], -wishes[1], *news))
+        told = self.subcycling.told(stable)
+        self.minimum.begin((min(stable), inf if alone else self._allowed(), -wishes[0], -wishes[1], *news, *told))
+        self._alone = alone
 
     def _result(self) -> tuple[float, float, float]:
         waiting = clock.perf_counter()
-        stable, allowed, interrupted, checkpoint, *news = self.minimum.result()
+        stable, allowed, interrupted, checkpoint, *rest = self.minimum.result()
+        news, of_systems = rest[: len(self.parts)], rest[len(self.parts) :]
         self.phases.waiting += clock.perf_counter() - waiting
         if self.clock.step <= self.first_step + 1:
             self.phases.begin()
         for one, first in zip(self.parts, news):
             one.news_anywhere = first < 0.0
+        if not self._alone:
+            stable = self.subcycling.agreed(stable, of_systems)
         return _together(stable, allowed), interrupted, checkpoint
 
     def _advance(self, step: float, arrival: float, wishes: tuple[float, float]) -> None:
@@ -225,10 +235,16 @@ class Simulation:
         self._count(now - began, clock.process_time() - processor_began)
 
     def _advance_system(self, number: int, step: float) -> None:
-        """One step [s] of one system."""
-        system = self.systems[number]
-        if not system.advance(self.clock.time, step, self._ledgers[number], partial(self._hear, system)):
-            self.failed = True
+        """One step [s] of one system, or several of its own."""
+        system, count = self.systems[number], self.subcycling.count(number, step)
+        for k in range(count):
+            system.substep = k
+            announce = partial(self._hear, system) if k == count - 1 else self._hear_within
+            if not system.advance(self.clock.time + k * (step / count), step / count, self._ledgers[number], announce):
+                self.failed = True
+            if k < count - 1:
+                # what all ranks must act on, they have
+                system.news_anywhere = False
 
     def _advance_and_count(self, number: int, step: float) -> None:
         """One step [s] of one of several systems, and what work it is for this rank."""
@@ -239,12 +255,16 @@ class Simulation:
             # without what the first step of a program loads
             self.clock.work[number] += clock.perf_counter() - began - (system.communication_seconds - waited)
 
+    def _hear_within(self, sound: bool, stable: float) -> None:
+        """What a system announces of a step that is not its last in the common one."""
+        self.failed = self.failed or not sound
+
     def _hear(self, system: ParticleSystem, sound: bool, stable: float) -> None:
         """What a system announces; the last one's announcement begins the agreement of all ranks."""
         healthy = sound and not self.failed and isfinite(stable)
         self._told.append(stable if healthy or system.owned == 0 else -1.0)
         if len(self._told) == len(self.systems):
-            self._announce(min(self._told), self._wishes)
+            self._announce(self._told, self._wishes)
 
     def _count(self, seconds: float, processor_seconds: float) -> None:
         """Add what a step took, on the wall and on this rank's processor [s]."""

@@ -14,6 +14,7 @@ from parsolid.output.fields import Fields, FieldSeries
 from parsolid.output.history import History, read_history
 from parsolid.output.lock import FolderLock
 from parsolid.output.numbering import numbers_of
+from parsolid.output.packing import pack
 from parsolid.output.whereabouts import HERE
 from parsolid.scene import Scene
 from parsolid.simulation.observables import Observables
@@ -107,6 +108,16 @@ class OutputFiles:
                 constant["identifier"] = numbers
                 self.blocks.write(time, number, position, varying, constant)
             self.blocks.collect()
+
+    def pack(self) -> None:
+        """Deflate the fields as the scene says, once no more are to come; collective."""
+        level = self.scene.output.compression
+        series = [self.fields] if self.fields is not None else self.blocks.series if self.blocks is not None else []
+        with together(self.comm, "cannot pack the fields"):
+            if self.comm.rank == 0 and level:
+                for one in series:
+                    if len(one.times):
+                        pack(one.path, level)
 
     def _chosen(self, of: Observables) -> tuple[np.ndarray, Observables | OfRegion]:
         """The particles that are written, and their numbers; of a region these run through those there; collective."""

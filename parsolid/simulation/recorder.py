@@ -82,6 +82,8 @@ class Recorder:
         """Write the checkpoint that the end of a run owes; collective."""
         began = clock.perf_counter()
         self.write_checkpoint()
+        if self.simulation.clock.time >= self.scene.end_time:
+            self.files.pack()
         self.simulation.phases.output += clock.perf_counter() - began
 
     def _checkpoint_due(self, simulation: Simulation) -> bool:

@@ -164,6 +164,7 @@ def header_of(
         "time": simulation.clock.time,
         "step": simulation.clock.step,
         "stable_step": simulation.stable,
+        "stable_steps": simulation.subcycling.stable,
         "jumped": simulation.time_steps.jumped,
         **{numbered("method_state", number): system.state() for number, system in systems},
         "interactions": [interaction.state() for interaction in simulation.interactions],

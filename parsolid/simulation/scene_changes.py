@@ -36,6 +36,7 @@ FREE = (
         "safety",
         "maximum_step",
         "minimum_step",
+        "substeps",
         "rebalance",
         "balance_warning",
         "balance_limit",

@@ -8,6 +8,7 @@ from parsolid.collective import raise_together
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene, initial_deformation_gradient, initial_displacement
+from parsolid.scene.initial import taken_from_results
 
 # of a spacing, for differences of the formulas; what they may be off by, over 1 + |grad u|
 _DIFFERENCE, _TOLERANCE = 1e-5, 1e-3
@@ -39,6 +40,7 @@ def _misfit(scene: Scene, system: ParticleSystem, particle_set: ParticleSet) -> 
     if given is None or not len(particle_set):
         return None
     stated, where = given
+    where = where & ~taken_from_results(scene, particle_set.body, particle_set.regions)
     off = np.zeros(len(particle_set))
     small = _DIFFERENCE * float(particle_set.spacing.min())
     for axis, step in enumerate(small * np.eye(scene.dimension)):

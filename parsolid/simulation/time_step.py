@@ -9,6 +9,7 @@ import numpy as np
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
 from parsolid.scene.load_histories import corner_times
+from parsolid.simulation.subcycling import MOST
 
 # landing on a time may stretch or halve steps but never makes a sliver
 SLIVER = 1e-9
@@ -47,7 +48,10 @@ class TimeSteps:
         landings |= {time for time in corner_times(scene) if 0.0 < time < scene.end_time}
         jumps = {time for system in systems for time in system.jumps}
         settings = [system.settings for system in systems]
-        longest = min((one.maximum_step for one in settings if one.maximum_step is not None), default=np.inf)
+        # several steps of a system may be in a common one
+        times = [MOST if one.substeps == "auto" else one.substeps or 1 for one in settings]
+        most = [one.maximum_step * many for one, many in zip(settings, times) if one.maximum_step is not None]
+        longest = min(most, default=np.inf)
         floor = max((one.minimum_step for one in settings if one.minimum_step is not None), default=None)
         even = any(system.even_steps for system in systems)
         return cls(landings, jumps, scene.end_time, even, longest, 1e-12 * scene.end_time if floor is None else floor)

@@ -83,7 +83,8 @@ def add_stiffness(
     volume: np.ndarray,
     result: np.ndarray,
 ) -> None:
-    """Add the elastic stiffness of particles to that of their cells (cells, 2^d d, 2^d d).
+    """Add the elastic stiffness of particles to that of their cells (cells, 2^d d, 2^d d), to its blocks (d, d) on
+    and above the diagonal.
 
     row (n,): the particle's cell in result; within (n, d); width (d,) [m]; lame, shear (n,) [Pa]; volume (n,) [m^3].
     """
@@ -101,7 +102,7 @@ def add_stiffness(
                         value *= within[p, axis] if upper else 1.0 - within[p, axis]
                 slope[corner, i] = value
         for a in range(1 << d):
-            for b in range(1 << d):
+            for b in range(a, 1 << d):
                 along = 0.0
                 for i in range(d):
                     along += slope[a, i] * slope[b, i]
@@ -141,9 +142,15 @@ class TwoLevel:
         from scipy.sparse.linalg import splu
 
         d = self.within.shape[1]
-        cells, row = np.unique(self.corners, axis=0, return_inverse=True)
+        # a cell is known by its first corner
+        first = np.full(self.grid.nodes, -1)
+        first[self.corners[:, 0]] = np.arange(len(self.corners))
+        cells, row = self.corners[first[first >= 0]], np.cumsum(first >= 0)[self.corners[:, 0]] - 1
         blocks = np.zeros((len(cells), d << d, d << d))
-        add_stiffness(row.ravel(), self.within, self.grid.width, lame, shear, volume, blocks)
+        add_stiffness(row, self.within, self.grid.width, lame, shear, volume, blocks)
+        below = np.tril_indices(1 << d, -1)
+        nodes = blocks.reshape(len(cells), 1 << d, d, 1 << d, d)
+        nodes[:, below[0], :, below[1]] = nodes[:, below[1], :, below[0]].swapaxes(2, 3)
         numbers = (cells[:, :, None] * d + np.arange(d)).reshape(len(cells), -1)
         i, j = np.broadcast_arrays(numbers[:, :, None], numbers[:, None, :])
         size = self.grid.nodes * d

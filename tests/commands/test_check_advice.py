@@ -46,6 +46,14 @@ def test_what_does_not_bend_is_not_told(change, notes):
     assert len(advice(simulation(beam("tlsph", 3, "nodes", **change)))) == notes
 
 
+def test_a_face_that_is_loaded_through_weights_that_do_not_close():
+    pulled = [{"plane": "X = 1", "kind": "traction", "traction": ["1", "0"]}]
+    kernel, best = (
+        advice(simulation(tables((5, 5), method=one, boundaries=pulled))) for one in ({}, {"weights": "best"})
+    )
+    assert len(kernel) == 1 and kernel[0].endswith('method.weights = "best" has neither') and best == []
+
+
 def test_a_thin_shell():
     shell = {"cylindrical_shell": {"base": [0.0] * 3, "axis": "Z", "radius": 1.0, "thickness": 0.1, "length": 1.0}}
     data = tables([40, 6, 2], body={"shape": shell})

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from bodies_apart import COPPER, RUBBER
 from mpi4py import MPI
 from solids import Record, follow, run_into
+from tied_blocks import STIFFNESS, blocks, motion
 
 from parsolid.collective import SolverError
 from parsolid.contact.relations import relations
@@ -12,29 +12,6 @@ from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.time_step import TimeSteps
-
-METHODS = {
-    "sph": {"kind": "tlsph"},
-    "bonds": {"kind": "peridynamics", "horizon_ratio": 2.0},
-    "points": {"kind": "mpm", "cell": 0.25},
-    "flow": {"kind": "ulsph"},
-}
-STIFFNESS = 4.0
-
-
-def blocks(first: str, second: str, **rest) -> dict:
-    """Raw tables of a block beside a taller and coarser one, both in a motion that strains the face."""
-    bodies = []
-    for number, name in enumerate((first, second)):
-        h = (0.125, 0.15625)[number]
-        nodes, lower = name == "sph", [float(number), 0.0]
-        box = {"lower": lower, "upper": [lower[0] + 8 * h, 8 * h]}
-        body = {"name": "ab"[number], "shape": {"box": box}, "particles": [8 + nodes, 8 + nodes], "method": name}
-        body |= {"placement": "nodes" if nodes else "cells", "material": COPPER if name == "flow" else RUBBER}
-        bodies.append(body | {"velocity": ["20*X*Y", "-5*X + 10*Y*Y"]})
-    methods = [{"name": name} | METHODS[name] for name in dict.fromkeys((first, second))]
-    data = {"dimension": 2, "end_time": 0.05, "methods": methods, "bodies": bodies}
-    return data | {"tie": [{"bodies": ["a", "b"], "stiffness": STIFFNESS}]} | rest
 
 
 def turned(sim, gradient: np.ndarray) -> list[np.ndarray]:
@@ -87,18 +64,6 @@ def test_forces_are_minus_the_gradient_of_an_energy_that_no_affine_motion_has():
                 found.append(tie.energies()[1])
                 position[rows[k], 1] -= shift
             assert (found[1] - found[0]) / 2e-5 == pytest.approx(force[k, 1], abs=1e-7 * largest)
-
-
-def motion(sim) -> dict[str, float]:
-    """Momentum and angular momentum [N s, N m s], impulses that are on their way included."""
-    found = np.zeros(3)
-    for system in sim.systems:
-        rows, owned = system.particles.owned_rows, system.owned
-        p = (system.mass[:owned] * system.share[:owned])[:, None] * rows("velocity")
-        p = p + (rows("impulse") if "impulse" in system.particles else 0.0)
-        x = rows("position")
-        found += [*p.sum(axis=0), np.sum(x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0])]
-    return {"motion": sim.comm.allreduce(found)}
 
 
 @pytest.mark.parametrize(("first", "second"), [("bonds", "points"), ("sph", "flow")])

@@ -11,6 +11,7 @@ from mpi4py import MPI
 
 from parsolid.output import OutputError, vtkhdf
 from parsolid.output.fields import FieldSeries
+from parsolid.output.packing import pack
 
 TIMES = [0.0, 0.1, 0.1 + 0.2, 1.0]
 
@@ -152,6 +153,35 @@ def test_resumed_series_equals_an_uninterrupted_one(comm, shared_path, method, m
             assert np.array_equal(expected, other["VTKHDF"][name][: len(expected)])
     assert vtkhdf.published(killed.path)[0].capacity == room
     assert sorted(path.name for path in shared_path.glob("*.vtkhdf*")) == ["fields.vtkhdf", "whole.vtkhdf"]
+
+
+def test_a_packed_series_is_smaller_reads_the_same_and_is_gone_on_with(comm, shared_path):
+    particles, path = Particles(comm, 500), shared_path / "fields.vtkhdf"
+    series = FieldSeries(comm, path, 6)
+    for time in TIMES[:2]:
+        particles.write(series, time)
+    before, plain = path.stat().st_size, {}
+    names = ("Points", "PointData/velocity", "PointData/volume", "Vertices/Offsets", "Steps/Values")
+    with h5py.File(path, "r") as file:
+        plain = {name: file["VTKHDF"][name][()] for name in names}
+    comm.Barrier()
+    if comm.rank == 0:
+        pack(path, 4)
+    comm.Barrier()
+    assert path.stat().st_size < 0.7 * before
+    with h5py.File(path, "r") as file:
+        for name, values in plain.items():
+            found = file["VTKHDF"][name][()]
+            assert np.array_equal(found, values[: len(found)]) and len(found) in (len(values), 1000), name
+        assert file["VTKHDF"].attrs["Type"] == b"PolyData"
+    if importlib.util.find_spec("pyvista"):
+        times, meshes = read_with_vtk(path)
+        assert times == TIMES[:2]
+        for time, mesh in zip(times, meshes):
+            check_mesh(particles, mesh, time, 500)
+    resumed = FieldSeries(comm, path, 4, resume_at=TIMES[0])
+    particles.write(resumed, TIMES[2])
+    assert np.array_equal(vtkhdf.published(path)[1], [TIMES[0], TIMES[2]])
 
 
 def test_the_step_at_the_checkpoint_s_time_is_kept_and_not_written_again(comm, shared_path):

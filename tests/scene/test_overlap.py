@@ -1,7 +1,7 @@
 """Bodies in one another are refused by their names, neighbours are not, for every shape on any number of ranks."""
 
 import pytest
-from conftest import MATERIAL
+from plain_tables import MATERIAL
 
 from parsolid.particles.generation import generate
 from parsolid.scene import SceneError, parse_scene

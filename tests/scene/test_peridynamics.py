@@ -230,6 +230,14 @@ BROKEN = {
         plate(boundaries=[PULL | {"history": {"file": "nowhere.csv"}}]),
         "boundaries.0.history.file: expected an existing file, found '.*nowhere.csv'",
     ),
+    "a solution of small strain": (
+        plate(
+            bodies=[PLATE["bodies"][0] | {"material": MATERIAL | {"strain": "finite"}}],
+            boundaries=[PULL],
+            reference={"exact": "uniaxial-creep", "history": True},
+        ),
+        "reference.exact: expected a solution for strain = 'finite', found 'uniaxial-creep'",
+    ),
     "history in another format": (
         plate(boundaries=[PULL | {"history": {"file": __file__}}]),
         "boundaries.0.history.file: expected a CSV file of two columns of numbers under a line of names, found",

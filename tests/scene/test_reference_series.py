@@ -4,7 +4,7 @@ import json
 import math
 
 import pytest
-from conftest import SQUARE
+from plain_tables import SQUARE
 
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.reference import series_errors

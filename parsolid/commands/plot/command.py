@@ -108,9 +108,11 @@ def _steps(results: Results, options: argparse.Namespace, moving: bool) -> list[
 
 def _curves(results: Results, folder: Path) -> list[Path]:
     from parsolid.commands.plot.curves import write_energies, write_probes
+    from parsolid.commands.plot.forces import write_forces
 
     write_energies(results, folder / "energies.png")
-    return [folder / "energies.png"] + ([folder / "probes.png"] if write_probes(results, folder / "probes.png") else [])
+    more = ((write_probes, folder / "probes.png"), (write_forces, folder / "forces.png"))
+    return [folder / "energies.png", *(path for write, path in more if write(results, path))]
 
 
 def _draw_bodies(

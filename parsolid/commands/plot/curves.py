@@ -36,12 +36,14 @@ def write_energies(results: Results, path: Path, size: tuple[int, int] | None = 
     figure = _figure(size or (3 * _PANEL[0], _PANEL[1] + 30), results.title)
     energies, dissipations, balance = figure.subplots(1, 3)
     for name in ("kinetic", "stored", "work_external"):
-        if name != "work_external" or np.any(terms[name]):
+        if np.any(terms[name]):
             energies.plot(time, terms[name] / unit, color=_COLOURS[name], label=words_of(name))
     total = terms["kinetic"] + terms["stored"]
-    energies.plot(time, total / unit, color=_COLOURS["total"], label="kinetic + stored", linewidth=1.0)
+    if np.any(terms["kinetic"]) and np.any(terms["stored"]):
+        energies.plot(time, total / unit, color=_COLOURS["total"], label="kinetic + stored", linewidth=1.0)
     for name, words in (("dissipation_internal", "internal"), ("dissipation_numerical", "numerical")):
-        dissipations.plot(time, terms[name] / unit, color=_COLOURS[name], label=words)
+        if np.any(terms[name]):
+            dissipations.plot(time, terms[name] / unit, color=_COLOURS[name], label=words)
     for name, colour in zip(_method_terms(history), _PALETTE[4:]):
         if not np.any(terms[name]):
             continue
@@ -76,10 +78,11 @@ def write_probes(results: Results, path: Path, size: tuple[int, int] | None = No
     rows = -(-len(panels) // columns)
     figure = _figure(size or (columns * _PANEL[0], rows * (_PANEL[1] - 30) + 60), results.title)
     grid = np.atleast_1d(figure.subplots(rows, columns)).ravel()
+    largest = _largest_of_fields(panels, history)
     for axes, (panel, names) in zip(grid, panels.items()):
         probe, _, field = panel.partition(".")
-        largest = max((np.nanmax(np.abs(history[name])) for name in names if len(history[name])), default=0.0)
-        unit, label = prefixed(unit_of(field), largest)
+        # the same unit in all panels of a field
+        unit, label = prefixed(unit_of(field), largest[field])
         for name, colour in zip(names, _PALETTE):
             part = name[len(panel) :].lstrip("_")
             axes.plot(time, history[name] / unit, color=colour, label=part or None)
@@ -92,6 +95,16 @@ def write_probes(results: Results, path: Path, size: tuple[int, int] | None = No
     _finish(figure, grid[: len(panels)], prefixed("s", _last(history["time"]))[1])
     figure.savefig(path, dpi=DOTS_PER_INCH)
     return True
+
+
+def _largest_of_fields(panels: dict[str, list[str]], history: dict[str, np.ndarray]) -> dict[str, float]:
+    """Field -> the largest magnitude of all its panels."""
+    found: dict[str, float] = {}
+    for panel, names in panels.items():
+        values = [float(np.nanmax(np.abs(history[name]))) for name in names if np.isfinite(history[name]).any()]
+        field = panel.partition(".")[2]
+        found[field] = max([found.get(field, 0.0), *values])
+    return found
 
 
 def _probe_panels(columns: list[str]) -> dict[str, list[str]]:

@@ -117,8 +117,8 @@ def _edges(axes: Any, points: Any, patches: list[np.ndarray], seams: Sequence[tu
 
 
 def _discs(axes: Any, position: Any, values: np.ndarray, volume: Any, limits: Any, scale: Any) -> None:
-    """A disc for each particle, a little larger than its area so that neighbours touch."""
-    diameter = 1.2 * np.sqrt(volume)
+    """A disc for each particle, so large that those of a square lattice leave no gaps."""
+    diameter = 1.42 * np.sqrt(volume)
     discs = EllipseCollection(
         diameter,
         diameter,

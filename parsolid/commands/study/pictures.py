@@ -13,13 +13,15 @@ from parsolid.commands.study.schema import Study
 from parsolid.commands.study.tables import shown_errors, spaced
 
 _MARKERS = "osD^vPX*<>hd"
+# of a panel
+MOST_CURVES = 8
 _STYLES = ("-", "--", "-.", ":")
 _DOTS_PER_INCH = 90
 
 
 @dataclass
 class Abscissa:
-    """What errors are drawn against: a value of a run, and the same of its yardstick; slopes to be shown with it."""
+    """What errors are drawn against: a value of a run, and the same of another code; slopes to be shown with it."""
 
     name: str
     label: str
@@ -58,7 +60,7 @@ def _picture(study: Study, lines: dict[tuple[Any, ...], list[Case]], abscissa: A
     from matplotlib import pyplot
 
     names = shown_errors(study, [case for line in lines.values() for case in line])
-    panels = {panel: [name for name in names if _panel(name) == panel] for panel in map(_panel, names)}
+    panels = _panels(lines, names)
     columns = min(2, max(1, len(panels)))
     rows = max(1, -(-len(panels) // columns))
     figure, axes = pyplot.subplots(
@@ -66,12 +68,13 @@ def _picture(study: Study, lines: dict[tuple[Any, ...], list[Case]], abscissa: A
     )
     for place in axes.flat[len(panels) :]:
         place.set_visible(False)
-    for (panel, errors), place in zip(panels.items(), axes.flat):
-        place.set(xscale="log", yscale="log", xlabel=abscissa.label, ylabel="error", title=panel)
+    for (title, errors, numbers), place in zip(panels, axes.flat):
+        place.set(xscale="log", yscale="log", xlabel=abscissa.label, ylabel="error", title=title)
         place.grid(True, which="both", alpha=0.25)
         place.tick_params(axis="x", which="minor", labelsize=6)
         points = []
-        for number, line in enumerate(lines.values()):
+        for number in numbers:
+            line = list(lines.values())[number]
             for style, error in zip(_STYLES * len(errors), errors):
                 points += _line(place, number, line, error, style, abscissa)
         if points and abscissa.slopes:
@@ -85,6 +88,23 @@ def _picture(study: Study, lines: dict[tuple[Any, ...], list[Case]], abscissa: A
     return path
 
 
+def _panels(lines: dict[tuple[Any, ...], list[Case]], names: list[str]) -> list[tuple[str, list[str], list[int]]]:
+    """Title, errors and numbers of the lines of each panel, none with more curves than can be told apart."""
+    result = []
+    for panel in dict.fromkeys(map(_panel, names)):
+        errors = [name for name in names if _panel(name) == panel]
+        drawn = [
+            i
+            for i, line in enumerate(lines.values())
+            if any(case.measures["errors"].get(e) for case in line for e in errors)
+        ]
+        most = max(1, MOST_CURVES // len(errors))
+        pieces = [drawn[first : first + most] for first in range(0, len(drawn), most)] or [[]]
+        titles = [panel if len(pieces) == 1 else f"{panel} ({i} of {len(pieces)})" for i in range(1, len(pieces) + 1)]
+        result += [(title, errors, piece) for title, piece in zip(titles, pieces)]
+    return result
+
+
 def _panel(name: str) -> str:
     """The panel that an error belongs to: its name without the time, one for all probes."""
     field = name.split("@", maxsplit=1)[0]
@@ -94,7 +114,7 @@ def _panel(name: str) -> str:
 def _line(
     place: Any, number: int, line: list[Case], error: str, style: str, abscissa: Abscissa
 ) -> list[tuple[float, float]]:
-    """Draw one error of one line, and its yardstick hollow and dotted; the points of the line."""
+    """Draw one error of one line, and what another code reached hollow and dotted; the points of the line."""
     points = _positive((abscissa.value(case), case.measures["errors"].get(error)) for case in line)
     if not points:
         return []
@@ -107,7 +127,7 @@ def _line(
     yardstick = _positive((abscissa.yardstick(case), case.yardstick.get(error)) for case in line)
     if yardstick:
         hollow = {"marker": marker, "markersize": 7, "markerfacecolor": "none", "linewidth": 0.8}
-        place.plot(*zip(*yardstick), ":", color=color, label="yardstick", **hollow)
+        place.plot(*zip(*yardstick), ":", color=color, label="another code", **hollow)
     return points
 
 

@@ -31,7 +31,6 @@ class TiedBody(NamedTuple):
 
     body: int
     name: str
-    index: int
     system: ParticleSystem
     local: int
     spacing: float
@@ -132,7 +131,9 @@ class TiedFaces:
 
     def _keep(self, halo: Halo, start: Any, rows: Any, weight: Any, source: Any, volume: Any) -> None:
         """Of springs those that pull a particle of this rank, of ghosts those that they join; collective."""
-        concerned = np.add.reduceat(np.append(rows < self.owned, False).astype(int), start[:-1]) if len(source) else []
+        concerned: Any = (
+            np.add.reduceat(np.append(rows < self.owned, False).astype(int), start[:-1]) if len(source) else []
+        )
         kept = np.asarray(concerned, int) > 0
         inside = np.repeat(kept, np.diff(start))
         self.rows_of, self.weight = rows[inside], np.ascontiguousarray(weight[inside])

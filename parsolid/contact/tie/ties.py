@@ -13,6 +13,8 @@ from parsolid.scene.tie import TIE_TERMS, tied_pairs
 
 # of the limit of the springs' frequency
 _SAFETY = 0.8
+# of M V of one particle, see `contact.tools.contact`: before so much has happened the balance is no measure of anything
+_BEGINNING = 2.5e4
 
 
 class Ties(Interaction):
@@ -27,13 +29,14 @@ class Ties(Interaction):
         for number, (first, second, tie) in enumerate(tied_pairs(scene)):
             sides = sorted((self._body(scene, body) for body in (first, second)), key=lambda side: side.spacing)
             self.faces.append(TiedFaces(comm, number, tie.stiffness, sides[0], sides[1]))
+        sides = [side for face in self.faces for side in face.sides]
+        self.energy_scale = _BEGINNING * max(side.modulus * side.spacing**scene.dimension for side in sides)
         self._placed: tuple[int | None, ...] = ()
         self._longest = np.inf
 
     def _body(self, scene: Scene, body: int) -> TiedBody:
         """Facts of a body; collective."""
-        index = next(index for index, system in enumerate(self.systems) if body in system.bodies)
-        system = self.systems[index]
+        system = next(system for system in self.systems if body in system.bodies)
         local, read, d = system.bodies.index(body), system.particles.owned_rows, scene.dimension
         rows = read("body") == local
         place = read("reference_position")[rows][:, :d]
@@ -43,7 +46,7 @@ class Ties(Interaction):
         spacing = np.prod(read("spacing")[rows], axis=1) ** (1.0 / d)
         coarsest = maximum(self.comm, float(spacing.max(initial=0.0)))
         nodal, name = scene.bodies[body].placed_on == "nodes", scene.bodies[body].name or f"bodies.{body}"
-        return TiedBody(body, name, index, system, local, coarsest, system.wave_modulus(local)[0], nodal, box)
+        return TiedBody(body, name, system, local, coarsest, system.wave_modulus(local)[0], nodal, box)
 
     def begin(self, time: float) -> None:
         """Springs and their forces; collective. Raises SolverError on all ranks for bodies that cannot be tied."""

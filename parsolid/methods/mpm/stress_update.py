@@ -28,7 +28,7 @@ from parsolid.methods.mpm.plastic_update import (
 )
 from parsolid.particles.declaration import Columns, Field
 from parsolid.particles.particle_set import ParticleSet
-from parsolid.scene import Scene, initial_temperature, initial_zero_energy_temperature
+from parsolid.scene import Scene, initial_plastic_strain, initial_temperature, initial_zero_energy_temperature
 
 # fields of the container in the order of MaterialState
 _STATE = (
@@ -88,6 +88,8 @@ class ElasticPlasticUpdate:
         rows("temperature")[:] = initial_temperature(
             scene, particle_set.body, particle_set.position, usual, particle_set.regions
         )
+        place = (scene, particle_set.body, particle_set.position, particle_set.regions)
+        rows("plastic_strain")[:] = initial_plastic_strain(*place)
         for block in points.warm_blocks:
             here = slice(block.first, block.last)
             warm, reference = rows("temperature")[here], block.law.reference_temperature

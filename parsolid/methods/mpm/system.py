@@ -33,10 +33,10 @@ from parsolid.methods.mpm.residence import Residence
 from parsolid.methods.mpm.step_energies import StepEnergies
 from parsolid.methods.mpm.stress_update import StressUpdate
 from parsolid.methods.mpm.transfers import ORDERS
+from parsolid.methods.mpm.waiting import WaitingImpulses
 from parsolid.methods.mpm.weights import nodes_across
 from parsolid.methods.protocol import Announce, EnergyLedger, ParticleSystem
 from parsolid.numerics.lanes import aligned_zeros
-from parsolid.particles.declaration import Field
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene
 
@@ -78,6 +78,7 @@ class MaterialPoint(ParticleSystem):
             self.conduction = Conduction(self.conditions, points, self.nodes, thermal)
         self.transfer = ORDERS[scene.method.order](points, self.nodes, self.conditions)
         self.residence = Residence(self.grid, points)
+        self.waiting = WaitingImpulses(points)
         self.partition: CellPartition | None = None
 
     def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
@@ -106,7 +107,9 @@ class MaterialPoint(ParticleSystem):
 
     def state(self) -> dict[str, Any]:
         """Owners of cells, the step counter that times re-ordering, the largest speed; collective."""
+        lag = self.comm.allgather(self.waiting.lag()) if self.waiting.expected else []
         return {
+            "lag": lag,
             "partition": self.grid.partition.state(),
             "steps": self.residence.steps,
             "fastest": maximum(self.comm, self.materials.fastest),
@@ -117,7 +120,9 @@ class MaterialPoint(ParticleSystem):
         """Take back what `state` gave; owners of cells only for as many ranks."""
         self.residence.steps, self.materials.fastest = state["steps"], state["fastest"]
         partition = CellPartition.from_state(state["partition"], self.dimension)
-        work = state["plastic_work"]
+        work, lag = state["plastic_work"], state.get("lag", [])
+        if lag:
+            self.waiting.resume(lag[self.comm.rank] if len(lag) == self.comm.size else sum(lag) / self.comm.size)
         if partition.ranks == self.comm.size:
             self.partition, self.materials.plastic_work = partition, work[self.comm.rank]
         else:
@@ -155,16 +160,7 @@ class MaterialPoint(ParticleSystem):
 
     def _with_impulses(self, forces: np.ndarray | None, step: float) -> np.ndarray | None:
         """Forces (capacity, 4) [N] of loads and of the impulses that have been given since the last step [s]."""
-        self.transfer.impulse = None
-        if "impulse" not in self.points or step == 0.0:
-            return forces
-        impulse = self.points.owned_rows("impulse")
-        if not impulse.any():
-            return forces
-        self.transfer.impulse = impulse.copy()
-        result = aligned_zeros((self.points.capacity, 4)) if forces is None else forces.copy()
-        result[: self.owned, : self.dimension] += impulse / step
-        impulse[:] = 0.0
+        result, self.transfer.impulse = self.waiting.take(forces, step, (self.substep, self.substeps))
         return result
 
     def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
@@ -175,18 +171,15 @@ class MaterialPoint(ParticleSystem):
         self.points.owned_rows("impulse")[slice(None) if rows is None else rows] += impulse
         return 0.0
 
-    placements = None
+    @property
+    def placements(self) -> int | None:  # type: ignore[override]
+        """On one rank particles change their rows when storage is sorted; on several they may change ranks in any
+        step."""
+        return self.points.layout if self.comm.size == 1 else None
 
     def expect_kicks(self) -> None:
-        """Impulses wait for the next step, and for a restart."""
-        if "impulse" not in self.points:
-            self.points.declare(Field("impulse", self.dimension, "N s", checkpointed=True))
-
-    def _waiting_energy(self) -> float:
-        """What waiting impulses will have given by the time to which the last half kick belongs [J]."""
-        if "impulse" not in self.points:
-            return 0.0
-        return float(np.sum(self.points.owned_rows("impulse") * self.points.owned_rows("velocity")))
+        """See `waiting.WaitingImpulses`."""
+        self.waiting.expect()
 
     @property
     def symmetry_planes(self) -> list[MirrorPlane]:
@@ -241,7 +234,7 @@ class MaterialPoint(ParticleSystem):
 
     def energies(self) -> tuple[float, float]:
         """Kinetic energy and internal energy [J] of this rank's particles, heat and plastic work included."""
-        kinetic = kinetic_energy(self.owned, self.points.motion) + self._waiting_energy()
+        kinetic = kinetic_energy(self.owned, self.points.motion) + self.waiting.energy()
         return kinetic, self.materials.stored_energy()
 
     def shown(self, name: str, first: int, last: int) -> np.ndarray | None:

@@ -12,9 +12,9 @@ from parsolid.materials.viscoelastic.hyperelastic_series import HyperelasticSeri
 from parsolid.methods.peridynamics.bond_based import BondBasedForce, BondBasedHistory
 from parsolid.methods.peridynamics.bond_force import BondForce
 from parsolid.methods.peridynamics.bond_system import build_bond_system, horizons
-from parsolid.methods.peridynamics.history_force import HistoryForce, TensorHistory
+from parsolid.methods.peridynamics.history_force import ElasticControl, HistoryForce, TensorHistory
 from parsolid.methods.peridynamics.operator import algorithmic_law
-from parsolid.methods.peridynamics.tensor_history import has_tensor_history
+from parsolid.methods.peridynamics.tensor_history import has_tensor_history, is_small_strain
 from parsolid.methods.peridynamics.unlike_series import UnlikeSeries
 from parsolid.methods.peridynamics.viscoelastic_history import ViscoelasticHistory, series_of
 from parsolid.pairs.pair_system import PairSystem
@@ -73,6 +73,8 @@ def build_forces(comm: Any, scene: Any, particle_set: Any, loads: Any) -> Forces
         engine, history = HistoryForce(particles, bond_system, scale, fixed_planes, blocks, branches), TensorHistory
     else:
         engine = BondForce(particles, bond_system, scale, fixed_planes)
+    if not settings.stabilisation.relaxes:
+        return Forces(particles, horizon, bond_system, engine, ElasticControl(engine, blocks, branches))
     if len(series) > 1:
         return Forces(particles, horizon, bond_system, engine, UnlikeSeries(engine, blocks, series))
     return Forces(particles, horizon, bond_system, engine, history(engine, blocks, branches))
@@ -124,4 +126,7 @@ def _faults(scene: Any, laws: list[Any], series: list[Any]) -> str | None:
     for index, law in enumerate(laws):
         if isinstance(law, HyperelasticSeries) and state in ("bar", "plane-stress"):
             return f"bodies.{index}.material.base: expected plane strain or space, found {state!r}"
+    turns = any(series_of(law)[0] and has_tensor_history(law) and not is_small_strain(law) for law in laws)
+    if not scene.method.stabilisation.relaxes and not turns:
+        return "method.stabilisation.relaxes: expected a viscous body of finite strain, which it is for, found none"
     return _kinds_mixed(laws)

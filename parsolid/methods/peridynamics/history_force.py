@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.materials.viscoelastic.prony import Prony
+from parsolid.materials.viscoelastic.prony import Prony, branch_weights
 from parsolid.methods.peridynamics.bond_force import BondForce, pushed_forward
 from parsolid.methods.peridynamics.correspondence import stabiliser_records
 from parsolid.methods.peridynamics.tensor_history import (
@@ -22,7 +22,7 @@ from parsolid.methods.peridynamics.tensor_history import (
     undeformed_wave_modulus,
 )
 from parsolid.methods.peridynamics.tensor_states import TENSOR_ROWS
-from parsolid.methods.peridynamics.viscoelastic_history import ViscoelasticHistory
+from parsolid.methods.peridynamics.viscoelastic_history import ViscoelasticHistory, series_of
 from parsolid.pairs.terms import matrix_columns
 from parsolid.particles.declaration import Columns, Field
 
@@ -207,3 +207,22 @@ class TensorHistory(ViscoelasticHistory):
     def stored_energy(self) -> float:
         """Also of the histories."""
         return super().stored_energy() + self.engine.stored
+
+
+class ElasticControl(TensorHistory):
+    """As `TensorHistory`, with a stabiliser on the displacement itself, of the equilibrium's shear modulus: what is
+    remembered of a displacement does not turn with a body, so that only an elastic control has no moment.
+    """
+
+    def __init__(self, engine: HistoryForce, blocks: Any, branches: int) -> None:
+        """See `ViscoelasticHistory`; the engine has the branches of the stress."""
+        super().__init__(engine, blocks, 0, ((), ()))
+
+    def begin(self, step: float) -> None:
+        """Also `factor`, by which the laws of a stiffness are multiplied."""
+        if step == self.step:
+            return
+        super().begin(step)
+        for first, last, law in self.laws:
+            ratios, times = series_of(law)
+            self.factor[first:last] = 1.0 + sum(g * branch_weights(step, tau)[1] for g, tau in zip(ratios, times))

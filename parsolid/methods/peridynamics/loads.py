@@ -17,7 +17,9 @@ from parsolid.boundary.declarations import (
 from parsolid.boundary.loads import InTime, Load, body_loads, densities
 from parsolid.boundary.prescribed import PrescribedRows
 from parsolid.boundary.rows import Components
+from parsolid.boundary.slides import slides_of
 from parsolid.boundary.supports import Supports
+from parsolid.collective import SolverError
 from parsolid.methods.peridynamics.tractions import Tractions
 from parsolid.particles.container import Particles
 from parsolid.particles.particle_set import ParticleSet
@@ -41,10 +43,14 @@ class PeridynamicLoads:
         self.scene, self.particles = scene, particles
         taken = (Support, HeldRegion, PrescribedMotion, SurfaceTraction, RegionTraction, SurfacePressure)
         self.declared = Declarations(scene, *taken)
-        held = self.declared.of(HeldRegion, "fixed")
+        held = self.declared.of(HeldRegion)
         supports = Supports(comm, scene, self.declared.of(Support, "roller", "fixed"), held, particle_set)
         self.planes, self.codes, self.share = supports.planes, supports.codes, supports.share
         self._held = Components(particles, supports.held)
+        self.slides = slides_of(comm, self.declared, particle_set, particles, supports.held)
+        if self.slides and scene.method.solution.kind != "explicit":
+            expected = 'method.solution.kind = "explicit" for a normal that is held'
+            raise SolverError(f"{self.slides[0].one.key}.kind: expected {expected}, found equilibrium")
         motions = self.declared.of(PrescribedMotion, "velocity", "displacement")
         self.prescribed = PrescribedRows(comm, scene, motions, particle_set, self.particles)
         free = ~supports.held
@@ -89,6 +95,13 @@ class PeridynamicLoads:
     def held(self) -> np.ndarray:
         """Components (owned, d) at rest."""
         return self._held.mask
+
+    def stop(self, velocity: np.ndarray) -> None:
+        """Take from velocities (owned, 4) [m/s] what is held."""
+        d = self.held.shape[1]
+        velocity[:, :d][self.held] = 0.0
+        for slide in self.slides:
+            velocity[slide.rows, :d] -= slide.held(velocity[slide.rows, :d])
 
     @property
     def free(self) -> np.ndarray:

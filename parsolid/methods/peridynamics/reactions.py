@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parsolid.boundary.loads import Load
-from parsolid.boundary.reactions import Told, holders
+from parsolid.boundary.reactions import Told, holders, sliding
 
 
 class Start(NamedTuple):
@@ -28,7 +28,8 @@ class Reactions:
         for one in loads.declared.all:
             if one.where.reports is not None and one.key in loads.loads_of:
                 self.loads.append((Told(one, body.dimension), loads.loads_of[one.key]))
-        self.told = [one for one, _ in (*self.holders, *self.loads)]
+        self.slides = sliding(loads.slides, body.dimension)
+        self.told = [one for one, _ in (*self.holders, *self.slides, *self.loads)]
         self._start: Start | None = None
 
     def begin(self) -> None:
@@ -51,6 +52,8 @@ class Reactions:
         for told, held in self.holders:
             rows, components = held()
             told.take(places[rows], components * impulse[rows], float(np.sum(components * work[rows])))
+        for told, slide in self.slides:
+            told.take(places[slide.rows], slide.held(impulse[slide.rows]), 0.0)
         for told, loads in self.loads:
             first, last = self._values(loads, time, False), self._values(loads, time + step, True)
             middle = change / step

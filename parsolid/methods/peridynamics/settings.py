@@ -26,6 +26,9 @@ class Stabilisation(SceneModel):
         None, description="factor of the control: 0.35 (shear-scaled) or 1 (paper) unless given"
     )
     modulus: Positive | None = Field(None, description="Young's modulus in eq (39), at equilibrium unless given [Pa]")
+    relaxes: bool = Field(
+        True, description="whether shear-scaled control relaxes with the body; false keeps angular momentum to rounding"
+    )
 
     @property
     def factor(self) -> float:
@@ -39,6 +42,8 @@ class Stabilisation(SceneModel):
             details.append((("coefficient",), "no such key without control", self.coefficient))
         if self.kind != "paper" and self.modulus is not None:
             details.append((("modulus",), "no such key but with kind = 'paper'", self.modulus))
+        if self.kind != "shear-scaled" and not self.relaxes:
+            details.append((("relaxes",), "no such key but with kind = 'shear-scaled'", self.relaxes))
         reject(*details)
         return self
 
@@ -252,3 +257,9 @@ class Peridynamics(MethodSettings):
     def contact_refused(self, scene: Any) -> str | None:
         """Equilibrium has no motion that impulses could change."""
         return None if self.solution.kind == "explicit" else "with equilibrium instead of motion"
+
+    def substeps_refused(self) -> str | None:
+        """Of equilibrium, and of bonds, which break in a step that all ranks agree on."""
+        if self.solution.kind != "explicit":
+            return "with equilibrium instead of motion"
+        return "with bonds that break" if self.damage is not None else None

@@ -72,7 +72,8 @@ class Peridynamics(PairMethod):
         displacement = initial_displacement(*place)
         if displacement is not None:
             self.particles.owned_rows("displacement")[:] = displacement
-        self.velocity[:, : self.dimension][self.loads.held], self.displacement[self.loads.held] = 0.0, 0.0
+        self.loads.stop(self.velocity)
+        self.displacement[self.loads.held] = 0.0
         self.solver.begin()
         self.place()
         self.history.start(self.settings.initial_state == "instantaneous")

@@ -96,7 +96,16 @@ class VelocityVerlet(TimeSolver):
         body = self.body
         motion = body.particles.kept(("kicked",), self._kicked)
         loads = self._accelerations(time, not after_jump)
-        return self._kick(body.dimension, 0.5 * step, *motion, loads, self.clamp)
+        work, swing = self._kick(body.dimension, 0.5 * step, *motion, loads, self.clamp)
+        for slide in body.loads.slides:
+            # what holds a normal does no work, and keeps loads and forces from some
+            rows, d = slide.rows, body.dimension
+            removed = slide.held(body.velocity[rows, :d])
+            body.velocity[rows, :d] -= removed
+            removed *= 0.25 * step * body.share[rows, None]
+            swing -= float(np.sum(removed * body.engine.force[rows, :d]))
+            work -= float(np.sum(removed * body.mass[rows, None] * loads[rows, :d])) if loads is not None else 0.0
+        return work, swing
 
     def _kicked(self) -> tuple[np.ndarray, ...]:
         body = self.body

@@ -5,47 +5,12 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.boundary.declarations import Declarations, Declared, HeldRegion, SurfacePressure, SurfaceSpring
-from parsolid.boundary.rows import keep
+from parsolid.boundary.declarations import Declarations, Declared, SurfacePressure, SurfaceSpring
+from parsolid.boundary.slides import slides_of
 from parsolid.boundary.surface_loads import Pressed, Sprung
 from parsolid.boundary.surfaces import Surface
 from parsolid.particles.container import Particles
 from parsolid.particles.particle_set import ParticleSet
-
-# length of what is left of a direction that another condition holds
-_PARALLEL = 1e-6
-
-
-class Slide:
-    """Particles of a surface that do not move along ("roller") or across ("antisymmetric") its reference normal."""
-
-    def __init__(self, one: HeldRegion, surface: Surface, particle_set: ParticleSet, held: np.ndarray, number: int):
-        """held (n, d, d): projections on what other conditions hold, to which this one's directions are added."""
-        self.one, self.surface = one, surface
-        rows, (n, d) = surface.chosen.rows, held.shape[:2]
-        normals = surface.normals_of(particle_set)[rows]
-        wanted = [normals]
-        if one.kind == "antisymmetric":
-            wanted = [np.eye(d)[i] - normals[:, i, None] * normals for i in range(d)]
-        directions = np.zeros((n, len(wanted), d))
-        for k, vectors in enumerate(wanted):
-            # of two normals at an edge the second is held as far as the first does not
-            rest = vectors - np.einsum("kij,kj->ki", held[rows], vectors)
-            length = np.linalg.norm(rest, axis=1)[:, None]
-            directions[rows, k] = np.where(length > _PARALLEL, rest / np.maximum(length, _PARALLEL), 0.0)
-            held[rows] += directions[rows, k, :, None] * directions[rows, k, None, :]
-        self._shape = len(wanted), d
-        self._directions = keep(surface.particles, f"slide_{number}", directions.reshape(n, -1))
-
-    @property
-    def rows(self) -> np.ndarray:
-        """Rows (k,) of this rank's particles."""
-        return self.surface.chosen.rows
-
-    def held(self, vectors: np.ndarray) -> np.ndarray:
-        """What of vectors (k, d) of the rows is held."""
-        directions = self._directions(self.rows).reshape(-1, *self._shape)
-        return np.einsum("kmi,kmj,kj->ki", directions, directions, vectors)
 
 
 class SurfaceForces:
@@ -72,9 +37,7 @@ class SurfaceForces:
         self.mass = mass
         self.loads: list[Pressed | Sprung] = [Pressed(one, surface(one)) for one in declared.of(SurfacePressure)]
         self.loads += [Sprung(one, surface(one), mass) for one in declared.of(SurfaceSpring)]
-        held = [one for one in declared.of(HeldRegion) if one.kind != "fixed"]
-        projections = clamped[:, :, None] * np.eye(declared.dimension)
-        self.slides = [Slide(one, surface(one), particle_set, projections, i) for i, one in enumerate(held)]
+        self.slides = slides_of(comm, declared, particle_set, particles, clamped)
 
     def look(self) -> None:
         """Keep what loads need of the present strain."""

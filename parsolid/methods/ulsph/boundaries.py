@@ -18,8 +18,9 @@ from parsolid.boundary.declarations import (
 )
 from parsolid.boundary.loads import accelerations
 from parsolid.boundary.prescribed import NotFree, PrescribedRows
-from parsolid.boundary.reactions import holders
+from parsolid.boundary.reactions import holders, sliding
 from parsolid.boundary.rows import keep
+from parsolid.boundary.slides import Slide, slides_of
 from parsolid.boundary.supports import Supports
 from parsolid.boundary.surface_loads import SurfaceLoads
 from parsolid.collective import anywhere
@@ -48,9 +49,7 @@ class BoundarySet:
             *(Support, HeldRegion, PrescribedMotion, RigidWall, TemperaturePlane, HeldMicroVelocity),
             *(SurfaceTraction, RegionTraction, SurfaceSpring),
         )
-        supports = Supports(
-            comm, scene, declared.of(Support, "fixed", "roller"), declared.of(HeldRegion, "fixed"), particle_set
-        )
+        supports = Supports(comm, scene, declared.of(Support, "fixed", "roller"), declared.of(HeldRegion), particle_set)
         self.particles, self.codes, self.planes = particles, supports.codes, supports.planes
         self._clamp = None
         if anywhere(comm, bool(supports.held.any())):
@@ -61,7 +60,9 @@ class BoundarySet:
         self.walls = Walls(comm, declared.of(RigidWall), particles)
         self.holders = holders(comm, declared, self.prescribed, particle_set, particles)
         self.surface_loads = SurfaceLoads(declared, comm, particles, particle_set)
-        self.told = [one for one, _ in self.holders] + self.walls.told + self.surface_loads.told
+        self.slides = slides_of(comm, declared, particle_set, particles, supports.held)
+        self.sliding = sliding(self.slides, scene.dimension)
+        self.told = [one for one, _ in (*self.holders, *self.sliding)] + self.walls.told + self.surface_loads.told
         self.loads = accelerations(scene, particles)
         self.held_micro: np.ndarray | None = None
         for micro in declared.of(HeldMicroVelocity):
@@ -91,7 +92,7 @@ class BoundarySet:
         guided = self.prescribed.guided
         rows, components = self.prescribed.entries
         before = kinematics[rows, components]
-        start = particles.owned_rows("velocity").copy() if self.holders else None
+        start = particles.owned_rows("velocity").copy() if self.holders or self.sliding else None
         loads = self._accelerations(time)
         clamp = self._held()
         begun = particles.owned_rows("velocity").copy() if self.walls.walls else None
@@ -109,6 +110,9 @@ class BoundarySet:
             of_viscosity = forces[rows, second_vector(dimension) + components]
             viscous += float(0.25 * step * of_viscosity @ (new - free))
             swing += float(0.25 * step * (forces[rows, components] - of_viscosity) @ (new - free))
+        for slide in self.slides:
+            of_loads, of_viscosity, of_forces = self._slide(slide, 0.5 * step, loads)
+            work, viscous, swing = work - of_loads, viscous - of_viscosity, swing - of_forces
         if start is not None:
             self._take(start, 0.5 * step, loads)
         if begun is not None:
@@ -130,13 +134,31 @@ class BoundarySet:
         """Count the impulses that hold components through a kick of a step [s] from velocities (n, d)."""
         rows = self.particles.owned_rows
         velocity, mass, d = rows("velocity"), self.particles.storage("mass")[0], start.shape[1]
+        acting = self.particles.storage("force_sums")[: len(start), :d]
+        if loads is not None:
+            acting = acting + mass[: len(start), None] * loads[:, :d]
+        impulse = mass[: len(start), None] * (velocity - start) - step * acting
+        mean = 0.5 * (velocity + start)
         for told, held in self.holders:
             here, components = held()
-            pushed = step * self.particles.storage("force_sums")[here, :d]
-            if loads is not None:
-                pushed = pushed + step * mass[here, None] * loads[here, :d]
-            impulse = components * (mass[here, None] * (velocity[here] - start[here]) - pushed)
-            told.add(rows("position")[here], impulse, 0.5 * (velocity[here] + start[here]))
+            told.add(rows("position")[here], components * impulse[here], mean[here])
+        for told, slide in self.sliding:
+            here = slide.rows
+            told.add(rows("position")[here], slide.held(impulse[here]), mean[here])
+
+    def _slide(self, slide: Slide, step: float, loads: np.ndarray | None) -> tuple[float, float, float]:
+        """Take from velocities after a kick of a step [s] what a slide holds, which does no work; what of the work of
+        loads, of the viscosity, and of leapfrog's oscillation [J] is not done for that."""
+        rows, velocity = slide.rows, self.particles.owned_rows("velocity")
+        removed, d, first = slide.held(velocity[rows]), velocity.shape[1], second_vector(velocity.shape[1])
+        velocity[rows] -= removed
+        removed *= 0.5 * step
+        forces = self.particles.storage("force_sums")[rows]
+        viscous = float(np.sum(removed * forces[:, first : first + d]))
+        work = 0.0
+        if loads is not None:
+            work = float(np.sum(removed * self.particles.storage("mass")[0, rows, None] * loads[rows, :d]))
+        return work, viscous, float(np.sum(removed * forces[:, :d])) - viscous
 
     def taken(self, step: float, ledger: EnergyLedger) -> tuple[float, float]:
         """Work of walls, and loss to them [J], forgotten; the ledger takes what conditions tell of a step [s]."""
@@ -147,8 +169,11 @@ class BoundarySet:
     def hold_motion(self, time: float) -> None:
         """Held and prescribed components of the velocity at a time [s], for a new state."""
         particles = self.particles
+        velocity = particles.owned_rows("velocity")
         if self._clamp is not None:
-            particles.owned_rows("velocity")[:] *= self._clamp(slice(None))
+            velocity[:] *= self._clamp(slice(None))
+        for one in self.slides:
+            velocity[one.rows] -= one.held(velocity[one.rows])
         if self.prescribed.guided:
             particles.storage("kinematics")[self.prescribed.entries] = self.prescribed.values("velocity", time)
 

@@ -46,6 +46,7 @@ class UpdatedLagrangianSPH(MethodSettings):
     materials: ClassVar = ("micro-inertia", "elastic-plastic")
     reactions: ClassVar = ("fixed", "roller", "velocity", "rotation", "wall", "traction", "spring")
     boundaries: ClassVar = (*reactions, "micro_clamped", "temperature")
+    strained: ClassVar = False
     refused: ClassVar = {
         "antisymmetric": "images of a solid that moves against it are not made",
         "displacement": "motion is prescribed as a velocity or a rotation",

@@ -37,6 +37,7 @@ from parsolid.scene import (
     Scene,
     initial_displacement,
     initial_micro_rate,
+    initial_plastic_strain,
     initial_temperature,
     initial_velocity,
 )
@@ -53,6 +54,7 @@ class UpdatedLagrangianSPH(PairMethod):
     """
 
     pairs: MovingPairs
+    time = 0.0
 
     def __init__(self, comm: Any, scene: Scene, particle_set: ParticleSet):
         """particle_set: this rank's particles, sorted by law. Collective."""
@@ -117,6 +119,7 @@ class UpdatedLagrangianSPH(PairMethod):
             rows("position")[:] += displacement
         usual = np.array([law.reference_temperature for law in self.laws])[self.particles.law_of_body]
         rows("temperature")[:] = initial_temperature(*place, usual, particle_set.regions)
+        rows("plastic_strain")[:] = initial_plastic_strain(*place, particle_set.regions)
         flowing = initial_micro_rate(*place)
         if flowing is not None:
             held = self.boundaries.held_micro
@@ -146,8 +149,6 @@ class UpdatedLagrangianSPH(PairMethod):
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave."""
         self.lists_state, self.time, self.news = state, state["time"], state["news"]
-
-    time = 0.0
 
     # --- a step -------------------------------------------------------------------------------------------------
 
@@ -183,7 +184,7 @@ class UpdatedLagrangianSPH(PairMethod):
     def look_ahead(self, time: float, step: float) -> None:
         """Whether the lists will be used up by the next step."""
         failed = self.deletion is not None and self.deletion.due()
-        self.time, self.news = time, bool(self.pairs.due(time, step)) or failed
+        self.time, self.news = time, bool(self.pairs.due(time, self.substeps * step)) or failed
 
     def drift(self, first: int, last: int, step: float) -> None:
         """Move particles first..last-1."""
@@ -239,8 +240,7 @@ class UpdatedLagrangianSPH(PairMethod):
             stored += float(change @ (self.mass[rows] * (kept[body] > 0.0)))
             if kept.any():
                 self.particles.owned_rows("energy")[rows] += kept[body] * change
-            temperature[rows] = values
-            record[rows, column] = values
+            temperature[rows] = record[rows, column] = values
         return supplied, stored
 
     def viscous_heat_of_others(self, step: float) -> float:

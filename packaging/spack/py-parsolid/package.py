@@ -1,0 +1,37 @@
+"""Spack: copy the folder py-parsolid into packages/ of a repository of one's own, then `spack install py-parsolid`."""
+
+from spack.package import *
+
+
+class PyParsolid(PythonPackage):
+    """Solids simulated with particles on many processors."""
+
+    homepage = "https://example.org/parsolid"
+    # a checkout: spack develop -p /path/to/checkout py-parsolid@main
+    git = "https://example.org/parsolid.git"
+
+    license("BSD-3-Clause")
+
+    version("main", branch="main")
+
+    variant("plot", default=False, description="Pictures, pages that turn")
+
+    depends_on("python@3.10:", type=("build", "run"))
+    depends_on("py-setuptools@68:", type="build")
+    depends_on("mpi", type=("build", "run"))
+    depends_on("py-mpi4py@4:", type=("build", "run"))
+    depends_on("py-numpy@1.26:", type=("build", "run"))
+    depends_on("py-numba@0.61:", type=("build", "run"))
+    # parallel HDF5: every rank writes its rows with the driver mpio
+    depends_on("py-h5py@3.10: +mpi", type=("build", "run"))
+    depends_on("py-meshio@5.3:", type=("build", "run"))
+    depends_on("py-pydantic@2.6:", type=("build", "run"))
+    depends_on("py-numexpr@2.10:", type=("build", "run"))
+    depends_on("py-tomli@2:", type=("build", "run"), when="^python@:3.10")
+    depends_on("py-tomli-w@1:", type=("build", "run"))
+    depends_on("py-rich@13:", type=("build", "run"))
+    depends_on("py-scipy@1.11:", type=("build", "run"))
+    with when("+plot"):
+        depends_on("py-pyvista@0.44:", type="run")
+        depends_on("py-matplotlib@3.8:", type="run")
+        depends_on("py-imageio-ffmpeg", type="run")

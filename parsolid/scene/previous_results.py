@@ -1,0 +1,147 @@
+"""Fields of another run's results as initial ones: as they are where particles coincide, else interpolated."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+# fields that an initial state may take, with their components in d dimensions
+TAKEN = ("velocity", "displacement", "deformation_gradient", "temperature", "plastic_strain")
+# of a spacing: particles this near to one another are the same; farther than this from all there is nothing to take
+_SAME, _FAR = 1e-4, 2.0
+# neighbours that an interpolated value is of, and rows that are read at a time
+_NEIGHBOURS, _ROWS = {1: 4, 2: 12, 3: 32}, 1_000_000
+# of the time of the results
+_ROUND_OFF = 1e-9
+
+
+@dataclass(frozen=True)
+class StepOfResults:
+    """One step of a file of fields: its rows start at `first` (those of constant fields at 0)."""
+
+    path: Path
+    first: int
+    count: int
+    time: float
+    names: tuple[str, ...]
+
+
+def steps_of(folder: Path, time: float | None) -> list[StepOfResults]:
+    """The step of every block of a folder's fields at a time [s], the last one unless given.
+
+    Raises ValueError, which says what there is, where there is none.
+    """
+    import h5py
+
+    found: dict[Path, tuple[int, np.ndarray, tuple[str, ...]]] = {}
+    for path in sorted(folder.glob("fields*.vtkhdf")):
+        with h5py.File(path, "r") as file:
+            if "series" not in file:
+                continue
+            steps = file["VTKHDF/Steps"]
+            names = tuple(file["VTKHDF/PointData"])
+            times = steps["Values"][: steps.attrs["NSteps"]]
+            found[path] = int(file["VTKHDF/NumberOfPoints"][0]), times, names
+    all_times = sorted({float(one) for _, times, _ in found.values() for one in times})
+    if not all_times:
+        raise ValueError("a folder with fields of a run")
+    wanted = all_times[-1] if time is None else time
+    result = []
+    for path, (count, times, names) in found.items():
+        here = np.flatnonzero(np.abs(times - wanted) <= _ROUND_OFF * max(abs(wanted), all_times[-1]))
+        if len(here):
+            result.append(StepOfResults(path, int(here[0]) * count, count, float(times[here[0]]), names))
+    if not result:
+        raise ValueError(f"a time of its fields ({', '.join(f'{one:.6g}' for one in all_times)})")
+    return result
+
+
+@dataclass
+class PreviousField:
+    """A field of results at a time, evaluated at reference places as a formula is."""
+
+    steps: list[StepOfResults]
+    name: str
+    dimension: int
+    _box: tuple[np.ndarray, np.ndarray] | None = None
+    _known: dict[str, np.ndarray] = field(default_factory=dict)
+    _tree: Any = None
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of one value."""
+        d = self.dimension
+        scalars: dict[str, tuple[int, ...]] = {"temperature": (), "plastic_strain": ()}
+        return scalars.get(self.name, (d, d) if self.name == "deformation_gradient" else (d,))
+
+    def __len__(self) -> int:
+        return int(np.prod(self.shape))
+
+    def evaluate(self, points: np.ndarray) -> np.ndarray:
+        """Values (n, ...) at reference places (n, d) [m]; not numbers where there is no particle near."""
+        return self.components(points).reshape(len(points), *self.shape)
+
+    def components(self, points: np.ndarray) -> np.ndarray:
+        """The same as (n, components)."""
+        d = self.dimension
+        if not len(points):
+            return np.zeros((0, len(self)))
+        self._read(points)
+        values, X, spacing = self._known["values"], self._known["X"], self._known["spacing"]
+        result = np.full((len(points), len(self)), np.nan)
+        count = min(_NEIGHBOURS[d] + 1, len(X))
+        if count:
+            distance, near = self._tree.query(points, k=range(1, count + 1))
+            same = distance[:, 0] <= _SAME * spacing[near[:, 0]]
+            result[same] = values[near[same, 0]]
+            between = np.flatnonzero(~same & (distance[:, 0] <= _FAR * spacing[near[:, 0]]))
+            result[between] = self._between(points[between], distance[between], near[between])
+        # places have more digits in the file than displacements
+        return result - points if self.name == "displacement" else result
+
+    def _between(self, points: np.ndarray, distance: np.ndarray, near: np.ndarray) -> np.ndarray:
+        """Moving least squares of linear functions over neighbours of one body; weights vanish at the farthest one."""
+        X, values, body = (self._known[name] for name in ("X", "values", "body"))
+        weight = (1.0 - np.minimum(distance / distance[:, -1:], 1.0) ** 2) ** 2 + 1e-12
+        weight *= body[near] == body[near[:, :1]]
+        arms = (X[near] - points[:, None]) / distance[:, -1:, None]
+        base = np.concatenate([np.ones((*near.shape, 1)), arms], axis=2)
+        moment = np.einsum("nk,nki,nkj->nij", weight, base, base) + 1e-9 * np.eye(base.shape[2])
+        right = np.einsum("nk,nki,nkc->nic", weight, base, values[near])
+        return np.asarray(np.linalg.solve(moment, right)[:, 0])
+
+    def _read(self, points: np.ndarray) -> None:
+        """Keep the particles near places; read once, unless later places are elsewhere."""
+        from scipy.spatial import cKDTree
+
+        lower, upper = points.min(axis=0), points.max(axis=0)
+        if self._box is not None and (lower >= self._box[0]).all() and (upper <= self._box[1]).all():
+            return
+        pieces = [piece for step in self.steps for piece in self._pieces(step, lower, upper)]
+        self._known = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+        self._tree = cKDTree(self._known["X"])
+        wide = 0.01 * (self._known["spacing"].max(initial=0.0))
+        self._box = lower - wide, upper + wide
+
+    def _pieces(self, step: StepOfResults, lower: np.ndarray, upper: np.ndarray) -> list[dict[str, np.ndarray]]:
+        import h5py
+
+        d, result = self.dimension, []
+        with h5py.File(step.path, "r") as file:
+            data, places = file["VTKHDF/PointData"], file["VTKHDF/Points"]
+            for low in range(0, step.count, _ROWS):
+                high = min(low + _ROWS, step.count)
+                here = slice(step.first + low, step.first + high)
+                x, spacing = places[here, :d], data["volume"][low:high].astype(float) ** (1.0 / d)
+                X = x - data["displacement"][here, :d]
+                margin = 4.0 * spacing[:, None]
+                inside = ((lower - margin <= X) & (upper + margin >= X)).all(axis=1)
+                values = x if self.name == "displacement" else data[self.name][here].astype(float)
+                if self.name == "deformation_gradient":
+                    values = values.reshape(-1, 3, 3)[:, :d, :d].reshape(-1, d * d)
+                values = values.reshape(len(X), -1)
+                values = values[:, :d] if self.name in ("velocity", "displacement") else values
+                kept = {"X": X, "values": values, "spacing": spacing, "body": data["body"][low:high]}
+                result.append({name: rows[inside] for name, rows in kept.items()})
+        return result

@@ -1,0 +1,68 @@
+"""Systems that take several steps in a common one, where theirs is shorter than that of the others.
+
+Impulses of contact, ties and tools are given at the common step alone (Strang's splitting, as ever; r-RESPA of
+Tuckerman, Berne, Martyna, J. Chem. Phys. 97 (1992) 1990), so within it systems do not know of one another.
+"""
+
+from collections.abc import Sequence
+from math import ceil, inf
+from typing import Any
+
+from parsolid.collective import minimum
+from parsolid.methods.protocol import ParticleSystem
+
+# steps of a system in a common one, at most
+MOST = 64
+# of a step, by which one may be longer than stable
+_HAIR = 1e-9
+
+
+class Subcycling:
+    """How many steps each system takes in a common one; nothing where all take one.
+
+    stable: largest steps [s] of all systems, agreed on by all ranks, where any system takes several.
+    """
+
+    def __init__(self, comm: Any, systems: Sequence[ParticleSystem], kept: list[float] | None):
+        """kept: `stable` of a checkpoint. Collective."""
+        self.wanted = [system.settings.substeps or 1 for system in systems]
+        self.systems, self.active = systems, any(wanted != 1 for wanted in self.wanted)
+        self.stable, self._resumed = list(kept or ()), kept is not None
+        if self.active and not kept:
+            self.stable = [minimum(comm, system.stable_step()) for system in systems]
+
+    @property
+    def extra(self) -> int:
+        """Numbers that travel with the minimum of a step besides those of all scenes."""
+        return len(self.wanted) if self.active else 0
+
+    def told(self, own: list[float]) -> list[float]:
+        """Those numbers, from the stable steps [s] of this rank's systems; those of the checkpoint at first."""
+        if not self.active:
+            return []
+        resumed, self._resumed = self._resumed, False
+        return self.stable if resumed else own
+
+    def agreed(self, stable: float, of_systems: Sequence[float]) -> float:
+        """The common step [s] from what all ranks have agreed on, as `common`."""
+        if self.active and stable >= 0.0:
+            self.stable = list(of_systems)
+        return self.common(stable, of_systems)
+
+    def common(self, stable: float, of_systems: Sequence[float]) -> float:
+        """The common step [s] from the least one and those of all systems: that of those whose ratio is given, or of
+        the slowest of all."""
+        if not self.active or stable < 0.0:
+            return stable
+        stated = [step * wanted for step, wanted in zip(of_systems, self.wanted) if wanted != "auto"]
+        own = [step for step, wanted in zip(of_systems, self.wanted) if wanted == "auto"]
+        return min(min(stated, default=max(own, default=inf)), MOST * min(own, default=inf))
+
+    def count(self, number: int, step: float) -> int:
+        """Steps of a system in a common one [s]."""
+        wanted = self.wanted[number]
+        if wanted == "auto":
+            wanted = max(1, ceil(step / self.stable[number] * (1.0 - _HAIR)))
+        count = wanted if step > 0.0 else 1
+        self.systems[number].substeps = count
+        return count

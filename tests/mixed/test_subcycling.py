@@ -1,0 +1,89 @@
+"""Systems that take several steps in a common one: as many as they need, the ledger closes, on any ranks, restarted."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from solids import Record, follow, run_into
+from tied_blocks import blocks, motion
+
+from parsolid.scene import SceneError, parse_scene
+from parsolid.simulation.loop import Simulation
+from parsolid.simulation.restart import Restart
+from parsolid.simulation.time_step import TimeSteps
+
+END = 4e-3
+
+
+def tables(substeps, **rest) -> dict:
+    """Raw tables of a soft block (SPH) tied to one of material points that is 100 times as stiff."""
+    data = blocks("sph", "points", end_time=END, **rest)
+    data["bodies"][1]["material"] = data["bodies"][1]["material"] | {"youngs_modulus": 1.7e9}
+    for body in data["bodies"]:
+        body["velocity"] = ["X*Y", "-0.5*X"]
+    if substeps is not None:
+        data["methods"][1]["substeps"] = substeps
+    return data
+
+
+def watched(sim) -> dict:
+    return motion(sim) | {"common": np.array([sim.clock.step_size, sim.systems[1].substeps])}
+
+
+def test_the_ledger_closes_and_the_motion_is_that_of_the_least_step():
+    plain = follow(Simulation(MPI.COMM_SELF, parse_scene(tables(None))), Record(motion), policy=TimeSteps)
+    several = follow(Simulation(MPI.COMM_SELF, parse_scene(tables("auto"))), Record(watched), policy=TimeSteps)
+    few, many = len(several["time"]), len(plain["time"])
+    assert several["common"][1:, 1].min() == 3.0 and many > 2.5 * few
+    energy = plain["kinetic"][0]
+    assert several["tie_energy"].max() > 1e-5 * energy
+    assert np.abs(several["balance"]).max() < 0.01 * energy
+    momenta = np.abs(several["motion"] - several["motion"][0])
+    assert momenta[:, :2].max() < 1e-12 * np.abs(several["motion"]).max()
+    assert several["stored"][-1] == pytest.approx(plain["stored"][-1], rel=0.05)
+
+
+def test_on_any_ranks_and_after_a_restart_systems_take_the_same_steps(comm, shared_path):
+    single, half = comm.Split(comm.rank), 6
+    scene = parse_scene(tables("auto", output={"history_steps": 1, "fields_times": []}))
+    whole = follow(Simulation(single, scene), Record(watched), 2 * half, TimeSteps)
+    rows = follow(Simulation(comm, scene), Record(watched), 2 * half, TimeSteps)
+    run_into(shared_path / "same", comm, scene, steps=half)
+    again = run_into(shared_path / "same", comm, scene, half, Restart(comm, shared_path / "same" / "checkpoint.h5"))
+    plain = run_into(shared_path / "plain", comm, scene, steps=2 * half)
+    for found, wanted in zip(again.simulation.systems, plain.simulation.systems):
+        kept = wanted.particles.checkpointed()
+        assert all(np.array_equal(values, kept[name]) for name, values in found.particles.checkpointed().items())
+    for name in ("kinetic", "stored", "tie_energy", "balance", "motion", "common"):
+        scale = np.abs(whole[name]).max() if name in ("motion", "common") else whole["kinetic"][0]
+        np.testing.assert_allclose(rows[name], whole[name], rtol=0.0, atol=1e-12 * scale, err_msg=name)
+
+
+@pytest.mark.parametrize(
+    ("change", "wanted"),
+    [
+        (lambda methods: methods.append(methods.pop(1) | {"substeps": 0}), "methods.1.substeps"),
+        (
+            lambda methods: [one.update(substeps=2) for one in methods],
+            "methods.0.substeps: expected 1 or 'auto' for one",
+        ),
+        (
+            lambda methods: methods[0].update(kind="peridynamics", substeps=2, damage={"fracture_energy": 8}),
+            "methods.0.substeps: expected no such key with bonds that break",
+        ),
+    ],
+)
+def test_what_means_nothing_is_refused(change, wanted):
+    data = tables(None)
+    change(data["methods"])
+    with pytest.raises(SceneError) as error:
+        parse_scene(data)
+    assert any(text.startswith(wanted) for text in error.value.faults), error.value.faults
+
+
+def test_one_method_has_no_common_step():
+    data = tables(None)
+    del data["tie"], data["bodies"][1], data["methods"][1], data["bodies"][0]["method"]
+    (method,) = data.pop("methods")
+    del method["name"]
+    with pytest.raises(SceneError, match="method.substeps: expected no such key where no other system takes steps"):
+        parse_scene(data | {"method": method | {"substeps": 2}})
