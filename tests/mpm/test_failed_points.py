@@ -131,3 +131,6 @@ def test_a_scene_without_failure_has_nothing_of_it():
     sim, columns = run_steps(data, 2)
     assert "damage" not in sim.systems[0].particles and "failure_dissipation" not in columns
     assert "failed_mass" not in sim.systems[0].summary()
+    # as one of several systems it is asked all the same
+    for name, zeros in (("failed_mass", 1), ("maximum_damage", 1), ("deleted_mass", 1), ("deleted_momentum", 2)):
+        np.testing.assert_array_equal(sim.systems[0].measure(name)[1], np.zeros(zeros))

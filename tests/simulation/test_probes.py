@@ -2,6 +2,7 @@
 
 import pickle
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from solids import Record, follow, punch, simulation
 
 from parsolid import observables
 from parsolid.observables import declared
+from parsolid.observables.method_quantity import MethodQuantity
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.observables import Observables
 from parsolid.simulation.probes import Probes
@@ -217,3 +219,14 @@ def test_a_probe_with_keys_of_its_own_is_one_file(comm, more_files):
 def test_without_the_file_the_name_is_refused():
     with pytest.raises(SceneError, match="probes.0.quantity: expected one of .*'maximum_speed'"):
         parse_scene(punch() | {"probes": [{"name": "all", "quantity": "farthest_particle"}]})
+
+
+def test_a_system_that_has_none_does_not_hide_what_another_has():
+    def system(tip):
+        settings = SimpleNamespace(extra_quantities={"crack_tip": "vector"})
+        return SimpleNamespace(settings=settings, measure=lambda name: ("maximum", np.array(tip)))
+
+    sampler = MethodQuantity("crack", ["x", "y"], "crack_tip")
+    for pair in (([0.1, 0.2], [np.nan, np.nan]), ([np.nan, np.nan], [0.1, 0.2])):
+        found = sampler.part(SimpleNamespace(systems=[system(tip) for tip in pair]))
+        np.testing.assert_array_equal(found, [0.1, 0.2])

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.collections import EllipseCollection, LineCollection
-from matplotlib.colors import Normalize
+from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.tri import Triangulation
 
 from parsolid.commands.plot.results import Frame
@@ -13,6 +14,8 @@ from parsolid.commands.plot.scales import Scale
 from parsolid.commands.plot.skins import Skin
 
 _EDGES: dict[str, Any] = {"colors": "#202020", "linewidths": 0.4, "alpha": 0.3}
+# as in space
+_NO_COLOUR = "#b8b8b8"
 _OUTLINE: dict[str, Any] = {"colors": "#202020", "linewidths": 0.9}
 
 
@@ -94,6 +97,10 @@ def _fill(axes: Any, points: Any, values: np.ndarray, faces: Any, limits: Any, s
         sides = [np.stack([faces[:, i], faces[:, (i + 1) % 4], middle], axis=1) for i in range(4)]
         faces = np.concatenate(sides)
     triangles = Triangulation(points[:, 0], points[:, 1], faces)
+    if np.isnan(values).all():
+        # a body that has no such field
+        axes.tripcolor(triangles, np.zeros(len(points)), cmap=ListedColormap([_NO_COLOUR]), rasterized=True)
+        return
     axes.tripcolor(triangles, values, shading="gouraud", cmap=scale.colours, norm=limits, rasterized=True)
 
 
@@ -127,7 +134,7 @@ def _discs(axes: Any, position: Any, values: np.ndarray, volume: Any, limits: An
         offsets=position,
         offset_transform=axes.transData,
         array=values,
-        cmap=scale.colours,
+        cmap=colormaps[scale.colours].with_extremes(bad=_NO_COLOUR),
         norm=limits,
         linewidths=0,
     )
