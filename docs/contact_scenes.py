@@ -212,19 +212,24 @@ def extreme() -> None:
     deep = block("deep", [0.0, 0.0], [1.0, 1.0], h, "cells", displacement=["0", "-0.4"])
     cases["overlap"] = scene([deep, block("base", [0.0, -1.0], [1.0, 0.0], h, "cells")], 1.0)
     for name, tables in cases.items():
-        if sys.argv[2:] and not any(word in name for word in sys.argv[2:]):
-            continue
-        try:
-            simulation, columns = run(tables)
-        except (SceneError, SolverError, RunFailed) as error:
-            print(f"{name}: {str(error)[:200]}", flush=True)
-            continue
-        deepest = columns["contact_energy"].max() / columns["kinetic"].max()
-        print(
-            f"{name}: {simulation.clock.step} steps, balance {off(columns):.1e}, contact energy up to {deepest:.2g} of "
-            f"the kinetic, velocities {np.round(means(simulation)[:2, 0] / (0.01 * SPEED), 3).tolist()} of .01 c",
-            flush=True,
-        )
+        if not sys.argv[2:] or any(word in name for word in sys.argv[2:]):
+            outcome(name, tables)
+
+
+def outcome(name: str, tables: Tables) -> None:
+    """What became of a scene."""
+    try:
+        simulation, columns = run(tables)
+    except (SceneError, SolverError, RunFailed) as error:
+        print(f"{name}: {str(error)[:200]}", flush=True)
+        return
+    deepest = columns["contact_energy"].max() / columns["kinetic"].max()
+    found = np.round(means(simulation)[:2, 0] / (0.01 * SPEED), 3).tolist()
+    print(
+        f"{name}: {simulation.clock.step} steps, balance {off(columns):.1e}, contact energy up to {deepest:.2g} of the "
+        f"kinetic, velocities {found} of .01 c",
+        flush=True,
+    )
 
 
 if __name__ == "__main__":

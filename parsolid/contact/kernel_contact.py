@@ -69,6 +69,7 @@ class KernelContact(Interaction):
         self.rebuilds, self.energy, self.stuck = 0, 0.0, 0.0
         self._placed: tuple[int | None, ...] = ()
         self._until_look, self._nearest = 0, np.inf
+        self._step = min(side.longest for side in self.sides.sides)
         self.recipients: list[Recipient] = []
 
     def begin(self, time: float) -> None:
@@ -105,6 +106,8 @@ class KernelContact(Interaction):
 
     def before(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Half a kick with the forces of the last evaluation; new lists where a rank has asked for them."""
+        if step > 0.0:
+            self._step = step
         if self.news_anywhere:
             self.rebuild(time)
             self._colours(anew=True)
@@ -158,14 +161,16 @@ class KernelContact(Interaction):
         self._placed = self.placements
         self.boxes.agree(time)
         self.within.look()
-        self.entries.build(self.boxes, self.within.excluded if self.within.any else None, self._constants)
-        self.rebuilds += 1
-        self.news, self._until_look = False, _LEAST_STEPS
         for system in self.systems:
             rows = system.particles.owned_rows
             rows("contact_listed")[:] = rows("position")
-            if self.rebuilds == 1 or self.restarted:
+            if self.rebuilds == 0 or self.restarted:
                 rows("contact_start")[:, : system.dimension] = rows("position")
+        # particles so fast that they use up their lists before they can be made anew may all press
+        prune = self.boxes.time_left(time, 2 * _AHEAD * self._step) >= _AHEAD * self._step
+        self.entries.build(self.boxes, self.within.excluded if self.within.any else None, self._constants, prune)
+        self.rebuilds += 1
+        self.news, self._until_look = False, 1
         entries, d = self.entries, self.systems[0].dimension
         owned, whole = entries.owned, entries.owned + entries.halo.ghosts
         self.place, self.moved = np.zeros((whole, d)), np.zeros((whole, d) if self.rubs else (0, d))

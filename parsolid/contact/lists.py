@@ -41,12 +41,14 @@ class Entries:
         self.half = np.array([0.5 * (side.reach + side.skin) for side in sides.sides])
         self.skin = np.array([side.skin for side in sides.sides])
 
-    def build(self, boxes: Boxes, excluded: Callable[..., np.ndarray] | None, law: Callable[..., np.ndarray]) -> None:
+    def build(
+        self, boxes: Boxes, excluded: Callable[..., np.ndarray] | None, law: Callable[..., np.ndarray], prune: bool
+    ) -> None:
         """Entries and lists in the present places; collective.
 
         excluded: which pairs of entries of one body, by side, owned row, neighbour and reference places with ghosts,
         do not touch although they are near. law: constants (owned, 5) of `passes` from the volumes (owned,) [m^3].
-        Entries that press on nothing and on which nothing presses, as long as the lists hold, are left out.
+        prune: leave out entries that press on nothing and on which nothing presses, as long as the lists hold.
         """
         self.segments = self._segments(boxes)
         self.owned = self.segments[-1].last if self.segments else 0
@@ -74,7 +76,9 @@ class Entries:
         start, neighbour, code = self._with_images(start, neighbour, code, whole, side)
         lists = passes.Lists(start, neighbour, code if self.table is not None else None, self.table, None)
         matter = passes.Matter(whole, volume, self.share, self.constants)
-        feels = passes.may_feel(self.owned, matter, lists, self.skin[side[: self.owned]], SEEN)
+        feels = np.ones(self.owned, np.int64)
+        if prune:
+            feels = passes.may_feel(self.owned, matter, lists, self.skin[side[: self.owned]], SEEN)
         self._prune(halo, start, neighbour, code, halo.with_ghosts(feels) > 0, volume, particle)
 
     def _prune(self, halo: Halo, start: Any, neighbour: Any, code: Any, feels: Any, volume: Any, particle: Any) -> None:
