@@ -78,7 +78,7 @@ class MaterialPoint(ParticleSystem):
             self.conduction = Conduction(self.conditions, points, self.nodes, thermal)
         self.transfer = ORDERS[scene.method.order](points, self.nodes, self.conditions)
         self.residence = Residence(self.grid, points)
-        self.waiting = WaitingImpulses(points)
+        self.waiting: WaitingImpulses | None = None
         self.partition: CellPartition | None = None
 
     def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
@@ -107,7 +107,7 @@ class MaterialPoint(ParticleSystem):
 
     def state(self) -> dict[str, Any]:
         """Owners of cells, the step counter that times re-ordering, the largest speed; collective."""
-        lag = self.comm.allgather(self.waiting.lag()) if self.waiting.expected else []
+        lag = self.comm.allgather(self.waiting.lag()) if self.waiting is not None else []
         return {
             "lag": lag,
             "partition": self.grid.partition.state(),
@@ -121,7 +121,7 @@ class MaterialPoint(ParticleSystem):
         self.residence.steps, self.materials.fastest = state["steps"], state["fastest"]
         partition = CellPartition.from_state(state["partition"], self.dimension)
         work, lag = state["plastic_work"], state.get("lag", [])
-        if lag:
+        if lag and self.waiting is not None:
             self.waiting.resume(lag[self.comm.rank] if len(lag) == self.comm.size else sum(lag) / self.comm.size)
         if partition.ranks == self.comm.size:
             self.partition, self.materials.plastic_work = partition, work[self.comm.rank]
@@ -160,8 +160,9 @@ class MaterialPoint(ParticleSystem):
 
     def _with_impulses(self, forces: np.ndarray | None, step: float) -> np.ndarray | None:
         """Forces (capacity, 4) [N] of loads and of the impulses that have been given since the last step [s]."""
-        result, self.transfer.impulse = self.waiting.take(forces, step, (self.substep, self.substeps))
-        return result
+        if self.waiting is not None:
+            forces, self.transfer.impulse = self.waiting.take(forces, step, (self.substep, self.substeps))
+        return forces
 
     def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
         """Impulses act in the next step by way of the nodes: what only particles had, no node would know of.
@@ -179,7 +180,8 @@ class MaterialPoint(ParticleSystem):
 
     def expect_kicks(self) -> None:
         """See `waiting.WaitingImpulses`."""
-        self.waiting.expect()
+        if self.waiting is None:
+            self.waiting = WaitingImpulses(self.points)
 
     @property
     def symmetry_planes(self) -> list[MirrorPlane]:
@@ -234,7 +236,9 @@ class MaterialPoint(ParticleSystem):
 
     def energies(self) -> tuple[float, float]:
         """Kinetic energy and internal energy [J] of this rank's particles, heat and plastic work included."""
-        kinetic = kinetic_energy(self.owned, self.points.motion) + self.waiting.energy()
+        kinetic = kinetic_energy(self.owned, self.points.motion)
+        if self.waiting is not None:
+            kinetic += self.waiting.energy()
         return kinetic, self.materials.stored_energy()
 
     def shown(self, name: str, first: int, last: int) -> np.ndarray | None:

@@ -17,18 +17,9 @@ class WaitingImpulses:
         self.points, self.step = points, 0.0
         # of a checkpoint, until a step is taken
         self._kept: float | None = None
-
-    @property
-    def expected(self) -> bool:
-        """Whether there may be any."""
-        return "impulse" in self.points
-
-    def expect(self) -> None:
-        """Impulses wait for the next step, and for a restart."""
-        if not self.expected:
-            self.points.declare(Field("impulse", self.points.dimension, "N s", checkpointed=True))
-            if self.points.settings.substeps not in (None, 1):
-                self.points.declare(Field("given_impulse", self.points.dimension, "N s"))
+        points.declare(Field("impulse", points.dimension, "N s", checkpointed=True))
+        if points.settings.substeps not in (None, 1):
+            points.declare(Field("given_impulse", points.dimension, "N s"))
 
     def take(
         self, forces: np.ndarray | None, step: float, place: tuple[int, int]
@@ -38,7 +29,7 @@ class WaitingImpulses:
 
         place: number of the step among those of the common one, and how many those are.
         """
-        if not self.expected or step == 0.0:
+        if step == 0.0:
             return forces, None
         self.step, self._kept = step, None
         impulse = self.points.owned_rows("impulse")
@@ -61,8 +52,6 @@ class WaitingImpulses:
 
         Of waiting impulses J . v, of stresses -dt/2 V sigma : l.
         """
-        if not self.expected:
-            return 0.0
         rows = self.points.owned_rows
         return float(np.sum(rows("impulse") * rows("velocity"))) + self.lag()
 
