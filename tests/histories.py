@@ -1,0 +1,151 @@
+"""python -m tests.histories --ranks 1 2 3: every scene of `runs/` with every probe has the same history on any ranks.
+
+Each scene takes `--steps` steps with its own probes and, at the middle of its first body, one of every field and
+quantity that it accepts; its histories are compared column by column with those of the first number of ranks, on the
+scale of the column's largest value (of all columns of a vector or tensor). Prints a line a scene; status 1 when a
+difference exceeds `--tolerance`, a scene fails, or one has no history on some number of ranks.
+"""
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomllib
+
+ROOT = Path(__file__).parents[1]
+
+
+def scenes(only: str) -> dict[str, Path]:
+    """The scenes of `runs/` that a run takes, by a name for their folders."""
+    found = {}
+    for path in sorted(ROOT.glob("runs/**/*.toml")):
+        name = "-".join(path.relative_to(ROOT / "runs").with_suffix("").parts)
+        if "bodies" in tomllib.loads(path.read_text()) and only in name:
+            found[name] = path
+    return found
+
+
+def watched(path: Path) -> Any:
+    """The scene with a probe of every field and quantity that it accepts."""
+    from parsolid.observables.declared import field_kinds, quantity_kinds
+    from parsolid.scene import SceneError, load_scene, parse_scene
+
+    scene = load_scene(path)
+    data = tomllib.loads(path.read_text())
+    d = scene.dimension
+    bounds = scene.bodies[0].shape.bounds() if hasattr(scene.bodies[0].shape, "bounds") else None
+    middle = [0.0] * d if bounds is None else [0.5 * float(low + high) for low, high in zip(*bounds)][:d]
+    kinds = [settings for settings in (scene.method,) if settings is not None]
+    fields = dict.fromkeys([*field_kinds(), *(name for each in kinds for name in each.field_kinds(d))])
+    quantities = dict.fromkeys([*quantity_kinds(), *(name for each in kinds for name in each.extra_quantities)])
+    more: list[dict[str, Any]] = []
+    for name in fields:
+        axis = {"axis": "Z"} if name == "twist" and d == 3 else {}
+        more.append({"name": f"all_{name}", "at": middle, "fields": [name]} | axis)
+    more += [{"name": f"sum_{name}", "quantity": name} for name in quantities]
+    own = data.get("probes", [])
+    data["output"] = {"history_steps": 1, "pictures": False}
+    data.pop("reference", None)
+    while True:
+        data["probes"] = own + more
+        try:
+            return parse_scene(data, path.parent)
+        except SceneError as error:
+            wrong = {int(number) - len(own) for number in re.findall(r"probes\.(\d+)", str(error))}
+            if not wrong or min(wrong) < 0:
+                raise
+            more = [probe for number, probe in enumerate(more) if number not in wrong]
+
+
+def run_all(folder: Path, steps: int, only: str) -> None:
+    """On all ranks of this job: so many steps of every scene, each history in a file of its own."""
+    from mpi4py import MPI
+
+    sys.path.insert(0, str(ROOT / "tests"))
+    from solids import run_into
+
+    comm = MPI.COMM_WORLD
+    for name, path in scenes(only).items():
+        output = folder / f"{name}-{comm.size}"
+        try:
+            run_into(output, comm, watched(path), steps)
+        except Exception as error:
+            (folder / f"{name}-{comm.size}.{comm.rank}.failed").write_text(f"{type(error).__name__}: {error}"[:500])
+        comm.Barrier()
+
+
+def largest_difference(one: Path, other: Path) -> tuple[float, str, int]:
+    """The largest difference over the scale of its vector or tensor, its column, and the number of columns."""
+    tables = []
+    for folder in (one, other):
+        lines = (folder / "history.csv").read_text().splitlines()
+        names = lines[0].split(",")
+        tables.append(np.array([[float(value) for value in line.split(",")] for line in lines[1:]]))
+    if tables[0].shape != tables[1].shape:
+        return np.inf, "rows", len(names)
+    groups: dict[str, list[int]] = {}
+    energies = re.compile(r"^(?!step$|time$|dt$)[a-z_]+$")
+    for column, name in enumerate(names):
+        group = "energies" if energies.match(name) else re.sub(r"_[xyz]{1,2}$", "", name)
+        groups.setdefault(group, []).append(column)
+    worst, where = 0.0, ""
+    for group, columns in groups.items():
+        wanted, found = (table[:, columns] for table in tables)
+        scale = max(np.nanmax(np.abs(wanted)), 1e-300)
+        different = np.abs(found - wanted)
+        if (np.isnan(found) != np.isnan(wanted)).any():
+            return np.inf, group, len(names)
+        difference = float(np.nanmax(different) / scale)
+        if difference > worst:
+            worst, where = difference, group
+    return worst, where, len(names)
+
+
+def judge(folder: Path, names: list[str], ranks: list[int], tolerance: float) -> int:
+    """Print a line a scene; how many are at fault."""
+    faults = 0
+    for name in names:
+        failed = [path.read_text() for path in sorted(folder.glob(f"{name}-*.failed"))]
+        words, worst = [], 0.0
+        for number in ranks[1:] if not failed else ():
+            difference, where, columns = largest_difference(folder / f"{name}-{ranks[0]}", folder / f"{name}-{number}")
+            words.append(f"{number} ranks {difference:.1e} ({where or 'nothing'})")
+            worst = max(worst, difference)
+        fault = bool(failed) or not worst <= tolerance
+        faults += fault
+        told = failed[0] if failed else f"{columns} columns, " + ", ".join(words)
+        print(f"{'FAULT ' if fault else ''}{name}: {told}", flush=True)
+    return faults
+
+
+def main() -> int:
+    """Run all scenes on each number of ranks, one job a number, and compare."""
+    parser = argparse.ArgumentParser(prog="python -m tests.histories", description=__doc__)
+    parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2, 3])
+    parser.add_argument("--steps", type=int, default=10)
+    parser.add_argument("--only", default="", help="a part of the scenes' names")
+    parser.add_argument("--tolerance", type=float, default=1e-9)
+    parser.add_argument("--in", dest="folder", type=Path, help="run here on the ranks of this job, and compare nothing")
+    options = parser.parse_args()
+    if options.folder:
+        run_all(options.folder, options.steps, options.only)
+        return 0
+    with tempfile.TemporaryDirectory() as place:
+        for number in options.ranks:
+            words = ["--steps", str(options.steps), "--only", options.only, "--in", place]
+            command = ["mpirun", "-n", str(number), sys.executable, "-m", "tests.histories", *words]
+            subprocess.run(command, check=True, cwd=ROOT, env=os.environ, timeout=7200, stdout=subprocess.DEVNULL)
+        names = list(scenes(options.only))
+        faults = judge(Path(place), names, options.ranks, options.tolerance)
+    print(f"{len(names)} scenes, {options.steps} steps, ranks {options.ranks}: {faults} at fault")
+    return int(bool(faults))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
