@@ -70,7 +70,7 @@ def test_a_boundary_is_for_the_bodies_in_its_region():
     assert note == "boundaries.0: bodies.0 know nothing of this wall, as their methods have none"
 
 
-TRACTION = {"plane": "X = 6", "kind": "traction", "traction": ["1", "0"]}
+ANTISYMMETRIC = {"plane": "X = 6", "kind": "antisymmetric"}
 POINT = {"point": [0.0, 0.0], "kind": "velocity", "velocity": ["1", "0"]}
 REFUSED = {
     "method of a body": (
@@ -125,17 +125,19 @@ REFUSED = {
         "methods.1.viscosity: expected no such key without an elastic-plastic body",
     ),
     "boundary of a body": (
-        lambda data: data["boundaries"].append(TRACTION | {"body": "metal"}),
+        lambda data: data["boundaries"].append(ANTISYMMETRIC | {"body": "metal"}),
         (
             "boundaries.1.kind: expected one of 'fixed', 'roller', 'velocity', 'wall', 'temperature', 'heat_flux', "
-            "which the method of the body knows, found 'traction'"
+            "'traction', 'pressure', 'spring', which the method of the body knows (antisymmetric: a grid is folded at "
+            "planes of symmetry and of rest), found 'antisymmetric'"
         ),
     ),
     "boundary that a body has no method for": (
-        lambda data: data["boundaries"].append(TRACTION),
+        lambda data: data["boundaries"].append(ANTISYMMETRIC),
         (
             "boundaries.1.kind: expected one of 'fixed', 'roller', 'velocity', 'wall', 'temperature', 'heat_flux', "
-            "which the method of bodies.1 knows, or a body for it, found 'traction'"
+            "'traction', 'pressure', 'spring', which the method of bodies.1 knows, or a body for it, found "
+            "'antisymmetric'"
         ),
     ),
     "nearest to a point": (
