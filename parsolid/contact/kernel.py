@@ -4,6 +4,7 @@ W = N R^-d [(1 - q)^5 - 6 (2/3 - q)^5 + 15 (1/3 - q)^5], q = r/R, each bracket c
 """
 
 import math
+from functools import cache
 
 import numpy as np
 from numba.extending import register_jitable
@@ -46,6 +47,18 @@ def exact_norm(dimension: int) -> float:
     return {1: 243.0 / 40.0, 2: 7.0 * 3.0**7 / (478.0 * math.pi), 3: 3.0**7 / (40.0 * math.pi)}[dimension]
 
 
+@cache
+def _gauss() -> tuple[np.ndarray, np.ndarray]:
+    """Nodes and weights of Gauss's rule on -1..1."""
+    return np.polynomial.legendre.leggauss(_POINTS)
+
+
+def _shapes_and_slopes(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`shape` and `slope` of numbers (n,)."""
+    third, second, first = (np.maximum(0.0, k / 3.0 - q) for k in (3, 2, 1))
+    return third**5 - 6.0 * second**5 + 15.0 * first**5, -5.0 * (third**4 - 6.0 * second**4 + 15.0 * first**4)
+
+
 def over_planes(z: float, radius: float, dimension: int) -> tuple[float, float]:
     """W integrated over the plane (in 2-D the line) at distance z from its centre [1/m], and its derivative there
     [1/m^2], by Gauss's rule on each piece of the spline."""
@@ -53,7 +66,7 @@ def over_planes(z: float, radius: float, dimension: int) -> tuple[float, float]:
     if z >= radius:
         return 0.0, 0.0
     knots = [math.sqrt(max(0.0, (radius * k / 3.0) ** 2 - z * z)) for k in (0, 1, 2, 3)]
-    nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
+    nodes, weights = _gauss()
     value = derivative = 0.0
     for low, high in zip([0.0, *knots[1:]], knots[1:]):
         if high <= low:
@@ -61,9 +74,9 @@ def over_planes(z: float, radius: float, dimension: int) -> tuple[float, float]:
         t = 0.5 * (high + low) + 0.5 * (high - low) * nodes
         r = np.sqrt(z * z + t * t)
         measure = 0.5 * (high - low) * weights * (2.0 if dimension == 2 else 2.0 * math.pi * t)
-        q = np.clip(r / radius, 0.0, 1.0)
-        value += float(measure @ np.array([shape(one) for one in q]))
-        derivative += float(measure @ np.array([slope(one) * z / (radius * length) for one, length in zip(q, r)]))
+        shapes_there, slopes = _shapes_and_slopes(np.clip(r / radius, 0.0, 1.0))
+        value += float(measure @ shapes_there)
+        derivative += float(measure @ (slopes * z / (radius * r)))
     factor = norm(dimension, radius)
     return factor * value, factor * derivative
 
