@@ -52,6 +52,7 @@ def test_the_manufactured_solution_converges_with_second_order(comm, basis, publ
 
 
 @pytest.mark.slow
+@pytest.mark.serial
 def test_a_taylor_bar_neither_locks_nor_loses_energy(comm):
     data = taylor_bar(1.6e-3, order="musl", end_time=80e-6, **TOTAL)
     sim, history = run_to_end(data, comm)

@@ -25,7 +25,8 @@ def pressed(comm, particles: int, *overrides: str):
 
 
 @pytest.mark.parametrize(
-    "particles, width, high", [(33, 0.03, 0.08), pytest.param(65, 0.01, 0.05, marks=pytest.mark.slow)]
+    "particles, width, high",
+    [(33, 0.03, 0.08), pytest.param(65, 0.01, 0.05, marks=[pytest.mark.slow, pytest.mark.serial])],
 )
 def test_line_contact(comm, particles, width, high):
     """Half-width and peak from the pressures, p^2 = p0^2 (1 - x^2/a^2), for the force that the tool feels."""
