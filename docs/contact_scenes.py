@@ -13,7 +13,6 @@ from contact_tables import (
     Tables,
     bars_scene,
     block,
-    discs_scene,
     material,
     means,
     momenta,
@@ -40,24 +39,6 @@ class Timed:
         began = time.process_time()
         self.call(*values)
         self.spent += time.process_time() - began
-
-
-def spin() -> None:
-    """Two discs pressed together turn as one: no friction; with one that turns alone there is."""
-    for both in (True, False):
-        tables = discs_scene(friction=0.5)
-        # centres on one line, overlapping by a third of a spacing, turning about the point between them
-        for body, side in zip(tables["bodies"], (-1.0, 1.0)):
-            centre = [0.49 * side, 0.0]
-            body["shape"] = {"sphere": {"centre": centre, "radius": 0.5}}
-            body["velocity"] = ["-0.01*Y", "0.01*X"] if both or side > 0 else [0.0, 0.0]
-        _, columns = run(tables | {"end_time": 2.0 / SPEED})
-        took = columns["friction_dissipation"][-1] / columns["kinetic"][0]
-        stick = columns["stick_energy"].max() / columns["kinetic"][0]
-        print(
-            f"turning {'together' if both else 'alone'}: stick energy {stick:.1e}, friction took {took:.1e} of it",
-            flush=True,
-        )
 
 
 def stack() -> None:
@@ -233,4 +214,4 @@ def outcome(name: str, tables: Tables) -> None:
 
 
 if __name__ == "__main__":
-    one_of((spin, stack, three, hertz, cost, extreme))
+    one_of((stack, three, hertz, cost, extreme))

@@ -7,6 +7,9 @@ import numpy as np
 
 # of the methods' energy scale, what rounding leaves
 _ROUND_OFF = 1e-12
+# what a load that rises from nothing does in one step is as large as what the step leaves out: rows that are not judged
+# while the largest energy still grows by a factor from each to the next
+_FIRST_ROWS, _GROWTH = 10, 1.5
 
 
 class EnergyLimits(NamedTuple):
@@ -33,20 +36,22 @@ class EnergyBalance:
 
     def __init__(self, limits: EnergyLimits, viscous_terms: Sequence[str] = ()) -> None:
         """viscous_terms: entries of a row that the artificial viscosity fills."""
-        self.limits, self.viscous_terms = limits, viscous_terms
+        self.limits, self.viscous_terms, self.rows = limits, viscous_terms, 0
         self.largest = self.worst = self.entered = self.lost = self.viscous = 0.0
         self.broken: float | None = None
 
     def judge(self, row: Mapping[str, float], scale: float, initial: float = 0.0) -> None:
         """Take a row in; scale: the energy [J] of which the balance has the round-off in any case; initial: the energy
         at time 0 [J]."""
+        before, self.rows = self.largest, self.rows + 1
         self.largest = max(self.largest, *(abs(row[name]) for name in ("kinetic", "stored", "work_external")))
         # an equilibrium that was not reached may close the balance all the same: conjugate gradients always do
         self.worst = max(abs(row["balance"]), row.get("residual_work", 0.0), self.worst)
         self.lost, self.viscous = row["dissipation_numerical"], sum(row[name] for name in self.viscous_terms)
         self.entered = max(self.entered, initial + row["work_external"])
         allowed = self.limits.balance_limit * self.largest + _ROUND_OFF * scale + np.finfo(float).tiny
-        if not abs(row["balance"]) <= allowed:
+        beginning = self.rows <= _FIRST_ROWS and _GROWTH * before < self.largest < np.inf
+        if not abs(row["balance"]) <= allowed and not (beginning and np.isfinite(row["balance"])):
             self.broken = row["balance"]
 
     def relative(self, balance: float, scale: float) -> float | None:

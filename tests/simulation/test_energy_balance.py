@@ -38,6 +38,22 @@ def test_what_is_not_a_number_is_broken():
     assert judge.broken is not None
 
 
+def test_a_load_that_rises_from_nothing_is_judged_when_energies_stop_multiplying():
+    judge = EnergyBalance(LIMITS)
+    for step in range(1, 7):
+        judge.judge(row(4.0**step, kinetic=4.0**step), 0.0)
+    assert judge.broken is None and judge.worst == 4.0**6
+    judge.judge(row(4.0**6, kinetic=1.4 * 4.0**6), 0.0)
+    assert judge.broken == 4.0**6
+
+
+def test_energies_that_multiply_for_long_are_judged():
+    judge = EnergyBalance(LIMITS)
+    for step in range(1, 12):
+        judge.judge(row(4.0**step, kinetic=4.0**step), 0.0)
+    assert judge.broken == 4.0**11
+
+
 def test_rounding_of_the_scale_is_allowed():
     judge = EnergyBalance(LIMITS)
     judge.judge(row(1e-6, kinetic=0.0), 1e7)
