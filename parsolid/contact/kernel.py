@@ -4,7 +4,7 @@ W = N R^-d [(1 - q)^5 - 6 (2/3 - q)^5 + 15 (1/3 - q)^5], q = r/R, each bracket c
 """
 
 import math
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numba.extending import register_jitable
@@ -81,6 +81,8 @@ def over_planes(z: float, radius: float, dimension: int) -> tuple[float, float]:
     return factor * value, factor * derivative
 
 
+# bodies of one spacing have the same tables, whatever their number
+@lru_cache(maxsize=4096)
 def lattice_colour(depth: float, spacing: float, nodal: bool, radius: float, dimension: int) -> tuple[float, float]:
     """Mean over the face of a flat lattice's colour seen from `depth` [m] outside its face, and minus its slope
     [1/m]; nodal: whether the outer particles lie on the face, with half their volume."""
