@@ -90,11 +90,16 @@ def three() -> None:
 
 def hertz() -> None:
     """A cylinder pressed on a block, plane strain: half width and peak of the pressure against Hertz's."""
-    for n in (20, 40):
+    for n in [int(one) for one in sys.argv[2:]] or (20, 40):
         radius, depth = 1.0, 0.75
         h = 0.8 / n
         cap = {
-            "cylindrical_shell": {"centre": [0.0, radius], "radius": radius, "thickness": 0.5, "angles": [-125, -55]}
+            "cylindrical_shell": {
+                "centre": [0.0, radius],
+                "radius": radius - 0.25,
+                "thickness": 0.5,
+                "angles": [-125, -55],
+            }
         }
         rings, around = round(0.5 / h), round(np.radians(70) * radius / h)
         a = {"name": "roll", "shape": cap, "particles": [around, rings], "placement": "cells", "material": material()}
