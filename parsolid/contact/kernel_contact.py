@@ -47,7 +47,7 @@ def declare_fields(scene: Scene, system: ParticleSystem) -> None:
     particles.declare(Field("contact_listed", d, "m", **vector))
     # place [m] and velocity [m/s] at the start of a step
     particles.declare(Field("contact_start", 2 * d, "1", layout=Rows(2 * d)))
-    particles.declare(Field("contact_force", d, "N", shown=True, **vector))
+    particles.declare(Field("contact_force", d, "N", shown=True, checkpointed=True, **vector))
     if any(one.friction for one in scene.contact):
         particles.declare(Field("contact_stick", slots * d, "m", checkpointed=True, layout=Rows(slots * d)))
 
@@ -67,6 +67,8 @@ class KernelContact(Interaction):
         self.rubs = any(side.friction for side in self.sides.sides)
         self.restarted = False
         self.rebuilds, self.energy, self.stuck = 0, 0.0, 0.0
+        # of a checkpoint of as many ranks
+        self._energies: tuple[float, float] | None = None
         self._placed: tuple[int | None, ...] = ()
         self._until_look, self._nearest = 0, np.inf
         self._step = min(side.longest for side in self.sides.sides)
@@ -78,7 +80,13 @@ class KernelContact(Interaction):
         if not self.restarted:
             fill_depths(self.comm, self.sides, self.systems, self.names)
         self.rebuild(time)
+        # found anew, forces of friction differ from those that made them in the last bits
+        kept = [one.forces[1].copy() for one in self.recipients] if self.restarted else []
         deepest = self.evaluate(None, held=True)
+        for one, force in zip(self.recipients, kept):
+            one.resume(force)
+        if self._energies is not None:
+            self.energy, self.stuck = self._energies
         raise_together(self.comm, self._overlap(deepest) if self.rebuilds == 1 and not self.restarted else None)
 
     def _overlap(self, deepest: tuple[float, int]) -> str | None:
@@ -95,12 +103,15 @@ class KernelContact(Interaction):
         )
 
     def state(self) -> dict[str, Any]:
-        """That there is one."""
-        return {"rebuilds": self.rebuilds}
+        """That there is one, and its energies on each rank; collective."""
+        return {"rebuilds": self.rebuilds, "energies": self.comm.allgather((self.energy, self.stuck))}
 
     def set_state(self, state: dict[str, Any]) -> None:
         """The thresholds are those of the checkpoint."""
         self.restarted, self.rebuilds = True, state["rebuilds"]
+        if len(state["energies"]) == self.comm.size:
+            energy, stuck = state["energies"][self.comm.rank]
+            self._energies = energy, stuck
 
     # --- in a step ----------------------------------------------------------------------------------------------
 
@@ -109,8 +120,11 @@ class KernelContact(Interaction):
         if step > 0.0:
             self._step = step
         if self.news_anywhere:
+            energy = self.energy
             self.rebuild(time)
             self._colours(anew=True)
+            # nothing has moved: the same but for the last bits
+            self.energy = energy
             for system in self.systems:
                 # the start of the step, of particles that had no entry, too
                 start, position = map(system.particles.owned_rows, ("contact_start", "position"))

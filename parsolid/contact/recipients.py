@@ -31,6 +31,11 @@ class Recipient:
         # rows of earlier lists may still show a force
         self._clean = False
 
+    def resume(self, force: np.ndarray) -> None:
+        """Take the forces (k, d) [N] of a checkpoint for those of the present places."""
+        self.forces[1] = force
+        give_to_rows(force, self.rows, self.system.particles.owned_rows("contact_force"))
+
     def kick(self, step: float, opening: bool) -> float:
         """Half a step [s] of the forces; at its end what leapfrog's oscillation has gained in it [J]."""
         system = self.system

@@ -72,11 +72,12 @@ def test_ranks_do_not_matter(comm):
         np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-11 * np.abs(wanted).max())
 
 
-def test_a_restart_in_the_middle_of_stick_has_the_same_bits(comm, shared_path):
+@pytest.mark.parametrize("steps", [10, 18])
+def test_a_restart_in_the_middle_of_stick_has_the_same_bits(comm, shared_path, steps):
     data = discs(friction=0.4, end_time=2.0 / SPEED, output={"fields_times": []})
     scene = parse_scene(data)
     whole = run_into(shared_path / "whole", comm, scene).simulation
-    run_into(shared_path / "pieces", comm, scene, steps=18)
+    run_into(shared_path / "pieces", comm, scene, steps=steps)
     file = shared_path / "pieces" / "checkpoint.h5"
     restart = Restart(comm, file)
     again = run_into(shared_path / "pieces", comm, scene, restart=restart).simulation
