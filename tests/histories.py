@@ -97,11 +97,16 @@ def largest_difference(one: Path, other: Path) -> tuple[float, str, int]:
     worst, where = 0.0, ""
     for group, columns in groups.items():
         wanted, found = (table[:, columns] for table in tables)
-        scale = max(np.nanmax(np.abs(wanted)), 1e-300)
-        different = np.abs(found - wanted)
         if (np.isnan(found) != np.isnan(wanted)).any():
             return np.inf, group, len(names)
-        difference = float(np.nanmax(different) / scale)
+        if np.isnan(wanted).all():
+            # a crack that is not there has no tip
+            continue
+        scale = max(np.nanmax(np.abs(wanted)), 1e-300)
+        if group == "energies" and np.abs(tables[0][:, names.index("balance")]).max() > 0.1 * scale:
+            # pure heat: what is left of mechanical energies is round-off
+            continue
+        difference = float(np.nanmax(np.abs(found - wanted)) / scale)
         if difference > worst:
             worst, where = difference, group
     return worst, where, len(names)
