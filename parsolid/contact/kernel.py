@@ -37,6 +37,15 @@ def shapes(q):
     return result
 
 
+@compiled
+def slopes(q):
+    """`slope` of numbers (n,)."""
+    result = np.empty(len(q))
+    for i in range(len(q)):
+        result[i] = slope(q[i])
+    return result
+
+
 def norm(dimension: int, radius: float) -> float:
     """N R^-d [1/m^d]."""
     return exact_norm(dimension) / radius**dimension
@@ -51,12 +60,6 @@ def exact_norm(dimension: int) -> float:
 def _gauss() -> tuple[np.ndarray, np.ndarray]:
     """Nodes and weights of Gauss's rule on -1..1."""
     return np.polynomial.legendre.leggauss(_POINTS)
-
-
-def _shapes_and_slopes(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`shape` and `slope` of numbers (n,)."""
-    third, second, first = (np.maximum(0.0, k / 3.0 - q) for k in (3, 2, 1))
-    return third**5 - 6.0 * second**5 + 15.0 * first**5, -5.0 * (third**4 - 6.0 * second**4 + 15.0 * first**4)
 
 
 def over_planes(z: float, radius: float, dimension: int) -> tuple[float, float]:
@@ -74,9 +77,9 @@ def over_planes(z: float, radius: float, dimension: int) -> tuple[float, float]:
         t = 0.5 * (high + low) + 0.5 * (high - low) * nodes
         r = np.sqrt(z * z + t * t)
         measure = 0.5 * (high - low) * weights * (2.0 if dimension == 2 else 2.0 * math.pi * t)
-        shapes_there, slopes = _shapes_and_slopes(np.clip(r / radius, 0.0, 1.0))
-        value += float(measure @ shapes_there)
-        derivative += float(measure @ (slopes * z / (radius * r)))
+        q = np.clip(r / radius, 0.0, 1.0)
+        value += float(measure @ shapes(q))
+        derivative += float(measure @ (slopes(q) * z / (radius * r)))
     factor = norm(dimension, radius)
     return factor * value, factor * derivative
 

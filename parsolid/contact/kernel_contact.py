@@ -110,8 +110,10 @@ class KernelContact(Interaction):
         """The thresholds are those of the checkpoint."""
         self.restarted, self.rebuilds = True, state["rebuilds"]
         if len(state["energies"]) == self.comm.size:
-            energy, stuck = state["energies"][self.comm.rank]
-            self._energies = energy, stuck
+            self.energy, self.stuck = self._energies = tuple(state["energies"][self.comm.rank])
+        elif self.comm.rank == 0:
+            # until `begin` finds them, for the energy of the whole state
+            self.energy, self.stuck = np.sum(state["energies"], axis=0)
 
     # --- in a step ----------------------------------------------------------------------------------------------
 
