@@ -76,7 +76,7 @@ ROOMS: dict[str, tuple[str, dict[str, str]]] = {
         WHOLE,
         {
             "parsolid/simulation/energy_balance.py": _BALANCE,
-            "parsolid/simulation/ledger.py": _BALANCE,
+            "parsolid/simulation/ledger.py": "tests/simulation/test_ledger.py",
         },
     ),
     "restart": (
