@@ -160,7 +160,9 @@ class Nodes:
 
     def energy_of_changes(self) -> float:
         """sum_i m_i a_i^2 / 2 [J] of the nodes' changes of velocity in the step, on this rank."""
-        return 0.5 * float((self._impulses() * self.motion[: self.count, 4:7]).sum())
+        if self.mass is not None:
+            return 0.5 * float((self._impulses() * self.motion[: self.count, 4:7]).sum())
+        return float(kernels.energy_of_changes(0, self.count, self.motion, self.share))
 
     def energy_of_mapping_back(self) -> float:
         """sum_i m_i a_i . (v_i - u_i) / 2 [J] on this rank, u_i the velocities of the momentum that was mapped back."""
