@@ -111,11 +111,6 @@ class ParticleSystem:
             return "others"
         return "all" if getattr(self.settings, "integrator", None) == "leapfrog" else None
 
-    @property
-    def communication_seconds(self) -> float:
-        """Spent on sending and receiving."""
-        return self.particles.communication_seconds
-
     def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
         """Set the state at time 0; collective."""
         raise NotImplementedError

@@ -2,8 +2,6 @@
 the cells.
 """
 
-import time as clock
-
 from decomposition.cell_partition import CellPartition
 from decomposition.grid import RankGrid
 from parsolid.methods.mpm.material_points import MaterialPoints
@@ -21,7 +19,7 @@ class Residence:
 
     def __init__(self, grid: RankGrid, points: MaterialPoints):
         self.grid, self.points, self.settings = grid, points, points.settings
-        self.steps, self.rebalanced, self.communication_seconds = 0, 0, 0.0
+        self.steps, self.rebalanced = 0, 0
 
     def deal_out(self, partition: CellPartition | None = None) -> bool:
         """Give particles to the owners of their cells under a partition, or under a balanced one; collective.
@@ -39,9 +37,7 @@ class Residence:
         the ranks.
         """
         self.points.stretch_domains()
-        began = clock.perf_counter()
         sound = self.grid.settle(self.points)
-        self.communication_seconds += clock.perf_counter() - began if self.grid.comm.size > 1 else 0.0
         self.steps += 1
         return self._tidy() and sound if self.steps % _PERIOD == 0 else sound
 

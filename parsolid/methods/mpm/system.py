@@ -212,11 +212,6 @@ class MaterialPoint(ParticleSystem):
         """No particle lies on a mirror plane."""
         return np.ones(len(self.points.motion))
 
-    @property
-    def communication_seconds(self) -> float:
-        """Spent on sums over nodes and on handing particles over."""
-        return self.nodes.communication_seconds + self.residence.communication_seconds
-
     def stable_step(self) -> float:
         """cfl h / (c + |v|) [s] of this rank's fastest particle, over the root of `mass_terms`, and what conduction
         allows.
