@@ -50,6 +50,7 @@ class ParticleSystem:
     jumps: times [s] at which a step of length 0 is due for all systems, because loads jump.
     landings: times [s] at which a step must end; even_steps: whether steps between two of them have one length
     (leapfrog near its limit gains energy where they change).
+    takes_heat: whether any of its laws has a temperature, see `take_heat`.
     substep, substeps: number of its step in the present one of all systems, and how many those are.
     evaluations: force evaluations a step; directed_pairs: interactions counted once a particle.
     energy_scale: an energy [J], the same on all ranks, of which the balance has the round-off even where kinetic and
@@ -73,6 +74,7 @@ class ParticleSystem:
     landings: tuple[float, ...] = ()
     even_steps: bool = False
     energy_scale: float = 0.0
+    takes_heat: bool = False
     substep: int = 0
     substeps: int = 1
     evaluations: int = 1
@@ -168,6 +170,13 @@ class ParticleSystem:
         rows = np.arange(self.owned) if rows is None else rows
         velocity, held = self.particles.owned_rows("velocity"), self.held_components()
         return float(give(rows, impulse, self.mass, self.share, held, velocity))
+
+    def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
+        """Heat (n,) [J] into owned rows (n,), of whole particles; what of it the stored energy holds [J].
+
+        Between steps only; only where `takes_heat`.
+        """
+        raise NotImplementedError
 
     def energies(self) -> tuple[float, float]:
         """Kinetic and stored energy [J] of this rank's particles."""

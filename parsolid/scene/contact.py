@@ -13,6 +13,8 @@ from parsolid.scene.validation_errors import fault, suggestion
 # leapfrog adds by the end of a step and takes by the next; signs as in `simulation.ledger`
 CONTACT_TERMS = {"contact_energy": 0, "stick_energy": 0, "friction_dissipation": 1}
 OSCILLATION = {"contact_oscillation": -1}
+# what of friction's dissipation is in stored energies, for laws that store heat
+FRICTION_HEAT = {"friction_heat": -1}
 
 
 class Contact(SceneModel):
@@ -36,6 +38,14 @@ class BodyPair(NamedTuple):
     first: int
     second: int
     contact: Contact
+
+
+def energy_terms(contacts: Any, tools: Any, bodies: Any) -> dict[str, int]:
+    """What contacts and tools of a scene with these bodies add to the ledger."""
+    terms = CONTACT_TERMS if contacts or tools else {}
+    rubs = any(one.friction for one in (*contacts, *tools))
+    warms = rubs and any(getattr(body.material, "kind", None) == "elastic-plastic" for body in bodies)
+    return terms | (OSCILLATION if contacts else {}) | (FRICTION_HEAT if warms else {})
 
 
 def contact_pairs(contacts: list[Contact], names: list[str | None]) -> list[BodyPair]:

@@ -173,6 +173,15 @@ class MaterialPoint(ParticleSystem):
         return 0.0
 
     @property
+    def takes_heat(self) -> bool:  # type: ignore[override]
+        """Elastic-plastic laws have a temperature."""
+        return "temperature" in self.points
+
+    def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
+        """See `ParticleSystem.take_heat`; no particle lies on a mirror plane."""
+        return self.points.take_heat(heat, rows)
+
+    @property
     def placements(self) -> int | None:  # type: ignore[override]
         """On one rank particles change their rows when storage is sorted; on several they may change ranks in any
         step."""
