@@ -40,6 +40,7 @@ def declare_fields(scene: Scene, system: ParticleSystem) -> None:
     if not slots:
         return
     system.expect_kicks()
+    system.expect_lists()
     particles = system.particles
     vector: dict[str, Any] = {"mirror": "vector", "layout": Rows(d)}
     particles.declare(Field("contact_depth", slots, "1", checkpointed=True, layout=Rows(slots)))
@@ -137,7 +138,8 @@ class KernelContact(Interaction):
     def after(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Forces in the new places, half a kick, and what went into the ledger."""
         placed = self.placements
-        if None in placed or placed != self._placed:
+        # where all are apart no row is in any list
+        if (None in placed or placed != self._placed) and self.boxes.near.any():
             self.rebuild(time)
         if self.entries.segments or self.energy or self.stuck:
             energy, stuck = self.energy, self.stuck

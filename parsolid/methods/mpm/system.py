@@ -174,14 +174,20 @@ class MaterialPoint(ParticleSystem):
 
     @property
     def placements(self) -> int | None:  # type: ignore[override]
-        """On one rank particles change their rows when storage is sorted; on several they may change ranks in any
-        step."""
-        return self.points.layout if self.comm.size == 1 else None
+        """On one rank particles change their rows when storage is sorted; on several when ranks look at that together,
+        or, where they need not stay in between, in any step."""
+        if self.comm.size == 1:
+            return self.points.layout
+        return self.residence.placements if self.residence.kept else None
 
     def expect_kicks(self) -> None:
         """See `waiting.WaitingImpulses`."""
         if self.waiting is None:
             self.waiting = WaitingImpulses(self.points)
+
+    def expect_lists(self) -> None:
+        """See `Residence.keep`."""
+        self.residence.keep()
 
     @property
     def symmetry_planes(self) -> list[MirrorPlane]:
