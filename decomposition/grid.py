@@ -152,7 +152,9 @@ class RankGrid:
         sound = bool(np.isin(owner, [self.comm.rank, *self.neighbours]).all())
         leaving = [strays[owner == rank] for rank in self.neighbours]
         staying = ~np.isin(owner, self.neighbours)
-        arrived = np.concatenate(self._swap([particles.packed(rows) for rows in leaving], _PARTICLES_TAG))
+        arrived = np.concatenate(
+            swap(self.comm, self.neighbours, [particles.packed(rows) for rows in leaving], _PARTICLES_TAG)
+        )
         gone = np.concatenate(leaving)
         self.cells.add(at[staying])
         if len(gone):
@@ -169,21 +171,6 @@ class RankGrid:
                 self._sort(particles, bases)
         return bases, sound
 
-    def _swap(self, outgoing: list[np.ndarray], tag: int) -> list[np.ndarray]:
-        """Send each neighbour rows of 8-byte numbers and return theirs, however many."""
-        requests = [
-            self.comm.Isend([np.ascontiguousarray(array).view(np.int64), MPI.INT64_T], rank, tag)
-            for rank, array in zip(self.neighbours, outgoing)
-        ]
-        incoming, status = [], MPI.Status()
-        for rank, array in zip(self.neighbours, outgoing):
-            self.comm.Probe(rank, tag, status)
-            received = np.empty(status.Get_count(MPI.INT64_T), np.int64)
-            self.comm.Recv([received, MPI.INT64_T], rank, tag)
-            incoming.append(received.view(array.dtype).reshape(-1, *array.shape[1:]))
-        MPI.Request.Waitall(requests)
-        return incoming
-
     def _agree(self) -> None:
         """Tell neighbours which nodes (and cells) here may concern them, if they have changed, and find the shared
         ones.
@@ -197,7 +184,7 @@ class RankGrid:
         for rank in self.neighbours:
             nodes, cells = self._offers[rank]
             messages.append(np.concatenate(([len(nodes)], nodes, cells)) if changed else nothing)
-        for rank, message in zip(self.neighbours, self._swap(messages, _OFFER_TAG)):
+        for rank, message in zip(self.neighbours, swap(self.comm, self.neighbours, messages, _OFFER_TAG)):
             if len(message):
                 self._theirs[rank] = message[1 : message[0] + 1].copy(), message[message[0] + 1 :].copy()
                 changed = True
@@ -248,3 +235,19 @@ class RankGrid:
             assert partial is not None, "expected what each cell gives"
             return CellSum(self.comm, self.sharing, self.cells, partial, nodes, (first, last), _SUM_TAG + tag)
         return NodeSum(self.comm, self.sharing, nodes, (first, last), _SUM_TAG + tag)
+
+
+def swap(comm: MPI.Comm, neighbours: list[int], outgoing: list[np.ndarray], tag: int) -> list[np.ndarray]:
+    """Send each neighbour rows of 8-byte numbers and return theirs, however many."""
+    requests = [
+        comm.Isend([np.ascontiguousarray(array).view(np.int64), MPI.INT64_T], rank, tag)
+        for rank, array in zip(neighbours, outgoing)
+    ]
+    incoming, status = [], MPI.Status()
+    for rank, array in zip(neighbours, outgoing):
+        comm.Probe(rank, tag, status)
+        received = np.empty(status.Get_count(MPI.INT64_T), np.int64)
+        comm.Recv([received, MPI.INT64_T], rank, tag)
+        incoming.append(received.view(array.dtype).reshape(-1, *array.shape[1:]))
+    MPI.Request.Waitall(requests)
+    return incoming
