@@ -161,6 +161,9 @@ class ParticleSystem:
     def expect_kicks(self) -> None:
         """Declare what kicks take; asked for before a restart puts fields back, where any may come."""
 
+    def expect_lists(self) -> None:
+        """Let particles keep their rows for some steps where they would change ranks in any; as `expect_kicks`."""
+
     def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
         """Give impulses (n, d) [N s] to the velocities of owned rows (n,), each once; all of them unless given.
 
