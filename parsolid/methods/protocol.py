@@ -59,7 +59,7 @@ class ParticleSystem:
     news_anywhere: whether any rank had, told before the next step.
     told: conditions that tell what they take, see `boundary.reactions.Told`.
     placements: counts how often particles may have changed their rows or ranks, or bonds have broken, the same on all
-    ranks; None where rows may change in every step.
+    ranks; None where rows may change in every step. indicated (owned,) [J/m^3]: see `simulation.error_indicator`.
     """
 
     comm: Any
@@ -82,6 +82,7 @@ class ParticleSystem:
     news: bool = False
     news_anywhere: bool = False
     placements: int | None = 0
+    indicated: np.ndarray | None = None
 
     @staticmethod
     def sort(comm: Any, scene: Scene, particle_set: ParticleSet) -> np.ndarray:
