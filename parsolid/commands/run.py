@@ -215,14 +215,14 @@ def check(comm: MPI.Intracomm, options: Namespace) -> int:
 
     scene = load(comm, options)
     warm_up(comm, scene)
-    elsewhere, base = getattr(options, "ranks", None), 0
+    elsewhere, base, idle = getattr(options, "ranks", None), 0, 0.0
     if elsewhere:
         # what the program takes once its kernels are there
-        load_kernels(scene)
+        idle = load_kernels(scene)
         base = peak_memory_bytes(present=True)
     simulation = Simulation(comm, scene)
     notes = advice(simulation)
-    print_report(comm, simulation, elsewhere, base)
+    print_report(comm, simulation, elsewhere, base, idle)
     for note in notes if comm.rank == 0 else ():
         print(f"note: {note}", flush=True)
     return 0
