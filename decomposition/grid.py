@@ -14,6 +14,7 @@ from .cell_partition import CellPartition, balanced
 from .migration import migrate
 from .node_sum import CellSum, NodeSum, Sharing
 from .occupied import FARTHEST, Mirror, OccupiedCells, reflected, words
+from .talking import TALKING
 
 _PARTICLES_TAG, _OFFER_TAG, _SUM_TAG = 21, 22, 23
 # cells without particles are forgotten when they are this many times as many as the others
@@ -244,10 +245,11 @@ def swap(comm: MPI.Comm, neighbours: list[int], outgoing: list[np.ndarray], tag:
         for rank, array in zip(neighbours, outgoing)
     ]
     incoming, status = [], MPI.Status()
-    for rank, array in zip(neighbours, outgoing):
-        comm.Probe(rank, tag, status)
-        received = np.empty(status.Get_count(MPI.INT64_T), np.int64)
-        comm.Recv([received, MPI.INT64_T], rank, tag)
-        incoming.append(received.view(array.dtype).reshape(-1, *array.shape[1:]))
-    MPI.Request.Waitall(requests)
+    with TALKING:
+        for rank, array in zip(neighbours, outgoing):
+            comm.Probe(rank, tag, status)
+            received = np.empty(status.Get_count(MPI.INT64_T), np.int64)
+            comm.Recv([received, MPI.INT64_T], rank, tag)
+            incoming.append(received.view(array.dtype).reshape(-1, *array.shape[1:]))
+        MPI.Request.Waitall(requests)
     return incoming

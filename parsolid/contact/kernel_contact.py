@@ -16,6 +16,7 @@ from parsolid.collective import maximum, raise_together
 from parsolid.contact import passes
 from parsolid.contact.boxes import Boxes
 from parsolid.contact.depth import fill_depths
+from parsolid.contact.heat_kernels import others_heat, own_heat
 from parsolid.contact.list_kernels import give_to_rows, take_from_rows
 from parsolid.contact.lists import SEEN, Entries, Segment
 from parsolid.contact.recipients import Recipient
@@ -66,6 +67,7 @@ class KernelContact(Interaction):
         self.boxes = Boxes(comm, len(scene.bodies), self.sides, systems)
         self.entries, self.within = Entries(comm, self.sides, systems), WithinBodies(self.sides, systems)
         self.rubs = any(side.friction for side in self.sides.sides)
+        self.warms = self.rubs and any(system.takes_heat for system in systems)
         self.restarted = False
         self.rebuilds, self.energy, self.stuck = 0, 0.0, 0.0
         # of a checkpoint of as many ranks
@@ -192,8 +194,9 @@ class KernelContact(Interaction):
         entries, d = self.entries, self.systems[0].dimension
         owned, whole = entries.owned, entries.owned + entries.halo.ghosts
         self.place, self.moved = np.zeros((whole, d)), np.zeros((whole, d) if self.rubs else (0, d))
-        self.record = np.zeros((whole, 3 + 3 * d if self.rubs else 2))
-        self.force, self.extra, self.colour, self.lost = (np.zeros((owned, *more)) for more in ((d,), (d,), (), ()))
+        self.record = np.zeros((whole, 3 + 3 * d + self.warms if self.rubs else 2))
+        self.force, self.extra = np.zeros((owned, d)), np.zeros((owned, d))
+        self.colour, self.lost, self.heat = np.zeros(owned), np.zeros(owned), np.zeros(owned)
         slots = [(one, self.sides.sides[one.side].slot) for one in entries.segments]
         level = [self._of_slot("contact_level", one, slot, 1)[:, 0] for one, slot in slots]
         self.level = np.concatenate(level or [np.zeros(0)])
@@ -257,6 +260,8 @@ class KernelContact(Interaction):
         opens_or_closes = bool(self.record[:, 1].any())
         if opens_or_closes:
             passes.forces(owned, self.matter, lists, self.record, 1, None, self.extra)
+        if ledger is not None and self.warms:
+            self._warm(ledger)
         work = sum(one.take(self.force, self.extra if opens_or_closes else None) for one in self.recipients)
         if ledger is not None:
             ledger.add(1.0, 0.0, 0.0, work)
@@ -295,6 +300,16 @@ class KernelContact(Interaction):
             field[one.rows, slot * d : (slot + 1) * d] = stick[one.first : one.last]
         if ledger is not None:
             ledger.add_term("friction_dissipation", float(self.lost.sum()))
+        if self.warms:
+            own_heat(entries.owned, self.matter, self.lost, self.record, self.record.shape[1] - 1, self.heat)
+
+    def _warm(self, ledger: EnergyLedger) -> None:
+        """Half of what friction took to each of two bodies, where their laws have temperatures."""
+        column = self.record.shape[1] - 1
+        others_heat(self.entries.owned, self.matter, self.entries.lists, self.record, column, self.heat)
+        stored = sum(one.warm(self.heat) for one in self.recipients if one.system.takes_heat)
+        if stored:
+            ledger.add_term("friction_heat", stored)
 
     def _exchange(self, message: Any) -> None:
         if not message.silent:

@@ -13,6 +13,8 @@ from parsolid.scene.validation_errors import fault, suggestion
 # leapfrog adds by the end of a step and takes by the next; signs as in `simulation.ledger`
 CONTACT_TERMS = {"contact_energy": 0, "stick_energy": 0, "friction_dissipation": 1}
 OSCILLATION = {"contact_oscillation": -1}
+# what of friction's dissipation is in stored energies, for laws that store heat
+FRICTION_HEAT = {"friction_heat": -1}
 # what contact on a grid takes from velocities of nodes that close, and from those that slide
 GRID_TERMS = {"contact_dissipation": 1, "friction_dissipation": 1}
 
@@ -42,6 +44,15 @@ class BodyPair(NamedTuple):
     contact: Contact
 
 
+def energy_terms(contacts: Any, tools: Any, bodies: Any) -> dict[str, int]:
+    """What contacts and tools of a scene with these bodies add to the ledger."""
+    forces, grid = of_model(contacts, "kernel"), of_model(contacts, "grid")
+    terms = (CONTACT_TERMS if forces or tools else {}) | (OSCILLATION if forces else {}) | (GRID_TERMS if grid else {})
+    rubs = any(one.friction for one in (*forces, *tools))
+    warms = rubs and any(getattr(body.material, "kind", None) == "elastic-plastic" for body in bodies)
+    return terms | (FRICTION_HEAT if warms else {})
+
+
 def contact_pairs(contacts: list[Contact], names: list[str | None]) -> list[BodyPair]:
     """Every pair of bodies in contact, by the names of the scene's bodies."""
     result = []
@@ -52,13 +63,7 @@ def contact_pairs(contacts: list[Contact], names: list[str | None]) -> list[Body
     return result
 
 
-def terms_of_contact(contacts: list[Contact], tools: bool) -> dict[str, int]:
-    """Energy terms of contacts, and of tools where there are any, with their signs."""
-    forces, grid = of_model(contacts, "kernel"), of_model(contacts, "grid")
-    return (CONTACT_TERMS if forces or tools else {}) | (OSCILLATION if forces else {}) | (GRID_TERMS if grid else {})
-
-
-def of_model(contacts: list[Contact], model: str) -> list[Contact]:
+def of_model(contacts: Any, model: str) -> list[Contact]:
     """Contacts of one model."""
     return [one for one in contacts if one.model == model]
 

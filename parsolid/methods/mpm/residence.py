@@ -3,7 +3,6 @@ the cells.
 """
 
 import math
-import time as clock
 
 import numpy as np
 
@@ -25,7 +24,7 @@ class Residence:
 
     def __init__(self, grid: RankGrid, points: MaterialPoints):
         self.grid, self.points, self.settings = grid, points, points.settings
-        self.steps, self.rebalanced, self.communication_seconds = 0, 0, 0.0
+        self.steps, self.rebalanced = 0, 0
         self.placements, self.kept = 0, False
 
     def keep(self) -> None:
@@ -52,9 +51,7 @@ class Residence:
         the ranks.
         """
         self.points.stretch_domains()
-        began = clock.perf_counter()
         sound = self.grid.settle(self.points, release=not self.kept)
-        self.communication_seconds += clock.perf_counter() - began if self.grid.comm.size > 1 else 0.0
         self.steps += 1
         return self._tidy() and sound if self.steps % _PERIOD == 0 else sound
 

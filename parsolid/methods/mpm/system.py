@@ -181,6 +181,15 @@ class MaterialPoint(ParticleSystem):
         return 0.0
 
     @property
+    def takes_heat(self) -> bool:  # type: ignore[override]
+        """Elastic-plastic laws have a temperature."""
+        return "temperature" in self.points
+
+    def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
+        """See `ParticleSystem.take_heat`; no particle lies on a mirror plane."""
+        return self.points.take_heat(heat, rows)
+
+    @property
     def placements(self) -> int | None:  # type: ignore[override]
         """On one rank particles change their rows when storage is sorted; on several when ranks look at that together,
         or, where they need not stay in between, in any step."""
@@ -225,11 +234,6 @@ class MaterialPoint(ParticleSystem):
     def share(self) -> np.ndarray:
         """No particle lies on a mirror plane."""
         return np.ones(len(self.points.motion))
-
-    @property
-    def communication_seconds(self) -> float:
-        """Spent on sums over nodes and on handing particles over."""
-        return self.nodes.communication_seconds + self.residence.communication_seconds
 
     def stable_step(self) -> float:
         """cfl h / (c + |v|) [s] of this rank's fastest particle, over the root of `mass_terms`, and what conduction
