@@ -24,19 +24,22 @@ def timed(data: dict) -> dict:
 
 def test_shares_even_out_what_ranks_are_busy_with():
     count, others = np.array([50.0, 50.0, 50.0]), np.array([0.06, 0.0, 0.0])
-    shares = shares_of(COST, others, count)
+    shares = shares_of(COST * np.ones(3), others, count)
     assert shares.sum() == pytest.approx(1.0) and shares[0] < shares[1] == shares[2]
     for _ in range(8):
-        found = shares_of(COST, others, count)
+        found = shares_of(COST * np.ones(3), others, count)
         if found is None:
             break
         count = found * 150.0
     busy = COST * count + others
     assert found is None and busy.max() < 1.05 * busy.mean()
     # a rank that is busier than all with any particle has none left in the end
-    busy = shares_of(COST, np.array([9.0, 0.0, 0.0]), np.array([50.0, 50.0, 50.0]))
+    # one on which a particle costs more has fewer
+    dear = shares_of(COST * np.array([2.0, 1.0, 1.0]), np.zeros(3), np.full(3, 50.0))
+    assert dear[0] == pytest.approx(0.5 * (1 / 3 + 1 / 5))
+    busy = shares_of(COST * np.ones(3), np.array([9.0, 0.0, 0.0]), np.array([50.0, 50.0, 50.0]))
     assert busy is None or busy[0] == pytest.approx(1 / 6)
-    assert shares_of(COST, np.zeros(3), np.array([50.0, 50.0, 50.0])) is None
+    assert shares_of(COST * np.ones(3), np.zeros(3), np.array([50.0, 50.0, 50.0])) is None
 
 
 def test_a_rank_that_is_busy_with_another_method_gets_fewer_points_and_the_motion_stays(comm, monkeypatch):
