@@ -26,7 +26,7 @@ from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.particles.declaration import Field, Rows
 from parsolid.scene import Scene
-from parsolid.scene.contact import CONTACT_TERMS, OSCILLATION
+from parsolid.scene.contact import CONTACT_TERMS, OSCILLATION, of_model
 
 # steps between looks at how far particles have moved, at least and at most, where bodies are near and where all are
 # apart; lists are asked for when they may not hold until twice the next look, and for as many steps more
@@ -41,6 +41,7 @@ def declare_fields(scene: Scene, system: ParticleSystem) -> None:
     if not slots:
         return
     system.expect_kicks()
+    system.expect_lists()
     particles = system.particles
     vector: dict[str, Any] = {"mirror": "vector", "layout": Rows(d)}
     particles.declare(Field("contact_depth", slots, "1", checkpointed=True, layout=Rows(slots)))
@@ -49,7 +50,7 @@ def declare_fields(scene: Scene, system: ParticleSystem) -> None:
     # place [m] and velocity [m/s] at the start of a step
     particles.declare(Field("contact_start", 2 * d, "1", layout=Rows(2 * d)))
     particles.declare(Field("contact_force", d, "N", shown=True, checkpointed=True, **vector))
-    if any(one.friction for one in scene.contact):
+    if any(one.friction for one in of_model(scene.contact, "kernel")):
         particles.declare(Field("contact_stick", slots * d, "m", checkpointed=True, layout=Rows(slots * d)))
 
 
@@ -139,7 +140,8 @@ class KernelContact(Interaction):
     def after(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Forces in the new places, half a kick, and what went into the ledger."""
         placed = self.placements
-        if None in placed or placed != self._placed:
+        # where all are apart no row is in any list
+        if (None in placed or placed != self._placed) and self.boxes.near.any():
             self.rebuild(time)
         if self.entries.segments or self.energy or self.stuck:
             energy, stuck = self.energy, self.stuck
@@ -320,8 +322,8 @@ class KernelContact(Interaction):
 
 
 def build_contact(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[Interaction]:
-    """The contact of a scene, if it has any; collective."""
-    return [KernelContact(comm, scene, systems)] if scene.contact else []
+    """The contact of a scene by forces between particles, if it has any; collective."""
+    return [KernelContact(comm, scene, systems)] if of_model(scene.contact, "kernel") else []
 
 
 def deepest(comm: Any, contact: KernelContact) -> float:

@@ -10,7 +10,7 @@ from parsolid.collective import maximum
 from parsolid.contact.kernel import lattice_colour, norm
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
-from parsolid.scene.contact import contact_pairs
+from parsolid.scene.contact import contact_pairs, of_model
 
 # skin of the lists, in spacings
 SKIN = 0.5
@@ -77,14 +77,14 @@ class Sides:
 def slots_of(scene: Scene) -> int:
     """The most sides that one body has."""
     count = np.zeros(len(scene.bodies), int)
-    for pair in contact_pairs(scene.contact, [body.name for body in scene.bodies]):
+    for pair in contact_pairs(of_model(scene.contact, "kernel"), [body.name for body in scene.bodies]):
         count[list({pair.first, pair.second})] += 1
     return int(count.max(initial=0))
 
 
 def sides_of(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> Sides:
     """Every contact of a scene, from both sides, from one within a body; collective."""
-    pairs = contact_pairs(scene.contact, [body.name for body in scene.bodies])
+    pairs = contact_pairs(of_model(scene.contact, "kernel"), [body.name for body in scene.bodies])
     used = sorted({body for pair in pairs for body in pair[:2]})
     facts = _facts(comm, scene, systems, used)
     planes = _planes(systems)

@@ -59,7 +59,7 @@ class ParticleSystem:
     news_anywhere: whether any rank had, told before the next step.
     told: conditions that tell what they take, see `boundary.reactions.Told`.
     placements: counts how often particles may have changed their rows or ranks, or bonds have broken, the same on all
-    ranks; None where rows may change in every step.
+    ranks; None where rows may change in every step. indicated (owned,) [J/m^3]: see `simulation.error_indicator`.
     """
 
     comm: Any
@@ -82,6 +82,7 @@ class ParticleSystem:
     news: bool = False
     news_anywhere: bool = False
     placements: int | None = 0
+    indicated: np.ndarray | None = None
 
     @staticmethod
     def sort(comm: Any, scene: Scene, particle_set: ParticleSet) -> np.ndarray:
@@ -112,11 +113,6 @@ class ParticleSystem:
         if "leapfrog_oscillation" in self.settings.ledger_terms:
             return "others"
         return "all" if getattr(self.settings, "integrator", None) == "leapfrog" else None
-
-    @property
-    def communication_seconds(self) -> float:
-        """Spent on sending and receiving."""
-        return self.particles.communication_seconds
 
     def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
         """Set the state at time 0; collective."""
@@ -165,6 +161,9 @@ class ParticleSystem:
 
     def expect_kicks(self) -> None:
         """Declare what kicks take; asked for before a restart puts fields back, where any may come."""
+
+    def expect_lists(self) -> None:
+        """Let particles keep their rows for some steps where they would change ranks in any; as `expect_kicks`."""
 
     def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
         """Give impulses (n, d) [N s] to the velocities of owned rows (n,), each once; all of them unless given.
