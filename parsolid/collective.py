@@ -5,6 +5,8 @@ from typing import Any, TypeVar
 import numpy as np
 from mpi4py import MPI
 
+from decomposition.talking import TALKING
+
 Value = TypeVar("Value", float, int, np.ndarray)
 
 
@@ -33,12 +35,15 @@ def maximum(comm: MPI.Comm, value: Value) -> Value:
 
 def anywhere(comm: MPI.Comm, flag: bool) -> bool:
     """True when the flag is true on any rank; collective."""
-    return bool(comm.allreduce(bool(flag), MPI.LOR))
+    with TALKING:
+        return bool(comm.allreduce(bool(flag), MPI.LOR))
 
 
 def _reduce(comm: MPI.Comm, value: Any, operation: MPI.Op) -> Any:
     if not isinstance(value, np.ndarray):
-        return comm.allreduce(value, operation)
+        with TALKING:
+            return comm.allreduce(value, operation)
     result = np.empty_like(value)
-    comm.Allreduce(np.ascontiguousarray(value), result, operation)
+    with TALKING:
+        comm.Allreduce(np.ascontiguousarray(value), result, operation)
     return result

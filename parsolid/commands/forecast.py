@@ -20,6 +20,8 @@ from parsolid.simulation.observables import Observables
 SAMPLE = 40_000
 # a message with its bookkeeping [s], bytes a second of one, the agreement of two ranks [s]
 _MESSAGE, _BANDWIDTH, _AGREEMENT = 3.0e-5, 3.0e9, 1.0e-5
+# what a run on several ranks takes beside: its files and probes, the messages' buffers and code; 13 to 31 MiB found
+BESIDES = 20 * 2**20
 # content of a ball of radius 1; mean share of a ghost's ball beyond the cut, where pairs are evaluated on both sides
 _BALL = {1: 2.0, 2: pi, 3: 4.0 * pi / 3.0}
 _BEYOND = {1: 0.25, 2: 0.212, 3: 0.1875}
@@ -88,19 +90,22 @@ def _bisected(points: np.ndarray, parts: int) -> list[np.ndarray]:
 
 
 def seconds_a_step(
-    systems: list[ParticleSystem], work: float, now: Load, then: Load, ranks: int
+    systems: list[ParticleSystem], work: float, idle: float, now: Load, then: Load, ranks: int
 ) -> tuple[float, float]:
-    """Work and messages [s] of a step of the busiest rank, from the work [s] on the present ranks."""
-    messages, sent = 0.0, 0.0
+    """Work and messages [s] of a step of the busiest rank, from the work [s] on the present ranks and that of a step
+    without particles.
+    """
+    messages, sent, idle = 0.0, 0.0, min(idle, work)
+    of_particles = (work - idle) * then.weight / now.weight
     for system in systems:
         widths = {name: field.components for name, field in system.particles.fields.items() if field.ghosts is not None}
         kinds = {field.message for field in system.particles.fields.values() if field.message and field.ghosts}
         messages += system.evaluations * max(1, len(kinds))
         sent += 8.0 * system.evaluations * sum(widths.values())
     if ranks == 1:
-        return work * then.weight / now.weight, 0.0
+        return idle + of_particles, 0.0
     talk = messages * (1.0 + then.neighbours) * _MESSAGE + sent * then.ghosts / _BANDWIDTH
-    return work * then.weight / now.weight, talk + _AGREEMENT * log2(ranks)
+    return idle + of_particles, talk + _AGREEMENT * log2(ranks)
 
 
 def memory_on(base: float, peak: float, now: Load, then: Load) -> float:

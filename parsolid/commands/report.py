@@ -6,20 +6,23 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.collective import maximum, minimum
-from parsolid.commands.forecast import bytes_on_disk, load_on, memory_on, seconds_a_step
+from parsolid.commands.forecast import BESIDES, bytes_on_disk, load_on, memory_on, seconds_a_step
 from parsolid.contact.relations import relations
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.output.summary import peak_memory_bytes
 from parsolid.simulation.loop import Simulation
 
 # steps that are measured, at least and at most, and for how long [s]
-_STEPS, _SECONDS = (3, 200), 1.0
+_STEPS, _SECONDS = (3, 200), 2.0
 
 
-def print_report(comm: MPI.Intracomm, simulation: Simulation, elsewhere: int | None = None, base: int = 0) -> None:
+def print_report(
+    comm: MPI.Intracomm, simulation: Simulation, elsewhere: int | None = None, base: int = 0, idle: float = 0.0
+) -> None:
     """Print the report on rank 0; collective. A few steps measure the wall time of one.
 
-    elsewhere: a number of ranks to tell the cost on, too; base: memory [bytes] of the program without particles.
+    elsewhere: a number of ranks to tell the cost on, too; base: memory [bytes] of the program without particles; idle:
+    seconds [s] of a step without them.
     """
     systems, scene = simulation.systems, simulation.scene
     stable = minimum(comm, simulation.stable_step())
@@ -28,7 +31,7 @@ def print_report(comm: MPI.Intracomm, simulation: Simulation, elsewhere: int | N
     sent = comm.allreduce(sum(system.bytes_a_step() for system in systems))
     seconds, work = _seconds_a_step(comm, simulation, stable)
     disk = bytes_on_disk(comm, scene, systems)
-    lines = _elsewhere(comm, systems, elsewhere, base, work) if elsewhere else []
+    lines = _elsewhere(comm, systems, elsewhere, base, (work, maximum(comm, idle))) if elsewhere else []
     memory, meetings = maximum(comm, peak_memory_bytes()), relations(comm, scene, systems)
     table = _of_each(comm, simulation) if len(systems) > 1 else ""
     if comm.rank > 0:
@@ -67,16 +70,20 @@ def _mib(size: float) -> str:
     return f"{size / 2**20:>14,.4g} MiB"
 
 
-def _elsewhere(comm: MPI.Intracomm, systems: list[ParticleSystem], ranks: int, base: int, work: float) -> list[str]:
+def _elsewhere(
+    comm: MPI.Intracomm, systems: list[ParticleSystem], ranks: int, base: int, work: tuple[float, float]
+) -> list[str]:
     """What the scene costs on another number of ranks, each with a core of its own; collective."""
     now, then = load_on(comm, systems, comm.size), load_on(comm, systems, ranks)
-    step, messages = seconds_a_step(systems, work, now, then, ranks)
-    memory = memory_on(maximum(comm, base), maximum(comm, peak_memory_bytes()), now, then)
+    step, messages = seconds_a_step(systems, *work, now, then, ranks)
+    program = maximum(comm, base) + (BESIDES if comm.size == 1 < ranks else 0)
+    memory = memory_on(program, maximum(comm, peak_memory_bytes()) + program - maximum(comm, base), now, then)
+    parts = f"{step * 1e3:.4g} ms of the processor, {messages * 1e3:.3g} ms messages"
     return [
         f"\non {ranks} {'rank' if ranks == 1 else 'ranks'}, a core to each:",
         f"{'particles of a rank':<28} {then.particles:>14,.0f}   and {then.ghosts:,.0f} ghosts at most",
-        f"{'memory a rank':<28} {_mib(memory)}   of which {maximum(comm, base) / 2**20:,.0f} MiB the program",
-        f"{'time a step':<28} {(step + messages) * 1e3:>14,.4g} ms   of which {messages * 1e3:.3g} ms messages",
+        f"{'memory a rank':<28} {_mib(memory)}   of which {program / 2**20:,.0f} MiB the program",
+        f"{'time a step':<28} {(step + messages) * 1e3:>14,.4g} ms   of which {parts}",
     ]
 
 
@@ -127,19 +134,21 @@ def bytes_a_particle(systems: list[ParticleSystem]) -> float:
 
 
 def _seconds_a_step(comm: MPI.Intracomm, simulation: Simulation, stable: float) -> tuple[float, float]:
-    """Measured wall time of a step [s], and its work without messages on the busiest rank; collective."""
+    """Measured wall time of a step [s], and its work on the busiest rank, of the processor, without messages;
+    collective.
+    """
     # steps as the run takes them: those of a solver and of moving lists cost what their motion makes them cost
     step = min(stable, simulation.scene.end_time)
     simulation.take_step(step)
     walls: list[float] = []
-    works: list[float] = []
-    while len(walls) < _STEPS[0] or (sum(walls) < _SECONDS and len(walls) < _STEPS[1]):
-        began, sent = clock.perf_counter(), sum(system.communication_seconds for system in simulation.systems)
-        loop = simulation.clock.loop_seconds
+    begun, phases, spent = simulation.clock.loop_processor_seconds, simulation.phases, 0.0
+    sent = phases.sent_processor
+    # all ranks stop together
+    while len(walls) < _STEPS[0] or (maximum(comm, spent) < _SECONDS and len(walls) < _STEPS[1]):
+        began = clock.perf_counter()
         simulation.take_step(step)
-        sent = sum(system.communication_seconds for system in simulation.systems) - sent
-        works.append(simulation.clock.loop_seconds - loop - sent)
-        # the same on all ranks, which stop together
         walls.append(maximum(comm, clock.perf_counter() - began))
-    # not the mean: what else the machine does is not the scene's
-    return float(np.median(walls)), maximum(comm, float(np.median(works)))
+        spent = simulation.clock.loop_processor_seconds - begun - (phases.sent_processor - sent)
+    # of the wall not the mean: what else the machine does is not the scene's; of the processor the mean, for lists that
+    # are made now and then belong to it
+    return float(np.median(walls)), maximum(comm, spent / len(walls))

@@ -5,12 +5,12 @@ here and are written nowhere else. Rows are particles: owned ones first, one mat
 padding at the end.
 """
 
-import time as clock
 from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
 import numpy as np
 
+from decomposition.talking import TALKING
 from parsolid.numerics.lanes import WIDTH, aligned_zeros, padded
 from parsolid.particles.declaration import Columns, Field, Rows, Within
 from parsolid.particles.selection import Selection
@@ -26,7 +26,6 @@ class Particles:
     owned, ghosts: numbers of rows; capacity: rows of arrays without ghosts. layout: counts how often particles were
     re-ordered, came or left, so that what has looked up a row does so anew; growths: how often arrays were replaced.
     Kernels take `storage(name)`.
-    communication_seconds: spent on sending and receiving fields.
     """
 
     def __init__(self, body: np.ndarray, law_of_body: np.ndarray | None = None) -> None:
@@ -42,7 +41,6 @@ class Particles:
         self.capacity = padded(len(body)) + WIDTH
         self.fields: dict[str, Field] = {}
         self.layout, self.growths = 0, 0
-        self.communication_seconds = 0.0
         self._storage: dict[str, np.ndarray] = {}
         # views and tuples of arrays that a step asks for again and again, until arrays are replaced or bounds move
         self._kept: dict[Any, Any] = {}
@@ -191,17 +189,15 @@ class Particles:
         exchange = self._messages.get(message) or self._message(message)
         # a rank without neighbours has no time to take
         if not exchange.silent:
-            began = clock.perf_counter()
-            exchange.start()
-            self.communication_seconds += clock.perf_counter() - began
+            with TALKING:
+                exchange.start()
 
     def receive(self, message: str) -> None:
         """Finish what `send` has started."""
         exchange = self._messages[message]
         if not exchange.silent:
-            began = clock.perf_counter()
-            exchange.finish()
-            self.communication_seconds += clock.perf_counter() - began
+            with TALKING:
+                exchange.finish()
 
     def update(self, message: str) -> None:
         """Send and receive a message once, for set-up: its buffers are given back.

@@ -87,6 +87,21 @@ def initial_deformation_gradient(
     return result, given
 
 
+def states_stress(scene: Scene) -> bool:
+    """Whether an initial state has a stress."""
+    return any(state.stress is not None for state in scene.initial)
+
+
+def initial_stress(scene: Scene, body: np.ndarray, position: np.ndarray, regions: Regions = None) -> np.ndarray:
+    """Initial stress (n, d, d) [Pa] that no deformation has made, 0 where none is stated."""
+    d = position.shape[1]
+    result = np.zeros((len(position), d, d))
+    for here, rows in _stated(scene, body, regions, "stress"):
+        for row, formulas in enumerate(rows):
+            result[here, row] = formulas.evaluate(position[here])
+    return result
+
+
 def initial_temperature(
     scene: Scene, body: np.ndarray, position: np.ndarray, usual: np.ndarray, regions: Regions = None
 ) -> np.ndarray:

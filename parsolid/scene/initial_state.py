@@ -1,5 +1,6 @@
 """Initial states of a scene beside those of its bodies' tables: of a region, or from the results of another run."""
 
+from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -15,7 +16,7 @@ from parsolid.scene.previous_results import TAKEN, PreviousField, steps_of
 from parsolid.scene.shapes import ExistingFolder
 
 # keys with formulas
-FIELDS = ("velocity", "displacement", "deformation_gradient", "temperature")
+FIELDS = ("velocity", "displacement", "deformation_gradient", "temperature", "stress")
 
 
 class InitialState(SceneModel):
@@ -32,6 +33,9 @@ class InitialState(SceneModel):
     displacement: InitialVector | None = Field(None, description="a formula for each component [m]")
     deformation_gradient: InitialMatrix | None = Field(None, description="rows of formulas")
     temperature: InitialScalar | None = Field(None, description="a formula [K]")
+    stress: InitialMatrix | None = Field(
+        None, description="rows of formulas [Pa], symmetric: what no deformation has made; it turns with the matter"
+    )
     results: ExistingFolder | None = Field(None, description="a folder of results of another run")
     time: NotNegative | None = Field(None, description="the time of these results [s], the last unless given")
     fields: Annotated[list[Literal[TAKEN]], Field(min_length=1)] | None = Field(  # type: ignore[valid-type]
@@ -79,7 +83,7 @@ class InitialState(SceneModel):
 
 def initial_details(scene: Any) -> list[Detail]:
     """Faults of initial states: bodies that are not there, what no method can take."""
-    details: list[Detail] = []
+    details: list[Detail] = _stress_details(scene)
     names = [body.name for body in scene.bodies if body.name is not None]
     methods = [plan.settings for plan in scene.systems]
     known = {name for one in methods for name in one.field_kinds(scene.dimension)}
@@ -93,4 +97,22 @@ def initial_details(scene: Any) -> list[Detail]:
         if one.results is not None and one.of("displacement") and not all(each.strained for each in methods):
             expected = "velocity, temperature or plastic_strain (the stress of this method is no function of it)"
             details.append((("initial", i, "fields"), expected, "displacement"))
+    return details
+
+
+def _stress_details(scene: Any) -> list[Detail]:
+    """Faults of initial stresses: methods that carry none, formulas that are no symmetric tensor."""
+    details: list[Detail] = []
+    refused = {plan.settings.kind: plan.settings.initial_stress_refused for plan in scene.systems}
+    for i, one in enumerate(scene.initial):
+        if one.stress is None:
+            continue
+        for kind, reason in refused.items():
+            if reason is not None:
+                details.append((("initial", i, "stress"), f"no such key in {kind} ({reason})", Phrase("one")))
+        rows = [row.sources for row in one.stress]
+        for j, k in combinations(range(len(rows)), 2):
+            if rows[j][k] != rows[k][j]:
+                expected = f"a symmetric tensor, as {rows[j][k]!r} in row {j + 1}, column {k + 1}"
+                details.append((("initial", i, "stress", k, j), expected, rows[k][j]))
     return details

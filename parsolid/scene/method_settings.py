@@ -25,7 +25,8 @@ class MethodSettings(SceneModel):
     `ledger.Ledger`; viscous_terms: those of them that artificial viscosity fills; bodies_meet: whether bodies that come
     together feel each other without contact; shared_field: whether bodies stick together on a field of velocities that
     they share, so that those which do not need systems of their own; strained: whether stress is that of a
-    displacement or deformation gradient, which a start may have.
+    displacement or deformation gradient, which a start may have; initial_stress_refused: why a start has no stress of
+    its own, None where it may.
     """
 
     system: ClassVar[str]
@@ -37,6 +38,7 @@ class MethodSettings(SceneModel):
     prescribes: ClassVar[tuple[str, ...]] = ("velocity",)
     reactions: ClassVar[tuple[str, ...]] = ()
     strained: ClassVar[bool] = True
+    initial_stress_refused: ClassVar[str | None] = "its stress is that of its law alone"
     pressed: ClassVar[tuple[str, ...]] = ("plane", "where")
     loads: ClassVar[tuple[str, ...]] = ("body_force", "acceleration")
     declared_fields: ClassVar[tuple[particles.Field, ...]] = ()

@@ -7,6 +7,8 @@ from math import inf, isfinite, sqrt
 from typing import Any, Protocol
 
 from decomposition.reduction import MinimumAhead
+from decomposition.talking import TALKING
+from parsolid.contact.grid import build_grid_contact
 from parsolid.contact.kernel_contact import build_contact
 from parsolid.contact.tie import build_ties
 from parsolid.contact.tools import build_tools
@@ -84,11 +86,12 @@ class Simulation:
             restart.check(scene)
         self.systems, self.particle_sets = build_systems(comm, scene, restart)
         self._ledgers = [self.ledger.of(names) for names in names_of_terms(scene)]
-        self.clock.work, self.phases = [0.0] * len(self.systems), Phases(self.systems)
+        self.clock.work, self.phases = [0.0] * len(self.systems), Phases()
         self.interactions: list[Interaction] = [
             *build_contact(comm, scene, self.systems),
             *build_tools(comm, scene, self.systems),
             *build_ties(comm, scene, self.systems),
+            *build_grid_contact(comm, scene, self.systems),
         ]
         self.time_steps = TimeSteps.of(scene, self.systems)
         # the step agreed on for the current state; a restart takes it from the checkpoint, for the same bits
@@ -216,15 +219,17 @@ class Simulation:
     def _advance(self, step: float, arrival: float, wishes: tuple[float, float]) -> None:
         """One step [s] to a time [s]; the next stable step and wishes are agreed on while the last system advances."""
         began, processor_began = clock.perf_counter(), clock.process_time()
+        sent_processor = TALKING.processor_seconds
         self._told.clear()
         self._wishes = wishes
         for interaction in self.interactions:
             interaction.before(self.clock.time, step, self.ledger)
-        before = clock.perf_counter()
+        before, sent = clock.perf_counter(), TALKING.seconds
         advance = self._advance_system if len(self.systems) == 1 else self._advance_and_count
         for number in range(len(self.systems)):
             advance(number, step)
         after = clock.perf_counter()
+        self.phases.sent += TALKING.seconds - sent
         for interaction in self.interactions:
             interaction.after(arrival, step, self.ledger)
             self.failed = self.failed or not interaction.sound()
@@ -232,6 +237,7 @@ class Simulation:
         self.clock.step += 1
         now = clock.perf_counter()
         self.phases.contact += before - began + now - after
+        self.phases.sent_processor += TALKING.processor_seconds - sent_processor
         self._count(now - began, clock.process_time() - processor_began)
 
     def _advance_system(self, number: int, step: float) -> None:
@@ -248,12 +254,11 @@ class Simulation:
 
     def _advance_and_count(self, number: int, step: float) -> None:
         """One step [s] of one of several systems, and what work it is for this rank."""
-        system, began = self.systems[number], clock.perf_counter()
-        waited = system.communication_seconds
+        began, waited = clock.perf_counter(), TALKING.seconds
         self._advance_system(number, step)
         if self.clock.step > self.first_step:
             # without what the first step of a program loads
-            self.clock.work[number] += clock.perf_counter() - began - (system.communication_seconds - waited)
+            self.clock.work[number] += clock.perf_counter() - began - (TALKING.seconds - waited)
 
     def _hear_within(self, sound: bool, stable: float) -> None:
         """What a system announces of a step that is not its last in the common one."""

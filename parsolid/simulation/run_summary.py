@@ -41,7 +41,7 @@ def summary_of(simulation: Simulation, status: str, balance: float | None, error
         "output_seconds": simulation.phases.output,
         "particle_steps_per_second_per_rank": simulation.particles * steps / slowest / ranks if steps else None,
         "nanoseconds_per_pair": slowest * ranks / (evaluated / 2) * 1e9 if evaluated else None,
-        **of_all_ranks(comm, mine, wall),
+        **of_all_ranks(comm, mine, wall, _work_processor(simulation)),
         "energy_balance": None if balance is None else simulation.balance.relative(balance, simulation.energy_scale),
         **simulation.balance.verdict(simulation.energy_scale, doubts),
         "peak_memory_bytes_per_rank": maximum(comm, peak_memory_bytes()),
@@ -50,6 +50,13 @@ def summary_of(simulation: Simulation, status: str, balance: float | None, error
         "status": status,
         "errors": errors,
     }
+
+
+def _work_processor(simulation: Simulation) -> float:
+    """Seconds of this rank's processor in steps but the first, without messages."""
+    spent = simulation.clock
+    steps = spent.loop_processor_seconds - spent.first_step_processor_seconds
+    return max(0.0, steps - simulation.phases.sent_processor)
 
 
 def _of_methods(systems: Sequence[ParticleSystem]) -> dict[str, Any]:

@@ -5,6 +5,7 @@ import json
 import time
 from contextlib import suppress
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 from mpi4py import MPI
@@ -16,6 +17,9 @@ from parsolid.observables.declared import field_of
 from parsolid.scene import Scene, parse_scene
 from parsolid.simulation.loop import Simulation
 from parsolid.sources import source_digest
+
+# of a small scene, to measure one
+_IDLE_STEPS = 9
 
 
 def warm_up(comm: Any, scene: Scene) -> None:
@@ -33,11 +37,21 @@ def warm_up(comm: Any, scene: Scene) -> None:
     node.Free()
 
 
-def load_kernels(scene: Scene) -> None:
-    """Have a scene's kernels in this rank's memory."""
+def load_kernels(scene: Scene) -> float:
+    """Have a scene's kernels in this rank's memory; the processor's seconds [s] of a step that has nearly no
+    particles, which do not fall with the number of ranks.
+    """
+    idle = 0.0
     for system in scene.systems:
         with suppress(Exception):
-            compile_kernels(small_scene(scene.part(system), system.settings))
+            simulation = compile_kernels(small_scene(scene.part(system), system.settings))
+            step, spent = 1e-9 * simulation.stable_step(), []
+            for _ in range(_IDLE_STEPS):
+                began = time.process_time()
+                simulation.take_step(step)
+                spent.append(time.process_time() - began)
+            idle += median(spent)
+    return idle
 
 
 def _compile_unless_marked(mark: Path, tables: Tables) -> None:
@@ -55,14 +69,15 @@ def wait_quietly(comm: Any) -> None:
         time.sleep(0.01)
 
 
-def compile_kernels(tables: Tables) -> None:
-    """Run one step of a small scene on this rank alone, and call what only several ranks need."""
+def compile_kernels(tables: Tables) -> Simulation:
+    """Run one step of a small scene on this rank alone, and call what only several ranks need; the simulation."""
     simulation = Simulation(MPI.COMM_SELF, parse_scene(tables))
     for system in simulation.systems:
         simulation.take_step(1e-9 * system.stable_step())
         system.energies()
         field_of(system, "pressure")
         system.warm()
+    return simulation
 
 
 def _mark(tables: Tables) -> Path:

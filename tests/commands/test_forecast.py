@@ -43,8 +43,10 @@ def test_particles_and_ghosts_of_the_busiest_rank(comm, simulation):
     alone, two = (load_on(comm, simulation.systems, ranks) for ranks in (1, 2))
     assert (alone.particles, alone.ghosts, alone.weight) == (561.0, 0.0, 561.0)
     assert two.particles == 281.0 and two.neighbours == 1.0 and 17.0 <= two.ghosts <= 4 * 17.0
-    work, talk = seconds_a_step(simulation.systems, 1.0, alone, two, 2)
+    work, talk = seconds_a_step(simulation.systems, 1.0, 0.0, alone, two, 2)
     assert 0.5 < work < 0.6 and 0.0 < talk < 1e-3
+    # what a step takes without particles stays
+    assert seconds_a_step(simulation.systems, 1.5, 0.5, alone, two, 2)[0] == pytest.approx(0.5 + work)
     assert memory_on(100.0, 661.0, alone, two) == pytest.approx(100.0 + 281.0 + two.ghosts)
 
 

@@ -57,7 +57,7 @@ def _kernel_row(particles: int, smoothing: float, branches: int, integrator: str
     run = Steps(MPI.COMM_SELF, cube_scene(particles, smoothing, branches, integrator), 2)
     method: Any = run.simulation.systems[0]
     step = best_time(run.advance, clock=process_time) / run.steps
-    evaluation = best_time(method.evaluate_forces, clock=process_time)
+    evaluation = best_time(lambda: evaluate_forces(method), clock=process_time)
     inner = method.pairs.inner
     degree = np.diff(inner.start) + np.bincount(inner.neighbour, minlength=method.owned)
     pairs = method.directed_pairs / 2
@@ -72,3 +72,15 @@ def _kernel_row(particles: int, smoothing: float, branches: int, integrator: str
         f"{method.owned / evaluation:.3g}",
         f"{evaluation / pairs * 1e9:.1f}",
     ]
+
+
+def evaluate_forces(method: Any) -> None:
+    """One stabilised force evaluation of the current state, which stays as it is."""
+    if method.leapfrog is not None:
+        method.leapfrog.evaluate()
+        return
+    sums = method.pairs.gradient("motion")
+    method.advance_deformation(method.stages[0], 0.0)
+    force = method.pairs.divergence(method.pairs.terms)
+    sums[:] = 0.0
+    force[:] = 0.0

@@ -1,11 +1,10 @@
 """Arrays of a rank's nodes and cells, as the grid kernels take them, kept up with the cells that particles occupy."""
 
-import time as clock
-
 import numpy as np
 
 from decomposition.grid import RankGrid
 from decomposition.node_sum import CellSum, NodeSum
+from decomposition.talking import TALKING
 from parsolid.boundary.reactions import Told
 from parsolid.boundary.surface_loads import SurfaceLoads
 from parsolid.collective import minimum
@@ -28,6 +27,7 @@ class Nodes:
     interpolation: `kernels.Interpolation` of the step, to be found anew when particles have been listed anew.
     places (count, 4) [m]; share (count,): what counts of a node on this rank's side of mirror planes, if no lower rank
     counts it; surface_loads: what acts on surfaces, set with the boundaries;
+    mirrored: axis, slots behind each mirror plane, of their images, and on it;
     told: conditions that tell what they take, see `boundary.reactions`;
     partial (cells, width**d, 8): parts of single cells, with bitwise sums, else None.
     """
@@ -48,7 +48,7 @@ class Nodes:
         self.partial: np.ndarray | None = None
         self.told: list[Told] = []
         self.surface_loads: SurfaceLoads | None = None
-        self.changes, self.communication_seconds = 0, 0.0
+        self.changes = 0
         self._seen: tuple[int, int] | None = None
         self._sums: dict[str, NodeSum | CellSum] = {}
         self._impulse = np.zeros((0, 3))
@@ -92,9 +92,11 @@ class Nodes:
         """Nodes behind and on the mirror planes, and what counts of each node."""
         self.share = np.ones(self.count)
         self._folds: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        self.mirrored: list[tuple[int, np.ndarray, np.ndarray, np.ndarray]] = []
         for plane in self.planes:
             behind, images, on_plane = self.ranks.cells.mirrored(plane.mirror)
             ghosts = np.concatenate((behind, on_plane)).astype(np.int32)
+            self.mirrored.append((plane.mirror.axis, behind, images, on_plane))
             self._folds.append((ghosts, np.concatenate((images, on_plane)).astype(np.int32), plane.signs))
             self.share[behind] = 0.0
             self.share[on_plane] *= 0.5
@@ -126,10 +128,9 @@ class Nodes:
 
     def sum(self, name: str) -> None:
         """Add up what all ranks' particles have given: "motion", "again", "capacity" or "flow"."""
-        began = clock.perf_counter()
-        self._sums[name].start()
-        self._sums[name].finish()
-        self.communication_seconds += clock.perf_counter() - began
+        with TALKING:
+            self._sums[name].start()
+            self._sums[name].finish()
 
     def accelerate(self, step: float) -> None:
         """New velocities after a step [s], and their changes, from the sums of momentum and force."""
@@ -160,7 +161,9 @@ class Nodes:
 
     def energy_of_changes(self) -> float:
         """sum_i m_i a_i^2 / 2 [J] of the nodes' changes of velocity in the step, on this rank."""
-        return 0.5 * float((self._impulses() * self.motion[: self.count, 4:7]).sum())
+        if self.mass is not None:
+            return 0.5 * float((self._impulses() * self.motion[: self.count, 4:7]).sum())
+        return float(kernels.energy_of_changes(0, self.count, self.motion, self.share))
 
     def energy_of_mapping_back(self) -> float:
         """sum_i m_i a_i . (v_i - u_i) / 2 [J] on this rank, u_i the velocities of the momentum that was mapped back."""

@@ -19,6 +19,7 @@ class TotalLagrangianSPH(MethodSettings):
 
     system: ClassVar = "parsolid.methods.tlsph.system:TotalLagrangianSPH"
     bodies_meet: ClassVar = False
+    initial_stress_refused: ClassVar = None
     materials: ClassVar = ("hyperelastic",)
     boundaries: ClassVar = (
         "fixed",

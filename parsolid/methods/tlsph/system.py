@@ -19,6 +19,7 @@ from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.methods.tlsph.deformation import Relaxation, advance_deformation, largest_wave_modulus
 from parsolid.methods.tlsph.displacement import displacement_gradient
 from parsolid.methods.tlsph.fixed_walls import watch_fixed_walls
+from parsolid.methods.tlsph.initial_stress import initial_stress_of
 from parsolid.methods.tlsph.lattice_bodies import put_on_lattices
 from parsolid.methods.tlsph.leapfrog import Leapfrog
 from parsolid.methods.tlsph.state import Body
@@ -73,6 +74,7 @@ class TotalLagrangianSPH(PairMethod):
         volume = particle_set.volume / share
         self.particles.declare(Field("mass", 1, "kg"), volume * density)
         self.particles.declare(Field("share", 1, "1"), share)
+        self.initial_stress = initial_stress_of(self, scene)
         metric = metrics(particle_set.spacing, particle_set.axes, self._smoothing())
         updated = (self.pairs, self.settings, particle_set.position, self.boundaries)
         self.reference = None if fixed else UpdatedReference(*updated)
@@ -123,6 +125,7 @@ class TotalLagrangianSPH(PairMethod):
             gradient, where = given
             rows("deformation_gradient")[:] = gradient.reshape(len(particle_set), -1)
             derived &= ~where
+        self.initial_stress.begin(*place)
         self.start(derived)
 
     def start(self, derived: np.ndarray) -> None:
@@ -161,6 +164,7 @@ class TotalLagrangianSPH(PairMethod):
 
     def resume(self) -> None:
         """Continue from a state that was put back into the particles."""
+        self.initial_stress.resume()
         if self.reference is not None:
             self.reference.resume()
         self.prescribed_energy_gain()
@@ -196,9 +200,9 @@ class TotalLagrangianSPH(PairMethod):
         pressure, shear = np.sqrt(modulus / block.law.density), np.sqrt(shear / block.law.density)
         return min(step, self.spacing * self.on_lattices.largest_step(pressure, shear, self.settings.dissipation))
 
-    def body_of(self, block: MaterialBlock) -> Body:
-        """The particle arrays as a block's law sees them."""
-        branches = bool(block.branches)
+    def body_of(self, block: MaterialBlock | None) -> Body:
+        """The particle arrays as a block's law sees them, or those of all laws."""
+        branches = block is not None and bool(block.branches)
         moved = None if self.reference is None else self.reference.moved
         return self.particles.kept(("body", branches), lambda: state.body_of(self.particles, branches, moved))
 
@@ -246,6 +250,8 @@ class TotalLagrangianSPH(PairMethod):
         last stage)."""
         sound, dissipation, stable = True, 0.0, self.boundaries.largest_step
         self.boundaries.look()
+        # before the sweep puts F at the end of the stage
+        self.initial_stress.note()
         for block in self.blocks:
             to_stage = block.relaxation(stage.time * step)
             to_end = block.relaxation(step) if stage.last else to_stage
@@ -255,6 +261,7 @@ class TotalLagrangianSPH(PairMethod):
             )
             sound, dissipation = sound and positive, dissipation + rate
             stable = min(stable, self._group_step(block, modulus) if modulus > 0.0 else 0.0)
+        self.initial_stress.add()
         return sound, dissipation, stable
 
     def advance_motion(self, stage: Stage, time: float, step: float) -> tuple[float, float]:
@@ -275,17 +282,6 @@ class TotalLagrangianSPH(PairMethod):
     def prescribed_energy_gain(self) -> float:
         """Kinetic energy [J] that prescribed components gained since the last call: the work of what moves them."""
         return self.boundaries.prescribed_energy_gain(self.kinematics, self.mass, self.share)
-
-    def evaluate_forces(self) -> None:
-        """One stabilised force evaluation of the current state, which stays as it is (for measurements)."""
-        if self.leapfrog is not None:
-            self.leapfrog.evaluate()
-            return
-        sums = self.pairs.gradient("motion")
-        self.advance_deformation(self.stages[0], 0.0)
-        force = self.pairs.divergence(self.pairs.terms)
-        sums[:] = 0.0
-        force[:] = 0.0
 
     def part(self, block: MaterialBlock) -> tuple[Any, ...]:
         """(space, first, last, law) of a block, as kernels take them."""
@@ -309,7 +305,7 @@ class TotalLagrangianSPH(PairMethod):
     def energies(self) -> tuple[float, float]:
         """Kinetic and stored energy [J] of this rank's particles, with tributary volumes."""
         kinetic = motion.kinetic_energy(self.owned, self.dimension, self.kinematics, self.mass, self.share)
-        stored = 0.0
+        stored = self.initial_stress.energy()
         for block in self.blocks:
             stored += motion.stored_energy(self.space, block.first, block.last, block.law, self.body_of(block))
         return kinetic, stored
@@ -321,7 +317,8 @@ class TotalLagrangianSPH(PairMethod):
         if name == "deformation_gradient":
             return deformation_gradients(self.particles, self.dimension, first, last)
         if name == "first_piola_kirchhoff_stress":
-            return first_piola_kirchhoff_stresses(self.space, self.blocks, self.body_of, first, last)
+            stress = first_piola_kirchhoff_stresses(self.space, self.blocks, self.body_of, first, last)
+            return stress + self.initial_stress.first_piola_kirchhoff_stress(first, last)
         return None
 
     def unsound(self) -> tuple[int, str] | None:
