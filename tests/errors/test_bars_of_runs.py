@@ -80,6 +80,7 @@ def test_a_companion_that_was_stopped_goes_on_with_the_same_bits(comm, shared_pa
 
 
 @pytest.mark.serial
+@pytest.mark.slow
 def test_a_run_that_was_killed_in_a_companion_goes_on_in_it(tmp_path):
     often = ["output.checkpoint_wall=0.2", "end_time=0.0022"]
     sets = [word for one in [*SMALL, *often] for word in ("--set", one)]

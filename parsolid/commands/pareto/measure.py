@@ -112,6 +112,7 @@ def envelope(plan: Plan) -> list[tuple[float, float, Candidate, int]]:
     points = [(t, e, one, i) for one in plan.candidates for i, (t, e) in enumerate(zip(one.times, one.errors))]
     result: list[tuple[float, float, Candidate, int]] = []
     for point in sorted(points, key=lambda p: p[:2]):
-        if not result or point[1] < result[-1][1]:
+        # a hundredth is no gain
+        if not result or point[1] < 0.99 * result[-1][1]:
             result.append(point)
     return result
