@@ -34,6 +34,8 @@ class RankGrid:
 
     bitwise: sums have the same bits on any number of ranks: particles are added in the order of their names, cells in
     lexicographic order, and whole cells travel instead of nodes.
+    slack: so many cells from its own a rank keeps particles until a `settle` that releases them; 0: it keeps none. Set
+    before particles are dealt out, and not with `bitwise`, whose cells are of one rank.
     """
 
     def __init__(
@@ -45,13 +47,13 @@ class RankGrid:
         self.comm, self.dimension, self.bitwise = comm, dimension, bitwise
         self.cells = OccupiedCells(dimension, width, tuple(mirrors))
         self.sharing = Sharing([], [], [], [])
-        self.migrated = 0
+        self.migrated, self.slack = 0, 0
         self._adopt(CellPartition.whole(dimension))
 
     def _adopt(self, partition: CellPartition) -> None:
         self.partition = partition
-        # a particle crosses less than one cell a step, a stencil reaches width - 1 cells
-        self.neighbours = partition.neighbours(self.comm.rank, self.cells.width)
+        # a particle crosses less than one cell a step, a stencil reaches width - 1 cells; two ranks' guests may meet
+        self.neighbours = partition.neighbours(self.comm.rank, self.cells.width + 2 * self.slack)
         self._offered_version, self._known_nodes = -1, 0
         self._pairs = np.zeros((0, 2), np.int64)
         self._offers = {rank: (np.zeros(0, np.int64), np.zeros(0, np.int64)) for rank in self.neighbours}
@@ -63,7 +65,11 @@ class RankGrid:
         return self.cells.version, self.sharing.version
 
     def deal_out(self, particles: Any, partition: CellPartition | None = None) -> bool:
-        """Give every particle to the owner of its cell under a partition, or under a balanced one; then `settle`."""
+        """Give every particle to the owner of its cell under a partition, or under a balanced one; then `settle`.
+
+        A partition that is given is taken for that of the particles, whose guests stay.
+        """
+        kept = partition is not None and self.slack > 0
         bases = np.array(particles.bases()[: particles.owned], np.int64)
         inside = (np.abs(bases) < FARTHEST).all(axis=1)
         if partition is None:
@@ -74,36 +80,41 @@ class RankGrid:
         if self.comm.size > 1:
             owner = partition.owners(bases)
             leaving = np.flatnonzero(owner != self.comm.rank)
+            if kept:
+                leaving = leaving[~self._near_own(partition, bases[leaving])]
             moved = migrate(self.comm, owner[leaving], {"rows": particles.packed(leaving)})["rows"]
             particles.remove(leaving)
             particles.insert(moved)
             self.migrated += len(leaving)
         self.cells.compact()
         self._adopt(partition)
-        return self.settle(particles)
+        return self.settle(particles, not kept)
 
     def imbalance(self, owned: int) -> float:
         """Largest over mean number of particles on a rank."""
         counts = np.array(self.comm.allgather(owned))
         return float(counts.max() / max(counts.mean(), 1e-300))
 
-    def settle(self, particles: Any) -> bool:
+    def settle(self, particles: Any, release: bool = True) -> bool:
         """List particles by cell, hand those that left to their new owners, and agree on the shared nodes.
 
-        Talks to neighbours only. False when a particle of this rank is beyond the lattice, is not a number, or went
-        farther than to a neighbour; such a particle stays.
+        release: on all ranks alike, False for a rank with `slack` to keep those that left. Talks to neighbours only.
+        False when a particle of this rank is beyond the lattice, is not a number, or went farther than to a neighbour,
+        or than the slack; such a particle stays.
         """
         bases = particles.bases()
         strays, sound = self._sort(particles, bases), True
         if len(strays):
             lost = self.cells.lost(strays)
             sound, strays = not lost.any(), strays[~lost]
-        if self.neighbours:
-            bases, kept = self._migrate(particles, bases, strays)
+        if self.neighbours and (release or not self.slack):
+            bases, kept = self._migrate(particles, bases, np.concatenate((strays, self.guests())))
             sound = sound and kept
         elif len(strays):
-            self.cells.add(bases[strays].astype(np.int64))
+            at = bases[strays].astype(np.int64)
+            self.cells.add(at)
             self._sort(particles, bases)
+            sound = sound and bool(self._near_own(self.partition, at).all())
         if len(self.cells.index) > _ALWAYS_KEPT + (1.0 + _TOO_MANY_EMPTY) * self.cells.occupied.sum():
             self.cells.compact()
             self._known_nodes, self._pairs = 0, self._pairs[:0]
@@ -111,6 +122,23 @@ class RankGrid:
         if self.neighbours:
             self._agree()
         return sound
+
+    def guests(self) -> np.ndarray:
+        """Rows of the particles that are listed in cells of other ranks, without `slack` none."""
+        cells = self.cells
+        if not self.slack:
+            return np.zeros(0, np.int64)
+        foreign = np.flatnonzero((self.partition.owners(cells.index) != self.comm.rank) & cells.occupied)
+        return np.concatenate(
+            [np.zeros(0, np.int64), *(cells.order[cells.start[c] : cells.start[c + 1]] for c in foreign)]
+        )
+
+    def _near_own(self, partition: CellPartition, cells: np.ndarray) -> np.ndarray:
+        """Which cells (n, d) are at most `slack` from one that may be this rank's own (n,) bool."""
+        result = np.full(len(cells), partition.ranks == 1)
+        found = partition.touching(cells + self.slack, 2 * self.slack + 1, -1)
+        result[found[found[:, 1] == self.comm.rank, 0]] = True
+        return result
 
     def _sort(self, particles: Any, bases: np.ndarray) -> np.ndarray:
         return self.cells.sort(bases, particles.owned, particles.names() if self.bitwise else None)
@@ -125,7 +153,9 @@ class RankGrid:
         sound = bool(np.isin(owner, [self.comm.rank, *self.neighbours]).all())
         leaving = [strays[owner == rank] for rank in self.neighbours]
         staying = ~np.isin(owner, self.neighbours)
-        arrived = np.concatenate(self._swap([particles.packed(rows) for rows in leaving], _PARTICLES_TAG))
+        arrived = np.concatenate(
+            swap(self.comm, self.neighbours, [particles.packed(rows) for rows in leaving], _PARTICLES_TAG)
+        )
         gone = np.concatenate(leaving)
         self.cells.add(at[staying])
         if len(gone):
@@ -142,22 +172,6 @@ class RankGrid:
                 self._sort(particles, bases)
         return bases, sound
 
-    def _swap(self, outgoing: list[np.ndarray], tag: int) -> list[np.ndarray]:
-        """Send each neighbour rows of 8-byte numbers and return theirs, however many."""
-        requests = [
-            self.comm.Isend([np.ascontiguousarray(array).view(np.int64), MPI.INT64_T], rank, tag)
-            for rank, array in zip(self.neighbours, outgoing)
-        ]
-        incoming, status = [], MPI.Status()
-        with TALKING:
-            for rank, array in zip(self.neighbours, outgoing):
-                self.comm.Probe(rank, tag, status)
-                received = np.empty(status.Get_count(MPI.INT64_T), np.int64)
-                self.comm.Recv([received, MPI.INT64_T], rank, tag)
-                incoming.append(received.view(array.dtype).reshape(-1, *array.shape[1:]))
-            MPI.Request.Waitall(requests)
-        return incoming
-
     def _agree(self) -> None:
         """Tell neighbours which nodes (and cells) here may concern them, if they have changed, and find the shared
         ones.
@@ -171,7 +185,7 @@ class RankGrid:
         for rank in self.neighbours:
             nodes, cells = self._offers[rank]
             messages.append(np.concatenate(([len(nodes)], nodes, cells)) if changed else nothing)
-        for rank, message in zip(self.neighbours, self._swap(messages, _OFFER_TAG)):
+        for rank, message in zip(self.neighbours, swap(self.comm, self.neighbours, messages, _OFFER_TAG)):
             if len(message):
                 self._theirs[rank] = message[1 : message[0] + 1].copy(), message[message[0] + 1 :].copy()
                 changed = True
@@ -180,11 +194,11 @@ class RankGrid:
 
     def _find_offers(self) -> None:
         new = self.cells.nodes[self._known_nodes :]
-        width, here = self.cells.width, self.comm.rank
-        pairs = [self.partition.touching(new, width, here)]
+        width, here, slack = self.cells.width, self.comm.rank, self.slack
+        pairs = [self.partition.touching(new + slack, width + 2 * slack, here)]
         for mirror in self.cells.mirrors:
             rows, images = reflected(new, mirror, width)
-            found = self.partition.touching(images, width, here)
+            found = self.partition.touching(images + slack, width + 2 * slack, here)
             pairs.append(np.stack((rows[found[:, 0]], found[:, 1]), axis=1))
         found = np.concatenate(pairs)
         found[:, 0] += self._known_nodes
@@ -222,3 +236,20 @@ class RankGrid:
             assert partial is not None, "expected what each cell gives"
             return CellSum(self.comm, self.sharing, self.cells, partial, nodes, (first, last), _SUM_TAG + tag)
         return NodeSum(self.comm, self.sharing, nodes, (first, last), _SUM_TAG + tag)
+
+
+def swap(comm: MPI.Comm, neighbours: list[int], outgoing: list[np.ndarray], tag: int) -> list[np.ndarray]:
+    """Send each neighbour rows of 8-byte numbers and return theirs, however many."""
+    requests = [
+        comm.Isend([np.ascontiguousarray(array).view(np.int64), MPI.INT64_T], rank, tag)
+        for rank, array in zip(neighbours, outgoing)
+    ]
+    incoming, status = [], MPI.Status()
+    with TALKING:
+        for rank, array in zip(neighbours, outgoing):
+            comm.Probe(rank, tag, status)
+            received = np.empty(status.Get_count(MPI.INT64_T), np.int64)
+            comm.Recv([received, MPI.INT64_T], rank, tag)
+            incoming.append(received.view(array.dtype).reshape(-1, *array.shape[1:]))
+        MPI.Request.Waitall(requests)
+    return incoming

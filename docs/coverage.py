@@ -6,7 +6,6 @@ of what has been run.
 """
 
 import argparse
-import json
 import pickle
 import sys
 import time as clock
@@ -15,14 +14,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
-from scipy.interpolate import CubicSpline
 
 from parsolid.errors.bars import error_table
 from parsolid.errors.coarsening import NotCoarsened, coarser, parsed
 from parsolid.errors.orders import kind_of
 from parsolid.errors.running import result_of, run_into
+from parsolid.errors.truth import exact_values, series_of
 from parsolid.errors.variants import SPACING, Companion, companions_of
-from parsolid.exact import SOLUTIONS
 from parsolid.scene.loading import apply_override, parse_scene, read_tables
 from parsolid.simulation.loop import Limits
 
@@ -269,54 +267,10 @@ def tables_of(one: Scene) -> dict[str, Any]:
 
 def truth_of(one: Scene, scene: Any, columns: list[str]) -> dict[str, Any]:
     """Column -> function of times that gives its true values."""
-    found: dict[str, Any] = {}
-    reference = scene.reference
-    if reference.series is not None:
-        data = json.loads(Path(reference.series).read_text())
-        for column, name in one.truth.items():
-            found[column] = CubicSpline(data["t"], data["series"][name])
-        return found
-    kind: Any = SOLUTIONS[reference.exact]
-    solution = kind.of_scene(scene)
-    for probe in scene.probes:
-        if probe.quantity is None and not set(columns).isdisjoint(probe.columns(scene.dimension)):
-            for field, names in probe.columns_of_fields(scene.dimension).items():
-                for number, name in enumerate(names):
-                    found[name] = _exact(solution, scene, probe, field, number)
-    return {name: one for name, one in found.items() if one is not None}
-
-
-def _exact(solution: Any, scene: Any, probe: Any, field: str, component: int) -> Any:
-    d = scene.dimension
-    if probe.at is not None:
-        places, weight = np.array([probe.at], float), np.ones(1)
-    else:
-        box = scene.bodies[0].shape.model
-        if scene.bodies[0].shape.kind == "box":
-            lines = [np.linspace(a, b, 401 if d == 1 else 81) for a, b in zip(box.lower, box.upper)]
-            lines = [0.5 * (line[1:] + line[:-1]) for line in lines]
-            places = np.stack([g.ravel() for g in np.meshgrid(*lines, indexing="ij")], axis=1)
-            measure = np.ones(len(places))
-        else:
-            r, a = np.meshgrid(
-                np.linspace(0.75, 1.25, 401)[:-1] + 0.000625, np.linspace(0, 2 * np.pi, 201)[:-1], indexing="ij"
-            )
-            places, measure = np.stack([(r * np.cos(a)).ravel(), (r * np.sin(a)).ravel()], axis=1), r.ravel()
-        weight = probe.weight.evaluate(places)
-        weight = weight * measure / np.sum(weight * weight * measure)
-    if field not in solution.fields(places[:1], 0.0):
-        return None
-
-    def value(times: np.ndarray) -> np.ndarray:
-        result = []
-        for time in np.atleast_1d(times):
-            values = solution.fields(places, float(time))[field]
-            if values.ndim == 3:
-                values = values[:, :d, :d]
-            result.append(float(weight @ values.reshape(len(places), -1)[:, component]))
-        return np.array(result)
-
-    return value
+    if scene.reference.series is not None:
+        return dict(series_of(scene, one.truth))
+    found = {column: exact_values(scene, column) for column in columns}
+    return {column: values for column, values in found.items() if values is not None}
 
 
 def run(one: Scene, folder: Path) -> list[dict[str, Any]]:

@@ -1,7 +1,8 @@
 """Tests on any number of ranks: `pytest`, or `mpirun -n 3 python -m pytest`; a failure on one rank is one on all.
 
 On one rank all tests run, on several those in which ranks talk to each other, which `-m mpi` selects too: the ones with
-a fixture of all ranks, `comm` or `shared_path`, and without the mark `serial`. All ranks run their tests in step. After
+a fixture of all ranks, `comm` or `shared_path`, and without the mark `serial`. What stands on the exchanges between
+ranks runs on two or on three, what makes them on both. All ranks run their tests in step. After
 each phase of a test they tell each other how it went, so that a test that fails on one rank fails on all, and rank 0
 reports it. A rank that fails while the others wait for it inside the test would leave them waiting for ever; then,
 after a grace, it shows its failure and ends the whole job.
@@ -11,6 +12,7 @@ import faulthandler
 import os
 import time
 import zlib
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -58,7 +60,9 @@ _step = None
 
 
 def pytest_addoption(parser):
-    parser.addoption("--long", action="store_true", help="also run tests that take minutes")
+    parser.addoption(
+        "--long", action="store_true", help="also run tests that take minutes, and all on 2 ranks and on 3"
+    )
     parser.addoption("--properties", metavar="FILE", help="write what the tests check and in which sets")
 
 
@@ -84,20 +88,32 @@ def pytest_configure(config):
     if WORLD.rank > 0 and reporter is not None:
         # rank 0 reports for all
         reporter._tw._file = open(os.devnull, "w")
+    if hasattr(config.option, "loadscopereorder"):
+        # workers take files in the order of `_in_turn`
+        config.option.loadscopereorder = False
 
 
 # rooms of which every test compares with a solution from elsewhere, and those that start whole runs
 _VERIFYING, _SLOW = ("verification", "exact"), ("verification", "end_to_end")
+# rooms that run on two ranks or on three; all others, which make the exchanges, on both; --long: all on both
+_NOT_ON = {
+    2: ("boundary", "contact", "mixed", "mpm", "scene", "simulation", "tlsph", "ulsph"),
+    3: ("api", "commands", "errors", "examples", "materials", "peridynamics", "tools"),
+}
+# files of many rooms first, then those that take long, and short ones last, so that all workers end together
+_LATER = {"docs": 1, "end_to_end": 1, "decomposition": 2, "numerics": 2, "scene": 2}
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
     """Mark what communicates and what verifies; leave out what is for another number of ranks, or long."""
     kept, left = [], []
+    if hasattr(config, "workerinput"):
+        _in_turn(items)
     for item in items:
         if {"comm", "shared_path"} & set(item.fixturenames) and not item.get_closest_marker("serial"):
             item.add_marker(pytest.mark.mpi)
-        room = item.path.relative_to(Path(__file__).parent).parts[0]
+        room = _room(item)
         if room in _VERIFYING:
             item.add_marker(pytest.mark.verification)
         if room in _SLOW or item.get_closest_marker("long"):
@@ -108,6 +124,16 @@ def pytest_collection_modifyitems(config, items):
         items[:] = kept
 
 
+def _room(item) -> str:
+    return item.path.relative_to(Path(__file__).parent).parts[0]
+
+
+def _in_turn(items) -> None:
+    """Sort tests by file, of each kind those with most tests first."""
+    count = Counter(item.path for item in items)
+    items.sort(key=lambda item: (_LATER.get(_room(item), 0), -count[item.path], item.path))
+
+
 def _runs(config, item) -> bool:
     ranks = item.get_closest_marker("ranks")
     if config.getoption("properties"):
@@ -116,6 +142,9 @@ def _runs(config, item) -> bool:
         return False
     if ranks is not None and WORLD.size not in ranks.args:
         return False
+    if ranks is None and not config.getoption("long") and _room(item) in _NOT_ON.get(WORLD.size, ()):
+        # the set on three ranks leaves out what is slow
+        return WORLD.size == 2 and item.get_closest_marker("slow") is not None
     return WORLD.size == 1 or item.get_closest_marker("mpi") is not None
 
 

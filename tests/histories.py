@@ -1,12 +1,14 @@
 """python -m tests.histories --ranks 1 2 3: every scene of `runs/` with every probe has the same history on any ranks.
 
-Each scene takes `--steps` steps with its own probes and, at the middle of its first body, one of every field and
-quantity that it accepts; its histories are compared column by column with those of the first number of ranks, on the
-scale of the column's largest value (of all columns of a vector or tensor). Prints a line a scene; status 1 when a
-difference exceeds `--tolerance`, a scene fails, or one has no history on some number of ranks.
+Each scene takes `--steps` steps with its own probes and, at the particle in the middle of its first body's, one of
+every field and quantity that it accepts; its histories are compared column by column with those of the first number of
+ranks. A vector or tensor is measured by its largest component, a field at a particle by what it is anywhere, and a sum
+of all particles by what its terms add up to without their signs, for symmetry makes much of this vanish. Prints a line
+a scene; status 1 when a difference exceeds `--tolerance`, a scene fails, or one has no history on some ranks.
 """
 
 import argparse
+import json
 import os
 import re
 import subprocess
@@ -35,13 +37,13 @@ def watched(path: Path) -> Any:
     """The scene with a probe of every field and quantity that it accepts."""
     from parsolid.observables.declared import field_kinds, quantity_kinds
     from parsolid.scene import SceneError, load_scene, parse_scene
+    from parsolid.scene.fillings import filling_of
 
     scene = load_scene(path)
     data = tomllib.loads(path.read_text())
-    d = scene.dimension
-    bounds = scene.bodies[0].shape.bounds() if hasattr(scene.bodies[0].shape, "bounds") else None
-    middle = [0.0] * d if bounds is None else [0.5 * float(low + high) for low, high in zip(*bounds)][:d]
-    kinds = [settings for settings in (scene.method,) if settings is not None]
+    d, filling = scene.dimension, filling_of(scene.bodies[0], scene.dimension)
+    middle = filling.piece(filling.count // 2, filling.count // 2 + 1).position[0].tolist()
+    kinds = [system.settings for system in scene.systems]
     fields = dict.fromkeys([*field_kinds(), *(name for each in kinds for name in each.field_kinds(d))])
     quantities = dict.fromkeys([*quantity_kinds(), *(name for each in kinds for name in each.extra_quantities)])
     more: list[dict[str, Any]] = []
@@ -74,10 +76,37 @@ def run_all(folder: Path, steps: int, only: str) -> None:
     for name, path in scenes(only).items():
         output = folder / f"{name}-{comm.size}"
         try:
-            run_into(output, comm, watched(path), steps)
+            recorder = run_into(output, comm, watched(path), steps)
+            found = sizes(recorder.simulation)
+            if comm.rank == 0:
+                (folder / f"{name}-{comm.size}.sizes").write_text(json.dumps(found))
         except Exception as error:
             (folder / f"{name}-{comm.size}.{comm.rank}.failed").write_text(f"{type(error).__name__}: {error}"[:500])
         comm.Barrier()
+
+
+def sizes(sim: Any) -> dict[str, float]:
+    """By name of a field its largest value anywhere, and the mass [kg] and extent [m] of all; collective."""
+    from mpi4py import MPI
+
+    from parsolid.observables.declared import field_kinds, field_of
+
+    systems, comm = sim.systems, sim.comm
+    kinds = [*field_kinds(), *(name for one in systems for name in one.settings.field_kinds(sim.scene.dimension))]
+    found = {}
+    for name in dict.fromkeys([*kinds, "position"]):
+        fields = [field_of(one, name) for one in systems if one.owned]
+        largest = max([0.0, *(float(np.nanmax(np.abs(values))) for values in fields if values is not None)])
+        found[name] = float(comm.allreduce(largest, MPI.MAX))
+    mass = sum(float((one.mass[: one.owned] * one.share[: one.owned]).sum()) for one in systems)
+    return found | {"mass": comm.allreduce(mass)}
+
+
+def terms(measured: dict[str, float], kinetic: float) -> dict[str, float]:
+    """The scale of every field and of what symmetry makes vanish; kinetic: the largest energy of motion [J]."""
+    momentum = np.sqrt(2.0 * measured["mass"] * kinetic)
+    sums = {"linear_momentum": momentum, "angular_momentum": momentum * measured["position"]}
+    return measured | sums | {"centre_of_mass": measured["position"]}
 
 
 def largest_difference(one: Path, other: Path) -> tuple[float, str, int]:
@@ -95,6 +124,8 @@ def largest_difference(one: Path, other: Path) -> tuple[float, str, int]:
         group = "energies" if energies.match(name) else re.sub(r"_[xyz]{1,2}$", "", name)
         groups.setdefault(group, []).append(column)
     worst, where = 0.0, ""
+    kinetic = np.abs(tables[0][:, names.index("kinetic")]).max()
+    natural = terms(json.loads(one.with_name(f"{one.name}.sizes").read_text()), kinetic)
     for group, columns in groups.items():
         wanted, found = (table[:, columns] for table in tables)
         if (np.isnan(found) != np.isnan(wanted)).any():
@@ -102,7 +133,7 @@ def largest_difference(one: Path, other: Path) -> tuple[float, str, int]:
         if np.isnan(wanted).all():
             # a crack that is not there has no tip
             continue
-        scale = max(np.nanmax(np.abs(wanted)), 1e-300)
+        scale = max(np.nanmax(np.abs(wanted)), natural.get(group.rpartition(".")[2], 0.0), 1e-300)
         if group == "energies" and np.abs(tables[0][:, names.index("balance")]).max() > 0.1 * scale:
             # pure heat: what is left of mechanical energies is round-off
             continue

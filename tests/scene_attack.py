@@ -1,9 +1,10 @@
 """python -m tests.scene_attack --number 10000: change scenes at random; each is read, runs two steps, or is refused.
 
-Every scene of `runs/` and every small scene of the tests is changed in one to three places. A changed scene of `runs/`
-is read and validated; a small one goes through the whole program for two steps (one in `--every`). What ends with
-anything but a scene, a message, or a status of 0, 2, 3 or 75, warns of its arithmetic, lasts over three minutes, or
-takes its process along is a fault, and is kept in the folder `--keep`. Status 1 when there was one.
+Every scene of `runs/` and every small scene of the tests gets tables of another one, or tables and keys that it does
+not have, or is changed in one to three places, or both. One of `runs/` is read and validated; a small one goes through
+the whole program for two steps (one in `--every`). What ends with anything but a scene, a message, or a status of 0, 2,
+3 or 75, warns of its arithmetic, lasts over three minutes, or takes its process along is a fault, and is kept in the
+folder `--keep`. Status 1 when there was one.
 """
 
 import argparse
@@ -26,8 +27,11 @@ import tomllib
 
 sys.path.insert(0, str(Path(__file__).parent / "end_to_end"))
 
-from mutations import mutated
-from small_scenes import SCENES, write
+from mutations import grafted, mutated
+from small_scenes import write
+
+sys.path.insert(0, str(Path(__file__).parent))
+from soak_scenes import SCENES
 
 ROOT = Path(__file__).parents[1]
 # seconds that a scene may take, kernels that it compiles included
@@ -79,7 +83,12 @@ def batch(seed: int, first: int, every: int, outbox: Any) -> None:
         chance = random.Random(f"{seed} {number}")
         whole = number % every == 0
         name = chance.choice(sorted(SCENES if whole else runs))
-        scene = mutated(SCENES[name] if whole else runs[name], chance)
+        scene = SCENES[name] if whole else runs[name]
+        way = chance.random()
+        if way < 0.5:
+            scene = grafted(scene, [*SCENES.values()] if whole else [*runs.values()], chance)
+        # a graft alone is the most likely to be sound
+        scene = mutated(scene, chance) if way > 0.25 else scene
         outbox.send((number, name, scene, None))
         with tempfile.TemporaryDirectory() as folder:
             signal.alarm(PATIENCE)

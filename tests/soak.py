@@ -3,25 +3,32 @@
 A random scene on random ranks writes checkpoints often; its job is killed, or one rank of it, or asked to stop by
 SIGTERM, SIGINT or the clock, again and again, and continued on the same ranks or on others. What it leaves at its end
 has to be what the uninterrupted run leaves: on the same ranks to the last bit, on others to 1e-9. Prints one line a
-run and a table at the end; status 1 when anything was lost, a job hung, or a traceback was seen.
+run and a table at the end; status 1 when anything was lost, a job hung, or a traceback was seen. Most jobs are forked
+from a process that has the program loaded (`end_to_end/preloaded.py`), one in `--whole` is started as a user does it.
 """
 
 import argparse
 import contextlib
 import os
 import random
+import shutil
 import signal
+import subprocess
 import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent / "end_to_end"))
 
-from command_line import finish, kill, ranks_of, start
+from command_line import environment, finish, kill, ranks_of, start
 from run_results import assert_close, assert_same_bits
-from small_scenes import SCENES, changed, write
+from small_scenes import write
+
+sys.path.insert(0, str(Path(__file__).parent))
+from soak_scenes import SCENES
 
 MOST_RANKS = 3
 WAYS = ("kill all", "kill one rank", "SIGTERM", "SIGINT", "wall time", "kill mpirun")
@@ -30,27 +37,24 @@ PATIENCE = 300.0
 
 
 class Soak:
-    """Runs, kills and compares in a folder; chance: `random.Random`."""
+    """Runs, kills and compares in a folder; programs: what `command_line.start` takes, one is chosen for each job."""
 
-    def __init__(self, folder: Path, chance: random.Random):
-        self.folder, self.chance = folder, chance
+    def __init__(self, folder: Path, chance: random.Random, programs: list[tuple[str, ...]]):
+        self.folder, self.chance, self.programs = folder, chance, programs
         self.whole: dict[tuple[str, int], tuple[Path, float]] = {}
         self.ended: Counter[str] = Counter()
+        self.within: Counter[str] = Counter()
         self.runs, self.faults = 0, []
         for name, scene in SCENES.items():
-            write(changed(scene, {"output.checkpoint_steps": 2}), folder / f"{name}.toml")
+            write(scene, folder / f"{name}.toml")
 
     def uninterrupted(self, name: str, ranks: int) -> tuple[Path, float]:
         """The folder of a whole run and the seconds that it takes, run when it is first asked for."""
         if (name, ranks) not in self.whole:
             output = self.folder / f"{name}-{ranks}"
-            seconds = []
-            # twice: the first may compile
-            for turn in (output.with_name(f"{output.name}-first"), output):
-                result = finish(start([self.folder / f"{name}.toml", "-q", "-o", turn], ranks), PATIENCE)
-                assert result.status == 0, result.err
-                seconds.append(result.seconds)
-            self.whole[name, ranks] = output, seconds[-1]
+            result = finish(start([self.folder / f"{name}.toml", "-q", "-o", output], ranks), PATIENCE)
+            assert result.status == 0, result.err
+            self.whole[name, ranks] = output, result.seconds
         return self.whole[name, ranks]
 
     def run(self, kills: int) -> None:
@@ -64,8 +68,7 @@ class Soak:
             way = self.chance.choice(WAYS) if turn < kills else "none"
             now = ranks if not more or self.chance.random() < 0.7 else self.chance.randint(1, MOST_RANKS)
             same = same and now == ranks
-            finished = self._once([self.folder / f"{name}.toml", "-q", "-o", output, *more], now, way, seconds, ways)
-            if finished:
+            if self._once([self.folder / f"{name}.toml", "-q", "-o", output, *more], now, way, seconds, ways):
                 break
         try:
             (assert_same_bits if same else lambda a, b: assert_close(a, b, 1e-9))(output, expected)
@@ -73,28 +76,63 @@ class Soak:
         except (AssertionError, Exception) as error:
             word = f"FAULT {type(error).__name__}: {str(error)[:300]}"
             self.faults.append((self.runs, name, word))
-        print(f"run {self.runs}: {name} on {ranks} ranks, {', '.join(ways) or 'not ended'}: {word}", flush=True)
+        done = f"{self.ended.total()} ends, {len(self.faults)} faults"
+        print(
+            f"run {self.runs}: {name} on {ranks} ranks, {', '.join(ways) or 'not ended'}: {word} ({done})", flush=True
+        )
+        if not word.startswith("FAULT"):
+            shutil.rmtree(output)
 
     def _once(self, command: list, ranks: int, way: str, seconds: float, ways: list[str]) -> bool:
         """Start a job and end it in a way at a random instant; whether it came to its own end before."""
-        lifetime = self.chance.uniform(0.3, 1.2) * seconds
-        clocked = ["--wall-time", f"{max(0.1, lifetime - 1.0):.3f}"] if way == "wall time" else []
-        job = start([*command, *clocked], ranks)
+        history, limit = Path(command[3]) / "history.csv", self.chance.uniform(0.0, 0.7) * seconds
+        clocked = ["--wall-time", f"{max(0.1, limit):.3f}"] if way == "wall time" else []
+        job = start([*command, *clocked], ranks, program=self.chance.choice(self.programs))
         if way not in ("none", "wall time"):
-            began = time.monotonic()
-            while time.monotonic() < began + lifetime and job.poll() is None:
-                time.sleep(0.005)
+            self._wait(job, history, limit)
             if job.poll() is None:
                 _end(job, way, self.chance)
+        began = _rows(history)
         result = finish(job, PATIENCE)
-        if "Traceback" in result.err:
+        if "Traceback" in result.err or (history.parent / "traceback.txt").exists():
             self.faults.append((self.runs, way, result.err[-500:]))
-        if result.status in (2, 3):
+        if result.status in (1, 2, 3) and way not in ("kill one rank", "kill mpirun"):
             self.faults.append((self.runs, way, f"status {result.status}: {result.err[-300:]}"))
         if result.status != 0:
             self.ended[way] += 1
-            ways.append(way)
+            self.within["steps" if began else "set-up"] += 1
+            ways.append(f"{way} ({result.status}) at {began} of history")
         return result.status == 0
+
+    def _wait(self, job: subprocess.Popen, history: Path, limit: float) -> None:
+        """Until a random row of the history that this job adds, or in one of four cases for a random time."""
+        rows, began = _rows(history), time.monotonic()
+        wanted = self.chance.randint(1, 12)
+        soon = self.chance.random() < 0.25
+        while job.poll() is None and time.monotonic() < began + (limit if soon else PATIENCE):
+            if not soon and _rows(history) >= rows + wanted:
+                time.sleep(self.chance.uniform(0.0, 0.05))
+                return
+            time.sleep(0.002)
+
+
+def _rows(history: Path) -> int:
+    return history.read_bytes().count(b"\n") if history.exists() else 0
+
+
+@contextlib.contextmanager
+def preloaded(folder: Path) -> Iterator[tuple[str, ...]]:
+    """A server of ranks with its socket in a folder; gives the program that `start` takes for "-m", "parsolid"."""
+    address, script = folder / "door", str(Path(__file__).with_name("end_to_end") / "preloaded.py")
+    server = subprocess.Popen([sys.executable, script, "serve", str(address)], env=environment())
+    try:
+        while not address.exists():
+            assert server.poll() is None, "the server of ranks did not start"
+            time.sleep(0.05)
+        yield ("-S", "-E", script, str(address), "parsolid")
+    finally:
+        server.kill()
+        server.wait()
 
 
 def _end(job, way: str, chance: random.Random) -> None:
@@ -116,13 +154,15 @@ def main() -> int:
     parser.add_argument("--kills", type=int, default=1000)
     parser.add_argument("--hours", type=float, default=2.0)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--whole", type=int, default=20, help="one job in so many loads the program itself")
     options = parser.parse_args()
     end = time.monotonic() + 3600.0 * options.hours
-    with tempfile.TemporaryDirectory() as folder:
-        soak = Soak(Path(folder), random.Random(options.seed))
+    with tempfile.TemporaryDirectory() as folder, preloaded(Path(folder)) as program:
+        programs = [program] * (options.whole - 1) + [("-m", "parsolid")]
+        soak = Soak(Path(folder), random.Random(options.seed), programs)
         while soak.ended.total() < options.kills and time.monotonic() < end:
             soak.run(min(6, options.kills - soak.ended.total()))
-    print("\n| way | ended |\n|---|---|")
+    print(f"\n{dict(soak.within)}\n\n| way | ended |\n|---|---|")
     for way, count in sorted(soak.ended.items()):
         print(f"| {way} | {count} |")
     print(f"\n{soak.ended.total()} ends in {soak.runs} runs (seed {options.seed}), {len(soak.faults)} faults")

@@ -1,12 +1,14 @@
 """The command line: run, check, bench, point, study, quadrature, keys, schema, init, plot, view.
 
 Exit status: 0 done, 2 bad input, 3 the run went wrong, 75 stopped with a checkpoint to continue from,
-130 interrupted from the keyboard at once, 1 an error of the machine or of the program.
+130 interrupted from the keyboard at once, 141 nobody reads what is printed any more (`| head`; a run goes on),
+1 an error of the machine or of the program.
 """
 
 import argparse
 import os
 import sys
+from contextlib import suppress
 from importlib import import_module
 from typing import NoReturn
 
@@ -20,7 +22,7 @@ from parsolid.output.log import LOG
 from parsolid.output.whereabouts import HERE, report
 from parsolid.scene.validation_errors import SceneError
 
-DONE, FAILED, BAD_INPUT, WENT_WRONG, INTERRUPTED = 0, 1, 2, 3, 130
+DONE, FAILED, BAD_INPUT, WENT_WRONG, INTERRUPTED, UNREAD = 0, 1, 2, 3, 130, 141
 
 
 class _BadArguments(Exception):
@@ -121,7 +123,29 @@ def main(arguments: list[str] | None = None) -> int:
     comm = MPI.COMM_WORLD
     HERE.folder, HERE.checkpoint, HERE.job = None, None, comm.bcast(os.getpid())
     try:
-        return _dispatch(comm, sys.argv[1:] if arguments is None else arguments)
+        return _status(comm, sys.argv[1:] if arguments is None else arguments)
+    except BrokenPipeError:
+        if comm.size > 1:
+            # quietly, too: the others may wait for this one
+            comm.Abort(UNREAD)
+        return UNREAD
+    finally:
+        LOG.close()
+        _drop_unread()
+
+
+def _drop_unread() -> None:
+    """Let nothing of what nobody reads be written again, and complained of, when the program ends."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+def _status(comm: MPI.Intracomm, arguments: list[str]) -> int:
+    try:
+        return _dispatch(comm, arguments)
     except (_BadArguments, SceneError, SolverError) as error:
         _say(comm, f"parsolid: {_headline(error)}")
         return BAD_INPUT
@@ -134,7 +158,12 @@ def main(arguments: list[str] | None = None) -> int:
             comm.Abort(INTERRUPTED)
         return INTERRUPTED
     except SystemExit as exit_request:
+        if exit_request.code and comm.size > 1:
+            # tables that nobody reads, on the one rank that prints them
+            comm.Abort(UNREAD)
         return int(exit_request.code or 0)
+    except BrokenPipeError:
+        raise
     except Exception as error:  # a fault of the program: end all ranks rather than leave them waiting
         from parsolid.simulation.loop import RunFailed
 
@@ -152,8 +181,6 @@ def main(arguments: list[str] | None = None) -> int:
             # the others may wait for this one
             comm.Abort(FAILED)
         return FAILED
-    finally:
-        LOG.close()
 
 
 def _headline(error: Exception) -> str:
@@ -166,7 +193,8 @@ def _headline(error: Exception) -> str:
 def _say(comm: MPI.Intracomm, text: str) -> None:
     if comm.rank == 0:
         LOG.say(text)
-        print(text, file=sys.stderr, flush=True)
+        with suppress(BrokenPipeError):
+            print(text, file=sys.stderr, flush=True)
 
 
 def _dispatch(comm: MPI.Intracomm, arguments: list[str]) -> int:
@@ -175,13 +203,19 @@ def _dispatch(comm: MPI.Intracomm, arguments: list[str]) -> int:
     options = parse(arguments)
     if options.command in _MODULES:
         command = getattr(import_module(_MODULES[options.command][0]), f"run_{options.command}")
-        return int(command(comm, options))
+        return _printed(command(comm, options))
     if options.command == "bench":
         from parsolid.commands.bench import bench
 
-        return bench(comm, options.method, options.particles, options.scaling)
+        return _printed(bench(comm, options.method, options.particles, options.scaling))
     from parsolid.commands.run import check, run
 
     if options.command == "check" or options.dry_run:
-        return check(comm, options)
+        return _printed(check(comm, options))
     return run(comm, options)
+
+
+def _printed(status: int) -> int:
+    """The status of a command of which all has been read that it printed; raises BrokenPipeError."""
+    sys.stdout.flush()
+    return int(status)

@@ -17,6 +17,7 @@ from parsolid.errors.running import FOLDER, Done, Interrupted, run_companions, s
 from parsolid.errors.variants import Companion, companions_of
 from parsolid.output.checkpoint import DEFAULT_NAME, partial_name, previous_name
 from parsolid.output.errors import together
+from parsolid.output.log import aloud
 from parsolid.output.summary import write_summary
 from parsolid.scene import Scene
 from parsolid.simulation.loop import Limits
@@ -55,7 +56,7 @@ def speaker(comm: MPI.Intracomm, options: Namespace) -> Callable[[str], None]:
 
     def say(text: str) -> None:
         if comm.rank == 0 and not options.quiet:
-            print(text, flush=True)
+            aloud(text)
 
     return say
 

@@ -19,7 +19,7 @@ from parsolid.contact.relations import relations
 from parsolid.output.checkpoint import find_checkpoint
 from parsolid.output.directory import occupy
 from parsolid.output.errors import OutputError, together
-from parsolid.output.log import LOG
+from parsolid.output.log import LOG, aloud
 from parsolid.output.progress import NORMAL, Compilations, Progress, Several
 from parsolid.output.summary import peak_memory_bytes, provenance, write_summary
 from parsolid.output.whereabouts import HERE
@@ -138,7 +138,7 @@ def _run_in(
         for note in notes:
             LOG.say(f"note: {note}")
             if level:
-                print(f"note: {note}", flush=True)
+                aloud(f"note: {note}")
         streams = [(level, None), (NORMAL, LOG.stream)][: 1 + (LOG.stream is not None)]
         progress = Several(*(Progress(scene.title, scene.end_time, simulation.particles, *one) for one in streams))
     watch = Recorder(simulation, files, progress)

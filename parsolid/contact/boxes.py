@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 from parsolid.collective import maximum
 from parsolid.contact.list_kernels import time_left
-from parsolid.contact.sides import Side, Sides
+from parsolid.contact.sides import Sides
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.pairs.displacement import body_bounds
 
@@ -35,32 +35,30 @@ class Boxes:
         self.faster = np.zeros(bodies)
         for body, facts in sides.facts.items():
             self.faster[body] = _FASTER * facts.speed
+        all_sides = sides.sides
+        self.own, self.other = (np.array([pair[k] for pair in all_sides], np.int64) for k in (0, 1))
+        self.reach, self.skin = (np.array([getattr(side, name) for side in all_sides]) for name in ("reach", "skin"))
 
     def agree(self, time: float) -> None:
         """Boxes and motions at a time [s]; collective."""
         self.time, bodies = time, self.bodies
         self.lower, self.upper, self.velocity, _ = body_motions(self.comm, bodies, self.systems)
-        self.near = np.array([self._gap(side) < side.reach + side.skin for side in self.sides.sides])
-        self.margin = np.full(bodies, -1.0)
-        for side, near in zip(self.sides.sides, self.near):
-            wanted = 0.5 * side.skin if near else max(0.5 * side.skin, _SHARE * self._gap(side))
-            known = self.margin[side.own]
-            self.margin[side.own] = wanted if known < 0.0 else min(known, wanted)
-        apart = [side for side, near in zip(self.sides.sides, self.near) if not near]
-        self.expires = min((time + self._meeting(side) for side in apart), default=np.inf)
-
-    def _gap(self, side: Side) -> float:
-        if side.own == side.other:
-            return 0.0
-        between = np.maximum(
-            self.lower[side.own] - self.upper[side.other], self.lower[side.other] - self.upper[side.own]
-        )
-        return float(np.linalg.norm(np.maximum(between, 0.0)))
-
-    def _meeting(self, side: Side) -> float:
-        """Time [s] until the moving boxes with their margins are within reach of one another."""
-        one, other = ((self.lower[i], self.upper[i], self.velocity[i]) for i in (side.own, side.other))
-        return meeting(one, other, self.margin[side.own] + self.margin[side.other] + side.reach)
+        own, other = self.own, self.other
+        between = np.maximum(self.lower[own] - self.upper[other], self.lower[other] - self.upper[own])
+        gap = np.linalg.norm(np.maximum(between, 0.0), axis=1)
+        gap[own == other] = 0.0
+        self.near = gap < self.reach + self.skin
+        self.margin = np.full(bodies, np.inf)
+        np.minimum.at(self.margin, own, np.maximum(0.5 * self.skin, np.where(self.near, 0.0, _SHARE * gap)))
+        self.margin[np.isinf(self.margin)] = -1.0
+        self._near_of_body: dict[int, list[int]] = {}
+        for number in np.flatnonzero(self.near):
+            self._near_of_body.setdefault(int(own[number]), []).append(int(number))
+        apart = ~self.near
+        # until moving boxes with their margins are within reach of one another
+        one, two = ((self.lower[i], self.upper[i], self.velocity[i]) for i in (own[apart], other[apart]))
+        until = meetings(one, two, self.margin[own[apart]] + self.margin[other[apart]] + self.reach[apart])
+        self.expires = time + float(until.min(initial=np.inf))
 
     def time_left(self, time: float, ahead: float) -> float:
         """How long [s] after a time [s] this rank's lists hold, at most a time ahead [s]."""
@@ -81,9 +79,8 @@ class Boxes:
         """Near bodies of each of some bodies, as `list_kernels.time_left` takes them."""
         d, start, rows = self.velocity.shape[1], [0], []
         for body in numbers:
-            for number, side in self.sides.of_body(int(body)):
-                if not self.near[number]:
-                    continue
+            for number in self._near_of_body.get(int(body), ()):
+                side = self.sides.sides[number]
                 other, frame = side.other, 0.5 * (self.velocity[side.own] + self.velocity[side.other])
                 row = np.zeros((5, d))
                 row[0], row[1] = (bound[other] + self.velocity[other] * elapsed for bound in (self.lower, self.upper))
@@ -113,14 +110,18 @@ def body_motions(comm: Any, bodies: int, systems: list[ParticleSystem]) -> tuple
 
 def meeting(one: tuple[np.ndarray, ...], other: tuple[np.ndarray, ...], reach: float) -> float:
     """Time [s] until two boxes (lower, upper, velocity) overlap, one of them widened by a reach [m]; inf if never."""
-    first, last = 0.0, np.inf
+    first, second = (tuple(values[None] for values in box) for box in (one, other))
+    return float(meetings(first, second, np.array([reach]))[0])
+
+
+def meetings(one: tuple[np.ndarray, ...], other: tuple[np.ndarray, ...], reach: np.ndarray) -> np.ndarray:
+    """Times (n,) [s] of `meeting` of n pairs of boxes, arrays (n, d) of each side, and reaches (n,) [m]."""
     speed = one[2] - other[2]
-    for k in range(len(speed)):
-        low, high = other[0][k] - one[1][k] - reach, other[1][k] - one[0][k] + reach
-        if speed[k] == 0.0:
-            if low > 0.0 or high < 0.0:
-                return np.inf
-            continue
-        times = sorted((low / speed[k], high / speed[k]))
-        first, last = max(first, times[0]), min(last, times[1])
-    return float(first) if first <= last else np.inf
+    low, high = other[0] - one[1] - reach[:, None], other[1] - one[0] + reach[:, None]
+    still = speed == 0.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        times = np.sort([low / speed, high / speed], axis=0)
+    times[0][still], times[1][still] = -np.inf, np.inf
+    never = (still & ((low > 0.0) | (high < 0.0))).any(axis=1)
+    first, last = np.maximum(times[0].max(axis=1), 0.0), times[1].min(axis=1)
+    return np.where(never | (first > last), np.inf, first)

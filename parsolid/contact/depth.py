@@ -21,12 +21,18 @@ def fill_depths(comm: Any, sides: Sides, systems: list[ParticleSystem], names: l
     fault = None
     for system in systems:
         for local, body in enumerate(system.bodies):
+            # sides of one reach and the same planes see the same
+            seen: dict[Any, tuple[np.ndarray, np.ndarray, float, float]] = {}
             for _, side in sides.of_body(body):
-                colour, rows = own_colours(comm, system, local, side)
+                key = side.reach, side.planes
+                if key not in seen:
+                    colour, rows = own_colours(comm, system, local, side)
+                    fullest = maximum(comm, float(colour.max(initial=0.0)))
+                    seen[key] = colour, rows, fullest, least_colour(side, sides, system.dimension)
+                colour, rows, fullest, least = seen[key]
                 inside = np.clip((1.0 - colour - side.own_colour) / (0.5 - side.own_colour), 0.0, 1.0)
                 system.particles["contact_depth"].reshape(-1, sides.slots)[rows, side.slot] = inside
-                fullest = maximum(comm, float(colour.max(initial=0.0)))
-                if fullest < least_colour(side, sides, system.dimension):
+                if fullest < least:
                     fault = (
                         f"contact: expected bodies of at least two layers of particles, found one in {names[body]} "
                         f"(with contact.radius it fills {fullest:.2g} of its own kernel)"

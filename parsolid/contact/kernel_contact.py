@@ -16,6 +16,7 @@ from parsolid.collective import maximum, raise_together
 from parsolid.contact import passes
 from parsolid.contact.boxes import Boxes
 from parsolid.contact.depth import fill_depths
+from parsolid.contact.heat_kernels import others_heat, own_heat
 from parsolid.contact.list_kernels import give_to_rows, take_from_rows
 from parsolid.contact.lists import SEEN, Entries, Segment
 from parsolid.contact.recipients import Recipient
@@ -25,7 +26,7 @@ from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.particles.declaration import Field, Rows
 from parsolid.scene import Scene
-from parsolid.scene.contact import CONTACT_TERMS, OSCILLATION
+from parsolid.scene.contact import CONTACT_TERMS, OSCILLATION, of_model
 
 # steps between looks at how far particles have moved, at least and at most, where bodies are near and where all are
 # apart; lists are asked for when they may not hold until twice the next look, and for as many steps more
@@ -40,6 +41,7 @@ def declare_fields(scene: Scene, system: ParticleSystem) -> None:
     if not slots:
         return
     system.expect_kicks()
+    system.expect_lists()
     particles = system.particles
     vector: dict[str, Any] = {"mirror": "vector", "layout": Rows(d)}
     particles.declare(Field("contact_depth", slots, "1", checkpointed=True, layout=Rows(slots)))
@@ -48,7 +50,7 @@ def declare_fields(scene: Scene, system: ParticleSystem) -> None:
     # place [m] and velocity [m/s] at the start of a step
     particles.declare(Field("contact_start", 2 * d, "1", layout=Rows(2 * d)))
     particles.declare(Field("contact_force", d, "N", shown=True, checkpointed=True, **vector))
-    if any(one.friction for one in scene.contact):
+    if any(one.friction for one in of_model(scene.contact, "kernel")):
         particles.declare(Field("contact_stick", slots * d, "m", checkpointed=True, layout=Rows(slots * d)))
 
 
@@ -65,6 +67,7 @@ class KernelContact(Interaction):
         self.boxes = Boxes(comm, len(scene.bodies), self.sides, systems)
         self.entries, self.within = Entries(comm, self.sides, systems), WithinBodies(self.sides, systems)
         self.rubs = any(side.friction for side in self.sides.sides)
+        self.warms = self.rubs and any(system.takes_heat for system in systems)
         self.restarted = False
         self.rebuilds, self.energy, self.stuck = 0, 0.0, 0.0
         # of a checkpoint of as many ranks
@@ -137,7 +140,8 @@ class KernelContact(Interaction):
     def after(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Forces in the new places, half a kick, and what went into the ledger."""
         placed = self.placements
-        if None in placed or placed != self._placed:
+        # where all are apart no row is in any list
+        if (None in placed or placed != self._placed) and self.boxes.near.any():
             self.rebuild(time)
         if self.entries.segments or self.energy or self.stuck:
             energy, stuck = self.energy, self.stuck
@@ -190,8 +194,9 @@ class KernelContact(Interaction):
         entries, d = self.entries, self.systems[0].dimension
         owned, whole = entries.owned, entries.owned + entries.halo.ghosts
         self.place, self.moved = np.zeros((whole, d)), np.zeros((whole, d) if self.rubs else (0, d))
-        self.record = np.zeros((whole, 3 + 3 * d if self.rubs else 2))
-        self.force, self.extra, self.colour, self.lost = (np.zeros((owned, *more)) for more in ((d,), (d,), (), ()))
+        self.record = np.zeros((whole, 3 + 3 * d + self.warms if self.rubs else 2))
+        self.force, self.extra = np.zeros((owned, d)), np.zeros((owned, d))
+        self.colour, self.lost, self.heat = np.zeros(owned), np.zeros(owned), np.zeros(owned)
         slots = [(one, self.sides.sides[one.side].slot) for one in entries.segments]
         level = [self._of_slot("contact_level", one, slot, 1)[:, 0] for one, slot in slots]
         self.level = np.concatenate(level or [np.zeros(0)])
@@ -255,6 +260,8 @@ class KernelContact(Interaction):
         opens_or_closes = bool(self.record[:, 1].any())
         if opens_or_closes:
             passes.forces(owned, self.matter, lists, self.record, 1, None, self.extra)
+        if ledger is not None and self.warms:
+            self._warm(ledger)
         work = sum(one.take(self.force, self.extra if opens_or_closes else None) for one in self.recipients)
         if ledger is not None:
             ledger.add(1.0, 0.0, 0.0, work)
@@ -293,6 +300,16 @@ class KernelContact(Interaction):
             field[one.rows, slot * d : (slot + 1) * d] = stick[one.first : one.last]
         if ledger is not None:
             ledger.add_term("friction_dissipation", float(self.lost.sum()))
+        if self.warms:
+            own_heat(entries.owned, self.matter, self.lost, self.record, self.record.shape[1] - 1, self.heat)
+
+    def _warm(self, ledger: EnergyLedger) -> None:
+        """Half of what friction took to each of two bodies, where their laws have temperatures."""
+        column = self.record.shape[1] - 1
+        others_heat(self.entries.owned, self.matter, self.entries.lists, self.record, column, self.heat)
+        stored = sum(one.warm(self.heat) for one in self.recipients if one.system.takes_heat)
+        if stored:
+            ledger.add_term("friction_heat", stored)
 
     def _exchange(self, message: Any) -> None:
         if not message.silent:
@@ -305,8 +322,8 @@ class KernelContact(Interaction):
 
 
 def build_contact(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[Interaction]:
-    """The contact of a scene, if it has any; collective."""
-    return [KernelContact(comm, scene, systems)] if scene.contact else []
+    """The contact of a scene by forces between particles, if it has any; collective."""
+    return [KernelContact(comm, scene, systems)] if of_model(scene.contact, "kernel") else []
 
 
 def deepest(comm: Any, contact: KernelContact) -> float:

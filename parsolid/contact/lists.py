@@ -112,21 +112,20 @@ class Entries:
     def _segments(self, boxes: Boxes) -> list[Segment]:
         result: list[Segment] = []
         first = 0
-        for number, side in enumerate(self.sides.sides):
-            if not boxes.near[number]:
-                continue
+        bodies = [_rows_of(system) for system in self.systems]
+        for number in np.flatnonzero(boxes.near):
+            side = self.sides.sides[number]
             for index, system in enumerate(self.systems):
                 if side.own not in system.bodies:
                     continue
-                local = system.bodies.index(side.own)
-                rows = np.flatnonzero(system.particles.owned_rows("body") == local)
+                rows = bodies[index][system.bodies.index(side.own)]
                 if side.own != side.other:
                     place = system.particles.owned_rows("position")[rows]
                     out = np.maximum(boxes.lower[side.other] - place, place - boxes.upper[side.other])
                     gap = np.maximum(out, 0.0)
                     rows = rows[(gap * gap).sum(axis=1) < (side.reach + side.skin) ** 2]
                 if len(rows):
-                    result.append(Segment(index, number, rows, first, first + len(rows)))
+                    result.append(Segment(index, int(number), rows, first, first + len(rows)))
                     first += len(rows)
         return result
 
@@ -170,6 +169,13 @@ class Entries:
         order = np.argsort(row, kind="stable")
         start = np.concatenate(([0], np.cumsum(np.bincount(row, minlength=self.owned)))).astype(np.int64)
         return start, neighbour[order], code[order]
+
+
+def _rows_of(system: ParticleSystem) -> list[np.ndarray]:
+    """Rows of each body, rising."""
+    body = system.particles.owned_rows("body")
+    order = np.argsort(body, kind="stable")
+    return np.split(order, np.searchsorted(body[order], np.arange(1, len(system.bodies))))
 
 
 def _kept(start: np.ndarray, neighbour: np.ndarray, keep: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -55,6 +55,12 @@ class Recipient:
         arrays = system.mass, system.share, self.held, self.started, owned("velocity"), owned("position")
         return float(oscillation(self.rows, step, system.verlet == "all", self.forces, *arrays))
 
+    def warm(self, heat: np.ndarray) -> float:
+        """Give the particles what their entries (entries,) have of heat [J]; what of it the stored energy holds [J]."""
+        taken = np.bincount(self.recipient, heat[self.entry], minlength=len(self.rows))
+        warmed = np.flatnonzero(taken)
+        return self.system.take_heat(taken[warmed], self.rows[warmed])
+
     def take(self, force: np.ndarray, extra: np.ndarray | None) -> float:
         """Forces (entries, d) [N] in new places; the work [J] of those who guide particles since the last places."""
         owned, forces = self.system.particles.owned_rows, self.forces

@@ -1,6 +1,6 @@
 """What is constant of a contact: the spacing and stiffness of its bodies, the kernel, the threshold and its slope."""
 
-from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -10,7 +10,7 @@ from parsolid.collective import maximum
 from parsolid.contact.kernel import lattice_colour, norm
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
-from parsolid.scene.contact import contact_pairs
+from parsolid.scene.contact import contact_pairs, of_model
 
 # skin of the lists, in spacings
 SKIN = 0.5
@@ -59,34 +59,32 @@ class Side(NamedTuple):
         return colour, np.interp(colour, self.colour, self.slope)
 
 
-@dataclass
 class Sides:
-    """All sides of a scene's contacts; slots: the most that one body has."""
+    """All sides of a scene's contacts, and facts by body; slots: the most sides of one body, for each particle."""
 
-    sides: list[Side]
-    facts: dict[int, BodyFacts]
-
-    @property
-    def slots(self) -> int:
-        """Room that a particle needs."""
-        return max((side.slot + 1 for side in self.sides), default=0)
+    def __init__(self, sides: list[Side], facts: dict[int, BodyFacts]) -> None:
+        self.sides, self.facts = sides, facts
+        self.slots = max((side.slot + 1 for side in sides), default=0)
+        self._of_body: dict[int, list[tuple[int, Side]]] = {}
+        for number, side in enumerate(sides):
+            self._of_body.setdefault(side.own, []).append((number, side))
 
     def of_body(self, body: int) -> list[tuple[int, Side]]:
         """Numbers and sides of a body of the scene."""
-        return [(number, side) for number, side in enumerate(self.sides) if side.own == body]
+        return self._of_body.get(body, [])
 
 
 def slots_of(scene: Scene) -> int:
     """The most sides that one body has."""
     count = np.zeros(len(scene.bodies), int)
-    for pair in contact_pairs(scene.contact, [body.name for body in scene.bodies]):
+    for pair in contact_pairs(of_model(scene.contact, "kernel"), [body.name for body in scene.bodies]):
         count[list({pair.first, pair.second})] += 1
     return int(count.max(initial=0))
 
 
 def sides_of(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> Sides:
     """Every contact of a scene, from both sides, from one within a body; collective."""
-    pairs = contact_pairs(scene.contact, [body.name for body in scene.bodies])
+    pairs = contact_pairs(of_model(scene.contact, "kernel"), [body.name for body in scene.bodies])
     used = sorted({body for pair in pairs for body in pair[:2]})
     facts = _facts(comm, scene, systems, used)
     planes = _planes(systems)
@@ -119,8 +117,7 @@ def _side(
     coarse = max(A.spacing, B.spacing)
     reach = contact.radius * coarse
     softer = min((A, B), key=lambda body: body.modulus / body.spacing)
-    depth = np.linspace(0.5 * A.spacing, 0.0, _TABLE)
-    table = [lattice_colour(float(z), B.spacing, B.nodal, reach, dimension) for z in depth]
+    depth, colour, slope = _table(A.spacing, B.spacing, B.nodal, reach, dimension)
     own_colour, _ = lattice_colour(0.5 * A.spacing, A.spacing, A.nodal, reach, dimension)
     frequency = np.sqrt(2.0 * contact.stiffness) * softer.speed / softer.spacing
     return Side(
@@ -135,11 +132,20 @@ def _side(
         norm(dimension, reach),
         own_colour,
         depth,
-        np.array([one[0] for one in table]),
-        np.array([one[1] for one in table]),
+        colour,
+        slope,
         float(_SAFETY * 2.0 / frequency),
         planes,
     )
+
+
+# bodies of one spacing have the same, whatever their number
+@lru_cache(maxsize=4096)
+def _table(own: float, spacing: float, nodal: bool, reach: float, dimension: int) -> tuple[np.ndarray, ...]:
+    """Depths from half of an own spacing [m] outside to the face of another body, its colours and their slopes."""
+    depth = np.linspace(0.5 * own, 0.0, _TABLE)
+    table = [lattice_colour(float(z), spacing, nodal, reach, dimension) for z in depth]
+    return depth, np.array([one[0] for one in table]), np.array([one[1] for one in table])
 
 
 def _facts(comm: Any, scene: Scene, systems: list[ParticleSystem], used: list[int]) -> dict[int, BodyFacts]:

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from parsolid.errors.estimate import SAFE, UNSAFE, Bar, Series, nearby_reach, spacing_bar
 from parsolid.errors.orders import kind_of, order_in_spacing, order_in_time, rough, stepped_by_hand
+from parsolid.errors.places import placed
 from parsolid.errors.running import Done
 from parsolid.errors.swinging import phase_and_amplitude
 from parsolid.errors.variants import LOOSER, SOLVER, SPACING, STEP
@@ -43,6 +44,7 @@ class ErrorTable:
 
 def error_table(scene: Scene, history: History, done: list[Done]) -> ErrorTable:
     """The bars of a run's history from the companions that have been run; for one rank alone."""
+    done, apart = at_own_places(scene, done)
     coarse = sorted((one for one in done if one.companion.purpose == SPACING and one.history), key=lambda d: d.ratio)
     times = history["time"]
     columns = {name: values for name, values in history.items() if name not in NO_RESULTS}
@@ -57,11 +59,28 @@ def error_table(scene: Scene, history: History, done: list[Done]) -> ErrorTable:
         series = Series(times, np.array([values, *(on_times(one.history, name, times) for one in coarse)]), ratios)
         bars[name] = spacing_bar(series, order_in_spacing(name, scene), scene.end_time)
         _add_parts(scene, name, bars[name], times, done)
+        if name in apart:
+            # the run's particle is not where the probe was asked for
+            bars[name].parts["place"] = part = nearby_reach(on_times(apart, name, times), times, scene.end_time)
+            bars[name].error = bars[name].error + SAFE * part
         if name in ("kinetic", "stored") and "dissipation_numerical" in columns:
             # what the scheme has taken of both
             bars[name].parts["dissipation"] = np.abs(columns["dissipation_numerical"])
         bars[name].phase, bars[name].amplitude = phase_and_amplitude(series, bars[name].used)
     return ErrorTable(times, columns, bars, steps=history["step"])
+
+
+def at_own_places(scene: Scene, done: list[Done]) -> tuple[list[Done], History]:
+    """Companions with their probes where the run's particles are, and what the finest says of the way to the places
+    that were asked for.
+    """
+    result, apart, finest = [], {}, math.inf
+    for one in done:
+        history, differences = placed(scene, one.history, one.companion.corners) if one.history else (one.history, {})
+        result.append(replace(one, history=history))
+        if one.companion.purpose == SPACING and differences and one.ratio < finest:
+            apart, finest = differences | {"time": history["time"]}, one.ratio
+    return result, apart
 
 
 def on_times(history: History, name: str, times: np.ndarray) -> np.ndarray:

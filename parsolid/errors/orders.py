@@ -8,7 +8,7 @@ from typing import Any
 
 from parsolid.simulation.ledger import terms_of
 
-ENERGY, MOTION, STRESS, HEAT, INTEGRAL, EXTREME, REACTION = (
+ENERGY, MOTION, STRESS, HEAT, INTEGRAL, EXTREME, REACTION, MICRO = (
     "energy",
     "motion",
     "stress",
@@ -16,11 +16,12 @@ ENERGY, MOTION, STRESS, HEAT, INTEGRAL, EXTREME, REACTION = (
     "integral",
     "extreme",
     "reaction",
+    "micro",
 )
 # of the spacing; peridynamics with a horizon that shrinks with it has surfaces of first order
 _SPACING: dict[str, dict[str, float]] = {
     "tlsph": {ENERGY: 2.0, MOTION: 2.0, STRESS: 2.0, INTEGRAL: 2.0},
-    "ulsph": {ENERGY: 1.0, MOTION: 1.0, STRESS: 1.0, HEAT: 2.0, INTEGRAL: 2.0},
+    "ulsph": {ENERGY: 1.0, MOTION: 1.0, STRESS: 1.0, HEAT: 2.0, INTEGRAL: 2.0, MICRO: 2.0},
     "mpm": {ENERGY: 2.0, MOTION: 2.0, STRESS: 1.0, HEAT: 2.0, INTEGRAL: 2.0},
     "peridynamics": {ENERGY: 1.0, MOTION: 1.0, STRESS: 1.0, INTEGRAL: 1.0},
 }
@@ -30,6 +31,8 @@ ROUGH = 1.0
 _STEP = {"ssp-rk3": 3.0, "leapfrog": 2.0, "explicit": 2.0, "quasi-static": 1.0, "mpm": 1.0, "ulsph": 2.0}
 
 _OF_STRESS, _OF_HEAT = ("stress", "pressure", "mises"), ("temperature", "heat")
+# plastic flow that has inertia: its waves are of the second order and more (docs/microinertia.md)
+_OF_MICRO = ("plastic_strain", "micro_rate", "micro_stress")
 _OF_INTEGRALS = ("momentum", "work", "mass", "energy", "entropy", "dissipation")
 
 
@@ -52,6 +55,8 @@ def kind_of(column: str, scene: Any) -> str:
         return EXTREME
     if probe.quantity is not None and any(word in quantity for word in _OF_INTEGRALS):
         return INTEGRAL
+    if any(word in quantity for word in _OF_MICRO):
+        return MICRO
     if any(word in quantity for word in _OF_STRESS):
         return STRESS
     return HEAT if any(word in quantity for word in _OF_HEAT) else MOTION
@@ -63,9 +68,18 @@ def rough(scene: Any) -> str | None:
         return "contact"
     if any(getattr(system.settings, "damage", None) for system in scene.systems):
         return "fracture"
-    if any(body.material.kind in ("elastic-plastic", "micro-inertia") and moving(scene) for body in scene.bodies):
+    kinds = {body.material.kind for body in scene.bodies}
+    if "elastic-plastic" in kinds and moving(scene):
         return "plastic flow"
-    return None
+    return "plastic flow" if "micro-inertia" in kinds and struck(scene) else None
+
+
+def struck(scene: Any) -> bool:
+    """Whether matter with micro-inertia is hit, or its flow is held at a plane, where it has a kink; without either its
+    micro waves are smooth.
+    """
+    kinds = {boundary.kind for boundary in scene.boundaries} & {"fixed", "wall", "traction", "micro_clamped"}
+    return bool(kinds) or len(scene.bodies) > 1
 
 
 def moving(scene: Any) -> bool:

@@ -7,25 +7,32 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from parsolid.errors.coarsening import NotCoarsened, coarser, methods_of, parsed
+from parsolid.errors.coarsening import NotCoarsened, coarser, lattices_of, methods_of, parsed
+from parsolid.errors.places import Corners, with_corners
 from parsolid.scene import Scene
 from parsolid.sources import source_digest
 
 SPACING, STEP, SOLVER = "spacing", "step", "solver"
 # ratios of the spacing asked for where the scene names none, by dimension: the time that they take is bounded
 RATIOS = {1: (1.5, 2.25), 2: (1.6, 2.56), 3: (1.5, 2.25)}
+# and in 2-D where the coarsest still has so many particles along every direction, where a step costs what it costs
+# without particles
+WIDER, ENOUGH = (1.75, 3.5), 16
 # of what a solver stops at
 LOOSER = 100.0
 
 
 @dataclass(frozen=True)
 class Companion:
-    """A scene to be run beside another one: what it is for, its ratio of spacings, and its particles in words."""
+    """A scene to be run beside another one: what it is for, its ratio of spacings, its particles in words, and those
+    that it watches around probes.
+    """
 
     scene: Scene
     purpose: str
     ratio: float
     lattices: str
+    corners: tuple[Corners, ...] = ()
 
     @property
     def title(self) -> str:
@@ -53,8 +60,9 @@ def companions_of(scene: Scene, trust_code: bool, ratios: Iterable[float] = ()) 
     """Companions, coarsest first, and why others cannot be: in words for the user."""
     found: list[Companion] = []
     refused: list[str] = []
-    last, asked = 1.15, tuple(ratios) or RATIOS[scene.dimension]
+    last, asked = 1.15, tuple(ratios) or usual_ratios(scene)
     coarse: dict[str, Any] | None = None
+    corners: tuple[Corners, ...] = ()
     for wanted in asked:
         try:
             made = coarser(scene, wanted, last)
@@ -63,14 +71,28 @@ def companions_of(scene: Scene, trust_code: bool, ratios: Iterable[float] = ()) 
             continue
         # the next one is coarser again by a share that tells something
         last, coarse = 1.25 * made.ratio, quieter(scene, made.tables, made.ratio)
-        found.insert(0, Companion(parsed(coarse, trust_code), SPACING, made.ratio, made.lattices))
+        coarse, corners = with_corners(scene, parsed(made.tables, trust_code), coarse)
+        found.insert(0, Companion(parsed(coarse, trust_code), SPACING, made.ratio, made.lattices, corners))
     if coarse is not None:
         one = found[0]
-        found.insert(1, Companion(parsed(half_step(coarse), trust_code), STEP, one.ratio, one.lattices))
+        found.insert(1, Companion(parsed(half_step(coarse), trust_code), STEP, one.ratio, one.lattices, corners))
         looser = looser_solver(coarse)
         if looser is not None:
-            found.insert(2, Companion(parsed(looser, trust_code), SOLVER, one.ratio, one.lattices))
+            stopped = parsed(looser, trust_code)
+            found.insert(2, Companion(stopped, SOLVER, one.ratio, one.lattices, corners))
     return found, refused
+
+
+def usual_ratios(scene: Scene) -> tuple[float, ...]:
+    """Ratios of the spacing where none are asked for."""
+    if scene.dimension == 2:
+        try:
+            fewest = min(count for one in lattices_of(scene) for count in one.intervals if count > 1)
+        except (NotCoarsened, ValueError):
+            fewest = 0
+        if fewest >= WIDER[-1] * ENOUGH:
+            return WIDER
+    return RATIOS[scene.dimension]
 
 
 def quieter(scene: Scene, tables: dict[str, Any], ratio: float) -> dict[str, Any]:

@@ -50,6 +50,7 @@ class ParticleSystem:
     jumps: times [s] at which a step of length 0 is due for all systems, because loads jump.
     landings: times [s] at which a step must end; even_steps: whether steps between two of them have one length
     (leapfrog near its limit gains energy where they change).
+    takes_heat: whether any of its laws has a temperature, see `take_heat`.
     substep, substeps: number of its step in the present one of all systems, and how many those are.
     evaluations: force evaluations a step; directed_pairs: interactions counted once a particle.
     energy_scale: an energy [J], the same on all ranks, of which the balance has the round-off even where kinetic and
@@ -58,7 +59,7 @@ class ParticleSystem:
     news_anywhere: whether any rank had, told before the next step.
     told: conditions that tell what they take, see `boundary.reactions.Told`.
     placements: counts how often particles may have changed their rows or ranks, or bonds have broken, the same on all
-    ranks; None where rows may change in every step.
+    ranks; None where rows may change in every step. indicated (owned,) [J/m^3]: see `simulation.error_indicator`.
     """
 
     comm: Any
@@ -73,6 +74,7 @@ class ParticleSystem:
     landings: tuple[float, ...] = ()
     even_steps: bool = False
     energy_scale: float = 0.0
+    takes_heat: bool = False
     substep: int = 0
     substeps: int = 1
     evaluations: int = 1
@@ -80,6 +82,7 @@ class ParticleSystem:
     news: bool = False
     news_anywhere: bool = False
     placements: int | None = 0
+    indicated: np.ndarray | None = None
 
     @staticmethod
     def sort(comm: Any, scene: Scene, particle_set: ParticleSet) -> np.ndarray:
@@ -159,6 +162,9 @@ class ParticleSystem:
     def expect_kicks(self) -> None:
         """Declare what kicks take; asked for before a restart puts fields back, where any may come."""
 
+    def expect_lists(self) -> None:
+        """Let particles keep their rows for some steps where they would change ranks in any; as `expect_kicks`."""
+
     def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
         """Give impulses (n, d) [N s] to the velocities of owned rows (n,), each once; all of them unless given.
 
@@ -168,6 +174,13 @@ class ParticleSystem:
         rows = np.arange(self.owned) if rows is None else rows
         velocity, held = self.particles.owned_rows("velocity"), self.held_components()
         return float(give(rows, impulse, self.mass, self.share, held, velocity))
+
+    def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
+        """Heat (n,) [J] into owned rows (n,), of whole particles; what of it the stored energy holds [J].
+
+        Between steps only; only where `takes_heat`.
+        """
+        raise NotImplementedError
 
     def energies(self) -> tuple[float, float]:
         """Kinetic and stored energy [J] of this rank's particles."""

@@ -16,6 +16,7 @@ class System(Protocol):
     comm: Any
     dimension: int
     settings: Any
+    indicated: np.ndarray | None
 
     @property
     def mass(self) -> np.ndarray:

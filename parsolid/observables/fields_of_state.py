@@ -55,3 +55,10 @@ def jacobian(rows: Rows) -> np.ndarray:
 def rank(rows: Rows) -> np.ndarray:
     """Number of the rank that has the particle (n,)."""
     return np.full(rows.last - rows.first, rows.system.comm.rank)
+
+
+@field("scalar", probed=False)
+def error_indicator(rows: Rows) -> np.ndarray:
+    """Strain energy (n,) [J/m^3] of the difference of a stress from what neighbours say, as it was last found."""
+    found = rows.system.indicated
+    return np.zeros(rows.last - rows.first) if found is None else found[rows.first : rows.last]

@@ -9,10 +9,13 @@ from mpi4py import MPI
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.bodies import FilledShape
 from parsolid.scene.mesh import MeshFilling
+from parsolid.scene.mesh_inside import Solid
 from parsolid.scene.named_regions import Region
 from parsolid.scene.validation_errors import SceneError
 
 _READER = 0
+# places that the reader looks for at once
+_TOGETHER = 100_000
 # parts of a `ParticleSet` that travel
 _ARRAYS = ("identifier", "position", "volume", "spacing", "body", "area", "regions", "surfaces")
 
@@ -39,6 +42,7 @@ class MeshPieces:
         """Raises SceneError, on all ranks, for a mesh that cannot be used. Collective."""
         self.comm, self.dimension = comm, dimension
         self._whole: MeshFilling | None = None
+        self._solid: Solid | None = None
         self._mine: ParticleSet | None = None
         told: Any = None
         if comm.rank == _READER:
@@ -69,10 +73,31 @@ class MeshPieces:
                 piece = self._whole.piece(*ranges[rank])
                 if rank != _READER:
                     self._send(piece, rank)
-            self._mine, self._whole = piece, None
+            self._mine, self._solid, self._whole = piece, self._whole.solid, None
         else:
             self._mine = self._received(max(last - first, 0), regions)
         self._first = first
+
+    def inside(self, places: np.ndarray, margin: float) -> int:
+        """How many places (n, d) of this rank are in the mesh, farther from its surface than a margin [m].
+
+        The reader looks for those of each rank in turn. Collective.
+        """
+        places = np.ascontiguousarray(places[((places > self.lower) & (places < self.upper)).all(axis=1)])
+        many = self.comm.gather(len(places), _READER)
+        if self._solid is None:
+            for first in range(0, len(places), _TOGETHER):
+                self.comm.Send(places[first : first + _TOGETHER], _READER)
+            return int(self.comm.scatter(None, _READER))
+        assert many is not None
+        found = [int(self._solid.inside(places, margin).sum())]
+        for rank, count in [*enumerate(many)][1:]:
+            found.append(0)
+            for first in range(0, count, _TOGETHER):
+                piece = np.empty((min(_TOGETHER, count - first), self.dimension))
+                self.comm.Recv(piece, rank)
+                found[-1] += int(self._solid.inside(piece, margin).sum())
+        return int(self.comm.scatter(found, _READER))
 
     def _send(self, piece: ParticleSet, rank: int) -> None:
         for name in _ARRAYS:

@@ -1,7 +1,7 @@
 """Contact between bodies, and within one, as a scene states it."""
 
 from itertools import combinations
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -13,18 +13,24 @@ from parsolid.scene.validation_errors import fault, suggestion
 # leapfrog adds by the end of a step and takes by the next; signs as in `simulation.ledger`
 CONTACT_TERMS = {"contact_energy": 0, "stick_energy": 0, "friction_dissipation": 1}
 OSCILLATION = {"contact_oscillation": -1}
+# what of friction's dissipation is in stored energies, for laws that store heat
+FRICTION_HEAT = {"friction_heat": -1}
+# what contact on a grid takes from velocities of nodes that close, and from those that slide
+GRID_TERMS = {"contact_dissipation": 1, "friction_dissipation": 1}
 
 
 class Contact(SceneModel):
     """Bodies that press on one another and part freely; what is not named sticks where it touches, as ever.
 
     bodies      names: of one body, which may touch itself, or of several, every pair of them
+    model       "kernel": forces between particles; "grid": between bodies of one material point method, on its nodes
     friction    coefficient of Coulomb's law
     stiffness   factor alpha on the least M/h of the two bodies, M = lambda + 2 mu
     radius      of the kernel that feels the other body, in the larger of the two spacings
     """
 
     bodies: Annotated[list[str], Field(min_length=1)] = Field(description="names of bodies")
+    model: Literal["kernel", "grid"] = Field("kernel", description="forces between particles, or blows of grid nodes")
     friction: NotNegative = 0.0
     stiffness: float = Field(1.0, gt=0.0, le=1e4, description="factor on the least M/h of the two bodies")
     radius: float = Field(2.7, ge=2.2, le=8.0, description="of the kernel, in the larger of the two spacings")
@@ -38,6 +44,15 @@ class BodyPair(NamedTuple):
     contact: Contact
 
 
+def energy_terms(contacts: Any, tools: Any, bodies: Any) -> dict[str, int]:
+    """What contacts and tools of a scene with these bodies add to the ledger."""
+    forces, grid = of_model(contacts, "kernel"), of_model(contacts, "grid")
+    terms = (CONTACT_TERMS if forces or tools else {}) | (OSCILLATION if forces else {}) | (GRID_TERMS if grid else {})
+    rubs = any(one.friction for one in (*forces, *tools))
+    warms = rubs and any(getattr(body.material, "kind", None) == "elastic-plastic" for body in bodies)
+    return terms | (FRICTION_HEAT if warms else {})
+
+
 def contact_pairs(contacts: list[Contact], names: list[str | None]) -> list[BodyPair]:
     """Every pair of bodies in contact, by the names of the scene's bodies."""
     result = []
@@ -46,6 +61,61 @@ def contact_pairs(contacts: list[Contact], names: list[str | None]) -> list[Body
         pairs = [(numbers[0], numbers[0])] if len(numbers) == 1 else list(combinations(sorted(numbers), 2))
         result += [BodyPair(i, j, one) for i, j in pairs]
     return result
+
+
+def of_model(contacts: Any, model: str) -> list[Contact]:
+    """Contacts of one model."""
+    return [one for one in contacts if one.model == model]
+
+
+def grid_pairs(scene: Any) -> dict[tuple[int, int], Contact]:
+    """Numbers of two systems that meet on their grid, and how."""
+    names, home = [body.name for body in scene.bodies], dict[int, int]()
+    for number, system in enumerate(scene.systems):
+        home |= dict.fromkeys(system.bodies, number)
+    result: dict[tuple[int, int], Contact] = {}
+    for first, second, contact in contact_pairs(of_model(scene.contact, "grid"), names):
+        result.setdefault((min(home[first], home[second]), max(home[first], home[second])), contact)
+    return result
+
+
+# what a method must be for its nodes to know of contact
+_OF_GRID = {"order": "musl", "formulation": "updated", "mass_terms": 1, "bitwise": False}
+
+
+def grid_faults(scene: Any) -> list[Any]:
+    """Grid contacts of bodies that have no grid in common, with keys that are for forces, or without agreement."""
+    details: list[Any] = []
+    home = {scene.bodies[number].name: one for one in scene.systems for number in one.bodies}
+    for i, contact in enumerate(scene.contact):
+        if contact.model == "kernel":
+            continue
+        settings = [home[name].settings for name in contact.bodies if name in home]
+        if len(contact.bodies) < 2 or any(one.kind != "mpm" or one is not settings[0] for one in settings):
+            details.append(
+                (("contact", i, "bodies"), "bodies of one method of kind 'mpm' (model = 'grid')", contact.bodies)
+            )
+            continue
+        usual, wording = Contact.model_fields, "no such key with model = 'grid'"
+        stated = [key for key in ("stiffness", "radius") if getattr(contact, key) != usual[key].default]
+        details += [(("contact", i, key), wording, getattr(contact, key)) for key in stated]
+        for key, wanted in _OF_GRID.items():
+            if (found := getattr(settings[0], key)) != wanted:
+                details.append(((*home[contact.bodies[0]].place, key), f"{wanted!r} with a contact on the grid", found))
+        if settings[0].substeps not in (None, 1):
+            place = (*home[contact.bodies[0]].place, "substeps")
+            details.append((place, "1 with a contact on the grid", settings[0].substeps))
+    if not details:
+        numbers = {number: k for k, system in enumerate(scene.systems) for number in system.bodies}
+        told = grid_pairs(scene)
+        for first, second, contact in contact_pairs(scene.contact, [body.name for body in scene.bodies]):
+            pair = min(numbers[first], numbers[second]), max(numbers[first], numbers[second])
+            other = told.get(pair)
+            if other is not None and (other.model, other.friction) != (contact.model, contact.friction):
+                i = scene.contact.index(contact)
+                expected = "the same model and friction for all bodies that share two grids"
+                details.append((("contact", i), expected, contact.bodies))
+    return details
 
 
 def unbonded(contacts: list[Contact], names: list[str | None]) -> np.ndarray | None:

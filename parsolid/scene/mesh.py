@@ -15,6 +15,7 @@ from parsolid.scene.lattice import jitter_offsets
 from parsolid.scene.marks import TOLERANCE
 from parsolid.scene.mesh_facets import boundary_facets, mean_edge, numbers_of_places, repeated_rows
 from parsolid.scene.mesh_groups import MeshGroups, facets_in, groups_of, nodes_in
+from parsolid.scene.mesh_inside import Solid
 from parsolid.scene.named_regions import Region
 from parsolid.scene.validation_errors import SceneError
 
@@ -97,6 +98,8 @@ class MeshFilling:
         used = np.flatnonzero(met)
         self.lower, self.upper = points[used].min(axis=0), points[used].max(axis=0)
         facets, edge = boundary_facets(points, blocks), mean_edge(points, blocks)
+        self.solid = Solid(points, blocks, facets)
+        self._check_apart()
         if body.placed_on == "nodes":
             self._on_nodes(points, blocks, lumped, facets, used)
             self.spacing = edge[used]
@@ -107,6 +110,14 @@ class MeshFilling:
         self._whole = points, blocks, facets, used, TOLERANCE * edge
         self.count = len(self.volume)
         self.coarsest = float(self.spacing.max())
+
+    def _check_apart(self) -> None:
+        count, place = self.solid.within_itself()
+        if place is not None:
+            found = (
+                f"{count} facets of its surface in other elements, the first at ({', '.join(f'{x:g}' for x in place)})"
+            )
+            raise SceneError([f"expected a mesh that does not lie in itself, found {found}"])
 
     @staticmethod
     def _sound_volumes(kind: str, nodes: np.ndarray) -> np.ndarray:

@@ -1,12 +1,13 @@
 """Bodies that lie in one another, whose matter would be there twice: found by particles inside other bodies' shapes."""
 
+from typing import Any
+
 import numpy as np
 from mpi4py import MPI
 
 from parsolid.materials.declaration import Phrase
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.inside import INSIDE
-from parsolid.scene.lattice import Filling
 from parsolid.scene.schema import Scene
 from parsolid.scene.validation_errors import fault
 
@@ -14,20 +15,22 @@ from parsolid.scene.validation_errors import fault
 _ROUND_OFF, _JITTER = 1e-6, 0.5
 
 
-def overlap_faults(scene: Scene, fillings: list[Filling], particle_set: ParticleSet, comm: MPI.Comm) -> list[str]:
+def overlap_faults(scene: Scene, fillings: list[Any], particle_set: ParticleSet, comm: MPI.Comm) -> list[str]:
     """Pairs of bodies of which one has particles inside the other, the same on all ranks; collective.
 
-    Particles on a surface are in neither. Nobody's particles are looked for inside a mesh, whose own particles are
-    looked for in the others.
+    Particles on a surface are in neither.
     """
     pairs = [(i, j) for i in range(len(fillings)) for j in range(len(fillings)) if i != j and _near(fillings, i, j)]
     counts = np.zeros(len(pairs), np.int64)
     for number, (outer, inner) in enumerate(pairs):
         inside = INSIDE.get(scene.bodies[outer].shape.kind)
         places = particle_set.position[particle_set.body == inner]
-        if inside is not None and len(places):
-            moved = scene.bodies[outer].jitter or scene.bodies[inner].jitter
-            margin = (_JITTER if moved else _ROUND_OFF) * max(fillings[outer].coarsest, fillings[inner].coarsest)
+        moved = scene.bodies[outer].jitter or scene.bodies[inner].jitter
+        margin = (_JITTER if moved else _ROUND_OFF) * max(fillings[outer].coarsest, fillings[inner].coarsest)
+        if inside is None:
+            # a mesh: collective
+            counts[number] = fillings[outer].inside(places, margin)
+        elif len(places):
             counts[number] = np.count_nonzero(inside(scene.bodies[outer].shape.model, places, margin))
     comm.Allreduce(MPI.IN_PLACE, counts, op=MPI.SUM)
     return [
@@ -41,7 +44,7 @@ def overlap_faults(scene: Scene, fillings: list[Filling], particle_set: Particle
     ]
 
 
-def _near(fillings: list[Filling], i: int, j: int) -> bool:
+def _near(fillings: list[Any], i: int, j: int) -> bool:
     one, other = fillings[i], fillings[j]
     return bool((one.lower < other.upper).all() and (other.lower < one.upper).all())
 

@@ -13,7 +13,7 @@ from parsolid.scene.base_model import Plane, Positive, SceneModel, method_of, mi
 from parsolid.scene.bodies import FilledShape, OwnBody, own_method
 from parsolid.scene.boundaries import Boundary
 from parsolid.scene.boundaries.condition import reaction_details
-from parsolid.scene.contact import CONTACT_TERMS, OSCILLATION, Contact, contact_faults, contact_pairs, unbonded
+from parsolid.scene.contact import Contact, contact_faults, contact_pairs, energy_terms, grid_faults, unbonded
 from parsolid.scene.error_bars import ErrorBars, RunTargets
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.initial_state import InitialState, initial_details
@@ -85,6 +85,7 @@ class Scene(SceneModel):
     @model_validator(mode="after")
     def _fits_method(self) -> "Scene":
         details = faults_of_systems(self) + still_faults(self) + tie_faults(self) + substep_faults(self)
+        details += grid_faults(self)
         exact = None if self.reference is None else self.reference.exact
         if self.loads.manufactured and exact not in MANUFACTURED:
             known = " or ".join(map(repr, MANUFACTURED))
@@ -327,8 +328,8 @@ def _reference_faults(parts: Parts) -> list[str]:
     if parts.reference is None or not parts.complete or parts.method is None:
         return []
     key = "final" if parts.reference.final is not None else "columns"
-    known = [*HISTORY_COLUMNS, *parts.method.ledger_terms, *(CONTACT_TERMS if parts.contact or parts.tools else ())]
-    known += [*(OSCILLATION if parts.contact else ()), *(TIE_TERMS if parts.tie else ())]
+    met = energy_terms(parts.contact.values(), parts.tools.values(), parts.bodies.values())
+    known = [*HISTORY_COLUMNS, *parts.method.ledger_terms, *met, *(TIE_TERMS if parts.tie else ())]
     for name in (one.reports for one in parts.boundaries.values() if one.reports is not None):
         known += [f"{name}.work", *reaction_columns(name, parts.dimension)]
     try:

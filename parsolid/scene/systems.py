@@ -143,6 +143,8 @@ def _knows(settings: MethodSettings, name: object, dimension: int) -> bool:
 
 def _in_scene(scene: "Scene", system: SystemOfScene, place: tuple[str | int, ...]) -> tuple[str | int, ...]:
     """A place in a system's scene as one in the whole scene."""
+    if scene.part(system) is scene:
+        return place
     if place[0] == "method":
         return (*system.place, *place[1:])
     if place[0] == "bodies" and len(place) > 1:

@@ -7,7 +7,7 @@ import numpy as np
 
 from parsolid.methods.protocol import EnergyLedger
 from parsolid.scene import Scene
-from parsolid.scene.contact import CONTACT_TERMS, OSCILLATION
+from parsolid.scene.contact import energy_terms
 from parsolid.scene.systems import SystemOfScene
 from parsolid.scene.tie import TIE_TERMS
 
@@ -104,8 +104,7 @@ def terms_of(scene: Scene) -> dict[str, int]:
     named = zip(scene.systems, names_of_terms(scene))
     terms = {names[one]: sign for system, names in named for one, sign in _own_terms(scene, system).items()}
     works = {f"{one.reports}.work": 0 for one in scene.boundaries if one.reports is not None}
-    met = CONTACT_TERMS if scene.contact or scene.tools else {}
-    met = met | (OSCILLATION if scene.contact else {}) | (TIE_TERMS if scene.tie else {})
+    met = energy_terms(scene.contact, scene.tools, scene.bodies) | (TIE_TERMS if scene.tie else {})
     return terms | met | works
 
 

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 from decomposition.reduction import MinimumAhead
 from decomposition.talking import TALKING
+from parsolid.contact.grid import build_grid_contact
 from parsolid.contact.kernel_contact import build_contact
 from parsolid.contact.tie import build_ties
 from parsolid.contact.tools import build_tools
@@ -90,6 +91,7 @@ class Simulation:
             *build_contact(comm, scene, self.systems),
             *build_tools(comm, scene, self.systems),
             *build_ties(comm, scene, self.systems),
+            *build_grid_contact(comm, scene, self.systems),
         ]
         self.time_steps = TimeSteps.of(scene, self.systems)
         # the step agreed on for the current state; a restart takes it from the checkpoint, for the same bits

@@ -17,6 +17,7 @@ from parsolid.output.numbering import numbers_of
 from parsolid.output.packing import pack
 from parsolid.output.whereabouts import HERE
 from parsolid.scene import Scene
+from parsolid.simulation import error_indicator
 from parsolid.simulation.observables import Observables
 from parsolid.simulation.restart import Restart
 
@@ -94,6 +95,8 @@ class OutputFiles:
 
     def write_fields(self, observables: Observables, time: float) -> None:
         """Write the shown fields at a time [s]."""
+        if error_indicator.NAME in (self.scene.output.fields or ()):
+            error_indicator.indicate(self.comm, observables.systems)
         if self.fields is not None:
             names = self.scene.output.fields or observables.usual_fields()
             identifier, shown = self._chosen(observables)

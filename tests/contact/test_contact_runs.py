@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from meeting import SPEED, bars, discs, momenta, simulated
+from meeting import SPEED, bars, block, discs, momenta, simulated, tables
 from mpi4py import MPI
 from solids import Record, gathered, run_into
 
@@ -61,8 +61,16 @@ def test_momenta_are_kept_with_friction_and_its_dissipation_never_negative(comm)
     assert np.abs(columns["balance"]).max() < 1e-3 * start
 
 
-def test_ranks_do_not_matter(comm):
-    sims = [simulated(discs(friction=0.4), one) for one in (comm, MPI.COMM_SELF)]
+def far_apart() -> dict:
+    """Four blocks in a row, of which the first is moved onto the last: their ranks are no neighbours in the reference."""
+    row = [block(name, (2.0 * i, 0.0), (2.0 * i + 1.0, 0.5), (7, 4)) for i, name in enumerate("abcd")]
+    row[0] |= {"displacement": ["6.1", "0.51"], "velocity": [0.02 * SPEED, -0.1 * SPEED]}
+    return tables(*row, contact=[{"bodies": list("abcd"), "friction": 0.3}])
+
+
+@pytest.mark.parametrize("data", [discs(friction=0.4), far_apart()], ids=["discs", "far apart"])
+def test_ranks_do_not_matter(comm, data):
+    sims = [simulated(data, one) for one in (comm, MPI.COMM_SELF)]
     rows = [run(sim, 25) for sim in sims]
     assert rows[0]["contact_energy"][-1] > 1e-3 * rows[0]["kinetic"][0]
     for name, values in rows[1].items():

@@ -1,12 +1,14 @@
 """Run parsolid's command line as a user does: in processes of its own, on any number of ranks."""
 
 import contextlib
+import fcntl
 import json
 import os
 import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -72,15 +74,55 @@ def parsolid(*arguments, ranks: int = 2, folder: Path | None = None, expect: int
     return result
 
 
-def many(commands: list[list], ranks: int, folder: Path) -> list[list[Result]]:
-    """Run commands one after the other in one job, which starts only once.
+class Crew:
+    """Ranks that run one list of commands after another: what they have imported and loaded serves all of them."""
 
-    For each command the results of all ranks.
+    def __init__(self, ranks: int):
+        self.ranks, self.given = ranks, 0
+        self.folder = Path(tempfile.mkdtemp(prefix="parsolid-crew-"))
+        (self.folder / "jobs").touch()
+        program = (Path(__file__).with_name("many_commands.py"),)
+        self.job = start([self.folder, os.getpid()], ranks, self.folder, program)
+
+    def run(self, folder: Path) -> None:
+        """Run the commands of a folder; a crew that ends or takes too long fails the test."""
+        with (self.folder / "jobs").open("a") as file:
+            file.write(f"{folder}\n")
+        wait_for(lambda: all((folder / f"done.{rank}").exists() for rank in range(self.ranks)), self.job)
+
+    def end(self) -> None:
+        """Let the ranks go home."""
+        if self.job.poll() is None:
+            with (self.folder / "jobs").open("a") as file:
+                file.write("end\n")
+            finish(self.job)
+        shutil.rmtree(self.folder)
+
+
+# by their number of ranks; larger crews are not kept, for their memory
+_CREWS: dict[int, Crew] = {}
+_KEPT = (1, 2)
+
+
+def end_crews() -> None:
+    """End the crews that are there."""
+    while _CREWS:
+        _CREWS.popitem()[1].end()
+
+
+def many(commands: list[list], ranks: int, folder: Path, alone: bool = False) -> list[list[Result]]:
+    """Run commands one after the other in one job, which starts only once, or was there before.
+
+    For each command the results of all ranks. alone: in a job of their own.
     """
     folder.mkdir(parents=True)
     (folder / "commands.json").write_text(json.dumps([[str(word) for word in command] for command in commands]))
-    job = finish(start([folder], ranks, folder, (Path(__file__).with_name("many_commands.py"),)))
-    assert job.status == 0, f"{job.out}\n{job.err}"
+    crew = Crew(ranks) if alone or ranks not in _CREWS else _CREWS.pop(ranks)
+    crew.run(folder)
+    if alone or ranks not in _KEPT:
+        crew.end()
+    else:
+        _CREWS[ranks] = crew
     results = []
     for number in range(len(commands)):
         ended = [json.loads((folder / f"{number}.{rank}.json").read_text()) for rank in range(ranks)]
@@ -140,3 +182,16 @@ def wait_for(condition, job: subprocess.Popen, longest: float = LONGEST):
             raise AssertionError(f"the job ended too early, with {job.returncode}\n{out}\n{err}")
         time.sleep(0.005)
     return value
+
+
+def wait_until_free(folder: Path, longest: float = LONGEST) -> None:
+    """Wait until no process has a folder of results: one of a job that has ended may take a moment to be gone."""
+    end = time.monotonic() + longest
+    while time.monotonic() < end:
+        with contextlib.suppress(FileNotFoundError), (folder / "run.lock").open() as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                time.sleep(0.005)
+                continue
+        return

@@ -20,9 +20,14 @@ def history(folder: Path) -> dict[str, np.ndarray]:
 
 
 def state(folder: Path) -> tuple[dict, dict[str, np.ndarray], np.ndarray]:
-    """Header, fields in the order of the file and ledgers of the ranks of the last checkpoint."""
-    header, (fields,), ledgers = read_checkpoint(MPI.COMM_SELF, folder / "checkpoint.h5")
+    """Header, fields in the order of the file and ledgers of the ranks of the last checkpoint, of one system."""
+    header, (fields,), ledgers = states(folder)
     return header, fields, ledgers
+
+
+def states(folder: Path) -> tuple[dict, list[dict[str, np.ndarray]], np.ndarray]:
+    """The same with the fields of each system."""
+    return read_checkpoint(MPI.COMM_SELF, folder / "checkpoint.h5")
 
 
 def summary(folder: Path) -> dict:
@@ -57,7 +62,8 @@ def assert_close(found: Path, expected: Path, tolerance: float) -> None:
     scales = natural_scales(other)
     worst = {name: float(np.abs(one[name] - other[name]).max() / scales[name]) for name in one}
     assert max(worst.values()) <= tolerance, {name: value for name, value in worst.items() if value > tolerance}
-    _assert_fields_close(state(found)[1], state(expected)[1], tolerance)
+    for one, other in zip(states(found)[1], states(expected)[1], strict=True):
+        _assert_fields_close(one, other, tolerance)
 
 
 def _assert_fields_close(one: dict, other: dict, tolerance: float) -> None:
@@ -74,24 +80,29 @@ def assert_same_bits(found: Path, expected: Path) -> None:
     """The rows of the histories and all that is in the final checkpoints are equal to the last bit."""
     rows, wanted_rows = ((folder / "history.csv").read_text().splitlines() for folder in (found, expected))
     assert rows == wanted_rows
-    (header, fields, ledgers), (wanted_header, wanted, wanted_ledgers) = state(found), state(expected)
+    (header, systems, ledgers), (wanted_header, wanted_systems, wanted_ledgers) = states(found), states(expected)
     assert header["step"] == wanted_header["step"] and header["time"] == wanted_header["time"]
     assert header["probes"] == wanted_header["probes"]
-    assert list(fields) == list(wanted)
-    for name in wanted:
-        assert fields[name].tobytes() == wanted[name].tobytes(), name
+    for fields, wanted in zip(systems, wanted_systems, strict=True):
+        assert list(fields) == list(wanted)
+        for name in wanted:
+            assert fields[name].tobytes() == wanted[name].tobytes(), name
     assert ledgers.tobytes() == wanted_ledgers.tobytes()
     assert_same_series(found, expected)
 
 
 def assert_same_series(found: Path, expected: Path) -> None:
     """The field series hold the same steps, to the last bit."""
-    (layout, times), (wanted_layout, wanted_times) = (
-        vtkhdf.published(folder / "fields.vtkhdf") for folder in (found, expected)
-    )
+    names = [path.name for path in sorted(expected.glob("fields_*.vtkhdf"))] or ["fields.vtkhdf"]
+    for name in names:
+        _assert_same_file(found / name, expected / name)
+
+
+def _assert_same_file(found: Path, expected: Path) -> None:
+    (layout, times), (wanted_layout, wanted_times) = vtkhdf.published(found), vtkhdf.published(expected)
     assert np.array_equal(times, wanted_times) and len(times) > 1
     assert layout.varying == wanted_layout.varying
     rows = len(times) * layout.particles
-    with h5py.File(found / "fields.vtkhdf") as one, h5py.File(expected / "fields.vtkhdf") as other:
+    with h5py.File(found) as one, h5py.File(expected) as other:
         for name in ("Points", *(f"PointData/{field}" for field in layout.varying)):
             assert one[f"VTKHDF/{name}"][:rows].tobytes() == other[f"VTKHDF/{name}"][:rows].tobytes(), name

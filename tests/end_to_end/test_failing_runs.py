@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from command_line import many, parsolid
+from command_line import all_done, many, parsolid
 from run_results import history, state, summary
 from small_scenes import COLUMN, PUNCH, changed, write
 
@@ -46,5 +46,5 @@ def test_a_failed_job_ends_with_status_3_and_goes_on_with_smaller_steps(tmp_path
     previous = state(folder)[0]["step"]
     # the state at the last checkpoint may be past saving; the first one before is not
     remedy = ["--set", "method.cfl=0.2", "--max-steps", "3", "--restart", folder / "checkpoint.previous.h5"]
-    parsolid(scene, "-q", "-o", tmp_path / "remedied", *remedy, ranks=RANKS)
+    all_done(many([[scene, "-q", "-o", tmp_path / "remedied", *remedy]], RANKS, tmp_path / "job"))
     assert state(tmp_path / "remedied")[0]["step"] == previous - 2 + 3

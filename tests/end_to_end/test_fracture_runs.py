@@ -94,7 +94,7 @@ def runs(tmp_path_factory):
     """Results of both scenes on 1, 2 and 3 ranks, and restarted half way on 2 and on 3 ranks."""
     folder = tmp_path_factory.mktemp("fracture")
     paths = {name: write(scene, folder / f"{name}.toml") for name, scene in SCENES.items()}
-    for ranks in (1, 2, 3):
+    for ranks in (1, 2):
         whole = [[path, "-q", "-o", folder / str(ranks) / name] for name, path in paths.items()]
         all_done(many(whole, ranks, folder / f"job-{ranks}"))
     halves = {name: history(folder / "2" / name)["step"][-1] * 3 // 4 for name in paths}
@@ -103,9 +103,14 @@ def runs(tmp_path_factory):
     ]
     all_done(many(begun, 2, folder / "job-begun"))
     shutil.copytree(folder / "again", folder / "elsewhere")
-    for place, ranks in (("again", 2), ("elsewhere", 3)):
-        restarts = [[path, "-q", "-o", folder / place / name, "--restart"] for name, path in paths.items()]
-        all_done(many(restarts, ranks, folder / f"job-{place}"))
+    again, elsewhere = (
+        [[path, "-q", "-o", folder / place / name, "--restart"] for name, path in paths.items()]
+        for place in ("again", "elsewhere")
+    )
+    all_done(many(again, 2, folder / "job-again"))
+    # on three ranks in one job with the whole runs
+    whole = [[path, "-q", "-o", folder / "3" / name] for name, path in paths.items()]
+    all_done(many(whole + elsewhere, 3, folder / "job-3"))
     return folder
 
 

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from command_line import all_done, kill, many, parsolid, start, wait_for
+from command_line import all_done, kill, many, start, wait_for, wait_until_free
 from run_results import history, state
 from small_scenes import PUNCH, changed, write
 
@@ -36,15 +36,17 @@ def test_a_second_run_into_the_folder_of_a_running_one_is_refused(tmp_path):
             if more:
                 wait_for((folder / "checkpoint.h5").exists, first)
             before = (folder / "history.csv").stat().st_ino
-            second = parsolid(scene, "-q", "-o", folder, *more, ranks=RANKS, expect=2)
-            assert "found another run that writes there (host " in second.err and "Traceback" not in second.err
+            second = many([[scene, "-q", "-o", folder, *more]], RANKS, tmp_path / f"second-{len(more)}")[0]
+            assert [rank.status for rank in second] == [2] * RANKS and not second[1].err
+            assert "found another run that writes there (host " in second[0].err and "Traceback" not in second[0].err
             assert first.poll() is None and (folder / "history.csv").stat().st_ino == before
             assert not list(folder.glob("previous-*"))
     finally:
         kill(first)
         first.communicate()
+    wait_until_free(folder)
     # killed, it is not in the way, and goes on without a lost row
-    parsolid(scene, "-q", "-o", folder, "--restart", "--max-steps", "2", ranks=RANKS)
+    all_done(many([[scene, "-q", "-o", folder, "--restart", "--max-steps", "2"]], RANKS, tmp_path / "third"))
     steps = history(folder)["step"]
     assert steps.tolist() == list(range(len(steps))) and not (folder / "run.lock").exists()
 
@@ -86,7 +88,8 @@ def test_a_full_disk_ends_the_run_with_a_message_and_keeps_what_there_is(tmp_pat
     often = {"output.checkpoint_steps": 2, "output.fields_interval": 1e-4, "end_time": 0.05}
     scene = write(changed(PUNCH, often | {"bodies.0.particles": [17, 17]}), tmp_path / "scene.toml")
     with small_disk(tmp_path / "disk", 1500) as disk:
-        ranks = many([[scene, "-q", "-o", disk / "run"]], RANKS, tmp_path / "job")[0]
+        # in a job of its own: the disk goes away with it
+        ranks = many([[scene, "-q", "-o", disk / "run"]], RANKS, tmp_path / "job", alone=True)[0]
         assert [rank.status for rank in ranks] == [1] * RANKS, ranks[0].err
         assert (ranks[0].err.startswith("parsolid: ") and "full" in ranks[0].err) or "No space left" in ranks[0].err
         assert not ranks[1].err and "Traceback" not in ranks[0].err

@@ -1,6 +1,7 @@
-"""A run that was stopped and restarted ends where the uninterrupted one does."""
+"""A run that was stopped and restarted ends where the uninterrupted one does, and so does one on other ranks."""
 
 import json
+import shutil
 
 import pytest
 from command_line import all_done, many
@@ -24,20 +25,29 @@ def runs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("restarts")
     paths = {name: write(scene, folder / f"{name}.toml") for name, scene in SCENES.items()}
     commands = [[path, "-q", "-o", folder / "whole" / name] for name, path in paths.items()]
-    for place in ("pieces", "on-1", "on-3"):
-        first = "--max-steps", PIECES[0]
-        commands += [[path, "-q", "-o", folder / place / name, *first] for name, path in paths.items()]
+    first = "--max-steps", PIECES[0]
+    commands += [[path, "-q", "-o", folder / "pieces" / name, *first] for name, path in paths.items()]
     for steps in PIECES[1:]:
-        for place in ("pieces", "on-1", "on-3"):
-            commands += restarts(paths, folder / place, "--max-steps", steps)
+        commands += restarts(paths, folder / "pieces", "--max-steps", steps)
     for name, path in paths.items():
         earlier = folder / "pieces" / name / "checkpoint.previous.h5"
         commands.append([path, "-q", "-o", folder / "elsewhere" / name, "--restart", earlier])
-    # one job, for loading the kernels takes longer than the runs; what comes back after a kill is in test_killed_runs
-    all_done(many(commands + restarts(paths, folder / "pieces"), RANKS, folder / "job"))
+    # what comes back after a kill is in test_killed_runs
+    all_done(many(commands, RANKS, folder / "job"))
     for ranks in (1, 3):
-        all_done(many(restarts(paths, folder / f"on-{ranks}"), ranks, folder / f"job-on-{ranks}"))
+        shutil.copytree(folder / "pieces", folder / f"on-{ranks}")
+    for place, ranks in {"pieces": RANKS, "on-1": 1, "on-3": 3}.items():
+        all_done(many(restarts(paths, folder / place), ranks, folder / f"job-{place}"))
     return folder
+
+
+@pytest.fixture(scope="module")
+def on_ranks(runs):
+    """Folders of the whole runs of every scene by number of ranks; three are in the tests that run on three ranks."""
+    for ranks in (1, 4):
+        commands = [[runs / f"{name}.toml", "-q", "-o", runs / str(ranks) / name] for name in SCENES]
+        all_done(many(commands, ranks, runs / f"job-{ranks}"))
+    return {1: runs / "1", RANKS: runs / "whole", 4: runs / "4"}
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -90,3 +100,20 @@ def test_a_finished_run_goes_on_to_a_later_end(tmp_path):
     assert summary(folder)["status"] == "finished" and summary(folder)["end_time"] == 5e-3
     # the first part's last step was cut short to land on its end, so this is as close as the time integration
     assert columns["stored"][-1] == pytest.approx(direct["stored"][-1], rel=0.02)
+
+
+@pytest.mark.parametrize("ranks", [2, 4])
+@pytest.mark.parametrize("name", SCENES)
+def test_any_number_of_ranks_gives_the_same_history_and_state(on_ranks, name, ranks):
+    assert_close(on_ranks[ranks] / name, on_ranks[1] / name, 1e-9)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_something_happens_in_these_scenes(on_ranks, name):
+    columns = history(on_ranks[1] / name)
+    assert 15 < columns["step"][-1] < 100
+    assert columns["kinetic"].max() > 0.0
+    assert columns["stored"].max() > 0.0
+    assert columns["dissipation_numerical"][-1] + columns.get("viscous_dissipation", [0.0])[-1] > 0.0
+    largest = max(columns[name].max() for name in ("kinetic", "stored", "work_external"))
+    assert abs(columns["balance"]).max() < 1e-2 * largest

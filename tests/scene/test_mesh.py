@@ -230,3 +230,58 @@ def test_plane_that_bounds_no_mesh(shared_path, comm):
         SceneError, match=r"boundaries.0.plane: expected a plane that bounds a body \(X = 0 or 2\), found 'X = 1.0'"
     ):
         generate(parse_scene(data), comm)
+
+
+def bodies_of_meshes(folder, dimension, kind, *shifts):
+    """A scene of copies of one grid, shifted."""
+    points, cells = grid(dimension)
+    cells = split(cells) if kind in ("triangle", "tetra") else cells
+    scenes = [mesh_scene(folder, dimension, points + s, [(kind, cells)], f"{i}.vtk") for i, s in enumerate(shifts)]
+    data = scenes[0].resolved()
+    data["bodies"] = [scene.resolved()["bodies"][0] | {"name": "ab"[i]} for i, scene in enumerate(scenes)]
+    return data
+
+
+@pytest.mark.parametrize(("dimension", "kind"), KINDS)
+@pytest.mark.parametrize("shift", [(0.0, 0.0, 0.0), (1.9, 0.0, 0.0), (0.25, 0.3, 0.0), (0.5, 0.6, 0.5)])
+def test_meshes_in_one_another_are_refused_with_their_names(shared_path, comm, dimension, kind, shift):
+    folder = shared_path / str(comm.rank)
+    folder.mkdir()
+    data = bodies_of_meshes(folder, dimension, kind, np.zeros(dimension), np.array(shift[:dimension]))
+    with pytest.raises(SceneError, match=r"bodies.\d: expected a body that lies in no other, found \d+ p") as caught:
+        generate(parse_scene(data), comm)
+    assert "'a'" in str(caught.value) and "'b'" in str(caught.value)
+    apart = bodies_of_meshes(folder, dimension, kind, np.zeros(dimension), np.array([2.0, 0.3, 0.0][:dimension]))
+    assert comm.allreduce(len(generate(parse_scene(apart), comm))) > 10
+
+
+def test_a_box_in_a_mesh_and_one_in_its_notch(shared_path, comm):
+    points, cells = grid(2)
+    # without the elements of one corner
+    cells = cells[(points[cells].mean(axis=1) > [1.0, 1.2]).any(axis=1)]
+    folder = shared_path / str(comm.rank)
+    folder.mkdir()
+    data = mesh_scene(folder, 2, points, [("quad", cells)]).resolved()
+    for upper, refused in (([1.0, 1.2], False), ([1.01, 1.2], True), ([0.9, 1.3], True)):
+        box = {"shape": {"box": {"lower": [0.0, 0.0], "upper": upper}}, "particles": [5, 5]}
+        scene = parse_scene(data | {"bodies": [data["bodies"][0], data["bodies"][0] | box]})
+        if refused:
+            with pytest.raises(SceneError, match=r"found \d+ particles of 'bodies.1' inside 'bodies.0'"):
+                generate(scene, comm)
+        else:
+            generate(scene, comm)
+
+
+@pytest.mark.parametrize(("dimension", "kind"), KINDS)
+@pytest.mark.parametrize("shift", [(0.25, 0.0, 0.0), (1.9, 0.1, 0.2), (0.25, 0.3, 0.1)])
+def test_a_mesh_in_itself_is_refused(tmp_path, dimension, kind, shift):
+    points, cells = grid(dimension, 0.2)
+    cells = split(cells) if kind in ("triangle", "tetra") else cells
+    both = np.concatenate([points, points + np.array(shift[:dimension])])
+    body = mesh_scene(tmp_path, dimension, both, [(kind, np.concatenate([cells, cells + len(points)]))]).bodies[0]
+    with pytest.raises(SceneError, match=r"a mesh that does not lie in itself, found \d+ facets .* first at \("):
+        filling_of(body, dimension)
+    # side by side, with nodes that hang
+    both[len(points) :] = points + np.array([2.0, 0.3, 0.2][:dimension])
+    body = mesh_scene(tmp_path, dimension, both, [(kind, np.concatenate([cells, cells + len(points)]))]).bodies[0]
+    assert filling_of(body, dimension).count == len(both)

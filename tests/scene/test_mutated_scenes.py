@@ -67,3 +67,10 @@ def test_a_table_or_a_value_in_its_place(value, said):
 def test_the_name_of_a_library_that_is_no_text():
     with pytest.raises(SceneError, match=r"bodies.0.material.library: expected one of '4340 .*, found \[\]"):
         parse_scene(of("runs/ulsph/free_micro_wave.toml", bodies__0__material__library=[]))
+
+
+def test_a_boundary_at_no_body_beside_a_fault_of_another():
+    scene = of("runs/mpm/taylor.toml")
+    scene["boundaries"].append({"kind": "traction", "plane": "X = 1", "traction": ["1e5", "0"]})
+    with pytest.raises(SceneError, match="boundaries.[0-9]"):
+        parse_scene(scene, ROOT / "runs" / "mpm")

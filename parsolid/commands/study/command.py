@@ -12,7 +12,7 @@ from typing import Any
 
 from rich.console import Console
 
-from parsolid.commands.arguments import TRUST_CODE
+from parsolid.commands.arguments import TRUST_CODE, pareto_arguments, refuse_together
 from parsolid.commands.study.cases import Case, cases_of
 from parsolid.commands.study.judging import judge
 from parsolid.commands.study.launching import LASTING, arguments_of, read_record, refuse_ranks, run_case
@@ -26,7 +26,7 @@ DONE, NOT_AS_STATED, TO_BE_CONTINUED = 0, 3, 75
 
 def add_arguments(parser: Any) -> None:
     """Add the command's arguments to an argparse parser."""
-    parser.add_argument("study", metavar="STUDY", help="TOML file of the study")
+    parser.add_argument("study", metavar="STUDY", help="TOML file of the study; with --pareto of a scene")
     parser.add_argument("-o", "--output", metavar="DIR", help="folder of the runs and reports (default: results/STUDY)")
     parser.add_argument("--trust-code", action="store_true", help=TRUST_CODE)
     only = "run only this series, or runs whose title matches (* and ? stand for anything); may be repeated"
@@ -34,6 +34,7 @@ def add_arguments(parser: Any) -> None:
     parser.add_argument("--dry-run", action="store_true", help="list the runs and what is done of them, and stop")
     repetitions = "make each run until it was timed N times; the least time counts"
     parser.add_argument("--repetitions", type=int, default=1, metavar="N", help=repetitions)
+    pareto_arguments(parser)
 
 
 def run_study(comm: Any, options: Any) -> int:
@@ -42,6 +43,12 @@ def run_study(comm: Any, options: Any) -> int:
     0: every run there is did what the study states; 3: some did not; 75: interrupted, the same command goes on.
     Raises SceneError for a faulty study or scene, or when started by mpirun.
     """
+    if options.pareto is not None:
+        refuse_together(options, "pareto")
+        from parsolid.commands.pareto import run_pareto
+
+        return run_pareto(comm, options)
+    refuse_together(options, "study")
     refuse_ranks(comm)
     study = load_study(options.study)
     cases = cases_of(study, options.trust_code)

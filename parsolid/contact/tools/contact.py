@@ -161,6 +161,9 @@ class RigidTools(Interaction):
         self._evaluate(time, slipping=True)
         stored = self._energies()
         ledger.add_term("friction_dissipation", sum(float(tool.own[forces.LOST]) for tool in self.tools))
+        stored_heat = sum(touch.warm() for tool in self.tools for touch in tool.touches)
+        if stored_heat:
+            ledger.add_term("friction_heat", stored_heat)
         for name, change in zip(("contact_energy", "stick_energy"), stored - self._shown):
             ledger.add_term(name, float(change))
         self._shown = stored

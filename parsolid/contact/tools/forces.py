@@ -141,15 +141,17 @@ def _pull(friction, frame, i, x, y, z, n, depth, k, sums):
 
 
 @compiled(error_model="numpy")
-def press(shape, frame, friction, resistance, owned, places, body, meant, rows, forces, sums):
+def press(shape, frame, friction, resistance, owned, places, body, meant, rows, forces, heat, sums):
     """Forces (owned, d) [N] on the `rows` of particles that a shape touches, and their `sums` as named above.
 
-    meant (bodies,): bodies that it is for. Returns how many rows there are, the least distance [m] of any face of a
-    particle from the shape (below zero where it touches).
+    meant (bodies,): bodies that it is for; heat (owned,): what friction takes of each [J], or None. Returns how many
+    rows there are, the least distance [m] of any face of a particle from the shape (below zero where it touches).
     """
     count, clearance, d = 0, math.inf, places.shape[1]
     sums[:] = 0.0
     for i in range(owned):
+        if heat is not None:
+            heat[i] = 0.0
         if not meant[body[i]]:
             continue
         x, y, z = _component(places, i, 0), _component(places, i, 1), _component(places, i, 2)
@@ -160,14 +162,20 @@ def press(shape, frame, friction, resistance, owned, places, body, meant, rows, 
         clearance = min(clearance, -depth)
         if not depth > 0.0:
             if friction is not None:
-                sums[LOST] += _let_go(friction, k, i)
+                released = _let_go(friction, k, i)
+                sums[LOST] += released
+                if heat is not None:
+                    heat[i] = released
             continue
         n = _turned(frame.rotation, nx, ny, nz)
         push = k * depth
         fx, fy, fz = push * n[0], push * n[1], push * n[2]
         sums[STORED] += 0.5 * push * depth
         if friction is not None:
+            before = sums[LOST]
             tx, ty, tz = _pull(friction, frame, i, x, y, z, n, depth, k, sums)
+            if heat is not None:
+                heat[i] = sums[LOST] - before
             fx, fy, fz = fx + tx, fy + ty, fz + tz
         a, b, c = x - frame.place[0], y - frame.place[1], z - frame.place[2]
         rows[count], forces[count, 0] = i, fx

@@ -62,6 +62,7 @@ class Touch:
         self.tool, self.system, self.meant, self.signal = tool, system, meant, signal
         self.record = record_of(tool.name) if tool.friction > 0.0 else None
         self.sums = np.zeros(forces.SUMS)
+        self.heat = np.zeros(0) if self.record is not None and system.takes_heat else None
         self.count, self.clearance, self.greatest_square = 0, np.inf, 0.0
         self._rows, self._forces = np.zeros(0, np.int64), np.zeros((0, system.dimension))
         self._layout, self._hardest, self.quiet_until = -1, 0.0, -np.inf
@@ -82,10 +83,13 @@ class Touch:
         if time < tool.quiet_until or (time < self.quiet_until and self._layout == particles.layout):
             self.count, self.greatest_square = 0, 0.0
             self.sums[:] = 0.0
+            if self.heat is not None:
+                self.heat[:] = 0.0
             return
         if len(self._rows) < particles.owned:
             self._rows = np.zeros(particles.capacity, np.int64)
             self._forces = np.zeros((particles.capacity, self.system.dimension))
+            self.heat = None if self.heat is None else np.zeros(particles.capacity)
         friction = None
         if self.record is not None:
             friction = Friction(tool.friction, particles.storage(self.record), slipping)
@@ -101,6 +105,7 @@ class Touch:
             self.meant,
             self._rows,
             self._forces,
+            self.heat,
             self.sums,
         )
         self._look_ahead(time)
@@ -125,6 +130,14 @@ class Touch:
         here = self.meant[rows("body")]
         mass = (system.mass[: system.owned] * system.share[: system.owned])[here]
         return self.tool.stiffness * float((rows(STIFFNESS)[here] / mass).max(initial=0.0))
+
+    def warm(self) -> float:
+        """Give the particles half of what friction took of each, for the tool has no temperature; what of it their
+        stored energy holds [J]."""
+        if self.heat is None:
+            return 0.0
+        warmed = np.flatnonzero(self.heat[: self.system.owned])
+        return self.system.take_heat(0.5 * self.heat[warmed], warmed)
 
     def kick(self, step: float) -> float:
         """Give the particles the forces' impulses of a time [s]; the energy [J] that held components take."""

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from decomposition.recalled import Recalled, RecalledEach
 from parsolid.boundary.heat import HeatSupply
 from parsolid.methods.mpm import heat as grid_heat
 from parsolid.methods.mpm.grid_conditions import GridConditions, ThermalPlane
@@ -40,6 +41,15 @@ class Conduction:
         self.directed = any(getattr(law, "conductivity_tensor", None) for law in points.laws)
         self._seen, self.diffusivity = -1, 0.0
         self._folds: list[Fold] = []
+        self._fill, self._take = (
+            RecalledEach(grid_heat.fill_thermal, free=(0, 1, 4)),
+            RecalledEach(grid_heat.take_heat, free=(0, 1)),
+        )
+        self._scatter, self._conduct = (
+            Recalled(grid_heat.scatter_heat, free=(0,)),
+            Recalled(grid_heat.conduct, free=(0,)),
+        )
+        self._gather = Recalled(grid_heat.gather_heat, free=(0,))
 
     def refresh(self) -> None:
         """What particles have to conduct, in the present state."""
@@ -55,7 +65,7 @@ class Conduction:
                 (block.law.conductivity or 0.0) * self.conducting,
             )
             state = storage("deformation_gradient"), storage("temperature"), points.motion
-            found = grid_heat.fill_thermal(*here, block.law, conductivity, *state, self.thermal)
+            found = self._fill(id(block.law), *here, block.law, conductivity, *state, self.thermal)
             self.diffusivity = max(self.diffusivity, found)
             if self.directed:
                 grid_heat.turn_conductivities(*here, self._components(block.law), state[0], points.motion, self.tensors)
@@ -119,7 +129,7 @@ class Conduction:
         reference = None if points.where == "motion" else points.storage("deformation_gradient")
         slopes = points.find("temperature_slope")
         tensors = self.tensors if self.directed else None
-        grid_heat.conduct(nodes.interpolation, reference, self.thermal, tensors, slopes, nodes.heat, nodes.partial)
+        self._conduct(nodes.interpolation, reference, self.thermal, tensors, slopes, nodes.heat, nodes.partial)
         self.surfaces.supply_to(nodes, time)
         nodes.sum("flow")
         for plane, ghosts, images, _ in self._folds:
@@ -136,10 +146,10 @@ class Conduction:
     def _take_heat(self) -> float:
         """New temperatures and internal energies of the particles; the heat [J] that they gained from the nodes."""
         points, storage = self.points, self.points.storage
-        gained: float = grid_heat.gather_heat(self.nodes.interpolation, self.nodes.heat, self.thermal)
+        gained: float = self._gather(self.nodes.interpolation, self.nodes.heat, self.thermal)
         for block in points.warm_blocks:
             state = points.motion, storage("temperature"), storage("internal_energy")
-            grid_heat.take_heat(block.first, block.last, block.law, self.thermal, *state)
+            self._take(id(block.law), block.first, block.last, block.law, self.thermal, *state)
         return gained
 
     def _pass_plastic_heat(self, step: float) -> float:
@@ -166,7 +176,7 @@ class Conduction:
     def _sum_capacities(self, thermal: np.ndarray, slopes: np.ndarray | None = None) -> None:
         nodes = self.nodes
         nodes.clear(nodes.heat)
-        grid_heat.scatter_heat(nodes.interpolation, thermal, slopes, nodes.heat, nodes.partial)
+        self._scatter(nodes.interpolation, thermal, slopes, nodes.heat, nodes.partial)
         nodes.sum("capacity")
 
     def _jumps(self, held: list[np.ndarray]) -> list[np.ndarray]:

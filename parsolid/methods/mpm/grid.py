@@ -269,6 +269,28 @@ def kinetic_gain(first, last, nodes, share):
 
 
 @compiled
+def energy_of_changes(first, last, nodes, share):
+    """sum_i m_i a_i^2 / 2 [J] of the nodes' changes of velocity in a step; share as in `kinetic_gain`."""
+    energy = 0.0
+    for i in range(first, last):
+        square = nodes[i, 4] ** 2 + nodes[i, 5] ** 2 + nodes[i, 6] ** 2
+        energy += share[i] * nodes[i, 3] * square
+    return 0.5 * energy
+
+
+@compiled
+def energy_of_particle_changes(before, motion):
+    """sum_p m_p (v_p - v_p before)^2 / 2 [J] of the particles in before (n, 8)."""
+    energy = 0.0
+    for p in range(len(before)):
+        square = 0.0
+        for d in range(4, 7):
+            square += (motion[p, d] - before[p, d]) ** 2
+        energy += motion[p, 3] * square
+    return 0.5 * energy
+
+
+@compiled
 def kinetic_energy(owned, motion):
     """Sum of m v^2/2 [J] of particles."""
     energy = 0.0

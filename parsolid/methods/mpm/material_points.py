@@ -173,6 +173,23 @@ class MaterialPoints(Particles):
             self.motion[: self.owned][gone, 3] = self.motion[: self.owned][gone, 7] = 0.0
             self.storage("stress_and_volume")[: self.owned][gone, :7] = 0.0
 
+    def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
+        """Warm rows (n,) by heat (n,) [J], which their internal energy holds; what they took [J]. Particles without a
+        temperature take none, nor do deleted ones."""
+        taken = 0.0
+        for block in self.warm_blocks:
+            chosen = (rows >= block.first) & (rows < block.last) & (self.motion[rows, 3] > 0.0)
+            here = rows[chosen]
+            density = heat[chosen] / self.motion[here, 7]
+            temperature = self.owned_rows("temperature")
+            capacity = block.law.density * block.law.specific_heat_at(temperature[here])
+            # as `materials.plastic.specific_heat.temperature_rise`
+            grows = 2.0 * block.law.density * block.law.specific_heat_slope * density
+            temperature[here] += 2.0 * density / (capacity + np.sqrt(capacity * capacity + grows))
+            self.owned_rows("internal_energy")[here] += density
+            taken += float(heat[chosen].sum())
+        return taken
+
     # --- what follows from the fields -------------------------------------------------------------------------------
 
     def deformation_gradients(self, first: int, last: int) -> np.ndarray:

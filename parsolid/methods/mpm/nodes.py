@@ -27,6 +27,7 @@ class Nodes:
     interpolation: `kernels.Interpolation` of the step, to be found anew when particles have been listed anew.
     places (count, 4) [m]; share (count,): what counts of a node on this rank's side of mirror planes, if no lower rank
     counts it; surface_loads: what acts on surfaces, set with the boundaries;
+    mirrored: axis, slots behind each mirror plane, of their images, and on it;
     told: conditions that tell what they take, see `boundary.reactions`;
     partial (cells, width**d, 8): parts of single cells, with bitwise sums, else None.
     """
@@ -91,9 +92,11 @@ class Nodes:
         """Nodes behind and on the mirror planes, and what counts of each node."""
         self.share = np.ones(self.count)
         self._folds: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        self.mirrored: list[tuple[int, np.ndarray, np.ndarray, np.ndarray]] = []
         for plane in self.planes:
             behind, images, on_plane = self.ranks.cells.mirrored(plane.mirror)
             ghosts = np.concatenate((behind, on_plane)).astype(np.int32)
+            self.mirrored.append((plane.mirror.axis, behind, images, on_plane))
             self._folds.append((ghosts, np.concatenate((images, on_plane)).astype(np.int32), plane.signs))
             self.share[behind] = 0.0
             self.share[on_plane] *= 0.5
@@ -158,7 +161,9 @@ class Nodes:
 
     def energy_of_changes(self) -> float:
         """sum_i m_i a_i^2 / 2 [J] of the nodes' changes of velocity in the step, on this rank."""
-        return 0.5 * float((self._impulses() * self.motion[: self.count, 4:7]).sum())
+        if self.mass is not None:
+            return 0.5 * float((self._impulses() * self.motion[: self.count, 4:7]).sum())
+        return float(kernels.energy_of_changes(0, self.count, self.motion, self.share))
 
     def energy_of_mapping_back(self) -> float:
         """sum_i m_i a_i . (v_i - u_i) / 2 [J] on this rank, u_i the velocities of the momentum that was mapped back."""

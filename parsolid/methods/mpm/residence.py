@@ -2,6 +2,10 @@
 the cells.
 """
 
+import math
+
+import numpy as np
+
 from decomposition.cell_partition import CellPartition
 from decomposition.grid import RankGrid
 from parsolid.methods.mpm.material_points import MaterialPoints
@@ -14,12 +18,22 @@ _PERIOD, _DISORDER = 16, 0.3
 class Residence:
     """Keeps this rank's particles in the cells of its `decomposition.RankGrid`.
 
-    steps: counted, as they time the looks; rebalanced: how often cells were dealt out anew.
+    steps: counted, as they time the looks; rebalanced: how often cells were dealt out anew; placements: how often rows
+    may have changed on any rank, where particles are `kept`.
     """
 
     def __init__(self, grid: RankGrid, points: MaterialPoints):
         self.grid, self.points, self.settings = grid, points, points.settings
         self.steps, self.rebalanced = 0, 0
+        self.placements, self.kept = 0, False
+
+    def keep(self) -> None:
+        """Let ranks keep particles that have left their cells until the next look, before these are dealt out.
+
+        A step crosses less than cfl cells. With bitwise sums a cell's particles are of one rank.
+        """
+        self.kept = self.grid.comm.size > 1 and not self.settings.bitwise
+        self.grid.slack = math.ceil(_PERIOD * min(self.settings.cfl, 1.0)) + 1 if self.kept else 0
 
     def deal_out(self, partition: CellPartition | None = None) -> bool:
         """Give particles to the owners of their cells under a partition, or under a balanced one; collective.
@@ -37,12 +51,14 @@ class Residence:
         the ranks.
         """
         self.points.stretch_domains()
-        sound = self.grid.settle(self.points)
+        sound = self.grid.settle(self.points, release=not self.kept)
         self.steps += 1
         return self._tidy() and sound if self.steps % _PERIOD == 0 else sound
 
     def _tidy(self) -> bool:
         """Balance the ranks, or else re-order storage, where it is due."""
+        if self.kept:
+            return self._tidy_together()
         owned = self.points.owned
         if self.grid.comm.size > 1 and self.grid.imbalance(owned) > self.settings.rebalance:
             self.rebalanced += 1
@@ -50,6 +66,22 @@ class Residence:
         if self.grid.cells.breaks(owned) > _DISORDER * owned:
             self._sort_storage()
         return True
+
+    def _tidy_together(self) -> bool:
+        """As `_tidy`, with the particles that left their cells given away; ranks know that rows have changed."""
+        owned, cells = self.points.owned, self.grid.cells
+        disorder, guests = cells.breaks(owned) > _DISORDER * owned, len(self.grid.guests())
+        counts = np.array(self.grid.comm.allgather((owned, guests, disorder)))
+        if not counts[:, 1:].any() and counts[:, 0].max() <= self.settings.rebalance * counts[:, 0].mean():
+            return True
+        self.placements += 1
+        if counts[:, 0].max() > self.settings.rebalance * counts[:, 0].mean():
+            self.rebalanced += 1
+            return self.deal_out()
+        sound = self.grid.settle(self.points) if counts[:, 1].any() else True
+        if disorder:
+            self._sort_storage()
+        return sound
 
     def _sort_storage(self) -> None:
         """Bring particles into the order of the cells; in no cell are only those that end the run."""

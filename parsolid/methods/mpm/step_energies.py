@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from parsolid.methods.mpm.grid import kinetic_energy
+from parsolid.methods.mpm.grid import energy_of_particle_changes, kinetic_energy
 from parsolid.methods.mpm.material_points import MaterialPoints
 from parsolid.methods.mpm.nodes import Nodes
 from parsolid.methods.protocol import EnergyLedger
@@ -60,9 +60,7 @@ class StepEnergies:
     def _filtered(self) -> float:
         """L above [J]."""
         assert self.before is not None
-        now = self.points.motion[: self.points.owned]
-        change = now[:, 4:7] - self.before[:, 4:7]
-        return self.nodes.energy_of_changes() - 0.5 * float(now[:, 3] @ (change**2).sum(axis=1))
+        return self.nodes.energy_of_changes() - float(energy_of_particle_changes(self.before, self.points.motion))
 
 
 def _moved(before: np.ndarray, after: np.ndarray, step: float) -> np.ndarray:

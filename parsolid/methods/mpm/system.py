@@ -78,6 +78,8 @@ class MaterialPoint(ParticleSystem):
             self.conduction = Conduction(self.conditions, points, self.nodes, thermal)
         self.transfer = ORDERS[scene.method.order](points, self.nodes, self.conditions)
         self.residence = Residence(self.grid, points)
+        # of a step for which something has asked before it
+        self.given: StepEnergies | None = None
         self.waiting: WaitingImpulses | None = None
         self.partition: CellPartition | None = None
 
@@ -138,15 +140,21 @@ class MaterialPoint(ParticleSystem):
         if not self.settings.motion:
             announce(True, self.stable_step())
             return True
-        energies = StepEnergies(self.points, self.nodes, self._forces(time))
-        self.transfer.particles_to_nodes(self.stress.on_nodes, self._with_impulses(energies.forces, step))
-        self.nodes.accelerate(step)
+        energies = self.given or self.give_to_nodes(time, step)
         work, caught = self.conditions.obey(self.nodes, self.nodes.motion, time + step)
         caught += self.transfer.nodes_to_particles(time + step, step)
         sound, terms = self.stress.advance(step)
         energies.book(ledger, step, (work, caught), terms)
+        self.given = None
         announce(sound, self.stable_step())
         return self.residence.settle() and sound
+
+    def give_to_nodes(self, time: float, step: float) -> StepEnergies:
+        """New velocities of the nodes, before boundaries, of a step [s] from a time [s]."""
+        energies = StepEnergies(self.points, self.nodes, self._forces(time))
+        self.transfer.particles_to_nodes(self.stress.on_nodes, self._with_impulses(energies.forces, step))
+        self.nodes.accelerate(step)
+        return energies
 
     def _forces(self, time: float) -> np.ndarray | None:
         """Forces (capacity, 4) [N] of the loads on particles."""
@@ -173,15 +181,30 @@ class MaterialPoint(ParticleSystem):
         return 0.0
 
     @property
+    def takes_heat(self) -> bool:  # type: ignore[override]
+        """Elastic-plastic laws have a temperature."""
+        return "temperature" in self.points
+
+    def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
+        """See `ParticleSystem.take_heat`; no particle lies on a mirror plane."""
+        return self.points.take_heat(heat, rows)
+
+    @property
     def placements(self) -> int | None:  # type: ignore[override]
-        """On one rank particles change their rows when storage is sorted; on several they may change ranks in any
-        step."""
-        return self.points.layout if self.comm.size == 1 else None
+        """On one rank particles change their rows when storage is sorted; on several when ranks look at that together,
+        or, where they need not stay in between, in any step."""
+        if self.comm.size == 1:
+            return self.points.layout
+        return self.residence.placements if self.residence.kept else None
 
     def expect_kicks(self) -> None:
         """See `waiting.WaitingImpulses`."""
         if self.waiting is None:
             self.waiting = WaitingImpulses(self.points)
+
+    def expect_lists(self) -> None:
+        """See `Residence.keep`."""
+        self.residence.keep()
 
     @property
     def symmetry_planes(self) -> list[MirrorPlane]:

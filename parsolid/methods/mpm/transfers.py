@@ -101,7 +101,8 @@ class ModifiedUpdateStressLast(UpdateStressLast):
         points, nodes = self.points, self.nodes
         self._keep_slopes_beside_driven()
         nodes.clear(nodes.again)
-        scatter(nodes.interpolation, points.motion, points.velocity_transfer, None, None, nodes.again, nodes.partial)
+        arrays = (None, nodes.again, nodes.partial)
+        self._scatter("again", nodes.interpolation, points.motion, points.velocity_transfer, None, *arrays)
         nodes.sum("again")
         nodes.find_velocities()
         return self.conditions.obey(nodes, nodes.again, time)[1]

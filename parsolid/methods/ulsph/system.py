@@ -16,6 +16,7 @@ from parsolid.methods.ulsph import kinematics as motion
 from parsolid.methods.ulsph.boundaries import BoundarySet
 from parsolid.methods.ulsph.deletion import Deletion
 from parsolid.methods.ulsph.fields import declare_motion, declare_state
+from parsolid.methods.ulsph.heat import follow_kick, prescribe_temperatures, take_heat
 from parsolid.methods.ulsph.observation import advice, measure, shown, unsound
 from parsolid.methods.ulsph.sweeps import Sweeps
 from parsolid.methods.ulsph.terms import (
@@ -55,6 +56,7 @@ class UpdatedLagrangianSPH(PairMethod):
 
     pairs: MovingPairs
     time = 0.0
+    takes_heat = True
 
     def __init__(self, comm: Any, scene: Scene, particle_set: ParticleSet):
         """particle_set: this rank's particles, sorted by law. Collective."""
@@ -223,25 +225,21 @@ class UpdatedLagrangianSPH(PairMethod):
             good, heat, loss = update.advance(block, step, body)
             sound, plastic, lost = sound and good, plastic + heat, lost + loss
         if self.boundaries.sets_temperature:
-            self.supplied, self.supplied_to_stored = self._prescribe_temperatures(time)
+            self.supplied, self.supplied_to_stored = prescribe_temperatures(self, time)
         return sound, plastic, lost
 
-    def _prescribe_temperatures(self, time: float) -> tuple[float, float]:
-        """The heat [J] that prescribed temperatures supply, and the part of it that goes into stored energy."""
-        supplied, stored, temperature = 0.0, 0.0, self.particles.owned_rows("temperature")
-        record, column = self.particles.storage("record"), 6 if self.dimension == 2 else 11
-        law_of_body = self.particles.law_of_body
-        capacity = np.array([law.specific_heat for law in self.laws])[law_of_body]
-        kept = np.array([law.density * storing for law, storing in zip(self.laws, self.updates.storing)])[law_of_body]
-        for rows, values in self.boundaries.temperatures(time):
-            body = self.particles.owned_rows("body")[rows]
-            change = capacity[body] * (values - temperature[rows])
-            supplied += float(change @ self.mass[rows])
-            stored += float(change @ (self.mass[rows] * (kept[body] > 0.0)))
-            if kept.any():
-                self.particles.owned_rows("energy")[rows] += kept[body] * change
-            temperature[rows] = record[rows, column] = values
-        return supplied, stored
+    def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
+        """See `ParticleSystem.kick`; the heat of the viscosity follows the velocities that its work is done with."""
+        rows = np.arange(self.owned) if rows is None else rows
+        before = self.particles.owned_rows("velocity")[rows]
+        gained = super().kick(impulse, rows)
+        if self.heating is not None:
+            follow_kick(self, before, rows)
+        return gained
+
+    def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
+        """See `ParticleSystem.take_heat`; no particle lies on a mirror plane."""
+        return take_heat(self, heat, rows)
 
     def viscous_heat_of_others(self, step: float) -> float:
         """Viscous heat [J] of a step [s] in particles whose stored energy holds no heat."""

@@ -1,0 +1,117 @@
+"""Contact on several ranks: mpirun -n 5 python docs/contact_ranks.py ranks; python docs/contact_ranks.py killed."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from contact_tables import LEAPFROG, SPEED, Tables, block, discs_scene, one_of, run, scene
+from mpi4py import MPI
+
+from parsolid.output.history import read_history
+from parsolid.scene import dump_scene, parse_scene
+
+COPPER = {"kind": "elastic-plastic", "library": "OFHC copper, Johnson-Cook"}
+
+
+def far_apart() -> Tables:
+    """Five blocks in a row, of which the first is moved above the last: their ranks are no neighbours in the
+    reference."""
+    h = 0.125
+    bodies = [block(name, [1.5 * i, 0.0], [1.5 * i + 1.0, 1.0], h) for i, name in enumerate("abcde")]
+    bodies[0] |= {"displacement": ["6.1", "1.01"], "velocity": [0.02 * SPEED, -0.1 * SPEED]}
+    bodies[1] |= {"velocity": [0.3 * SPEED, 0.0]}
+    contact = {"friction": 0.3}
+    return scene(bodies, 3.0 / SPEED, contact, method=LEAPFROG)
+
+
+def metals(kind: str) -> Tables:
+    """Two blocks of copper that rub and part, in material points or updated-Lagrangian SPH, whose particles migrate."""
+    method = {"kind": "mpm", "cell": 2e-3, "order": "musl"} if kind == "mpm" else {"kind": "ulsph"}
+    boxes = {"top": ([0.2e-3, 0.0], [12.2e-3, 6e-3], [60.0, -30.0]), "base": ([-2e-3, -6e-3], [18e-3, 0.0], [0, 30.0])}
+    bodies = [
+        block(name, low, high, 1e-3, "cells", velocity=list(v), material=COPPER)
+        for name, (low, high, v) in boxes.items()
+    ]
+    return scene(bodies, 8e-6, {"friction": 0.3}, method=method)
+
+
+SCENES = {
+    "discs with friction": lambda: discs_scene(0.8, 0.3, 12),
+    "blocks whose ranks are no neighbours": far_apart,
+    "ulsph": lambda: metals("ulsph"),
+    "mpm": lambda: metals("mpm"),
+}
+
+
+def ranks() -> None:
+    """Histories on as many ranks as there are against those on one: the largest difference, of the energy."""
+    comm = MPI.COMM_WORLD
+    for name, make in SCENES.items():
+        tables = make()
+        _, columns = run(tables, comm=comm)
+        if comm.rank == 0:
+            _, alone = run(tables)
+            print(f"{name}, {comm.size} ranks: {difference(columns, alone)}", flush=True)
+
+
+def difference(columns: Tables, alone: Tables) -> str:
+    """The largest one of any column, of the largest kinetic energy, and when there was contact."""
+    scale, worst = alone["kinetic"].max(), 0.0
+    for name, values in alone.items():
+        length = min(len(values), len(columns[name]))
+        over = np.abs(values).max() if name == "time" else scale
+        worst = max(worst, float(np.abs(values[:length] - columns[name][:length]).max() / over))
+    met = np.count_nonzero(alone["contact_energy"])
+    return f"{worst:.1e} in {len(alone['time'])} steps, {met} of them in contact"
+
+
+def killed() -> None:
+    """Runs that are killed on all ranks in the middle of contact and restarted on another number, to the end."""
+    for kind in ("ulsph", "mpm"):
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            output = {"history_steps": 1, "checkpoint_steps": 5, "fields_times": []}
+            file = folder / "scene.toml"
+            dump_scene(parse_scene(metals(kind) | {"output": output}), file)
+            start(1, file, folder / "whole").wait()
+            last, told = len(read_history(folder / "whole" / "history.csv")["step"]) - 1, []
+            for count, (processes, until) in enumerate(((3, last // 3), (2, 2 * last // 3), (4, None))):
+                job = start(processes, file, folder / "pieces", restart=count > 0)
+                told.append(f"{processes} ranks to {kill_at(job, folder / 'pieces', until)}")
+            whole, pieces = (read_history(folder / one / "history.csv") for one in ("whole", "pieces"))
+            columns = [{name: np.array(one[name]) for name in one if name != "step"} for one in (whole, pieces)]
+            migrated = json.loads((folder / "pieces" / "summary.json").read_text()).get("migrated_particles")
+            found = difference(columns[1], columns[0])
+            print(f"{kind}: {', '.join(told)}; {migrated} particles changed their rank at last; {found}", flush=True)
+
+
+def start(processes: int, file: Path, output: Path, restart: bool = False) -> "subprocess.Popen[bytes]":
+    """A run in a session of its own."""
+    command = ["mpirun", "-n", str(processes), sys.executable, "-m", "parsolid", "run", str(file), "-q"]
+    return subprocess.Popen([*command, "-o", str(output), *["--restart"] * restart], start_new_session=True)
+
+
+def kill_at(job: "subprocess.Popen[bytes]", output: Path, step: int | None) -> str:
+    """SIGKILL to all processes of a run when its history has come to a step; the step it had come to, or its end."""
+    file, last = output / "history.csv", 0
+    while job.poll() is None:
+        rows = file.read_text().splitlines() if file.exists() else []
+        last = int(rows[-1].split(",")[0]) if len(rows) > 1 and rows[-1].split(",")[0].isdigit() else last
+        if step is not None and last >= step:
+            os.killpg(job.pid, signal.SIGKILL)
+            job.wait()
+            return f"step {last}, killed"
+        time.sleep(0.002)
+    if job.returncode:
+        raise SystemExit(f"ended with status {job.returncode}")
+    return "the end"
+
+
+if __name__ == "__main__":
+    one_of((ranks, killed))

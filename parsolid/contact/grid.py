@@ -1,0 +1,18 @@
+"""Contact on the nodes of a background grid, of the method that has one; its code is loaded where a scene has any."""
+
+from typing import Any
+
+from parsolid.methods.interaction import Interaction
+from parsolid.methods.protocol import ParticleSystem
+from parsolid.scene import Scene
+from parsolid.scene.contact import grid_pairs
+
+
+def build_grid_contact(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[Interaction]:
+    """The grid contact of a scene, if it has any; after all that gives impulses before a step."""
+    pairs = grid_pairs(scene)
+    if not pairs:
+        return []
+    from parsolid.methods.mpm.grid_contact import GridContact
+
+    return [GridContact(comm, [((systems[i], systems[j]), one.friction) for (i, j), one in pairs.items()])]

@@ -1,0 +1,193 @@
+"""Two fields of material points on one lattice where they meet: nodes of both, normals, gaps and impulses.
+
+Normals: logistic regression of the particles of both fields around a node (Nairn, Hammerquist, Smith, Comput. Methods
+Appl. Mech. Engrg. 362 (2020) 112859), each field of weight 1, with a slight penalty on the steepness, which has no
+bound where a plane parts the fields. Gaps: of the particles' deformed domains along the normal.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from decomposition.shared_nodes import SharedNodes
+from parsolid.methods.mpm import meeting_kernels as kernels
+from parsolid.methods.mpm.meeting_kernels import FIT, FORM, Cloud
+
+# of the square of the steepness of a fit a cell; steps of Newton's rule, which leave 1e-12 of it; and the factor on the
+# extents of particles, without which a corner on a face would see a plane between its sides (7 degrees at its edge)
+_PENALTY, _ITERATIONS, _SHRUNK = 1e-6, 20, 0.8
+# columns of what nodes of both fields know of each: mass, momentum, weight
+_OF_FIELD = 5
+_SQUARE = np.triu_indices(FIT)
+
+
+class Meeting:
+    """Two systems that share no velocities; friction between them. impulse (n, d) [N s] on the second field at the
+    nodes of both in the present step, normal (n, d), slots: of the nodes in each system, -1 where it has none."""
+
+    def __init__(self, comm: Any, systems: tuple[Any, Any], friction: float) -> None:
+        self.systems, self.friction = systems, friction
+        self.nodes = SharedNodes(comm, (systems[0].grid, systems[1].grid))
+        self.dimension = systems[0].dimension
+        self._changes: list[int] = []
+        self.impulse = self.normal = np.zeros((0, self.dimension))
+        self.slots: list[np.ndarray] = []
+
+    def act(self, step: float) -> None:
+        """Let velocities of nodes, as they are after forces of a step [s], obey contact; talks to ranks near by."""
+        changes = [system.nodes.changes for system in self.systems]
+        if self.nodes.follow() or changes != self._changes:
+            self._changes = changes
+            self._rebuild()
+        if not len(self.nodes.words):
+            return
+        d, fields = self.dimension, self._fields()
+        mass = fields[:, :, 0]
+        self.active = (mass > self._least).all(axis=1) & self.inside
+        self.normal = self._normals(fields[:, :, 4])
+        gap = self._gaps()
+        velocity = fields[:, :, 1 : 1 + d] / np.where(mass > 0.0, mass, 1.0)[:, :, None]
+        self.impulse = self._impulses(mass, velocity[:, 0] - velocity[:, 1], gap, step)
+        for number, system in enumerate(self.systems):
+            here = self.slots[number] >= 0
+            slot, change = self.slots[number][here], self.impulse[here] / np.maximum(mass[here, number, None], 1e-300)
+            change *= (-1.0, 1.0)[number]
+            system.nodes.motion[slot, :d] += change
+            system.nodes.motion[slot, 4 : 4 + d] += change
+
+    def _impulses(self, mass: np.ndarray, relative: np.ndarray, gap: np.ndarray, step: float) -> np.ndarray:
+        """On the second field (n, d) [N s]: closing velocities (n, d) [m/s] lose what closes more than the gap."""
+        both = mass.prod(axis=1) / np.maximum(mass.sum(axis=1), 1e-300)
+        closing = (relative * self.normal).sum(axis=1)
+        pressed = np.where(self.active, both * np.maximum(closing - np.maximum(gap, 0.0) / step, 0.0), 0.0)
+        sliding = relative - closing[:, None] * self.normal
+        speed = np.linalg.norm(sliding, axis=1)
+        rubbed = np.minimum(both * speed, self.friction * pressed)
+        return np.asarray(
+            pressed[:, None] * self.normal + (rubbed / np.where(speed > 0.0, speed, 1.0))[:, None] * sliding
+        )
+
+    def _rebuild(self) -> None:
+        """Nodes of both fields, and where particles of each count."""
+        word, shared = self.nodes.words, self.nodes
+        count, d = len(word), self.dimension
+        self.slots = [system.grid.cells.slots(word) for system in self.systems]
+        self.inside, self._counted = np.ones(count, bool), []
+        self._maps = [self._map(number) for number in range(2)]
+        for number, system in enumerate(self.systems):
+            first = np.ones(system.nodes.count, bool)
+            for rank, slots in zip(system.grid.sharing.neighbours, system.grid.sharing.shared):
+                if rank < system.comm.rank:
+                    first[slots] = False
+            here = self.slots[number] >= 0
+            counted = np.zeros(count, bool)
+            counted[here] = first[self.slots[number][here]]
+            self._counted.append(counted)
+        self._least = min(system.nodes.least_mass for system in self.systems)
+        self._table, self._fits = np.zeros((count, 2 * _OF_FIELD)), np.zeros((count, FIT + FORM))
+        self._reach = np.zeros((count, 2))
+        self.normal = self.impulse = np.zeros((count, d))
+        self._sums = shared.sum(self._table, 0), shared.sum(self._fits, 1)
+        self._largest = shared.largest(self._reach, 2)
+
+    def _map(self, number: int) -> tuple[np.ndarray, ...]:
+        """Cells, node, signs and on_plane of `Cloud`."""
+        nodes, slots = self.systems[number].nodes, self.slots[number]
+        node, signs = np.full(nodes.count, -1, np.int64), np.ones((nodes.count, 3))
+        here = slots >= 0
+        node[slots[here]] = np.flatnonzero(here)
+        image, on_plane = np.arange(nodes.count), np.zeros(nodes.count, np.int64)
+        for axis, behind, images, on in nodes.mirrored:
+            to = np.arange(nodes.count)
+            to[behind] = images
+            signs[np.isin(image, behind), axis] *= -1.0
+            image = to[image]
+            on_plane[on] |= 1 << axis
+        behind = image != np.arange(nodes.count)
+        self.inside[node[behind & (node >= 0)]] = False
+        node = node[image]
+        cells = np.flatnonzero((node[self.systems[number].grid.cells.stencil] >= 0).any(axis=1))
+        return cells, node, signs, on_plane
+
+    def _clouds(self) -> list[Cloud]:
+        result = []
+        for number, system in enumerate(self.systems):
+            nodes, points = system.nodes, system.points
+            grid, (cells, node, signs, on_plane) = nodes.interpolation.grid, self._maps[number]
+            lists = cells, grid.start, grid.order, grid.stencil
+            where = nodes.places, grid.inverse_spacing, points.motion
+            result.append(Cloud(*lists, *where, node, signs, on_plane, (-1.0, 1.0)[number]))
+        return result
+
+    def _fields(self) -> np.ndarray:
+        """Mass [kg], momentum [kg m/s] and weight of each field (n, 2, 5) over all ranks."""
+        table = self._table
+        table[:] = 0.0
+        for number, (system, cloud) in enumerate(zip(self.systems, self._clouds())):
+            first, mine = number * _OF_FIELD, self._counted[number]
+            node = system.nodes.motion[self.slots[number][mine]]
+            table[mine, first] = node[:, 3]
+            table[mine, first + 1 : first + 4] = node[:, 3:4] * node[:, :3]
+            kernels.add_weights(cloud, self.dimension, table[:, first + 4])
+        self._sums[0].start()
+        self._sums[0].finish()
+        return table.reshape(-1, 2, _OF_FIELD)
+
+    def _normals(self, weights: np.ndarray) -> np.ndarray:
+        """Directions (n, d) from the first field to the second; weights (n, 2)."""
+        d, fits, fit = self.dimension, self._fits, np.zeros((len(weights), FIT))
+        self.active &= (weights > 0.0).all(axis=1)
+        matrix = np.zeros((len(weights), FIT, FIT))
+        penalty = np.diag([0.0, *[_PENALTY] * d, *[1.0] * (FIT - 1 - d)])
+        clouds = self._clouds()
+        for _ in range(_ITERATIONS):
+            fits[:] = 0.0
+            for number, cloud in enumerate(clouds):
+                domains = self._domains(number)
+                kernels.add_fits(cloud, d, _SHRUNK, *domains, weights[:, number].copy(), fit, self.active, fits)
+            self._sums[1].start()
+            self._sums[1].finish()
+            at = np.flatnonzero(self.active)
+            matrix[at[:, None], _SQUARE[0], _SQUARE[1]] = fits[at, FIT:]
+            matrix[at[:, None], _SQUARE[1], _SQUARE[0]] = fits[at, FIT:]
+            slope = fits[at, :FIT] + fit[at] @ penalty
+            fit[at] -= np.linalg.solve(matrix[at] + penalty, slope[:, :, None])[:, :, 0]
+        vector = fit[:, 1 : 1 + d]
+        length = np.linalg.norm(vector, axis=1)
+        self.active &= length > 0.0
+        return np.asarray(vector / np.where(length > 0.0, length, 1.0)[:, None])
+
+    def _gaps(self) -> np.ndarray:
+        """Between the domains of the particles of both fields around each node (n,) [m]."""
+        d, reach = self.dimension, self._reach
+        reach[:] = -np.inf
+        normal = np.zeros((len(reach), 3))
+        normal[:, :d] = self.normal
+        for number, cloud in enumerate(self._clouds()):
+            kernels.find_extremes(cloud, d, *self._domains(number), normal, self.active, reach[:, number])
+        self._largest.find()
+        return np.asarray(-np.where(self.active[:, None], reach, 0.0).sum(axis=1))
+
+    def _domains(self, number: int) -> tuple[np.ndarray, np.ndarray]:
+        """Deformation gradients and spacings [m] of a field's particles."""
+        storage = self.systems[number].points.storage
+        return storage("deformation_gradient"), storage("spacing")
+
+    def losses(self) -> tuple[float, float]:
+        """Energy [J] that the impulses of the step have taken from this rank's part of both fields, of the normal
+        part and of the tangential one; after the step.
+
+        Particles have gained J . (u + u')/2 with the velocities u of the nodes before the step and those u' that they
+        bring back to them, by which matter is strained.
+        """
+        result, d = np.zeros(2), self.dimension
+        for number, system in enumerate(self.systems):
+            here = self.slots[number] >= 0 if self.slots else np.zeros(0, bool)
+            nodes, slot, impulse = system.nodes, self.slots[number][here], self.impulse[here]
+            before = nodes.motion[slot, :d] - nodes.motion[slot, 4 : 4 + d]
+            after = nodes.again[slot, :d] if system.settings.order == "musl" else nodes.motion[slot, :d]
+            mean = 0.5 * (before + after) * nodes.share[slot, None]
+            pressed = (impulse * self.normal[here]).sum(axis=1)[:, None] * self.normal[here]
+            for part, J in enumerate((pressed, impulse - pressed)):
+                result[part] += (1.0, -1.0)[number] * float((J * mean).sum())
+        return float(result[0]), float(result[1])

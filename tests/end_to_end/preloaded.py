@@ -1,0 +1,179 @@
+"""Ranks that have the program loaded when they start, so that a job of a second is not four of imports.
+
+`mpirun` starts this file as a script, which is up in milliseconds: it hands its streams, its environment and its line
+to the process manager to a process that has imported everything (`serve`) and forks; that child is the rank. Signals,
+exit status and death go both ways, so a job is launched, killed and waited for as any other. Kernels that a rank has
+loaded are loaded before the next one is made. Linux, and MPICH's process manager.
+"""
+
+import contextlib
+import json
+import os
+import pickle
+import select
+import signal
+import socket
+import sys
+
+# what a rank that loads itself would import, without which MPI is not started
+_MODULES = (
+    "parsolid.commands.run",
+    "parsolid.methods.tlsph.system",
+    "parsolid.methods.peridynamics.system",
+    "parsolid.methods.ulsph.system",
+    "parsolid.methods.mpm.system",
+)
+
+
+def stub(address: str, arguments: list[str]) -> None:
+    """The process that mpirun knows; does not return."""
+    waiting: list[int] = []
+    child = 0
+
+    def passed_on(number: int, _: object) -> None:
+        waiting.append(number)
+        if child:
+            os.kill(child, number)
+
+    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGUSR1, signal.SIGUSR2):
+        signal.signal(number, passed_on)
+    line = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    line.connect(address)
+    manager = os.environ.get("PMI_FD")
+    streams = [0, 1, 2] + ([int(manager)] if manager else [])
+    request = json.dumps([streams, dict(os.environ), os.getcwd(), arguments]).encode()
+    socket.send_fds(line, [len(request).to_bytes(8, "little")], streams)
+    line.sendall(request)
+    child = int.from_bytes(_received(line, 8), "little")
+    for number in waiting:
+        os.kill(child, number)
+    status = int.from_bytes(_received(line, 8), "little")
+    if os.WIFSIGNALED(status):
+        signal.signal(os.WTERMSIG(status), signal.SIG_DFL)
+        os.kill(os.getpid(), os.WTERMSIG(status))
+    os._exit(os.WEXITSTATUS(status))
+
+
+def _received(line: socket.socket, length: int) -> bytes:
+    """So many bytes; without the other side this process has no reason to be."""
+    data = b""
+    while len(data) < length:
+        part = line.recv(length - len(data))
+        if not part:
+            os.kill(os.getpid(), signal.SIGKILL)
+        data += part
+    return data
+
+
+def serve(address: str) -> None:
+    """Load the program, then make a rank of everyone who asks; does not return."""
+    import importlib
+
+    import mpi4py
+
+    mpi4py.rc.initialize, mpi4py.rc.finalize = False, True
+    kernels = _Kernels(address + ".kernels")
+    for name in _MODULES:
+        importlib.import_module(name)
+    door = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    door.bind(address)
+    door.listen(64)
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    while True:
+        line, _ = door.accept()
+        kernels.load()
+        if os.fork() == 0:
+            door.close()
+            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+            _keep(line)
+        line.close()
+
+
+class _Kernels:
+    """The kernels that ranks have loaded so far, in a file to which every rank adds."""
+
+    def __init__(self, path: str) -> None:
+        from decomposition import compiled
+
+        self.path, self.read = path, 0
+        self.known: set[str] = set()
+        self.compile, compiled._compile = compiled._compile, self._noted
+
+    def _noted(self, compile_as_numba, signature):
+        function = compile_as_numba.__self__.py_func
+        entry = pickle.dumps((function.__module__, function.__qualname__, signature)).hex()
+        if "<locals>" not in function.__qualname__ and entry not in self.known:
+            with open(self.path, "a", encoding="ascii") as file:
+                file.write(entry + "\n")
+        return self.compile(compile_as_numba, signature)
+
+    def load(self) -> None:
+        """What ranks have noted since the last time."""
+        import importlib
+
+        if not os.path.exists(self.path):
+            return
+        with open(self.path, encoding="ascii") as file:
+            file.seek(self.read)
+            lines = file.readlines()
+            self.read = file.tell()
+        for line in dict.fromkeys(line.strip() for line in lines):
+            if line not in self.known:
+                self.known.add(line)
+                # one that cannot be loaded here is loaded by the rank
+                with contextlib.suppress(Exception):
+                    module, name, signature = pickle.loads(bytes.fromhex(line))
+                    getattr(importlib.import_module(module), name).compile(signature)
+
+
+def _keep(line: socket.socket) -> None:
+    """Between one rank and its stub until one of them ends."""
+    first, streams, *_ = socket.recv_fds(line, 8, 8)
+    numbers, values, folder, arguments = json.loads(_received(line, int.from_bytes(first, "little")))
+    rank = os.fork()
+    if rank == 0:
+        line.close()
+        _rank(dict(zip(numbers, streams)), values, folder, arguments)
+    for number in streams:
+        os.close(number)
+    ended = os.pidfd_open(rank)
+    line.sendall(rank.to_bytes(8, "little"))
+    ready, *_ = select.select([ended, line], [], [])
+
+    if ended not in ready:
+        os.kill(rank, signal.SIGKILL)
+    status = os.waitpid(rank, 0)[1]
+    if ended in ready:
+        line.sendall(status.to_bytes(8, "little"))
+    os._exit(0)
+
+
+def _rank(streams: dict[int, int], values: dict[str, str], folder: str, arguments: list[str]) -> None:
+    """Become the rank: `python -m parsolid`; leaves as that does."""
+    import fcntl
+    import runpy
+
+    # none of them on a number that another is to have
+    high = {number: fcntl.fcntl(stream, fcntl.F_DUPFD, 100) for number, stream in streams.items()}
+    for stream in streams.values():
+        os.close(stream)
+    for number, stream in high.items():
+        os.dup2(stream, number)
+        os.close(stream)
+    os.environ.clear()
+    os.environ.update(values)
+    os.chdir(folder)
+    sys.argv = ["parsolid", *arguments]
+    from parsolid.simulation.signals import catch_early
+
+    catch_early(arguments)
+    from mpi4py import MPI
+
+    MPI.Init_thread()
+    runpy.run_module("parsolid", run_name="__main__", alter_sys=True)
+
+
+if __name__ == "__main__":
+    if sys.argv[1] == "serve":
+        serve(sys.argv[2])
+    stub(sys.argv[1], sys.argv[3:])

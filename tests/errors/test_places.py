@@ -1,0 +1,85 @@
+"""Probes between particles: what the place of a run's particle costs is in its bar, and that of companions' is not."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from parsolid.errors.bars import error_table
+from parsolid.errors.estimate import SAFE
+from parsolid.errors.places import box_of, nearest, placed
+from parsolid.errors.running import Done
+from parsolid.errors.variants import RATIOS, STEP, WIDER, companions_of, usual_ratios
+from parsolid.scene import load_scene
+
+RUNS = Path(__file__).parents[2] / "runs"
+PLACE, TIME = np.array([0.013, 0.0]), np.linspace(0.0, 1.0, 101)
+SLAB = [
+    "bodies.0.particles=[64, 16]",
+    "method.cell=6.25e-4",
+    "bodies.0.shape.box.upper=[0.02, 0.005]",
+    "boundaries.3.plane=Y = 0.005",
+    'probes=[{ name = "third", at = [0.013, 0.0], fields = ["temperature"] }]',
+]
+
+
+@pytest.fixture
+def scene():
+    return load_scene(RUNS / "mpm" / "cosine_mode.toml", SLAB)
+
+
+def field(place, error=0.0):
+    """A temperature that is linear in the place and grows with time, with an error."""
+    return TIME * (300.0 + 2e4 * place[0] - 1e3 * place[1]) + error * TIME
+
+
+def run_of(companion, coefficient):
+    """A companion whose particles have the field with an error of the second order."""
+    history = {"time": TIME}
+    for probe in companion.scene.probes:
+        lattice = box_of(companion.scene, np.array(probe.at))
+        value = field(nearest(lattice, np.array(probe.at)), coefficient * companion.ratio**2)
+        history[f"{probe.name}.temperature"] = value
+    return Done(companion, history, 1.0, 1.0, 1, 1)
+
+
+def test_companions_watch_the_particles_around_a_place_and_say_what_is_at_any_other(scene):
+    found, _ = companions_of(scene, False)
+    for one in found:
+        (corners,) = one.corners
+        assert len(corners.names) == 4 and len(one.scene.probes) == 5
+        done = run_of(one, 0.0)
+        history, apart = placed(scene, done.history, one.corners)
+        here = nearest(box_of(scene, PLACE), PLACE)
+        assert np.abs(here - PLACE).max() > 1e-5
+        assert np.allclose(history["third.temperature"], field(here), rtol=1e-12)
+        assert np.allclose(apart["third.temperature"], field(PLACE) - field(here), atol=1e-9)
+    # the nearest particles of the companions stand elsewhere
+    raw = run_of(found[0], 0.0).history["third.temperature"]
+    assert np.abs(raw - field(here)).max() > 1.0
+
+
+def test_the_bar_has_the_error_and_the_place(scene):
+    found, _ = companions_of(scene, False)
+    here = nearest(box_of(scene, PLACE), PLACE)
+    history = {"step": np.arange(101.0), "time": TIME, "third.temperature": field(here, 0.5)}
+    scene.__dict__["end_time"] = 1.0
+    bar = error_table(scene, history, [run_of(one, 0.5) for one in found if one.purpose != STEP]).bars[
+        "third.temperature"
+    ]
+    assert bar.order == pytest.approx(2.0, abs=0.02) and set(bar.parts) == {"spacing", "place"}
+    assert bar.parts["spacing"][-1] == pytest.approx(0.5, rel=0.02)
+    assert bar.parts["place"][-1] == pytest.approx(abs(field(PLACE) - field(here))[-1], rel=1e-6)
+    assert bar.error[-1] == pytest.approx(SAFE * (bar.parts["spacing"][-1] + bar.parts["place"][-1]), rel=0.02)
+
+
+def test_probes_at_particles_of_all_lattices_need_nothing_more():
+    found, _ = companions_of(load_scene(RUNS / "tlsph" / "tensile_smooth.toml"), False)
+    assert all(not one.corners and len(one.scene.probes) == 1 for one in found)
+
+
+def test_companions_are_coarser_still_where_enough_particles_are_left():
+    scene = load_scene(RUNS / "tlsph" / "tensile_smooth.toml", ["bodies.0.particles=[57, 57]"])
+    assert usual_ratios(scene) == WIDER
+    assert [one.ratio for one in companions_of(scene, False)[0]] == pytest.approx([3.5, 3.5, 1.75])
+    assert usual_ratios(load_scene(RUNS / "tlsph" / "tensile_smooth.toml")) == RATIOS[2]

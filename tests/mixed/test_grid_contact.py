@@ -1,0 +1,95 @@
+"""Contact on the nodes of the grid: blows that keep momentum and book what they take, friction, release, ranks."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from solids import Record, follow, run_into
+from test_methods_meet import CLOSING, SPEED, bars, momenta
+
+from parsolid.scene import SceneError, parse_scene
+from parsolid.simulation.loop import Simulation
+from parsolid.simulation.restart import Restart
+
+GRID = {"bodies": ["a", "b"], "model": "grid"}
+
+
+def test_bars_meet_when_their_gap_is_closed_and_part_in_tension():
+    sim = Simulation(MPI.COMM_SELF, parse_scene(bars("points", "points", contact=[GRID])))
+    found = follow(sim, Record(momenta))
+    p, energy = found["momenta"], found["kinetic"][0]
+    # lumped over 25 spacings; the exact bars exchange their velocities and meet for 2 L/c
+    assert p[-1, 0] == pytest.approx(-0.904 * p[0, 0], rel=0.01)
+    assert np.abs(p.sum(axis=1)).max() < 1e-13 * np.abs(p).max()
+    pressed = found["time"][np.flatnonzero(np.abs(np.diff(p[:, 0])) > 1e-6 * p[0, 0]) + 1]
+    assert pressed[0] * CLOSING * 25 == pytest.approx(0.5, abs=0.05)
+    assert (pressed[-1] - pressed[0]) * SPEED / 2.0 == pytest.approx(1.05, abs=0.03)
+    # what blows take is a term of its own, and what is left is that of bars without contact
+    assert found["contact_dissipation"][-1] == pytest.approx(0.040 * energy, rel=0.05)
+    assert abs(found["balance"][-1]) < 2e-3 * energy and np.abs(found["balance"]).max() < 0.02 * energy
+
+
+def sliding(friction: float, **rest) -> dict:
+    """Raw tables of a block that rubs on a longer one under a pull towards it, both free to move along X."""
+    data = bars("points", "points", contact=[GRID | {"friction": friction}])
+    h, solid = 1.0 / 25, data["bodies"][0]["material"]
+    shapes = ([0.0, 0.0], [20 * h, 4 * h]), ([4 * h, 4 * h], [12 * h, 8 * h])
+    for body, (lower, upper), speed in zip(data["bodies"], shapes, (0.0, CLOSING)):
+        cells = [round((b - a) / h) for a, b in zip(lower, upper)]
+        body |= {"shape": {"box": {"lower": lower, "upper": upper}}, "particles": cells, "velocity": [speed, 0.0]}
+        body["material"] = solid
+    data["boundaries"] = [{"plane": "Y = 0", "kind": "roller", "body": "a"}]
+    data["loads"] = {"acceleration": ["0", f"-{0.5 * SPEED**2 * CLOSING / SPEED:g}"]}
+    return data | {"end_time": 0.5 / SPEED} | rest
+
+
+def upwards(sim) -> dict:
+    """Momentum of the block on the other [N s], with that across it."""
+    block = sim.systems[1]
+    return momenta(sim) | {"up": float(block.mass[: block.owned] @ block.particles.owned_rows("velocity")[:, 1])}
+
+
+def test_friction_takes_its_share_of_the_normal_impulse_and_is_heat():
+    found = {}
+    for friction in (0.0, 0.3):
+        found[friction] = follow(Simulation(MPI.COMM_SELF, parse_scene(sliding(friction))), Record(upwards))
+    rubbed, smooth = found[0.3], found[0.0]
+    weight = 0.5 * SPEED * CLOSING * 32 / 625 * 1000.0
+    pressed = weight * rubbed["time"][-1] + rubbed["up"][-1]
+    start, end = rubbed["momenta"][0], rubbed["momenta"][-1]
+    assert np.abs(rubbed["momenta"].sum(axis=1) - start.sum()).max() < 1e-12 * start.sum()
+    assert start[1] - end[1] == pytest.approx(0.3 * pressed, rel=0.03) and pressed > 0.5 * weight * rubbed["time"][-1]
+    assert np.abs(smooth["momenta"][-1, 1] - start[1]) < 0.03 * (start[1] - end[1])
+    heat = rubbed["friction_dissipation"]
+    assert np.diff(heat).min() > -1e-12 * heat[-1] and heat[-1] == pytest.approx(0.3 * pressed * CLOSING, rel=0.3)
+    assert np.abs(rubbed["balance"]).max() < 0.02 * rubbed["kinetic"][0]
+
+
+def test_ranks_do_not_matter_and_a_restart_has_the_same_bits(comm, shared_path):
+    scene = parse_scene(sliding(0.3, output={"history_steps": 1, "fields_times": []}))
+    whole, spread = (follow(Simulation(one, scene), Record(momenta), 16) for one in (MPI.COMM_SELF, comm))
+    for name in ("kinetic", "stored", "balance", "friction_dissipation", "contact_dissipation", "momenta"):
+        scale = np.abs(whole["momenta" if name == "momenta" else "kinetic"]).max()
+        np.testing.assert_allclose(spread[name], whole[name], rtol=0.0, atol=1e-11 * scale, err_msg=name)
+    wanted = run_into(shared_path / "whole", comm, scene, steps=16).simulation
+    run_into(shared_path / "pieces", comm, scene, steps=9)
+    restart = Restart(comm, shared_path / "pieces" / "checkpoint.h5")
+    again = run_into(shared_path / "pieces", comm, scene, steps=7, restart=restart).simulation
+    for found, one in zip(again.systems, wanted.systems):
+        rows = one.particles.checkpointed()
+        assert all(rows[name].tobytes() == values.tobytes() for name, values in found.particles.checkpointed().items())
+    assert np.array_equal(wanted.ledger.values, again.ledger.values)
+
+
+@pytest.mark.parametrize(
+    ("second", "contact", "method", "message"),
+    [
+        ("sph", {}, {}, "contact.0.bodies: expected bodies of one method of kind 'mpm'"),
+        ("points", {"radius": 3.0}, {}, "contact.0.radius: expected no such key with model = 'grid'"),
+        ("points", {}, {"order": "usl"}, "methods.0.order: expected 'musl' with a contact on the grid"),
+    ],
+)
+def test_what_no_grid_knows_is_refused(second, contact, method, message):
+    data = bars("points", second, contact=[GRID | contact])
+    data["methods"][0] |= method
+    with pytest.raises(SceneError, match=message):
+        parse_scene(data)
