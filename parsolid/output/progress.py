@@ -87,6 +87,9 @@ class Progress:
         if self._level == QUIET:
             return
         text = f"{summary.get('status', 'ended')}: {summary.get('steps')} steps to t = {summary.get('end_time'):.6g} s"
+        here = summary.get("steps_of_this_call", summary.get("steps"))
+        # a restart goes on counting, but its seconds are its own
+        text += "" if here == summary.get("steps") else f", {here} of them since the restart"
         text += f" in {_short(summary['wall_seconds'])}"
         if (loop := summary.get("loop_seconds")) is not None:
             text += f", {_short(loop)} of it in the steps"

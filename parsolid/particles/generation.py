@@ -125,8 +125,10 @@ def _distant_probes(scene: Scene, particle_set: ParticleSet, coarsest: float, co
 
 def _empty_regions(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray], comm: MPI.Comm) -> list[str]:
     """Regions of boundaries (chosen), probes, initial states and of the output in which there is no particle."""
-    masks: list[tuple[tuple[Any, ...], Any]] = [(("boundaries", i), mask) for i, mask in enumerate(chosen)]
-    for place, name in uses_of_regions(scene):
+    named = uses_of_regions(scene)
+    keys = {place[1]: place for place, _ in named if place[0] == "boundaries"}
+    masks: list[tuple[tuple[Any, ...], Any]] = [(keys.get(i, ("boundaries", i)), mask) for i, mask in enumerate(chosen)]
+    for place, name in named:
         if place[0] != "boundaries":
             masks.append((place, Named(name).particles(scene, particle_set, comm, np.ones(0, bool))))
     count = np.array([mask.sum() for _, mask in masks], np.int64)

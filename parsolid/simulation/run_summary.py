@@ -31,6 +31,7 @@ def summary_of(simulation: Simulation, status: str, balance: float | None, error
         "pairs": pairs // 2,
         "ranks": ranks,
         "steps": spent.step,
+        "steps_of_this_call": steps,
         "end_time": spent.time,
         "wall_seconds": wall,
         "setup_seconds": simulation.setup_seconds,

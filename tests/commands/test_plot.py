@@ -351,3 +351,20 @@ def test_a_window_wants_a_display(comm, folders, monkeypatch):
     if sys.platform.startswith("linux"):
         with pytest.raises(SceneError, match="--html FILE writes a page instead"):
             run_view(comm, parser.parse_args([str(folders / "plate")]))
+
+
+@pytest.mark.serial
+def test_a_window_sees_bodies_from_where_pictures_do(folders):
+    from parsolid.commands.plot.results import Results
+    from parsolid.commands.plot.sheets import Look, Sheet
+    from parsolid.commands.view.showing import window
+
+    results = Results(folders / "block")
+    plotter = window(Sheet(results, "pressure", [0], Look(view="front")), off_screen=True)
+    camera = plotter.camera
+    towards = np.subtract(camera.position, camera.focal_point)
+    right = np.cross(camera.up, towards)
+    sheet = Sheet(results, "pressure", [0], Look(view="front"))
+    assert np.allclose(towards / np.linalg.norm(towards), sheet.view.towards)
+    assert np.allclose(right / np.linalg.norm(right), sheet.view.right)
+    plotter.close()

@@ -191,9 +191,9 @@ def test_orders_are_observed_between_consecutive_spacings(folder):
 
 
 def test_a_run_is_held_to_what_is_stated(folder):
-    series = "orders = { kinetic = 1.9 }\nbounds = { kinetic = 3e-2 }\nyardstick = { processor_seconds = 1.0 }"
+    series = "orders = { kinetic = 1.9 }\nbounds = { kinetic = 3e-2 }\nother_code = { processor_seconds = 1.0 }"
     coarse, fine = with_errors(folder, [4e-2, 2e-2], series=series)
-    time = "processor_seconds 2.00 of the yardstick, at most 1"
+    time = "processor_seconds 2.00 of the other code, at most 1"
     assert coarse.faults == ["kinetic 0.04, at most 0.03", time]
     assert fine.faults == [time, "order of kinetic 1.00, at least 1.9"]
 

@@ -52,6 +52,12 @@ def test_a_slow_run_tells_every_five_seconds_with_the_time_left(passing_time):
     assert lines[-2:] == ["finished: 99 steps to t = 0.5 s in 12.0 s, energy balance 1.0e-05", "error u: 0.1"]
 
 
+def test_a_restarted_run_tells_its_own_steps_beside_its_seconds():
+    log = io.StringIO()
+    Progress("Glass", 0.5, 10, NORMAL, log).close(SUMMARY | {"steps_of_this_call": 40})
+    assert "finished: 99 steps to t = 0.5 s, 40 of them since the restart in 12.0 s, energy" in log.getvalue()
+
+
 def test_a_run_of_some_seconds_tells_every_tenth(passing_time):
     log = io.StringIO()
     follow(NORMAL, log, passing_time, 0.1)

@@ -20,8 +20,22 @@ _COLOURS = {
     "dissipation_internal": "#7570b3",
     "dissipation_numerical": "#1b9e77",
     "work_external": "#a6761d",
+    "dissipation_fracture": "#e7298a",
+    "failure_dissipation": "#e7298a",
+    "plastic_work": "#e6ab02",
+    "viscous_work": "#66a61e",
+    "viscous_dissipation": "#66a61e",
+    "friction_dissipation": "#8c564b",
+    "heat_supplied": "#d62728",
+    "heat_stored": "#ff9896",
+    "contact_energy": "#17becf",
+    "stick_energy": "#9edae5",
+    "tie_energy": "#5254a3",
 }
 _PALETTE = ("#1f77b4", "#d95f02", "#1b9e77", "#7570b3", "#e7298a", "#a6761d", "#66a61e", "#666666", "#17becf")
+_MARKERS = "osD^vPX*<"
+# curves of a panel; a term is told where it is more than this share of the largest
+_MOST, _NOTHING = 8, 1e-6
 _REFERENCE = {"linestyle": (0, (4, 3)), "linewidth": 1.2, "color": "black", "alpha": 0.75}
 _PANEL = (460, 330)
 
@@ -35,19 +49,19 @@ def write_energies(results: Results, path: Path, size: tuple[int, int] | None = 
     unit, label = prefixed("J", largest)
     figure = _figure(size or (3 * _PANEL[0], _PANEL[1] + 30), results.title)
     energies, dissipations, balance = figure.subplots(1, 3)
+    told = [name for name, values in terms.items() if _largest(values) > _NOTHING * largest]
     for name in ("kinetic", "stored", "work_external"):
-        if np.any(terms[name]):
+        if name in told:
             energies.plot(time, terms[name] / unit, color=_COLOURS[name], label=words_of(name))
     total = terms["kinetic"] + terms["stored"]
-    if np.any(terms["kinetic"]) and np.any(terms["stored"]):
+    if {"kinetic", "stored"} <= set(told):
         energies.plot(time, total / unit, color=_COLOURS["total"], label="kinetic + stored", linewidth=1.0)
-    for name, words in (("dissipation_internal", "internal"), ("dissipation_numerical", "numerical")):
-        if np.any(terms[name]):
-            dissipations.plot(time, terms[name] / unit, color=_COLOURS[name], label=words)
-    for name, colour in zip(_method_terms(history), _PALETTE[4:]):
-        if not np.any(terms[name]):
-            continue
-        dissipations.plot(time, terms[name] / unit, color=colour, label=words_of(name))
+    words = {"dissipation_internal": "internal", "dissipation_numerical": "numerical"}
+    others = [name for name in (*words, *_method_terms(history)) if name in told]
+    spare = iter(_PALETTE[5:])
+    for name in _most(others, terms):
+        colour = _COLOURS.get(name) or next(spare)
+        dissipations.plot(time, terms[name] / unit, color=colour, label=words.get(name, words_of(name)))
     for axes, names in ((energies, ("kinetic", "stored")), (dissipations, HISTORY_COLUMNS[2:4])):
         _add_references(axes, results, names, factor, unit)
         _add_bands(axes, results, names, time, unit, _COLOURS)
@@ -83,9 +97,11 @@ def write_probes(results: Results, path: Path, size: tuple[int, int] | None = No
         probe, _, field = panel.partition(".")
         # the same unit in all panels of a field
         unit, label = prefixed(unit_of(field), largest[field])
-        for name, colour in zip(names, _PALETTE):
-            part = name[len(panel) :].lstrip("_")
-            axes.plot(time, history[name] / unit, color=colour, label=part or None)
+        drawn = _told_apart(names, history)
+        for name in drawn:
+            part, k = name[len(panel) :].lstrip("_"), names.index(name)
+            marks = {"marker": _MARKERS[k], "markersize": 4, "markevery": (0.02 * k, 0.14)} if len(drawn) > 1 else {}
+            axes.plot(time, history[name] / unit, color=_PALETTE[k], label=part or None, **marks)
         _add_references(axes, results, names, factor, unit)
         _add_bands(axes, results, names, time, unit)
         axes.set_title(probe, fontsize=10)
@@ -97,13 +113,35 @@ def write_probes(results: Results, path: Path, size: tuple[int, int] | None = No
     return True
 
 
+def _largest(values: np.ndarray) -> float:
+    return float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
+
+
+def _most(names: list[str], columns: dict[str, Any]) -> list[str]:
+    """The largest of columns, in their order, as many as can be told apart."""
+    kept = sorted(names, key=lambda name: -_largest(columns[name]))[:_MOST]
+    return [name for name in names if name in kept]
+
+
+def _told_apart(names: list[str], history: dict[str, np.ndarray]) -> list[str]:
+    """Of the components of a field those that are not zero beside the others, one of two that are the same."""
+    largest = max(_largest(history[name]) for name in names)
+    kept: list[str] = []
+    for name in names:
+        values = history[name]
+        twin = f"{name[:-2]}{name[:-3:-1]}"
+        same = twin in kept and np.allclose(values, history[twin], rtol=0.0, atol=_NOTHING * largest, equal_nan=True)
+        if _largest(values) > _NOTHING * largest and not same:
+            kept.append(name)
+    return _most(kept, history) or names[:1]
+
+
 def _largest_of_fields(panels: dict[str, list[str]], history: dict[str, np.ndarray]) -> dict[str, float]:
     """Field -> the largest magnitude of all its panels."""
     found: dict[str, float] = {}
     for panel, names in panels.items():
-        values = [float(np.nanmax(np.abs(history[name]))) for name in names if np.isfinite(history[name]).any()]
         field = panel.partition(".")[2]
-        found[field] = max([found.get(field, 0.0), *values])
+        found[field] = max([found.get(field, 0.0), *(_largest(history[name]) for name in names)])
     return found
 
 
@@ -125,7 +163,7 @@ def _add_references(axes: Any, results: Results, names: Iterable[str], factor: f
         return
     times, series = results.reference
     shown = times <= _last(results.history["time"]) * (1.0 + 1e-9)
-    label: str | None = "reference"
+    label: str | None = results.reference_name
     for name in names:
         if name in series:
             axes.plot(times[shown] / factor, series[name][shown] / unit, label=label, **_REFERENCE)

@@ -105,6 +105,14 @@ class Results:
         series = {column: np.asarray(data["series"][name], float) for column, name in (stated.columns or {}).items()}
         return np.asarray(data["t"], float), series
 
+    @property
+    def reference_name(self) -> str:
+        """What the reference series is: its file's own word for it, or the file's name."""
+        stated = self.parts.reference
+        assert stated is not None and stated.series is not None
+        method = json.loads(Path(stated.series).read_text(encoding="utf-8")).get("method")
+        return str(method) if method else f"reference, {Path(stated.series).stem}"
+
     @cached_property
     def _published(self) -> tuple[list[tuple[Path, Layout]], np.ndarray]:
         """File and layout of each block, and the times that all of them have [s]."""

@@ -33,7 +33,7 @@ class Case:
     expect: str | None
     shows: str | None
     bounds: dict[str, float]
-    yardstick: dict[str, float]
+    other_code: dict[str, float]
     trust_code: bool = False
     scene: Scene | None = None
     digest: str = ""
@@ -104,7 +104,7 @@ def _case(study: Study, series: Series, places: tuple[Setting, ...]) -> Case:
         expect=chosen("expect"),
         shows=chosen("shows"),
         bounds=series.bounds | {name: bound for place in places for name, bound in place.bounds.items()},
-        yardstick=series.yardstick | {name: value for place in places for name, value in place.yardstick.items()},
+        other_code=series.other_code | {name: value for place in places for name, value in place.other_code.items()},
     )
 
 
@@ -125,12 +125,12 @@ def _complete(case: Case) -> list[str]:
 
 
 def _unknown_names(study: Study, cases: list[Case]) -> list[str]:
-    """Names in bounds, yardsticks, orders and errors that no run will have."""
+    """Names in bounds, other codes, orders and errors that no run will have."""
     faults, every = [], set()
     for case in cases:
         errors = error_names(case.scene)
         every |= errors
-        for key, names in (("bounds", case.bounds), ("yardstick", case.yardstick), ("orders", case.series.orders)):
+        for key, names in (("bounds", case.bounds), ("other_code", case.other_code), ("orders", case.series.orders)):
             known = errors | (set(MEASURES) if key != "orders" else set())
             faults += [
                 f"{case.series.name}: {key}: expected one of {', '.join(sorted(known))}"

@@ -56,7 +56,7 @@ def _ending_faults(case: Case) -> list[str]:
 
 
 def _number_faults(study: Study, case: Case) -> list[str]:
-    """Bounds, yardsticks and orders that a finished run misses."""
+    """Bounds, other codes and orders that a finished run misses."""
     if case.record["status"] != FINISHED:
         return []
     faults = []
@@ -64,20 +64,20 @@ def _number_faults(study: Study, case: Case) -> list[str]:
         value = value_of(case, name)
         if value is None or not value <= bound:
             faults.append(f"{name} {_told(value)}, at most {bound:g}")
-    for name, ratio in yardstick_ratios(case).items():
+    for name, ratio in other_code_ratios(case).items():
         allowed = 1.0 if name == "processor_seconds" else study.allowed
         if not ratio <= allowed:
-            faults.append(f"{name} {ratio:.2f} of the yardstick, at most {allowed:g}")
+            faults.append(f"{name} {ratio:.2f} of the other code, at most {allowed:g}")
     for name, least in case.series.orders.items():
         if name in case.orders and not case.orders[name] >= least:
             faults.append(f"order of {name} {case.orders[name]:.2f}, at least {least:g}")
     return faults
 
 
-def yardstick_ratios(case: Case) -> dict[str, float]:
-    """What the run has over what the yardstick says, by name; without what the run has not."""
-    values = {name: value_of(case, name) for name in case.yardstick}
-    return {name: value / case.yardstick[name] for name, value in values.items() if value is not None}
+def other_code_ratios(case: Case) -> dict[str, float]:
+    """What the run has over what the other code reached, by name; without what the run has not."""
+    values = {name: value_of(case, name) for name in case.other_code}
+    return {name: value / case.other_code[name] for name, value in values.items() if value is not None}
 
 
 def value_of(case: Case, name: str) -> float | None:

@@ -26,7 +26,7 @@ class Abscissa:
     name: str
     label: str
     value: Callable[[Case], float | None]
-    yardstick: Callable[[Case], float | None]
+    other_code: Callable[[Case], float | None]
     slopes: tuple[int, ...] = ()
 
 
@@ -34,7 +34,7 @@ TIME = Abscissa(
     "time",
     "processor seconds of the time loop, all ranks",
     lambda case: case.measures["processor_seconds"],
-    lambda case: case.yardstick.get("processor_seconds"),
+    lambda case: case.other_code.get("processor_seconds"),
 )
 SPACING = Abscissa("spacing", "particle spacing [m]", lambda case: case.spacing, lambda case: case.spacing, (1, 2))
 
@@ -124,10 +124,10 @@ def _line(
     elif "." in error:
         style = "-"
     place.plot(*zip(*points), style, color=color, marker=marker, markersize=4.5, linewidth=1.3, label=text)
-    yardstick = _positive((abscissa.yardstick(case), case.yardstick.get(error)) for case in line)
-    if yardstick:
+    other_code = _positive((abscissa.other_code(case), case.other_code.get(error)) for case in line)
+    if other_code:
         hollow = {"marker": marker, "markersize": 7, "markerfacecolor": "none", "linewidth": 0.8}
-        place.plot(*zip(*yardstick), ":", color=color, label="another code", **hollow)
+        place.plot(*zip(*other_code), ":", color=color, label="another code", **hollow)
     return points
 
 

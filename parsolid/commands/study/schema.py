@@ -24,13 +24,13 @@ class Demands(SceneModel):
                 computed
     shows       the same in words, for the table
     bounds      largest allowed value of a measure or an error, by name
-    yardstick   what another code reached: errors, processor_seconds
+    other_code  what another code reached: errors, processor_seconds
     """
 
     expect: Expected | None = None
     shows: str | None = None
     bounds: dict[str, float] = {}
-    yardstick: dict[str, Positive] = {}
+    other_code: dict[str, Positive] = {}
 
 
 class Setting(Demands):
@@ -106,7 +106,7 @@ class Study(SceneModel):
     report      "accuracy": errors with observed orders, and pictures; "stability": how each run ended, energy drift,
     steps
     timeout     wall time [s] after which a run is ended
-    allowed     errors may be so many times the yardstick's
+    allowed     errors may be so many times those of the other code
     errors      names of the errors to show, in this order (default: all)
     """
 

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from parsolid.commands.study.cases import Case
-from parsolid.commands.study.judging import yardstick_ratios
+from parsolid.commands.study.judging import other_code_ratios
 from parsolid.commands.study.launching import FAILED, FINISHED
 from parsolid.commands.study.measures import MEASURES
 from parsolid.commands.study.schema import Study
@@ -66,7 +66,7 @@ def shown_errors(study: Study, cases: list[Case]) -> list[str]:
 
 def _accuracy_sheet(study: Study, name: str, cases: list[Case]) -> Sheet:
     errors, axes = shown_errors(study, cases), [axis.title for axis in cases[0].series.axes]
-    compared = any(case.yardstick for case in cases)
+    compared = any(case.other_code for case in cases)
     probed = any("momentum_drift" in case.measures for case in cases)
     iterated = any(case.measures.get("iterations_per_step") for case in cases)
     measured = [
@@ -79,13 +79,13 @@ def _accuracy_sheet(study: Study, name: str, cases: list[Case]) -> Sheet:
     measured += ["numerical_dissipation", "energy_drift"] + (["momentum_drift"] if probed else [])
     headings = [*axes, "ranks", *(MEASURES[key][0] for key in measured), *map(spaced, errors)]
     sheet = Sheet(
-        name, headings + (["errors / yardstick", "CPU s / yardstick"] if compared else []) + ["as stated"], len(axes)
+        name, headings + (["errors / other code", "CPU s / other code"] if compared else []) + ["as stated"], len(axes)
     )
     for case in cases:
         row = [*case.labels.values(), str(case.ranks), *(told(case, key) for key in measured)]
         row += [_error_with_order(case, error) for error in errors]
         if compared:
-            ratios = yardstick_ratios(case)
+            ratios = other_code_ratios(case)
             time = ratios.pop("processor_seconds", None)
             row += [f"{ratio:.2f}" if ratio is not None else "" for ratio in (max(ratios.values(), default=None), time)]
         sheet.rows.append([*row, _verdict(case)])

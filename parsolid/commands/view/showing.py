@@ -48,7 +48,7 @@ def show(options: Any) -> None:
         return
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise SceneError(["view: expected a display for a window, found none (--html FILE writes a page instead)"])
-    _open_window(sheet)
+    window(sheet).show()
 
 
 def write_page(sheet: Sheet, path: Path) -> None:
@@ -145,10 +145,11 @@ def _text(values: np.ndarray) -> str:
     return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode()
 
 
-def _open_window(sheet: Sheet) -> None:
+def window(sheet: Sheet, off_screen: bool = False) -> Any:
+    """pyvista's plotter with the last time drawn, seen from where the sheet is; the caller shows it."""
     import pyvista
 
-    plotter: Any = pyvista.Plotter(title=sheet.results.title)
+    plotter: Any = pyvista.Plotter(title=sheet.results.title, off_screen=off_screen)
     scale = sheet.scale
 
     def draw(number: float) -> None:
@@ -174,6 +175,9 @@ def _open_window(sheet: Sheet) -> None:
     plotter.add_axes()
     last = len(sheet.frames) - 1
     draw(last)
-    if last:
-        plotter.add_slider_widget(draw, [0, last], value=last, title="stored time", fmt="%.0f")
-    plotter.show()
+    if last and not off_screen:
+        place = {"pointa": (0.62, 0.92), "pointb": (0.96, 0.92), "slider_width": 0.02, "tube_width": 0.004}
+        plotter.add_slider_widget(draw, [0, last], value=last, title="stored time", fmt="%.0f", **place)
+    turn = np.reshape(_turn(sheet), (3, 3))
+    plotter.view_vector(turn[2], viewup=turn[1])
+    return plotter
