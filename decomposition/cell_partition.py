@@ -142,9 +142,10 @@ class CellPartition:
         return np.flatnonzero(near).tolist()
 
 
-def balanced(comm: MPI.Comm, cells: np.ndarray, weights: np.ndarray) -> CellPartition:
-    """Cuts that give each rank about the same weight of cells. Collective; no rank holds all cells.
+def balanced(comm: MPI.Comm, cells: np.ndarray, weights: np.ndarray, shares: np.ndarray | None = None) -> CellPartition:
+    """Cuts that give each rank about its share of the weight of cells. Collective; no rank holds all cells.
 
+    shares (ranks,): the same on all ranks, with the sum 1; equal ones unless given.
     cells (n, d) int64, d = 2 or 3: this rank's occupied cells, which others may list too; weights (n,) int64, none
     negative.
     """
@@ -154,7 +155,7 @@ def balanced(comm: MPI.Comm, cells: np.ndarray, weights: np.ndarray) -> CellPart
     part, made = np.zeros(len(cells), np.int64), 0
     level: list[_Range] = [(0, parts, None)] if parts > 1 else []
     while level:
-        wanted = [(last - first) // 2 / (last - first) for first, last, _ in level]
+        wanted = [_left(first, last, shares) for first, last, _ in level]
         order, cut = _cut_level(comm, cells, weights, part, np.array(wanted))
         following: list[_Range] = []
         child_part = np.full((len(level), 2), -1, np.int64)
@@ -173,6 +174,14 @@ def balanced(comm: MPI.Comm, cells: np.ndarray, weights: np.ndarray) -> CellPart
         part = _descend(cells, part, order, cut, child_part)
         level = following
     return CellPartition(axes, cuts, children)
+
+
+def _left(first: int, last: int, shares: np.ndarray | None) -> float:
+    """Share of the lower half of some ranks in what all of them have."""
+    middle = first + (last - first) // 2
+    if shares is None:
+        return (middle - first) / (last - first)
+    return float(shares[first:middle].sum() / max(shares[first:last].sum(), 1e-300))
 
 
 def _cut_level(

@@ -23,7 +23,7 @@ from typing import Any
 
 from numba import __version__ as numba_version
 from numba import njit
-from numba.core import config
+from numba.core import config, extending
 from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
 from numba.core.compiler_lock import global_compiler_lock
@@ -34,6 +34,8 @@ _IMPORT = re.compile(
     r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)|import[ \t]+([\w., \t]+))", re.MULTILINE
 )
 _OURS = ("parsolid", "decomposition")
+# nobody calls these kernels, or what they call, from C: without those entry points compilation takes a seventh less
+getattr(extending, "_overload_default_jit_options", {}).setdefault("no_cfunc_wrapper", True)
 # files that nothing has asked for in so many seconds are removed; a use is noted once a day
 _KEPT, _NOTED = 90 * 86400.0, 86400.0
 # how long a process waits for another that compiles the same function, and how often it looks, in seconds
@@ -46,7 +48,7 @@ def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     """
     if function is None:
         return functools.partial(compiled, **options)
-    dispatcher = njit(**options)(function)
+    dispatcher = njit(**{"no_cfunc_wrapper": True, **options})(function)
     if not config.DISABLE_JIT:
         dispatcher._cache = KernelCache(function)
         dispatcher._can_cache = True

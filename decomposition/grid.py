@@ -64,10 +64,12 @@ class RankGrid:
         """Changes whenever cells, nodes or what is shared change: then stencils and sums must be fetched anew."""
         return self.cells.version, self.sharing.version
 
-    def deal_out(self, particles: Any, partition: CellPartition | None = None) -> bool:
+    def deal_out(
+        self, particles: Any, partition: CellPartition | None = None, shares: np.ndarray | None = None
+    ) -> bool:
         """Give every particle to the owner of its cell under a partition, or under a balanced one; then `settle`.
 
-        A partition that is given is taken for that of the particles, whose guests stay.
+        A partition that is given is taken for that of the particles, whose guests stay. shares: see `balanced`.
         """
         kept = partition is not None and self.slack > 0
         bases = np.array(particles.bases()[: particles.owned], np.int64)
@@ -76,7 +78,7 @@ class RankGrid:
             self.cells.compact()
             cells, counts = np.unique(bases[inside], axis=0, return_counts=True)
             # what a cell costs beside its particles: its nodes are added and read once
-            partition = balanced(self.comm, cells, counts + 1)
+            partition = balanced(self.comm, cells, counts + 1, shares)
         if self.comm.size > 1:
             owner = partition.owners(bases)
             leaving = np.flatnonzero(owner != self.comm.rank)

@@ -33,7 +33,7 @@ def block(name: str, lower: list[float], upper: list[float], h: float, placement
 def scene(bodies: list[Tables], end: float, contact: Tables | None = None, **more: Any) -> Tables:
     """All bodies in contact with one another."""
     named = {"bodies": [body["name"] for body in bodies]} | (contact or {})
-    tables = {"dimension": len(bodies[0]["particles"]), "end_time": end, "method": LEAPFROG, "bodies": bodies}
+    tables = {"dimension": len(bodies[-1]["particles"]), "end_time": end, "method": LEAPFROG, "bodies": bodies}
     return tables | {"contact": [named], "output": {"fields_times": []}} | more
 
 

@@ -30,7 +30,7 @@ from small_scenes import write
 sys.path.insert(0, str(Path(__file__).parent))
 from soak_scenes import SCENES
 
-MOST_RANKS = 3
+MOST_RANKS, MOST_ENDS = 3, 10
 WAYS = ("kill all", "kill one rank", "SIGTERM", "SIGINT", "wall time", "kill mpirun")
 # a job that lasts longer has hung [s]
 PATIENCE = 300.0
@@ -52,7 +52,8 @@ class Soak:
         """The folder of a whole run and the seconds that it takes, run when it is first asked for."""
         if (name, ranks) not in self.whole:
             output = self.folder / f"{name}-{ranks}"
-            result = finish(start([self.folder / f"{name}.toml", "-q", "-o", output], ranks), PATIENCE)
+            words = [self.folder / f"{name}.toml", "-q", "-o", output]
+            result = finish(start(words, ranks, program=self.programs[0]), PATIENCE)
             assert result.status == 0, result.err
             self.whole[name, ranks] = output, result.seconds
         return self.whole[name, ranks]
@@ -107,7 +108,7 @@ class Soak:
     def _wait(self, job: subprocess.Popen, history: Path, limit: float) -> None:
         """Until a random row of the history that this job adds, or in one of four cases for a random time."""
         rows, began = _rows(history), time.monotonic()
-        wanted = self.chance.randint(1, 12)
+        wanted = self.chance.randint(1, 6)
         soon = self.chance.random() < 0.25
         while job.poll() is None and time.monotonic() < began + (limit if soon else PATIENCE):
             if not soon and _rows(history) >= rows + wanted:
@@ -161,7 +162,7 @@ def main() -> int:
         programs = [program] * (options.whole - 1) + [("-m", "parsolid")]
         soak = Soak(Path(folder), random.Random(options.seed), programs)
         while soak.ended.total() < options.kills and time.monotonic() < end:
-            soak.run(min(6, options.kills - soak.ended.total()))
+            soak.run(min(MOST_ENDS, options.kills - soak.ended.total()))
     print(f"\n{dict(soak.within)}\n\n| way | ended |\n|---|---|")
     for way, count in sorted(soak.ended.items()):
         print(f"| {way} | {count} |")

@@ -30,7 +30,7 @@ from parsolid.scene.contact import CONTACT_TERMS, OSCILLATION, of_model
 
 # steps between looks at how far particles have moved, at least and at most, where bodies are near and where all are
 # apart; lists are asked for when they may not hold until twice the next look, and for as many steps more
-_LEAST_STEPS, _MOST_STEPS, _AHEAD = 4, {True: 16, False: 32}, 4
+_LEAST_STEPS, _MOST_STEPS, _AHEAD = 4, {True: 16, False: 64}, 4
 # penetration at the start that is refused, in the smaller spacing
 _TOO_DEEP = 1.0
 

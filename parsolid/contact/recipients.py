@@ -38,12 +38,14 @@ class Recipient:
 
     def kick(self, step: float, opening: bool) -> float:
         """Half a step [s] of the forces; at its end what leapfrog's oscillation has gained in it [J]."""
+        if not len(self.rows):
+            return 0.0
         system = self.system
         owned = system.particles.owned_rows
         if opening and self.opened is not None:
             take_from_rows(owned("velocity"), self.rows, 0, self.opened)
             give_to_rows(self.opened, self.rows, owned("contact_start")[:, self.forces.shape[2] :])
-        if step == 0.0 or not len(self.rows):
+        if step == 0.0:
             return 0.0
         force = self.forces[1] if opening or not self.crossing else self.forces[1] + self.forces[2]
         rows, impulse = impulses(self.rows, force, self.share, 0.5 * step)

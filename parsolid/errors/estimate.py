@@ -156,7 +156,9 @@ def judged_order(order: float | None, alike: float, known: float) -> tuple[float
     if order is None:
         return known, UNSAFE, "two resolutions: no order observed"
     if alike < ALIKE:
-        return known, UNSAFE, "differences change sign between resolutions: no order observed"
+        # what does not fall from one difference to the next has not the known order, whatever its sign
+        used = min(known, max(LEAST_ORDER, order))
+        return used, UNSAFE, "differences change sign between resolutions: no order observed"
     if order < LEAST_ORDER:
         return LEAST_ORDER, UNSAFE, f"hardly converges: order {order:.1f}"
     if order > known + TOLERANCE:

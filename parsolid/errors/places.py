@@ -103,7 +103,7 @@ def placed(scene: Scene, history: History, corners: tuple[Corners, ...]) -> tupl
     """A companion's history with probes where the run's particles are, and how much its columns differ between there
     and where the probes were asked for, of those that no particle of the run has.
     """
-    result, apart = dict(history), {}
+    result, apart = dict(history), dict[str, np.ndarray]()
     for one in corners:
         probe = next((each for each in scene.probes if each.name == one.probe), None)
         if probe is None or probe.at is None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from parsolid.errors.places import box_of, nearest
 from parsolid.scene import Scene
 
 Values = Callable[[np.ndarray], np.ndarray]
@@ -28,8 +29,10 @@ def series_of(scene: Scene, names: dict[str, str] | None = None) -> dict[str, Va
     return {column: CubicSpline(data["t"], data["series"][name]) for column, name in wanted.items()}
 
 
-def exact_values(scene: Scene, column: str) -> Values | None:
-    """True values of a column of a probe at a point or with a weight, where the exact solution knows its field."""
+def exact_values(scene: Scene, column: str, run: Scene | None = None) -> Values | None:
+    """True values of a column of a probe at a point or with a weight, where the exact solution knows its field; at the
+    particle that the probe of a run takes.
+    """
     if scene.reference is None or scene.reference.exact is None:
         return None
     from parsolid.exact import SOLUTIONS
@@ -40,14 +43,17 @@ def exact_values(scene: Scene, column: str) -> Values | None:
             continue
         for field, names in probe.columns_of_fields(scene.dimension).items():
             if column in names:
-                return _at_probe(kind.of_scene(scene), scene, probe, field, names.index(column))
+                place = None if probe.at is None else np.array(probe.at, float)
+                lattice = None if place is None or run is None else box_of(run, place)
+                place = nearest(lattice, place) if lattice is not None and place is not None else place
+                return _at_probe(kind.of_scene(scene), scene, probe, (field, names.index(column)), place)
     return None
 
 
-def _at_probe(solution: Any, scene: Scene, probe: Any, field: str, component: int) -> Values | None:
-    d = scene.dimension
-    if probe.at is not None:
-        places, weight = np.array([probe.at], float), np.ones(1)
+def _at_probe(solution: Any, scene: Scene, probe: Any, what: tuple[str, int], place: Any) -> Values | None:
+    (field, component), d = what, scene.dimension
+    if place is not None:
+        places, weight = place[None, :], np.ones(1)
     else:
         found = _places(scene)
         if found is None:

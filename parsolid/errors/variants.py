@@ -96,13 +96,13 @@ def usual_ratios(scene: Scene) -> tuple[float, ...]:
 
 
 def quieter(scene: Scene, tables: dict[str, Any], ratio: float) -> dict[str, Any]:
-    """Tables of a companion that writes a history and nothing else; its rows are as dense as the scene's, or denser."""
+    """Tables of a companion that writes a history and nothing else; its rows are as dense as the scene's."""
     output = tables["output"]
     kept = {"pictures": False, "fields_times": [], "checkpoint_wall": scene.output.checkpoint_wall}
     if output.get("history_steps") is not None:
         kept["history_steps"] = max(1, int(output["history_steps"] / ratio))
     else:
-        kept["history_interval"] = (output.get("history_interval") or scene.end_time / 200.0) / 2.0
+        kept["history_interval"] = output.get("history_interval") or scene.end_time / 200.0
     # a manufactured load is that of the reference
     unwanted = ("output", "errors", "run") if scene.loads.manufactured else ("output", "reference", "errors", "run")
     return {key: part for key, part in tables.items() if key not in unwanted} | {"output": kept}

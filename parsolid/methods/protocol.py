@@ -162,6 +162,9 @@ class ParticleSystem:
     def expect_kicks(self) -> None:
         """Declare what kicks take; asked for before a restart puts fields back, where any may come."""
 
+    def follow_work(self, work: list[float], number: int) -> None:
+        """Where the loop counts this rank's seconds in the steps of each system, of which this is a number."""
+
     def expect_lists(self) -> None:
         """Let particles keep their rows for some steps where they would change ranks in any; as `expect_kicks`."""
 

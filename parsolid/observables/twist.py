@@ -23,8 +23,10 @@ class Twist(Sampler):
 
     @staticmethod
     def faults(stated: dict[str, Any], dimension: int) -> list[tuple[str, str, object]]:
-        """An axis in space; out of the plane there is one only."""
+        """An axis in space; out of the plane there is one only, and on a line nothing turns."""
         axis = stated.get("axis")
+        if dimension == 1:
+            return [("fields", "no twist in 1-D", "twist")]
         if dimension == 3 and axis is None:
             return [("axis", "the axis 'X', 'Y' or 'Z' of the twist", None)]
         return [("axis", "'Z' or nothing in 2-D", axis)] if dimension == 2 and axis in ("X", "Y") else []

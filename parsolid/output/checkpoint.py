@@ -23,7 +23,7 @@ from mpi4py import MPI
 
 from parsolid.output.checksums import added, check_shapes, compare, digest, sound_header, stated_sums, sum_of_rows
 from parsolid.output.errors import OutputError, together, words
-from parsolid.output.slabs import SlabWriter, create_slab, flush_to_disk, open_serial, places, probe
+from parsolid.output.slabs import CHECKED_VERSIONS, SlabWriter, create_slab, flush_to_disk, open_serial, places, probe
 
 FORMAT = "parsolid checkpoint"
 VERSION = 2
@@ -197,6 +197,7 @@ def _open_whole(path: Path | str) -> h5py.File:
         file = open_serial(path, "r")
         try:
             found, version, complete = (file.attrs.get(name) for name in ("format", "version", "complete"))
+            found = found.decode() if isinstance(found, bytes) else found
         except BaseException:
             # HDF5 would give the damaged file again to who opens it next
             file.close()
@@ -244,8 +245,10 @@ def _lay_out(
     for fields, rows in zip(systems, offsets[:, -1]):
         size += int(rows) * sum(array.dtype.itemsize * int(np.prod(array.shape[1:])) for array in fields.values())
     probe(partial, size)
-    with open_serial(partial, "w") as file:
-        file.attrs["format"] = FORMAT
+    # in which HDF5's own marks have checksums, too: it has ended the process over a wrong one
+    with open_serial(partial, "w", CHECKED_VERSIONS) as file:
+        # not of a length that varies, which lies on a heap without any
+        file.attrs.create("format", FORMAT, dtype=h5py.string_dtype("ascii", len(FORMAT)))
         file.attrs["version"] = VERSION
         file.attrs["complete"] = 0
         for name, content in (("header", text), ("checksums", stated)):

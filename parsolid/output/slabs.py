@@ -28,6 +28,8 @@ PIECE_BYTES = 32 * 2**20
 
 # a superblock without open-for-writing marks: a killed run leaves a file that opens
 LIBRARY_VERSIONS = ("earliest", "v108")
+# the same with checksums of all that HDF5 itself keeps in the file
+CHECKED_VERSIONS = ("v108", "v108")
 
 # Open MPI's collective writes report success on a full disk (seen with 4.1.4); its independent ones do not,
 # and lose nothing: every rank's rows are one contiguous piece
@@ -50,9 +52,9 @@ def default_method() -> str:
     return "mpio" if h5py.get_config().mpi else "offsets"
 
 
-def open_serial(path: Path | str, mode: str) -> h5py.File:
+def open_serial(path: Path | str, mode: str, versions: tuple[str, str] = LIBRARY_VERSIONS) -> h5py.File:
     """Open a file on one rank, without HDF5's file lock: a user may look at the file while the run goes on."""
-    return h5py.File(path, mode, libver=LIBRARY_VERSIONS, locking=False)
+    return h5py.File(path, mode, libver=versions, locking=False)
 
 
 def create_slab(group: h5py.Group, name: str, shape: tuple[int, ...], dtype: Any) -> None:

@@ -8,11 +8,11 @@ K11 alone.
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import overload, register_jitable
+from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
 from parsolid.collective import raise_together
-from parsolid.numerics.dispatch import is_instance
+from parsolid.numerics.dispatch import generic
 from parsolid.pairs.lists import mutual
 from parsolid.pairs.weights import PairWeights, distance_in_support
 
@@ -38,25 +38,26 @@ class CubicSpline(NamedTuple):
 INFLUENCES = {"constant": Constant(), "linear": Linear(), "cubic-spline": CubicSpline()}
 
 
+@generic
 def influence(kind, q):
     """w(q), at most 1."""
-    raise NotImplementedError
 
 
-@overload(influence)
-def _influence(kind, q):
-    if is_instance(kind, Constant):
-        return lambda kind, q: 1.0
-    if is_instance(kind, Linear):
-        return lambda kind, q: 1.0 - q
-    if is_instance(kind, CubicSpline):
+@influence.of(Constant)
+def _constant_influence(kind, q):
+    return 1.0
 
-        def cubic(kind, q):
-            if q < 0.5:
-                return 1.0 - 6.0 * q * q * (1.0 - q)
-            return 2.0 * (1.0 - q) * (1.0 - q) * (1.0 - q)
 
-        return cubic
+@influence.of(Linear)
+def _linear_influence(kind, q):
+    return 1.0 - q
+
+
+@influence.of(CubicSpline)
+def _cubic_influence(kind, q):
+    if q < 0.5:
+        return 1.0 - 6.0 * q * q * (1.0 - q)
+    return 2.0 * (1.0 - q) * (1.0 - q) * (1.0 - q)
 
 
 @compiled

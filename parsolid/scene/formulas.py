@@ -43,6 +43,7 @@ _OPERATORS = (
 _COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
 # characters of a formula, and operations one within the other, that the compiler stands
 LONGEST, DEEPEST = 10_000, 200
+_LARGEST = int(np.finfo(float).max)
 
 
 def _depth(tree: ast.AST) -> int:
@@ -77,6 +78,8 @@ def _objection(node: ast.AST, names: tuple[str, ...]) -> str | None:
     elif isinstance(node, ast.Constant):
         if type(node.value) not in (int, float) and not hasattr(node, "of_table"):
             return f"{node.value!r}"
+        if isinstance(node.value, int) and node.value > _LARGEST:
+            return f"a number of {len(str(node.value))} digits"
     elif not isinstance(node, _NODES + _OPERATORS + _COMPARISONS):
         return f"{ast.unparse(node)!r}"
     return None

@@ -17,6 +17,9 @@ def substep_faults(scene: Any) -> list[Detail]:
         refused = system.settings.substeps_refused()
         if refused is not None:
             details.append((place, f"no such key {refused}", found))
+    timed = [system for system in systems if getattr(system.settings, "balance", "particles") == "measured"]
+    if len(systems) == 1:
+        details += [((*one.place, "balance"), "'particles' where there is one method", "measured") for one in timed]
     whole = [system for system in stated if isinstance(system.settings.substeps, int)]
     if len(systems) > 1 and len(whole) == len(systems):
         expected = "1 or 'auto' for one method at least"

@@ -87,6 +87,8 @@ class Simulation:
         self.systems, self.particle_sets = build_systems(comm, scene, restart)
         self._ledgers = [self.ledger.of(names) for names in names_of_terms(scene)]
         self.clock.work, self.phases = [0.0] * len(self.systems), Phases()
+        for number, system in enumerate(self.systems):
+            system.follow_work(self.clock.work, number)
         self.interactions: list[Interaction] = [
             *build_contact(comm, scene, self.systems),
             *build_tools(comm, scene, self.systems),

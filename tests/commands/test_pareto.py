@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from parsolid.commands.pareto.choices import Choice, choices_of
-from parsolid.commands.pareto.measure import envelope, observed_truth, time_to
+from parsolid.commands.pareto.measure import envelope, observed_truth, seconds_for, time_to
 from parsolid.commands.pareto.plan import Candidate, add, plan_of
 from parsolid.commands.study import add_arguments, run_study
 from parsolid.errors.running import Done
@@ -72,6 +72,8 @@ def test_the_envelope_has_what_nothing_else_beats_and_times_follow_power_laws():
     assert [(seconds, error) for seconds, error, *_ in found] == [(0.5, 0.4), (1.0, 0.16), (8.0, 0.04), (64.0, 0.01)]
     assert found[0][2] is poor and all(point[2] is good for point in found[1:])
     assert time_to(good, 0.0025, 2) == pytest.approx(64.0 * 4.0**1.5) and time_to(good, 0.01, 2) == 64.0
+    assert seconds_for(good, 0.02) == pytest.approx(8.0 * 8.0**0.5) and seconds_for(good, 0.5) == 1.0
+    assert seconds_for(poor, 0.04) == float("inf")
     stuck = made(Choice(), [(2.0, 1.0, 0.1), (1.0, 8.0, 0.1)])
     assert time_to(stuck, 0.05, 2) > 100.0 * 8.0
 

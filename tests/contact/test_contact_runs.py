@@ -62,7 +62,7 @@ def test_momenta_are_kept_with_friction_and_its_dissipation_never_negative(comm)
 
 
 def far_apart() -> dict:
-    """Four blocks in a row, of which the first is moved onto the last: their ranks are no neighbours in the reference."""
+    """Four blocks in a row, of which the first is moved onto the last: their ranks are no neighbours at first."""
     row = [block(name, (2.0 * i, 0.0), (2.0 * i + 1.0, 0.5), (7, 4)) for i, name in enumerate("abcd")]
     row[0] |= {"displacement": ["6.1", "0.51"], "velocity": [0.02 * SPEED, -0.1 * SPEED]}
     return tables(*row, contact=[{"bodies": list("abcd"), "friction": 0.3}])

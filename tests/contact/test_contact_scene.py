@@ -1,11 +1,17 @@
 """What a scene may say of contact, and what is told of how bodies meet."""
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 from meeting import BONDS, MODULUS, SPH, bars, block, simulated, tables
+from mpi4py import MPI
+from solids import Record
 
 from parsolid.contact.kernel import lattice_colour
 from parsolid.contact.relations import relations
-from parsolid.scene import SceneError, parse_scene
+from parsolid.scene import SceneError, load_scene, parse_scene
+from parsolid.simulation.loop import Limits, Simulation, StopRequest
 
 
 def faults(**change) -> str:
@@ -49,3 +55,11 @@ def test_colours_of_lattices():
     wanted = [(0.1892, 0.484), (0.2677, 0.424), (0.1839, 0.487), (0.2661, 0.428)]
     assert found == [pytest.approx(pair, abs=6e-4) for pair in wanted]
     assert lattice_colour(0.0, 1.0, True, 2.7, 2) == pytest.approx((0.5, 0.484), abs=6e-4)
+
+
+@pytest.mark.parametrize("name", ["contact/three_bodies", "contact/stack", "contact/friction_heat", "mixed/tied"])
+def test_scenes_that_are_shown_run(name):
+    scene = load_scene(Path(__file__).parents[2] / "runs" / f"{name}.toml", [])
+    sim, record = Simulation(MPI.COMM_SELF, scene), Record()
+    sim.run(record, Limits(3), StopRequest())
+    assert sim.clock.step == 3 and np.isfinite(record.columns()["balance"]).all()

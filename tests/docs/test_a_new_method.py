@@ -1,6 +1,7 @@
 """A new method is one folder, a new smoothing kernel one file: run by the command line like any other."""
 
 import csv
+import json
 import os
 import subprocess
 import sys
@@ -107,20 +108,27 @@ def _gradient(kernel, q, dimension):
     c = 1.0 / math.pi if dimension == 2 else 315.0 / (512.0 * math.pi)
     return -1.5 * c * max(0.0, 1.0 - 0.25 * q * q) ** 2
 '''
-# the folders join those of the package before the command starts
+# the folders join those of the package before the commands start
 START = """
-import sys, parsolid.methods, parsolid.pairs.smoothing
-parsolid.methods.__path__.append(sys.argv[1] + "/methods")
-parsolid.pairs.smoothing.__path__.append(sys.argv[1] + "/smoothing")
+import contextlib, io, json, sys, parsolid.methods, parsolid.pairs.smoothing
+parsolid.methods.__path__.append("methods")
+parsolid.pairs.smoothing.__path__.append("smoothing")
 from parsolid.commands.cli import main
-sys.exit(main(sys.argv[2:]))
+ended = []
+for words in json.loads(sys.argv[1]):
+    with contextlib.redirect_stderr(io.StringIO()) as said:
+        ended.append([main(words), said.getvalue()])
+print(json.dumps(ended))
 """
 
 
-def parsolid(folder: Path, *arguments: str) -> subprocess.CompletedProcess:
-    command = [sys.executable, "-c", START, str(folder), *arguments]
+def parsolid(folder: Path, *commands: list[str]) -> list[tuple[int, str]]:
+    """Exit status and what was said to stderr of commands, one after the other in one process."""
+    command = [sys.executable, "-c", START, json.dumps(commands)]
     environment = os.environ | {"PYTHONPATH": str(ROOT), "MPI4PY_RC_INITIALIZE": "true"}
-    return subprocess.run(command, capture_output=True, text=True, cwd=folder, env=environment, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, cwd=folder, env=environment, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
 
 
 def test_a_method_is_one_folder(tmp_path):
@@ -130,32 +138,31 @@ def test_a_method_is_one_folder(tmp_path):
     (room / "settings.py").write_text(SETTINGS)
     (room / "system.py").write_text(SYSTEM)
     (tmp_path / "flight.toml").write_text(SCENE)
-    done = parsolid(tmp_path, "run", "flight.toml", "-o", "out", "-q", "--max-steps", "4")
-    assert done.returncode == 0, done.stderr
-    again = parsolid(tmp_path, "run", "flight.toml", "-o", "out", "-q", "--restart")
-    assert again.returncode == 0, again.stderr
+    run = ["run", "flight.toml", "-o", "out", "-q"]
+    other = ["run", "flight.toml", "-o", "out2", "--set", "method.step=true"]
+    done, again, refused = parsolid(tmp_path, [*run, "--max-steps", "4"], [*run, "--restart"], other)
+    assert (done[0], again[0]) == (0, 0), done[1] + again[1]
     rows = list(csv.DictReader((tmp_path / "out" / "history.csv").open()))
     assert float(rows[-1]["time"]) == 1.0 and int(rows[-1]["step"]) >= 8
     place = [float(rows[-1][f"corner.position_{axis}"]) for axis in "xy"]
     assert place == pytest.approx([4.0, 5.0], rel=1e-12)
     # a field that the folder alone declares
     assert float(rows[-1]["corner.flown"]) == pytest.approx(5.0, rel=1e-12)
-    refused = parsolid(tmp_path, "run", "flight.toml", "-o", "out2", "--set", "method.step=true")
-    assert refused.returncode == 2 and "method.step" in refused.stderr
+    assert refused[0] == 2 and "method.step" in refused[1]
 
 
 def test_a_smoothing_kernel_is_one_file(tmp_path):
     (tmp_path / "smoothing").mkdir()
     (tmp_path / "smoothing" / "poly6.py").write_text(KERNEL)
-    punch, ends = str(ROOT / "runs" / "tlsph" / "punch.toml"), []
-    for kernel in ("poly6", "wendland-c2"):
-        options = ("--set", f"method.kernel={kernel!r}", "--set", "bodies.0.particles=[9,9]", "--max-steps", "20", "-q")
-        done = parsolid(tmp_path, "run", punch, "-o", kernel, *options, "--set", "output.pictures=false")
-        assert done.returncode == 0, done.stderr
-        ends.append(list(csv.DictReader((tmp_path / kernel / "history.csv").open()))[-1])
+    punch, kernels = str(ROOT / "runs" / "tlsph" / "punch.toml"), ("poly6", "wendland-c2", "poly7")
+    options = ["--set", "bodies.0.particles=[9,9]", "--max-steps", "20", "-q", "--set", "output.pictures=false"]
+    *runs, refused = parsolid(
+        tmp_path, *(["run", punch, "-o", name, *options, "--set", f"method.kernel={name!r}"] for name in kernels)
+    )
+    assert [status for status, _ in runs] == [0, 0], runs
+    ends = [list(csv.DictReader((tmp_path / name / "history.csv").open()))[-1] for name in kernels[:2]]
     # another kernel, the same punch
     assert ends[0]["time"] == ends[1]["time"] or float(ends[0]["time"]) > 0.0
     kinetic = [float(end["kinetic"]) for end in ends]
     assert kinetic[0] != kinetic[1] and kinetic[0] == pytest.approx(kinetic[1], rel=0.02)
-    refused = parsolid(tmp_path, "run", punch, "-o", "none", "--set", "method.kernel='poly7'")
-    assert refused.returncode == 2 and "'poly6'" in refused.stderr
+    assert refused[0] == 2 and "'poly6'" in refused[1]

@@ -1,6 +1,11 @@
 """`run --error-bars` and `--target` as a whole, on any number of ranks: bars, restarts in a companion, limits."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -37,9 +42,9 @@ def test_bars_hold_the_true_errors_and_are_the_same_on_any_ranks(comm, shared_pa
         told = json.loads((folder / "summary.json").read_text())["error_bars"]
         results = load(folder)
         data = json.loads((SCENE.parent / "reference" / "tensile_smooth_b3.json").read_text())
-        time, inside = results.columns["time"], []
+        times, inside = results.columns["time"], []
         for column, name in COLUMNS.items():
-            true = np.abs(results.columns[column] - CubicSpline(data["t"], data["series"][name])(time))
+            true = np.abs(results.columns[column] - CubicSpline(data["t"], data["series"][name])(times))
             inside.append(np.mean(true <= results.errors[column] + 1e-9))
             assert np.median(results.errors[column][5:] / np.maximum(true[5:], 1e-12)) < 8.0
         assert np.mean(inside) > 0.95, inside
@@ -72,6 +77,26 @@ def test_a_companion_that_was_stopped_goes_on_with_the_same_bits(comm, shared_pa
     kept = []
     run_companions(comm, found[:2], shared_path / "whole", Limits(), kept.append)
     assert not kept
+
+
+@pytest.mark.serial
+@pytest.mark.slow
+def test_a_run_that_was_killed_in_a_companion_goes_on_in_it(tmp_path):
+    often = ["output.checkpoint_wall=0.2", "end_time=0.0022"]
+    sets = [word for one in [*SMALL, *often] for word in ("--set", one)]
+    command = [sys.executable, "-m", "parsolid", "run", str(SCENE), "-q", "-o", str(tmp_path / "killed")]
+    process = subprocess.Popen(
+        [*command, "--error-bars", *sets], env=os.environ | {"PYTHONPATH": str(SCENE.parents[2])}
+    )
+    while process.poll() is None and not list(tmp_path.glob("killed/companions/*/checkpoint.h5")):
+        time.sleep(1e-3)
+    process.kill()
+    assert process.wait() == -signal.SIGKILL
+    assert not list(tmp_path.glob("killed/companions/*/summary.json"))
+    for name in ("killed", "whole"):
+        assert run(MPI.COMM_SELF, tmp_path / name, "--error-bars", more=often) == 0
+    killed, whole = ((tmp_path / name / "history_error.csv").read_text() for name in ("killed", "whole"))
+    assert killed == whole
 
 
 def test_a_target_is_reached_or_the_limit_is_told(comm, shared_path, capsys):

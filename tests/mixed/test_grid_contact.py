@@ -80,6 +80,27 @@ def test_ranks_do_not_matter_and_a_restart_has_the_same_bits(comm, shared_path):
     assert np.array_equal(wanted.ledger.values, again.ledger.values)
 
 
+def test_blocks_off_their_centres_keep_their_momentum_in_space():
+    h, bodies, solid = 0.05, [], bars("points", "points")["bodies"][0]["material"]
+    for name, lower, speed in (("a", [0.0, 0.0, 0.0], 3.0), ("b", [6.2 * h, 0.7 * h, 1.4 * h], -3.0)):
+        box = {"lower": lower, "upper": [start + 6 * h for start in lower]}
+        body = {"name": name, "shape": {"box": box}, "particles": [6, 6, 6], "placement": "cells"}
+        bodies.append(body | {"velocity": [speed, 0.0, 0.0], "material": solid})
+    method = {"name": "points", "kind": "mpm", "cell": 2 * h, "balance_limit": 1.0}
+    data = {"dimension": 3, "end_time": 1.0, "methods": [method], "bodies": bodies}
+    sim = Simulation(MPI.COMM_SELF, parse_scene(data | {"contact": [GRID | {"friction": 0.2}]}))
+
+    def whole(sim):
+        return {"p": sum(one.mass[: one.owned] @ one.particles.owned_rows("velocity") for one in sim.systems)}
+
+    found = follow(sim, Record(whole), 25)
+    # each block has 27 kg at 3 m/s
+    assert np.abs(found["p"]).max() < 1e-12 * 81.0
+    assert found["contact_dissipation"][-1] > 0.02 * found["kinetic"][0] and found["friction_dissipation"][-1] > 0.0
+    meeting = sim.interactions[-1].meetings[0]
+    assert meeting.active.any() and (meeting.normal[meeting.active][:, 0] > 0.7).all()
+
+
 @pytest.mark.parametrize(
     ("second", "contact", "method", "message"),
     [

@@ -188,3 +188,10 @@ def test_the_newest_whole_file_goes_before_the_others_in_this_order(comm, shared
         on_one_rank(comm, os.replace, shared_path / "one.h5", shared_path / name)
         assert find_checkpoint(shared_path, comm).name == name
     assert find_checkpoint(shared_path, MPI.COMM_SELF).name == names[-1]
+
+
+def test_hdf5_checks_what_it_keeps_itself(whole):
+    """With its first format a flipped bit in a type, or on the heap of texts, could end the process."""
+    with h5py.File(whole) as file:
+        assert file.id.get_create_plist().get_version()[0] == 2
+        assert file.attrs.get_id("format").dtype.kind == "S"

@@ -10,7 +10,7 @@ import pytest
 from mpi4py import MPI
 
 from parsolid.output import OutputError, vtkhdf
-from parsolid.output.fields import FieldSeries
+from parsolid.output.fields import FieldSeries, bytes_of_rows
 from parsolid.output.packing import pack
 
 TIMES = [0.0, 0.1, 0.1 + 0.2, 1.0]
@@ -284,3 +284,9 @@ def test_a_run_writes_while_someone_looks_at_the_file(comm, shared_path):
     if comm.rank == 0:
         looking.communicate()
     assert np.array_equal(vtkhdf.published(series.path)[1], [0.0, 1.0])
+
+
+@pytest.mark.serial
+def test_bytes_of_a_row_are_those_of_space_in_single_precision():
+    vector, tensor, number = np.zeros((5, 2)), np.zeros((5, 2, 2)), np.zeros(5, np.int64)
+    assert [bytes_of_rows(one) for one in (vector, tensor, number)] == [12, 36, 8]

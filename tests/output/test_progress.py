@@ -145,3 +145,9 @@ def test_the_first_step_says_nothing_of_the_time_left(passing_time):
         passing_time[0] += seconds
         shown.update(step, 0.05 * step, 0.05, None)
     assert "ETA 0:00:00" in log.getvalue().splitlines()[-1]
+
+
+def test_shares_of_the_time_leave_out_what_took_none_of_it():
+    told = {"phases": {"forces": 3.0, "set_up": 1.0, "idle": 0.0}, "ranks": 2, "load_imbalance": 1.25}
+    assert progress._shares(told) == "time: forces 75 %, set up 25 %; busiest rank 1.25 of the mean"
+    assert progress._shares(told | {"ranks": 1}) == "time: forces 75 %, set up 25 %"

@@ -135,7 +135,10 @@ def test_lists_equal_brute_force_after_every_rebuild(comm, dimension, codes):
     assert comm.allreduce(scene.particles.owned) == len(scene.place)
 
 
-@every_dimension
+@pytest.mark.parametrize(
+    "dimension",
+    [pytest.param(2, marks=pytest.mark.ranks(1, 3)), pytest.param(3, marks=pytest.mark.ranks(1, 2))],
+)
 @pytest.mark.parametrize(
     "motion, codes",
     # rotation turns particles through the planes

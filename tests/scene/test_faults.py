@@ -310,6 +310,14 @@ def test_2d_scene_with_3d_words(square):
     assert "probes.0.axis: expected 'Z' or nothing in 2-D, found 'X'" in text
 
 
+def test_nothing_turns_on_a_line(square):
+    line = {"dimension": 1, "boundaries": None, "method": {"kind": "peridynamics"}, "bodies.0.velocity": ["0"]}
+    line |= {"bodies.0.shape": {"box": {"lower": [0.0], "upper": [1.0]}}, "bodies.0.particles": [9]}
+    line |= {"probes": [{"name": "p", "at": [0.0], "fields": ["twist"]}]}
+    with pytest.raises(SceneError, match="probes.0.fields: expected no twist in 1-D, found 'twist'"):
+        parse_scene(changed(square, line))
+
+
 def test_cylinder_and_shell_in_2d(square):
     cylinder = {"cylinder": {"base": [0.0, 0.0], "axis": "Z", "radius": 1.0, "length": 1.0}}
     with pytest.raises(SceneError, match="shape.cylinder: expected a 2-D shape"):

@@ -90,6 +90,7 @@ def test_no_points():
         ("(" * 300 + "X" + ")" * 300, "no formula"),
         ("X + " + "9" * 5_000, "no formula"),
         ("10**400", "cannot be compiled"),
+        ("X + " + "9" * 400, "a number of 400 digits"),
     ],
 )
 def test_refused(source, why):

@@ -9,7 +9,7 @@ from parsolid.scene import parse_scene
 from parsolid.scene.base_model import SceneModel
 from parsolid.scene.bodies import Body
 from parsolid.scene.schema import Scene
-from parsolid.simulation.scene_changes import FIXED, FREE, changes, contents, judged
+from parsolid.simulation.scene_changes import FIXED, FREE, _until, changes, contents, judged
 
 TIME = 0.3
 
@@ -135,3 +135,7 @@ def test_files_are_compared_by_what_is_in_them(tmp_path):
     (change,) = changes(scenes["a"], scenes["b"], TIME)
     assert change.later
     assert [change.key for change in changes(scenes["b"], scenes["c"], TIME)] == ["bodies.0.shape.mesh.file"]
+
+
+def test_a_jump_at_the_checkpoint_is_of_before():
+    assert _until(2.0, [1.0, 2.0, 3.0]) == [1.0, 2.0] and _until(2.0, None) == []

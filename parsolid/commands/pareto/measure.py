@@ -9,23 +9,32 @@ from parsolid.commands.pareto.plan import Candidate, Plan, grid_of
 from parsolid.errors.bars import on_times
 from parsolid.errors.estimate import SAFE, Series, fitted_error, rms, spacing_bar
 from parsolid.errors.orders import order_in_spacing
+from parsolid.errors.running import Done
 from parsolid.errors.truth import exact_values, series_of
+from parsolid.scene import Scene
 
 
 @dataclass
 class Truth:
-    """What runs are compared with: values (n,) at times (n,) [s], in which words, and how uncertain, as an error."""
+    """What runs are compared with: values (n,) at times (n,) [s], in which words, how uncertain, as an error, and for a
+    probe of an exact solution the scene, whose values are those at the place of a run's particle.
+    """
 
     words: str
     times: np.ndarray
     values: np.ndarray
     uncertain: float = 0.0
+    exact: Scene | None = None
 
-    def error(self, history: dict[str, np.ndarray], column: str) -> float:
+    def error(self, run: Done, column: str) -> float:
         """Root of the mean square of the difference over that of the true values, over all times or that at the end."""
-        found = on_times(history, column, self.times)
-        scale = rms(self.values)
-        return rms(found - self.values) / scale if scale > 0.0 else float(rms(found))
+        true = self.values
+        if self.exact is not None:
+            values = exact_values(self.exact, column, run.companion.scene)
+            assert values is not None
+            true = values(self.times)
+        found, scale = on_times(run.history, column, self.times), rms(true)
+        return rms(found - true) / scale if scale > 0.0 else float(rms(found))
 
 
 def stated_truth(plan: Plan) -> Truth | None:
@@ -36,7 +45,10 @@ def stated_truth(plan: Plan) -> Truth | None:
         return Truth("the scene's series", times, np.asarray(series(times)))
     exact = exact_values(scene, plan.column)
     if exact is not None:
-        return Truth("the exact solution", times, exact(times))
+        # a particle stands somewhere else in each run
+        at_point = any(one.name == plan.column.partition(".")[0] and one.at is not None for one in scene.probes)
+        words = "the exact solution" + (" where a run's particle is" if at_point else "")
+        return Truth(words, times, exact(times), exact=scene if at_point else None)
     final: Any = (scene.reference.final if scene.reference else None) or {}
     if plan.column in final:
         return Truth("the scene's value at the end", times[-1:], np.array([final[plan.column]]))
@@ -66,7 +78,7 @@ def observed_truth(plan: Plan) -> Truth | None:
 def judge(plan: Plan, truth: Truth) -> None:
     """Errors of all runs."""
     for one in plan.candidates:
-        one.errors = [truth.error(run.history, plan.column) for run in one.runs if run.history]
+        one.errors = [truth.error(run, plan.column) for run in one.runs if run.history]
 
 
 def time_to(one: Candidate, error: float, dimension: int) -> float:
@@ -83,11 +95,24 @@ def time_to(one: Candidate, error: float, dimension: int) -> float:
     return float(one.times[-1] * ratio ** (slope if ratio > 1.0 else min(slope, most / 2.0)))
 
 
+def seconds_for(one: Candidate, error: float) -> float:
+    """Processor seconds for an error between those of a choice's runs; infinite where none is as good."""
+    for number, (seconds, found) in enumerate(zip(one.times, one.errors)):
+        if found <= error:
+            if number == 0 or found <= 0.0:
+                return float(seconds)
+            before, cost = one.errors[number - 1], one.times[number - 1]
+            share = np.log(before / error) / np.log(before / found)
+            return float(cost * (seconds / cost) ** share)
+    return float("inf")
+
+
 def envelope(plan: Plan) -> list[tuple[float, float, Candidate, int]]:
     """The runs that no other has less error than in less time: (seconds, error, choice, level), cheapest first."""
     points = [(t, e, one, i) for one in plan.candidates for i, (t, e) in enumerate(zip(one.times, one.errors))]
     result: list[tuple[float, float, Candidate, int]] = []
     for point in sorted(points, key=lambda p: p[:2]):
-        if not result or point[1] < result[-1][1]:
+        # a hundredth is no gain
+        if not result or point[1] < 0.99 * result[-1][1]:
             result.append(point)
     return result

@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from parsolid.commands.pareto.measure import Truth, envelope, time_to
+from parsolid.commands.pareto.measure import Truth, envelope, seconds_for
 from parsolid.commands.pareto.plan import Candidate, Plan
 from parsolid.commands.pareto.search import Search
 from parsolid.commands.study.tables import Sheet
@@ -52,9 +52,9 @@ def told(plan: Plan, truth: Truth) -> list[str]:
     own = plan.candidates[0]
     if own.errors:
         wanted = max(own.errors[-1], truth.uncertain)
-        costs = [(time_to(one, wanted, plan.scene.dimension), one) for one in plan.candidates if one.errors]
+        costs = [(seconds_for(one, wanted), one) for one in plan.candidates if one.errors]
         seconds, best = min(costs, key=lambda pair: pair[0])
-        mine = time_to(own, wanted, plan.scene.dimension)
+        mine = seconds_for(own, wanted)
         gain = f"{mine:.3g} s as the scene is, about {seconds:.3g} s with '{best.choice.name}'"
         none = f"no choice needs less time than the scene's {mine:.3g} s"
         lines.append(f"for an error of {100.0 * wanted:.2g} %: {none if best is own else gain}")

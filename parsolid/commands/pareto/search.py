@@ -90,12 +90,16 @@ class Search:
                 judge(self.plan, self.truth)
 
     def costs(self) -> dict[int, float]:
-        """Number of a choice that is still run -> seconds that it would need for the scene's own error. Collective."""
+        """Number of a choice that is still run -> seconds that it would need for an error between the scene's own and
+        the best. Collective.
+        """
         found = {}
         if self.comm.rank == 0:
             plan = self.plan
-            errors = plan.candidates[0].errors
-            wanted = errors[-1] if errors else min(e for one in plan.candidates for e in one.errors[-1:])
+            newest = [one.errors[-1] for one in plan.candidates if one.errors]
+            own = plan.candidates[0].errors
+            # between what the scene has and what can be had
+            wanted = (min(newest) * (own[-1] if own else min(newest))) ** 0.5
             alive = [i for i, one in enumerate(plan.candidates) if one.dropped is None and one.errors]
             found = {i: time_to(plan.candidates[i], max(wanted, 1e-300), plan.scene.dimension) for i in alive}
         result: dict[int, float] = self.comm.bcast(found)
@@ -108,7 +112,8 @@ class Search:
         for number in order[max(2, (len(order) + 1) // 2) :]:
             if number:
                 share = costs[number] / max(costs[order[0]], 1e-300)
-                words = f"{share:.2g} times the time of the best for the same error at level {level + 1}"
+                times = f"{share:.2g} times" if share < 1000.0 else "more than 1000 times"
+                words = f"{times} the time of the best for the same error at level {level + 1}"
                 self.plan.candidates[number].dropped = words
 
     def combine(self) -> None:

@@ -13,9 +13,11 @@ from decomposition.shared_nodes import SharedNodes
 from parsolid.methods.mpm import meeting_kernels as kernels
 from parsolid.methods.mpm.meeting_kernels import FIT, FORM, Cloud
 
-# of the square of the steepness of a fit a cell; steps of Newton's rule, which leave 1e-12 of it; and the factor on the
+# of the square of the steepness of a fit a cell; steps of Newton's rule at most, and what they may leave; the factor on
 # extents of particles, without which a corner on a face would see a plane between its sides (7 degrees at its edge)
-_PENALTY, _ITERATIONS, _SHRUNK = 1e-6, 20, 0.8
+_PENALTY, _ITERATIONS, _LEFT, _SHRUNK = 1e-6, 20, 1e-9, 0.8
+# factor on the penalty from 1 on, a step
+_EASING = 0.25
 # columns of what nodes of both fields know of each: mass, momentum, weight
 _OF_FIELD = 5
 _SQUARE = np.triu_indices(FIT)
@@ -138,20 +140,30 @@ class Meeting:
         d, fits, fit = self.dimension, self._fits, np.zeros((len(weights), FIT))
         self.active &= (weights > 0.0).all(axis=1)
         matrix = np.zeros((len(weights), FIT, FIT))
-        penalty = np.diag([0.0, *[_PENALTY] * d, *[1.0] * (FIT - 1 - d)])
-        clouds = self._clouds()
-        for _ in range(_ITERATIONS):
+        # of the constant hardly any, so that no matrix is singular where all particles are far on their side
+        kinds = np.array([1e-3, *[1.0] * d, *[0.0] * (FIT - 1 - d)])
+        unused = np.diag([0.0] * (1 + d) + [1.0] * (FIT - 1 - d))
+        clouds, moving = self._clouds(), self.active.copy()
+        shared = any(map(len, self.nodes.sharing.shared))
+        for turn in range(_ITERATIONS):
+            # less and less, lest a step of the rule goes too far
+            penalty = np.diag(kinds * max(_PENALTY, _EASING**turn)) + unused
+            if not shared and not moving.any():
+                break
             fits[:] = 0.0
             for number, cloud in enumerate(clouds):
                 domains = self._domains(number)
-                kernels.add_fits(cloud, d, _SHRUNK, *domains, weights[:, number].copy(), fit, self.active, fits)
+                kernels.add_fits(cloud, d, _SHRUNK, *domains, weights[:, number].copy(), fit, moving, fits)
             self._sums[1].start()
             self._sums[1].finish()
-            at = np.flatnonzero(self.active)
+            at = np.flatnonzero(moving)
             matrix[at[:, None], _SQUARE[0], _SQUARE[1]] = fits[at, FIT:]
             matrix[at[:, None], _SQUARE[1], _SQUARE[0]] = fits[at, FIT:]
             slope = fits[at, :FIT] + fit[at] @ penalty
-            fit[at] -= np.linalg.solve(matrix[at] + penalty, slope[:, :, None])[:, :, 0]
+            change = np.linalg.solve(matrix[at] + penalty, slope[:, :, None])[:, :, 0]
+            fit[at] -= change
+            if _EASING**turn <= _PENALTY:
+                moving[at] = (change**2).sum(axis=1) > _LEFT**2 * (fit[at] ** 2).sum(axis=1)
         vector = fit[:, 1 : 1 + d]
         length = np.linalg.norm(vector, axis=1)
         self.active &= length > 0.0

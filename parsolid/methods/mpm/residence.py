@@ -9,10 +9,13 @@ import numpy as np
 from decomposition.cell_partition import CellPartition
 from decomposition.grid import RankGrid
 from parsolid.methods.mpm.material_points import MaterialPoints
+from parsolid.methods.mpm.measured_load import MeasuredLoad
 
 # steps between looks at the order of storage and the balance of ranks, and the share of breaks that calls for a new
 # order
 _PERIOD, _DISORDER = 16, 0.3
+# looks between those at what steps have cost
+_LOOKS = 4
 
 
 class Residence:
@@ -26,6 +29,12 @@ class Residence:
         self.grid, self.points, self.settings = grid, points, points.settings
         self.steps, self.rebalanced = 0, 0
         self.placements, self.kept = 0, False
+        self.load: MeasuredLoad | None = None
+
+    def follow_work(self, work: list[float], number: int) -> None:
+        """See `MeasuredLoad`, where the scene asks for it."""
+        if self.settings.balance == "measured" and self.grid.comm.size > 1:
+            self.load = MeasuredLoad(self.grid.comm, work, number)
 
     def keep(self) -> None:
         """Let ranks keep particles that have left their cells until the next look, before these are dealt out.
@@ -35,13 +44,13 @@ class Residence:
         self.kept = self.grid.comm.size > 1 and not self.settings.bitwise
         self.grid.slack = math.ceil(_PERIOD * min(self.settings.cfl, 1.0)) + 1 if self.kept else 0
 
-    def deal_out(self, partition: CellPartition | None = None) -> bool:
+    def deal_out(self, partition: CellPartition | None = None, shares: np.ndarray | None = None) -> bool:
         """Give particles to the owners of their cells under a partition, or under a balanced one; collective.
 
         False where a particle is lost, see `RankGrid.settle`.
         """
         self.points.stretch_domains()
-        sound = self.grid.deal_out(self.points, partition)
+        sound = self.grid.deal_out(self.points, partition, shares)
         if partition is None:
             self._sort_storage()
         return sound
@@ -57,10 +66,16 @@ class Residence:
 
     def _tidy(self) -> bool:
         """Balance the ranks, or else re-order storage, where it is due."""
+        if self.load is not None and self.steps % (_PERIOD * _LOOKS) == 0:
+            shares = self.load.look(self.points.owned)
+            if shares is not None:
+                self.rebalanced, self.placements = self.rebalanced + 1, self.placements + 1
+                return self.deal_out(shares=shares)
         if self.kept:
             return self._tidy_together()
         owned = self.points.owned
-        if self.grid.comm.size > 1 and self.grid.imbalance(owned) > self.settings.rebalance:
+        uneven = self.grid.comm.size > 1 and self.load is None
+        if uneven and self.grid.imbalance(owned) > self.settings.rebalance:
             self.rebalanced += 1
             return self.deal_out()
         if self.grid.cells.breaks(owned) > _DISORDER * owned:
@@ -72,10 +87,11 @@ class Residence:
         owned, cells = self.points.owned, self.grid.cells
         disorder, guests = cells.breaks(owned) > _DISORDER * owned, len(self.grid.guests())
         counts = np.array(self.grid.comm.allgather((owned, guests, disorder)))
-        if not counts[:, 1:].any() and counts[:, 0].max() <= self.settings.rebalance * counts[:, 0].mean():
+        uneven = self.load is None and counts[:, 0].max() > self.settings.rebalance * counts[:, 0].mean()
+        if not counts[:, 1:].any() and not uneven:
             return True
         self.placements += 1
-        if counts[:, 0].max() > self.settings.rebalance * counts[:, 0].mean():
+        if uneven:
             self.rebalanced += 1
             return self.deal_out()
         sound = self.grid.settle(self.points) if counts[:, 1].any() else True

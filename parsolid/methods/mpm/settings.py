@@ -53,6 +53,8 @@ class MaterialPoint(MethodSettings):
     motion          false: nothing moves, heat alone is conducted
     bitwise         the same bits on any number of ranks, for three times the traffic
     rebalance       largest over mean number of particles on a rank beyond which cells are dealt out anew
+    balance         what ranks share evenly: "particles", or, in scenes of several methods, the time that steps of all
+                    take, "measured" every 64 steps; the last bits of a run then depend on the clock
     """
 
     system: ClassVar = "parsolid.methods.mpm.system:MaterialPoint"
@@ -101,6 +103,7 @@ class MaterialPoint(MethodSettings):
     conduction: bool = True
     motion: bool = True
     bitwise: bool = False
+    balance: Literal["particles", "measured"] = Field("particles", description="what ranks share evenly")
     rebalance: float = Field(1.2, gt=1, description="largest over mean particles of a rank beyond which cells move")
 
     @model_validator(mode="after")

@@ -202,6 +202,10 @@ class MaterialPoint(ParticleSystem):
         if self.waiting is None:
             self.waiting = WaitingImpulses(self.points)
 
+    def follow_work(self, work: list[float], number: int) -> None:
+        """See `Residence.follow_work`."""
+        self.residence.follow_work(work, number)
+
     def expect_lists(self) -> None:
         """See `Residence.keep`."""
         self.residence.keep()
@@ -321,6 +325,9 @@ class MaterialPoint(ParticleSystem):
             "migrated_particles": self.comm.allreduce(self.grid.migrated),
             "rebalanced": self.residence.rebalanced,
         }
+        load = self.residence.load
+        if load is not None and load.imbalance:
+            result["measured_imbalance"] = {"first": load.imbalance[0], "last": load.imbalance[-1]}
         result |= failed_matter.summary(self.comm, self.points, self.mass[: self.owned])
         if can_melt(self.points):
             ratios = homologous_temperatures(self.points)

@@ -7,11 +7,11 @@ Source: Silling and Askari, 2005, eqs (8) to (10).
 
 import math
 
-from numba import types
-from numba.extending import overload, register_jitable
+from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
 from parsolid.methods.peridynamics.bonds import field_jump, reference_bond
+from parsolid.numerics.dispatch import generic
 from parsolid.pairs.lists import images_of, mutual
 
 
@@ -20,25 +20,24 @@ def _length(vector):
     return math.sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])
 
 
+@generic
 def pull(linear, x, u):
     """Force of a bond xi = x that changes by u, over weight c: s y/|y|, or with `linear` to first order in u."""
-    raise NotImplementedError
 
 
-@overload(pull)
-def _pull(linear, x, u):
-    def stretched(linear, x, u):
-        y, reference = (x[0] + u[0], x[1] + u[1], x[2] + u[2]), _length(x)
-        length = _length(y)
-        factor = (length - reference) / (reference * length)
-        return factor * y[0], factor * y[1], factor * y[2]
+@pull.of(None)
+def _pull_stretched(linear, x, u):
+    y, reference = (x[0] + u[0], x[1] + u[1], x[2] + u[2]), _length(x)
+    length = _length(y)
+    factor = (length - reference) / (reference * length)
+    return factor * y[0], factor * y[1], factor * y[2]
 
-    def small(linear, x, u):
-        reference = _length(x)
-        factor = (x[0] * u[0] + x[1] * u[1] + x[2] * u[2]) / (reference * reference * reference)
-        return factor * x[0], factor * x[1], factor * x[2]
 
-    return stretched if isinstance(linear, types.NoneType) else small
+@pull.otherwise
+def _pull_to_first_order(linear, x, u):
+    reference = _length(x)
+    factor = (x[0] * u[0] + x[1] * u[1] + x[2] * u[2]) / (reference * reference * reference)
+    return factor * x[0], factor * x[1], factor * x[2]
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")

@@ -9,11 +9,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import overload, register_jitable
+from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
 from parsolid.methods.peridynamics.bonds import field_jump, place, reference_bond
-from parsolid.numerics.dispatch import is_instance
+from parsolid.numerics.dispatch import generic
 from parsolid.pairs.lists import images_of, mutual
 from parsolid.pairs.terms import kinematic_columns
 
@@ -55,28 +55,23 @@ def _squares(space, images, k, kinematics, a, b):
     return y0 * y0 + y1 * y1 + y2 * y2, x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
 
 
+@generic(on="criterion")
 def exceeds(space, criterion, weight, images, k, kinematics, a, b, limit):
     """True when the bond of weight w V_a V_b, as seen from a, is beyond the limit."""
-    raise NotImplementedError
 
 
-@overload(exceeds)
-def _exceeds(space, criterion, weight, images, k, kinematics, a, b, limit):
-    if is_instance(criterion, Stretch):
+@exceeds.of(Stretch)
+def _exceeds_stretch(space, criterion, weight, images, k, kinematics, a, b, limit):
+    y, x = _squares(space, images, k, kinematics, a, b)
+    return y > (1.0 + limit) * (1.0 + limit) * x
 
-        def by_stretch(space, criterion, weight, images, k, kinematics, a, b, limit):
-            y, x = _squares(space, images, k, kinematics, a, b)
-            return y > (1.0 + limit) * (1.0 + limit) * x
 
-        return by_stretch
-
-    def by_energy(space, criterion, weight, images, k, kinematics, a, b, limit):
-        y, x = _squares(space, images, k, kinematics, a, b)
-        # the product of the volumes first, so that it rounds alike from both ends
-        volumes = criterion.volume[a] * criterion.volume[b]
-        return y > x and 0.5 * weight * _work(space, criterion, images, k, kinematics, a, b) > limit * volumes
-
-    return by_energy
+@exceeds.otherwise
+def _exceeds_energy(space, criterion, weight, images, k, kinematics, a, b, limit):
+    y, x = _squares(space, images, k, kinematics, a, b)
+    # the product of the volumes first, so that it rounds alike from both ends
+    volumes = criterion.volume[a] * criterion.volume[b]
+    return y > x and 0.5 * weight * _work(space, criterion, images, k, kinematics, a, b) > limit * volumes
 
 
 @register_jitable

@@ -6,41 +6,36 @@ from its two ends differ by their sign alone, to the bit, so that two ranks deci
 border. That does not hold for a bond with a mirror image; whoever decides about one looks at both, (a, b') and (b, a').
 """
 
-from numba.extending import overload, register_jitable
+from numba.extending import register_jitable
 
-from parsolid.numerics.dispatch import is_instance
+from parsolid.numerics.dispatch import generic
 from parsolid.numerics.layout import Plane
 from parsolid.pairs.terms import kinematic_columns
 
 
+@generic
 def place(space, images, k, kinematics, b):
     """X of particle b, or of its image in pair k [m]; images None for the particle itself."""
-    raise NotImplementedError
 
 
-@overload(place)
-def _place(space, images, k, kinematics, b):
-    if is_instance(space, Plane):
+@place.of(Plane)
+def _place_in_plane(space, images, k, kinematics, b):
+    X = kinematic_columns(space).reference
+    x, y = kinematics[b, X], kinematics[b, X + 1]
+    if images is not None:
+        row = images.table[images.code[k]]
+        x, y = row[4] * x + row[6], row[5] * y + row[7]
+    return x, y, 0.0
 
-        def plane(space, images, k, kinematics, b):
-            X = kinematic_columns(space).reference
-            x, y = kinematics[b, X], kinematics[b, X + 1]
-            if images is not None:
-                row = images.table[images.code[k]]
-                x, y = row[4] * x + row[6], row[5] * y + row[7]
-            return x, y, 0.0
 
-        return plane
-
-    def solid(space, images, k, kinematics, b):
-        X = kinematic_columns(space).reference
-        x, y, z = kinematics[b, X], kinematics[b, X + 1], kinematics[b, X + 2]
-        if images is not None:
-            row = images.table[images.code[k]]
-            x, y, z = row[4] * x + row[8], row[5] * y + row[9], row[6] * z + row[10]
-        return x, y, z
-
-    return solid
+@place.otherwise
+def _place_in_space(space, images, k, kinematics, b):
+    X = kinematic_columns(space).reference
+    x, y, z = kinematics[b, X], kinematics[b, X + 1], kinematics[b, X + 2]
+    if images is not None:
+        row = images.table[images.code[k]]
+        x, y, z = row[4] * x + row[8], row[5] * y + row[9], row[6] * z + row[10]
+    return x, y, z
 
 
 @register_jitable
@@ -50,31 +45,26 @@ def reference_bond(space, images, k, kinematics, a, b):
     return B[0] - A[0], B[1] - A[1], B[2] - A[2]
 
 
+@generic
 def field_jump(space, images, k, kinematics, column, a, b):
     """v_b - v_a of the vector field in columns `column`... of the kinematics, with b the particle or its image in pair
     k.
     """
-    raise NotImplementedError
 
 
-@overload(field_jump)
-def _field_jump(space, images, k, kinematics, column, a, b):
-    if is_instance(space, Plane):
+@field_jump.of(Plane)
+def _jump_in_plane(space, images, k, kinematics, column, a, b):
+    x, y = kinematics[b, column], kinematics[b, column + 1]
+    if images is not None:
+        row = images.table[images.code[k]]
+        x, y = row[0] * x, row[1] * y
+    return x - kinematics[a, column], y - kinematics[a, column + 1], 0.0
 
-        def plane(space, images, k, kinematics, column, a, b):
-            x, y = kinematics[b, column], kinematics[b, column + 1]
-            if images is not None:
-                row = images.table[images.code[k]]
-                x, y = row[0] * x, row[1] * y
-            return x - kinematics[a, column], y - kinematics[a, column + 1], 0.0
 
-        return plane
-
-    def solid(space, images, k, kinematics, column, a, b):
-        x, y, z = kinematics[b, column], kinematics[b, column + 1], kinematics[b, column + 2]
-        if images is not None:
-            row = images.table[images.code[k]]
-            x, y, z = row[0] * x, row[1] * y, row[2] * z
-        return x - kinematics[a, column], y - kinematics[a, column + 1], z - kinematics[a, column + 2]
-
-    return solid
+@field_jump.otherwise
+def _jump_in_space(space, images, k, kinematics, column, a, b):
+    x, y, z = kinematics[b, column], kinematics[b, column + 1], kinematics[b, column + 2]
+    if images is not None:
+        row = images.table[images.code[k]]
+        x, y, z = row[0] * x, row[1] * y, row[2] * z
+    return x - kinematics[a, column], y - kinematics[a, column + 1], z - kinematics[a, column + 2]

@@ -1,12 +1,12 @@
 """Kernels of the momentum equation (72a) and the energy sums."""
 
-from numba.extending import overload, register_jitable
+from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
 from parsolid.materials.hyperelastic.law import equilibrium_energy
 from parsolid.materials.viscoelastic.maxwell import branch_energy
 from parsolid.methods.tlsph.strain import load_strain
-from parsolid.numerics.dispatch import is_instance
+from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import WIDTH, broadcast, from_floats, lane, load, store, swizzle, total, without_fourth
 from parsolid.numerics.layout import Plane, load_branch
 from parsolid.numerics.tensors import gram, lane_of_general, lane_of_stored_symmetric
@@ -14,50 +14,51 @@ from parsolid.numerics.tensors import gram, lane_of_general, lane_of_stored_symm
 _swap = swizzle(2, 3, 0, 1)
 
 
+@generic
 def split_motion(space, kinematics, a):
     """v and x of a particle, lanes beyond the dimension zero."""
-    raise NotImplementedError
 
 
-@overload(split_motion)
-def _split_motion(space, kinematics, a):
-    if is_instance(space, Plane):
-
-        def plane(space, kinematics, a):
-            motion, two = load(kinematics, a, 0), from_floats(1.0, 1.0, 0.0, 0.0)
-            return motion * two, _swap(motion) * two
-
-        return plane
-    return lambda space, kinematics, a: (load(kinematics, a, 0), load(kinematics, a, 4))
+@split_motion.of(Plane)
+def _split_in_plane(space, kinematics, a):
+    motion, two = load(kinematics, a, 0), from_floats(1.0, 1.0, 0.0, 0.0)
+    return motion * two, _swap(motion) * two
 
 
+@split_motion.otherwise
+def _split_in_space(space, kinematics, a):
+    return load(kinematics, a, 0), load(kinematics, a, 4)
+
+
+@generic
 def join_motion(space, kinematics, a, v, x):
     """Store v and x of a particle."""
-    raise NotImplementedError
 
 
-@overload(join_motion)
-def _join_motion(space, kinematics, a, v, x):
-    if is_instance(space, Plane):
-        return lambda space, kinematics, a, v, x: store(kinematics, a, 0, v + _swap(x))
-
-    def solid(space, kinematics, a, v, x):
-        store(kinematics, a, 0, v)
-        store(kinematics, a, 4, x)
-
-    return solid
+@join_motion.of(Plane)
+def _join_in_plane(space, kinematics, a, v, x):
+    store(kinematics, a, 0, v + _swap(x))
 
 
+@join_motion.otherwise
+def _join_in_space(space, kinematics, a, v, x):
+    store(kinematics, a, 0, v)
+    store(kinematics, a, 4, x)
+
+
+@generic
 def _within(space, value):
     """Lanes beyond the dimension set to zero."""
-    raise NotImplementedError
 
 
-@overload(_within)
-def _within_overload(space, value):
-    if is_instance(space, Plane):
-        return lambda space, value: value * from_floats(1.0, 1.0, 0.0, 0.0)
-    return lambda space, value: without_fourth(value)
+@_within.of(Plane)
+def _within_plane(space, value):
+    return value * from_floats(1.0, 1.0, 0.0, 0.0)
+
+
+@_within.otherwise
+def _within_space(space, value):
+    return without_fourth(value)
 
 
 @register_jitable

@@ -1,0 +1,58 @@
+"""The ledger adds what systems tell it, under names that are apart where signs are, and balances it by the signs."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from parsolid.scene.contact import CONTACT_TERMS, OSCILLATION
+from parsolid.scene.tie import TIE_TERMS
+from parsolid.simulation.ledger import Ledger, names_of_terms, terms_of, viscous_terms_of
+
+
+def test_rates_and_terms_are_summed_over_ranks_and_balanced_by_their_signs(comm):
+    ledger = Ledger({"crack": 1, "supplied": -1, "shown": 0})
+    n = comm.size
+    assert ledger.row(comm, 40.0 / n, 2.0 / n)["balance"] == 0.0 and ledger.initial == pytest.approx(42.0)
+    ledger.add(2.0, 1.5, 2.5, 3.5)
+    ledger.add_term("crack", 11.0)
+    ledger.of({"other": "supplied", "same": "same"}).add_term("other", 13.0)
+    ledger.of({"same": "same"}).add_term("shown", 17.0)
+    ledger.of({"other": "supplied"}).add(1.0, 0.25, 0.5, 0.75)
+    row = ledger.row(comm, 20.0, 1.0)
+    assert list(row) == ledger.columns
+    wanted = {"kinetic": 20.0, "stored": 1.0, "dissipation_internal": 3.25, "dissipation_numerical": 5.5}
+    wanted |= {"work_external": 7.75, "crack": 11.0, "supplied": 13.0, "shown": 17.0}
+    assert row == pytest.approx({name: n * value for name, value in wanted.items()} | {"balance": n * 20.0 - 42.0})
+    assert ledger.of({"same": "same"}) is ledger
+
+
+def system(kind, terms, viscous=()):
+    settings = SimpleNamespace(kind=kind, energy_terms=lambda scene, bodies: terms[bodies], viscous_terms=viscous)
+    return SimpleNamespace(settings=settings, bodies=0)
+
+
+def scene(systems, **more):
+    return SimpleNamespace(**{"systems": systems, "boundaries": [], "contact": [], "tools": [], "tie": []} | more)
+
+
+def test_a_term_of_another_sign_has_the_name_of_its_method():
+    one, other = (
+        system("one", [{"heat": 1, "loss": 1}], ("heat",)),
+        system("other", [{"heat": -1, "loss": 1}], ("heat",)),
+    )
+    both = scene([one, other, one])
+    assert names_of_terms(both) == [
+        {"heat": "heat", "loss": "loss"},
+        {"heat": "heat_other", "loss": "loss"},
+        {"heat": "heat", "loss": "loss"},
+    ]
+    assert viscous_terms_of(both) == ("heat", "heat_other")
+    assert terms_of(both) == {"heat": 1, "loss": 1, "heat_other": -1}
+
+
+def test_contact_ties_tools_and_reporting_boundaries_have_terms():
+    none, told = SimpleNamespace(reports=None), SimpleNamespace(reports="die")
+    assert terms_of(scene([], boundaries=[none, told])) == {"die.work": 0}
+    assert terms_of(scene([], contact=[1])) == CONTACT_TERMS | OSCILLATION
+    assert terms_of(scene([], tools=[1])) == CONTACT_TERMS
+    assert terms_of(scene([], tie=[1])) == TIE_TERMS
