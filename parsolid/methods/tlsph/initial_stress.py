@@ -21,7 +21,9 @@ FIELD = "initial_stress"
 
 
 class NoInitialStress:
-    """What most scenes have."""
+    """What most scenes have; there: whether steps have anything to do."""
+
+    there = False
 
     def begin(self, *place: Any) -> None:
         """Nothing."""
@@ -46,6 +48,8 @@ class NoInitialStress:
 
 class InitialStress(NoInitialStress):
     """The initial stress of one rank's particles."""
+
+    there = True
 
     def __init__(self, system: Any) -> None:
         """system: `system.TotalLagrangianSPH`, whose particles get the field."""
@@ -77,7 +81,7 @@ class InitialStress(NoInitialStress):
         system.spacing /= np.sqrt(1.0 + maximum(system.comm, share))
 
     def note(self) -> None:
-        """Find what the present deformation makes of it."""
+        """Find what the present deformation makes of it, before a stage puts F at its end."""
         particles, system = self.system.particles, self.system
         shape = len(particles.storage("record")), 4 if system.dimension == 2 else 12
         if self._part.shape != shape:

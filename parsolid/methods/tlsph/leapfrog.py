@@ -109,8 +109,9 @@ class Leapfrog:
             )
             sound, dissipation = sound and positive, dissipation + lost
             stable = min(stable, self._step_of(block, signal))
-        system.initial_stress.note()
-        system.initial_stress.add()
+        if system.initial_stress.there:
+            system.initial_stress.note()
+            system.initial_stress.add()
         return sound, dissipation, stable
 
     def _half_kick(self, opening: bool, time: float, step: float) -> tuple[float, float]:

@@ -250,8 +250,8 @@ class TotalLagrangianSPH(PairMethod):
         last stage)."""
         sound, dissipation, stable = True, 0.0, self.boundaries.largest_step
         self.boundaries.look()
-        # before the sweep puts F at the end of the stage
-        self.initial_stress.note()
+        if self.initial_stress.there:
+            self.initial_stress.note()
         for block in self.blocks:
             to_stage = block.relaxation(stage.time * step)
             to_end = block.relaxation(step) if stage.last else to_stage
@@ -261,7 +261,8 @@ class TotalLagrangianSPH(PairMethod):
             )
             sound, dissipation = sound and positive, dissipation + rate
             stable = min(stable, self._group_step(block, modulus) if modulus > 0.0 else 0.0)
-        self.initial_stress.add()
+        if self.initial_stress.there:
+            self.initial_stress.add()
         return sound, dissipation, stable
 
     def advance_motion(self, stage: Stage, time: float, step: float) -> tuple[float, float]:
@@ -305,7 +306,7 @@ class TotalLagrangianSPH(PairMethod):
     def energies(self) -> tuple[float, float]:
         """Kinetic and stored energy [J] of this rank's particles, with tributary volumes."""
         kinetic = motion.kinetic_energy(self.owned, self.dimension, self.kinematics, self.mass, self.share)
-        stored = self.initial_stress.energy()
+        stored = self.initial_stress.energy() if self.initial_stress.there else 0.0
         for block in self.blocks:
             stored += motion.stored_energy(self.space, block.first, block.last, block.law, self.body_of(block))
         return kinetic, stored
