@@ -32,7 +32,9 @@ def system(kind, terms, viscous=()):
 
 
 def scene(systems, **more):
-    return SimpleNamespace(**{"systems": systems, "boundaries": [], "contact": [], "tools": [], "tie": []} | more)
+    return SimpleNamespace(
+        **{"systems": systems, "boundaries": [], "bodies": [], "contact": [], "tools": [], "tie": []} | more
+    )
 
 
 def test_a_term_of_another_sign_has_the_name_of_its_method():
@@ -53,6 +55,7 @@ def test_a_term_of_another_sign_has_the_name_of_its_method():
 def test_contact_ties_tools_and_reporting_boundaries_have_terms():
     none, told = SimpleNamespace(reports=None), SimpleNamespace(reports="die")
     assert terms_of(scene([], boundaries=[none, told])) == {"die.work": 0}
-    assert terms_of(scene([], contact=[1])) == CONTACT_TERMS | OSCILLATION
-    assert terms_of(scene([], tools=[1])) == CONTACT_TERMS
+    pressed = SimpleNamespace(model="kernel", friction=0.0)
+    assert terms_of(scene([], contact=[pressed])) == CONTACT_TERMS | OSCILLATION
+    assert terms_of(scene([], tools=[pressed])) == CONTACT_TERMS
     assert terms_of(scene([], tie=[1])) == TIE_TERMS
