@@ -134,7 +134,8 @@ def _run_in(
     progress, meetings = None, relations(comm, scene, simulation.systems)
     if comm.rank == 0:
         level = 0 if options.quiet else 2 if options.verbose else 1
-        notes = [*scene_advice(scene), *(restart.notes if restart else ()), *meetings]
+        moved = [f"the results of an earlier run are in {aside} now" for aside in files.moved]
+        notes = [*moved, *scene_advice(scene), *(restart.notes if restart else ()), *meetings]
         for note in notes:
             LOG.say(f"note: {note}")
             if level:

@@ -2,7 +2,7 @@
 
 import itertools
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -43,13 +43,18 @@ def occupy(comm: MPI.Intracomm, directory: Path | str) -> FolderLock | None:
 
 
 def prepare(
-    comm: MPI.Intracomm, directory: Path | str, continuing: bool = False, inputs: Iterable[Path | str] = ()
+    comm: MPI.Intracomm,
+    directory: Path | str,
+    continuing: bool = False,
+    inputs: Iterable[Path | str] = (),
+    moved: Callable[[Path], None] | None = None,
 ) -> Path:
     """Make a directory ready for a run; returns it. Collective.
 
     A new run moves the results of an older one to the next free of previous-1/, previous-2/ and so on within the
     directory. continuing: they stay, to be gone on with. inputs: files that the run reads (its scene, meshes,
     checkpoint): none of them is moved; where the run would write a file of the same name, that is an error.
+    moved: told, on rank 0, of the folder that an older run's results have been moved to.
 
     Raises OutputError on all ranks when the directory cannot be made or written, or an input is in the way.
     """
@@ -64,7 +69,9 @@ def prepare(
             results = [directory / name for name in names]
             _refuse_inputs(results, inputs, continuing)
             if results and not continuing:
-                _move_aside(directory, results)
+                aside = _move_aside(directory, results)
+                if moved is not None:
+                    moved(aside)
             if (told := directory / TRACEBACK).exists():
                 # whether this run has told an error is seen by whether the file is there
                 told.rename(next_free(told))
@@ -85,7 +92,7 @@ def next_free(path: Path) -> Path:
     return next(name for name in names if not name.exists())
 
 
-def _move_aside(directory: Path, results: list[Path]) -> None:
+def _move_aside(directory: Path, results: list[Path]) -> Path:
     number = 1
     while True:
         aside = directory / f"previous-{number}"
@@ -96,3 +103,4 @@ def _move_aside(directory: Path, results: list[Path]) -> None:
             number += 1
     for path in results:
         path.rename(aside / path.name)
+    return aside

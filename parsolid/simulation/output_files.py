@@ -41,12 +41,14 @@ class OutputFiles:
         """
         self.comm, self.scene = comm, scene
         self.history: History | None = None
+        # where results of an earlier run are now, known to rank 0
+        self.moved: list[Path] = []
         directory = Path(directory)
         # a checkpoint from elsewhere starts a folder of its own
         self.continued = restart if restart and restart.path.resolve().parent == directory.resolve() else None
         self.lock = lock if anywhere(comm, lock is not None) else occupy(comm, directory)
         try:
-            self.directory = prepare(comm, directory, self.continued is not None, inputs)
+            self.directory = prepare(comm, directory, self.continued is not None, inputs, self.moved.append)
         except BaseException:
             self.close()
             raise

@@ -17,10 +17,13 @@ def test_a_new_run_into_a_folder_with_results_loses_none(tmp_path):
     scene, folder = write(PUNCH, tmp_path / "scene.toml"), tmp_path / "run"
     folder.mkdir()
     (folder / "notes.txt").write_text("mine")
-    run = [scene, "-q", "-o", folder, "--max-steps", "2"]
-    all_done(many([run], RANKS, tmp_path / "first"))
+    run = [scene, "-o", folder, "--max-steps", "2"]
+    all_done(many([[*run, "-q"]], RANKS, tmp_path / "first"))
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    all_done(many([run], RANKS, tmp_path / "second"))
+    second = many([run], RANKS, tmp_path / "second")
+    all_done(second)
+    told = second[0][0].out + second[0][0].err
+    assert f"the results of an earlier run are in {folder / 'previous-1'} now" in " ".join(told.split())
     aside = {path.name: path.read_bytes() for path in (folder / "previous-1").iterdir()}
     assert {"history.csv", "checkpoint.h5", "fields.vtkhdf", "scene.toml", "summary.json"} <= set(aside)
     assert before == aside | {"notes.txt": b"mine"} and (folder / "notes.txt").read_text() == "mine"
