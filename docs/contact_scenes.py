@@ -146,12 +146,12 @@ def cost() -> None:
         contact.before, contact.after = Timed(contact.before), Timed(contact.after)
         clock = Timed(lambda: None)
         began = time.process_time()
-        for _ in range(60):
+        for _ in range(640):
             simulation.take_step(0.4 * h / SPEED)
             clock()
         whole = time.process_time() - began
         spent = contact.before.spent + contact.after.spent - 2.0 * clock.spent
-        print(f"gap {gap}: {whole / 60 * 1e6:.0f} us a step, contact {100 * spent / whole:.2f} %", flush=True)
+        print(f"gap {gap}: {whole / 640 * 1e6:.0f} us a step, contact {100 * spent / whole:.2f} %", flush=True)
 
 
 if __name__ == "__main__":

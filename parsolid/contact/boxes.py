@@ -26,7 +26,8 @@ _FASTER = 0.01
 class Boxes:
     """Boxes (bodies, d) [m] of the scene's bodies when they were agreed on, mean velocities [m/s], and margins [m].
 
-    near: whether lists are needed for each side; expires: the time [s] at which bodies that are apart may meet.
+    near: whether lists are needed for each side, any_near: for one at least; expires: the time [s] at which bodies that
+    are apart may meet.
     """
 
     def __init__(self, comm: Any, bodies: int, sides: Sides, systems: list[ParticleSystem]) -> None:
@@ -48,6 +49,7 @@ class Boxes:
         gap = np.linalg.norm(np.maximum(between, 0.0), axis=1)
         gap[own == other] = 0.0
         self.near = gap < self.reach + self.skin
+        self.any_near = bool(self.near.any())
         self.margin = np.full(bodies, np.inf)
         np.minimum.at(self.margin, own, np.maximum(0.5 * self.skin, np.where(self.near, 0.0, _SHARE * gap)))
         self.margin[np.isinf(self.margin)] = -1.0

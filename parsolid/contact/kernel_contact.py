@@ -30,7 +30,7 @@ from parsolid.scene.contact import CONTACT_TERMS, OSCILLATION, of_model
 
 # steps between looks at how far particles have moved, at least and at most, where bodies are near and where all are
 # apart; lists are asked for when they may not hold until twice the next look, and for as many steps more
-_LEAST_STEPS, _MOST_STEPS, _AHEAD = 4, {True: 16, False: 64}, 4
+_LEAST_STEPS, _MOST_STEPS, _AHEAD = 4, {True: 16, False: 256}, 4
 # penetration at the start that is refused, in the smaller spacing
 _TOO_DEEP = 1.0
 
@@ -139,10 +139,11 @@ class KernelContact(Interaction):
 
     def after(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Forces in the new places, half a kick, and what went into the ledger."""
-        placed = self.placements
         # where all are apart no row is in any list
-        if (None in placed or placed != self._placed) and self.boxes.near.any():
-            self.rebuild(time)
+        if self.boxes.any_near:
+            placed = self.placements
+            if None in placed or placed != self._placed:
+                self.rebuild(time)
         if self.entries.segments or self.energy or self.stuck:
             energy, stuck = self.energy, self.stuck
             self.evaluate(ledger, held=step == 0.0)
@@ -155,7 +156,7 @@ class KernelContact(Interaction):
 
     def _look(self, time: float, step: float) -> None:
         """Ask for lists where they may not hold until twice the next look."""
-        most = _MOST_STEPS[bool(self.boxes.near.any())]
+        most = _MOST_STEPS[self.boxes.any_near]
         left = self.boxes.time_left(time, (2 * most + _AHEAD) * step)
         steps = most if step == 0.0 else int((left / step - _AHEAD) / 2.0)
         self.news, self._until_look = steps < _LEAST_STEPS, steps
