@@ -97,7 +97,9 @@ class Soak:
         result = finish(job, PATIENCE)
         if "Traceback" in result.err or (history.parent / "traceback.txt").exists():
             self.faults.append((self.runs, way, result.err[-500:]))
-        if result.status in (1, 2, 3) and way not in ("kill one rank", "kill mpirun"):
+        # a signal before Python has loaded the program ends it as any process
+        plain = way.startswith("SIG") and result.status == getattr(signal, way, None) and not result.err
+        if result.status in (1, 2, 3) and way not in ("kill one rank", "kill mpirun") and not plain:
             self.faults.append((self.runs, way, f"status {result.status}: {result.err[-300:]}"))
         if result.status != 0:
             self.ended[way] += 1

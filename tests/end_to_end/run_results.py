@@ -45,7 +45,8 @@ def natural_scales(columns: dict[str, np.ndarray]) -> dict[str, float]:
     scales = {name: np.abs(values).max() for name, values in columns.items()}
     energy = max(scales[name] for name in ENERGIES)
     for name in columns:
-        if name in ENERGIES:
+        # heat that only moves within bodies is supplied but for rounding, in any of several systems
+        if name in ENERGIES or name.startswith("heat_supplied"):
             scales[name] = max(scales[name], 1e-3 * energy)
         elif "." in name:
             family = [other for other in columns if other.rpartition("_")[0] == name.rpartition("_")[0] != ""]
