@@ -49,7 +49,9 @@ def energy_terms(contacts: Any, tools: Any, bodies: Any) -> dict[str, int]:
     forces, grid = of_model(contacts, "kernel"), of_model(contacts, "grid")
     terms = (CONTACT_TERMS if forces or tools else {}) | (OSCILLATION if forces else {}) | (GRID_TERMS if grid else {})
     rubs = any(one.friction for one in (*forces, *tools))
-    warms = rubs and any(getattr(body.material, "kind", None) == "elastic-plastic" for body in bodies)
+    # while a scene is read only shapes of bodies may be known
+    kinds = {body.material.kind if hasattr(body, "material") else "elastic-plastic" for body in bodies}
+    warms = rubs and "elastic-plastic" in kinds
     return terms | (FRICTION_HEAT if warms else {})
 
 

@@ -74,3 +74,12 @@ def test_a_boundary_at_no_body_beside_a_fault_of_another():
     scene["boundaries"].append({"kind": "traction", "plane": "X = 1", "traction": ["1e5", "0"]})
     with pytest.raises(SceneError, match="boundaries.[0-9]"):
         parse_scene(scene, ROOT / "runs" / "mpm")
+
+
+@pytest.mark.parametrize("name", ["tools/incline", "contact/incline", "contact/friction_heat"])
+def test_a_reference_beside_friction_names_columns_of_the_history(name):
+    scene = of(f"runs/{name}.toml") | {"reference": {"final": {"kinetic": 1.0, "friction_dissipation": 1.0}}}
+    assert parse_scene(scene, (ROOT / "runs" / name).parent).reference.final["friction_dissipation"] == 1.0
+    scene["reference"]["final"]["friction"] = 1.0
+    with pytest.raises(SceneError, match="reference.final.friction: expected a column of the history"):
+        parse_scene(scene, (ROOT / "runs" / name).parent)
