@@ -44,14 +44,12 @@ class BodyPair(NamedTuple):
     contact: Contact
 
 
-def energy_terms(contacts: Any, tools: Any, bodies: Any) -> dict[str, int]:
-    """What contacts and tools of a scene with these bodies add to the ledger."""
+def energy_terms(contacts: Any, tools: Any, materials: list[Any]) -> dict[str, int]:
+    """What contacts and tools of a scene with these kinds of materials add to the ledger."""
     forces, grid = of_model(contacts, "kernel"), of_model(contacts, "grid")
     terms = (CONTACT_TERMS if forces or tools else {}) | (OSCILLATION if forces else {}) | (GRID_TERMS if grid else {})
     rubs = any(one.friction for one in (*forces, *tools))
-    # while a scene is read only shapes of bodies may be known
-    kinds = {body.material.kind if hasattr(body, "material") else "elastic-plastic" for body in bodies}
-    warms = rubs and "elastic-plastic" in kinds
+    warms = rubs and "elastic-plastic" in materials
     return terms | (FRICTION_HEAT if warms else {})
 
 

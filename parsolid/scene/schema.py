@@ -177,6 +177,8 @@ class Parts:
     method: Any
     complete: bool
     stated_bodies: int
+    # what bodies say the kind of their material is
+    materials: list[Any]
     # number of a body -> class of its method, where bodies have several
     methods_of_bodies: dict[int, Any] = field(default_factory=dict)
 
@@ -216,7 +218,9 @@ class Parts:
         bodies = lists["bodies"]
         own = {i: own_method(data["bodies"][i], context) for i in bodies} if context.get("methods") else {}
         sound |= {"dimension": dimension, "reference": reference, "method": method, "complete": complete}
-        return cls(**sound, stated_bodies=stated, methods_of_bodies=own)
+        tables = [one.get("material") for one in data.get("bodies") or () if isinstance(one, dict)] if stated else []
+        kinds = [one.get("kind") for one in tables if isinstance(one, dict)]
+        return cls(**sound, stated_bodies=stated, materials=kinds, methods_of_bodies=own)
 
 
 def cross_faults(parts: Parts) -> list[str]:
@@ -328,7 +332,7 @@ def _reference_faults(parts: Parts) -> list[str]:
     if parts.reference is None or not parts.complete or parts.method is None:
         return []
     key = "final" if parts.reference.final is not None else "columns"
-    met = energy_terms(parts.contact.values(), parts.tools.values(), parts.bodies.values())
+    met = energy_terms(parts.contact.values(), parts.tools.values(), parts.materials)
     known = [*HISTORY_COLUMNS, *parts.method.ledger_terms, *met, *(TIE_TERMS if parts.tie else ())]
     for name in (one.reports for one in parts.boundaries.values() if one.reports is not None):
         known += [f"{name}.work", *reaction_columns(name, parts.dimension)]

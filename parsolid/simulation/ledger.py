@@ -104,7 +104,8 @@ def terms_of(scene: Scene) -> dict[str, int]:
     named = zip(scene.systems, names_of_terms(scene))
     terms = {names[one]: sign for system, names in named for one, sign in _own_terms(scene, system).items()}
     works = {f"{one.reports}.work": 0 for one in scene.boundaries if one.reports is not None}
-    met = energy_terms(scene.contact, scene.tools, scene.bodies) | (TIE_TERMS if scene.tie else {})
+    kinds = [getattr(body.material, "kind", None) for body in scene.bodies]
+    met = energy_terms(scene.contact, scene.tools, kinds) | (TIE_TERMS if scene.tie else {})
     return terms | met | works
 
 
