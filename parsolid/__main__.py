@@ -2,10 +2,13 @@
 
 import sys
 
-from parsolid.simulation.signals import catch_early
+from parsolid.simulation.signals import catch_early, hold
 
 catch_early(sys.argv[1:])
 
 from parsolid.commands.cli import main  # noqa: E402 (after the signals are caught: importing takes seconds)
 
-sys.exit(main())
+status = main()
+# Python takes handlers back before it ends
+hold()
+sys.exit(status)

@@ -36,3 +36,8 @@ def catch_early(arguments: list[str]) -> None:
     """Catch the signals from the start of a run; for any other command nothing happens."""
     if not arguments or arguments[0] not in _OTHERS:
         REQUEST.install()
+
+
+def hold() -> None:
+    """Keep signals from ending a process that has nothing left to do but to leave: it would not have its status."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGUSR1, signal.SIGTERM))

@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -81,3 +83,10 @@ def test_the_wall_time_stops_a_run_again_and_again(whole, tmp_path):
     assert [[rank.status for rank in ranks] for ranks in results] == [[TO_BE_CONTINUED] * RANKS] * 2 + [[0] * RANKS]
     assert_same_bits(folder, expected)
     assert summary(folder)["steps"] == state(expected)[0]["step"]
+
+
+def test_a_signal_after_the_end_leaves_the_status_as_it_is():
+    words = "import os, signal; from parsolid.simulation.signals import hold; hold(); os.kill(os.getpid(), signal.{}); "
+    for name in ("SIGINT", "SIGTERM", "SIGUSR1"):
+        ended = subprocess.run([sys.executable, "-c", words.format(name) + "raise SystemExit(75)"], check=False)
+        assert ended.returncode == 75
