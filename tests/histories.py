@@ -134,10 +134,12 @@ def largest_difference(one: Path, other: Path) -> tuple[float, str, int]:
             # a crack that is not there has no tip
             continue
         scale = max(np.nanmax(np.abs(wanted)), natural.get(group.rpartition(".")[2], 0.0), 1e-300)
+        # of forces at their distances, and the other way round: symmetry makes either vanish
+        about, reach = group.rpartition(".")[0], max(natural["position"], 1e-300)
         if group.endswith(".moment"):
-            # of forces at their distances
-            forces = tables[0][:, groups[group.replace(".moment", ".force")]]
-            scale = max(scale, natural["position"] * np.abs(forces).max())
+            scale = max(scale, reach * np.abs(tables[0][:, groups[f"{about}.force"]]).max())
+        if group.endswith(".force") and f"{about}.moment" in groups:
+            scale = max(scale, np.abs(tables[0][:, groups[f"{about}.moment"]]).max() / reach)
         if group == "energies" and np.abs(tables[0][:, names.index("balance")]).max() > 0.1 * scale:
             # pure heat: what is left of mechanical energies is round-off
             continue

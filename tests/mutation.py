@@ -29,7 +29,7 @@ OPERATORS = (
 )
 # file or folder -> tests of it; the longest name that fits counts
 PLAIN, WHOLE = "plain loops", "kernels"
-_RESTART = "tests/simulation/test_scene_changes.py tests/output/test_damage.py"
+_RESTART = "tests/simulation/test_restart.py tests/simulation/test_scene_changes.py tests/output/test_damage.py"
 _PROBES = "tests/simulation/test_probes.py tests/simulation/test_regions.py"
 _BALANCE = "tests/simulation/test_energy_balance.py"
 _LAWS = "tests/materials/test_registry.py tests/materials/test_relaxation.py tests/materials/test_prony.py"
