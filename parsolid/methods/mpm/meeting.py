@@ -12,6 +12,7 @@ import numpy as np
 from decomposition.shared_nodes import SharedNodes
 from parsolid.methods.mpm import meeting_kernels as kernels
 from parsolid.methods.mpm.meeting_kernels import FIT, FORM, Cloud
+from parsolid.numerics.sums import in_turn
 
 # of the square of the steepness of a fit a cell; steps of Newton's rule at most, and what they may leave; the factor on
 # extents of particles, without which a corner on a face would see a plane between its sides (7 degrees at its edge)
@@ -201,5 +202,5 @@ class Meeting:
             mean = 0.5 * (before + after) * nodes.share[slot, None]
             pressed = (impulse * self.normal[here]).sum(axis=1)[:, None] * self.normal[here]
             for part, J in enumerate((pressed, impulse - pressed)):
-                result[part] += (1.0, -1.0)[number] * float((J * mean).sum())
+                result[part] += (1.0, -1.0)[number] * in_turn(J * mean)
         return float(result[0]), float(result[1])
