@@ -137,8 +137,8 @@ def _seconds_a_step(comm: MPI.Intracomm, simulation: Simulation, stable: float) 
     """Measured wall time of a step [s], and its work on the busiest rank, of the processor, without messages;
     collective.
     """
-    # steps as the run takes them, jumps of loads and shorter ones as matter deforms among them: those of a solver and of
-    # moving lists cost what their motion makes them cost
+    # steps as the run takes them, jumps of loads and shorter ones as matter deforms among them; those of a solver and
+    # of moving lists cost what their motion makes them cost
     end, time_steps = simulation.scene.end_time, simulation.time_steps
 
     def take_step(stable: float) -> float:
