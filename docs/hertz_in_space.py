@@ -2,8 +2,8 @@
 
 A quarter of a ball's cap on a quarter of a block, both of particles and of one solid. The cap's lattice is the
 block's, moved up by the ball's surface, so that every layer follows it: a lattice that is cut by a ball is flat at its
-pole. What is beyond four half widths is a half space whose displacements are known: that of a point load (Boussinesq), and outer
-layers move by it, so the approach is that of points at infinity, and nothing is corrected. Methods: tlsph,
+pole. What is beyond four half widths is a half space whose displacements are known: those of a point load (Boussinesq),
+and outer layers move by them, so the approach is that of points at infinity, and nothing is corrected. Methods: tlsph,
 peridynamics, mpm, and grid (mpm with contact on the grid); other words are put into [[contact]]: stiffness=4.
 """
 

@@ -5,7 +5,7 @@ Tuckerman, Berne, Martyna, J. Chem. Phys. 97 (1992) 1990), so within it systems 
 """
 
 from collections.abc import Sequence
-from math import ceil, inf
+from math import ceil
 from typing import Any
 
 from parsolid.collective import minimum
