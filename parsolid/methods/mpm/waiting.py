@@ -16,9 +16,9 @@ class WaitingImpulses:
     """The field "impulse" of particles that something acts on between steps, and "moved", the mean velocity of their
     places in the last common step [m/s]. step: the last one [s].
 
-    A force F between particles does the work F . dx/2 of their ways before and after it; the impulse J of both halves is
-    given to the nodes and shows as J . (u + u')/2, u the velocities that particles bring to the nodes and u' those of
-    the momentum that is mapped back. J . (moved before + moved after - u - u')/2 is lost in the transfers.
+    A force F between particles does the work F . dx/2 of their ways before and after it; the impulse J of both halves
+    is given to the nodes and shows as J . (u + u')/2, u the velocities that particles bring to the nodes and u' those
+    of the momentum that is mapped back. J . (moved before + moved after - u - u')/2 is lost in the transfers.
     """
 
     def __init__(self, points: MaterialPoints) -> None:
@@ -28,7 +28,9 @@ class WaitingImpulses:
         points.declare(Field("impulse", points.dimension, "N s", checkpointed=True))
         points.declare(Field("moved", points.dimension, "m/s", checkpointed=True))
         # of the common step: all of it, the part of each step, the number of this one and how many there are
-        self.given, self.part, self.place = None, None, (0, 1)
+        self.given: np.ndarray | None = None
+        self.part: np.ndarray | None = None
+        self.place = 0, 1
         if points.settings.substeps not in (None, 1):
             points.declare(Field("given_impulse", points.dimension, "N s"))
 
