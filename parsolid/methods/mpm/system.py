@@ -173,7 +173,7 @@ class MaterialPoint(ParticleSystem):
     def _with_impulses(self, forces: np.ndarray | None, step: float) -> np.ndarray | None:
         """Forces (capacity, 4) [N] of loads and of the impulses that have been given since the last step [s]."""
         if self.waiting is not None:
-            forces, self.transfer.impulse = self.waiting.take(forces, step, (self.substep, self.substeps))
+            return self.waiting.take(forces, step, (self.substep, self.substeps))
         return forces
 
     def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
@@ -204,7 +204,7 @@ class MaterialPoint(ParticleSystem):
     def expect_kicks(self) -> None:
         """See `waiting.WaitingImpulses`."""
         if self.waiting is None:
-            self.waiting = WaitingImpulses(self.points)
+            self.waiting = self.transfer.waiting = WaitingImpulses(self.points)
 
     def follow_work(self, work: list[float], number: int) -> None:
         """See `Residence.follow_work`."""
