@@ -34,6 +34,11 @@ class Search:
     done: list[Done] = field(default_factory=list)
     spent: float = 0.0
 
+    @property
+    def ratios(self) -> tuple[float, ...]:
+        """Of the companions of the first level, which has few particles itself."""
+        return RATIOS[self.scene.dimension][-1]
+
     def level(self, ratio: float) -> Companion:
         """The scene nearest to a ratio, below 1 for a finer one. Raises NotCoarsened."""
         made = None if ratio == 1.0 else coarser(self.scene, ratio, 0.0)
@@ -111,8 +116,8 @@ def first_level(search: Search) -> Companion:
         except NotCoarsened as reason:
             reasons.append(str(reason))
             continue
-        found, refused = companions_of(level.scene, search.options.trust_code)
-        if sum(one.purpose == SPACING for one in found) >= len(RATIOS[search.scene.dimension][0]):
+        found, refused = companions_of(level.scene, search.options.trust_code, search.ratios)
+        if sum(one.purpose == SPACING for one in found) >= len(search.ratios):
             return level
         reasons += refused
     raise SolverError(f"target: expected a scene of which coarser ones can be made, found: {reasons[-1]}")
@@ -123,7 +128,7 @@ def run_level(search: Search, level: Companion, alone: Alone) -> tuple[int, Erro
     comm, options, folder = search.comm, search.options, search.folder_of(level)
     say = speaker(comm, options)
     if not search.done:
-        plans, _ = companions_of(level.scene, options.trust_code)
+        plans, _ = companions_of(level.scene, options.trust_code, search.ratios)
         found = companions_done(comm, plans, search.folder, options, search.began, say)
         if found is None:
             return TO_BE_CONTINUED, None

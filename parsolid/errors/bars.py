@@ -154,8 +154,13 @@ def told(table: ErrorTable, name: str) -> str:
     if not math.isfinite(error):
         mean = f", mean over time {bar.mean:.4g} +- {bar.mean_error:.2g}" if bar.mean_error is not None else ""
         return f"{name} {value:.4g}: no bar, {bar.verdict}{mean}"
-    percent = f" ({100.0 * share:.2g} % of its largest)" if math.isfinite(share) else ""
+    percent = f" ({percentage(share)} % of its largest)" if math.isfinite(share) else ""
     return f"{name} {_rounded(value, error)} +- {error:.2g}{percent}, {bar.verdict}"
+
+
+def percentage(share: float) -> str:
+    """A share in percent, to two digits but never with a power of ten."""
+    return f"{100.0 * share:.0f}" if share >= 1.0 else f"{100.0 * share:.2g}"
 
 
 def _rounded(value: float, error: float) -> str:
