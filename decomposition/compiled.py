@@ -27,6 +27,7 @@ from numba.core import config, extending
 from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 from numba.core.types import BaseNamedTuple, BaseTuple, Optional  # type: ignore[attr-defined]
 
@@ -240,7 +241,8 @@ class KernelCache(_Cache):  # type: ignore[misc]
         """
         if not self.enabled:
             return None
-        target_context.refresh()
+        # all that a loaded function needs; refresh() loads what only a compilation does, and takes as long as the rest of numba
+        rtsys.initialize(target_context)
         path = self.path(sig, target_context.codegen())
         found = _load(path, target_context)
         # the file may have come between the look and the reservation
