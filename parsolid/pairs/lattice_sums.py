@@ -63,6 +63,11 @@ class LatticeSums:
         whole = self.over_offsets(rows.volume)
         self.rows = rows._replace(volumes=whole[:, 0].copy(), moments=whole[:, 1:].copy())
 
+    def arrays(self) -> list[np.ndarray]:
+        """Arrays of the lattice, for what counts memory."""
+        kept = [self.values, self.field, self.result, self.forces, self.sums, self.slopes, self.jumps, self.unused]
+        return [*kept, *(array for array in self.rows if isinstance(array, np.ndarray))]
+
     def over_offsets(self, values: np.ndarray) -> np.ndarray:
         """Sums (owned, 4) over offsets of values (n,), and of values times the offset, in spacings."""
         field, result = np.zeros_like(self.field[0]), np.zeros_like(self.result[0])
