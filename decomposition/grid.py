@@ -13,7 +13,7 @@ from mpi4py import MPI
 from .cell_partition import CellPartition, balanced
 from .migration import migrate
 from .node_sum import CellSum, NodeSum, Sharing
-from .occupied import FARTHEST, Mirror, OccupiedCells, reflected, words
+from .occupied import FARTHEST, Mirror, OccupiedCells, indices_of, reflected, words
 from .talking import TALKING
 
 _PARTICLES_TAG, _OFFER_TAG, _SUM_TAG = 21, 22, 23
@@ -54,8 +54,8 @@ class RankGrid:
         self.partition = partition
         # a particle crosses less than one cell a step, a stencil reaches width - 1 cells; two ranks' guests may meet
         self.neighbours = partition.neighbours(self.comm.rank, self.cells.width + 2 * self.slack)
-        self._offered_version, self._known_nodes = -1, 0
-        self._pairs = np.zeros((0, 2), np.int64)
+        self._offered_version = -1
+        self._forget_pairs()
         self._offers = {rank: (np.zeros(0, np.int64), np.zeros(0, np.int64)) for rank in self.neighbours}
         self._theirs = dict(self._offers)
 
@@ -119,7 +119,7 @@ class RankGrid:
             sound = sound and bool(self._near_own(self.partition, at).all())
         if len(self.cells.index) > _ALWAYS_KEPT + (1.0 + _TOO_MANY_EMPTY) * self.cells.occupied.sum():
             self.cells.compact()
-            self._known_nodes, self._pairs = 0, self._pairs[:0]
+            self._forget_pairs()
             self._sort(particles, bases)
         if self.neighbours:
             self._agree()
@@ -194,8 +194,13 @@ class RankGrid:
         if changed:
             self._share()
 
+    def _forget_pairs(self) -> None:
+        """Pairs (word of a node, rank that it may concern) of the nodes known by their words."""
+        self._known, self._pairs = np.zeros(0, np.int64), np.zeros((0, 2), np.int64)
+
     def _find_offers(self) -> None:
-        new = self.cells.nodes[self._known_nodes :]
+        word = np.setdiff1d(self.cells.node_words, self._known, assume_unique=True)
+        new = indices_of(word, self.dimension)
         width, here, slack = self.cells.width, self.comm.rank, self.slack
         pairs = [self.partition.touching(new + slack, width + 2 * slack, here)]
         for mirror in self.cells.mirrors:
@@ -203,17 +208,16 @@ class RankGrid:
             found = self.partition.touching(images + slack, width + 2 * slack, here)
             pairs.append(np.stack((rows[found[:, 0]], found[:, 1]), axis=1))
         found = np.concatenate(pairs)
-        found[:, 0] += self._known_nodes
-        self._pairs = np.concatenate((self._pairs, found))
-        self._known_nodes = len(self.cells.nodes)
+        found[:, 0] = word[found[:, 0]]
+        self._pairs, self._known = np.concatenate((self._pairs, found)), self.cells.node_words
         for rank in self.neighbours:
-            slots = np.unique(self._pairs[self._pairs[:, 1] == rank, 0])
+            concerning = np.unique(self._pairs[self._pairs[:, 1] == rank, 0])
             cells = np.zeros(0, np.int64)
             if self.bitwise:
                 concerned = np.zeros(len(self.cells.nodes), bool)
-                concerned[slots] = True
+                concerned[self.cells.slots(concerning)] = True
                 cells = words(self.cells.index[concerned[self.cells.stencil].any(axis=1)])
-            self._offers[rank] = np.sort(words(self.cells.nodes[slots])), cells
+            self._offers[rank] = concerning, cells
 
     def _share(self) -> None:
         offered = [self._offers[rank] for rank in self.neighbours]

@@ -121,7 +121,8 @@ class OccupiedCells:
 
     index (cells, d) int64; stencil (cells, width**d) int32 slots of nodes, last direction fastest; start (cells + 1,),
     order (owned,) int64: particles of cell c are order[start[c] : start[c + 1]]. nodes (count, d) int64: indices by
-    slot. Cells stay when their particles have left, until `compact`. `version` counts changes of cells or nodes.
+    slot, and node_words, in lexicographic order. Cells stay when their particles have left, until `compact`. `version`
+    counts changes of cells or nodes, which may change all slots.
     """
 
     def __init__(self, dimension: int, width: int, mirrors: tuple[Mirror, ...] = ()) -> None:
@@ -139,7 +140,7 @@ class OccupiedCells:
         self.stencil = np.zeros((0, self.width**self.dimension), np.int32)
         self.start = np.zeros(1, np.int64)
         self.nodes = np.zeros((0, self.dimension), np.int64)
-        self._node_words, self._node_slots = np.zeros(0, np.int64), np.zeros(0, np.int32)
+        self.node_words = np.zeros(0, np.int64)
 
     @property
     def occupied(self) -> np.ndarray:
@@ -195,23 +196,28 @@ class OccupiedCells:
     def _slots_of_nodes(self, nodes: np.ndarray) -> np.ndarray:
         """Slots of nodes (n, d), which are listed if they are not yet, together with their mirror images."""
         wanted, back = np.unique(words(nodes), return_inverse=True)
-        unknown = indices_of(_unlisted(wanted, self._node_words), self.dimension)
+        unknown = indices_of(_unlisted(wanted, self.node_words), self.dimension)
         for mirror in self.mirrors:
             unknown = np.concatenate((unknown, reflected(unknown, mirror, self.width)[1]))
-        new = _unlisted(words(unknown), self._node_words)
-        place = np.searchsorted(self._node_words, new)
-        slots = np.arange(len(self.nodes), len(self.nodes) + len(new), dtype=np.int32)
-        self._node_words = np.insert(self._node_words, place, new)
-        self._node_slots = np.insert(self._node_slots, place, slots)
-        self.nodes = np.concatenate((self.nodes, indices_of(new, self.dimension)))
+        new = _unlisted(words(unknown), self.node_words)
+        if len(new):
+            self._list_nodes(new)
         return self.slots(wanted)[back.ravel()]
+
+    def _list_nodes(self, new: np.ndarray) -> None:
+        """By their words, sorted, none of which is listed."""
+        # sums over slots in their order have the same bits, whenever their nodes were listed
+        moved = np.arange(len(self.nodes)) + np.searchsorted(new, self.node_words)
+        self.stencil = moved.astype(np.int32)[self.stencil]
+        self.node_words = np.insert(self.node_words, np.searchsorted(self.node_words, new), new)
+        self.nodes = indices_of(self.node_words, self.dimension)
 
     def slots(self, word: np.ndarray) -> np.ndarray:
         """Slots of nodes by their words, -1 where there is no such node."""
-        if len(self._node_words) == 0:
+        if len(self.node_words) == 0:
             return np.full(len(word), -1, np.int32)
-        place = np.minimum(np.searchsorted(self._node_words, word), len(self._node_words) - 1)
-        return np.where(self._node_words[place] == word, self._node_slots[place], np.int32(-1))
+        place = np.minimum(np.searchsorted(self.node_words, word), len(self.node_words) - 1)
+        return np.where(self.node_words[place] == word, place, -1).astype(np.int32)
 
     def compact(self) -> None:
         """Forget cells without particles and nodes without cells; `sort` must follow."""

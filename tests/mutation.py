@@ -29,8 +29,11 @@ OPERATORS = (
 )
 # file or folder -> tests of it; the longest name that fits counts
 PLAIN, WHOLE = "plain loops", "kernels"
-_RESTART = "tests/simulation/test_scene_changes.py tests/output/test_damage.py"
-_PROBES = "tests/simulation/test_probes.py tests/simulation/test_regions.py"
+_RESTART = "tests/simulation/test_restart.py tests/simulation/test_scene_changes.py tests/output/test_damage.py"
+_PROBES = (
+    "tests/simulation/test_probes.py tests/simulation/test_regions.py tests/simulation/test_samplers.py "
+    "tests/simulation/test_shown_fields.py tests/boundary/test_reactions.py"
+)
 _BALANCE = "tests/simulation/test_energy_balance.py"
 _LAWS = "tests/materials/test_registry.py tests/materials/test_relaxation.py tests/materials/test_prony.py"
 ROOMS: dict[str, tuple[str, dict[str, str]]] = {

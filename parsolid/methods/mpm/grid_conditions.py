@@ -21,6 +21,7 @@ from parsolid.boundary.mirror_planes import MirrorPlane
 from parsolid.boundary.reactions import Told
 from parsolid.collective import SolverError, maximum, minimum
 from parsolid.methods.mpm import grid as kernels
+from parsolid.numerics.sums import in_turn
 from parsolid.scene.base_model import Plane
 from parsolid.scene.formulas import Formula
 from parsolid.scene.load_histories import LoadHistory
@@ -142,7 +143,7 @@ class DrivenRegion:
         for axis, course in self.components:
             wanted, found = course.evaluate(self.places, time)[:, 0], nodes[self.slots, axis]
             change = np.where(nodes[self.slots, 3] > 0.0, wanted - found, 0.0)
-            work += float(mass @ (change * (found + 0.5 * change - 0.5 * nodes[self.slots, 4 + axis])))
+            work += in_turn(mass * (change * (found + 0.5 * change - 0.5 * nodes[self.slots, 4 + axis])))
             nodes[self.slots, axis] += change
             nodes[self.slots, 4 + axis] += change
         return work
@@ -211,8 +212,10 @@ class GridConditions:
         moving = now[:, :d] - 0.5 * now[:, 4 : 4 + d]
         if isinstance(one, MovingWall):
             moving = np.broadcast_to(one.velocity[:d], moving.shape)
-        told_mass = (nodes.share * now[:, 3])[:, None]
-        one.told.add(nodes.places[:, :d], told_mass * change, moving)
+        mass = nodes.share * now[:, 3]
+        # with others the sums would have other bits
+        here = np.flatnonzero(mass)
+        one.told.add(nodes.places[here, :d], mass[here, None] * change[here], moving[here])
 
     def obey(self, nodes: Any, array: np.ndarray, time: float) -> tuple[float, float]:
         """Let velocities in an array of `Nodes` obey at a time [s]; the work this takes, and what of it is lost [J]."""

@@ -15,6 +15,7 @@ from parsolid.methods.mpm.gather import gather
 from parsolid.methods.mpm.grid import Flip
 from parsolid.methods.mpm.meeting_kernels import FIT, FORM, Cloud
 from parsolid.numerics.lanes import aligned_zeros
+from parsolid.numerics.sums import in_turn
 
 # of the square of the steepness of a fit a cell; steps of Newton's rule at most, and what they may leave; the factor on
 # extents of particles, without which a corner on a face would see a plane between its sides (7 degrees at its edge)
@@ -225,9 +226,8 @@ class Meeting:
             nodes, slot = system.nodes, self.slots[number][here]
             before = nodes.motion[slot, :d] - nodes.motion[slot, 4 : 4 + d]
             after = nodes.again[slot, :d] if system.settings.order == "musl" else nodes.motion[slot, :d]
-            taken[0] += (1.0, -1.0)[number] * float(
-                nodes.share[slot] @ (self.impulse[here] * 0.5 * (before + after)).sum(axis=1)
-            )
+            mean = 0.5 * (before + after) * nodes.share[slot, None]
+            taken[0] += (1.0, -1.0)[number] * in_turn(self.impulse[here] * mean)
             if number == 0:
-                taken[1] = float(nodes.share[slot] @ self.rubbed[here])
+                taken[1] = in_turn(nodes.share[slot] * self.rubbed[here])
         return float(taken[0] - taken[1]), float(taken[1])

@@ -14,6 +14,7 @@ from parsolid.methods.mpm.mass_matrix import MassMatrix
 from parsolid.methods.mpm.material_points import MaterialPoints
 from parsolid.numerics.lanes import aligned_zeros
 from parsolid.numerics.layout import Axisymmetric
+from parsolid.numerics.sums import in_turn
 
 # nodes lighter than this share of the lightest particle do not move
 _LEAST_MASS = 1e-9
@@ -25,8 +26,8 @@ class Nodes:
 
     heat (slots, 8), see `methods.mpm.heat`; again and heat only where the scene has them.
     interpolation: `kernels.Interpolation` of the step, to be found anew when particles have been listed anew.
-    places (count, 4) [m]; share (count,): what counts of a node on this rank's side of mirror planes, if no lower rank
-    counts it; surface_loads: what acts on surfaces, set with the boundaries;
+    places (count, 4) [m]; share (count,): what counts of a node on this rank: what is on its side of mirror planes, as
+    far as the step's mass is that of its particles; surface_loads: what acts on surfaces, set with the boundaries;
     mirrored: axis, slots behind each mirror plane, of their images, and on it;
     told: conditions that tell what they take, see `boundary.reactions`;
     partial (cells, width**d, 8): parts of single cells, with bitwise sums, else None.
@@ -90,7 +91,7 @@ class Nodes:
 
     def _find_folds(self) -> None:
         """Nodes behind and on the mirror planes, and what counts of each node."""
-        self.share = np.ones(self.count)
+        share = np.ones(self.count)
         self._folds: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         self.mirrored: list[tuple[int, np.ndarray, np.ndarray, np.ndarray]] = []
         for plane in self.planes:
@@ -98,11 +99,10 @@ class Nodes:
             ghosts = np.concatenate((behind, on_plane)).astype(np.int32)
             self.mirrored.append((plane.mirror.axis, behind, images, on_plane))
             self._folds.append((ghosts, np.concatenate((images, on_plane)).astype(np.int32), plane.signs))
-            self.share[behind] = 0.0
-            self.share[on_plane] *= 0.5
-        for rank, shared in zip(self.ranks.sharing.neighbours, self.ranks.sharing.shared):
-            if rank < self.ranks.comm.rank:
-                self.share[shared] = 0.0
+            share[behind] = 0.0
+            share[on_plane] *= 0.5
+        self._common = np.unique(np.concatenate([np.zeros(0, np.int32), *self.ranks.sharing.shared]))
+        self.share, self._share_of_all = share, share[self._common]
 
     def _make_sums(self) -> None:
         """Sums over ranks by name, of columns of an array."""
@@ -128,9 +128,21 @@ class Nodes:
 
     def sum(self, name: str) -> None:
         """Add up what all ranks' particles have given: "motion", "again", "capacity" or "flow"."""
+        own = self._own_masses() if name == "motion" and len(self._common) else None
         with TALKING:
             self._sums[name].start()
             self._sums[name].finish()
+        if own is not None:
+            # a function of where particles are: which ranks list a node depends on where they were, too
+            mass = self.motion[self._common, 3]
+            self.share[self._common] = self._share_of_all * own / np.where(mass > 0.0, mass, 1.0)
+
+    def _own_masses(self) -> np.ndarray:
+        """What this rank's particles have given to the nodes that other ranks list as well [kg]."""
+        if self.partial is None:
+            return np.asarray(self.motion[self._common, 3])
+        slots, given = self.ranks.cells.stencil.ravel(), self.partial[:, :, 3].ravel()
+        return np.bincount(slots, given, self.count)[self._common]
 
     def accelerate(self, step: float) -> None:
         """New velocities after a step [s], and their changes, from the sums of momentum and force."""
@@ -156,18 +168,18 @@ class Nodes:
         """What the step has added to the nodes' kinetic energy [J], on this rank."""
         if self.mass is not None:
             mean = self.motion[: self.count, :3] - 0.5 * self.motion[: self.count, 4:7]
-            return float((self._impulses() * mean).sum())
+            return in_turn(self._impulses() * mean)
         return float(kernels.kinetic_gain(0, self.count, self.motion, self.share))
 
     def energy_of_changes(self) -> float:
         """sum_i m_i a_i^2 / 2 [J] of the nodes' changes of velocity in the step, on this rank."""
         if self.mass is not None:
-            return 0.5 * float((self._impulses() * self.motion[: self.count, 4:7]).sum())
+            return 0.5 * in_turn(self._impulses() * self.motion[: self.count, 4:7])
         return float(kernels.energy_of_changes(0, self.count, self.motion, self.share))
 
     def energy_of_mapping_back(self) -> float:
         """sum_i m_i a_i . (v_i - u_i) / 2 [J] on this rank, u_i the velocities of the momentum that was mapped back."""
-        return 0.5 * float((self._impulses() * (self.motion - self.again)[: self.count, :3]).sum())
+        return 0.5 * in_turn(self._impulses() * (self.motion - self.again)[: self.count, :3])
 
     def _impulses(self) -> np.ndarray:
         """m_i a_i (count, 3) [N s] as far as this rank counts them; of the forces, if masses are not lumped."""

@@ -1,0 +1,191 @@
+"""What a restart puts back: fields of the same shapes alone, sums of the ranks that there are now, the energy of the
+start, also when an allowed change makes it another one."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from solids import punch, run_into
+
+from parsolid.collective import SolverError
+from parsolid.output.checkpoint import previous_name, read_checkpoint
+from parsolid.output.errors import OutputError
+from parsolid.scene import SceneError, parse_scene
+from parsolid.simulation import restart as restarts
+from parsolid.simulation.ledger import Ledger
+from parsolid.simulation.restart import Restart
+from parsolid.simulation.scene_changes import contents
+
+TERMS = {"crack": 1}
+HEADER = {"initial_energy": 42.0, "largest_energy": 50.0, "largest_balance": 0.5, "energy_entered": 3.0}
+HEADER |= {"jumped": True, "time": 0.3, "step": 7, "stable_step": 0.01, "interactions": ["kept"], "balance": 0.25}
+
+
+def restart(comm, *, rows=None, same=True, allowed=(), values=None, **header) -> Restart:
+    """One that has been read, by default of as many ranks as there are; rows (ranks that wrote, 4) [J]."""
+    one = object.__new__(Restart)
+    one.comm, one.path, one.allowed, one.notes = comm, "checkpoint.h5", allowed, []
+    one.header, one.same_ranks, one.values = HEADER | header, same, values or [{}]
+    one.rows = np.arange(4.0 * comm.size).reshape(comm.size, 4) if rows is None else rows
+    return one
+
+
+def simulation(energies=(0.0, 0.0)) -> SimpleNamespace:
+    """What a restart fills."""
+    taken = []
+    return SimpleNamespace(
+        ledger=Ledger(TERMS),
+        balance=SimpleNamespace(),
+        time_steps=SimpleNamespace(),
+        clock=SimpleNamespace(),
+        interactions=[SimpleNamespace(set_state=taken.append)],
+        taken=taken,
+        energies=lambda: energies,
+    )
+
+
+def test_every_rank_goes_on_with_its_own_sums(comm):
+    sim = simulation()
+    restart(comm).apply(sim)
+    assert sim.ledger.values.tolist() == [4.0 * comm.rank + i for i in range(4)]
+    assert sim.ledger.initial == 42.0 and sim.taken == ["kept"]
+    assert (sim.clock.time, sim.clock.step, sim.stable, sim.time_steps.jumped) == (0.3, 7, 0.01, True)
+    lost = sum(4.0 * rank + 1.0 for rank in range(comm.size))
+    assert vars(sim.balance) == {"largest": 50.0, "worst": 0.5, "entered": 3.0, "lost": lost}
+
+
+def test_on_other_ranks_the_first_has_the_sums_of_all(comm):
+    sim, rows = simulation(), np.array([[1.0, 2.0, 3.0, 4.0], [10.0, 20.0, 30.0, 40.0], [100.0, 200.0, 300.0, 400.0]])
+    restart(comm, rows=rows, same=False).apply(sim)
+    assert sim.ledger.values.tolist() == ([111.0, 222.0, 333.0, 444.0] if comm.rank == 0 else [0.0] * 4)
+    assert sim.balance.lost == 222.0
+
+
+@pytest.mark.parametrize("terms", [3, 5])
+def test_other_energy_terms_are_refused(comm, terms):
+    with pytest.raises(SolverError, match=f"expected one with the {terms} energy terms .* checkpoint.h5, found 4"):
+        restart(comm, rows=np.zeros((comm.size, terms))).apply(simulation())
+
+
+def test_an_allowed_change_is_no_residual_of_the_energy(comm):
+    # with its sums, the ledger's balance would be 11 + 6 - 42 and those: now it goes on as it was
+    sim, one = simulation((11.0 / comm.size, 6.0 / comm.size)), restart(comm, allowed=("bodies.0.material",))
+    one.apply(sim)
+    assert sim.ledger.row(comm, *sim.energies())["balance"] == pytest.approx(0.25, abs=1e-12)
+    jump = sim.ledger.initial - 42.0
+    assert one.notes == [f"the energy of the state changes by {jump:.4g} J with what was allowed to change"]
+    # nothing is said of nothing, nor taken where nothing was allowed, nor without a balance to go on with
+    same = restart(comm, allowed=("x",), balance=sim.ledger.row(comm, *sim.energies())["balance"] + jump)
+    same.apply(sim)
+    assert same.notes == [] and sim.ledger.initial == 42.0
+    for other in (restart(comm), restart(comm, allowed=("x",))):
+        if other.allowed:
+            del other.header["balance"]
+        other.apply(sim)
+        assert other.notes == [] and sim.ledger.initial == 42.0
+
+
+def test_a_checkpoint_of_an_earlier_version_counts_from_here(comm):
+    sim, one = simulation(), restart(comm)
+    for name in ("largest_balance", "energy_entered", "interactions"):
+        del one.header[name]
+    one.apply(sim)
+    assert (sim.balance.worst, sim.balance.entered, sim.taken) == (0.0, 0.0, [])
+
+
+def system(**fields) -> SimpleNamespace:
+    """One that keeps these fields."""
+    told: list = []
+    particles = SimpleNamespace(checkpointed=lambda: fields, restore=told.append)
+    return SimpleNamespace(
+        particles=particles,
+        set_state=told.append,
+        resume=lambda: told.append("resumed"),
+        forget=lambda: told.append("forgotten"),
+        told=told,
+    )
+
+
+def test_fields_come_in_the_order_of_the_particles_and_the_state_after_them(comm):
+    values = {"stress": np.arange(6.0).reshape(3, 2), "mass": np.arange(3.0)}
+    for allowed in ((), ("bodies.0.material",)):
+        one = restart(comm, values=[values, values], allowed=allowed, method_state="first", method_state_1="second")
+        both = [system(stress=np.zeros((5, 2)), mass=np.zeros(5)) for _ in range(2)]
+        one.apply_state(both, [np.array([2, 0, 1]), np.array([0, 2, 1])])
+        for each, order, state in zip(both, ([2, 0, 1], [0, 2, 1]), ("first", "second")):
+            put, *rest = each.told
+            assert all(np.array_equal(put[name], values[name][order]) for name in values) and len(put) == 2
+            assert rest == [state, "resumed", *(["forgotten"] if allowed else [])]
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"stress": np.zeros((3, 2))}, r"\(mass, stress\), found one with stress"),
+        ({"stress": np.zeros((3, 2)), "mass": np.zeros(3), "more": np.zeros(3)}, "found one with mass, more, stress"),
+        (
+            {"stress": np.zeros((3, 3)), "mass": np.zeros(3)},
+            r"stress as in the checkpoint checkpoint.h5, float64 \(2,\), found float64 \(3,\)",
+        ),
+        (
+            {"stress": np.zeros((3, 2)), "mass": np.zeros((3, 1))},
+            r"mass as in the checkpoint checkpoint.h5, float64 \(\), found float64 \(1,\)",
+        ),
+        (
+            {"stress": np.zeros((3, 2)), "mass": np.zeros(3, int)},
+            r"mass as in the checkpoint checkpoint.h5, float64 \(\), found int64 \(\)",
+        ),
+    ],
+)
+def test_a_state_of_another_shape_is_refused(comm, fields, words):
+    one = restart(comm, values=[{"stress": np.zeros((3, 2)), "mass": np.zeros(3)}], method_state={})
+    other = system(**fields)
+    with pytest.raises(SolverError, match=f"bodies.material: expected .*{words}"):
+        one.apply_state([other], [np.arange(3)])
+    assert not other.told
+
+
+def test_systems_and_the_time_are_compared_besides_the_scene(comm):
+    scene = parse_scene(punch(end_time=0.5))
+    one = restart(comm, scene=contents(scene))
+    one.check(scene)
+    assert one.notes == []
+    with pytest.raises(SolverError, match="method: expected as many as in the checkpoint, 2, found 1"):
+        restart(comm, values=[{}, {}], scene=contents(scene)).check(scene)
+    one = restart(comm, scene=contents(scene), time=0.5)
+    one.check(scene)
+    with pytest.raises(SceneError, match=r"end_time: expected at least 0.5 s, .*checkpoint.h5, found 0.4 s"):
+        one.check(parse_scene(punch(end_time=0.4)))
+
+
+def test_a_file_is_all_that_a_run_goes_on_from(comm, shared_path, monkeypatch):
+    scene = parse_scene(punch((5, 5), end_time=0.1, output={"history_steps": 1, "fields_times": []}))
+    whole = run_into(shared_path / "whole", comm, scene, 5).simulation
+    run_into(shared_path / "pieces", comm, scene, 3)
+    file, moved = shared_path / "pieces" / "checkpoint.h5", []
+    monkeypatch.setattr(restarts, "distribute", lambda comm, *one: moved.append(one) or one)
+    again = run_into(shared_path / "pieces", comm, scene, 2, Restart(comm, file)).simulation
+    assert not moved and again.clock.step == whole.clock.step == 5 and again.clock.time == whole.clock.time
+    assert np.array_equal(again.ledger.values, whole.ledger.values) and again.stable == whole.stable
+    for name, rows in again.systems[0].particles.checkpointed().items():
+        assert rows.tobytes() == whole.systems[0].particles.checkpointed()[name].tobytes(), name
+    for run in (whole, again):
+        header = read_checkpoint(comm, shared_path / ("whole" if run is whole else "pieces") / "checkpoint.h5")[0]
+        assert header["ranks"] == comm.size and header["particles"] == 25 and header["step"] == 5
+        # nothing has entered, so that the balance is what is compared with zero
+        assert header["balance"] == run.ledger.row(comm, *run.energies())["balance"]
+        assert header["largest_energy"] >= header["initial_energy"] > header["largest_balance"] >= 0.0
+    # particles of other ranks are dealt out anew
+    elsewhere = read_checkpoint(comm, previous_name(file))
+    monkeypatch.setattr(
+        restarts, "read_checkpoint", lambda *_: ({**elsewhere[0], "ranks": comm.size + 1}, *elsewhere[1:])
+    )
+    assert not Restart(comm, file).same_ranks and len(moved) == 1
+
+
+def test_a_file_without_what_is_needed_is_no_checkpoint_of_a_run(comm, shared_path, monkeypatch):
+    monkeypatch.setattr(restarts, "read_checkpoint", lambda *_: (HEADER, [], np.zeros((1, 3))))
+    with pytest.raises(
+        OutputError, match="checkpoint.h5: expected the checkpoint of a run, found one without errors, "
+    ):
+        Restart(comm, shared_path / "checkpoint.h5")
