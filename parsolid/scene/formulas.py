@@ -100,8 +100,7 @@ def _brackets(text: str) -> str:
         opened += (one == "(") - (one == ")")
         if opened < 0:
             return f" (the bracket ')' at character {number} has no '(' before it)"
-    count = "one bracket" if opened == 1 else f"{opened} brackets"
-    return f" ({count} '(' without ')')" if opened else ""
+    return f" ({'one bracket' if opened == 1 else f'{opened} brackets'} '(' without ')')" if opened else ""
 
 
 def _sound_tree(text: str, names: tuple[str, ...]) -> ast.expr:
