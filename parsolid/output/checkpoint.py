@@ -186,6 +186,9 @@ def _find(directory: Path, name: str) -> Path:
             reasons.append(str(error))
         else:
             return candidate
+    if all("does not exist" in reason for reason in reasons):
+        where = "there is none" if directory.is_dir() else "there is no such folder"
+        raise OutputError(f"no checkpoint to go on from in {directory}: {where} (-o names the folder of a run)")
     raise OutputError(f"no whole checkpoint in {directory}: " + "; ".join(reasons))
 
 

@@ -99,5 +99,5 @@ def test_every_kill_leaves_a_whole_checkpoint_and_readable_fields(tmp_path):
 
 
 def test_without_any_checkpoint_the_reasons_are_given(comm, shared_path):
-    with pytest.raises(OutputError, match="no whole checkpoint in .*checkpoint.h5: does not exist"):
+    with pytest.raises(OutputError, match="no checkpoint to go on from in .*: there is none"):
         find_checkpoint(shared_path, comm)
