@@ -27,7 +27,8 @@ STRONG = {
 def bars(kinds: list[str], count: int) -> Scene:
     """Bars of 1 m and 10 spacings, half a spacing apart, guided at their sides."""
     h, bodies = 1.0 / count, []
-    settings: dict[str, Any] = {"tlsph": {}, "peridynamics": {}, "mpm": {"cell": 2 * h}, "ulsph": {"viscosity": False}}
+    settings: dict[str, Any] = {"mpm": {"cell": 2 * h}, "ulsph": {"viscosity": False}, "peridynamics": {}}
+    settings["tlsph"] = {"integrator": "leapfrog"}
     for number, kind in enumerate(kinds):
         nodes, lower = kind == "tlsph", [0.0 if number else -1.0 - 0.5 * h, 0.0]
         body = {"name": "ab"[number], "shape": {"box": {"lower": lower, "upper": [lower[0] + 1.0, 10 * h]}}}

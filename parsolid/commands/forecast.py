@@ -119,12 +119,12 @@ def bytes_on_disk(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> tup
     particles = 0
     for system in systems:
         shown, total = Observables([system]), comm.allreduce(system.owned)
-        names = [name for name in scene.output.fields or shown.usual_fields() if shown.has(name)]
+        names = shown.written(scene.output.fields)
         written = total
         if scene.output.where is not None:
             chosen = OfRegion(shown, list(scene.named_regions).index(scene.output.where))
             written = int(comm.allreduce(len(chosen.rows("identifier"))))
-        fields += written * (24 + sum(bytes_of_rows(np.asarray(shown.field(name))) for name in names))
+        fields += written * (24 + sum(bytes_of_rows(np.asarray(shown.field(name)), name) for name in names))
         particles += written
         kept = system.particles.checkpointed().values()
         checkpoint += total * sum(rows.dtype.itemsize * int(np.prod(rows.shape[1:])) for rows in kept)

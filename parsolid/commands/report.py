@@ -137,16 +137,25 @@ def _seconds_a_step(comm: MPI.Intracomm, simulation: Simulation, stable: float) 
     """Measured wall time of a step [s], and its work on the busiest rank, of the processor, without messages;
     collective.
     """
-    # steps as the run takes them: those of a solver and of moving lists cost what their motion makes them cost
-    step = min(stable, simulation.scene.end_time)
-    simulation.take_step(step)
+    # steps as the run takes them, jumps of loads and shorter ones as matter deforms among them; those of a solver and
+    # of moving lists cost what their motion makes them cost
+    end, time_steps = simulation.scene.end_time, simulation.time_steps
+
+    def take_step(stable: float) -> float:
+        # a scene of few steps goes on beyond its end
+        ended = simulation.clock.time >= end or not stable > 0.0
+        step = min(begin, end) if ended else time_steps.next(simulation.clock.time, stable)[0]
+        return simulation.take_step(step)
+
+    begin = stable
+    stable = take_step(stable)
     walls: list[float] = []
     begun, phases, spent = simulation.clock.loop_processor_seconds, simulation.phases, 0.0
     sent = phases.sent_processor
     # all ranks stop together
     while len(walls) < _STEPS[0] or (maximum(comm, spent) < _SECONDS and len(walls) < _STEPS[1]):
         began = clock.perf_counter()
-        simulation.take_step(step)
+        stable = take_step(stable)
         walls.append(maximum(comm, clock.perf_counter() - began))
         spent = simulation.clock.loop_processor_seconds - begun - (phases.sent_processor - sent)
     # of the wall not the mean: what else the machine does is not the scene's; of the processor the mean, for lists that

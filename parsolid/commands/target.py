@@ -112,7 +112,7 @@ def first_level(search: Search) -> Companion:
             reasons.append(str(reason))
             continue
         found, refused = companions_of(level.scene, search.options.trust_code)
-        if sum(one.purpose == SPACING for one in found) >= len(RATIOS[search.scene.dimension]):
+        if sum(one.purpose == SPACING for one in found) >= len(RATIOS[search.scene.dimension][0]):
             return level
         reasons += refused
     raise SolverError(f"target: expected a scene of which coarser ones can be made, found: {reasons[-1]}")

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.errors.estimate import SAFE, UNSAFE, Bar, Series, nearby_reach, spacing_bar
-from parsolid.errors.orders import kind_of, order_in_spacing, order_in_time, rough, stepped_by_hand
+from parsolid.errors.estimate import LOST, SAFE, UNSAFE, Bar, Series, nearby_reach, spacing_bar
+from parsolid.errors.orders import kind_of, order_in_spacing, order_in_time, rough, stepped_by_hand, unconverging
 from parsolid.errors.places import placed
 from parsolid.errors.running import Done
 from parsolid.errors.swinging import phase_and_amplitude
@@ -141,6 +141,8 @@ def lines(table: ErrorTable, scene: Scene, extra: float | None) -> Iterator[str]
     reason = rough(scene)
     if reason:
         yield f"error bars: {reason} makes the motion rough: order 1 is what is known of it"
+    if lost := unconverging(scene):
+        yield f"error bars: {lost}: factor of safety {LOST:g}"
     if extra is not None:
         yield f"error bars: extra time {100.0 * extra:.0f} %"
 

@@ -74,6 +74,14 @@ def rough(scene: Any) -> str | None:
     return "plastic flow" if "micro-inertia" in kinds and struck(scene) else None
 
 
+def unconverging(scene: Any) -> str | None:
+    """Why errors of a scene's motion do not fall with the spacing, in words; None where they do (docs/mpm.md)."""
+    grids = [system.settings for system in scene.systems if system.settings.kind == "mpm"]
+    if any(one.basis == "linear" and one.formulation == "updated" and one.motion for one in grids):
+        return "the linear basis does not converge where particles cross cells (quadratic-spline does)"
+    return None
+
+
 def struck(scene: Any) -> bool:
     """Whether matter with micro-inertia is hit, or its flow is held at a plane, where it has a kink; without either its
     micro waves are smooth.
@@ -88,8 +96,10 @@ def moving(scene: Any) -> bool:
 
 
 def order_in_spacing(column: str, scene: Any) -> float:
-    """The order that is known of a column."""
+    """The order that is known of a column; 0 where it has none."""
     kind = kind_of(column, scene)
+    if kind != HEAT and unconverging(scene):
+        return 0.0
     if kind in (EXTREME, REACTION) or rough(scene):
         return ROUGH
     return min(_SPACING.get(system.settings.kind, {}).get(kind, ROUGH) for system in scene.systems)

@@ -13,11 +13,12 @@ from parsolid.scene import Scene
 from parsolid.sources import source_digest
 
 SPACING, STEP, SOLVER = "spacing", "step", "solver"
-# ratios of the spacing asked for where the scene names none, by dimension: the time that they take is bounded
-RATIOS = {1: (1.5, 2.25), 2: (1.6, 2.56), 3: (1.5, 2.25)}
-# and in 2-D where the coarsest still has so many particles along every direction, where a step costs what it costs
-# without particles
-WIDER, ENOUGH = (1.75, 3.5), 16
+# ratios of the spacing asked for where the scene names none, by dimension: the time that they take is bounded; the
+# later ones where the coarsest would have too few particles with the first
+RATIOS = {1: ((1.5, 2.25),), 2: ((1.9, 3.6), (1.6, 2.56)), 3: ((1.9, 3.2), (1.6, 2.5))}
+# fewest intervals along every direction of the coarsest with the first ones
+ENOUGH = {"tlsph": 2}
+_ENOUGH = 12
 # of what a solver stops at
 LOOSER = 100.0
 
@@ -67,7 +68,7 @@ def companions_of(scene: Scene, trust_code: bool, ratios: Iterable[float] = ()) 
         try:
             made = coarser(scene, wanted, last)
         except NotCoarsened as reason:
-            refused.append(str(reason))
+            refused += [str(reason)] if str(reason) not in refused else []
             continue
         # the next one is coarser again by a share that tells something
         last, coarse = 1.25 * made.ratio, quieter(scene, made.tables, made.ratio)
@@ -84,15 +85,28 @@ def companions_of(scene: Scene, trust_code: bool, ratios: Iterable[float] = ()) 
 
 
 def usual_ratios(scene: Scene) -> tuple[float, ...]:
-    """Ratios of the spacing where none are asked for."""
-    if scene.dimension == 2:
-        try:
-            fewest = min(count for one in lattices_of(scene) for count in one.intervals if count > 1)
-        except (NotCoarsened, ValueError):
-            fewest = 0
-        if fewest >= WIDER[-1] * ENOUGH:
-            return WIDER
-    return RATIOS[scene.dimension]
+    """Ratios of the spacing where none are asked for: the widest that leave enough particles along every direction."""
+    wide, *narrow = RATIOS[scene.dimension]
+    return narrow[0] if narrow and not _leave_enough(scene, wide) else wide
+
+
+def _leave_enough(scene: Scene, ratios: tuple[float, ...]) -> bool:
+    kinds = {number: system.settings.kind for system in scene.systems for number in system.bodies}
+    last = 1.15
+    try:
+        for wanted in ratios:
+            made = coarser(scene, wanted, last)
+            last = 1.25 * made.ratio
+            for one in lattices_of(scene):
+                least, particles = (
+                    ENOUGH.get(kinds[one.number], _ENOUGH),
+                    made.tables["bodies"][one.number]["particles"],
+                )
+                if any(now - end < min(least, n) for n, now, end in zip(one.intervals, particles, one.ends)):
+                    return False
+    except NotCoarsened:
+        return False
+    return True
 
 
 def quieter(scene: Scene, tables: dict[str, Any], ratio: float) -> dict[str, Any]:

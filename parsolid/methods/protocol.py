@@ -128,6 +128,9 @@ class ParticleSystem:
         """What a restart needs besides the checkpointed fields, as JSON has it, the same on all ranks; collective."""
         return {}
 
+    def bring_state_up_to_date(self) -> None:
+        """Fill what of the declared state is filled only for those who ask, before it is written."""
+
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave, before `resume`."""
 

@@ -15,6 +15,7 @@ from parsolid.output import vtkhdf
 from parsolid.output.directory import next_free
 from parsolid.output.errors import OutputError, agree, together
 from parsolid.output.slabs import DataSet, SlabWriter, open_serial, places, probe
+from parsolid.scene.previous_results import STATE
 
 DEFAULT_NAME = "fields.vtkhdf"
 Fields = dict[str, np.ndarray]
@@ -26,7 +27,8 @@ class FieldSeries:
     Parameters: comm; path; capacity, how many steps are to come (space is taken as they are written);
     resume_at, a time [s]: go on with the file at path, keeping its steps up to and including that time, if it is
     whole and holds the same fields of as many particles, else None; double, write floating-point fields with 8
-    bytes instead of 4 (positions always have 8); method as in `slabs`; index, of a block its place among others.
+    bytes instead of 4 (positions and a state always have 8); method as in `slabs`; index, of a block its place among
+    others.
 
     A file that is gone on with and has too little room gives its steps to one that has. A file that is at path and is
     not gone on with, or is full, is renamed to the next free of fields.1.vtkhdf, fields.2.vtkhdf and so on.
@@ -96,14 +98,17 @@ class FieldSeries:
         with SlabWriter(self._comm, self.path, self._places, self._method) as writer:
             writer.write("VTKHDF/Points", step, rows.arrange(_in_space(position)))
             for name, values in varying.items():
-                writer.write(f"VTKHDF/PointData/{name}", step, rows.arrange(self._shown(values)))
+                writer.write(f"VTKHDF/PointData/{name}", step, rows.arrange(self._shown(values, name)))
             if len(self._times) == 0:
                 self._write_constants(writer, rows, constant)
         self._publish(np.append(self._times, time))
 
     def _begin(self, owned: int, varying: Fields, constant: Fields) -> None:
         kinds = [
-            {name: (_in_space(values).shape[1:], self._shown(values[:0]).dtype.name) for name, values in fields.items()}
+            {
+                name: (_in_space(values).shape[1:], self._shown(values[:0], name).dtype.name)
+                for name, values in fields.items()
+            }
             for fields in (varying, constant)
         ]
         wrong = [name for name in (*varying, *constant) if "/" in name or name in (".", "")]
@@ -189,7 +194,7 @@ class FieldSeries:
 
     def _write_constants(self, writer: SlabWriter, rows: "_ByIdentifier", constant: Fields) -> None:
         for name in self._layout.constant:
-            writer.write(f"VTKHDF/PointData/{name}", rows.first, rows.arrange(self._shown(constant[name])))
+            writer.write(f"VTKHDF/PointData/{name}", rows.first, rows.arrange(self._shown(constant[name], name)))
         for name, entries in (("Connectivity", vtkhdf.vertex_connectivity), ("Offsets", vtkhdf.vertex_offsets)):
             total = self._places[f"VTKHDF/Vertices/{name}"].shape[0]
             first, last = (total * rank // self._comm.size for rank in self._mine)
@@ -201,10 +206,10 @@ class FieldSeries:
                 vtkhdf.publish(self.path, times)
         self._times = times
 
-    def _shown(self, values: np.ndarray) -> np.ndarray:
+    def _shown(self, values: np.ndarray, name: str) -> np.ndarray:
         """Values as they are written: in space, floats with the precision asked for."""
         values = _in_space(values)
-        if values.dtype.kind == "f":
+        if values.dtype.kind == "f" and not name.startswith(STATE):
             return values.astype(self._floats, copy=False)
         return values.astype(np.uint8) if values.dtype == bool else values
 
@@ -230,10 +235,10 @@ class _ByIdentifier:
         return migrate(self._comm, self._owner, {"values": values})["values"][self._order]
 
 
-def bytes_of_rows(values: np.ndarray) -> int:
+def bytes_of_rows(values: np.ndarray, name: str = "") -> int:
     """Bytes that a row of a field takes in the file."""
     width = int(np.prod(_in_space(values[:0]).shape[1:]))
-    return width * (4 if values.dtype.kind == "f" else values.dtype.itemsize)
+    return width * (4 if values.dtype.kind == "f" and not name.startswith(STATE) else values.dtype.itemsize)
 
 
 def _in_space(values: np.ndarray) -> np.ndarray:

@@ -38,6 +38,20 @@ def lattice_weight(lattices, positions, a, b, reflection, shift):
 
 
 @compiled
+def lattice_place(lattices, positions, a, b):
+    """(axis, steps along it) from owned particle a to particle b on its lattice; axis -1 where they are on no line."""
+    Xa, Xb = point(positions, a), point(positions, b)
+    axis, steps = -1, 0
+    for i in range(positions.shape[1]):
+        offset = round((Xb[i] - Xa[i]) / lattices.spacing[a, i])
+        if offset != 0:
+            if axis >= 0:
+                return -1, 0
+            axis, steps = i, offset
+    return axis, steps
+
+
+@compiled
 def keep_lattice_pairs(lattices, number, start, neighbour, code, positions, reflections, shifts):
     """Of pairs within the support those whose particles are on one lattice with a weight, or both on none.
 

@@ -9,6 +9,8 @@ import numpy as np
 from decomposition.halo import Halo
 from decomposition.recalled import RecalledEach
 from parsolid.collective import maximum, raise_together
+from parsolid.pairs.axis_lists import is_along_axes, no_ghosts
+from parsolid.pairs.axis_passes import add_forces_along_axes, add_gradients_along_axes
 from parsolid.pairs.candidates import (
     bonded_only,
     coincident,
@@ -62,7 +64,9 @@ class PairSystem(PairLists):
         """
         self.comm, self.particles, self.space = comm, particles, space
         self.weights, self.terms, self.codes = weights, terms, codes
-        self._add_gradients, self._add_forces = RecalledEach(add_gradients), RecalledEach(add_forces)
+        # of lists as `passes` has them, and of those along axes
+        self._add_gradients = RecalledEach(add_gradients), RecalledEach(add_gradients_along_axes)
+        self._add_forces = RecalledEach(add_forces), RecalledEach(add_forces_along_axes)
         d, record = space.dimension, record_columns(space, terms)
         # whoever moves particles by smoothed weights reads what dissipates apart, also where nothing does
         forces = 8 if isinstance(weights, SmoothedWeights) else 4
@@ -93,6 +97,7 @@ class PairSystem(PairLists):
         self.metric = metric if uniform else self.halo.with_ghosts(metric)
         self._fill_lists(body, reach)
         correction = self.weights.complete(self)
+        self.inner, self.rim = self.weights.walked(self)
         self.particles.owned_rows("correction")[:] = correction.reshape(self.owned, -1)
         self.particles.owned_rows("pair_volume")[:] = volume
         self.particles.update("reference")
@@ -158,16 +163,22 @@ class PairSystem(PairLists):
         kinematics = self.particles.storage("kinematics")
         result = self.particles.storage("pair_sums") if sums is None else sums
         add = self._add_gradients
-        self.sweep(lambda pairs: add(self.key(pairs, fields), self.space, pairs, fields, kinematics, result), message)
+
+        def apply(pairs: Any) -> None:
+            add[is_along_axes(pairs)](self.key(pairs, fields), self.space, pairs, fields, kinematics, result)
+
+        self.sweep(apply, message)
         return result
 
     def divergence(self, terms: Any = None) -> np.ndarray:
         """Send the records, add the forces of their stresses and of `terms` to `pair_force` [N]."""
         kinematics, record, force = map(self.particles.storage, ("kinematics", "record", "pair_force"))
         add = self._add_forces
-        self.sweep(
-            lambda pairs: add(self.key(pairs, terms), self.space, pairs, terms, kinematics, record, force), "record"
-        )
+
+        def apply(pairs: Any) -> None:
+            add[is_along_axes(pairs)](self.key(pairs, terms), self.space, pairs, terms, kinematics, record, force)
+
+        self.sweep(apply, "record")
         return force
 
     def key(self, pairs: Any, what: Any) -> tuple[Any, ...]:
@@ -176,6 +187,8 @@ class PairSystem(PairLists):
 
     def warm(self) -> None:
         """Compile the passes over lists of ghosts, which one rank alone does not have."""
-        pairs, storage = empty_list(self.inner), self.particles.storage
-        add_gradients(self.space, pairs, FIELD, storage("kinematics"), storage("pair_sums"))
-        add_forces(self.space, pairs, self.terms, *map(storage, ("kinematics", "record", "pair_force")))
+        storage, along = self.particles.storage, is_along_axes(self.inner)
+        pairs: Any = no_ghosts() if along else empty_list(self.inner)
+        gradients, forces = self._add_gradients[along].kernel, self._add_forces[along].kernel
+        gradients(self.space, pairs, FIELD, storage("kinematics"), storage("pair_sums"))
+        forces(self.space, pairs, self.terms, *map(storage, ("kinematics", "record", "pair_force")))

@@ -7,6 +7,7 @@ import numpy as np
 from parsolid.collective import raise_together
 from parsolid.numerics.lanes import WIDTH, aligned_zeros
 from parsolid.pairs import weights
+from parsolid.pairs.axis_lists import along_axes
 from parsolid.pairs.closure import close
 from parsolid.pairs.lattice_pairs import Lattices, fill_lattice_weights, keep_lattice_pairs, keep_near_jumps
 from parsolid.pairs.mean_impedance import whole_jump_factors
@@ -64,6 +65,14 @@ class SmoothedWeights(PairWeights):
             if isinstance(system.terms, MeanRiemann):
                 whole_jump_factors(pairs, correction.shape[1])
         return correction[: system.owned]
+
+    def walked(self, system: Any) -> tuple[Any, Any]:
+        """Along axes where all pairs are on lattices in space."""
+        plain = system.inner, system.rim
+        dissipates = isinstance(system.terms, MeanRiemann) or system.terms is None
+        if self.lattices is None or system.space.dimension == 2 or not dissipates:
+            return plain
+        return along_axes(self.lattices, *plain, system.positions, self.dissipation) or plain
 
 
 def corrections(system: Any) -> np.ndarray:

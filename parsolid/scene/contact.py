@@ -4,7 +4,7 @@ from itertools import combinations
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from parsolid.scene.base_model import NotNegative, SceneModel
 from parsolid.scene.validation_errors import fault, suggestion
@@ -17,6 +17,8 @@ OSCILLATION = {"contact_oscillation": -1}
 FRICTION_HEAT = {"friction_heat": -1}
 # what contact on a grid takes from velocities of nodes that close, and from those that slide
 GRID_TERMS = {"contact_dissipation": 1, "friction_dissipation": 1}
+# of the kernel model: factor on the stiffness, radius in spacings
+USUAL = {"stiffness": 1.0, "radius": 2.7}
 
 
 class Contact(SceneModel):
@@ -25,15 +27,22 @@ class Contact(SceneModel):
     bodies      names: of one body, which may touch itself, or of several, every pair of them
     model       "kernel": forces between particles; "grid": between bodies of one material point method, on its nodes
     friction    coefficient of Coulomb's law
-    stiffness   factor alpha on the least M/h of the two bodies, M = lambda + 2 mu
-    radius      of the kernel that feels the other body, in the larger of the two spacings
+    stiffness   factor alpha on the least M/h of the two bodies, M = lambda + 2 mu; 1 unless given
+    radius      of the kernel that feels the other body, in the larger of the two spacings; 2.7 unless given
     """
 
     bodies: Annotated[list[str], Field(min_length=1)] = Field(description="names of bodies")
     model: Literal["kernel", "grid"] = Field("kernel", description="forces between particles, or blows of grid nodes")
     friction: NotNegative = 0.0
-    stiffness: float = Field(1.0, gt=0.0, le=1e4, description="factor on the least M/h of the two bodies")
-    radius: float = Field(2.7, ge=2.2, le=8.0, description="of the kernel, in the larger of the two spacings")
+    stiffness: float | None = Field(None, gt=0.0, le=1e4, description="factor on the least M/h of the two bodies, 1")
+    radius: float | None = Field(None, ge=2.2, le=8.0, description="of the kernel, in the larger spacing, 2.7")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _usual(cls, value: Any) -> Any:
+        """What is for forces alone has a value there, and none on a grid, where a stated one is refused."""
+        forces = isinstance(value, dict) and value.get("model", "kernel") == "kernel"
+        return USUAL | value if forces else value
 
 
 class BodyPair(NamedTuple):
@@ -48,7 +57,7 @@ def energy_terms(contacts: Any, tools: Any, materials: list[Any]) -> dict[str, i
     """What contacts and tools of a scene with these kinds of materials add to the ledger."""
     forces, grid = of_model(contacts, "kernel"), of_model(contacts, "grid")
     terms = (CONTACT_TERMS if forces or tools else {}) | (OSCILLATION if forces else {}) | (GRID_TERMS if grid else {})
-    rubs = any(one.friction for one in (*forces, *tools))
+    rubs = any(one.friction for one in (*forces, *grid, *tools))
     warms = rubs and "elastic-plastic" in materials
     return terms | (FRICTION_HEAT if warms else {})
 
@@ -96,8 +105,7 @@ def grid_faults(scene: Any) -> list[Any]:
                 (("contact", i, "bodies"), "bodies of one method of kind 'mpm' (model = 'grid')", contact.bodies)
             )
             continue
-        usual, wording = Contact.model_fields, "no such key with model = 'grid'"
-        stated = [key for key in ("stiffness", "radius") if getattr(contact, key) != usual[key].default]
+        stated, wording = [key for key in USUAL if getattr(contact, key) is not None], "no such key with model = 'grid'"
         details += [(("contact", i, key), wording, getattr(contact, key)) for key in stated]
         for key, wanted in _OF_GRID.items():
             if (found := getattr(settings[0], key)) != wanted:

@@ -89,7 +89,7 @@ def initial_deformation_gradient(
 
 def states_stress(scene: Scene) -> bool:
     """Whether an initial state has a stress."""
-    return any(state.stress is not None for state in scene.initial)
+    return any(state.of("stress") is not None for state in scene.initial)
 
 
 def initial_stress(scene: Scene, body: np.ndarray, position: np.ndarray, regions: Regions = None) -> np.ndarray:
@@ -97,6 +97,9 @@ def initial_stress(scene: Scene, body: np.ndarray, position: np.ndarray, regions
     d = position.shape[1]
     result = np.zeros((len(position), d, d))
     for here, rows in _stated(scene, body, regions, "stress"):
+        if isinstance(rows, PreviousField):
+            result[here] = rows.evaluate(position[here])
+            continue
         for row, formulas in enumerate(rows):
             result[here, row] = formulas.evaluate(position[here])
     return result

@@ -39,7 +39,9 @@ class InitialState(SceneModel):
     results: ExistingFolder | None = Field(None, description="a folder of results of another run")
     time: NotNegative | None = Field(None, description="the time of these results [s], the last unless given")
     fields: Annotated[list[Literal[TAKEN]], Field(min_length=1)] | None = Field(  # type: ignore[valid-type]
-        None, description="what is taken of them, displacement and velocity unless given"
+        None,
+        description="what is taken of them, displacement and velocity unless given; 'state' is all that the method "
+        "carries on, written where output.fields has 'state'",
     )
     _of_results: dict[str, PreviousField] = PrivateAttr(default_factory=dict)
 
@@ -56,15 +58,32 @@ class InitialState(SceneModel):
         except (OSError, KeyError, ValueError) as error:
             key, found = ("results", self.results) if self.time is None else ("time", self.time)
             reject(((key,), str(error), found))
-        for i, name in enumerate(self.fields or ("displacement", "velocity")):
+        fields = self.fields or []
+        for name in self._names:
             lacking = [one for one in ("displacement", name) if any(one not in step.names for step in steps)]
             if lacking:
-                place = ("fields", i) if self.fields else ("results",)
+                place = ("fields", fields.index(name) if name in fields else 0) if fields else ("results",)
                 reject((place, f"results with the field {lacking[0]!r} ({', '.join(steps[0].names)})", self.results))
             self._of_results[name] = PreviousField(steps, name, dimension_of(info) or 3)
+        if "stress" in self._of_results and "displacement" in self._of_results:
+            expected = "a stress without the displacement that made it, or the displacement or state alone"
+            reject((("fields", (self.fields or []).index("stress")), expected, "stress"))
         both = sorted(set(self.stated) & set(self._of_results))
         reject(*(((name,), "a formula or results, not both", Phrase("both")) for name in both))
         return self
+
+    @property
+    def _names(self) -> list[str]:
+        """Fields that are read of results; what a state has besides is read when the method's fields are there."""
+        if not self.takes_state:
+            return list(self.fields or ("displacement", "velocity"))
+        others = [name for name in self.fields or () if name != "state"]
+        return list(dict.fromkeys(["displacement", "velocity", *others]))
+
+    @property
+    def takes_state(self) -> bool:
+        """Whether all that the method carries on is taken of the results."""
+        return "state" in (self.fields or ())
 
     @property
     def stated(self) -> list[str]:
@@ -94,8 +113,13 @@ def initial_details(scene: Any) -> list[Detail]:
             if one.of(name) is not None and name not in known:
                 key = "fields" if one.results and name not in one.stated else name
                 details.append((("initial", i, key), "what bodies of this scene have", name))
-        if one.results is not None and one.of("displacement") and not all(each.strained for each in methods):
-            expected = "velocity, temperature or plastic_strain (the stress of this method is no function of it)"
+        if (
+            one.of_results
+            and one.of("displacement")
+            and not one.takes_state
+            and not all(each.strained for each in methods)
+        ):
+            expected = "velocity, temperature, plastic_strain or state (this method's stress is no function of it)"
             details.append((("initial", i, "fields"), expected, "displacement"))
     return details
 
@@ -105,11 +129,16 @@ def _stress_details(scene: Any) -> list[Detail]:
     details: list[Detail] = []
     refused = {plan.settings.kind: plan.settings.initial_stress_refused for plan in scene.systems}
     for i, one in enumerate(scene.initial):
-        if one.stress is None:
+        if one.of("stress") is None:
             continue
         for kind, reason in refused.items():
-            if reason is not None:
+            if reason is not None and one.stress is None:
+                expected = f"what {kind} takes of results ({reason}; 'state' has all that makes a stress)"
+                details.append((("initial", i, "fields"), expected, "stress"))
+            elif reason is not None:
                 details.append((("initial", i, "stress"), f"no such key in {kind} ({reason})", Phrase("one")))
+        if one.stress is None:
+            continue
         rows = [row.sources for row in one.stress]
         for j, k in combinations(range(len(rows)), 2):
             if rows[j][k] != rows[k][j]:

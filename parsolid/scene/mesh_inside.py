@@ -1,6 +1,7 @@
 """Which places lie in the elements of a mesh, and meshes that lie in themselves."""
 
 from collections.abc import Iterator
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ _SIMPLICES = {
 }
 # places of the surface that are looked for in other elements: so far from a corner, so far below it, as shares
 _FROM_CORNER, _BELOW = 0.05, 0.01
+# cells of the grid that pairs are found on, over the mean box; cells along an axis of that which finds what is near
+_CELL, _COUNTED = 0.75, {2: 1024, 3: 128}
 # pairs of a place and an element that are looked at together
 _TOGETHER = 200_000
 
@@ -82,11 +85,11 @@ class Solid:
         if not len(places):
             return
         lower, upper = self.lower - margin, self.upper + margin
-        elements = np.flatnonzero(((lower <= places.max(axis=0)) & (upper >= places.min(axis=0))).all(axis=1))
+        elements = np.flatnonzero(_may_have(lower, upper, places))
         if not len(elements):
             return
         extent = (upper - lower)[elements]
-        size = max(1.5 * float(extent.mean()), float(extent.max()) / 50.0)
+        size = max(_CELL * float(extent.mean()), float(extent.max()) / 50.0)
         origin = lower[elements].min(axis=0)
         first = np.floor((lower[elements] - origin) / size).astype(np.int64)
         count = np.floor((upper[elements] - origin) / size).astype(np.int64) - first + 1
@@ -131,6 +134,26 @@ class Solid:
                 yield place[own], element[own], _above_facets(nodes, places[place[own]]), outer
 
 
+def _may_have(lower: np.ndarray, upper: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Which boxes (n,) may have any of the places, by the numbers of places that cells of a grid have, summed up."""
+    d, cells = places.shape[1], _COUNTED[places.shape[1]]
+    origin = places.min(axis=0)
+    size = np.maximum(np.ptp(places, axis=0), 1e-300) / cells
+    index = np.minimum((places - origin) / size, cells - 1).astype(np.int64)
+    flat = np.ravel_multi_index(tuple(index.T), (cells,) * d)
+    table = np.pad(np.bincount(flat, minlength=cells**d).reshape((cells,) * d), (1, 0))
+    for axis in range(d):
+        table = table.cumsum(axis=axis)
+    # a cell more on either side, for round-off
+    first = np.clip(np.floor((lower - origin) / size) - 1, 0, cells).astype(np.int64)
+    last = np.clip(np.floor((upper - origin) / size) + 2, 0, cells).astype(np.int64)
+    count = np.zeros(len(lower), np.int64)
+    for corner in product((0, 1), repeat=d):
+        ends = tuple(np.where(side, last[:, i], first[:, i]) for i, side in enumerate(corner))
+        count += (-1) ** (d - sum(corner)) * table[ends]
+    return count > 0
+
+
 def _expanded(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Each number i repeated counts[i] times, and 0, 1, ... within each."""
     which = np.repeat(np.arange(len(counts)), counts)
@@ -139,7 +162,22 @@ def _expanded(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _above_facets(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Distances (k, d + 1) [m] of places from the facets opposite to the corners (k, d + 1, d), positive inside."""
-    inverse = np.linalg.inv(corners[:, 1:] - corners[:, :1])
-    gradients = np.concatenate([-inverse.sum(axis=2)[:, None], inverse.transpose(0, 2, 1)], axis=1)
-    heights = np.einsum("kij,kij->ki", gradients, places[:, None] - np.roll(corners, -1, axis=1))
-    return np.asarray(heights / np.linalg.norm(gradients, axis=2))
+    count, d = len(corners), corners.shape[2]
+    edges = np.ascontiguousarray((corners[:, 1:] - corners[:, :1]).transpose(1, 2, 0))
+    # gradients of the shares of the corners, times the determinant: of all but the first, which has what is left
+    if d == 2:
+        a, b = edges
+        others = [np.stack([b[1], -b[0]]), np.stack([-a[1], a[0]])]
+    else:
+        others = [_cross(edges[i], edges[j]) for i, j in ((1, 2), (2, 0), (0, 1))]
+    turned = np.sign((others[0] * edges[0]).sum(axis=0))
+    result = np.empty((count, d + 1))
+    for i, gradient in enumerate([-np.sum(others, axis=0), *others]):
+        arm = (places - corners[:, (i + 1) % (d + 1)]).T
+        result[:, i] = turned * (gradient * arm).sum(axis=0) / np.sqrt((gradient * gradient).sum(axis=0))
+    return result
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """a x b (3, n)."""
+    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])

@@ -26,7 +26,9 @@ class MethodSettings(SceneModel):
     together feel each other without contact; shared_field: whether bodies stick together on a field of velocities that
     they share, so that those which do not need systems of their own; strained: whether stress is that of a
     displacement or deformation gradient, which a start may have; initial_stress_refused: why a start has no stress of
-    its own, None where it may.
+    its own, None where it may; evolved: names (* for any end) of declared fields that, with the places, are the state
+    that another run may go on from; evolved_of_particles: those that only the very same particles may take;
+    evolved_forces: what these, if they are all, take besides, and what others find anew.
     """
 
     system: ClassVar[str]
@@ -39,6 +41,9 @@ class MethodSettings(SceneModel):
     reactions: ClassVar[tuple[str, ...]] = ()
     strained: ClassVar[bool] = True
     initial_stress_refused: ClassVar[str | None] = "its stress is that of its law alone"
+    evolved: ClassVar[tuple[str, ...]] = ("velocity",)
+    evolved_of_particles: ClassVar[tuple[str, ...]] = ()
+    evolved_forces: ClassVar[tuple[str, ...]] = ()
     pressed: ClassVar[tuple[str, ...]] = ("plane", "where")
     loads: ClassVar[tuple[str, ...]] = ("body_force", "acceleration")
     declared_fields: ClassVar[tuple[particles.Field, ...]] = ()

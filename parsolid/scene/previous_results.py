@@ -7,7 +7,10 @@ from typing import Any
 import numpy as np
 
 # fields that an initial state may take, with their components in d dimensions
-TAKEN = ("velocity", "displacement", "deformation_gradient", "temperature", "plastic_strain")
+TAKEN = ("velocity", "displacement", "deformation_gradient", "temperature", "plastic_strain", "stress", "state")
+# what the fields of a method's state are called in a file: they have all their digits there
+STATE = "state_"
+_TENSORS = ("deformation_gradient", "stress")
 # of a spacing: particles this near to one another are the same; farther than this from all there is nothing to take
 _SAME, _FAR = 1e-4, 2.0
 # neighbours that an interpolated value is of, and rows that are read at a time
@@ -64,6 +67,8 @@ class PreviousField:
     steps: list[StepOfResults]
     name: str
     dimension: int
+    # of a field of a method's state, which has no other shape
+    width: int | None = None
     _box: tuple[np.ndarray, np.ndarray] | None = None
     _known: dict[str, np.ndarray] = field(default_factory=dict)
     _tree: Any = None
@@ -72,11 +77,26 @@ class PreviousField:
     def shape(self) -> tuple[int, ...]:
         """Of one value."""
         d = self.dimension
+        if self.width is not None:
+            return (self.width,)
         scalars: dict[str, tuple[int, ...]] = {"temperature": (), "plastic_strain": ()}
-        return scalars.get(self.name, (d, d) if self.name == "deformation_gradient" else (d,))
+        return scalars.get(self.name, (d, d) if self.name in _TENSORS else (d,))
 
     def __len__(self) -> int:
         return int(np.prod(self.shape))
+
+    def of_particles(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rows (n, ...) as they stand in the file of the particles nearest to places (n, d), and whether (n,) each is
+        the particle of that place.
+        """
+        if not len(points):
+            return np.zeros((0, len(self))), np.ones(0, bool)
+        self._read(points)
+        values, spacing = self._known["values"], self._known["spacing"]
+        distance, nearest = self._tree.query(points)
+        found = nearest < len(values)
+        nearest = np.where(found, nearest, 0) if len(values) else np.zeros(0, np.int64)
+        return values[nearest], found & (distance <= _SAME * spacing[nearest])
 
     def evaluate(self, points: np.ndarray) -> np.ndarray:
         """Values (n, ...) at reference places (n, d) [m]; not numbers where there is no particle near."""
@@ -137,11 +157,19 @@ class PreviousField:
                 X = x - data["displacement"][here, :d]
                 margin = 4.0 * spacing[:, None]
                 inside = ((lower - margin <= X) & (upper + margin >= X)).all(axis=1)
-                values = x if self.name == "displacement" else data[self.name][here].astype(float)
-                if self.name == "deformation_gradient":
-                    values = values.reshape(-1, 3, 3)[:, :d, :d].reshape(-1, d * d)
-                values = values.reshape(len(X), -1)
-                values = values[:, :d] if self.name in ("velocity", "displacement") else values
+                values = x if self.name == "displacement" else self._columns(data[self.name][here])
                 kept = {"X": X, "values": values, "spacing": spacing, "body": data["body"][low:high]}
                 result.append({name: rows[inside] for name, rows in kept.items()})
         return result
+
+    def _columns(self, rows: np.ndarray) -> np.ndarray:
+        """The components of rows of a file, in which vectors and tensors of the plane are padded to those in space."""
+        d, count = self.dimension, len(self)
+        whole = rows.reshape(len(rows), -1)
+        if self.width is None:
+            whole = whole.astype(float)
+            if self.name in _TENSORS:
+                whole = whole.reshape(-1, 3, 3)[:, :d, :d].reshape(-1, d * d)
+        elif count == 4 and whole.shape[1] == 9:
+            whole = whole[:, [0, 1, 3, 4]]
+        return whole[:, :count]

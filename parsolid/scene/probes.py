@@ -54,7 +54,8 @@ def _known_quantity(value: str, info: ValidationInfo) -> str:
 
 
 ProbeField = Annotated[str, _known_field(field_kinds)]
-ShownField = Annotated[str, _known_field(shown_kinds)]
+# with the word for all that a method carries on
+ShownField = Annotated[str, _known_field(lambda: shown_kinds() | {"state": "state"})]
 ProbeQuantity = Annotated[str, AfterValidator(_known_quantity)]
 
 

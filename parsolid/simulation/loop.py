@@ -190,10 +190,12 @@ class Simulation:
         watch.look(self)
         self.phases.output += clock.perf_counter() - began
 
-    def take_step(self, step: float) -> None:
-        """One time step [s] and the reduction that goes with it, whatever the stable step is; collective."""
+    def take_step(self, step: float) -> float:
+        """One time step [s] and the reduction that goes with it, whatever the stable step is; that of the state after
+        it [s]. Collective.
+        """
         self._advance(step, self.clock.time + step, (0.0, 0.0))
-        self._result()
+        return self._result()[0]
 
     def _announce(self, stable: list[float], wishes: tuple[float, float], alone: bool = False) -> None:
         """Begin to agree on the stable steps of systems, on wishes (to stop, to write a checkpoint) and on news.

@@ -4,8 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from parsolid.methods.previous_state import evolved_names, evolved_rows
 from parsolid.methods.protocol import ALWAYS_WRITTEN, ParticleSystem
 from parsolid.observables.declared import FIELDS, field_of
+from parsolid.scene.previous_results import STATE
 
 
 class Observables:
@@ -49,7 +51,8 @@ class Observables:
 
         Raises KeyError if none has it.
         """
-        pieces = [field_of(system, name) for system in self.systems]
+        find = evolved_rows if name.startswith(STATE) else field_of
+        pieces = [find(system, name) for system in self.systems]
         shape = next((piece.shape[1:] for piece in pieces if piece is not None), None)
         if shape is None:
             raise KeyError(name)
@@ -62,7 +65,19 @@ class Observables:
 
     def has(self, name: str) -> bool:
         """Whether any system has such a field."""
+        if name.startswith(STATE):
+            return any(evolved_rows(system, name) is not None for system in self.systems)
         return any(field_of(system, name, 0, 0) is not None for system in self.systems)
+
+    def written(self, chosen: list[str] | None) -> list[str]:
+        """Names of the fields to write that some system has; chosen: of a scene, the usual ones unless given."""
+        names = self.usual_fields() if chosen is None else list(chosen)
+        if "state" in names:
+            names.remove("state")
+            for system in self.systems:
+                system.bring_state_up_to_date()
+                names += ["displacement", "velocity", *(STATE + name for name in evolved_names(system))]
+        return [name for name in dict.fromkeys(names) if self.has(name)]
 
     def usual_fields(self) -> list[str]:
         """What is written unless the scene chooses: fields declared as shown, and the usual ones of all methods."""

@@ -100,14 +100,14 @@ class OutputFiles:
         if error_indicator.NAME in (self.scene.output.fields or ()):
             error_indicator.indicate(self.comm, observables.systems)
         if self.fields is not None:
-            names = self.scene.output.fields or observables.usual_fields()
+            names = observables.written(self.scene.output.fields)
             identifier, shown = self._chosen(observables)
             self.fields.write(time, identifier, *self._shown(shown, names))
         elif self.blocks is not None:
             for number in reversed(range(len(observables.systems))):
                 # the first block tells the times
                 block = Observables([observables.systems[number]])
-                names = [name for name in self.scene.output.fields or block.usual_fields() if block.has(name)]
+                names = block.written(self.scene.output.fields)
                 numbers, shown = self._chosen(block)
                 position, varying, constant = self._shown(shown, names)
                 constant["identifier"] = numbers

@@ -5,7 +5,7 @@ Tuckerman, Berne, Martyna, J. Chem. Phys. 97 (1992) 1990), so within it systems 
 """
 
 from collections.abc import Sequence
-from math import ceil, inf
+from math import ceil
 from typing import Any
 
 from parsolid.collective import minimum
@@ -13,6 +13,9 @@ from parsolid.methods.protocol import ParticleSystem
 
 # steps of a system in a common one, at most
 MOST = 64
+# of the common step that others allow, where a system takes as many as it needs: impulses between systems have errors
+# of second order in it, 1e-2 of the energy at the whole of it (docs/mixed.md)
+_SHARE = 0.25
 # of a step, by which one may be longer than stable
 _HAIR = 1e-9
 
@@ -50,13 +53,16 @@ class Subcycling:
         return self.common(stable, of_systems)
 
     def common(self, stable: float, of_systems: Sequence[float]) -> float:
-        """The common step [s] from the least one and those of all systems: that of those whose ratio is given, or of
-        the slowest of all."""
+        """The common step [s] from the least one and those of all systems: that of those whose ratio is given; with
+        "auto" a share of it, or of the slowest of all, but no less than the least."""
         if not self.active or stable < 0.0:
             return stable
         stated = [step * wanted for step, wanted in zip(of_systems, self.wanted) if wanted != "auto"]
         own = [step for step, wanted in zip(of_systems, self.wanted) if wanted == "auto"]
-        return min(min(stated, default=max(own, default=inf)), MOST * min(own, default=inf))
+        if not own:
+            return min(stated)
+        share = max(_SHARE * min(stated, default=max(own)), min(of_systems))
+        return min(share, MOST * min(own), *stated)
 
     def count(self, number: int, step: float) -> int:
         """Steps of a system in a common one [s]."""

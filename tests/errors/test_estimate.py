@@ -1,10 +1,14 @@
 """What differences between resolutions say: orders and errors that are known, series that swing, those of no order."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from parsolid.errors.estimate import SAFE, UNSAFE, Series, observed_order, spacing_bar
+from parsolid.errors.estimate import LOST, SAFE, UNSAFE, Series, observed_order, spacing_bar
+from parsolid.errors.orders import order_in_spacing, unconverging
 from parsolid.errors.swinging import phase_and_amplitude
+from parsolid.scene import load_scene
 
 TIMES = np.linspace(0.0, 1.0, 201)
 RATIOS = np.array([1.0, 1.5, 2.25])
@@ -36,6 +40,27 @@ def test_differences_that_change_sign_get_the_large_factor():
     found, exact = series(lambda h, t: 0.01 * signs[h] * t * h)
     bar = spacing_bar(found, 2.0, 1.0)
     assert bar.factor == UNSAFE and "no order" in bar.verdict and (bar.error >= np.abs(found.values[0] - exact)).all()
+
+
+def test_what_has_no_order_gets_twice_the_large_factor():
+    found, _ = series(lambda h, t: 0.01 * t * h)
+    bar = spacing_bar(found, 0.0, 1.0)
+    assert bar.factor == LOST == 2.0 * UNSAFE and bar.used == pytest.approx(1.0, abs=0.01) and "no order" in bar.verdict
+    steady, _ = series(lambda h, t: 0.0 * t)
+    assert spacing_bar(steady, 0.0, 1.0).used > 0.0
+
+
+@pytest.mark.parametrize(
+    "changes, lost",
+    [
+        (["method.basis=linear"], True),
+        ([], False),
+        (["method.basis=linear", "method.formulation=total-lagrangian"], False),
+    ],
+)
+def test_the_linear_basis_is_known_to_have_none_where_particles_cross_cells(changes, lost):
+    scene = load_scene(Path(__file__).parents[2] / "runs" / "mpm" / "axis_aligned.toml", changes)
+    assert (order_in_spacing("kinetic", scene) == 0.0) == lost == bool(unconverging(scene))
 
 
 def test_zeros_of_a_swinging_error_are_no_zeros_of_the_bar():

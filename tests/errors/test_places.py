@@ -9,7 +9,7 @@ from parsolid.errors.bars import error_table
 from parsolid.errors.estimate import SAFE
 from parsolid.errors.places import box_of, nearest, placed
 from parsolid.errors.running import Done
-from parsolid.errors.variants import RATIOS, STEP, WIDER, companions_of, usual_ratios
+from parsolid.errors.variants import RATIOS, STEP, companions_of, usual_ratios
 from parsolid.scene import load_scene
 
 RUNS = Path(__file__).parents[2] / "runs"
@@ -78,8 +78,19 @@ def test_probes_at_particles_of_all_lattices_need_nothing_more():
     assert all(not one.corners and len(one.scene.probes) == 1 for one in found)
 
 
-def test_companions_are_coarser_still_where_enough_particles_are_left():
-    scene = load_scene(RUNS / "tlsph" / "tensile_smooth.toml", ["bodies.0.particles=[57, 57]"])
-    assert usual_ratios(scene) == WIDER
-    assert [one.ratio for one in companions_of(scene, False)[0]] == pytest.approx([3.5, 3.5, 1.75])
-    assert usual_ratios(load_scene(RUNS / "tlsph" / "tensile_smooth.toml")) == RATIOS[2]
+@pytest.mark.parametrize(
+    "name, particles, expected",
+    [
+        ("tlsph/tensile_smooth", [57, 57], (0, [3.5, 3.5, 56 / 30])),
+        ("tlsph/torsion", [9, 49, 9], (0, [8 / 3, 8 / 3, 2.0])),
+        # two intervals through the thickness are what the method needs
+        ("tlsph/tensile_smooth", [57, 5], (1, None)),
+        ("mpm/cosine_mode", [96, 12], (1, None)),
+    ],
+)
+def test_companions_are_so_coarse_that_enough_particles_are_left(name, particles, expected):
+    scene = load_scene(RUNS / f"{name}.toml", [f"bodies.0.particles={particles}"])
+    place, ratios = expected
+    assert usual_ratios(scene) == RATIOS[scene.dimension][place]
+    if ratios:
+        assert [one.ratio for one in companions_of(scene, False)[0]] == pytest.approx(ratios, rel=0.05)

@@ -64,10 +64,27 @@ def test_friction_takes_its_share_of_the_normal_impulse_and_is_heat():
     assert np.abs(rubbed["balance"]).max() < 0.02 * rubbed["kinetic"][0]
 
 
-def test_ranks_do_not_matter_and_a_restart_has_the_same_bits(comm, shared_path):
-    scene = parse_scene(sliding(0.3, output={"history_steps": 1, "fields_times": []}))
-    whole, spread = (follow(Simulation(one, scene), Record(momenta), 16) for one in (MPI.COMM_SELF, comm))
-    for name in ("kinetic", "stored", "balance", "friction_dissipation", "contact_dissipation", "momenta"):
+def test_ranks_do_not_matter_and_a_restart_has_the_same_bits_with_heat_of_friction(comm, shared_path):
+    data = sliding(0.3, output={"history_steps": 1, "fields_times": []}, end_time=3e-4)
+    copper = {"kind": "elastic-plastic", "library": "OFHC copper, Johnson-Cook"}
+    for body, speed in zip(data["bodies"], (0.0, 20.0)):
+        body |= {"material": copper, "velocity": [speed, 0.0]}
+    scene = parse_scene(data | {"loads": {"acceleration": ["0", "-1e5"]}})
+    simulations = [Simulation(one, scene) for one in (MPI.COMM_SELF, comm)]
+    whole, spread = (follow(one, Record(momenta), 16) for one in simulations)
+    # all of it is in the temperatures, half of it in each body
+    taken, heat = whole["friction_dissipation"], whole["friction_heat"]
+    np.testing.assert_allclose(heat, taken, rtol=1e-12)
+    assert heat[-1] > 0.01 * whole["kinetic"][0] and np.diff(taken).min() >= 0.0
+    for name in (
+        "kinetic",
+        "stored",
+        "balance",
+        "friction_heat",
+        "friction_dissipation",
+        "contact_dissipation",
+        "momenta",
+    ):
         scale = np.abs(whole["momenta" if name == "momenta" else "kinetic"]).max()
         np.testing.assert_allclose(spread[name], whole[name], rtol=0.0, atol=1e-11 * scale, err_msg=name)
     wanted = run_into(shared_path / "whole", comm, scene, steps=16).simulation
@@ -106,6 +123,8 @@ def test_blocks_off_their_centres_keep_their_momentum_in_space():
     [
         ("sph", {}, {}, "contact.0.bodies: expected bodies of one method of kind 'mpm'"),
         ("points", {"radius": 3.0}, {}, "contact.0.radius: expected no such key with model = 'grid'"),
+        # also the value that it has where it means something
+        ("points", {"stiffness": 1.0}, {}, "contact.0.stiffness: expected no such key with model = 'grid'"),
         ("points", {}, {"order": "usl"}, "methods.0.order: expected 'musl' with a contact on the grid"),
     ],
 )

@@ -11,13 +11,13 @@ from parsolid.simulation.loop import Simulation
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.time_step import TimeSteps
 
-END = 4e-3
+END = 1.5e-3
 
 
 def tables(substeps, **rest) -> dict:
-    """Raw tables of a soft block (SPH) tied to one of material points that is 100 times as stiff."""
+    """Raw tables of a soft block (SPH) tied to one of material points that is 1000 times as stiff."""
     data = blocks("sph", "points", end_time=END, **rest)
-    data["bodies"][1]["material"] = data["bodies"][1]["material"] | {"youngs_modulus": 1.7e9}
+    data["bodies"][1]["material"] = data["bodies"][1]["material"] | {"youngs_modulus": 1.7e10}
     for body in data["bodies"]:
         body["velocity"] = ["X*Y", "-0.5*X"]
     if substeps is not None:
@@ -33,10 +33,10 @@ def test_the_ledger_closes_and_the_motion_is_that_of_the_least_step():
     plain = follow(Simulation(MPI.COMM_SELF, parse_scene(tables(None))), Record(motion), policy=TimeSteps)
     several = follow(Simulation(MPI.COMM_SELF, parse_scene(tables("auto"))), Record(watched), policy=TimeSteps)
     few, many = len(several["time"]), len(plain["time"])
-    assert several["common"][1:, 1].min() == 3.0 and many > 2.5 * few
+    assert several["common"][1:, 1].min() == 6.0 and many > 5 * few
     energy = plain["kinetic"][0]
     assert several["tie_energy"].max() > 1e-5 * energy
-    assert np.abs(several["balance"]).max() < 0.01 * energy
+    assert np.abs(several["balance"]).max() < 0.002 * energy
     momenta = np.abs(several["motion"] - several["motion"][0])
     assert momenta[:, :2].max() < 1e-12 * np.abs(several["motion"]).max()
     assert several["stored"][-1] == pytest.approx(plain["stored"][-1], rel=0.05)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 from solids import (
     RUBBER,
     Record,
@@ -17,7 +18,10 @@ from solids import (
 )
 
 from parsolid.collective import SolverError
-from parsolid.methods.tlsph.displacement import displacement_gradient
+from parsolid.methods.tlsph.displacement import complete_strain, displacement_gradient
+from parsolid.pairs.axis_lists import is_along_axes
+from parsolid.pairs.smoothed_weights import SmoothedWeights
+from parsolid.pairs.weights import PairWeights
 from parsolid.scene import SceneError, parse_scene
 
 HOLES = {
@@ -109,7 +113,7 @@ def test_a_static_pull_is_in_balance_at_every_particle(dimension, weights, comm)
     stretch, normals = [1.01, 0.995, 1.02][:dimension], np.eye(dimension)
     probe = simulation(data)
     probe.systems[0].particles.owned_rows("deformation_gradient")[:] = np.diag(stretch).ravel()
-    probe.systems[0].start(np.zeros(probe.systems[0].owned, bool))
+    complete_strain(probe.systems[0], np.zeros(probe.systems[0].owned, bool))
     P = probe.systems[0].shown("first_piola_kirchhoff_stress", 0, 1)[0, :dimension, :dimension]
     for axis, upper in enumerate([1.2, 0.9, 0.7][:dimension]):
         traction = [repr(float(value)) for value in P @ normals[axis]]
@@ -177,6 +181,32 @@ def test_momentum_and_energy_are_kept_on_all_ranks(weights, comm):
     assert max(np.ptp(rows[f"p{i}"]) for i in range(3)) < 1e-12 * scale
     assert max(np.ptp(rows[f"p{i}"]) for i in range(3, 6)) < 1e-5 * scale
     assert np.abs(rows["balance"]).max() < 1e-3 * rows["kinetic"][0]
+
+
+@pytest.mark.parametrize("dissipation", [1.0, 0.0])
+@pytest.mark.parametrize("name", ["cells with a hole 3-D, mirrors", "fourth order 3-D"])
+def test_lists_along_axes_have_the_forces_of_lists_of_pairs(name, dissipation, comm, monkeypatch):
+    data = BODIES[name] | {"method": BODIES[name]["method"] | {"integrator": "leapfrog", "dissipation": dissipation}}
+    data["bodies"] = [data["bodies"][0] | {"velocity": ["0.1*sin(X)*Y*Z", "0.1*cos(X)", "0.1*X*Y"]}]
+    along = simulation(data, comm)
+    assert is_along_axes(along.systems[0].pairs.inner)
+    monkeypatch.setattr(PairWeights, "walked", lambda self, system: (system.inner, system.rim), raising=True)
+    monkeypatch.setattr(SmoothedWeights, "walked", PairWeights.walked)
+    pairs = simulation(data, comm)
+    assert not is_along_axes(pairs.systems[0].pairs.inner)
+    assert along.systems[0].directed_pairs == pairs.systems[0].directed_pairs
+    found = [_forces_of_a_step(sim) for sim in (along, pairs)]
+    for one, other in zip(*found):
+        scale = comm.allreduce(np.abs(other).max(initial=0.0), MPI.MAX)
+        # what reconstruction leaves of a smooth jump has its rounding
+        assert np.abs(one - other).max(initial=0.0) <= 1e-12 * scale
+
+
+def _forces_of_a_step(sim) -> tuple[np.ndarray, np.ndarray]:
+    """T and D after a step."""
+    sim.take_step(1e-3)
+    rows = sim.systems[0].particles.owned_rows
+    return np.array(rows("stress_force")), np.array(rows("dissipative_force"))
 
 
 @pytest.mark.serial

@@ -22,6 +22,7 @@ class GridContact(Interaction):
         """meetings: two systems and the friction between them, each."""
         self.meetings = [Meeting(comm, systems, friction) for systems, friction in meetings]
         self.systems = list({id(one): one for systems, _ in meetings for one in systems}.values())
+        self.warms = any(friction and any(one.takes_heat for one in systems) for systems, friction in meetings)
 
     def before(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Velocities of the nodes after the step's forces and contact."""
@@ -30,8 +31,9 @@ class GridContact(Interaction):
         for system in self.systems:
             system.nodes.follow_cells()
             system.given = system.give_to_nodes(time, step)
-        for meeting in self.meetings:
-            meeting.act(step)
+        warmed = [meeting.act(step) for meeting in self.meetings]
+        if self.warms:
+            ledger.add_term("friction_heat", sum(warmed))
 
     def after(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """What contact has taken."""

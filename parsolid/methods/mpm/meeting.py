@@ -11,7 +11,10 @@ import numpy as np
 
 from decomposition.shared_nodes import SharedNodes
 from parsolid.methods.mpm import meeting_kernels as kernels
+from parsolid.methods.mpm.gather import gather
+from parsolid.methods.mpm.grid import Flip
 from parsolid.methods.mpm.meeting_kernels import FIT, FORM, Cloud
+from parsolid.numerics.lanes import aligned_zeros
 from parsolid.numerics.sums import in_turn
 
 # of the square of the steepness of a fit a cell; steps of Newton's rule at most, and what they may leave; the factor on
@@ -26,7 +29,8 @@ _SQUARE = np.triu_indices(FIT)
 
 class Meeting:
     """Two systems that share no velocities; friction between them. impulse (n, d) [N s] on the second field at the
-    nodes of both in the present step, normal (n, d), slots: of the nodes in each system, -1 where it has none."""
+    nodes of both in the present step, normal (n, d), rubbed (n,) [J]: what friction takes in its blow, slots: of the
+    nodes in each system, -1 where it has none."""
 
     def __init__(self, comm: Any, systems: tuple[Any, Any], friction: float) -> None:
         self.systems, self.friction = systems, friction
@@ -34,41 +38,63 @@ class Meeting:
         self.dimension = systems[0].dimension
         self._changes: list[int] = []
         self.impulse = self.normal = np.zeros((0, self.dimension))
+        self.rubbed = np.zeros(0)
         self.slots: list[np.ndarray] = []
 
-    def act(self, step: float) -> None:
-        """Let velocities of nodes, as they are after forces of a step [s], obey contact; talks to ranks near by."""
+    def act(self, step: float) -> float:
+        """Let velocities of nodes, as they are after forces of a step [s], obey contact; talks to ranks near by. What
+        of the heat of friction is stored [J]."""
         changes = [system.nodes.changes for system in self.systems]
         if self.nodes.follow() or changes != self._changes:
             self._changes = changes
             self._rebuild()
         if not len(self.nodes.words):
-            return
+            return 0.0
         d, fields = self.dimension, self._fields()
         mass = fields[:, :, 0]
         self.active = (mass > self._least).all(axis=1) & self.inside
         self.normal = self._normals(fields[:, :, 4])
         gap = self._gaps()
         velocity = fields[:, :, 1 : 1 + d] / np.where(mass > 0.0, mass, 1.0)[:, :, None]
-        self.impulse = self._impulses(mass, velocity[:, 0] - velocity[:, 1], gap, step)
+        self.impulse, self.rubbed = self._impulses(mass, velocity[:, 0] - velocity[:, 1], gap, step)
+        warmed = sum(self._warm(number, mass[:, number]) for number in range(2)) if self.friction else 0.0
         for number, system in enumerate(self.systems):
             here = self.slots[number] >= 0
             slot, change = self.slots[number][here], self.impulse[here] / np.maximum(mass[here, number, None], 1e-300)
             change *= (-1.0, 1.0)[number]
             system.nodes.motion[slot, :d] += change
             system.nodes.motion[slot, 4 : 4 + d] += change
+        return warmed
 
-    def _impulses(self, mass: np.ndarray, relative: np.ndarray, gap: np.ndarray, step: float) -> np.ndarray:
-        """On the second field (n, d) [N s]: closing velocities (n, d) [m/s] lose what closes more than the gap."""
+    def _warm(self, number: int, mass: np.ndarray) -> float:
+        """Half of what friction takes at the nodes to the particles of a field by their parts of its masses (n,) [kg]
+        there; what of it is stored [J], where there are temperatures."""
+        system, here = self.systems[number], (self.slots[number] >= 0) & (self.rubbed > 0.0)
+        if not system.takes_heat:
+            return 0.0
+        nodes, points = system.nodes, system.points
+        a_mass, probe = aligned_zeros(nodes.motion.shape), aligned_zeros(points.motion.shape)
+        a_mass[self.slots[number][here], 4] = 0.5 * self.rubbed[here] / mass[here]
+        for _, behind, images, _ in reversed(nodes.mirrored):
+            a_mass[behind, 4] = a_mass[images, 4]
+        gather(nodes.interpolation, a_mass, probe, 0.0, Flip(1.0), None, None)
+        heat = points.motion[: system.owned, 3] * probe[: system.owned, 4]
+        rows = np.flatnonzero(heat)
+        return float(system.take_heat(heat[rows], rows))
+
+    def _impulses(
+        self, mass: np.ndarray, relative: np.ndarray, gap: np.ndarray, step: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """On the second field (n, d) [N s]: closing velocities (n, d) [m/s] lose what closes more than the gap; and
+        what the tangential part takes in its blow (n,) [J], which is never negative."""
         both = mass.prod(axis=1) / np.maximum(mass.sum(axis=1), 1e-300)
         closing = (relative * self.normal).sum(axis=1)
         pressed = np.where(self.active, both * np.maximum(closing - np.maximum(gap, 0.0) / step, 0.0), 0.0)
         sliding = relative - closing[:, None] * self.normal
         speed = np.linalg.norm(sliding, axis=1)
         rubbed = np.minimum(both * speed, self.friction * pressed)
-        return np.asarray(
-            pressed[:, None] * self.normal + (rubbed / np.where(speed > 0.0, speed, 1.0))[:, None] * sliding
-        )
+        impulse = pressed[:, None] * self.normal + (rubbed / np.where(speed > 0.0, speed, 1.0))[:, None] * sliding
+        return np.asarray(impulse), rubbed * (speed - 0.5 * rubbed / np.where(both > 0.0, both, 1.0))
 
     def _rebuild(self) -> None:
         """Nodes of both fields, and where particles of each count."""
@@ -90,6 +116,7 @@ class Meeting:
         self._table, self._fits = np.zeros((count, 2 * _OF_FIELD)), np.zeros((count, FIT + FORM))
         self._reach = np.zeros((count, 2))
         self.normal = self.impulse = np.zeros((count, d))
+        self.rubbed = np.zeros(count)
         self._sums = shared.sum(self._table, 0), shared.sum(self._fits, 1)
         self._largest = shared.largest(self._reach, 2)
 
@@ -187,20 +214,20 @@ class Meeting:
         return storage("deformation_gradient"), storage("spacing")
 
     def losses(self) -> tuple[float, float]:
-        """Energy [J] that the impulses of the step have taken from this rank's part of both fields, of the normal
-        part and of the tangential one; after the step.
+        """Energy [J] that the impulses of the step have taken from this rank's part of both fields, besides friction,
+        and by friction; after the step.
 
         Particles have gained J . (u + u')/2 with the velocities u of the nodes before the step and those u' that they
-        bring back to them, by which matter is strained.
+        bring back to them, by which matter is strained. Of that friction has the part of its blow, by which it warms.
         """
-        result, d = np.zeros(2), self.dimension
+        taken, d = np.zeros(2), self.dimension
         for number, system in enumerate(self.systems):
             here = self.slots[number] >= 0 if self.slots else np.zeros(0, bool)
-            nodes, slot, impulse = system.nodes, self.slots[number][here], self.impulse[here]
+            nodes, slot = system.nodes, self.slots[number][here]
             before = nodes.motion[slot, :d] - nodes.motion[slot, 4 : 4 + d]
             after = nodes.again[slot, :d] if system.settings.order == "musl" else nodes.motion[slot, :d]
             mean = 0.5 * (before + after) * nodes.share[slot, None]
-            pressed = (impulse * self.normal[here]).sum(axis=1)[:, None] * self.normal[here]
-            for part, J in enumerate((pressed, impulse - pressed)):
-                result[part] += (1.0, -1.0)[number] * in_turn(J * mean)
-        return float(result[0]), float(result[1])
+            taken[0] += (1.0, -1.0)[number] * in_turn(self.impulse[here] * mean)
+            if number == 0:
+                taken[1] = in_turn(nodes.share[slot] * self.rubbed[here])
+        return float(taken[0] - taken[1]), float(taken[1])

@@ -62,6 +62,13 @@ class MaterialPoint(MethodSettings):
     materials: ClassVar = ("hyperelastic", "elastic-plastic")
     boundaries: ClassVar = ("fixed", "roller", "velocity", "wall", "temperature", "heat_flux", *_LOADS)
     reactions: ClassVar = ("velocity", "wall", *_LOADS)
+    evolved: ClassVar = (
+        *("velocity", "velocity_slope", "velocity_gradient", "deformation_gradient", "unrotated_deviator"),
+        *("temperature", "temperature_slope", "internal_energy", "plastic_strain", "plastic_rise"),
+        *("damage", "criterion_damage"),
+    )
+    evolved_of_particles: ClassVar = ("deleted_*",)
+    evolved_forces: ClassVar = ("stress_and_volume",)
     refused: ClassVar = {
         "antisymmetric": "a grid is folded at planes of symmetry and of rest",
         "rotation": "nodes of a grid do not turn; 'velocity' takes formulas of place and time",

@@ -35,6 +35,7 @@ from parsolid.methods.mpm.stress_update import StressUpdate
 from parsolid.methods.mpm.transfers import ORDERS
 from parsolid.methods.mpm.waiting import WaitingImpulses
 from parsolid.methods.mpm.weights import nodes_across
+from parsolid.methods.previous_state import take_forces, take_state
 from parsolid.methods.protocol import Announce, EnergyLedger, ParticleSystem
 from parsolid.numerics.lanes import aligned_zeros
 from parsolid.particles.particle_set import ParticleSet
@@ -89,9 +90,12 @@ class MaterialPoint(ParticleSystem):
         """
         set_initial_motion(scene, particle_set, self.points)
         self.materials.begin(scene, particle_set)
+        if take_state(self.comm, scene, self, particle_set):
+            self.points.without_deleted()
         self.residence.deal_out()
         self.nodes.follow_cells()
         self.stress.advance(0.0)
+        take_forces(self.comm, scene, self)
         self._look_at_heat()
 
     def resume(self) -> None:
@@ -169,7 +173,7 @@ class MaterialPoint(ParticleSystem):
     def _with_impulses(self, forces: np.ndarray | None, step: float) -> np.ndarray | None:
         """Forces (capacity, 4) [N] of loads and of the impulses that have been given since the last step [s]."""
         if self.waiting is not None:
-            forces, self.transfer.impulse = self.waiting.take(forces, step, (self.substep, self.substeps))
+            return self.waiting.take(forces, step, (self.substep, self.substeps))
         return forces
 
     def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
@@ -200,7 +204,7 @@ class MaterialPoint(ParticleSystem):
     def expect_kicks(self) -> None:
         """See `waiting.WaitingImpulses`."""
         if self.waiting is None:
-            self.waiting = WaitingImpulses(self.points)
+            self.waiting = self.transfer.waiting = WaitingImpulses(self.points)
 
     def follow_work(self, work: list[float], number: int) -> None:
         """See `Residence.follow_work`."""

@@ -9,6 +9,7 @@ from parsolid.methods.mpm.grid_conditions import GridConditions
 from parsolid.methods.mpm.material_points import MaterialPoints, VelocityTransfer
 from parsolid.methods.mpm.nodes import Nodes
 from parsolid.methods.mpm.scatter import scatter
+from parsolid.methods.mpm.waiting import WaitingImpulses
 from parsolid.numerics.lanes import aligned_zeros
 
 
@@ -22,9 +23,8 @@ class UpdateStressLast:
         self._gather_kernel = RecalledEach(gather, free=(0, 3, 4))
         self._local = points.settings.transfer == "flip" and "velocity_slope" in points
         self._seen, self._beside = -1, np.zeros(0, bool)
-        # those (owned, d) [N s] that have entered the step's forces besides loads
-        self.impulse: np.ndarray | None = None
-        self.books_impulses = points.settings.transfer in ("flip", "aflip") and points.settings.flip_fraction == 1.0
+        # where something acts between steps
+        self.waiting: WaitingImpulses | None = None
 
     def particles_to_nodes(self, stress: CauchyStress | FirstPiolaKirchhoffStress, forces: np.ndarray | None) -> None:
         """Mass, momentum and force of all ranks' particles; stress: see `scatter`; forces (capacity, 4) [N] of loads,
@@ -43,8 +43,36 @@ class UpdateStressLast:
 
         Gives what is lost [J] where boundaries held nodes to which particles brought a velocity.
         """
+        lost = self._lost_of_impulses()
+        settings = self.points.settings
+        if settings.transfer in ("flip", "aflip") and settings.flip_fraction == 1.0:
+            # `StepEnergies` counts what particles do not take of all changes
+            lost = 0.0
         self._gather(step, self.points.velocity_transfer, self.points.storage("velocity_gradient"), None)
-        return 0.0
+        return lost
+
+    def _lost_of_impulses(self) -> float:
+        """What the transfers take of impulses in the step [J], see `WaitingImpulses`; before places change."""
+        if self.waiting is None:
+            return 0.0
+        return self.waiting.lost(self._of_particles(self.nodes.motion[:, :3]), self._brought_and_kept)
+
+    def _of_particles(self, velocity: np.ndarray) -> np.ndarray:
+        """Velocities (slots, 3) of nodes where particles are (owned, d) [m/s]."""
+        nodes, points = self.nodes, self.points
+        between, probe = aligned_zeros(nodes.motion.shape), aligned_zeros(points.motion.shape)
+        between[: nodes.count, 4:7] = velocity[: nodes.count]
+        gather(nodes.interpolation, between, probe, 0.0, Flip(1.0), None, None)
+        return np.asarray(probe[: points.owned, 4 : 4 + points.dimension])
+
+    def _brought_and_kept(self) -> np.ndarray:
+        """Velocities of nodes before the step and those by which matter is strained (owned, d) [m/s]."""
+        motion, kept = self.nodes.motion, self._strained_by()
+        return self._of_particles(motion[:, :3] - motion[:, 4:7] + kept[:, :3])
+
+    def _strained_by(self) -> np.ndarray:
+        """Nodes (slots, 8) whose velocities strain matter."""
+        return self.nodes.motion
 
     def _keep_slopes_beside_driven(self) -> None:
         """Of FLIP's particles only those with a driven node in their stencil give slopes.
@@ -78,23 +106,13 @@ class ModifiedUpdateStressLast(UpdateStressLast):
         """See `UpdateStressLast`."""
         self._gather(step, self.points.velocity_transfer, None, None)
         lost = self._map_back(time)
-        if self.impulse is not None and self.books_impulses:
-            lost += self._lost_of_impulses(self.impulse)
+        lost += self._lost_of_impulses()
         self._gather(step, None, self.points.storage("velocity_gradient"), self.nodes.again)
         return lost
 
-    def _lost_of_impulses(self, impulse: np.ndarray) -> float:
-        """Energy [J] of impulses J (owned, d) [N s] that the mapping back takes.
-
-        Particles move with the nodes' velocities v_i, but bring the next step u_i, those of the momentum that is mapped
-        back: sum_p J_p . sum_i w_ip (v_i - u_i) is the work of J that no velocity shows.
-        """
-        nodes, points = self.nodes, self.points
-        between, probe = aligned_zeros(nodes.motion.shape), aligned_zeros(points.motion.shape)
-        between[: nodes.count, 4:7] = (nodes.motion - nodes.again)[: nodes.count, :3]
-        gather(nodes.interpolation, between, probe, 0.0, Flip(1.0), None, None)
-        owned, d = impulse.shape
-        return float(np.sum(impulse * probe[:owned, 4 : 4 + d]))
+    def _strained_by(self) -> np.ndarray:
+        """See `UpdateStressLast`."""
+        return self.nodes.again
 
     def _map_back(self, time: float) -> float:
         """Nodal velocities of the particles' momentum; what the boundaries do to them is no work."""

@@ -1,5 +1,7 @@
 """Impulses that wait for the next step, and the energies of particles at one time where velocities lag."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from parsolid.methods.mpm.material_points import MaterialPoints
@@ -11,49 +13,69 @@ _PAIRS = ((0, 0), (1, 5), (2, 10), (4, 6), (4, 9), (5, 2), (5, 8), (6, 1), (6, 4
 
 
 class WaitingImpulses:
-    """The field "impulse" of particles that something acts on between steps. step: the last one [s]."""
+    """The field "impulse" of particles that something acts on between steps, and "moved", the mean velocity of their
+    places in the last common step [m/s]. step: the last one [s].
+
+    A force F between particles does the work F . dx/2 of their ways before and after it; the impulse J of both halves
+    is given to the nodes and shows as J . (u + u')/2, u the velocities that particles bring to the nodes and u' those
+    of the momentum that is mapped back. J . (moved before + moved after - u - u')/2 is lost in the transfers.
+    """
 
     def __init__(self, points: MaterialPoints) -> None:
         self.points, self.step = points, 0.0
         # of a checkpoint, until a step is taken
         self._kept: float | None = None
         points.declare(Field("impulse", points.dimension, "N s", checkpointed=True))
+        points.declare(Field("moved", points.dimension, "m/s", checkpointed=True))
+        # of the common step: all of it, the part of each step, the number of this one and how many there are
+        self.given: np.ndarray | None = None
+        self.part: np.ndarray | None = None
+        self.place = 0, 1
         if points.settings.substeps not in (None, 1):
             points.declare(Field("given_impulse", points.dimension, "N s"))
 
-    def take(
-        self, forces: np.ndarray | None, step: float, place: tuple[int, int]
-    ) -> tuple[np.ndarray | None, np.ndarray | None]:
-        """Forces (capacity, 4) [N] of loads and of the impulses given since the last step [s]; and what of them
-        (owned, d) [N s] matter moves under in this step: of several steps in a common one all go to the first.
+    def take(self, forces: np.ndarray | None, step: float, place: tuple[int, int]) -> np.ndarray | None:
+        """Forces (capacity, 4) [N] of loads and of the impulses given since the last step [s], of several steps in a
+        common one all in the first.
 
         place: number of the step among those of the common one, and how many those are.
         """
         if step == 0.0:
-            return forces, None
-        self.step, self._kept = step, None
+            return forces
+        self.step, self._kept, self.place = step, None, place
         impulse = self.points.owned_rows("impulse")
+        self.given = impulse.copy() if place[0] == 0 and impulse.any() else None
+        self.part = self.given
         if place[1] > 1:
             given = self.points.owned_rows("given_impulse")
             if place[0] == 0:
                 given[:] = impulse
-            taken = given / place[1]
-        else:
-            taken = impulse.copy()
-        if not impulse.any():
-            return forces, taken if taken.any() else None
+            self.part = given / place[1] if given.any() else None
+        if self.given is None:
+            return forces
         result = aligned_zeros((self.points.capacity, 4)) if forces is None else forces.copy()
         result[: self.points.owned, : self.points.dimension] += impulse / step
         impulse[:] = 0.0
-        return result, taken
+        return result
+
+    def lost(self, now: np.ndarray, both: Callable[[], np.ndarray]) -> float:
+        """What transfers take [J] of the impulses of the step, and their "moved". now (owned, d) [m/s]: of this step;
+        both: u + u' (owned, d) [m/s]."""
+        moved, (number, count), lost = self.points.owned_rows("moved"), self.place, 0.0
+        if self.given is not None:
+            lost += 0.5 * float(np.sum(self.given * (moved - both())))
+        if self.part is not None:
+            lost += 0.5 * float(np.sum(self.part * now))
+        moved[:] = now / count + (moved if number else 0.0)
+        return lost
 
     def energy(self) -> float:
         """What particles will have gained by the time of their places [J]: velocities are half a step behind.
 
-        Of waiting impulses J . v, of stresses -dt/2 V sigma : l.
+        Of waiting impulses J . moved, of stresses -dt/2 V sigma : l.
         """
         rows = self.points.owned_rows
-        return float(np.sum(rows("impulse") * rows("velocity"))) + self.lag()
+        return float(np.sum(rows("impulse") * rows("moved"))) + self.lag()
 
     def lag(self) -> float:
         """The part of the stresses [J]."""

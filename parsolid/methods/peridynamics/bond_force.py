@@ -7,6 +7,7 @@ import numpy as np
 from decomposition.recalled import RecalledEach
 from parsolid.methods.peridynamics.correspondence import BondedBody, relaxing_records, stresses
 from parsolid.numerics.lanes import aligned_zeros
+from parsolid.pairs.lattice_sums import LatticeSums, lattice_sums
 from parsolid.pairs.pair_system import PairSystem
 from parsolid.pairs.passes import Vector
 from parsolid.pairs.terms import KINEMATICS, AlongBonds, ShearScaled, matrix_columns, record_columns
@@ -23,6 +24,7 @@ class BondForce:
     evaluation, of the whole particle where it lies on a mirror plane. evaluations: so many of the forces so far. sound:
     whether every settled Jacobian is positive; at small strain there is none to look at.
     stored [J]: energy of histories of its own.
+    passes: over the bonds.
     stiffens: whether stiffness depends on the state; growth: bound of the largest to come over that at rest.
     """
 
@@ -40,12 +42,17 @@ class BondForce:
         self.particles, self.bond_system, self.stabiliser = particles, bond_system, bond_system.terms
         self.owned, self.space, self.dimension = particles.owned, bond_system.space, bond_system.space.dimension
         self.columns, self.record_columns = KINEMATICS[self.dimension], record_columns(self.space, self.stabiliser)
+        self.passes: PairSystem | LatticeSums = bond_system
         self.evaluations, self._put_records = 0, RecalledEach(relaxing_records)
         self.projection = self._projection(fixed_planes)
         # rows that tell nothing in the next divergences; records are made four at a time, over the end of a law's rows
         self.silent: tuple[np.ndarray, slice] | None = None
         if scale is not None:
             self._declare_stiffness(scale)
+
+    def stay_whole(self) -> None:
+        """From now on no bond breaks: passes may do without their list."""
+        self.passes = lattice_sums(self.bond_system) or self.bond_system
 
     def _declare_stiffness(self, scale: np.ndarray) -> None:
         """C1 or c, for the particle itself and in its record, where it stays."""
@@ -161,12 +168,12 @@ class BondForce:
         """sum w V V (f_b - f_a) (x) xi, after f and u have been sent to ghosts."""
         sums = self.particles.storage("pair_sums")
         sums[:] = 0.0
-        return self.bond_system.gradient("motion")
+        return self.passes.gradient("motion")
 
     def displacement_gradient(self, message: str | None, sums: np.ndarray) -> np.ndarray:
         """sum w V V (u_b - u_a) (x) xi into sums; message: "motion" where ghosts do not know u yet."""
         sums[:] = 0.0
-        return self.bond_system.gradient(message, (Vector(self.columns.position),), sums)
+        return self.passes.gradient(message, (Vector(self.columns.position),), sums)
 
     def divergence(self, terms: Any) -> np.ndarray:
         """Force (owned, d) [N] of the records, with a stabiliser or None."""
@@ -176,7 +183,7 @@ class BondForce:
             particles, factors = self.projection
             self.record[particles, : factors.shape[1]] *= factors
         self.force[:] = 0.0
-        self.bond_system.divergence(terms)
+        self.passes.divergence(terms)
         return self.owned_force
 
     @property

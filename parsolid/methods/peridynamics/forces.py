@@ -73,6 +73,8 @@ def build_forces(comm: Any, scene: Any, particle_set: Any, loads: Any) -> Forces
         engine, history = HistoryForce(particles, bond_system, scale, fixed_planes, blocks, branches), TensorHistory
     else:
         engine = BondForce(particles, bond_system, scale, fixed_planes)
+    if settings.damage is None and not settings.pre_cracks:
+        engine.stay_whole()
     if not settings.stabilisation.relaxes:
         return Forces(particles, horizon, bond_system, engine, ElasticControl(engine, blocks, branches))
     if len(series) > 1:

@@ -198,6 +198,8 @@ class Peridynamics(MethodSettings):
         "traction",
         "pressure",
     )
+    evolved: ClassVar = ("velocity", "branch_displacements*", "tensor_history")
+    evolved_of_particles: ClassVar = ("broken_bonds",)
     pressed: ClassVar = ("where", "box", "ball")
     refused: ClassVar = {
         "antisymmetric": "images of a solid that moves against it are not made",

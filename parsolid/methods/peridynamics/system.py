@@ -25,6 +25,7 @@ from parsolid.methods.peridynamics.reactions import reactions_of
 from parsolid.methods.peridynamics.tensor_history import is_small_strain
 from parsolid.methods.peridynamics.velocity_verlet import VelocityVerlet
 from parsolid.methods.peridynamics.velocity_verlet_kernels import kinetic_energy
+from parsolid.methods.previous_state import take_state
 from parsolid.methods.protocol import BrokenPairs
 from parsolid.particles.declaration import Field, Rows
 from parsolid.scene import initial_displacement, initial_velocity
@@ -72,12 +73,20 @@ class Peridynamics(PairMethod):
         displacement = initial_displacement(*place)
         if displacement is not None:
             self.particles.owned_rows("displacement")[:] = displacement
+        self._hold()
+        self.history.start(self.settings.initial_state == "instantaneous")
+        if take_state(self.comm, scene, self, particle_set):
+            self._hold()
+            self.fracture.resume()
+            self.history.evaluate_anew()
+        self.fracture.look()
+
+    def _hold(self) -> None:
+        """Displacement and velocity at time 0 as supports and what is driven have them."""
         self.loads.stop(self.velocity)
         self.displacement[self.loads.held] = 0.0
         self.solver.begin()
         self.place()
-        self.history.start(self.settings.initial_state == "instantaneous")
-        self.fracture.look()
 
     def resume(self) -> None:
         """The forces of a state that was put back into the table; collective."""
@@ -100,6 +109,10 @@ class Peridynamics(PairMethod):
         """x = X + u."""
         rows = self.particles.owned_rows
         np.add(rows("reference_position"), self.displacement, out=rows("position"))
+
+    def bring_state_up_to_date(self) -> None:
+        """The bits of broken bonds."""
+        self.fracture.pack()
 
     def state(self) -> dict[str, Any]:
         """What the time solver remembers."""

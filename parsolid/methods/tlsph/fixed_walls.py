@@ -72,7 +72,7 @@ class FixedWalls:
     def book(self, duration: float) -> None:
         """Count their work over a duration [s] with the present velocities."""
         rows = self.particles.owned_rows
-        power = np.sum(rows("excess_wall_force") * rows("velocity"), axis=1) @ rows("share")
+        power = np.add.reduce(rows("excess_wall_force") * rows("velocity"), axis=1) @ rows("share")
         self.work += duration * float(power)
 
 

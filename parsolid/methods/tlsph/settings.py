@@ -20,6 +20,8 @@ class TotalLagrangianSPH(MethodSettings):
     system: ClassVar = "parsolid.methods.tlsph.system:TotalLagrangianSPH"
     bodies_meet: ClassVar = False
     initial_stress_refused: ClassVar = None
+    evolved: ClassVar = (*("velocity", "deformation_gradient", "cofactor", "jacobian", "viscous_strain_inverse_*"),)
+    evolved_forces: ClassVar = ("stress_force", "dissipative_force", "excess_wall_force")
     materials: ClassVar = ("hyperelastic",)
     boundaries: ClassVar = (
         "fixed",

@@ -11,13 +11,14 @@ from parsolid.materials.blocks import MaterialBlock, block_numbers, material_blo
 from parsolid.materials.hyperelastic.law import elastic_moduli, isotropic_shear_modulus, total_modulus
 from parsolid.materials.registry import laws_of
 from parsolid.methods.pair_method import PairMethod
+from parsolid.methods.previous_state import take_forces, take_state
 from parsolid.methods.tlsph import momentum as motion
 from parsolid.methods.tlsph import state
 from parsolid.methods.tlsph.advice import advice_of
 from parsolid.methods.tlsph.body_weights import ON_LATTICES, weights_of_bodies
 from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.methods.tlsph.deformation import Relaxation, advance_deformation, largest_wave_modulus
-from parsolid.methods.tlsph.displacement import displacement_gradient
+from parsolid.methods.tlsph.displacement import complete_strain
 from parsolid.methods.tlsph.fixed_walls import watch_fixed_walls
 from parsolid.methods.tlsph.initial_stress import initial_stress_of
 from parsolid.methods.tlsph.lattice_bodies import put_on_lattices
@@ -126,27 +127,19 @@ class TotalLagrangianSPH(PairMethod):
             rows("deformation_gradient")[:] = gradient.reshape(len(particle_set), -1)
             derived &= ~where
         self.initial_stress.begin(*place)
-        self.start(derived)
+        complete_strain(self, derived)
+        take_state(self.comm, scene, self, particle_set)
+        self.hold()
+        if take_forces(self.comm, scene, self) and self.leapfrog is not None:
+            self.leapfrog.forces_of = 0
 
-    def start(self, derived: np.ndarray) -> None:
-        """Complete the state at time 0 from velocity, position and deformation gradient; collective.
-
-        derived (n,): particles whose deformation gradient is that of their displacement, by the scheme's own gradient.
-        """
-        rows, d, owned = self.particles.owned_rows, self.dimension, self.owned
-        if anywhere(self.comm, bool(derived.any())):
-            rows("deformation_gradient")[derived] += displacement_gradient(self)[derived]
-        F = np.zeros((owned, 3, 3))
-        F[:, :d, :d] = rows("deformation_gradient").reshape(owned, d, d)
-        F[:, d:, d:] = 1.0
-        rows("jacobian")[:] = np.linalg.det(F)
-        if "cofactor" in self.particles:
-            cofactor = np.cross(F[:, (1, 2, 0)], F[:, (2, 0, 1)])
-            rows("cofactor")[:] = cofactor.reshape(owned, 9)
+    def hold(self) -> None:
+        """Velocities at time 0 as supports and what is driven have them; collective."""
+        velocity = self.particles.owned_rows("velocity")
         if self.boundaries.clamp is not None:
-            rows("velocity")[:] *= self.boundaries.clamp[:, :d]
+            velocity[:] *= self.boundaries.clamp[:, : self.dimension]
         if self.boundaries.surfaces is not None:
-            self.boundaries.surfaces.stop(rows("velocity"))
+            self.boundaries.surfaces.stop(velocity)
         self.boundaries.prescribe(0.0, self.kinematics)
         self.prescribed_energy_gain()
 

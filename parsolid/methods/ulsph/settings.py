@@ -47,6 +47,13 @@ class UpdatedLagrangianSPH(MethodSettings):
     reactions: ClassVar = ("fixed", "roller", "velocity", "rotation", "wall", "traction", "spring")
     boundaries: ClassVar = (*reactions, "micro_clamped", "temperature")
     strained: ClassVar = False
+    evolved: ClassVar = (
+        *("velocity", "density", "deviator", "temperature", "energy", "plastic_strain", "damage", "criterion_damage"),
+        *("micro_rate", "micro_stress", "micro_curl", "micro_gradient"),
+        *("energetic_flux", "dissipative_flux", "heat_flux"),
+    )
+    evolved_of_particles: ClassVar = ("deleted_*",)
+    evolved_forces: ClassVar = ("record", "force_sums", "flux", "correction", "micro_curl", "micro_gradient")
     refused: ClassVar = {
         "antisymmetric": "images of a solid that moves against it are not made",
         "displacement": "motion is prescribed as a velocity or a rotation",

@@ -9,7 +9,7 @@ from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, block_numbers, blocks_between
 from parsolid.materials.registry import laws_of
-from parsolid.methods import failed_matter
+from parsolid.methods import failed_matter, previous_state
 from parsolid.methods.pair_method import PairMethod
 from parsolid.methods.protocol import Announce, EnergyLedger
 from parsolid.methods.ulsph import kinematics as motion
@@ -126,15 +126,18 @@ class UpdatedLagrangianSPH(PairMethod):
         if flowing is not None:
             held = self.boundaries.held_micro
             rows("micro_rate")[:] = flowing if held is None else np.where(held, 0.0, flowing)
-        self.boundaries.hold_motion(0.0)
         for update, block, body in self.updates.each():
             update.begin(scene, block, body)
+        if previous_state.take_state(self.comm, scene, self, particle_set) and self.deletion is not None:
+            self.deletion.lighten()
+        self.boundaries.hold_motion(0.0)
         self.pairs.rebuild(0.0)
         self.tell_all()
         self.first_pass(0.0)
         self.advance_state(0.0, 0.0)
         self.sweeps.forces()
         self.advance_gradients(0.0)
+        previous_state.take_forces(self.comm, scene, self)
 
     def resume(self) -> None:
         """Continue with the lists of the checkpoint; collective."""
@@ -343,6 +346,4 @@ class UpdatedLagrangianSPH(PairMethod):
 def _viscosity(settings: Any) -> ArtificialViscosity | None:
     """As the scene states it."""
     given = settings.viscosity
-    if not given:
-        return None
-    return ArtificialViscosity(float(given.linear), float(given.quadratic), float(given.softening))
+    return ArtificialViscosity(float(given.linear), float(given.quadratic), float(given.softening)) if given else None

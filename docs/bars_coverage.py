@@ -1,4 +1,4 @@
-"""How often the true error lies within the error bar: docs/error-bars.md, by `python docs/coverage.py`.
+"""How often the true error lies within the error bar: docs/error-bars.md, by `python docs/bars_coverage.py`.
 
 Every scene below is run at several resolutions with its companions, into results/coverage, where runs are kept by
 digest; every column of the history whose true values are known is a case at several times. `--report` makes the tables
@@ -9,18 +9,20 @@ import argparse
 import pickle
 import sys
 import time as clock
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.errors.bars import error_table
+from parsolid.errors.bars import error_table, on_times
 from parsolid.errors.coarsening import NotCoarsened, coarser, parsed
 from parsolid.errors.orders import kind_of
 from parsolid.errors.running import result_of, run_into
 from parsolid.errors.truth import exact_values, series_of
-from parsolid.errors.variants import SPACING, Companion, companions_of
+from parsolid.errors.variants import SPACING, Companion, companions_of, quieter
 from parsolid.scene.loading import apply_override, parse_scene, read_tables
 from parsolid.simulation.loop import Limits
 
@@ -34,6 +36,8 @@ class Scene(NamedTuple):
     """A scene of the coverage: its file below runs, overrides, further probes, and columns with their true values.
 
     truth: column -> series of the reference, or a number; of exact solutions probes are compared with the solution.
+    formulas: column -> its true values at times [s]. finer: where nothing else is known, the spacing over the scene's
+    of a run of the same scene that columns (`truth`, names alone) are compared with.
     """
 
     name: str
@@ -42,6 +46,8 @@ class Scene(NamedTuple):
     probes: tuple[dict[str, Any], ...] = ()
     truth: dict[str, Any] = {}
     ratios: tuple[float, ...] = RATIOS
+    formulas: dict[str, Callable[[np.ndarray], np.ndarray]] = {}
+    finer: float | None = None
 
 
 def at(name: str, place: list[float], *fields: str) -> dict[str, Any]:
@@ -52,12 +58,59 @@ def mode(name: str, weight: str, *fields: str) -> dict[str, Any]:
     return {"name": name, "weight": weight, "fields": list(fields)}
 
 
+def bars_that_meet(
+    energy: float, meets: float, crossed: float, left: str, speed: float
+) -> dict[str, Callable[[np.ndarray], np.ndarray]]:
+    """Two equal elastic bars that meet at a time [s] with opposite speeds, sides guided; crossed: L/c [s]; energy [J]:
+    of both. left: column of the velocity at the middle of the left one.
+    """
+    share = lambda t: np.clip(np.abs(t - meets - crossed) / crossed, 0.0, 1.0)  # noqa: E731
+    return {
+        "kinetic": lambda t: energy * share(t),
+        "stored": lambda t: energy * (1.0 - share(t)),
+        left: lambda t: speed * ((t < meets + 0.5 * crossed) * 1.0 - (t > meets + 1.5 * crossed)),
+    }
+
+
+def slides(acceleration: float, grows: float, evenly: bool) -> dict[str, Callable[[np.ndarray], np.ndarray]]:
+    """A block that slides from rest, whose load grows evenly, or as half a cosine does, over a time [s]."""
+
+    def speed(times: np.ndarray) -> np.ndarray:
+        early = np.minimum(times, grows)
+        swing = (
+            early**2 / (2.0 * grows) if evenly else early / 2.0 - np.sin(np.pi * early / grows) * grows / (2 * np.pi)
+        )
+        return acceleration * (swing + times - early)
+
+    return {"block.velocity_x": speed}
+
+
+def plates_that_meet() -> dict[str, Callable[[np.ndarray], np.ndarray]]:
+    """runs/ulsph/linear_impact.toml until its fronts are at the free ends."""
+    from parsolid.exact.elastic_impact import ElasticImpact
+    from parsolid.scene import load_scene
+
+    exact = ElasticImpact.of_scene(load_scene(ROOT / "runs" / "ulsph" / "linear_impact.toml"))
+    law = load_scene(ROOT / "runs" / "ulsph" / "linear_impact.toml").bodies[0].material.micro_inertia_law()
+    energy = 0.5 * law.density * exact.speed**2 * 2.0 * 25.4e-3 * 2.5e-3
+    return {
+        "kinetic": lambda t: energy * (1.0 - exact.wave_speed * t / 25.4e-3),
+        "stored": lambda t: energy * exact.wave_speed * t / 25.4e-3,
+        "inner.stress_xx": lambda t: np.where(exact.wave_speed * t > 5.4e-3, exact.stress, 0.0),
+    }
+
+
 ENERGIES = {"kinetic": "K", "stored": "W", "dissipation_internal": "Dint"}
 CORNER = ENERGIES | {"corner.displacement_y": "uy_11", "corner.velocity_y": "vy_11"}
 ELASTIC = {name: series for name, series in CORNER.items() if series != "Dint"}
 TIP = ENERGIES | {"tip.twist": "twist_C"}
 PLATE = ("velocity", "displacement", "first_piola_kirchhoff_stress")
 SERIES = "reference.series=reference/"
+CELLS = ("bodies.0.particles=[24, 12]", "bodies.0.placement=cells")
+METAL = (
+    "bodies.0.material={kind='elastic-plastic', density=1000, youngs_modulus=1e7, poissons_ratio=0.1, "
+    "specific_heat=400, taylor_quinney=0.9, flow_stress={kind='linear-hardening', yield_stress=1e9, hardening=1e6}}"
+)
 NO_BRANCHES = "bodies.0.material.branches=[]"
 SCENES = [
     Scene("punch, beta 3", "tlsph/punch.toml", ("bodies.0.particles=[49, 49]",), truth=CORNER),
@@ -251,6 +304,92 @@ SCENES = [
         (at("quarter", [0.1e-3, 0.25e-3], "plastic_strain", "micro_rate"),),
         ratios=(1.0, 1.4),
     ),
+    Scene(
+        "two bars, contact",
+        "contact/bars.toml",
+        (
+            "bodies.0.shape.box.lower=[-1.0002, 0]",
+            "bodies.0.shape.box.upper=[-0.0002, 0.24]",
+            "bodies.0.velocity=[0.0005, 0]",
+            "bodies.1.velocity=[-0.0005, 0]",
+            "bodies.0.spacing=0.02",
+            "bodies.1.spacing=0.02",
+        ),
+        (at("left", [-0.5002, 0.12], "velocity"),),
+        ratios=(1.0, 1.4),
+        formulas=bars_that_meet(6e-8, 0.2, 1.0, "left.velocity_x", 0.0005),
+    ),
+    Scene(
+        "two bars, SPH and material points",
+        "mixed/bars.toml",
+        (
+            "bodies.0.shape.box.lower=[-1.001, 0]",
+            "bodies.0.shape.box.upper=[-0.001, 0.2]",
+            "bodies.0.velocity=[0.1301, 0]",
+            "bodies.1.velocity=[-0.1301, 0]",
+            "probes.0.at=[-0.501, 0.1]",
+        ),
+        ratios=(1.0, 1.4),
+        formulas=bars_that_meet(200.0 * 0.1301**2, 0.001 / 0.2602, 1.0 / 151.281, "left.velocity_x", 0.1301),
+    ),
+    Scene(
+        "block on an incline, contact",
+        "contact/incline.toml",
+        ("bodies.0.particles=[49, 9]", "bodies.1.particles=[21, 11]"),
+        ratios=(1.0,),
+        formulas=slides(8.94427e-5 - 0.3 * 1.788854e-4, 40.0, True),
+    ),
+    *(
+        Scene(
+            f"block on an incline, tool, {kind}",
+            "tools/incline.toml",
+            (f"method={{kind='{kind}', balance_limit=100, {more}}}", *body),
+            ratios=(1.0,),
+            formulas=slides(4.472135955 - 0.3 * 8.94427191, 0.2, False),
+        )
+        for kind, more, body in (
+            ("tlsph", "integrator='leapfrog'", ("bodies.0.particles=[25, 13]",)),
+            ("mpm", "cell=0.083333333333333333, geometry='plane-strain'", (*CELLS, METAL)),
+            ("ulsph", "viscosity={linear=1, quadratic=1}", (*CELLS, METAL)),
+            (
+                "peridynamics",
+                "horizon_ratio=3, solution={kind='explicit'}",
+                (*CELLS, "bodies.0.material.kind=linear-elastic"),
+            ),
+        )
+    ),
+    Scene(
+        "linear impact, contact",
+        "ulsph/linear_impact.toml",
+        ("output.history_interval=1.5e-8",),
+        (at("inner", [20e-3, 1.25e-3], "stress"),),
+        ratios=(1.0, 1.4),
+        formulas=plates_that_meet(),
+    ),
+    Scene(
+        "pressed cylinder, tool",
+        "tools/hertz.toml",
+        ("bodies.0.particles=[33, 33]",),
+        truth=dict.fromkeys(("kinetic", "stored", "work_external", "cylinder.force_y"), ""),
+        ratios=(1.0,),
+        finer=0.4,
+    ),
+    Scene(
+        "Taylor bar, wall",
+        "mpm/taylor.toml",
+        ("bodies.0.spacing=4e-4", "method.cell=8e-4"),
+        truth=dict.fromkeys(("kinetic", "stored", "rod.upper_bounds_x", "rod.upper_bounds_y"), ""),
+        ratios=(1.0,),
+        finer=0.4,
+    ),
+    Scene(
+        "oblique discs, contact",
+        "contact/discs.toml",
+        ("bodies.0.particles=[40, 40]", "bodies.1.particles=[40, 40]"),
+        truth=dict.fromkeys(("kinetic", "stored"), ""),
+        ratios=(1.0, 1.4),
+        finer=0.4,
+    ),
 ]
 
 
@@ -265,8 +404,21 @@ def tables_of(one: Scene) -> dict[str, Any]:
     return tables
 
 
-def truth_of(one: Scene, scene: Any, columns: list[str]) -> dict[str, Any]:
+def truth_of(one: Scene, scene: Any, columns: list[str], folder: Path) -> dict[str, Any]:
     """Column -> function of times that gives its true values."""
+    if one.formulas:
+        return dict(one.formulas)
+    if one.finer is not None:
+        plan = Companion(
+            parsed(quieter(scene, coarser(scene, one.finer, 0.0).tables, 1.0), False), SPACING, 1.0, "finer"
+        )
+        place = folder / plan.digest
+        if result_of(MPI.COMM_WORLD, plan, place) is None:
+            run_into(MPI.COMM_WORLD, plan.scene, place, Limits())
+        done = result_of(MPI.COMM_WORLD, plan, place)
+        assert done is not None
+        print(f"{one.name}: {done.particles} particles for reference, {done.processor_seconds:.2f} s", flush=True)
+        return {c: partial(on_times, done.history, c) for c in one.truth if c in done.history}
     if scene.reference.series is not None:
         return dict(series_of(scene, one.truth))
     found = {column: exact_values(scene, column) for column in columns}
@@ -302,7 +454,7 @@ def run(one: Scene, folder: Path) -> list[dict[str, Any]]:
         told = [f"{r.companion.purpose} {r.ratio:.2f} {r.processor_seconds:.2f} s {r.fault or ''}" for r in runs]
         print(f"{one.name:<28} ratio {ratio:<5} {told} {refused} {clock.process_time() - began:.1f} s", flush=True)
         history = runs[-1].history
-        truth = truth_of(one, scene, list(history)) if history else {}
+        truth = truth_of(one, scene, list(history), folder) if history else {}
         rows = [int(np.argmin(np.abs(history["time"] - share * scene.end_time))) for share in SHARES] if history else []
         true = {column: value(history["time"][rows]) for column, value in truth.items() if column in history}
         found.append(
@@ -333,6 +485,12 @@ class Case(NamedTuple):
     verdict: str
 
 
+def method_of(scene: Any) -> str:
+    """The methods of a scene, and whether bodies or tools touch."""
+    kinds = "+".join(dict.fromkeys(system.settings.kind for system in scene.systems))
+    return f"{kinds}, contact" if scene.contact or len(scene.bodies) > 1 else f"{kinds}, tool" if scene.tools else kinds
+
+
 def cases_of(folder: Path) -> tuple[list[Case], int]:
     """All cases of what has been run, and how many have no bar because resolutions differ by as much as a column."""
     cases, without = [], 0
@@ -358,7 +516,7 @@ def cases_of(folder: Path) -> tuple[list[Case], int]:
                     # below this it is the reference's error, or there is none
                     if error >= 1e-7 and np.isfinite(bar):
                         kind, verdict = kind_of(column, scene), table.bars[column].verdict
-                        method = scene.systems[0].settings.kind
+                        method = method_of(scene)
                         one = Case(found["scene"], method, kind, found["ratio"], column, share, error, bar, verdict)
                         cases.append(one)
     return cases, without

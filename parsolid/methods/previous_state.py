@@ -1,0 +1,108 @@
+"""The state of a method's particles that another run goes on from: which fields it is, as written, as taken.
+
+It is what settings name as `evolved`: declared fields that an integrator carries on, and from which all else follows
+but for forces that the last step has found with velocities within it: these the very same particles go on with.
+"""
+
+from collections.abc import Iterator
+from fnmatch import fnmatchcase
+from typing import Any
+
+import numpy as np
+
+from parsolid.collective import anywhere, raise_together
+from parsolid.scene.initial import meant
+from parsolid.scene.previous_results import STATE, PreviousField
+
+# between particles, too
+_BOUNDS = {"plastic_strain": (0.0, None), "damage": (0.0, 1.0)}
+
+
+def evolved_names(system: Any) -> list[str]:
+    """Declared fields of a system's state besides its places: those of the settings that the scene has."""
+    settings = system.settings
+    return _named(system, (*settings.evolved, *settings.evolved_of_particles, *settings.evolved_forces))
+
+
+def _named(system: Any, patterns: tuple[str, ...]) -> list[str]:
+    return [name for name in system.particles.fields if any(fnmatchcase(name, one) for one in patterns)]
+
+
+def evolved_rows(system: Any, name: str) -> np.ndarray | None:
+    """One of them by its name in a file, (owned, components); None where the system has none of that name."""
+    own = name.removeprefix(STATE)
+    return None if own not in evolved_names(system) else two_axes(system.particles.owned_rows(own))
+
+
+def two_axes(rows: np.ndarray) -> np.ndarray:
+    """Rows (n,) or (n, components) as (n, components), a view."""
+    return rows[:, None] if rows.ndim == 1 else rows
+
+
+def take_state(comm: Any, scene: Any, system: Any, particle_set: Any) -> bool:
+    """Put the states of other runs into a system's particles, which are in the order of the particle set; whether there
+    are any. Collective.
+
+    Raises SolverError, on all ranks, where results have no such state, or not of particles that must be the same.
+    """
+    states = [(i, state) for i, state in enumerate(scene.initial) if state.takes_state]
+    faults: list[str] = []
+    for i, state in states:
+        here = np.flatnonzero(meant(scene, state, particle_set.body, particle_set.regions))
+        faults += _taken(system, state.of("velocity"), here, particle_set.position[here], f"initial.{i}.fields")
+    raise_together(comm, faults[0] if faults else None)
+    return bool(states)
+
+
+def _taken(system: Any, velocity: PreviousField, here: np.ndarray, places: np.ndarray, key: str) -> Iterator[str]:
+    """Put every field of a state into rows (n,) with reference places (n, d) [m]; what was wrong with it."""
+    settings = system.settings
+    for name in _named(system, (*settings.evolved, *settings.evolved_of_particles)):
+        rows = two_axes(system.particles.owned_rows(name))
+        steps = [step for step in velocity.steps if STATE + name in step.names]
+        if not steps:
+            had = sorted({one.removeprefix(STATE) for step in velocity.steps for one in step.names if STATE in one})
+            found = f"one with {', '.join(had)}" if had else 'none (output.fields = ["state"] writes it)'
+            yield f"{key}: expected results with the state of this method, {name} among it, found {found}"
+            return
+        source = PreviousField(steps, STATE + name, velocity.dimension, rows.shape[1])
+        if any(fnmatchcase(name, one) for one in settings.evolved_of_particles):
+            values, same = source.of_particles(places)
+            strange = ~same & (values != 0).any(axis=1)
+            if strange.any():
+                where = ", ".join(f"{one:.6g}" for one in places[np.argmax(strange)])
+                yield f"{key}: expected the particles of the results, as each has {name} of its own, found ({where})"
+                return
+            rows[here[same]] = values[same]
+            continue
+        values = source.components(places)
+        if name in _BOUNDS:
+            values = np.clip(values, *_BOUNDS[name])
+        rows[here] = values
+
+
+def take_forces(comm: Any, scene: Any, system: Any) -> bool:
+    """Put the forces that the runs before ended with into a system's particles, wherever they are now, if all are those
+    of results with a state; whether that is so. Collective.
+    """
+    states = [state for state in scene.initial if state.takes_state]
+    if not states:
+        return False
+    rows = system.particles.owned_rows
+    regions = rows("regions") if "regions" in system.particles else None
+    body, places = rows("body"), rows("reference_position")
+    found: dict[str, np.ndarray] = {}
+    for name in _named(system, system.settings.evolved_forces):
+        filled = np.zeros(len(places), bool)
+        found[name] = np.zeros_like(two_axes(rows(name)))
+        for state in states:
+            steps = [step for step in state.of("velocity").steps if STATE + name in step.names]
+            here = np.flatnonzero(meant(scene, state, body, regions))
+            if steps and len(here):
+                source = PreviousField(steps, STATE + name, system.dimension, found[name].shape[1])
+                found[name][here], filled[here] = source.of_particles(places[here])
+        if anywhere(comm, not filled.all()):
+            return False
+    for name, values in found.items():
+        two_axes(rows(name))[:] = values
+    return True

@@ -1,0 +1,76 @@
+"""The passes over the bonds of a lattice against those over their lists."""
+
+import numpy as np
+import pytest
+from solids import simulation, tables
+
+from parsolid.pairs import lattice_sums
+
+ELASTIC = {"kind": "linear-elastic", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": 0.3}
+PLANES = [{"kind": "roller", "plane": "X = 0"}, {"kind": "fixed", "plane": "Y = 0"}]
+SPACE, PLANE = (13, 7, 8), (20, 14)
+CASES = {
+    "space": (SPACE, {"upper": (1.0, 0.5, 0.7)}, {}),
+    "space, mirrored": (SPACE, {"boundaries": PLANES, "body": {"placement": "cells"}}, {}),
+    "plane": (PLANE, {"boundaries": PLANES}, {"plane": "stress", "horizon_ratio": 5.0}),
+}
+
+
+def uses_lists(engine):
+    return engine.passes is engine.bond_system
+
+
+def scene(particles, method, **keys):
+    material = keys.pop("material", ELASTIC)
+    return tables(particles, material=material, method={"kind": "peridynamics", **method}, **keys)
+
+
+@pytest.fixture(autouse=True)
+def any_size(monkeypatch):
+    monkeypatch.setattr(lattice_sums, "_FEWEST", 1)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_passes_are_those_of_the_lists(comm, case):
+    particles, keys, method = CASES[case]
+    system = simulation(scene(particles, method, **keys), comm).systems[0]
+    engine, laws = system.engine, system.history.laws
+    assert isinstance(engine.passes, lattice_sums.LatticeSums)
+    identifier = system.particles.owned_rows("identifier")
+    # far from where it was: what moves as one has no force
+    engine.field[: engine.owned] = np.random.default_rng(3).normal(size=(np.prod(particles), 3))[
+        identifier, : engine.dimension
+    ]
+    engine.field[: engine.owned] += 1e3
+    found = [engine.evaluate(laws).copy(), engine.particles.storage("pair_sums").copy()]
+    engine.passes = engine.bond_system
+    expected = [engine.evaluate(laws), engine.particles.storage("pair_sums")]
+    for one, other in zip(found, expected):
+        assert np.allclose(one, other, rtol=0.0, atol=2e-12 * np.abs(other).max())
+
+
+def test_what_moves_as_one_has_no_force_at_all():
+    system = simulation(scene(SPACE, {})).systems[0]
+    system.engine.field[:] = np.pi
+    assert not system.engine.evaluate(system.history.laws).any()
+
+
+@pytest.mark.parametrize(
+    "method, keys",
+    [
+        ({}, {"body": {"jitter": 0.1}}),
+        ({"influence": "linear"}, {}),
+        ({"damage": {"critical_stretch": 0.1}}, {}),
+        ({"stabilisation": {"kind": "paper"}}, {}),
+    ],
+    ids=["irregular", "weights that vary", "bonds that break", "another control"],
+)
+def test_lists_stay_where_sums_are_not_those_of_a_lattice(method, keys):
+    assert uses_lists(simulation(scene(SPACE, method, **keys)).systems[0].engine)
+
+
+def test_lists_stay_where_they_are_as_fast(monkeypatch):
+    """In the plane with few bonds each, and in small bodies."""
+    assert uses_lists(simulation(scene(PLANE, {"plane": "stress"})).systems[0].engine)
+    monkeypatch.setattr(lattice_sums, "_FEWEST", 1000)
+    assert uses_lists(simulation(scene(SPACE, {})).systems[0].engine)
