@@ -27,8 +27,12 @@ from numba.core import config, extending
 from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 from numba.core.types import BaseNamedTuple, BaseTuple, Optional  # type: ignore[attr-defined]
+
+# numba may have been imported before what NUMBA_... says was set
+config.reload_config()
 
 _IMPORT = re.compile(
     r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)|import[ \t]+([\w., \t]+))", re.MULTILINE
@@ -48,9 +52,10 @@ def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     """
     if function is None:
         return functools.partial(compiled, **options)
-    dispatcher = njit(**{"no_cfunc_wrapper": True, **options})(function)
+    options = {"no_cfunc_wrapper": True, **options}
+    dispatcher = njit(**options)(function)
     if not config.DISABLE_JIT:
-        dispatcher._cache = KernelCache(function)
+        dispatcher._cache = KernelCache(function, options)
         dispatcher._can_cache = True
         # numba calls nothing of a cache when a compilation fails
         dispatcher.compile = functools.partial(_compile, dispatcher.compile)
@@ -137,7 +142,8 @@ def reached(module: str) -> frozenset[str]:
     found, waiting = set(), [module]
     while waiting:
         name = waiting.pop()
-        if name not in found:
+        # how kernels are kept says nothing of what they do
+        if name not in found and name != __name__:
             found.add(name)
             waiting += _text(name)[1]
     return frozenset(found)
@@ -215,8 +221,12 @@ LISTENERS: list[Callable[[str], object]] = []
 class KernelCache(_Cache):  # type: ignore[misc]
     """The files of one function's machine code, one for each signature."""
 
-    def __init__(self, function: Any) -> None:
+    def __init__(self, function: Any, options: dict[str, Any]) -> None:
         self.function, self.enabled = function, True
+        # sets of words have another order in another process
+        self.options = [
+            (name, sorted(it) if isinstance(it, (set, dict)) else it) for name, it in sorted(options.items())
+        ]
 
     @property
     def cache_path(self) -> str:
@@ -240,7 +250,8 @@ class KernelCache(_Cache):  # type: ignore[misc]
         """
         if not self.enabled:
             return None
-        target_context.refresh()
+        # all that a loaded function needs; refresh(), for compilations, takes as long as the rest of numba
+        rtsys.initialize(target_context)
         path = self.path(sig, target_context.codegen())
         found = _load(path, target_context)
         # the file may have come between the look and the reservation
@@ -274,6 +285,7 @@ class KernelCache(_Cache):  # type: ignore[misc]
             code.co_code,
             str(sig),
             codegen.magic_tuple(),
+            self.options,
             numba_version,
         )
         digest.update(repr((*what, sys.version_info[:2], config.SLP_VECTORIZE, config.OPT)).encode())

@@ -60,6 +60,15 @@ def order_along_cells(points: np.ndarray, cell: float) -> np.ndarray:
 
 
 @compiled
+def _fullest(begin: np.ndarray) -> int:
+    """Points in the cell that has most, at least 1."""
+    most = 1
+    for cell in range(len(begin) - 1):
+        most = max(most, begin[cell + 1] - begin[cell])
+    return most
+
+
+@compiled
 def _visit(cells: Cells, points: np.ndarray, reach: float, at: np.ndarray, neighbour: Any) -> None:
     """Walk through all pairs of a point b and an earlier one a within reach.
 
@@ -70,9 +79,7 @@ def _visit(cells: Cells, points: np.ndarray, reach: float, at: np.ndarray, neigh
     place = np.full(3, -9)
     place[points.shape[1] :] = 0
     near = np.empty((27, 2), np.int64)
-    hits: Any = (
-        None if neighbour is None else np.empty(np.diff(cells.begin).max() if len(cells.begin) > 1 else 1, np.int32)
-    )
+    hits: Any = None if neighbour is None else np.empty(_fullest(cells.begin), np.int32)
     found = 0
     for b in range(len(points)):
         if locate(cells, points[b], place):

@@ -1,5 +1,5 @@
 """Contact on the nodes of the grid beside that of material points: python docs/grid_contact_tables.py bars 25 50, or
-slide 1 2; see contact.md."""
+slide 1 2, or patch 12; see contact.md."""
 
 import sys
 from typing import Any
@@ -88,11 +88,44 @@ def sliding_block(fineness: int, model: str, slope: float) -> str:
     return f"acceleration {100.0 * (np.polyfit(time[late], velocity[late], 1)[0] / exact - 1.0):+.2f} %"
 
 
+def pressed_blocks(count: int, model: str) -> str:
+    """Two blocks pressed by 1 % between rollers: mean of the stress across the face over that far from it, layer by
+    layer of the lower block, and its spread along the face."""
+    h, ramp, end = 1.0 / count, 24.0, 26.0
+    c = float(np.sqrt(0.7 / (1.3 * 0.4)))
+    rate = f"-{0.02 / ramp * c}*(1 - cos(2*pi*t/{ramp / c}))*where(t < {ramp / c}, 1, 0)"
+    bodies = [
+        {"name": name, "shape": {"box": {"lower": [0.0, low], "upper": [1.0, low + 1.0]}}, "placement": "cells"}
+        | {"particles": [count, count], "material": SOLID}
+        for name, low in (("a", -1.0), ("b", 0.0))
+    ]
+    methods = [{"name": "points", "kind": "mpm", "cell": 2.0 * h, "transfer": "apic", "balance_limit": 10.0}]
+    sides = [{"plane": plane, "kind": "roller"} for plane in ("X = 0", "X = 1")]
+    sides += [{"plane": "Y = -1", "kind": "roller", "body": "a"}]
+    driven = {"lower": [-1.0, 1.0 - 2.0 * h], "upper": [2.0, 2.0]}
+    sides += [{"kind": "velocity", "box": driven, "body": "b", "velocity": ["free", rate]}]
+    data = {"dimension": 2, "end_time": end / c, "methods": methods, "bodies": bodies, "boundaries": sides}
+    data["contact"] = [{"bodies": ["a", "b"], "model": model}]
+    simulation, rows = Simulation(MPI.COMM_SELF, parse_scene(data)), Rows()
+    simulation.run(rows, Limits(), StopRequest())
+    points = simulation.systems[0].particles
+    y, V = points.owned_rows("reference_position")[:, 1], points.owned_rows("motion")[:, 7]
+    stress = points.owned_rows("stress_and_volume")[:, 1] / V
+    far, told = stress[np.abs(y + 0.5) < 0.2].mean(), []
+    for layer in range(4):
+        here = stress[np.abs(y + (layer + 0.5) * h) < 0.2 * h] / far
+        told.append(f"{here.mean():.3f} ({here.std():.4f})")
+    return ", ".join(told)
+
+
 def main() -> None:
     """A line for each size and model."""
     what, sizes = sys.argv[1], map(int, sys.argv[2:])
     for size in sizes:
         for model in ("kernel", "grid"):
+            if what == "patch":
+                print(f"{size} spacings, {model}: {pressed_blocks(size, model)}", flush=True)
+                continue
             if what == "bars":
                 print(f"{size} spacings, {model}: {two_bars(size, model)}", flush=True)
                 continue

@@ -18,6 +18,7 @@ _RUBBER = {"kind": "mooney-rivlin", "density": 1100, "youngs_modulus": 17e6, "po
 _CASES = {
     "tlsph": ({"kind": "tlsph"}, {**_RUBBER, "branches": [{"beta": 1.0, "tau": 0.02}]}),
     "tlsph, h/dx 1.2": ({"kind": "tlsph", "smoothing": 1.2}, _RUBBER),
+    "tlsph, leapfrog, fourth-order": ({"kind": "tlsph", "integrator": "leapfrog", "weights": "fourth-order"}, _RUBBER),
     "peridynamics": (
         {"kind": "peridynamics", "horizon_ratio": 3.0},
         {"kind": "linear-elastic", "density": 1100, "youngs_modulus": 17e6, "poissons_ratio": 0.3},

@@ -22,6 +22,8 @@ BENDING = {
 }
 # particles across that are too few where no figure is known
 _FEW = 3
+# sides of a mesh [m] from which it may be one in millimetres
+_LARGE = 5.0
 # a part is bent rather than sheared where it is so many times as long as thick
 _SLENDER = 4.0
 
@@ -49,7 +51,7 @@ def _uneven(body: Body) -> bool:
 
 def advice(simulation: Simulation) -> list[str]:
     """The same, and bodies that are slender and have too few particles across; collective, the same on all ranks."""
-    scene, result = simulation.scene, scene_advice(simulation.scene)
+    scene, result = simulation.scene, scene_advice(simulation.scene) + size_advice(simulation)
     for stated, system in zip(scene.systems, simulation.systems):
         # the figures are of the kernel's weights
         kind = stated.settings.kind if getattr(stated.settings, "pair_weights", "kernel") == "kernel" else ""
@@ -57,6 +59,28 @@ def advice(simulation: Simulation) -> list[str]:
             thin = _thinnest(scene, i, _layers(simulation.comm, system, number))
             if thin is not None:
                 result += _told(f"bodies.{i}", *thin, kind, scene.bodies[i].placed_on)
+    return result
+
+
+def size_advice(simulation: Simulation) -> list[str]:
+    """Meshes so large for their waves and the run's time that they may be in millimetres; collective, the same on all
+    ranks.
+    """
+    scene, result = simulation.scene, []
+    for stated, system in zip(scene.systems, simulation.systems):
+        for number, i in enumerate(stated.bodies):
+            if scene.bodies[i].shape.kind != "mesh" or scene.bodies[i].shape.model.scale != 1.0:
+                continue
+            lower, upper, _ = _layers(simulation.comm, system, number)
+            modulus, density = system.wave_modulus(number)
+            side = float((upper - lower).max())
+            crossing = side * float(np.sqrt(density / modulus))
+            quasi_static = getattr(getattr(system.settings, "solution", None), "kind", "") == "quasi-static"
+            if side > _LARGE and (quasi_static or scene.end_time < crossing):
+                sides = " x ".join(f"{one:.4g}" for one in upper - lower)
+                wave = f", which a wave crosses in {crossing:.3g} s (end_time is {scene.end_time:g} s)"
+                hint = "a mesh in millimetres wants shape.mesh.scale = 1e-3"
+                result.append(f"bodies.{i}: its mesh has sides of {sides} m{'' if quasi_static else wave}; {hint}")
     return result
 
 

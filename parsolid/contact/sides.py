@@ -14,8 +14,9 @@ from parsolid.scene.contact import contact_pairs, of_model
 
 # skin of the lists, in spacings
 SKIN = 0.5
-# step over the limit of a contact's frequency: what is exchanged in a step grows with its square
-_SAFETY = 0.5
+# step over the limit of a contact's frequency: what is exchanged in a step grows with its square; the power of a
+# stiffness above 1 by which it is less, for then particles of a face meet and part many times
+_SAFETY, _STIFF = 0.5, -0.125
 # entries of the tables of colour against depth
 _TABLE = 65
 
@@ -134,7 +135,7 @@ def _side(
         depth,
         colour,
         slope,
-        float(_SAFETY * 2.0 / frequency),
+        float(_SAFETY * max(contact.stiffness, 1.0) ** _STIFF * 2.0 / frequency),
         planes,
     )
 

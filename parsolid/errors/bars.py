@@ -13,6 +13,7 @@ from parsolid.errors.places import placed
 from parsolid.errors.running import Done
 from parsolid.errors.swinging import phase_and_amplitude
 from parsolid.errors.variants import LOOSER, SOLVER, SPACING, STEP
+from parsolid.numerics.splines import cubic_spline
 from parsolid.scene import Scene
 
 History = dict[str, np.ndarray]
@@ -85,14 +86,12 @@ def at_own_places(scene: Scene, done: list[Done]) -> tuple[list[Done], History]:
 
 def on_times(history: History, name: str, times: np.ndarray) -> np.ndarray:
     """A column of another run at the times (n,) of this one [s]; of a jump what follows it."""
-    from scipy.interpolate import CubicSpline
-
     own, values = history["time"], history[name]
     kept = np.append(np.diff(own) > 0.0, True)
     own, values = own[kept], values[kept]
     result: np.ndarray = np.interp(times, own, values)
     if len(own) > 3:
-        smooth = CubicSpline(own, values)(np.clip(times, own[0], own[-1]))
+        smooth = cubic_spline(own, values, np.clip(times, own[0], own[-1]))
         # next to a kink a cubic swings, a line does not
         near = np.clip(np.searchsorted(own, times), 1, len(own) - 1)
         room = np.abs(values[near] - values[near - 1])

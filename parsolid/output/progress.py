@@ -52,7 +52,7 @@ class Progress:
         self._bar: Live | None = None
         if level == QUIET:
             return
-        self._say(f"{title}: {particles} particles, to t = {end_time:.6g} s")
+        self._say(f"{title or 'scene'}: {particles} particles, to t = {end_time:.6g} s")
         columns = terminal_columns(self._stream)
         if columns:
             self._start_bar(columns)

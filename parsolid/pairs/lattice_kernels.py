@@ -11,22 +11,26 @@ from parsolid.pairs.terms import dimension_of
 
 
 class Lines(NamedTuple):
-    """Offsets in lines: first, second (lines,) int64 of a line across, half (lines,) int64 of its length."""
+    """Offsets in lines along the fast axis, by how far apart first parts are, one way and the other: second parts go
+    from -reach (apart,) to reach int64; half (apart, ...) int64 of a line's length, second part 0 in the
+    middle.
+    """
 
-    first: np.ndarray
-    second: np.ndarray
+    reach: np.ndarray
     half: np.ndarray
 
 
 class Box(NamedTuple):
     """Places: so many lines (first, second), of so many places with those up to a multiple of four; before and behind
-    them stand `lead` empty ones. wanted (lines,): those with particles that receive.
+    them stand `lead` empty ones. halves: of lines of offsets, from 0; wanted (lines,): those with particles that
+    receive.
     """
 
     first: int
     second: int
     room: int
     lead: int
+    halves: int
     wanted: np.ndarray
 
 
@@ -61,22 +65,31 @@ def _size_of(space):
 
 
 @register_jitable
-def _add_up(box, values, line, sums, slopes):
-    """Fill sums, and slopes where there are any, (halves, room): over lines about each place, of values and of values
-    times how far they stand.
-    """
+def _add_up(box, values, line, sums, row):
+    """Sums of the lines of all lengths about each place of a line into rows of sums, the first of these being row."""
     for z in range(0, box.room, WIDTH):
-        total, slope = load(values, line, box.lead + z), broadcast(0.0)
-        store(sums, 0, z, total)
-        if slopes is not None:
-            store(slopes, 0, z, slope)
-        for half in range(1, sums.shape[0]):
+        total = load(values, line, box.lead + z)
+        store(sums, row, z, total)
+        for half in range(1, box.halves):
             behind, ahead = load(values, line, box.lead + z - half), load(values, line, box.lead + z + half)
             total = total + (ahead + behind)
-            store(sums, half, z, total)
-            if slopes is not None:
-                slope = fused(float(half), ahead - behind, slope)
-                store(slopes, half, z, slope)
+            store(sums, row + half, z, total)
+
+
+@register_jitable
+def _tilt(box, values, plain, line, slopes, row):
+    """The same of values times how far they stand, and of plain ones unless None."""
+    for z in range(0, box.room, WIDTH):
+        slope = broadcast(0.0)
+        if plain is not None:
+            slope = load(plain, line, box.lead + z)
+        store(slopes, row, z, slope)
+        for half in range(1, box.halves):
+            behind, ahead = load(values, line, box.lead + z - half), load(values, line, box.lead + z + half)
+            slope = fused(float(half), ahead - behind, slope)
+            if plain is not None:
+                slope = slope + (load(plain, line, box.lead + z + half) + load(plain, line, box.lead + z - half))
+            store(slopes, row + half, z, slope)
 
 
 @register_jitable
@@ -85,59 +98,82 @@ def _add(array, line, z, value):
 
 
 @register_jitable
-def _target(box, lines, line, number):
-    """The line of the places that see a line as that of their offsets' so-and-so, -1 for none; first and second part of
-    these offsets.
-    """
-    first, second = lines.first[number], lines.second[number]
-    x, y = line // box.second - first, line % box.second - second
-    inside = x >= 0 and x < box.first and y >= 0 and y < box.second
-    target = x * box.second + y if inside and box.wanted[x * box.second + y] else -1
-    return target, float(first), float(second)
+def _span(box, lines, apart, y):
+    """Second parts, first to last, of the offsets in a plane so far apart whose lines exist about the y-th."""
+    reach = lines.reach[apart]
+    return max(-reach, -y), min(reach, box.second - 1 - y)
+
+
+@register_jitable
+def _receiver(box, x, y):
+    """The number of a line with particles that receive, else -1."""
+    line = x * box.second + y
+    return line if x >= 0 and x < box.first and box.wanted[line] else -1
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
 def moments(box, lines, values, across, result, sums, slopes):
     """Fill result (4, lines, room): sums over offsets of values (lines, places), and of values times each offset's
-    first (unless across is None: no offset has one), second and fast part. sums, slopes (halves, room): to work in.
+    first (unless across is None: no offset has one), second and fast part. sums, slopes (second halves, room): to work
+    in.
     """
     result[:] = 0.0
-    for line in range(values.shape[0]):
-        _add_up(box, values, line, sums, slopes)
-        for number in range(lines.half.shape[0]):
-            target, first, second = _target(box, lines, line, number)
-            half = lines.half[number]
-            for z in range(0, box.room if target >= 0 else 0, WIDTH):
-                total = load(sums, half, z)
-                _add(result[0], target, z, total)
-                if across is not None:
-                    _add(result[1], target, z, first * total)
-                _add(result[2], target, z, second * total)
-                _add(result[3], target, z, load(slopes, half, z))
+    plain, first, second, fast = result[0], result[1], result[2], result[3]
+    for x in range(box.first):
+        for y in range(box.second):
+            _add_up(box, values, x * box.second + y, sums, y * box.halves)
+            _tilt(box, values, None, x * box.second + y, slopes, y * box.halves)
+        for apart in range(lines.reach.shape[0]):
+            for y in range(box.second):
+                low, high = _span(box, lines, apart, y)
+                before, behind = _receiver(box, x - apart, y), _receiver(box, x + apart, y)
+                for z in range(0, box.room if max(before, behind) >= 0 else 0, WIDTH):
+                    total, along, slope = broadcast(0.0), broadcast(0.0), broadcast(0.0)
+                    for step in range(low, high + 1):
+                        row = (y + step) * box.halves + lines.half[apart, step + lines.half.shape[1] // 2]
+                        term = load(sums, row, z)
+                        total, along = total + term, fused(float(step), term, along)
+                        slope = slope + load(slopes, row, z)
+                    for side in range(2 if apart > 0 else 1):
+                        target = behind if side == 1 else before
+                        if target >= 0:
+                            _add(plain, target, z, total)
+                            if across is not None:
+                                _add(first, target, z, (apart if side == 0 else -apart) * total)
+                            _add(second, target, z, along)
+                            _add(fast, target, z, slope)
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
 def contraction(box, lines, values, across, plain, result, sums, slopes):
-    """Fill result (lines, room): sums over offsets of values (4, lines, places) times 1 (unless plain is None), and
-    the offset's first (unless across is None), second and fast part. sums (4, halves, room), slopes: to work in.
+    """Fill result (lines, room): sums over offsets of values (4, lines, places), the last three of them times the
+    offset's first (unless across is None), second and fast part, and of plain (lines, places) unless None. sums
+    (2, second halves, room), slopes: to work in.
     """
     result[:] = 0.0
-    for line in range(values.shape[1]):
-        if across is not None:
-            _add_up(box, values[1], line, sums[1], None)
-        if plain is not None:
-            _add_up(box, values[0], line, sums[0], None)
-        _add_up(box, values[2], line, sums[2], None)
-        _add_up(box, values[3], line, sums[3], slopes)
-        for number in range(lines.half.shape[0]):
-            (target, first, second), half = _target(box, lines, line, number), lines.half[number]
-            for z in range(0, box.room if target >= 0 else 0, WIDTH):
-                total = fused(second, load(sums[2], half, z), load(slopes, half, z))
-                if plain is not None:
-                    total = total + load(sums[0], half, z)
-                if across is not None:
-                    total = fused(first, load(sums[1], half, z), total)
-                _add(result, target, z, total)
+    firsts, seconds = sums[0], sums[1]
+    for x in range(box.first):
+        for y in range(box.second):
+            line, row = x * box.second + y, y * box.halves
+            if across is not None:
+                _add_up(box, values[1], line, firsts, row)
+            _add_up(box, values[2], line, seconds, row)
+            _tilt(box, values[3], plain, line, slopes, row)
+        for apart in range(lines.reach.shape[0]):
+            for y in range(box.second):
+                low, high = _span(box, lines, apart, y)
+                before, behind = _receiver(box, x - apart, y), _receiver(box, x + apart, y)
+                for z in range(0, box.room if max(before, behind) >= 0 else 0, WIDTH):
+                    total, jump = broadcast(0.0), broadcast(0.0)
+                    for step in range(low, high + 1):
+                        row = (y + step) * box.halves + lines.half[apart, step + lines.half.shape[1] // 2]
+                        total = total + fused(float(step), load(seconds, row, z), load(slopes, row, z))
+                        if across is not None:
+                            jump = jump + load(firsts, row, z)
+                    if before >= 0:
+                        _add(result, before, z, fused(float(apart), jump, total))
+                    if behind >= 0 and apart > 0:
+                        _add(result, behind, z, fused(-float(apart), jump, total))
 
 
 # --- from rows to places and back --------------------------------------------------------------------------------

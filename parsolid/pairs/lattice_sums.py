@@ -50,18 +50,23 @@ class LatticeSums:
         """bonds: `PairSystem`; rows: without their sums over offsets."""
         self.bonds, self.box, self.lines, self.rows, self.particles = bonds, box, lines, rows, bonds.particles
         d, count = bonds.space.dimension, box.first * box.second
-        halves = int(lines.half.max()) + 1
         self.across = None if box.first == 1 else True
         self.width = matrix_columns(d) // d
         self.values = aligned_zeros((d, 4, count, box.room + 2 * box.lead))
         self.field = aligned_zeros((d, count, box.room + 2 * box.lead))
         self.result, self.forces = aligned_zeros((d, 4, count, box.room)), aligned_zeros((d, count, box.room))
-        self.sums, self.slopes = aligned_zeros((4, halves, box.room)), aligned_zeros((halves, box.room))
+        rows_of_sums = box.second * box.halves
+        self.sums, self.slopes = aligned_zeros((2, rows_of_sums, box.room)), aligned_zeros((rows_of_sums, box.room))
         self.base, self.jumps, self.unused = np.zeros(d), np.zeros((bonds.owned, d)), np.zeros((bonds.owned, d))
         self.stiffnesses: np.ndarray | None = None
         self.neighbours = self.over_offsets(np.ones(len(rows.volume)))[:, 0] - 1.0
         whole = self.over_offsets(rows.volume)
         self.rows = rows._replace(volumes=whole[:, 0].copy(), moments=whole[:, 1:].copy())
+
+    def arrays(self) -> list[np.ndarray]:
+        """Arrays of the lattice, for what counts memory."""
+        kept = [self.values, self.field, self.result, self.forces, self.sums, self.slopes, self.jumps, self.unused]
+        return [*kept, *(array for array in self.rows if isinstance(array, np.ndarray))]
 
     def over_offsets(self, values: np.ndarray) -> np.ndarray:
         """Sums (owned, 4) over offsets of values (n,), and of values times the offset, in spacings."""
@@ -98,8 +103,8 @@ class LatticeSums:
                 self.stiffnesses = self._over_stiffnesses(record, stiffness)
             self.base[:] = kinematics[0, : len(self.base)]
         spread_records(self.bonds.space, self.rows, self.width, stiffness, kinematics, self.base, record, self.values)
-        plain = None if terms is None else True
         for values, result in zip(self.values, self.forces):
+            plain = None if terms is None else values[0]
             contraction(self.box, self.lines, values, self.across, plain, result, self.sums, self.slopes)
         at, moved = (self.box.lead, self.width, stiffness, self.stiffnesses), (self.forces, self.jumps)
         collect_forces(self.bonds.space, self.rows, *at, kinematics, self.base, record, *moved, force)
@@ -151,7 +156,7 @@ def lattice_sums(bonds: Any) -> LatticeSums | None:
     order = np.array([0, 0, 0])
     order[-1 - len(slow) : -1], order[-1] = slow, fast
     lines = _lines(spacing, bonds.metric[0], weights.support, order, d)
-    if np.sum(2 * lines.half + 1) <= _FEWEST_BONDS:
+    if _offsets(lines) <= _FEWEST_BONDS:
         return None
     first = int(counts[slow[0]]) if d == 3 else 1
     second, room = int(counts[slow[-1]]), padded(int(counts[fast]))
@@ -162,7 +167,7 @@ def lattice_sums(bonds: Any) -> LatticeSums | None:
     axis[slow], axis[fast] = np.arange(3 - d, 2), 2
     nothing = np.zeros(0)
     rows = Rows(line, index[:, fast] + lead, bonds.volume.copy(), nothing, np.zeros((0, 3)), axis, spacing)
-    result = LatticeSums(bonds, Box(first, second, room, lead, wanted), lines, rows)
+    result = LatticeSums(bonds, Box(first, second, room, lead, int(lines.half.max()) + 1, wanted), lines, rows)
     return result if np.array_equal(result.neighbours, _neighbours(bonds)) else None
 
 
@@ -186,14 +191,22 @@ def _places(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
 def _lines(spacing: np.ndarray, metric: np.ndarray, support: float, order: np.ndarray, d: int) -> Lines:
     """Lines of the offsets within a horizon; order (3,): the axes first, second and fast, of which d count."""
     step = np.sqrt(metric[order]) * spacing[order] / support
-    reach = [int(1.0 / step[0]) if d == 3 else 0, int(1.0 / step[1])]
-    found = []
-    for first in range(-reach[0], reach[0] + 1):
-        for second in range(-reach[1], reach[1] + 1):
-            left = 1.0 - (first * step[0] if d == 3 else 0.0) ** 2 - (second * step[1]) ** 2
-            if left >= 0.0:
-                found.append((first, second, int(np.sqrt(left) / step[2])))
-    return Lines(*np.array(found, np.int64).T.copy())
+    reach = []
+    middle = int(1.0 / step[1])
+    half = np.zeros((int(1.0 / step[0]) + 1 if d == 3 else 1, 2 * middle + 1), np.int64)
+    for apart in range(len(half)):
+        left = 1.0 - (apart * step[0] if d == 3 else 0.0) ** 2
+        reach.append(int(np.sqrt(left) / step[1]))
+        for second in range(-reach[-1], reach[-1] + 1):
+            half[apart, middle + second] = int(np.sqrt(left - (second * step[1]) ** 2) / step[2])
+    return Lines(np.array(reach), half)
+
+
+def _offsets(lines: Lines) -> int:
+    """So many of them, 0 among them."""
+    middle = lines.half.shape[1] // 2
+    inside = [2 * half[middle - reach : middle + reach + 1] + 1 for reach, half in zip(lines.reach, lines.half)]
+    return int(inside[0].sum() + 2 * sum(one.sum() for one in inside[1:]))
 
 
 def _neighbours(bonds: Any) -> np.ndarray:

@@ -47,6 +47,8 @@ class PairSystem(PairLists):
     volume: np.ndarray
     metric: np.ndarray
     unbonded: np.ndarray | None = None
+    # whether pairs of owned particles and of ghosts are `axis_lists`
+    along_axes = False
 
     def __init__(
         self,
@@ -98,6 +100,7 @@ class PairSystem(PairLists):
         self._fill_lists(body, reach)
         correction = self.weights.complete(self)
         self.inner, self.rim = self.weights.walked(self)
+        self.along_axes = is_along_axes(self.inner)
         self.particles.owned_rows("correction")[:] = correction.reshape(self.owned, -1)
         self.particles.owned_rows("pair_volume")[:] = volume
         self.particles.update("reference")
@@ -165,7 +168,7 @@ class PairSystem(PairLists):
         add = self._add_gradients
 
         def apply(pairs: Any) -> None:
-            add[is_along_axes(pairs)](self.key(pairs, fields), self.space, pairs, fields, kinematics, result)
+            add[self._along(pairs)](self.key(pairs, fields), self.space, pairs, fields, kinematics, result)
 
         self.sweep(apply, message)
         return result
@@ -176,10 +179,14 @@ class PairSystem(PairLists):
         add = self._add_forces
 
         def apply(pairs: Any) -> None:
-            add[is_along_axes(pairs)](self.key(pairs, terms), self.space, pairs, terms, kinematics, record, force)
+            add[self._along(pairs)](self.key(pairs, terms), self.space, pairs, terms, kinematics, record, force)
 
         self.sweep(apply, "record")
         return force
+
+    def _along(self, pairs: Any) -> bool:
+        """Whether a list is one along axes; those of images are not."""
+        return self.along_axes and pairs is not self.mirror
 
     def key(self, pairs: Any, what: Any) -> tuple[Any, ...]:
         """For `RecalledEach`: which of the lists is swept, and for what."""
@@ -187,7 +194,7 @@ class PairSystem(PairLists):
 
     def warm(self) -> None:
         """Compile the passes over lists of ghosts, which one rank alone does not have."""
-        storage, along = self.particles.storage, is_along_axes(self.inner)
+        storage, along = self.particles.storage, self.along_axes
         pairs: Any = no_ghosts() if along else empty_list(self.inner)
         gradients, forces = self._add_gradients[along].kernel, self._add_forces[along].kernel
         gradients(self.space, pairs, FIELD, storage("kinematics"), storage("pair_sums"))

@@ -81,7 +81,7 @@ def _objection(node: ast.AST, names: tuple[str, ...]) -> str | None:
         if isinstance(node.value, int) and node.value > _LARGEST:
             return f"a number of {len(str(node.value))} digits"
     elif not isinstance(node, _NODES + _OPERATORS + _COMPARISONS):
-        return f"{ast.unparse(node)!r}"
+        return "'^' (a power is '**')" if isinstance(node, ast.BitXor) else f"{ast.unparse(node)!r}"
     return None
 
 
@@ -93,6 +93,16 @@ class _AsReals(ast.NodeTransformer):
         return ast.copy_location(ast.Constant(CONSTANTS[node.id]), node) if node.id in CONSTANTS else node
 
 
+def _brackets(text: str) -> str:
+    """What is wrong with the brackets of a text, in words; empty where they are in pairs."""
+    opened = 0
+    for number, one in enumerate(text, 1):
+        opened += (one == "(") - (one == ")")
+        if opened < 0:
+            return f" (the bracket ')' at character {number} has no '(' before it)"
+    return f" ({'one bracket' if opened == 1 else f'{opened} brackets'} '(' without ')')" if opened else ""
+
+
 def _sound_tree(text: str, names: tuple[str, ...]) -> ast.expr:
     """The parsed text; raises ValueError with what is wrong with it."""
     if len(text) > LONGEST:
@@ -100,7 +110,7 @@ def _sound_tree(text: str, names: tuple[str, ...]) -> ast.expr:
     try:
         tree = ast.parse(text, mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise ValueError("no formula") from None
+        raise ValueError(f"no formula{_brackets(text)}") from None
     if _depth(tree) > DEEPEST:
         raise ValueError(f"more than {DEEPEST} operations one within the other (sums of many terms need brackets)")
     for node in ast.walk(tree):

@@ -5,7 +5,6 @@ import io
 from collections.abc import Mapping
 from typing import Any
 
-import meshio
 import numpy as np
 
 from parsolid.particles.particle_set import ParticleSet
@@ -27,6 +26,9 @@ def read_mesh(path: str, scale: float, dimension: int) -> tuple[np.ndarray, list
 
     Raises SceneError for a file that meshio cannot read and for elements that have no particles here.
     """
+    # a scene without a mesh is spared its half second
+    import meshio
+
     try:
         # some readers print, and meshio leaves the program when none fits
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):

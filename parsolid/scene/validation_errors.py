@@ -38,6 +38,10 @@ def told(value: object) -> str:
     """A found value in the words of a message."""
     if isinstance(value, dict):
         return f"a table with {', '.join(map(repr, value))}" if value else "an empty table"
+    if isinstance(value, list | tuple) and any(isinstance(one, dict) or hasattr(one, "model_dump") for one in value):
+        return "a list of one table" if len(value) == 1 else f"a list of {len(value)} tables"
+    if hasattr(value, "model_dump"):
+        return f"a table with {', '.join(map(repr, value.model_dump(exclude_none=True)))}"
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, float) and not math.isfinite(value):

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from parsolid.collective import SolverError
+from parsolid.numerics.splines import cubic_spline
 from parsolid.scene import Scene
 from parsolid.simulation.ledger import COLUMNS
 from parsolid.simulation.observables import Observables
@@ -98,8 +99,6 @@ def _judged(scene: Scene, solution: Any) -> list[str]:
 
 def series_errors(rows: list[Row], file: str, names: dict[str, str]) -> dict[str, float]:
     """Errors of history rows against series in a JSON file; names: column -> series, rows hold "time" besides."""
-    from scipy.interpolate import CubicSpline
-
     data = json.loads(Path(file).read_text())
     times = np.asarray(data["t"], float)
     time = np.array([row["time"] for row in rows])
@@ -112,5 +111,5 @@ def series_errors(rows: list[Row], file: str, names: dict[str, str]) -> dict[str
         wanted = np.asarray(data["series"][name], float)
         found = np.array([row[column] for row in rows])[common]
         scale = data["E0"] if column in COLUMNS else np.abs(wanted).max()
-        errors[column] = float(np.abs(found - CubicSpline(times, wanted)(time[common])).max() / scale)
+        errors[column] = float(np.abs(found - cubic_spline(times, wanted, time[common])).max() / scale)
     return errors

@@ -29,6 +29,7 @@ def summary_of(simulation: Simulation, status: str, balance: float | None, error
         "dimension": scene.dimension,
         "particles": simulation.particles,
         "pairs": pairs // 2,
+        "mass": comm.allreduce(sum(float(s.mass[: s.owned] @ s.share[: s.owned]) for s in systems)),
         "ranks": ranks,
         "steps": spent.step,
         "steps_of_this_call": steps,

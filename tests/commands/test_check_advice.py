@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from solids import RUBBER, simulation, supports, tables
 
-from parsolid.commands.check_advice import BENDING, advice
+from parsolid.commands.check_advice import BENDING, advice, scene_advice, size_advice
 from parsolid.commands.cli import main
+from parsolid.scene import parse_scene
 
 METHODS = {"tlsph": {}, "mpm": {"cell": 0.05}, "peridynamics": {"horizon_ratio": 3}}
 
@@ -76,3 +77,28 @@ def test_check_prints_what_it_knows(tmp_path, capsys):
     assert "note: bodies.0: uneven particles; method.weights" in printed
     assert "note: bodies.0: 3 particles across Y" in printed
     assert np.all([line.startswith("note") for line in printed.splitlines()[-2:]])
+
+
+def test_a_part_between_two_held_regions_is_told_what_its_control_does():
+    regions = [{"name": side, "formula": f"X {sign}"} for side, sign in (("left", "< 0.2"), ("right", "> 0.8"))]
+    held = [{"kind": "fixed", "where": "left"}, {"kind": "velocity", "where": "right", "velocity": [0, 0.1]}]
+    for control, count in (({}, 1), ({"stabilisation": {"coefficient": 1.0}}, 0)):
+        data = tables((6, 6), method={"kind": "peridynamics"} | control, boundaries=held, regions=regions)
+        notes = scene_advice(parse_scene(data))
+        assert len(notes) == count and all("'left' and 'right' are held or driven" in one for one in notes)
+
+
+def test_a_mesh_in_millimetres_is_told_how_large_it_is_and_how_slow_its_waves_are(tmp_path, comm):
+    import meshio
+
+    points = 90.0 * np.array([[i, j] for j in range(3) for i in range(3)])
+    cells = np.array([[k, k + 1, k + 4, k + 3] for k in (0, 1, 3, 4)])
+    path = tmp_path / "part.vtu"
+    meshio.Mesh(points, [("quad", cells)]).write(path)
+    material = {"kind": "neo-hookean", "density": 7800, "youngs_modulus": 210e9, "poissons_ratio": 0.3}
+    for scale, count in ((1.0, 1), (1e-3, 0)):
+        body = {"shape": {"mesh": {"file": str(path), "scale": scale}}, "material": material}
+        scene = {"dimension": 2, "end_time": 1e-3, "method": {"kind": "tlsph"}, "bodies": [body]}
+        notes = size_advice(simulation(scene, comm))
+        assert len(notes) == count
+        assert not notes or "sides of 180 x 180 m, which a wave crosses in 0.0299 s (end_time is 0.001 s)" in notes[0]

@@ -216,6 +216,9 @@ def test_energies_of_a_history():
     assert found["largest_fall"] == pytest.approx(0.1)
     assert found["smallest_step"] == 0.25
     assert momentum_of(history)["momentum_drift"] == pytest.approx(0.001 / 2.001)
+    # round-off of a momentum that is zero: over what 2 kg with 4 J could have
+    history |= {"p.linear_momentum_x": np.array([0.0, 1e-14, -4e-14])}
+    assert momentum_of(history, 2.0)["momentum_drift"] == pytest.approx(1e-14)
 
 
 def test_numbers_that_are_not_finite_are_found(tmp_path):

@@ -61,6 +61,9 @@ def test_no_points():
     ("source", "why"),
     [
         ("X +", "no formula"),
+        ("sin(2*X", r"no formula \(one bracket '\(' without '\)'\)"),
+        ("X + 1)", r"no formula \(the bracket '\)' at character 6 has no '\(' before it\)"),
+        ("X^2", r"'\^' \(a power is '\*\*'\)"),
         ("", "no formula"),
         ("Q + 1", "unknown name 'Q'"),
         ("sn(X)", "unknown function 'sn' \\(did you mean"),

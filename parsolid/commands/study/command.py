@@ -174,14 +174,19 @@ def seconds_left(cases: list[Case], todo: list[Case], repetitions: int) -> float
     made = [case for case in cases if case.record.get("seconds")]
     if not made:
         return 0.0
-    start_up = min(case.record["seconds"] for case in made)
+    # what runs took beside their steps, of which the first waits for kernels to be compiled
+    start_up = min(case.record["seconds"] - _in_steps(case) for case in made)
     rates: dict[str, list[float]] = {}
     for case in made:
-        if case.work:
-            rates.setdefault(case.series.name, []).append((case.record["seconds"] - start_up) / case.work)
-    # runs that had to compile are far too slow, so the least or the median of what was seen
+        if case.work and _in_steps(case):
+            rates.setdefault(case.series.name, []).append(_in_steps(case) / case.work)
     overall = median([rate for group in rates.values() for rate in group] or [0.0])
     return repetitions * sum(start_up + case.work * min(rates.get(case.series.name, [overall])) for case in todo)
+
+
+def _in_steps(case: Case) -> float:
+    """What a run's steps took [s]; 0 where it has none."""
+    return min([seconds for seconds in case.record.get("loop_seconds", []) if seconds is not None], default=0.0)
 
 
 def _duration(seconds: float) -> str:

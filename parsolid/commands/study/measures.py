@@ -35,6 +35,10 @@ MEASURES = {
 }
 
 
+# of the momentum that all mass has with its kinetic energy: what is less is none
+_NONE = 1e-9
+
+
 def measures_of(folder: Path, loop_seconds: list[float], processor_seconds: list[float]) -> dict[str, Any]:
     """Measures and errors (under "errors") of a run from the files in its folder, and the seconds of its repetitions.
 
@@ -60,7 +64,7 @@ def measures_of(folder: Path, loop_seconds: list[float], processor_seconds: list
         "errors": summary["errors"],
     }
     history = {name: np.array(values) for name, values in read_history(folder / "history.csv").items()}
-    return measures | energies_of(history) | momentum_of(history)
+    return measures | energies_of(history) | momentum_of(history, summary.get("mass"))
 
 
 def energies_of(history: dict[str, np.ndarray]) -> dict[str, Any]:
@@ -84,14 +88,20 @@ def energies_of(history: dict[str, np.ndarray]) -> dict[str, Any]:
     return result | ({"smallest_jacobian": float(min(jacobians))} if jacobians else {})
 
 
-def momentum_of(history: dict[str, np.ndarray]) -> dict[str, Any]:
-    """Drift of the probed linear momentum; empty without such a probe or without any momentum."""
+def momentum_of(history: dict[str, np.ndarray], mass: float | None = None) -> dict[str, Any]:
+    """Drift of the probed linear momentum; empty without such a probe.
+
+    Over its largest size or, where momentum is zero but for rounding, over that of the mass [kg] with the largest
+    kinetic energy.
+    """
     names = [name for name in history if ".linear_momentum_" in name]
     if not names or not len(history["time"]):
         return {}
     momentum = np.stack([history[name] for name in names], axis=1)
     drift = np.abs(momentum - momentum[0]).max()
-    return {"momentum_drift": _over(drift, np.abs(momentum).max())}
+    largest = float(np.abs(momentum).max())
+    possible = float(np.sqrt(2.0 * max(mass or 0.0, 0.0) * history["kinetic"].max())) if "kinetic" in history else 0.0
+    return {"momentum_drift": _over(drift, largest if largest > _NONE * possible else possible)}
 
 
 def _over(value: float, scale: float) -> float | None:

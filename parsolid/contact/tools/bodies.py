@@ -2,7 +2,6 @@
 
 from typing import Any, NamedTuple
 
-import meshio
 import numpy as np
 
 from parsolid.collective import SolverError
@@ -72,6 +71,8 @@ def _cylinder(model: Any) -> Shaped:
 def _mesh(tool: Tool, dimension: int) -> Shaped:
     stated, key = tool.shape.mesh, f"tools.{tool.name}.shape.mesh.file"
     assert stated is not None
+    import meshio
+
     kind = _FACETS[dimension]
     try:
         mesh = meshio.read(stated.file)

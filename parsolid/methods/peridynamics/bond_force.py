@@ -235,6 +235,10 @@ class BondForce:
             stresses(self.space, begin, end, law, self.body, self.particles.storage("pair_sums"), result)
         return result[first:last]
 
+    def arrays(self) -> list[np.ndarray]:
+        """What counts as memory besides lists and particles."""
+        return self.passes.arrays() if isinstance(self.passes, LatticeSums) else []
+
     def bytes_sent(self) -> int:
         """Bytes this rank sends in one evaluation."""
         return self.particles.bytes_sent("motion") + self.particles.bytes_sent("record")

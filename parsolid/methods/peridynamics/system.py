@@ -264,6 +264,10 @@ class Peridynamics(PairMethod):
         """Fields and records."""
         return self.engine.bytes_sent()
 
+    def arrays(self) -> list[np.ndarray]:
+        """Pair lists, and what passes without them keep."""
+        return super().arrays() + self.engine.arrays()
+
     def warm(self) -> None:
         """Lists of ghosts have no images."""
         self.bond_system.warm()
