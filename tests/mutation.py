@@ -94,7 +94,8 @@ ROOMS: dict[str, tuple[str, dict[str, str]]] = {
             "parsolid/materials/hyperelastic": "tests/materials/test_registry.py tests/materials/test_hessians.py "
             "tests/materials/test_conjugates.py tests/materials/test_waves.py",
             "parsolid/materials/viscoelastic": _LAWS + " tests/materials/test_interconversion.py",
-            "parsolid/materials/plastic": "tests/materials/test_flow_stress.py tests/materials/test_registry.py",
+            "parsolid/materials/plastic": "tests/materials/test_flow_stress.py tests/materials/test_registry.py "
+            "tests/materials/test_micro_inertia.py tests/materials/test_micro_inertia_solve.py",
             "parsolid/materials/failure": "tests/materials/test_failure_laws.py",
             "parsolid/materials/damage": "tests/materials/test_fracture.py tests/materials/test_registry.py",
         },

@@ -164,7 +164,7 @@ def _count_systems(file: h5py.File) -> int:
 def find_checkpoint(directory: Path | str, comm: MPI.Intracomm | None = None, name: str = DEFAULT_NAME) -> Path:
     """The newest whole checkpoint of a directory. With comm collective, else for one rank alone.
 
-    Raises OutputError (on all ranks) that says of each candidate why it will not do.
+    Raises OutputError (on all ranks) that says of each candidate why it will not do, or that there is none yet.
     """
     if comm is None:
         return _find(Path(directory), name)
@@ -177,18 +177,19 @@ def find_checkpoint(directory: Path | str, comm: MPI.Intracomm | None = None, na
 
 def _find(directory: Path, name: str) -> Path:
     path = directory / name
-    reasons = []
+    candidates, reasons = (partial_name(path), path, previous_name(path)), []
+    if not any(candidate.exists() for candidate in candidates):
+        found = "the run there ended before its first, or has none" if directory.is_dir() else "there is no such folder"
+        todo = "start it without --restart, or name another folder with -o or a file with --restart FILE"
+        raise OutputError(f"no checkpoint was written yet in {directory}: {found}; {todo}")
     # a whole partial file is newer than both: the run was killed between the two renames or just before
-    for candidate in (partial_name(path), path, previous_name(path)):
+    for candidate in candidates:
         try:
             _open_whole(candidate).close()
         except OutputError as error:
             reasons.append(str(error))
         else:
             return candidate
-    if all("does not exist" in reason for reason in reasons):
-        where = "there is none" if directory.is_dir() else "there is no such folder"
-        raise OutputError(f"no checkpoint to go on from in {directory}: {where} (-o names the folder of a run)")
     raise OutputError(f"no whole checkpoint in {directory}: " + "; ".join(reasons))
 
 

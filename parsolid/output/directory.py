@@ -52,8 +52,9 @@ def prepare(
     """Make a directory ready for a run; returns it. Collective.
 
     A new run moves the results of an older one to the next free of previous-1/, previous-2/ and so on within the
-    directory. continuing: they stay, to be gone on with. inputs: files that the run reads (its scene, meshes,
-    checkpoint): none of them is moved; where the run would write a file of the same name, that is an error.
+    directory. continuing: they stay, to be gone on with, but for links in the way. inputs: files that the run reads
+    (its scene, meshes, checkpoint): none of them is moved; where the run would write a file of the same name, that is
+    an error.
     moved: told, on rank 0, of the folder that an older run's results have been moved to.
 
     Raises OutputError on all ranks when the directory cannot be made or written, or an input is in the way.
@@ -68,7 +69,9 @@ def prepare(
             names = sorted(name for name in os.listdir(directory) if any(fnmatchcase(name, one) for one in RESULTS))
             results = [directory / name for name in names]
             _refuse_inputs(results, inputs, continuing)
-            if results and not continuing:
+            if continuing:
+                _unlink_partial(results)
+            elif results:
                 aside = _move_aside(directory, results)
                 if moved is not None:
                     moved(aside)
@@ -84,6 +87,13 @@ def _refuse_inputs(results: list[Path], inputs: Iterable[Path | str], continuing
         # a continued run reads a checkpoint here, maybe a whole one not renamed yet, and does not lose it
         if path.resolve() in read and not (continuing and ".h5" in path.suffixes):
             raise OutputError(f"{path} is read by this run and would be overwritten: choose another output directory")
+
+
+def _unlink_partial(results: list[Path]) -> None:
+    """Take links away that bear the names of files being written: what they point to would be written over."""
+    for path in results:
+        if path.suffix == ".partial" and path.is_symlink():
+            path.unlink()
 
 
 def next_free(path: Path) -> Path:

@@ -44,8 +44,8 @@ class OutputFiles:
         # where results of an earlier run are now, known to rank 0
         self.moved: list[Path] = []
         directory = Path(directory)
-        # a checkpoint from elsewhere starts a folder of its own
-        self.continued = restart if restart and restart.path.resolve().parent == directory.resolve() else None
+        # a checkpoint from elsewhere starts a folder of its own; one that is a link is where the link is, too
+        self.continued = restart if restart and directory.resolve() in _folders_of(restart.path) else None
         self.lock = lock if anywhere(comm, lock is not None) else occupy(comm, directory)
         try:
             self.directory = prepare(comm, directory, self.continued is not None, inputs, self.moved.append)
@@ -137,3 +137,8 @@ class OutputFiles:
         varying = {name: np.ascontiguousarray(of.field(name)) for name in names}
         constant = {"body": of.body, "volume": of.rows("volume")}
         return np.ascontiguousarray(of.rows("position")), varying, constant
+
+
+def _folders_of(path: Path) -> tuple[Path, Path]:
+    """Where a file is, by its name and by what it is a link to."""
+    return path.parent.resolve(), path.resolve().parent

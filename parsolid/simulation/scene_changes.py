@@ -82,7 +82,7 @@ class Change(NamedTuple):
     key: str
     before: Any
     now: Any
-    later: bool = False
+    later: bool
 
     def of(self, patterns: tuple[str, ...]) -> bool:
         """Whether the key is one of the patterns' or within a table of theirs."""

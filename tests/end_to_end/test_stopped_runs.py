@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -49,6 +50,33 @@ def test_a_signal_to_one_rank_or_to_mpirun_stops_all_and_a_restart_goes_on(whole
     all_done(many([[scene, "-q", "-o", tmp_path / name, "--restart"] for name in signals], RANKS, tmp_path / "job"))
     for name in signals:
         assert_same_bits(tmp_path / name, expected)
+
+
+def test_ranks_of_an_mpirun_that_is_killed_alone_end_too(whole, tmp_path):
+    scene, _ = whole
+    job = start([scene, "-q", "-o", tmp_path / "run"], RANKS)
+    history = tmp_path / "run" / "history.csv"
+    wait_for(lambda: history.exists() and len(history.read_text().splitlines()) > 5, job)
+    left = ranks_of(job)
+    assert len(left) == RANKS
+    job.kill()
+    job.wait()
+    end = time.monotonic() + 20.0
+    while any(map(runs, left)) and time.monotonic() < end:
+        time.sleep(0.01)
+    assert not any(map(runs, left))
+    # a lock of theirs is in nobody's way; before the first checkpoint it is told that there is none
+    ended = many([[scene, "-q", "-o", tmp_path / "run", "--restart"]], RANKS, tmp_path / "job")[0]
+    assert [rank.status for rank in ended] == [2] * RANKS
+    assert "no checkpoint was written yet in " in ended[0].err and len(ended[0].err.splitlines()) == 1
+
+
+def runs(process: int) -> bool:
+    """Whether a process is there and not only waited for."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
 
 
 def test_ctrl_c_for_a_second_time_ends_at_once(whole, tmp_path):

@@ -97,6 +97,9 @@ def test_thermal_activation_solves_its_rate_equation():
         Y = evaluation.flow_stress(law, 0.1, rate, T) - athermal
         kinks = np.exp(2.0 * activation.kink_energy / (1.380649e-23 * T) * (1.0 - Y / 20e6) ** 2) / activation.frequency
         assert 0.0 < Y < 20e6 and 1.0 / (kinks + activation.drag / Y) == pytest.approx(rate, rel=1e-6)
+    # nothing without it
+    cold = law._replace(flow_stress=flow._replace(activation=None))
+    assert evaluation.flow_stress(cold, 0.1, 1.0, 300.0) == pytest.approx(athermal, rel=1e-14)
     # no more than the Peierls stress
     assert evaluation.flow_stress(law, 0.1, 1e7, 300.0) - athermal == pytest.approx(20e6, rel=1e-9)
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from micro_inertia_laws import STEEL, classical, stated
 
+from parsolid.materials.plastic import micro_inertia
 from parsolid.materials.plastic import micro_inertia as laws
 from parsolid.materials.plastic.jaumann_rate import elastic_increment, jaumann_trial, jaumann_turn, returned_deviator
 from parsolid.materials.plastic.micro_inertia_solve import advance_micro, increments_of
@@ -194,3 +195,8 @@ def test_the_library_states_table_1():
         == pytest.approx(5.03, abs=5e-3)  # fmt: skip
     # where the wave is slower than diffusion
     assert 1e-9 / laws.heat_time_step(law, 1e-9) == pytest.approx(10.09, abs=5e-3)
+
+
+def test_squares_count_all_components_and_no_length_has_no_inertia():
+    assert micro_inertia._squared((1.0, 2.0)) == 5.0 and micro_inertia._squared((1.0, 2.0, 3.0)) == 14.0
+    assert micro_inertia.inertia_per_volume(None, 3.0) == 0.0 and micro_inertia.inertia_per_volume(2.0, 3.0) == 12.0

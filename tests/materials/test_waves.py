@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from parsolid.materials.hyperelastic import evaluation
+from parsolid.materials.hyperelastic import evaluation, waves
 from parsolid.materials.hyperelastic.hyperbolicity import (
     acoustic_tensor,
     branch_hessian,
@@ -153,3 +153,9 @@ def test_closed_form_eigenvalue_of_the_solver(random):
         found = largest_eigenvalue(tuple(evaluation.symmetric_rows(tensor)[0]))
         # two equal greatest eigenvalues cost half the digits: the angle of the closed form is then badly conditioned
         assert found == pytest.approx(max(eigenvalues), rel=3e-8)
+
+
+def test_directions_to_begin_with_are_in_space_and_no_two_opposite():
+    starts = waves._starts()
+    assert starts.shape == (13, 3) and np.allclose(np.linalg.norm(starts, axis=1), 1.0)
+    assert np.abs(starts @ starts.T - np.eye(13)).max() < 0.99

@@ -2,6 +2,7 @@
 
 import os
 import random
+import shutil
 from itertools import pairwise
 
 import h5py
@@ -9,10 +10,11 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from parsolid.output import OutputError
-from parsolid.output.checkpoint import find_checkpoint, read_checkpoint, read_header, write_checkpoint
+from parsolid.output import OutputError, checkpoint
+from parsolid.output.checkpoint import find_checkpoint, previous_name, read_checkpoint, read_header, write_checkpoint
 from parsolid.output.checksums import sum_of_rows
 from parsolid.output.slabs import open_serial, places
+from parsolid.simulation.restart import Restart
 
 HEADER = {"step": 7, "time": 0.3, "title": "Säule", "ranks": 3}
 FLIPS = 300
@@ -93,6 +95,40 @@ def test_every_bit_of_a_number_counts(comm, whole):
                 read_checkpoint(comm, whole)
             comm.Barrier()
             on_one_rank(comm, flip, whole, laid[name].offset + place, bit)
+
+
+def test_damage_that_two_ranks_find_is_one_message(comm, whole):
+    """Bits of what the first and the last rank read, in two fields and both files of a folder."""
+    laid, names = places(whole), ("particles/momentum", "particles/jacobian")
+    on_one_rank(comm, shutil.copy, whole, previous_name(whole))
+    for path in (whole, previous_name(whole)):
+        for name, end in zip(names, (0, -1)):
+            size = int(np.prod(laid[name].shape)) * 8
+            on_one_rank(comm, flip, path, laid[name].offset + end % size, 2)
+    with pytest.raises(OutputError, match="checkpoint.h5: damaged: .*jacobian.*momentum") as caught:
+        Restart(comm, whole)
+    assert set(comm.allgather(str(caught.value))) == {str(caught.value)} and "one before" not in str(caught.value)
+    # one that is whole is offered
+    write_checkpoint(comm, whole.with_name("other.h5"), HEADER | {"time": 0.2}, [{"x": np.zeros(2)}])
+    on_one_rank(comm, os.replace, whole.with_name("other.h5"), previous_name(whole))
+    with pytest.raises(OutputError, match="the one before is whole: --restart .*previous.h5 goes on from t = 0.2 s"):
+        Restart(comm, whole)
+
+
+def test_errors_of_the_disk_on_two_ranks_are_one_message(comm, whole, monkeypatch):
+    opened = checkpoint.open_serial
+
+    def broken(path, mode, *more):
+        if mode == "r" and broken.armed:
+            raise OSError(5, "Input/output error")
+        return opened(path, mode, *more)
+
+    # rank 0 alone reads the layout first, then all read their rows
+    broken.armed = comm.rank > 0 or comm.size == 1
+    monkeypatch.setattr(checkpoint, "open_serial", broken)
+    with pytest.raises(OutputError, match="Input/output error") as caught:
+        read_checkpoint(comm, whole)
+    assert set(comm.allgather(str(caught.value))) == {str(caught.value)}
 
 
 def edit(path, change) -> None:

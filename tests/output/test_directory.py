@@ -1,9 +1,14 @@
 """The output directory: older results are never lost."""
 
+import os
+import subprocess
+
+import numpy as np
 import pytest
 
 from parsolid.output import OutputError
-from parsolid.output.directory import prepare
+from parsolid.output.checkpoint import find_checkpoint, read_header, write_checkpoint
+from parsolid.output.directory import occupy, prepare
 
 
 def fill(comm, directory, names, text="old"):
@@ -103,3 +108,51 @@ def test_what_a_link_points_to_is_not_written_over(comm, shared_path):
     assert set(listing(comm, shared_path / "other").values()) == {"precious"}
     left = comm.bcast(sorted(path.name for path in (shared_path / "out").iterdir()))
     assert left == ["previous-1"]
+
+
+def test_a_link_in_the_place_of_a_file_that_is_written_beside_is_taken_away(comm, shared_path):
+    """A run that goes on puts new files in the place of links; one beside them would be written through."""
+    fill(comm, shared_path / "other", ["precious"], "precious")
+    fill(comm, shared_path / "out", ["history.csv", "summary.json.partial"])
+    if comm.rank == 0:
+        for name in ("checkpoint.h5.partial", "history.csv.partial"):
+            (shared_path / "out" / name).symlink_to(shared_path / "other" / "precious")
+    comm.Barrier()
+    prepare(comm, shared_path / "out", continuing=True)
+    assert set(listing(comm, shared_path / "out")) == {"history.csv", "summary.json.partial"}
+    write_checkpoint(comm, shared_path / "out" / "checkpoint.h5", {"step": 1}, [{"x": np.zeros(3)}])
+    assert listing(comm, shared_path / "other") == {"precious": "precious"}
+
+
+@pytest.fixture
+def disk(comm, shared_path):
+    """A folder, and what makes it one that nobody may write to, the user that may do all included."""
+    place = shared_path / "disk"
+
+    def mount(*options):
+        return subprocess.run(["mount", *options, place], capture_output=True).returncode == 0
+
+    made = comm.rank == 0 and os.geteuid() == 0 and not place.mkdir() and mount("-t", "tmpfs", "tmpfs")
+    if not comm.bcast(made):
+        pytest.skip("mounting needs root")
+    yield place, lambda: comm.bcast(comm.rank == 0 and mount("-o", "remount,ro"))
+    comm.Barrier()
+    if comm.rank == 0:
+        subprocess.run(["umount", "-l", place], check=True)
+
+
+def test_a_folder_that_may_only_be_read_is_one_error_on_all_ranks(comm, disk):
+    place, lock = disk
+    write_checkpoint(comm, place / "checkpoint.h5", {"step": 1}, [{"x": np.zeros(3)}])
+    assert lock()
+    for attempt in (
+        lambda: occupy(comm, place),
+        lambda: prepare(comm, place, True),
+        lambda: prepare(comm, place / "a"),
+    ):
+        with pytest.raises(OutputError, match="cannot write to the directory .*disk.*(Read-only|denied)") as caught:
+            attempt()
+        assert set(comm.allgather(str(caught.value))) == {str(caught.value)}
+    with pytest.raises(OutputError, match="cannot write the checkpoint .*Read-only"):
+        write_checkpoint(comm, place / "checkpoint.h5", {"step": 2}, [{"x": np.zeros(3)}])
+    assert read_header(find_checkpoint(place, comm))["step"] == 1

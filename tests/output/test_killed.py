@@ -98,6 +98,15 @@ def test_every_kill_leaves_a_whole_checkpoint_and_readable_fields(tmp_path):
     assert set(0.5 * np.arange(1, step + 1)) <= set(times)
 
 
-def test_without_any_checkpoint_the_reasons_are_given(comm, shared_path):
-    with pytest.raises(OutputError, match="no checkpoint to go on from in .*: there is none"):
+def test_before_the_first_checkpoint_it_is_told_that_there_is_none(comm, shared_path):
+    with pytest.raises(OutputError, match="^no checkpoint was written yet in .*: the run there ended before its first"):
+        find_checkpoint(shared_path, comm)
+    with pytest.raises(OutputError, match="yet in .*nowhere: there is no such folder; start it without --restart, or"):
+        find_checkpoint(shared_path / "nowhere", comm)
+    if comm.rank == 0:
+        (shared_path / "checkpoint.h5.partial").write_bytes(b"begun")
+    comm.Barrier()
+    with pytest.raises(
+        OutputError, match="no whole checkpoint in .*partial: not a whole .*previous.h5: does not exist"
+    ):
         find_checkpoint(shared_path, comm)

@@ -77,6 +77,15 @@ def test_a_weighted_probe_follows_its_particles(comm):
         np.testing.assert_allclose(many[name], values, rtol=0.0, atol=1e-11 * scale, err_msg=name)
 
 
+def test_conditions_that_tell_their_forces_are_watched_like_probes(comm):
+    data = punch((5, 5), probes=[{"name": "all", "quantity": "linear_momentum"}])
+    data["boundaries"][1] |= {"name": "side", "reaction": True, "mirror": False}
+    row, probes, _ = sampled(data, comm, 3, every=1)
+    names = [name for name in row if name != "owner"]
+    assert names == ["all.linear_momentum_x", "all.linear_momentum_y", "side.force_x", "side.force_y", "side.moment"]
+    assert np.abs(row["side.force_x"]).max() > 0.0 and probes.state() == {}
+
+
 def test_a_twist_is_restored(comm):
     _, probes, sim = sampled(spinning(), comm, 10)
     again = Probes(comm, sim.scene, Observables(sim.systems))
