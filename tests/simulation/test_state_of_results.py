@@ -137,6 +137,7 @@ def test_what_no_run_can_go_on_from_is_refused(tmp_path):
     run_into(tmp_path / "one", MPI.COMM_SELF, parse_scene(linear | {"output": {"fields": ["state"]}}), 1)
     terms = [{"ratio": 2.0, "tau": 0.3}, {"ratio": 1.0, "tau": 3.0}]
     two = linear | {"bodies": [linear["bodies"][0] | {"material": linear["bodies"][0]["material"] | {"terms": terms}}]}
+    near = breaking | {"method": breaking["method"] | {"horizon_ratio": 1.5}}
     whole = breaking | {"method": {key: part for key, part in breaking["method"].items() if key != "damage"}}
     other = breaking | {"bodies": [breaking["bodies"][0] | {"particles": [7, 5]}]}
     for data, folder, fields, words in (
@@ -147,6 +148,7 @@ def test_what_no_run_can_go_on_from_is_refused(tmp_path):
             "initial.0.fields: expected the particles of the results, as each has broken_bonds",
         ),
         (whole, "broken", ["state"], "expected a scene with all of the state .* found none with broken_bonds"),
+        (near, "broken", ["state"], "initial: expected the bonds of the results .* found particles with other ones"),
         (two, "one", ["state"], "as many components as the laws of this scene have, .*, found another number"),
         (breaking, "poor", ["state"], r"with the state of this method, .* found none \(output.fields = \["),
         (CASES["mpm"], "broken", ["state"], "with the state of this method, .* found one with .*tensor_history"),
