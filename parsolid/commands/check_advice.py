@@ -79,7 +79,7 @@ def size_advice(simulation: Simulation) -> list[str]:
             if side > _LARGE and (quasi_static or scene.end_time < crossing):
                 sides = " x ".join(f"{one:.4g}" for one in upper - lower)
                 wave = f", which a wave crosses in {crossing:.3g} s (end_time is {scene.end_time:g} s)"
-                hint = "a mesh in millimetres wants shape.mesh.scale = 1e-3"
+                hint = f"a mesh in millimetres wants bodies.{i}.shape.mesh.scale = 1e-3"
                 result.append(f"bodies.{i}: its mesh has sides of {sides} m{'' if quasi_static else wave}; {hint}")
     return result
 

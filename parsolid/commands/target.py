@@ -37,7 +37,7 @@ class Search:
     @property
     def ratios(self) -> tuple[float, ...]:
         """Of the companions of the first level, which has few particles itself."""
-        return RATIOS[self.scene.dimension][-1]
+        return RATIOS[self.scene.dimension][:2][-1]
 
     def level(self, ratio: float) -> Companion:
         """The scene nearest to a ratio, below 1 for a finer one. Raises NotCoarsened."""

@@ -3,19 +3,24 @@
 import hashlib
 import json
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from parsolid.errors.coarsening import NotCoarsened, coarser, lattices_of, methods_of, parsed
+from parsolid.errors.coarsening import Coarser, NotCoarsened, coarser, lattices_of, methods_of, parsed
 from parsolid.errors.places import Corners, with_corners
 from parsolid.scene import Scene
 from parsolid.sources import source_digest
 
 SPACING, STEP, SOLVER = "spacing", "step", "solver"
 # ratios of the spacing asked for where the scene names none, by dimension: the time that they take is bounded; the
-# later ones where the coarsest would have too few particles with the first
-RATIOS = {1: ((1.5, 2.25),), 2: ((1.9, 3.6), (1.6, 2.56)), 3: ((1.9, 3.2), (1.6, 2.5))}
+# second ones where the coarsest would have too few particles with the first, the last where those cannot be made
+RATIOS = {
+    1: ((1.5, 2.25),),
+    2: ((1.9, 3.6), (1.6, 2.56), (1.5, 2.25)),
+    3: ((1.9, 3.2), (1.6, 2.5), (1.5, 2.25)),
+}
 # fewest intervals along every direction of the coarsest with the first ones
 ENOUGH = {"tlsph": 2}
 _ENOUGH = 12
@@ -87,25 +92,32 @@ def companions_of(scene: Scene, trust_code: bool, ratios: Iterable[float] = ()) 
 def usual_ratios(scene: Scene) -> tuple[float, ...]:
     """Ratios of the spacing where none are asked for: the widest that leave enough particles along every direction."""
     wide, *narrow = RATIOS[scene.dimension]
-    return narrow[0] if narrow and not _leave_enough(scene, wide) else wide
+    if not narrow or all(_is_enough(scene, made) for made in _coarser(scene, wide)):
+        return wide
+    return next((ratios for ratios in narrow if None not in _coarser(scene, ratios)), narrow[0])
 
 
-def _leave_enough(scene: Scene, ratios: tuple[float, ...]) -> bool:
-    kinds = {number: system.settings.kind for system in scene.systems for number in system.bodies}
+def _coarser(scene: Scene, ratios: tuple[float, ...]) -> list[Coarser | None]:
+    """The coarser scenes of all ratios, None in the place of one that cannot be."""
+    found: list[Coarser | None] = []
     last = 1.15
-    try:
-        for wanted in ratios:
+    for wanted in ratios:
+        made = None
+        with suppress(NotCoarsened):
             made = coarser(scene, wanted, last)
             last = 1.25 * made.ratio
-            for one in lattices_of(scene):
-                least, particles = (
-                    ENOUGH.get(kinds[one.number], _ENOUGH),
-                    made.tables["bodies"][one.number]["particles"],
-                )
-                if any(now - end < min(least, n) for n, now, end in zip(one.intervals, particles, one.ends)):
-                    return False
-    except NotCoarsened:
+        found.append(made)
+    return found
+
+
+def _is_enough(scene: Scene, made: Coarser | None) -> bool:
+    if made is None:
         return False
+    kinds = {number: system.settings.kind for system in scene.systems for number in system.bodies}
+    for one in lattices_of(scene):
+        least, particles = ENOUGH.get(kinds[one.number], _ENOUGH), made.tables["bodies"][one.number]["particles"]
+        if any(now - end < min(least, n) for n, now, end in zip(one.intervals, particles, one.ends)):
+            return False
     return True
 
 

@@ -86,6 +86,8 @@ def test_probes_at_particles_of_all_lattices_need_nothing_more():
         # two intervals through the thickness are what the method needs
         ("tlsph/tensile_smooth", [57, 5], (1, None)),
         ("mpm/cosine_mode", [96, 12], (1, None)),
+        # 6 intervals have companions of 4 and of 3, and of 2 none
+        ("peridynamics/extreme/bending", [6, 24, 6], (2, [2.0, 2.0, 2.0, 1.5])),
     ],
 )
 def test_companions_are_so_coarse_that_enough_particles_are_left(name, particles, expected):
