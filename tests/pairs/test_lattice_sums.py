@@ -92,6 +92,14 @@ def test_bodies_that_relax_differently_have_the_forces_of_their_lists(comm, rela
     assert np.allclose(found, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max())
 
 
+def test_offsets_on_the_horizon_itself_stop_nothing():
+    """A horizon of 2 in (.6, .8, 1): what an offset leaves of it is 0 but for rounding."""
+    for size in 1.0 / np.arange(3.0, 60.0):
+        metric = np.full(3, 1.0 / (2.0 * size) ** 2)
+        lines = lattice_sums._lines(size * np.array([0.6, 0.8, 1.0]), metric, 1.0, np.arange(3), 3)
+        assert (lines.half >= 0).all() and lines.half[1, 2] == 1
+
+
 def test_lists_stay_where_they_are_as_fast(monkeypatch):
     """In the plane with few bonds each, and in small bodies."""
     assert uses_lists(simulation(scene(PLANE, {"plane": "stress"})).systems[0].engine)
