@@ -225,7 +225,7 @@ class KernelCache(_Cache):  # type: ignore[misc]
         self.function, self.enabled = function, True
         # sets of words have another order in another process
         self.options = [
-            (name, sorted(it) if isinstance(it, (set, dict)) else it) for name, it in sorted(options.items())
+            (name, sorted(it) if isinstance(it, set | frozenset) else it) for name, it in sorted(options.items())
         ]
 
     @property

@@ -12,10 +12,14 @@ import numpy as np
 
 from parsolid.collective import anywhere, raise_together
 from parsolid.scene.initial import meant
-from parsolid.scene.previous_results import STATE, PreviousField
+from parsolid.scene.previous_results import STATE, PreviousField, StepOfResults
 
 # between particles, too
 _BOUNDS = {"plastic_strain": (0.0, None), "damage": (0.0, 1.0)}
+# components in a file, where vectors and tensors are those in space
+_IN_SPACE = {1: (1, 3), 2: (3,), 4: (9,)}
+# what follows from the rest of a state
+_DERIVED = ("jacobian", "cofactor")
 
 
 def evolved_names(system: Any) -> list[str]:
@@ -54,31 +58,70 @@ def take_state(comm: Any, scene: Any, system: Any, particle_set: Any) -> bool:
     return bool(states)
 
 
+def _steps_with(velocity: PreviousField, name: str, components: int) -> list[StepOfResults]:
+    """The blocks of results that have a field of a state, with so many components."""
+    widths = _IN_SPACE.get(components, (components,))
+    return [step for step in velocity.steps if step.names.get(STATE + name) in widths]
+
+
+def _left_over(system: Any, velocity: PreviousField) -> list[str]:
+    """Fields of this method's state that results have and the scene has no place for."""
+    own, settings = evolved_names(system), system.settings
+    needed = _named(system, (*settings.evolved, *settings.evolved_of_particles))
+    blocks = [step.names for step in velocity.steps if all(STATE + name in step.names for name in needed)]
+    found = [
+        [
+            name.removeprefix(STATE)
+            for name in names
+            if any(fnmatchcase(name, STATE + one) for one in (*settings.evolved, *settings.evolved_of_particles))
+            and name.removeprefix(STATE) not in (*own, *_DERIVED)
+        ]
+        for names in blocks
+    ]
+    return min(found, key=len, default=[])
+
+
 def _taken(system: Any, velocity: PreviousField, here: np.ndarray, places: np.ndarray, key: str) -> Iterator[str]:
     """Put every field of a state into rows (n,) with reference places (n, d) [m]; what was wrong with it."""
     settings = system.settings
     for name in _named(system, (*settings.evolved, *settings.evolved_of_particles)):
         rows = two_axes(system.particles.owned_rows(name))
-        steps = [step for step in velocity.steps if STATE + name in step.names]
+        steps = _steps_with(velocity, name, rows.shape[1])
         if not steps:
-            had = sorted({one.removeprefix(STATE) for step in velocity.steps for one in step.names if STATE in one})
-            found = f"one with {', '.join(had)}" if had else 'none (output.fields = ["state"] writes it)'
-            yield f"{key}: expected results with the state of this method, {name} among it, found {found}"
+            yield f"{key}: expected results with the state of this method, {_missing(velocity, name, rows.shape[1])}"
             return
         source = PreviousField(steps, STATE + name, velocity.dimension, rows.shape[1])
         if any(fnmatchcase(name, one) for one in settings.evolved_of_particles):
             values, same = source.of_particles(places)
             strange = ~same & (values != 0).any(axis=1)
             if strange.any():
-                where = ", ".join(f"{one:.6g}" for one in places[np.argmax(strange)])
+                where = _told(places[np.argmax(strange)])
                 yield f"{key}: expected the particles of the results, as each has {name} of its own, found ({where})"
                 return
             rows[here[same]] = values[same]
             continue
         values = source.components(places)
+        if not (near := np.isfinite(values).all(axis=1)).all():
+            yield f"{key}: expected results near every particle, found none near ({_told(places[np.argmin(near)])})"
+            return
         if name in _BOUNDS:
             values = np.clip(values, *_BOUNDS[name])
         rows[here] = values
+    if lost := _left_over(system, velocity):
+        yield f"{key}: expected a scene with all of the state of the results, found none with {', '.join(lost)}"
+
+
+def _missing(velocity: PreviousField, name: str, components: int) -> str:
+    """What a method's state should have and what results have."""
+    had = sorted({one.removeprefix(STATE) for step in velocity.steps for one in step.names if STATE in one})
+    if name in had:
+        return f"{name} with as many components as the laws of this scene have, {components}, found another number"
+    found = f"one with {', '.join(had)}" if had else 'none (output.fields = ["state"] writes it)'
+    return f"{name} among it, found {found}"
+
+
+def _told(place: np.ndarray) -> str:
+    return ", ".join(f"{one:.6g}" for one in place)
 
 
 def take_forces(comm: Any, scene: Any, system: Any) -> bool:
@@ -96,7 +139,7 @@ def take_forces(comm: Any, scene: Any, system: Any) -> bool:
         filled = np.zeros(len(places), bool)
         found[name] = np.zeros_like(two_axes(rows(name)))
         for state in states:
-            steps = [step for step in state.of("velocity").steps if STATE + name in step.names]
+            steps = _steps_with(state.of("velocity"), name, found[name].shape[1])
             here = np.flatnonzero(meant(scene, state, body, regions))
             if steps and len(here):
                 source = PreviousField(steps, STATE + name, system.dimension, found[name].shape[1])

@@ -170,8 +170,9 @@ def _formulas_of_states(
                 yield ("initial", i, key), _as_vector(getattr(state, key)), here
         for values in state.of_results:
             yield ("initial", i, "results"), values, here
-        for row, formulas in enumerate(state.deformation_gradient or ()):
-            yield ("initial", i, "deformation_gradient", row), formulas, here
+        for key in ("deformation_gradient", "stress"):
+            for row, formulas in enumerate(getattr(state, key) or ()):
+                yield ("initial", i, key, row), formulas, here
 
 
 def _as_vector(formulas: Formula | FormulaVector) -> FormulaVector:
@@ -188,6 +189,9 @@ def _not_finite(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray
         rows = np.flatnonzero(here)
         values = formulas.evaluate(particle_set.position[rows]).reshape(len(rows), len(formulas))
         wanted, sound = f"a finite value of a size up to {MOST:g}", np.abs(values) <= MOST
+        of_results = isinstance(formulas, PreviousField)
+        if isinstance(formulas, PreviousField):
+            wanted = f"{formulas.name} of particles of the results near by"
         if key[0] in ("bodies", "initial") and key[-1] == "temperature":
             wanted, sound = "a temperature of at least 0 K", sound & (values >= 0.0)
         if key[0] == "bodies" and key[-1] == "micro_rate":
@@ -202,7 +206,7 @@ def _not_finite(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray
             place = ", ".join(f"{x:g}" for x in particle_set.position[worst])
             value = values[np.searchsorted(rows, worst), component]
             faults.append(
-                f"{key_path(key if len(formulas) == 1 else (*key, component))}: "
+                f"{key_path(key if of_results or len(formulas) == 1 else (*key, component))}: "
                 f"expected {wanted} at every particle, "
                 f"found {value} at particle {particle_set.identifier[worst]} ({place})"
             )

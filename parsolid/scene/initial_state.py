@@ -68,17 +68,34 @@ class InitialState(SceneModel):
         if "stress" in self._of_results and "displacement" in self._of_results:
             expected = "a stress without the displacement that made it, or the displacement or state alone"
             reject((("fields", (self.fields or []).index("stress")), expected, "stress"))
-        both = sorted(set(self.stated) & set(self._of_results))
+        if self.takes_state:
+            others = [(k, name) for k, name in enumerate(fields) if name != "state"]
+            reject(
+                *(
+                    (("fields", k), "'state' alone, which has all that the method carries on", name)
+                    for k, name in others
+                )
+            )
+        both = sorted(set(self.stated) & (set(self._carried) if self.takes_state else set(self._of_results)))
         reject(*(((name,), "a formula or results, not both", Phrase("both")) for name in both))
         return self
 
     @property
     def _names(self) -> list[str]:
         """Fields that are read of results; what a state has besides is read when the method's fields are there."""
-        if not self.takes_state:
-            return list(self.fields or ("displacement", "velocity"))
-        others = [name for name in self.fields or () if name != "state"]
-        return list(dict.fromkeys(["displacement", "velocity", *others]))
+        return ["displacement", "velocity"] if self.takes_state else list(self.fields or ("displacement", "velocity"))
+
+    @property
+    def _carried(self) -> list[str]:
+        """Stated keys and fields of results that a state has in it."""
+        return [name for name in (*self.stated, *self._of_results) if name != "stress"]
+
+    def behind(self, others: list["InitialState"]) -> int | None:
+        """Which of the states before this one takes that of results, which holds in its place; None if none does."""
+        if self.takes_state or not self._carried:
+            return None
+        apart = [None not in (one.body, self.body) and one.body != self.body for one in others]
+        return next((i for i, one in enumerate(others) if one.takes_state and not apart[i]), None)
 
     @property
     def takes_state(self) -> bool:
@@ -109,6 +126,10 @@ def initial_details(scene: Any) -> list[Detail]:
     for i, one in enumerate(scene.initial):
         if one.body is not None and one.body not in names:
             details.append((("initial", i, "body"), f"the name of a body ({', '.join(names) or 'none'})", one.body))
+        if (first := one.behind(scene.initial[:i])) is not None:
+            key = next((name for name in one.stated if name != "stress"), "fields" if one.fields else "results")
+            expected = f"to stand before initial.{first}, whose state of results holds in its place"
+            details.append((("initial", i, key), expected, Phrase("it behind")))
         for name in ("temperature", "plastic_strain"):
             if one.of(name) is not None and name not in known:
                 key = "fields" if one.results and name not in one.stated else name

@@ -21,13 +21,16 @@ _ROUND_OFF = 1e-9
 
 @dataclass(frozen=True)
 class StepOfResults:
-    """One step of a file of fields: its rows start at `first` (those of constant fields at 0)."""
+    """One step of a file of fields: its rows start at `first` (those of constant fields at 0).
+
+    names: of the fields, with their components.
+    """
 
     path: Path
     first: int
     count: int
     time: float
-    names: tuple[str, ...]
+    names: dict[str, int]
 
 
 def steps_of(folder: Path, time: float | None) -> list[StepOfResults]:
@@ -37,13 +40,13 @@ def steps_of(folder: Path, time: float | None) -> list[StepOfResults]:
     """
     import h5py
 
-    found: dict[Path, tuple[int, np.ndarray, tuple[str, ...]]] = {}
+    found: dict[Path, tuple[int, np.ndarray, dict[str, int]]] = {}
     for path in sorted(folder.glob("fields*.vtkhdf")):
         with h5py.File(path, "r") as file:
             if "series" not in file:
                 continue
             steps = file["VTKHDF/Steps"]
-            names = tuple(file["VTKHDF/PointData"])
+            names = {name: int(np.prod(data.shape[1:])) for name, data in file["VTKHDF/PointData"].items()}
             times = steps["Values"][: steps.attrs["NSteps"]]
             found[path] = int(file["VTKHDF/NumberOfPoints"][0]), times, names
     all_times = sorted({float(one) for _, times, _ in found.values() for one in times})

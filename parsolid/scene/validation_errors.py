@@ -3,6 +3,7 @@
 import difflib
 import math
 from collections.abc import Iterable
+from typing import Any
 
 from mpi4py import MPI
 
@@ -39,16 +40,30 @@ def told(value: object) -> str:
     if isinstance(value, dict):
         return f"a table with {', '.join(map(repr, value))}" if value else "an empty table"
     if isinstance(value, list | tuple) and any(isinstance(one, dict) or hasattr(one, "model_dump") for one in value):
-        return "a list of one table" if len(value) == 1 else f"a list of {len(value)} tables"
+        return _shortened(_inline(list(value)))
     if hasattr(value, "model_dump"):
         return f"a table with {', '.join(map(repr, value.model_dump(exclude_none=True)))}"
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
-    text = repr(value)
+    return _shortened(repr(value))
+
+
+def _shortened(text: str) -> str:
     # the end of a path says more than its middle
     return text if len(text) <= 80 else f"{text[:37]}...{text[-40:]}"
+
+
+def _inline(value: Any) -> str:
+    """A value as a scene would state it in one line."""
+    if hasattr(value, "model_dump"):
+        value = value.model_dump(exclude_none=True)
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{key} = {_inline(one)}' for key, one in value.items())} }}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_inline, value))}]"
+    return str(value).lower() if isinstance(value, bool) else repr(value)
 
 
 def suggestion(word: object, known: Iterable[str]) -> str:

@@ -162,7 +162,7 @@ OTHERS = {
     f"{MATERIAL}.density=1200.0": f"{MATERIAL}.density: expected 1100.0 as in the checkpoint CHECKPOINT, "
     f"found 1200.0 (where that is meant: --allow-change {MATERIAL}.density)",
     f"{MATERIAL}.branches=[{{ beta = 1.0, tau = 1.0 }}]": f"{MATERIAL}.branches: expected [] as in the checkpoint "
-    f"CHECKPOINT, found [{{'beta': 1.0, 'tau': 1.0}}] (where that is meant: --allow-change {MATERIAL}.branches)",
+    f"CHECKPOINT, found [{{ beta = 1.0, tau = 1.0 }}] (where that is meant: --allow-change {MATERIAL}.branches)",
     "boundaries.1.kind=fixed": "boundaries.1.kind: expected 'roller' as in the checkpoint CHECKPOINT, found 'fixed' "
     "(where that is meant: --allow-change boundaries.1.kind)",
     "loads.acceleration=['0', '-9.81']": "loads.acceleration: expected nothing as in the checkpoint CHECKPOINT, "

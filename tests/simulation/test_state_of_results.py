@@ -100,10 +100,45 @@ def test_a_stress_of_results_is_one_that_no_deformation_has_made(tmp_path):
     np.testing.assert_allclose(gathered(sim, "initial_stress")[0], stress, atol=1e-6 * np.abs(stress).max())
 
 
+def test_what_would_hold_in_place_of_another_start_is_refused(tmp_path):
+    data = CASES["tlsph, leapfrog"]
+    run_into(tmp_path, MPI.COMM_SELF, parse_scene(data | {"output": {"fields": ["state"]}}), 1)
+    state = {"results": str(tmp_path), "fields": ["state"]}
+    at_rest = {"velocity": ["0", "0"]}
+    parse_scene(data | {"initial": [at_rest, state]})
+    for initial, words in (
+        ([state, at_rest], "initial.1.velocity: expected to stand before initial.0, whose state .* found it behind"),
+        ([state | {"deformation_gradient": [["1", "0"], ["0", "1"]]}], "initial.0.deformation_gradient: expected"),
+        ([state | {"fields": ["state", "velocity"]}], "initial.0.fields.1: expected 'state' alone"),
+    ):
+        with pytest.raises(SceneError, match=words):
+            parse_scene(data | {"initial": initial})
+    bodies = [data["bodies"][0] | {"name": "one"}]
+    far = [bodies[0] | {"shape": {"box": {"lower": [9.0, 0.0], "upper": [10.0, 1.0]}}}]
+    # of another body it is no matter
+    parse_scene(data | {"bodies": [*bodies, bodies[0] | {"name": "two"}]} | apart(state, at_rest))
+    with pytest.raises(SceneError, match="initial.0.results: expected velocity of .* near by at every particle, found"):
+        simulation(data | {"bodies": far, "initial": [state]})
+    wild = [{"stress": [["1/X", "0"], ["0", "0"]]}]
+    with pytest.raises(SceneError, match="initial.0.stress.0.0: expected a finite value .* found inf at particle"):
+        simulation(data | {"initial": wild})
+
+
+def apart(state, later):
+    """Initial states of two bodies."""
+    return {"initial": [state | {"body": "one"}, later | {"body": "two"}]}
+
+
 def test_what_no_run_can_go_on_from_is_refused(tmp_path):
     breaking, fluid = CASES["peridynamics, finite strain that breaks"], CASES["ulsph"]
     for name, data, fields in (("broken", breaking, ["state"]), ("poor", breaking, ["displacement", "velocity"])):
         run_into(tmp_path / name, MPI.COMM_SELF, parse_scene(data | {"output": {"fields": fields}}))
+    linear = CASES["peridynamics"]
+    run_into(tmp_path / "one", MPI.COMM_SELF, parse_scene(linear | {"output": {"fields": ["state"]}}), 1)
+    terms = [{"ratio": 2.0, "tau": 0.3}, {"ratio": 1.0, "tau": 3.0}]
+    two = linear | {"bodies": [linear["bodies"][0] | {"material": linear["bodies"][0]["material"] | {"terms": terms}}]}
+    near = breaking | {"method": breaking["method"] | {"horizon_ratio": 1.5}}
+    whole = breaking | {"method": {key: part for key, part in breaking["method"].items() if key != "damage"}}
     other = breaking | {"bodies": [breaking["bodies"][0] | {"particles": [7, 5]}]}
     for data, folder, fields, words in (
         (
@@ -112,6 +147,9 @@ def test_what_no_run_can_go_on_from_is_refused(tmp_path):
             ["state"],
             "initial.0.fields: expected the particles of the results, as each has broken_bonds",
         ),
+        (whole, "broken", ["state"], "expected a scene with all of the state .* found none with broken_bonds"),
+        (near, "broken", ["state"], "initial: expected the bonds of the results .* found particles with other ones"),
+        (two, "one", ["state"], "as many components as the laws of this scene have, .*, found another number"),
         (breaking, "poor", ["state"], r"with the state of this method, .* found none \(output.fields = \["),
         (CASES["mpm"], "broken", ["state"], "with the state of this method, .* found one with .*tensor_history"),
         (breaking, "broken", ["state", "stress"], "initial.0.fields.1: expected"),

@@ -178,6 +178,19 @@ class BondDamage:
             pairs.weight[source[mine, 1]] = 0.0
         self._refresh(particles)
 
+    def take_over(self) -> bool:
+        """Break the bonds of the bits of another run; whether both ends of each agree, as they do if its neighbours are
+        these.
+        """
+        taken, of_cracks = self.words.copy(), self.words
+        of_cracks[:] = 0
+        self.pack()
+        known = taken | of_cracks
+        self.words[:] = taken
+        self.unpack()
+        self.pack()
+        return not (self.words & ~known).any()
+
     @property
     def _local(self) -> int:
         """Owned particles and ghosts."""

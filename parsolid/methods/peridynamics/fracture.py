@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.collective import anywhere, maximum, minimum
+from parsolid.collective import anywhere, maximum, minimum, raise_together
 from parsolid.materials.damage.fracture import breaking_limit
 from parsolid.methods.peridynamics.bond_damage import BondDamage, Limits
 from parsolid.methods.peridynamics.bond_damage_kernels import Energy, Stretch
@@ -81,6 +81,12 @@ class NoFracture:
     def resume(self) -> None:
         """Break the bonds of a state that was put back; collective."""
 
+    def take_over(self) -> None:
+        """Break the bonds of the state of another run; collective.
+
+        Raises SolverError, on all ranks, where its particles had other neighbours.
+        """
+
     def damage_of(self, first: int, last: int) -> np.ndarray:
         """Share (n,) of the family's volume that particles first..last-1 are no longer bonded to."""
         return np.zeros(last - first)
@@ -122,6 +128,12 @@ class PreCracks(NoFracture):
     def resume(self) -> None:
         """Break the bonds of a state that was put back; collective."""
         self.damage.unpack()
+        self.engine.install_shape()
+
+    def take_over(self) -> None:
+        """Break the bonds of the state of another run; collective."""
+        fault = "initial: expected the bonds of the results (their horizon and bodies), found particles with other ones"
+        raise_together(self.comm, None if self.damage.take_over() else fault)
         self.engine.install_shape()
 
     def damage_of(self, first: int, last: int) -> np.ndarray:

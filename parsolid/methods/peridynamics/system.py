@@ -77,7 +77,7 @@ class Peridynamics(PairMethod):
         self.history.start(self.settings.initial_state == "instantaneous")
         if take_state(self.comm, scene, self, particle_set):
             self._hold()
-            self.fracture.resume()
+            self.fracture.take_over()
             self.history.evaluate_anew()
         self.fracture.look()
 
