@@ -195,10 +195,11 @@ def _lines(spacing: np.ndarray, metric: np.ndarray, support: float, order: np.nd
     middle = int(1.0 / step[1])
     half = np.zeros((int(1.0 / step[0]) + 1 if d == 3 else 1, 2 * middle + 1), np.int64)
     for apart in range(len(half)):
-        left = 1.0 - (apart * step[0] if d == 3 else 0.0) ** 2
+        # of an offset on the horizon rounding leaves less than nothing
+        left = max(1.0 - (apart * step[0] if d == 3 else 0.0) ** 2, 0.0)
         reach.append(int(np.sqrt(left) / step[1]))
         for second in range(-reach[-1], reach[-1] + 1):
-            half[apart, middle + second] = int(np.sqrt(left - (second * step[1]) ** 2) / step[2])
+            half[apart, middle + second] = int(np.sqrt(max(left - (second * step[1]) ** 2, 0.0)) / step[2])
     return Lines(np.array(reach), half)
 
 

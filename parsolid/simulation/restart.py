@@ -80,10 +80,7 @@ class Restart:
             kept = system.particles.checkpointed()
             wanted, found = set(kept), set(values)
             if wanted != found:
-                raise SolverError(
-                    f"bodies.material: expected the state of the checkpoint {self.path} ({', '.join(sorted(found))}), "
-                    f"found one with {', '.join(sorted(wanted))}"
-                )
+                raise SolverError(self._other_state(wanted, found))
             for name, rows in kept.items():
                 if (rows.shape[1:], rows.dtype) != (values[name].shape[1:], values[name].dtype):
                     raise SolverError(
@@ -95,6 +92,20 @@ class Restart:
             system.resume()
             if self.allowed:
                 system.forget()
+
+    def _other_state(self, wanted: set[str], found: set[str]) -> str:
+        """What is wrong with a checkpoint that keeps other fields than the particles have."""
+        if self.allowed:
+            return (
+                f"bodies.material: expected the state of the checkpoint {self.path} ({', '.join(sorted(found))}), "
+                f"found one with {', '.join(sorted(wanted))}"
+            )
+        # the scene is the checkpoint's
+        missing, extra = (", ".join(sorted(one)) or "nothing" for one in (wanted - found, found - wanted))
+        return (
+            f"{self.path}: expected a checkpoint that this version of parsolid has written, found one of another: "
+            f"{missing} is missing, {extra} is too much"
+        )
 
     def apply(self, simulation: "Simulation") -> None:
         """Put ledger, balance, clock and steps back. Raises SolverError, on all ranks, for other energy terms."""

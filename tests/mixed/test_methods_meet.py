@@ -50,6 +50,18 @@ def momenta(sim) -> dict[str, np.ndarray]:
     return {"momenta": sim.comm.allreduce(found)}
 
 
+def test_points_that_are_pressed_from_the_start_take_no_energy_in_their_first_step():
+    """Its impulse is that of the half after the start: nothing has moved before."""
+    data = bars("points", "points")
+    box = data["bodies"][0]["shape"]["box"]
+    for end in ("lower", "upper"):
+        # from half a spacing apart to a fiftieth of one in the other
+        box[end][0] += 0.52 / 25
+    columns = follow(Simulation(MPI.COMM_SELF, parse_scene(data)), Record(), 3)
+    assert np.ptp(columns["contact_energy"]) > 0.02 * columns["kinetic"][0]
+    assert np.abs(columns["balance"]).max() < 1e-3 * columns["kinetic"][0]
+
+
 # restitution and the largest residual of the energy over what there was, at 25 spacings, as measured
 @pytest.mark.parametrize(
     ("first", "second", "restitution", "residual"),

@@ -1,5 +1,7 @@
 """The passes over the bonds of a lattice against those over their lists."""
 
+import copy
+
 import numpy as np
 import pytest
 from solids import simulation, tables
@@ -67,6 +69,35 @@ def test_what_moves_as_one_has_no_force_at_all():
 )
 def test_lists_stay_where_sums_are_not_those_of_a_lattice(method, keys):
     assert uses_lists(simulation(scene(SPACE, method, **keys)).systems[0].engine)
+
+
+@pytest.mark.parametrize("relaxes", [True, False])
+def test_bodies_that_relax_differently_have_the_forces_of_their_lists(comm, relaxes):
+    control = {"kind": "shear-scaled", "relaxes": relaxes}
+    solid = {"kind": "prony", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": 0.3, "strain": "finite"}
+    data = scene(
+        (7, 7, 8), {"stabilisation": control}, upper=(0.5, 0.5, 0.7), material=solid, body={"placement": "cells"}
+    )
+    other = copy.deepcopy(data["bodies"][0])
+    other["shape"]["box"]["lower"][0], other["shape"]["box"]["upper"][0] = 0.5, 1.0
+    other["material"]["terms"] = [{"ratio": 2.0, "tau": 0.3}]
+    system = simulation(data | {"bodies": [data["bodies"][0], other]}, comm).systems[0]
+    place, engine = system.particles.owned_rows("reference_position"), system.engine
+    # a stabiliser that relaxes has one control for each body
+    assert uses_lists(engine) == relaxes
+    system.displacement[:] = 0.01 * np.sin(40.0 * place) + 0.02 * place[:, ::-1]
+    found = system.history.internal_force(0.1).copy()
+    engine.passes = engine.bond_system
+    expected = system.history.internal_force(0.1)
+    assert np.allclose(found, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max())
+
+
+def test_offsets_on_the_horizon_itself_stop_nothing():
+    """A horizon of 2 in (.6, .8, 1): what an offset leaves of it is 0 but for rounding."""
+    for size in 1.0 / np.arange(3.0, 60.0):
+        metric = np.full(3, 1.0 / (2.0 * size) ** 2)
+        lines = lattice_sums._lines(size * np.array([0.6, 0.8, 1.0]), metric, 1.0, np.arange(3), 3)
+        assert (lines.half >= 0).all() and lines.half[1, 2] == 1
 
 
 def test_lists_stay_where_they_are_as_fast(monkeypatch):

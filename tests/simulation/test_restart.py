@@ -138,10 +138,20 @@ def test_fields_come_in_the_order_of_the_particles_and_the_state_after_them(comm
     ],
 )
 def test_a_state_of_another_shape_is_refused(comm, fields, words):
-    one = restart(comm, values=[{"stress": np.zeros((3, 2)), "mass": np.zeros(3)}], method_state={})
+    values = {"stress": np.zeros((3, 2)), "mass": np.zeros(3)}
+    one = restart(comm, values=[values], allowed=("bodies.0.material",), method_state={})
     other = system(**fields)
     with pytest.raises(SolverError, match=f"bodies.material: expected .*{words}"):
         one.apply_state([other], [np.arange(3)])
+    assert not other.told
+
+
+def test_the_same_scene_with_other_fields_is_of_another_version(comm):
+    values = {"stress": np.zeros((3, 2)), "mass": np.zeros(3)}
+    other = system(stress=values["stress"], moved=np.zeros(3))
+    words = "checkpoint.h5: expected .* this version .*: moved is missing, mass is too much"
+    with pytest.raises(SolverError, match=words):
+        restart(comm, values=[values], method_state={}).apply_state([other], [np.arange(3)])
     assert not other.told
 
 

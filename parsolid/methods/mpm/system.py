@@ -127,7 +127,7 @@ class MaterialPoint(ParticleSystem):
         self.residence.steps, self.materials.fastest = state["steps"], state["fastest"]
         partition = CellPartition.from_state(state["partition"], self.dimension)
         work, lag = state["plastic_work"], state.get("lag", [])
-        if lag and self.waiting is not None:
+        if lag and state["steps"] and self.waiting is not None:
             self.waiting.resume(lag[self.comm.rank] if len(lag) == self.comm.size else sum(lag) / self.comm.size)
         if partition.ranks == self.comm.size:
             self.partition, self.materials.plastic_work = partition, work[self.comm.rank]

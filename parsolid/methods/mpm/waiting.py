@@ -31,6 +31,8 @@ class WaitingImpulses:
         self.given: np.ndarray | None = None
         self.part: np.ndarray | None = None
         self.place = 0, 1
+        # nothing has moved before the first common step, and only the half of its impulses that acts on the way after
+        self.first = False
         if points.settings.substeps not in (None, 1):
             points.declare(Field("given_impulse", points.dimension, "N s"))
 
@@ -42,6 +44,8 @@ class WaitingImpulses:
         """
         if step == 0.0:
             return forces
+        if place[0] == 0:
+            self.first = self.step == 0.0 and self._kept is None
         self.step, self._kept, self.place = step, None, place
         impulse = self.points.owned_rows("impulse")
         self.given = impulse.copy() if place[0] == 0 and impulse.any() else None
@@ -65,7 +69,7 @@ class WaitingImpulses:
         if self.given is not None:
             lost += 0.5 * float(np.sum(self.given * (moved - both())))
         if self.part is not None:
-            lost += 0.5 * float(np.sum(self.part * now))
+            lost += (1.0 if self.first else 0.5) * float(np.sum(self.part * now))
         moved[:] = now / count + (moved if number else 0.0)
         return lost
 

@@ -73,7 +73,9 @@ def build_forces(comm: Any, scene: Any, particle_set: Any, loads: Any) -> Forces
         engine, history = HistoryForce(particles, bond_system, scale, fixed_planes, blocks, branches), TensorHistory
     else:
         engine = BondForce(particles, bond_system, scale, fixed_planes)
-    if settings.damage is None and not settings.pre_cracks:
+    # each of several series tells a control of its own, while sums over a lattice know one
+    one_control = len(series) == 1 or not settings.stabilisation.relaxes
+    if settings.damage is None and not settings.pre_cracks and one_control:
         engine.stay_whole()
     if not settings.stabilisation.relaxes:
         return Forces(particles, horizon, bond_system, engine, ElasticControl(engine, blocks, branches))
