@@ -256,8 +256,8 @@ def obey_wall(first, last, nodes, places, share, held, motion, remapped, wall):
 def kinetic_gain(first, last, nodes, share):
     """Change of the nodes' kinetic energy [J] in a step; after `update_nodes` and walls.
 
-    share (nodes,): 1, but 0 for nodes behind mirror planes and those that another rank counts, 1/2 on each mirror
-    plane.
+    share (nodes,): 1, but 0 for nodes behind mirror planes and 1/2 on each mirror plane; of nodes that other ranks
+    list as well the part of their mass that this rank's particles give.
     """
     gain = 0.0
     for i in range(first, last):
