@@ -21,7 +21,7 @@ NO_GRAVITY, LEAST = np.zeros(4), 1e-12
 
 def run_gather(particle_set, transfer, step, rate, remapped=None, space=None):
     moved = (particle_set.nodes, particle_set.motion, step)
-    gather(particle_set.interpolation(space), *moved, transfer, rate, remapped)
+    gather(particle_set.interpolation(space), *moved, transfer, rate, remapped, None)
 
 
 def new_rate(particle_set):

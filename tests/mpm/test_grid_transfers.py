@@ -101,7 +101,7 @@ def test_gather_is_the_plain_sum(name, dimension):
     for transfer, velocity in cases:
         particle_set.motion[:n] = before
         moved = (particle_set.nodes, particle_set.motion, step)
-        gather(particle_set.interpolation(), *moved, transfer, rate, None)
+        gather(particle_set.interpolation(), *moved, transfer, rate, None, None)
         np.testing.assert_allclose(particle_set.motion[:n, 4:7], velocity, atol=1e-12)
         np.testing.assert_allclose(particle_set.motion[:n, :3], before[:, :3] + step * nodal, atol=1e-13)
         np.testing.assert_array_equal(particle_set.motion[:n, [3, 7]], before[:, [3, 7]])

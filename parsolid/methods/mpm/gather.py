@@ -23,12 +23,13 @@ _fourth_from = shuffle(0, 1, 2, 7)
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
-def gather(interpolation, nodes, motion, step, transfer, rate, remapped):
+def gather(interpolation, nodes, motion, step, transfer, rate, remapped, ways):
     """Velocities, positions and velocity gradients of the particles of all cells, after `grid.update_nodes`.
 
     transfer: Flip or Apic, by which motion's velocities change, or None to leave them. rate (capacity, 12): velocity
     gradients [1/s], rows padded to 4 (in axisymmetry l33 = v_r/r), or None, and then positions do not change either.
-    remapped (nodes, 8): the nodes that gradients are taken of where momentum was mapped back (MUSL), or None.
+    remapped (nodes, 8): the nodes that gradients are taken of where momentum was mapped back (MUSL), or None. ways
+    (capacity, 4): where the velocities by which positions change are kept, or None.
     """
     space, basis, grid, scratch = interpolation.space, interpolation.basis, interpolation.grid, interpolation.scratch
     for c in range(len(grid.start) - 1):
@@ -47,6 +48,8 @@ def gather(interpolation, nodes, motion, step, transfer, rate, remapped):
             if rate is not None:
                 moved = fused(without_fourth(sums[0]), broadcast(step), load(motion, p, 0))
                 store(motion, p, 0, moved)
+                if ways is not None:
+                    store(ways, p, 0, without_fourth(sums[0]))
                 hoop = _hoop_rate(space, remapped, sums, place)
                 _store_rows(rate, p, sums[2], grid.inverse_spacing, hoop)
 

@@ -41,7 +41,7 @@ class MassMatrix:
         first = series[:count, :3].copy()
         for _ in range(self.terms - 1):
             nodes.spread(series)
-            gather(nodes.interpolation, series, particles, 0.0, Flip(0.0), None, None)
+            gather(nodes.interpolation, series, particles, 0.0, Flip(0.0), None, None, None)
             nodes.clear(nodes.again)
             scatter(nodes.interpolation, particles, Flip(0.0), None, None, nodes.again, nodes.partial)
             nodes.sum("again")

@@ -77,7 +77,7 @@ class Meeting:
         a_mass[self.slots[number][here], 4] = 0.5 * self.rubbed[here] / mass[here]
         for _, behind, images, _ in reversed(nodes.mirrored):
             a_mass[behind, 4] = a_mass[images, 4]
-        gather(nodes.interpolation, a_mass, probe, 0.0, Flip(1.0), None, None)
+        gather(nodes.interpolation, a_mass, probe, 0.0, Flip(1.0), None, None, None)
         heat = points.motion[: system.owned, 3] * probe[: system.owned, 4]
         rows = np.flatnonzero(heat)
         return float(system.take_heat(heat[rows], rows))

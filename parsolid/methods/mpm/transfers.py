@@ -20,7 +20,7 @@ class UpdateStressLast:
         self.points, self.nodes, self.conditions = points, nodes, conditions
         # lists of cells, transfers, stresses and loads are other objects of the same types at every step
         self._scatter = RecalledEach(scatter, free=(0, 2, 3, 4))
-        self._gather_kernel = RecalledEach(gather, free=(0, 3, 4))
+        self._gather_kernel = RecalledEach(gather, free=(0, 3, 4, 7))
         self._local = points.settings.transfer == "flip" and "velocity_slope" in points
         self._seen, self._beside = -1, np.zeros(0, bool)
         # where something acts between steps
@@ -43,26 +43,27 @@ class UpdateStressLast:
 
         Gives what is lost [J] where boundaries held nodes to which particles brought a velocity.
         """
-        lost = self._lost_of_impulses()
+        lost = self._move(step, self.points.velocity_transfer, None)
         settings = self.points.settings
-        if settings.transfer in ("flip", "aflip") and settings.flip_fraction == 1.0:
-            # `StepEnergies` counts what particles do not take of all changes
-            lost = 0.0
-        self._gather(step, self.points.velocity_transfer, self.points.storage("velocity_gradient"), None)
-        return lost
+        # `StepEnergies` counts what particles do not take of all changes
+        return 0.0 if settings.transfer in ("flip", "aflip") and settings.flip_fraction == 1.0 else lost
 
-    def _lost_of_impulses(self) -> float:
-        """What the transfers take of impulses in the step [J], see `WaitingImpulses`; before places change."""
-        if self.waiting is None:
+    def _move(self, step: float, transfer: VelocityTransfer | None, remapped: np.ndarray | None) -> float:
+        """Places and velocity gradients; what the transfers take of impulses [J], see `WaitingImpulses`."""
+        rate, waiting = self.points.storage("velocity_gradient"), self.waiting
+        if waiting is None or step == 0.0:
+            self._gather(step, transfer, rate, remapped, None)
             return 0.0
-        return self.waiting.lost(self._of_particles(self.nodes.motion[:, :3]), self._brought_and_kept)
+        both = self._brought_and_kept() if waiting.given is not None else None
+        self._gather(step, transfer, rate, remapped, waiting.ways())
+        return waiting.lost(both)
 
     def _of_particles(self, velocity: np.ndarray) -> np.ndarray:
         """Velocities (slots, 3) of nodes where particles are (owned, d) [m/s]."""
         nodes, points = self.nodes, self.points
         between, probe = aligned_zeros(nodes.motion.shape), aligned_zeros(points.motion.shape)
         between[: nodes.count, 4:7] = velocity[: nodes.count]
-        gather(nodes.interpolation, between, probe, 0.0, Flip(1.0), None, None)
+        gather(nodes.interpolation, between, probe, 0.0, Flip(1.0), None, None, None)
         return np.asarray(probe[: points.owned, 4 : 4 + points.dimension])
 
     def _brought_and_kept(self) -> np.ndarray:
@@ -92,11 +93,16 @@ class UpdateStressLast:
         slopes[beside] = kept
 
     def _gather(
-        self, step: float, transfer: VelocityTransfer | None, rate: np.ndarray | None, remapped: np.ndarray | None
+        self,
+        step: float,
+        transfer: VelocityTransfer | None,
+        rate: np.ndarray | None,
+        remapped: np.ndarray | None,
+        ways: np.ndarray | None,
     ) -> None:
-        nodes = self.nodes
-        arrays, what = (nodes.interpolation, nodes.motion, self.points.motion), (transfer is None, rate is None)
-        self._gather_kernel(what, *arrays, step, transfer, rate, remapped)
+        nodes, what = self.nodes, (transfer is None, rate is None, ways is None)
+        arrays = nodes.interpolation, nodes.motion, self.points.motion
+        self._gather_kernel(what, *arrays, step, transfer, rate, remapped, ways)
 
 
 class ModifiedUpdateStressLast(UpdateStressLast):
@@ -104,11 +110,9 @@ class ModifiedUpdateStressLast(UpdateStressLast):
 
     def nodes_to_particles(self, time: float, step: float) -> float:
         """See `UpdateStressLast`."""
-        self._gather(step, self.points.velocity_transfer, None, None)
+        self._gather(step, self.points.velocity_transfer, None, None, None)
         lost = self._map_back(time)
-        lost += self._lost_of_impulses()
-        self._gather(step, None, self.points.storage("velocity_gradient"), self.nodes.again)
-        return lost
+        return lost + self._move(step, None, self.nodes.again)
 
     def _strained_by(self) -> np.ndarray:
         """See `UpdateStressLast`."""

@@ -1,7 +1,5 @@
 """Impulses that wait for the next step, and the energies of particles at one time where velocities lag."""
 
-from collections.abc import Callable
-
 import numpy as np
 
 from parsolid.methods.mpm.material_points import MaterialPoints
@@ -31,6 +29,7 @@ class WaitingImpulses:
         self.given: np.ndarray | None = None
         self.part: np.ndarray | None = None
         self.place = 0, 1
+        self._ways = aligned_zeros((0, 4))
         # nothing has moved before the first common step, and only the half of its impulses that acts on the way after
         self.first = False
         if points.settings.substeps not in (None, 1):
@@ -62,12 +61,19 @@ class WaitingImpulses:
         impulse[:] = 0.0
         return result
 
-    def lost(self, now: np.ndarray, both: Callable[[], np.ndarray]) -> float:
-        """What transfers take [J] of the impulses of the step, and their "moved". now (owned, d) [m/s]: of this step;
-        both: u + u' (owned, d) [m/s]."""
+    def ways(self) -> np.ndarray:
+        """Where the step keeps the velocities by which places change (capacity, 4) [m/s]."""
+        if len(self._ways) < self.points.capacity:
+            self._ways = aligned_zeros((self.points.capacity, 4))
+        return self._ways
+
+    def lost(self, both: np.ndarray | None) -> float:
+        """What transfers take [J] of the impulses of the step, and their "moved". both: u + u' (owned, d) [m/s], if
+        impulses are given."""
         moved, (number, count), lost = self.points.owned_rows("moved"), self.place, 0.0
+        now = self._ways[: self.points.owned, : self.points.dimension]
         if self.given is not None:
-            lost += 0.5 * float(np.sum(self.given * (moved - both())))
+            lost += 0.5 * float(np.sum(self.given * (moved - both)))
         if self.part is not None:
             lost += (1.0 if self.first else 0.5) * float(np.sum(self.part * now))
         moved[:] = now / count + (moved if number else 0.0)
