@@ -95,10 +95,11 @@ class Soak:
                 _end(job, way, self.chance)
         began = _rows(history)
         result = finish(job, PATIENCE)
-        if "Traceback" in result.err or (history.parent / "traceback.txt").exists():
+        # a signal before Python has loaded the program ends it as any process, or within Python's own imports
+        loading = "KeyboardInterrupt" in result.err and "parsolid/" not in result.err
+        plain = way.startswith("SIG") and result.status == getattr(signal, way, None) and (loading or not result.err)
+        if ("Traceback" in result.err and not plain) or (history.parent / "traceback.txt").exists():
             self.faults.append((self.runs, way, result.err[-500:]))
-        # a signal before Python has loaded the program ends it as any process
-        plain = way.startswith("SIG") and result.status == getattr(signal, way, None) and not result.err
         if result.status in (1, 2, 3) and way not in ("kill one rank", "kill mpirun") and not plain:
             self.faults.append((self.runs, way, f"status {result.status}: {result.err[-300:]}"))
         if result.status != 0:
