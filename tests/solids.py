@@ -17,6 +17,15 @@ EULER = Stage(0.0, 1.0, 0.0, 0.0, 1.0, first=True)
 # numbers of order one, so that tolerances are absolute
 SOFT = {"kind": "mooney-rivlin", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": 0.3}
 RUBBER = {"kind": "mooney-rivlin", "density": 1100.0, "youngs_modulus": 17e6, "poissons_ratio": 0.45}
+COPPER = {
+    "kind": "elastic-plastic",
+    "density": 8930.0,
+    "specific_heat": 383.0,
+    "reference_temperature": 300.0,
+    "equation_of_state": {"kind": "mie-grueneisen", "sound_speed": 3940.0, "slope": 1.489, "gamma": 2.02},
+    "shear_modulus": {"kind": "constant", "modulus": 47.7e9},
+    "flow_stress": {"kind": "linear-hardening", "yield_stress": 400e6, "hardening": 100e6},
+}
 ONE_BRANCH = [{"beta": 1.0, "tau": 0.02}]
 THREE_BRANCHES = [{"beta": 1.0, "tau": 0.02}, {"beta": 0.5, "tau": 0.3}, {"beta": 2.0, "tau": 4.0}]
 

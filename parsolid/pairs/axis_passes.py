@@ -4,18 +4,14 @@ from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
 from parsolid.numerics.dispatch import generic, none_without
-from parsolid.numerics.lanes import WIDTH, broadcast, from_floats, fused, horizontal_sums, lane, load, store, total
+from parsolid.numerics.lanes import WIDTH, broadcast, from_floats, fused, horizontal_sums, lane, load, total
 from parsolid.pairs.axis_lists import AXES, JUMP, NEXT, SECOND, STEP, InnerAxes, OneSidedAxes
+from parsolid.pairs.lane_tuples import add_lanes
 from parsolid.pairs.terms import KINEMATICS, MeanRiemann, record_columns
 
 _FIELD, _POSITION = KINEMATICS[3].field, KINEMATICS[3].position
 # squared distance [m^2] in place of none, that of a particle that stands for a neighbour it has not
 _NO_DISTANCE = 1e-300
-
-
-@register_jitable
-def _add(array, row, column, value):
-    store(array, row, column, load(array, row, column) + value)
 
 
 # --- gradients ---------------------------------------------------------------------------------------------------
@@ -35,9 +31,9 @@ def _inner_gradients(pairs, kinematics, sums):
             b, c, column = neighbour[a, axis], neighbour[a, AXES + axis], WIDTH * axis
             near = (load(kinematics, b, _FIELD) - own) * table[kind, NEXT + axis]
             far = (load(kinematics, c, _FIELD) - own) * table[kind, SECOND + axis]
-            _add(sums, b, column, near)
-            _add(sums, c, column, far)
-            _add(sums, a, column, near + far)
+            add_lanes(sums, b, column, (near,))
+            add_lanes(sums, c, column, (far,))
+            add_lanes(sums, a, column, (near + far,))
     _edge_gradients(pairs.others, True, kinematics, sums)
 
 
@@ -51,9 +47,9 @@ def _edge_gradients(edges, both, kinematics, sums):
     for k in range(edges.first.shape[0]):
         a, b, column = edges.first[k], edges.second[k], WIDTH * edges.axis[k]
         term = (load(kinematics, b, _FIELD) - load(kinematics, a, _FIELD)) * edges.weight[k, 0]
-        _add(sums, a, column, term)
+        add_lanes(sums, a, column, (term,))
         if both:
-            _add(sums, b, column, term)
+            add_lanes(sums, b, column, (term,))
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
@@ -74,8 +70,8 @@ def _add_stresses(pairs, kind, a, record, force):
         P = load(record, a, column)
         near = (P + load(record, b, column)) * table[kind, NEXT + axis]
         far = (P + load(record, c, column)) * table[kind, SECOND + axis]
-        _add(force, b, 0, -near)
-        _add(force, c, 0, -far)
+        add_lanes(force, b, 0, (-near,))
+        add_lanes(force, c, 0, (-far,))
         result = result + (near + far)
     return result
 
@@ -117,9 +113,9 @@ def _add_dissipation(space, terms, pairs, kind, a, kinematics, record, force):
     u = fused(lane(slow, 0), u, lane(normal, 0) * x)
     v = fused(lane(slow, 1), v, lane(normal, 1) * y)
     w = fused(lane(slow, 2), w, lane(normal, 2) * z)
-    _add(force, b, WIDTH, -u)
-    _add(force, c, WIDTH, -v)
-    _add(force, d, WIDTH, -w)
+    add_lanes(force, b, WIDTH, (-u,))
+    add_lanes(force, c, WIDTH, (-v,))
+    add_lanes(force, d, WIDTH, (-w,))
     return u + v + w
 
 
@@ -131,15 +127,15 @@ def _inner_forces(terms, space, pairs, kinematics, record, force):
 @_inner_forces.of(None)
 def _inner_stresses(terms, space, pairs, kinematics, record, force):
     for a in range(pairs.neighbour.shape[0]):
-        _add(force, a, 0, _add_stresses(pairs, pairs.kind[a], a, record, force))
+        add_lanes(force, a, 0, (_add_stresses(pairs, pairs.kind[a], a, record, force),))
 
 
 @_inner_forces.of(MeanRiemann)
 def _inner_stresses_and_dissipation(terms, space, pairs, kinematics, record, force):
     for a in range(pairs.neighbour.shape[0]):
         kind = pairs.kind[a]
-        _add(force, a, 0, _add_stresses(pairs, kind, a, record, force))
-        _add(force, a, WIDTH, _add_dissipation(space, terms, pairs, kind, a, kinematics, record, force))
+        add_lanes(force, a, 0, (_add_stresses(pairs, kind, a, record, force),))
+        add_lanes(force, a, WIDTH, (_add_dissipation(space, terms, pairs, kind, a, kinematics, record, force),))
 
 
 @generic(on="terms")
@@ -167,14 +163,14 @@ def _edge_forces(terms, space, edges, both, kinematics, record, force):
     for k in range(edges.first.shape[0]):
         a, b, column = edges.first[k], edges.second[k], WIDTH * edges.axis[k]
         t = (load(record, a, column) + load(record, b, column)) * edges.weight[k, 0]
-        _add(force, a, 0, t)
+        add_lanes(force, a, 0, (t,))
         if both:
-            _add(force, b, 0, -t)
+            add_lanes(force, b, 0, (-t,))
         if edges.weight[k, 1] != 0.0:
             d = _edge_dissipation(terms, space, edges, k, kinematics, record)
-            _add(force, a, WIDTH, d)
+            add_lanes(force, a, WIDTH, (d,))
             if both:
-                _add(force, b, WIDTH, -d)
+                add_lanes(force, b, WIDTH, (-d,))
 
 
 @generic(on="pairs")

@@ -7,6 +7,7 @@ from numba.extending import overload, register_jitable
 
 from decomposition.compiled import compiled
 from parsolid.numerics.lanes import WIDTH, broadcast, fused, load, store
+from parsolid.pairs.lane_tuples import add_lanes
 from parsolid.pairs.terms import dimension_of
 
 
@@ -93,11 +94,6 @@ def _tilt(box, values, plain, line, slopes, row):
 
 
 @register_jitable
-def _add(array, line, z, value):
-    store(array, line, z, load(array, line, z) + value)
-
-
-@register_jitable
 def _span(box, lines, apart, y):
     """Second parts, first to last, of the offsets in a plane so far apart whose lines exist about the y-th."""
     reach = lines.reach[apart]
@@ -137,11 +133,11 @@ def moments(box, lines, values, across, result, sums, slopes):
                     for side in range(2 if apart > 0 else 1):
                         target = behind if side == 1 else before
                         if target >= 0:
-                            _add(plain, target, z, total)
+                            add_lanes(plain, target, z, (total,))
                             if across is not None:
-                                _add(first, target, z, (apart if side == 0 else -apart) * total)
-                            _add(second, target, z, along)
-                            _add(fast, target, z, slope)
+                                add_lanes(first, target, z, ((apart if side == 0 else -apart) * total,))
+                            add_lanes(second, target, z, (along,))
+                            add_lanes(fast, target, z, (slope,))
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
@@ -171,9 +167,9 @@ def contraction(box, lines, values, across, plain, result, sums, slopes):
                         if across is not None:
                             jump = jump + load(firsts, row, z)
                     if before >= 0:
-                        _add(result, before, z, fused(float(apart), jump, total))
+                        add_lanes(result, before, z, (fused(float(apart), jump, total),))
                     if behind >= 0 and apart > 0:
-                        _add(result, behind, z, fused(-float(apart), jump, total))
+                        add_lanes(result, behind, z, (fused(-float(apart), jump, total),))
 
 
 # --- from rows to places and back --------------------------------------------------------------------------------

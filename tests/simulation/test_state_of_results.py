@@ -3,21 +3,12 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
-from solids import ONE_BRANCH, SOFT, THREE_BRANCHES, evolved, gathered, run_into, simulation, tables
+from solids import COPPER, ONE_BRANCH, SOFT, THREE_BRANCHES, evolved, gathered, run_into, simulation, tables
 
 from parsolid.collective import SolverError
 from parsolid.observables.declared import field_of
 from parsolid.scene import SceneError, parse_scene
 
-COPPER = {
-    "kind": "elastic-plastic",
-    "density": 8930.0,
-    "specific_heat": 383.0,
-    "reference_temperature": 300.0,
-    "equation_of_state": {"kind": "mie-grueneisen", "sound_speed": 3940.0, "slope": 1.489, "gamma": 2.02},
-    "shear_modulus": {"kind": "constant", "modulus": 47.7e9},
-    "flow_stress": {"kind": "linear-hardening", "yield_stress": 400e6, "hardening": 100e6},
-}
 FAILING = COPPER | {"failure": {"criteria": [{"kind": "maximum-tension", "strength": 1e9}]}}
 SHEARED = {"velocity": ["0.3*Y", "0.1*X - 0.2*Y"], "displacement": ["0.02*Y", "0.01*X"]}
 BAR = {"upper": [6e-3, 2e-3], "end_time": 2e-6, "body": {"velocity": [-250.0, 0.0], "placement": "cells"}}

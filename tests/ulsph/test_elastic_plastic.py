@@ -4,7 +4,7 @@ import copy
 
 import numpy as np
 import pytest
-from solids import Record, follow, gathered, run_steps, run_to_end, simulation
+from solids import COPPER, Record, follow, gathered, run_steps, run_to_end, simulation
 
 from parsolid.collective import SolverError
 from parsolid.exact.shock import Hugoniot
@@ -12,15 +12,6 @@ from parsolid.materials.plastic import plastic_evaluation as evaluation
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.loop import RunFailed
 
-COPPER = {
-    "kind": "elastic-plastic",
-    "density": 8930.0,
-    "specific_heat": 383.0,
-    "reference_temperature": 300.0,
-    "equation_of_state": {"kind": "mie-grueneisen", "sound_speed": 3940.0, "slope": 1.489, "gamma": 2.02},
-    "shear_modulus": {"kind": "constant", "modulus": 47.7e9},
-    "flow_stress": {"kind": "linear-hardening", "yield_stress": 400e6, "hardening": 100e6},
-}
 LIQUID = COPPER | {"flow_stress": {"kind": "linear-hardening", "yield_stress": 1e3}}
 STEEL = {"kind": "micro-inertia", "library": "4340 steel, Rahaman"}
 WALL = {"kind": "wall", "plane": "X = 0", "side": "above"}
