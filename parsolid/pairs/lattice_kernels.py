@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import overload, register_jitable
+from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
 from parsolid.numerics.lanes import WIDTH, broadcast, fused, load, store
@@ -49,17 +49,6 @@ class Rows(NamedTuple):
     moments: np.ndarray
     axis: np.ndarray
     spacing: np.ndarray
-
-
-def size_of(space):
-    """The dimension of a space; a constant in kernels."""
-    return space.dimension
-
-
-@overload(size_of)
-def _size_of(space):
-    dimension = dimension_of(space)
-    return lambda space: dimension
 
 
 # --- sums over lines ---------------------------------------------------------------------------------------------
@@ -178,7 +167,7 @@ def contraction(box, lines, values, across, plain, result, sums, slopes):
 @compiled(fastmath={"contract"}, error_model="numpy")
 def spread(space, rows, column, kinematics, base, values):
     """Fill V (f - base) of a vector in some columns into values (d, lines, places); base (d,): that of row 0."""
-    d = size_of(space)
+    d = dimension_of(space)
     for i in range(d):
         base[i] = kinematics[0, column + i]
     for b in range(rows.line.shape[0]):
@@ -189,7 +178,7 @@ def spread(space, rows, column, kinematics, base, values):
 @compiled(fastmath={"contract"}, error_model="numpy")
 def collect(space, rows, lead, width, column, kinematics, base, result, jumps, sums):
     """Add the gradients' sums; jumps (owned, d): sum V_b (f_b - f_a)."""
-    d = size_of(space)
+    d = dimension_of(space)
     for a in range(rows.volumes.shape[0]):
         line, z = rows.line[a], rows.place[a] - lead
         for i in range(d):
@@ -204,7 +193,7 @@ def collect(space, rows, lead, width, column, kinematics, base, result, jumps, s
 @compiled(fastmath={"contract"}, error_model="numpy")
 def spread_records(space, rows, width, stiffness, kinematics, base, record, values):
     """Fill V M h, and V C1 f unless stiffness, the first column of C1, is None, into values (d, 4, lines, places)."""
-    d = size_of(space)
+    d = dimension_of(space)
     for b in range(rows.line.shape[0]):
         line, place, volume = rows.line[b], rows.place[b], rows.volume[b]
         for i in range(d):
@@ -221,7 +210,7 @@ def spread_records(space, rows, width, stiffness, kinematics, base, record, valu
 @compiled(fastmath={"contract"}, error_model="numpy")
 def collect_forces(space, rows, lead, width, stiffness, stiffnesses, kinematics, base, record, result, jumps, force):
     """Add forces; stiffnesses (owned, d, d): sum V_b C1_b."""
-    d = size_of(space)
+    d = dimension_of(space)
     for a in range(rows.volumes.shape[0]):
         line, z = rows.line[a], rows.place[a] - lead
         for i in range(d):
