@@ -73,7 +73,7 @@ _MARKERS = (
     "serial: runs on one rank only, for no rank talks to another in what it checks",
     "ranks(*numbers): runs on these numbers of ranks only",
     "slow: more than two seconds on one processor with warm kernels; the fast set is -m 'not slow'",
-    "every_other: each parameter set is kernels to compile, of which every other one will do; with --long all",
+    "every_other: each parameter set takes seconds or kernels, and every other one will do; with --long all",
     "verification: against exact solutions, other codes or published results (set in verification and exact)",
     "long: takes minutes; runs only with --long",
 )
@@ -175,11 +175,11 @@ def _white(sets) -> list:
 
 def _has_its_turn(config, item, white: bool) -> bool:
     """Whether a parameter set runs on this number of ranks, rather than on another or on one alone."""
-    if config.getoption("long") or config.getoption("properties") or item.get_closest_marker("ranks"):
+    if config.getoption("long") or config.getoption("properties"):
         return True
     if item.get_closest_marker("every_other"):
         return not white
-    if WORLD.size not in _NOT_ON or item.get_closest_marker("slow"):
+    if WORLD.size not in _NOT_ON or any(map(item.get_closest_marker, ("ranks", "slow"))):
         return True
     makes_exchanges = not any(_room(item) in rooms for rooms in _NOT_ON.values())
     return white == (makes_exchanges and WORLD.size == 3)
