@@ -50,14 +50,12 @@ class CoarseGrid:
 
     def _held(self, planes: Any) -> np.ndarray:
         """Components (nodes, d) of the grid's nodes that mirror planes hold."""
-        grid = self.grid
-        shape = tuple(grid.cells + 1)
-        result = np.zeros((grid.nodes, len(shape)), bool)
-        numbers = np.indices(shape).reshape(len(shape), -1).T
+        grid, numbers = self.grid, self.grid.numbers
+        result = np.zeros(numbers.shape, bool)
         for plane in planes:
             at = grid.lower[plane.axis] + numbers[:, plane.axis] * grid.width[plane.axis]
             near = np.abs(at - plane.coordinate) < 0.5 * grid.width[plane.axis]
-            result[near] |= plane.held(len(shape))
+            result[near] |= plane.held(numbers.shape[1])
         return result
 
     def preconditioner(self, step: float) -> TwoLevel | StiffVolumes:
