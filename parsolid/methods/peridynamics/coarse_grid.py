@@ -101,11 +101,10 @@ class CoarseGrid:
         if ratio <= _STIFF or count <= most:
             return ""
         iterations = 10 * round(0.1 * _ITERATIONS.get(dimension, 11) * ratio**0.5)
-        stated = f"volumes are {ratio:.3g} times as stiff as shapes (Poisson's ratio {0.5 * ratio / (1.0 + ratio):.6g})"
-        return (
-            f"{stated}, and {count} particles are more than the {most} whose pressures are factorised: {iterations} or so "
-            "force evaluations a solution from rest in place of 20; fewer particles, or a ratio of 0.49 (70), cost less"
-        )
+        stiff = f"volumes are {ratio:.3g} times as stiff as shapes (Poisson's ratio {0.5 * ratio / (1.0 + ratio):.6g})"
+        many = f"{count} particles are more than the {most} whose pressures are factorised"
+        cost = f"{iterations} or so force evaluations a solution from rest in place of 20"
+        return f"{stiff}, and {many}: {cost}; fewer particles, or a ratio of 0.49 (70), cost less"
 
     def _diagonal(self, modulus: np.ndarray, laws: Any, step: float) -> np.ndarray:
         """D (n, d) [N/m] of the step's stiffness, or of that of other laws: it is nearly a multiple of V modulus/dx^2,
