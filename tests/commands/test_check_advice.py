@@ -116,3 +116,16 @@ def test_stiff_volumes_of_a_large_body_are_told_what_they_cost(comm, monkeypatch
     notes = [note for note in advice(simulation(data, comm)) if "force evaluations" in note]
     assert len(notes) == told
     assert not told or ("252 particles" in notes[0] and "780 or so force" in notes[0])
+
+
+@pytest.mark.parametrize(
+    "jitter, how, told", [(0.2, "consistent", 1), (0.0, "consistent", 0), (0.2, "consistent-everywhere", 0)]
+)
+def test_uneven_particles_under_a_traction_are_told_what_that_costs(jitter, how, told):
+    load = [{"kind": "traction", "plane": "X = 1", "traction": ["1", "0"]}]
+    method = {"kind": "peridynamics", "traction": how, "solution": {"kind": "quasi-static", "step": 1.0}}
+    material = {"kind": "linear-elastic", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": 0.3}
+    body = {"jitter": jitter, "placement": "cells"}
+    data = tables((8, 8), material=material, method=method, boundaries=load, body=body)
+    notes = scene_advice(parse_scene(data))
+    assert len(notes) == told and all("bodies.0: uneven particles under a traction" in note for note in notes)
