@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import overload, register_jitable
+from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
 from parsolid.numerics.lanes import WIDTH, broadcast, fused, load, store
@@ -61,17 +61,6 @@ class Mirrored(NamedTuple):
     origin: np.ndarray
     place: np.ndarray
     code: np.ndarray
-
-
-def size_of(space):
-    """The dimension of a space; a constant in kernels."""
-    return space.dimension
-
-
-@overload(size_of)
-def _size_of(space):
-    dimension = dimension_of(space)
-    return lambda space: dimension
 
 
 # --- sums over lines ---------------------------------------------------------------------------------------------
@@ -198,7 +187,7 @@ def reflect(mirrored, signs, values):
 @compiled(fastmath={"contract"}, error_model="numpy")
 def spread(space, rows, column, kinematics, base, values):
     """Fill V (f - base) of a vector in some columns into values (d, places)."""
-    d = size_of(space)
+    d = dimension_of(space)
     for b in range(rows.place.shape[0]):
         for i in range(d):
             values[i, rows.place[b]] = rows.volume[b] * (kinematics[b, column + i] - base[i])
@@ -207,7 +196,7 @@ def spread(space, rows, column, kinematics, base, values):
 @compiled(fastmath={"contract"}, error_model="numpy")
 def collect(space, rows, width, column, kinematics, base, result, jumps, sums):
     """Add the gradients' sums of result (d, 4, targets); jumps (owned, d): sum V_b (f_b - f_a)."""
-    d = size_of(space)
+    d = dimension_of(space)
     for a in range(rows.volumes.shape[0]):
         z = rows.target[a]
         for i in range(d):
@@ -222,7 +211,7 @@ def collect(space, rows, width, column, kinematics, base, result, jumps, sums):
 @compiled(fastmath={"contract"}, error_model="numpy")
 def spread_records(space, rows, width, stiffness, kinematics, base, record, values):
     """Fill V M h, and V C1 f unless stiffness, the first column of C1, is None, into values (d, 4, places)."""
-    d = size_of(space)
+    d = dimension_of(space)
     for b in range(rows.place.shape[0]):
         place, volume = rows.place[b], rows.volume[b]
         for i in range(d):
@@ -238,7 +227,7 @@ def spread_records(space, rows, width, stiffness, kinematics, base, record, valu
 @compiled(fastmath={"contract"}, error_model="numpy")
 def collect_forces(space, rows, width, stiffness, stiffnesses, kinematics, base, record, result, jumps, force):
     """Add forces of result (d, targets); stiffnesses (owned, d, d): sum V_b C1_b."""
-    d = size_of(space)
+    d = dimension_of(space)
     for a in range(rows.volumes.shape[0]):
         for i in range(d):
             total = result[i, rows.target[a]]
