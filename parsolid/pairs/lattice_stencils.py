@@ -38,9 +38,14 @@ class Axis(NamedTuple):
     mirrored: tuple[bool, bool]
 
     @property
+    def with_images(self) -> int:
+        """Nodes with those beyond mirror planes."""
+        return self.nodes + (self.nodes - 1) * sum(self.mirrored)
+
+    @property
     def wide(self) -> bool:
         """Whether the operator of fourth order fits."""
-        return self.nodes + (self.nodes - 1) * sum(self.mirrored) >= FEWEST
+        return self.with_images >= FEWEST
 
     @property
     def highest_frequency(self) -> float:
@@ -48,9 +53,9 @@ class Axis(NamedTuple):
 
         A mirrored axis has frequencies of one of twice its length; more than 16 nodes change nothing.
         """
-        nodes = min(self.nodes + (self.nodes - 1) * sum(self.mirrored), 16)
+        nodes = min(self.with_images, 16)
         free = Axis(nodes, 1.0, (False, False))
-        norm, operator = np.sqrt(_norms(free)), _operator(free)
+        norm, operator = np.sqrt(norms_of(free, self.wide)), operator_of(free, self.wide)
         slope = np.zeros((nodes, nodes + 2 * WIDEST))
         for i in range(nodes):
             slope[i, i : i + 2 * WIDEST + 1] = operator[i]
@@ -108,7 +113,7 @@ def _with_images(
 def box_stencils(index: list[np.ndarray], axes: list[Axis]) -> Stencils:
     """Of a box, of fourth order along every axis that is `wide`; index: d arrays (n,)."""
     n, d = len(index[0]), len(axes)
-    norms = [_norms(axis)[i] * axis.step for axis, i in zip(axes, index)]
+    norms = [norms_of(axis, axis.wide)[i] * axis.step for axis, i in zip(axes, index)]
     own = [norm * _share(axis, i) for norm, axis, i in zip(norms, axes, index)]
     result = Stencils(np.zeros((n, d, 2 * WIDEST + 1)), np.prod(own, axis=0), np.zeros((n, d)))
     for k, axis in enumerate(axes):
@@ -118,7 +123,7 @@ def box_stencils(index: list[np.ndarray], axes: list[Axis]) -> Stencils:
             if j != k:
                 across = across * norms[j]
                 result.area[:, k] *= own[j]
-        result.weight[:, k] = _operator(axis)[index[k]] * across[:, None]
+        result.weight[:, k] = operator_of(axis, axis.wide)[index[k]] * across[:, None]
     return result
 
 
@@ -128,9 +133,9 @@ def _share(axis: Axis, index: np.ndarray) -> np.ndarray:
     return np.asarray(0.5**on)
 
 
-def _norms(axis: Axis) -> np.ndarray:
-    """H (count,) of an axis; whole on mirror planes."""
-    end = _NORM if axis.wide else np.array([0.5])
+def norms_of(axis: Axis, wide: bool) -> np.ndarray:
+    """H (count,) of an axis, of fourth order or of cells; whole on mirror planes."""
+    end = _NORM if wide else np.array([0.5])
     norm = np.ones(axis.nodes)
     if not axis.mirrored[0]:
         norm[: len(end)] = end
@@ -139,18 +144,18 @@ def _norms(axis: Axis) -> np.ndarray:
     return norm
 
 
-def _operator(axis: Axis) -> np.ndarray:
+def operator_of(axis: Axis, wide: bool) -> np.ndarray:
     """q (count, 7) of an axis, by node and offset."""
-    return np.array([[_entry(axis, i, o) for o in range(-WIDEST, WIDEST + 1)] for i in range(axis.nodes)])
+    return np.array([[_entry(axis, wide, i, o) for o in range(-WIDEST, WIDEST + 1)] for i in range(axis.nodes)])
 
 
-def _entry(axis: Axis, i: int, offset: int) -> float:
+def _entry(axis: Axis, wide: bool, i: int, offset: int) -> float:
     """q of node i and the one at an offset, which may be an image."""
     low, high = min(i, i + offset), max(i, i + offset)
     last, sign = axis.nodes - 1, float(np.sign(offset))
     if (low < 0 and not axis.mirrored[0]) or (high > last and not axis.mirrored[1]) or offset == 0:
         return 0.0
-    if not axis.wide:
+    if not wide:
         return 0.5 * sign if abs(offset) == 1 else 0.0
     for pair, block in (((low, high), not axis.mirrored[0]), ((last - high, last - low), not axis.mirrored[1])):
         if block and pair in _AT_END:

@@ -7,6 +7,7 @@ import numpy as np
 
 from parsolid.collective import SolverError, minimum, raise_together
 from parsolid.methods.tlsph.body_weights import ON_LATTICES
+from parsolid.pairs.axis_waves import Lattice, wave_forms
 from parsolid.pairs.lattice_pairs import Lattices
 from parsolid.pairs.lattice_stencils import WIDEST, Axis, Stencils, box_stencils, cell_stencils
 from parsolid.particles.particle_set import ParticleSet
@@ -31,13 +32,15 @@ class LatticeBodies(NamedTuple):
     """lattices: those of a rank's particles; reach (n,): distance of the farthest neighbour in spacings, 0 on none.
 
     frequency, damping: greatest of all bodies, of pressure waves and of the dissipation, in units of the spacing, the
-    wave speed and, for the damping, of that of cells.
+    wave speed and, for the damping, of that of cells. forms (m, 2): of c_p and c_s in the speeds of which the greatest
+    takes a spacing in the largest step of leapfrog, of all bodies.
     """
 
     lattices: Lattices
     reach: np.ndarray
     frequency: float
     damping: float
+    forms: np.ndarray
 
     def largest_step(self, pressure: float, shear: float, dissipation: float) -> float:
         """Largest step, in spacings, of SSP-RK3 for waves of these speeds and a factor on the dissipation.
@@ -48,14 +51,6 @@ class LatticeBodies(NamedTuple):
         """
         decay = 2.0 * self.damping * max(1.0, dissipation) * (pressure + (self.lattices.spacing.shape[1] - 1) * shear)
         return _SAFETY * min(_RK3_FREQUENCY / (self.frequency * pressure), _RK3_DAMPING / decay)
-
-    @property
-    def wave_weights(self) -> tuple[float, float]:
-        """Of c_p and c_s in the speed that takes a spacing in the largest step of leapfrog, w^2 dt^2 + 2 b dt = 4.
-
-        The alternating wave has no frequency, only the damping b; waves of the highest frequency have a little of it.
-        """
-        return max(self.damping, _LEAPFROG * self.frequency), self.damping * (self.lattices.spacing.shape[1] - 1)
 
 
 def put_on_lattices(
@@ -70,7 +65,7 @@ def put_on_lattices(
         return None
     n, d = particle_set.position.shape
     lattices = Lattices(np.full(n, -1), particle_set.spacing.copy(), np.zeros((n, d, 2 * WIDEST + 1)))
-    reach, frequency, damping = np.zeros(n), 0.0, 0.0
+    reach, frequency, damping, forms = np.zeros(n), 0.0, 0.0, []
     first = np.full(len(kinds), np.inf)
     np.minimum.at(first, particle_set.body, particle_set.identifier)
     first = minimum(comm, first)
@@ -92,10 +87,22 @@ def put_on_lattices(
         lattices.number[rows], lattices.weight[rows] = body, stencils.weight
         particle_set.volume[rows], particle_set.area[rows] = stencils.volume, stencils.area
         reach[rows] = _HAIR * (WIDEST if wide else 1)
-        frequency = max(frequency, _frequency(axes, wide, scene.bodies[body].shape.kind == "box"))
-        damping = max(damping, _DAMPING["fourth-order" if wide else "cells"])
+        box, most = scene.bodies[body].shape.kind == "box", _DAMPING["fourth-order" if wide else "cells"]
+        frequency, damping = max(frequency, _frequency(axes, wide, box)), max(damping, most)
+        forms.append(_forms(axes, wide, box, scene.method))
     raise_together(comm, fault)
-    return LatticeBodies(lattices, reach, frequency, damping)
+    return LatticeBodies(lattices, reach, frequency, damping, np.concatenate(forms))
+
+
+def _forms(axes: list[Axis], wide: bool, box: bool, settings: Any) -> np.ndarray:
+    """Of `pairs.axis_waves` for boxes; of any union of cells w^2 dt^2 + 2 b dt = 4 with the highest frequency, which
+    has a little damping, and that of the wave that alternates from node to node."""
+    if box:
+        return wave_forms(Lattice(tuple(axes), wide, float(settings.dissipation), settings.reconstruction))
+    damping = _DAMPING["cells"]
+    one = (max(damping, _LEAPFROG * _frequency(axes, wide, box)), damping * (len(axes) - 1))
+    # less dissipation than the usual does not make the step longer
+    return max(1.0, float(settings.dissipation)) * np.array([one])
 
 
 def _frequency(axes: list[Axis], wide: bool, box: bool) -> float:
