@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parsolid.pairs.lattice_stencils import WIDEST, Axis, norms_of, operator_of
+from parsolid.pairs.lattice_stencils import WIDEST, Axis, lengths_of, operator_of
 
 # an axis of more nodes is one of so many whose damping is that of the longest
 _MOST_NODES = 24
@@ -22,29 +22,34 @@ _BISECTIONS = 16
 
 
 @lru_cache(maxsize=256)
-def _matrices(nodes: int, wide: bool, reconstruction: bool) -> tuple[np.ndarray, np.ndarray]:
-    """F and B (nodes, nodes) of an axis with steps of 1 m and free ends, over the norm; S = 1."""
-    axis = Axis(nodes, 1.0, (False, False))
-    norm, operator = norms_of(axis, wide), operator_of(axis, wide)
+def _matrices(axis: Axis, wide: bool, reconstruction: bool) -> tuple[np.ndarray, np.ndarray]:
+    """F and B of an axis with steps of 1 m, over the norm, of the nodes that may move; S = 1."""
+    nodes, norm, operator = axis.nodes, lengths_of(axis, wide), operator_of(axis, wide)
     slope = np.zeros((nodes, nodes + 2 * WIDEST))
     for i in range(nodes):
         slope[i, i : i + 2 * WIDEST + 1] = operator[i]
         slope[i, i + WIDEST] = -operator[i].sum()
     slope = slope[:, WIDEST:-WIDEST] / norm[:, None]
     difference = np.eye(nodes - 1, nodes, 1) - np.eye(nodes - 1, nodes)
-    jump = difference - 0.5 * np.abs(difference) @ slope if reconstruction else difference
+    if reconstruction:
+        steps = np.diff(axis.places)[:, None] if axis.places else 1.0
+        jump = difference - 0.5 * steps * np.abs(difference) @ slope
+    else:
+        jump = difference
     damping = difference.T @ (operator[:-1, WIDEST + 1, None] * jump)
     root = np.sqrt(norm)
     over = root[:, None] * root
-    return slope.T @ (norm[:, None] * slope) / over, 0.5 * (damping + damping.T) / over
+    moving = slice(int(axis.held[0]), nodes - int(axis.held[1]))
+    both = slope.T @ (norm[:, None] * slope) / over, 0.5 * (damping + damping.T) / over
+    return both[0][moving, moving], both[1][moving, moving]
 
 
 @lru_cache(maxsize=4096)
-def _greatest(nodes: int, wide: bool, reconstruction: bool, square: float, damping: float) -> float:
-    """Greatest eigenvalue of square F + 2 damping B of an axis."""
-    few = min(nodes, _MOST_NODES)
-    F, B = _matrices(few, wide, reconstruction)
-    if nodes > few:
+def _greatest(axis: Axis, wide: bool, reconstruction: bool, square: float, damping: float) -> float:
+    """Greatest eigenvalue of square F + 2 damping B of an axis with steps of 1 m."""
+    few = axis.nodes if axis.places else min(axis.nodes, _MOST_NODES)
+    F, B = _matrices(axis._replace(nodes=few), wide, reconstruction)
+    if axis.nodes > few:
         # 4 q, of the wave that alternates from node to node
         damping *= (8.0 / 3.0 if wide else 2.0) / float(np.linalg.eigvalsh(B)[-1])
     return float(np.linalg.eigvalsh(square * F + 2.0 * damping * B)[-1])
@@ -63,12 +68,12 @@ class Lattice(NamedTuple):
 def signal(lattice: Lattice, pressure: float, shear: float) -> float:
     """Least spacing [m] over the largest step [s], for waves of these speeds [m/s]."""
     axes, fastest, d = lattice.axes, max(pressure, shear), len(lattice.axes)
-    least = min(axis.step for axis in axes)
+    least, whole = min(axis.step for axis in axes), [axis.whole for axis in axes]
 
     def greatest(k: int, step: float, speed: float) -> float:
         u, wide = step * least / axes[k].step, lattice.wide and axes[k].wide
         shares = (u * fastest) ** 2, u * speed * lattice.dissipation
-        return _greatest(axes[k].with_images, wide, lattice.reconstruction, *shares)
+        return _greatest(whole[k], wide, lattice.reconstruction, *shares)
 
     def stable(step: float) -> bool:
         across = [greatest(k, step, shear) for k in range(d)]

@@ -31,16 +31,33 @@ _AT_END = {(0, 1): 59 / 96, (0, 2): -1 / 12, (0, 3): -1 / 32, (1, 2): 59 / 96, (
 
 
 class Axis(NamedTuple):
-    """Nodes along an axis, their distance [m], and whether a mirror plane is at the lower and the upper end."""
+    """Nodes along an axis, their (mean) distance [m], and whether a mirror plane is at the lower and the upper end.
+
+    places: of the nodes, in steps, where their distances differ; held: whether all nodes at an end stand still.
+    """
 
     nodes: int
     step: float
     mirrored: tuple[bool, bool]
+    places: tuple[float, ...] = ()
+    held: tuple[bool, bool] = (False, False)
 
     @property
     def with_images(self) -> int:
         """Nodes with those beyond mirror planes."""
         return self.nodes + (self.nodes - 1) * sum(self.mirrored)
+
+    @property
+    def whole(self) -> "Axis":
+        """With the nodes beyond mirror planes, of steps of 1 m."""
+        places = np.array(self.places)
+        if self.places and self.mirrored[0]:
+            places = np.concatenate((2.0 * places[0] - places[:0:-1], places))
+        if self.places and self.mirrored[1]:
+            first = np.array(self.places)
+            places = np.concatenate((places, 2.0 * first[-1] - first[-2::-1]))
+        held = self.held if not any(self.mirrored) else (False, False)
+        return Axis(self.with_images, 1.0, (False, False), tuple(places.tolist()), held)
 
     @property
     def wide(self) -> bool:
@@ -110,10 +127,10 @@ def _with_images(
     return result
 
 
-def box_stencils(index: list[np.ndarray], axes: list[Axis]) -> Stencils:
-    """Of a box, of fourth order along every axis that is `wide`; index: d arrays (n,)."""
+def box_stencils(index: list[np.ndarray], axes: list[Axis], fourth_order: bool = True) -> Stencils:
+    """Of a box, of fourth order along every axis that is `wide`, or of cells; index: d arrays (n,)."""
     n, d = len(index[0]), len(axes)
-    norms = [norms_of(axis, axis.wide)[i] * axis.step for axis, i in zip(axes, index)]
+    norms = [lengths_of(axis, fourth_order and axis.wide)[i] for axis, i in zip(axes, index)]
     own = [norm * _share(axis, i) for norm, axis, i in zip(norms, axes, index)]
     result = Stencils(np.zeros((n, d, 2 * WIDEST + 1)), np.prod(own, axis=0), np.zeros((n, d)))
     for k, axis in enumerate(axes):
@@ -123,7 +140,7 @@ def box_stencils(index: list[np.ndarray], axes: list[Axis]) -> Stencils:
             if j != k:
                 across = across * norms[j]
                 result.area[:, k] *= own[j]
-        result.weight[:, k] = operator_of(axis, axis.wide)[index[k]] * across[:, None]
+        result.weight[:, k] = operator_of(axis, fourth_order and axis.wide)[index[k]] * across[:, None]
     return result
 
 
@@ -142,6 +159,20 @@ def norms_of(axis: Axis, wide: bool) -> np.ndarray:
     if not axis.mirrored[1]:
         norm[axis.nodes - len(end) :] = end[::-1]
     return norm
+
+
+def lengths_of(axis: Axis, wide: bool) -> np.ndarray:
+    """What each node has of an axis (count,) [m]: H h, or sum_j q_ij X_j where distances differ, so that gradients of
+    linear fields are exact."""
+    if not axis.places:
+        return norms_of(axis, wide) * axis.step
+    places, operator = np.array(axis.places), operator_of(axis, wide)
+    # images, as far as there are nodes for them; operators reach no farther
+    inner = places[1 : 1 + WIDEST], places[-2 : -2 - WIDEST : -1]
+    room = [(WIDEST - len(one), 0) for one in inner]
+    images = [np.pad(2.0 * end - one[::-1], width) for one, end, width in zip(inner, places[[0, -1]], room)]
+    line = np.concatenate((images[0], places, images[1][::-1]))
+    return np.array([operator[i] @ (line[i : i + 2 * WIDEST + 1] - places[i]) for i in range(axis.nodes)]) * axis.step
 
 
 def operator_of(axis: Axis, wide: bool) -> np.ndarray:

@@ -7,12 +7,18 @@ import pytest
 
 from parsolid.pairs import axis_waves
 from parsolid.pairs.axis_waves import Lattice, signal, wave_forms
-from parsolid.pairs.lattice_stencils import WIDEST, Axis, norms_of, operator_of
+from parsolid.pairs.lattice_stencils import WIDEST, Axis, lengths_of, operator_of
 
 FREE = (False, False)
 BOXES = {
     "plane": Lattice((Axis(9, 1.0, FREE), Axis(8, 1.0, FREE)), True, 1.0, True),
     "oblong": Lattice((Axis(8, 0.5, FREE), Axis(2, 1.0, FREE), Axis(3, 0.8, FREE)), True, 1.0, True),
+    "graded": Lattice(
+        (Axis(9, 0.8, FREE, (*np.linspace(0.0, 1.0, 9) ** 1.4 * 4 + np.linspace(0.0, 4.0, 9),)), Axis(8, 1.0, FREE)),
+        True,
+        1.0,
+        True,
+    ),
     "cells": Lattice((Axis(4, 1.0, FREE), Axis(3, 1.0, FREE), Axis(3, 1.0, FREE)), False, 1.0, True),
 }
 
@@ -21,11 +27,11 @@ def gradient_and_jumps(axis: Axis, wide: bool) -> tuple[np.ndarray, np.ndarray, 
     """Norm (n,), gradient (n, n) and what a velocity gives a particle by its reconstructed jumps (n, n) of an axis."""
     n, q = axis.nodes, operator_of(axis, wide)
     Q = np.array([[q[i, j - i + WIDEST] if abs(j - i) <= WIDEST else 0.0 for j in range(n)] for i in range(n)])
-    H = norms_of(axis, wide) * axis.step
+    H, X = lengths_of(axis, wide), np.array(axis.places or range(n)) * axis.step
     D = (Q - np.diag(Q.sum(1))) / H[:, None]
     jumps = np.zeros((n, n))
     for a, b in zip(range(n - 1), range(1, n)):
-        jump = np.eye(n)[b] - np.eye(n)[a] - 0.5 * axis.step * (D[a] + D[b])
+        jump = np.eye(n)[b] - np.eye(n)[a] - 0.5 * (X[b] - X[a]) * (D[a] + D[b])
         jumps[a] -= Q[a, b] * jump
         jumps[b] += Q[a, b] * jump
     return H, D, jumps
