@@ -48,6 +48,12 @@ def box(dimension, weights, boundaries=(), **rest) -> dict:
     return tables(particles, upper, method={"weights": weights}, boundaries=list(boundaries), **rest)
 
 
+def graded(dimension, weights, boundaries=(), grading=((1, 1.6, 1), (3, 1), (1,))) -> dict:
+    """Spacings that change along two axes."""
+    data = box(dimension, weights, boundaries, body={"grading": [list(one) for one in grading[:dimension]]})
+    return data | {"method": data["method"] | {"integrator": "leapfrog"}}
+
+
 BODIES = {
     "cells with a hole 2-D": holed(2),
     "cells with a hole 3-D": holed(3),
@@ -55,6 +61,9 @@ BODIES = {
     "cells 2-D, mirrors": box(2, "cells", ROLLERS),
     "fourth order 2-D": box(2, "fourth-order"),
     "fourth order 3-D": box(3, "fourth-order"),
+    "cells 2-D, mirrors, graded": graded(2, "cells", ROLLERS),
+    "fourth order 2-D, graded": graded(2, "fourth-order"),
+    "fourth order 3-D, mirrors, graded": graded(3, "fourth-order", supports(X=(0.0, "roller"), Z=(0.7, "fixed"))),
     "fourth order 3-D, mirrors": box(3, "fourth-order", [*ROLLERS, *supports(X=(1.2, "roller"), Z=(0.7, "fixed"))]),
 }
 
@@ -185,7 +194,9 @@ def test_momentum_and_energy_are_kept_on_all_ranks(weights, comm):
 
 
 @pytest.mark.parametrize("dissipation", [1.0, 0.0])
-@pytest.mark.parametrize("name", ["cells with a hole 3-D, mirrors", "fourth order 3-D"])
+@pytest.mark.parametrize(
+    "name", ["cells with a hole 3-D, mirrors", "fourth order 3-D", "fourth order 3-D, mirrors, graded"]
+)
 def test_lists_along_axes_have_the_forces_of_lists_of_pairs(name, dissipation, comm, monkeypatch):
     data = BODIES[name] | {"method": BODIES[name]["method"] | {"integrator": "leapfrog", "dissipation": dissipation}}
     data["bodies"] = [data["bodies"][0] | {"velocity": ["0.1*sin(X)*Y*Z", "0.1*cos(X)", "0.1*X*Y"]}]
@@ -332,6 +343,29 @@ REFUSED = {
 def test_a_body_for_which_the_weights_do_not_hold_is_refused(found):
     with pytest.raises(SceneError, match=f"^method.weights: expected for .* found {found} in bodies.0$"):
         parse_scene(REFUSED[found])
+
+
+STEPS = [[1, 2], [1]]
+GRADED = {
+    r"bodies.0.grading: expected weights in closed form and .* found 'kernel' weights with 'leapfrog'": (STEPS, {}),
+    r"bodies.0.grading: expected weights in .* with 'ssp-rk3'": (STEPS, {"weights": "cells", "integrator": "ssp-rk3"}),
+    r"bodies.0.grading: expected 2 lists \(one per axis\), found": ([[1, 2]], {"weights": "cells"}),
+    r"bodies.0.grading: expected no such key with this method, found": (STEPS, {"kind": "mpm", "cell": 0.25}),
+    r"bodies.0.grading.0: expected spacings that change less .* found 2.37": (
+        [[1, 1e3], [1]],
+        {"weights": "fourth-order"},
+    ),
+}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("found", GRADED)
+def test_grading_is_refused_where_it_cannot_be(found):
+    grading, method = GRADED[found]
+    usual = {} if "kind" in method else {"integrator": "leapfrog"}
+    data = tables([9, 9], method=usual | method, body={"grading": grading})
+    with pytest.raises((SceneError, SolverError), match=found):
+        simulation(data)
 
 
 def test_bodies_that_touch_are_refused_or_bonded_by_the_kernel(comm):

@@ -60,7 +60,7 @@ class TotalLagrangianSPH(PairMethod):
         self.body_weights = weights_of_bodies(self.settings.pair_weights, scene)
         closed = frozenset(i for i, kind in enumerate(self.body_weights) if kind in ON_LATTICES)
         self.boundaries = build_boundaries(comm, scene, particle_set, self.particles, closed)
-        self.on_lattices = put_on_lattices(comm, scene, particle_set, self.boundaries.planes, self.body_weights)
+        self.on_lattices = put_on_lattices(comm, scene, particle_set, self.boundaries, self.body_weights)
         share = self.boundaries.share
         self.branches = maximum(comm, max((block.branches for block in self.blocks), default=0))
         self.pairs = self._pair_system(particle_set)
@@ -79,7 +79,8 @@ class TotalLagrangianSPH(PairMethod):
         metric = metrics(particle_set.spacing, particle_set.axes, self._smoothing())
         updated = (self.pairs, self.settings, particle_set.position, self.boundaries)
         self.reference = None if fixed else UpdatedReference(*updated)
-        self.pairs.rebuild(particle_set.position, particle_set.body, metric, volume)
+        even = None if self.on_lattices is None else self.on_lattices.even
+        self.pairs.rebuild(particle_set.position, particle_set.body, metric, volume, even)
         # the narrowest spacing of all ranks bounds the step (79), so that it does not depend on their number
         self.spacing = minimum(comm, float(particle_set.spacing.min(initial=np.inf)))
 
