@@ -108,11 +108,13 @@ class ParticleSystem:
 
     @property
     def verlet(self) -> str | None:
-        """ "all" where a step is half kicks of all forces around one drift and their oscillation is in no ledger,
-        "others" where that of its own forces is in the ledger, None for other steps."""
+        """Whose swings about the middle of a step contact books; None where velocities are not of the time of places.
+
+        "all" where none is in a ledger, "others" where that of its own forces is.
+        """
         if "leapfrog_oscillation" in self.settings.ledger_terms:
             return "others"
-        return "all" if getattr(self.settings, "integrator", None) == "leapfrog" else None
+        return None if getattr(self.settings, "integrator", None) is None else "all"
 
     def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
         """Set the state at time 0; collective."""
@@ -180,6 +182,10 @@ class ParticleSystem:
         rows = np.arange(self.owned) if rows is None else rows
         velocity, held = self.particles.owned_rows("velocity"), self.held_components()
         return float(give(rows, impulse, self.mass, self.share, held, velocity))
+
+    def kick_before(self, impulse: np.ndarray, rows: np.ndarray) -> None:
+        """Give impulses (k, d) [N s] of forces that act until the end of the step that comes; half of what they do."""
+        self.kick(impulse, rows)
 
     def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
         """Heat (n,) [J] into owned rows (n,), of whole particles; what of it the stored energy holds [J].
