@@ -23,6 +23,7 @@ import pytest
 os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE", "1")
 os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT", "256")
 
+from chessboard import white_fields
 from mpi4py import MPI
 from properties import list_of_properties
 
@@ -117,7 +118,7 @@ def pytest_collection_modifyitems(config, items):
     functions = defaultdict(list)
     for item in items:
         functions[item.path, item.originalname].append(item)
-    white = {item for sets in functions.values() if len(sets) > 2 for item in _white(sets)}
+    white = {item for sets in functions.values() if len(sets) > 2 for item in white_fields(sets)}
     if hasattr(config, "workerinput"):
         _in_turn(items)
     for item in items:
@@ -157,20 +158,6 @@ def _runs(config, item) -> bool:
         # the set on three ranks leaves out what is slow
         return WORLD.size == 2 and item.get_closest_marker("slow") is not None
     return WORLD.size == 1 or item.get_closest_marker("mpi") is not None
-
-
-def _white(sets) -> list:
-    """Of a function's parameter sets the white fields of a board whose sides are its parameters."""
-    places, found = defaultdict(dict), []
-    for item in sets:
-        marks = [mark.args[0] for mark in item.iter_markers("parametrize")]
-        together = [names.replace(",", " ").split() if isinstance(names, str) else names for names in marks]
-        # of names that change together one is a side
-        sides = item.callspec.params.keys() - {name for names in together for name in names[1:]}
-        steps = [places[side].setdefault(id(item.callspec.params[side]), len(places[side])) for side in sides]
-        if sum(steps) % 2:
-            found.append(item)
-    return found
 
 
 def _has_its_turn(config, item, white: bool) -> bool:
