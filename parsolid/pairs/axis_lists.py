@@ -21,8 +21,8 @@ AXES = 3
 NEXT, JUMP, STEP, SECOND = 0, WIDTH, 2 * WIDTH, 3 * WIDTH
 # more different rows than this are no lattice's
 _MOST = 1 << 15
-# k_ab that differs from S |g_ab| by no more than rounding is that
-_ROUNDING = 1e-12
+# k_ab that differs from S |g_ab| by no more than rounding is that: of places, where a body is 1e6 spacings from 0
+_ROUNDING = 1e-9
 
 
 class Edges(NamedTuple):
@@ -63,6 +63,15 @@ def pairs_in(pairs: Any) -> int:
     if isinstance(pairs, InnerAxes):
         return int(np.sum(pairs.neighbour != np.arange(len(pairs.neighbour))[:, None])) + len(pairs.others.first)
     return len(pairs.edges.first if isinstance(pairs, OneSidedAxes) else pairs.neighbour)
+
+
+def neighbours_in(pairs: Any, owned: int) -> np.ndarray:
+    """How many neighbours (owned,) particles have in a list of any kind of pairs of owned ones."""
+    if not isinstance(pairs, InnerAxes):
+        return np.diff(pairs.start) + np.bincount(pairs.neighbour, minlength=owned)
+    there = pairs.neighbour != np.arange(owned)[:, None]
+    ends = pairs.neighbour[there], pairs.others.first, pairs.others.second
+    return np.asarray(there.sum(axis=1) + np.bincount(np.concatenate(ends), minlength=owned))
 
 
 def arrays_of(pairs: Any) -> list[np.ndarray]:

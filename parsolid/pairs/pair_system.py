@@ -117,7 +117,7 @@ class PairSystem(PairLists):
         self.particles.update("reference")
 
     def _fill_lists(self, body: np.ndarray, reach: Any) -> None:
-        self.rim = self.mirror = None
+        self.rim, self.mirror, self.along_axes = None, None, False
         self.fault: str | None = None
         owned, local = self.owned, len(self.positions)
         candidates = plain_candidates(self.even, owned, reach)
@@ -155,7 +155,12 @@ class PairSystem(PairLists):
         return pairs, code
 
     def lists(self) -> Iterator[tuple[Any, Places]]:
-        """Every list, and where its neighbours stand."""
+        """Every list, and where its neighbours stand.
+
+        Raises TypeError where lists are along axes, which have no rows of neighbours.
+        """
+        if self.along_axes:
+            raise TypeError("pairs along axes have no rows of neighbours; ask before `weights.walked`")
         for pairs in self._all():
             images = images_of(pairs)
             if images is None:
@@ -176,6 +181,8 @@ class PairSystem(PairLists):
         """
         kinematics = self.particles.storage("kinematics")
         result = self.particles.storage("pair_sums") if sums is None else sums
+        if self.along_axes and fields != FIELD:
+            raise TypeError(f"passes along axes know the vector in the first columns, not {fields}")
         add = self._add_gradients
 
         def apply(pairs: Any) -> None:

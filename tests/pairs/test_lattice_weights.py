@@ -19,7 +19,8 @@ from solids import (
 
 from parsolid.collective import SolverError
 from parsolid.methods.tlsph.displacement import complete_strain, displacement_gradient
-from parsolid.pairs.axis_lists import is_along_axes
+from parsolid.pairs.axis_lists import is_along_axes, neighbours_in
+from parsolid.pairs.passes import Vector
 from parsolid.pairs.smoothed_weights import SmoothedWeights
 from parsolid.pairs.weights import PairWeights
 from parsolid.scene import SceneError, parse_scene
@@ -211,6 +212,21 @@ def test_lists_along_axes_have_the_forces_of_lists_of_pairs(name, dissipation, c
         scale = comm.allreduce(np.abs(other).max(initial=0.0), MPI.MAX)
         # what reconstruction leaves of a smooth jump has its rounding
         assert np.abs(one - other).max(initial=0.0) <= 1e-12 * scale
+
+
+def test_a_body_far_away_has_its_lists_along_axes(comm):
+    """Its jumps are those of a table but for rounding of places, 1e-10 of a spacing."""
+    data = tables((5, 6, 5), lower=[1e5] * 3, upper=[1e5 + 0.4, 1e5 + 0.5, 1e5 + 0.4])
+    data["method"] |= {"weights": "cells", "integrator": "leapfrog"}
+    pairs = simulation(data, comm).systems[0].pairs
+    assert is_along_axes(pairs.inner)
+    assert comm.size > 1 or len(pairs.inner.table) <= 64
+    both = pairs.inner.others.first.size + (pairs.inner.neighbour != np.arange(pairs.owned)[:, None]).sum()
+    assert neighbours_in(pairs.inner, pairs.owned).sum() == 2 * both
+    with pytest.raises(TypeError, match="along axes"):
+        next(pairs.lists())
+    with pytest.raises(TypeError, match="first columns"):
+        pairs.gradient(None, (Vector(4),))
 
 
 def _forces_of_a_step(sim) -> tuple[np.ndarray, np.ndarray]:

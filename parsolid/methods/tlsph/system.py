@@ -17,6 +17,7 @@ from parsolid.methods.tlsph import state
 from parsolid.methods.tlsph.advice import advice_of
 from parsolid.methods.tlsph.body_weights import ON_LATTICES, weights_of_bodies
 from parsolid.methods.tlsph.boundaries import build_boundaries
+from parsolid.methods.tlsph.carried_impulses import CarriedImpulses
 from parsolid.methods.tlsph.deformation import Relaxation, advance_deformation, largest_wave_modulus
 from parsolid.methods.tlsph.displacement import complete_strain
 from parsolid.methods.tlsph.fixed_walls import watch_fixed_walls
@@ -67,6 +68,7 @@ class TotalLagrangianSPH(PairMethod):
         self.pairs.unbonded = scene.unbonded
         fixed, staged = self.settings.reference == "fixed", self.settings.integrator == "ssp-rk3"
         self.leapfrog = None if staged else Leapfrog(self)
+        self.carried = CarriedImpulses(self)
         watch_fixed_walls(self)
         self.evaluations = len(self.stages) if staged else 1
         self.landings = () if staged else self.boundaries.jump_times
@@ -212,6 +214,7 @@ class TotalLagrangianSPH(PairMethod):
             return False
         advance = self.advance_in_stages if self.leapfrog is None else self.leapfrog.advance
         reactions = self.boundaries.reactions
+        self.carried.begin()
         if reactions is not None:
             reactions.begin()
         sound = advance(time, step, ledger, announce)
@@ -264,6 +267,7 @@ class TotalLagrangianSPH(PairMethod):
         boundaries, stored, mass, share = self.boundaries, self.particles.storage, self.mass, self.share
         kinematics, force = stored("kinematics"), stored("pair_force")
         loads, _ = boundaries.meet(time + stage.time * step, stage.time > 0.0, force, mass, share)
+        self.carried.act(force, step)
         if boundaries.reactions is not None:
             boundaries.reactions.book(stage.quadrature, stage.quadrature * step)
         held = boundaries.prescribed_power(kinematics, force, mass, share, loads)
@@ -272,7 +276,13 @@ class TotalLagrangianSPH(PairMethod):
             self.space, self.owned, stage.update(step), *arrays, mass, share, loads, boundaries.clamp
         )
         boundaries.prescribe(time + stage.next_time * step, kinematics, before=not stage.last)
+        if stage.last:
+            self.carried.end()
         return dissipation, held + power
+
+    def kick_before(self, impulse: np.ndarray, rows: np.ndarray) -> None:
+        """See `ParticleSystem.kick_before` and, for stages, `CarriedImpulses`."""
+        (self.carried.take if self.leapfrog is None else self.kick)(impulse, rows)
 
     def prescribed_energy_gain(self) -> float:
         """Kinetic energy [J] that prescribed components gained since the last call: the work of what moves them."""
