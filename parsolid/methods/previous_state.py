@@ -25,7 +25,8 @@ _DERIVED = ("jacobian", "cofactor")
 def evolved_names(system: Any) -> list[str]:
     """Declared fields of a system's state besides its places: those of the settings that the scene has."""
     settings = system.settings
-    return _named(system, (*settings.evolved, *settings.evolved_of_particles, *settings.evolved_forces))
+    own = (*settings.evolved, *settings.evolved_of_particles, *settings.evolved_forces)
+    return _named(system, (*own, *settings.evolved_between))
 
 
 def _named(system: Any, patterns: tuple[str, ...]) -> list[str]:
@@ -107,8 +108,29 @@ def _taken(system: Any, velocity: PreviousField, here: np.ndarray, places: np.nd
         if name in _BOUNDS:
             values = np.clip(values, *_BOUNDS[name])
         rows[here] = values
+    yield from _taken_between(system, velocity, here, places, key)
     if lost := _left_over(system, velocity):
         yield f"{key}: expected a scene with all of the state of the results, found none with {', '.join(lost)}"
+
+
+def _taken_between(
+    system: Any, velocity: PreviousField, here: np.ndarray, places: np.ndarray, key: str
+) -> Iterator[str]:
+    """Put what contact and tools of the results kept with particles into these, if they are the same; what was wrong.
+
+    Others begin as at a start: what they held is no field.
+    """
+    for name in _named(system, system.settings.evolved_between):
+        rows = two_axes(system.particles.owned_rows(name))
+        had = [step for step in velocity.steps if STATE + name in step.names]
+        if not had:
+            continue
+        steps = _steps_with(velocity, name, rows.shape[1])
+        if not steps:
+            yield f"{key}: expected the contacts of the results, between as many bodies, found others"
+            return
+        values, same = PreviousField(steps, STATE + name, velocity.dimension, rows.shape[1]).of_particles(places)
+        rows[here[same]] = values[same]
 
 
 def _missing(velocity: PreviousField, name: str, components: int) -> str:

@@ -2,7 +2,10 @@
 
 import argparse
 import json
+import signal
+import subprocess
 import sys
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,7 +14,7 @@ import pytest
 from parsolid.commands.study import add_arguments, run_study
 from parsolid.commands.study.cases import cases_of
 from parsolid.commands.study.judging import judge
-from parsolid.commands.study.launching import launcher, read_record, refuse_ranks, run_case
+from parsolid.commands.study.launching import _wait, launcher, read_record, refuse_ranks, run_case
 from parsolid.commands.study.measures import energies_of, momentum_of, not_finite
 from parsolid.commands.study.schema import load_study, toml_value
 from parsolid.scene import SceneError
@@ -290,3 +293,22 @@ def test_a_run_that_takes_too_long_is_ended_and_made_again(folder, comm):
 def test_only_names_that_are_there(folder, comm):
     with pytest.raises(SceneError, match="--only: expected one of block"):
         run_study(comm, options(write(folder), "--only", "blok"))
+
+
+def test_a_study_that_is_ended_does_not_wait_for_a_run_that_hears_nothing():
+    deaf = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print(flush=True); time.sleep(60)"
+    process = subprocess.Popen([sys.executable, "-c", deaf], stdout=subprocess.PIPE, start_new_session=True)
+    process.stdout.readline()
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, interrupt)
+    began = time.monotonic()
+    signal.setitimer(signal.ITIMER_REAL, 0.1)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            _wait(process, 60.0)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    assert process.poll() == -signal.SIGKILL and time.monotonic() - began < 5.0

@@ -18,6 +18,14 @@ STAMPED = [{"kind": "fixed", "plane": "X = 0"}]
 CASES = {
     "tlsph in stages": tables((6, 5), material=SOFT | {"branches": THREE_BRANCHES}, body=SHEARED, end_time=0.4),
     "tlsph, leapfrog": tables((6, 5), method={"integrator": "leapfrog"}, material=SOFT, body=SHEARED, end_time=0.4),
+    # by more spacings than four bytes tell apart
+    "tlsph, far away": tables(
+        (6, 5),
+        method={"integrator": "leapfrog"},
+        material=SOFT,
+        body=SHEARED | {"displacement": ["3e4 + 0.02*Y", "0.01*X"]},
+        end_time=0.4,
+    ),
     "peridynamics": tables(
         (6, 5),
         method={"kind": "peridynamics", "horizon_ratio": 2.0},
