@@ -24,6 +24,9 @@ BENDING = {
 _FEW = 3
 # sides of a mesh [m] from which it may be one in millimetres
 _LARGE = 5.0
+# spacing [m] of such a mesh from which it may be so in equilibrium, which knows no waves; structures that are so large
+# have finer elements, or weight
+_COARSE = 0.5
 # a part is bent rather than sheared where it is so many times as long as thick
 _SLENDER = 4.0
 
@@ -71,15 +74,16 @@ def size_advice(simulation: Simulation) -> list[str]:
         for number, i in enumerate(stated.bodies):
             if scene.bodies[i].shape.kind != "mesh" or scene.bodies[i].shape.model.scale != 1.0:
                 continue
-            lower, upper, _ = _layers(simulation.comm, system, number)
+            lower, upper, spacing = _layers(simulation.comm, system, number)
             modulus, density = system.wave_modulus(number)
             side = float((upper - lower).max())
             crossing = side * float(np.sqrt(density / modulus))
             quasi_static = getattr(getattr(system.settings, "solution", None), "kind", "") == "quasi-static"
-            if side > _LARGE and (quasi_static or scene.end_time < crossing):
+            coarse = float(spacing.min()) > _COARSE and scene.loads.acceleration is None
+            if side > _LARGE and (coarse if quasi_static else scene.end_time < crossing):
                 sides = " x ".join(f"{one:.4g}" for one in upper - lower)
                 wave = f", which a wave crosses in {crossing:.3g} s (end_time is {scene.end_time:g} s)"
-                hint = f"a mesh in millimetres wants bodies.{i}.shape.mesh.scale = 1e-3"
+                hint = f"if it is in millimetres, bodies.{i}.shape.mesh.scale = 1e-3 is wanted"
                 result.append(f"bodies.{i}: its mesh has sides of {sides} m{'' if quasi_static else wave}; {hint}")
     return result
 
