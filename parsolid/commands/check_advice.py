@@ -55,6 +55,7 @@ def _uneven(body: Body) -> bool:
 def advice(simulation: Simulation) -> list[str]:
     """The same, and bodies that are slender and have too few particles across; collective, the same on all ranks."""
     scene, result = simulation.scene, scene_advice(simulation.scene) + size_advice(simulation)
+    result += cost_advice(simulation)
     for stated, system in zip(scene.systems, simulation.systems):
         # the figures are of the kernel's weights
         kind = stated.settings.kind if getattr(stated.settings, "pair_weights", "kernel") == "kernel" else ""
@@ -63,6 +64,11 @@ def advice(simulation: Simulation) -> list[str]:
             if thin is not None:
                 result += _told(f"bodies.{i}", *thin, kind, scene.bodies[i].placed_on)
     return result
+
+
+def cost_advice(simulation: Simulation) -> list[str]:
+    """What makes a run cost more than its particles say; collective, the same on all ranks."""
+    return [note for system in simulation.systems for note in system.cost_notes()]
 
 
 def size_advice(simulation: Simulation) -> list[str]:

@@ -178,11 +178,12 @@ def oscillation(rows, step, every, forces, mass, share, held, start, velocity, p
         for i in range(d):
             if (forces[0, k, i] == 0.0 and forces[1, k, i] == 0.0) or (held is not None and held[k, i]):
                 continue
-            middle, weight = (position[a, i] - start[k, i]) / step, 0.5 * step * share[a] / whole
-            first = middle - start[k, d + i]
-            last = velocity[a, i] - weight * forces[2, k, i] - middle
+            weight = 0.5 * step * share[a] / whole
+            before, after = weight * forces[0, k, i], weight * (forces[1, k, i] + forces[2, k, i])
+            middle = (position[a, i] - start[k, i]) / step
+            first, last = middle - start[k, d + i], velocity[a, i] - middle
             total += 0.5 * whole * (last * last - first * first)
             if not every:
-                first, last = first - weight * forces[0, k, i], last - weight * forces[1, k, i]
+                first, last = first - before, last - after
                 total -= 0.5 * whole * (last * last - first * first)
     return total

@@ -50,7 +50,7 @@ class Recipient:
         force = self.forces[1] if opening or not self.crossing else self.forces[1] + self.forces[2]
         rows, impulse = impulses(self.rows, force, self.share, 0.5 * step)
         if len(rows):
-            system.kick(impulse, rows)
+            (system.kick_before if opening else system.kick)(impulse, rows)
         if opening or self.opened is None or system.substeps > 1:
             # of several steps of its own in one of all, the middle velocity is none that it had
             return 0.0

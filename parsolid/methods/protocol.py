@@ -108,11 +108,13 @@ class ParticleSystem:
 
     @property
     def verlet(self) -> str | None:
-        """ "all" where a step is half kicks of all forces around one drift and their oscillation is in no ledger,
-        "others" where that of its own forces is in the ledger, None for other steps."""
+        """Whose swings about the middle of a step contact books; None where velocities are not of the time of places.
+
+        "all" where none is in a ledger, "others" where that of its own forces is.
+        """
         if "leapfrog_oscillation" in self.settings.ledger_terms:
             return "others"
-        return "all" if getattr(self.settings, "integrator", None) == "leapfrog" else None
+        return None if getattr(self.settings, "integrator", None) is None else "all"
 
     def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
         """Set the state at time 0; collective."""
@@ -181,6 +183,10 @@ class ParticleSystem:
         velocity, held = self.particles.owned_rows("velocity"), self.held_components()
         return float(give(rows, impulse, self.mass, self.share, held, velocity))
 
+    def kick_before(self, impulse: np.ndarray, rows: np.ndarray) -> None:
+        """Give impulses (k, d) [N s] of forces that act until the end of the step that comes; half of what they do."""
+        self.kick(impulse, rows)
+
     def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
         """Heat (n,) [J] into owned rows (n,), of whole particles; what of it the stored energy holds [J].
 
@@ -229,6 +235,10 @@ class ParticleSystem:
     def advice(self) -> str:
         """What most likely helps when a run goes wrong."""
         return "more particles, or a milder load"
+
+    def cost_notes(self) -> list[str]:
+        """What makes a run cost more than its particles say; collective, the same on all ranks."""
+        return []
 
     def numbers(self) -> dict[str, int]:
         """Counts of this rank that `check` tells."""

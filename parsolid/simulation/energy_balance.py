@@ -7,9 +7,9 @@ import numpy as np
 
 # of the methods' energy scale, what rounding leaves
 _ROUND_OFF = 1e-12
-# what a load that rises from nothing does in one step is as large as what the step leaves out: rows that are not judged
-# while the largest energy still grows by a factor from each to the next
-_FIRST_ROWS, _GROWTH = 10, 1.5
+# what a load does in one step is as large as what the step leaves out of the balance: energies are taken to grow for
+# so many steps as in the one in which they have grown most, which a limit of 5 % makes 1.6 steps
+_STEPS_TO_COME = 32
 
 
 class EnergyLimits(NamedTuple):
@@ -28,30 +28,40 @@ class EnergyLimits(NamedTuple):
 class EnergyBalance:
     """Judges rows of the ledger.
 
+    A body that a tool touches for the first time, a support that starts or a load that rises has little energy as yet,
+    of which a step leaves out much. So a balance is measured by what the load is about to bring as well: the most by
+    which energies have grown in one step, for some more steps. In a loaded state that is little beside the energy.
+
     limits: what the scene allows; largest: the largest kinetic or stored energy or external work so far [J]; worst: the
     largest |balance| so far [J]; entered: the most energy that has gone in so far, what there was at the start and the
     external work [J]; lost, viscous: the numerical dissipation and what artificial viscosity took [J] by the last row;
-    broken: the first balance [J] beyond the limit, None while there was none.
+    growth: the most that went in within a step so far [J]; broken: the first balance [J] beyond the limit, None while
+    there was none.
     """
 
     def __init__(self, limits: EnergyLimits, viscous_terms: Sequence[str] = ()) -> None:
         """viscous_terms: entries of a row that the artificial viscosity fills."""
-        self.limits, self.viscous_terms, self.rows = limits, viscous_terms, 0
-        self.largest = self.worst = self.entered = self.lost = self.viscous = 0.0
+        self.limits, self.viscous_terms = limits, viscous_terms
+        self.largest = self.worst = self.entered = self.lost = self.viscous = self.growth = 0.0
         self.broken: float | None = None
 
-    def judge(self, row: Mapping[str, float], scale: float, initial: float = 0.0) -> None:
+    def judge(
+        self, row: Mapping[str, float], scale: float, initial: float = 0.0, steps: int = 1, work: float = 0.0
+    ) -> None:
         """Take a row in; scale: the energy [J] of which the balance has the round-off in any case; initial: the energy
-        at time 0 [J]."""
-        before, self.rows = self.largest, self.rows + 1
+        at time 0 [J]; steps: since the row before; work: that from outside in the last of them [J]."""
+        before = self.largest
         self.largest = max(self.largest, *(abs(row[name]) for name in ("kinetic", "stored", "work_external")))
+        # what was there at the start has not gone in
+        brought = (self.largest - max(before, abs(initial))) / max(steps, 1)
+        self.growth = max(self.growth, abs(work), brought)
         # an equilibrium that was not reached may close the balance all the same: conjugate gradients always do
         self.worst = max(abs(row["balance"]), row.get("residual_work", 0.0), self.worst)
         self.lost, self.viscous = row["dissipation_numerical"], sum(row[name] for name in self.viscous_terms)
         self.entered = max(self.entered, initial + row["work_external"])
-        allowed = self.limits.balance_limit * self.largest + _ROUND_OFF * scale + np.finfo(float).tiny
-        beginning = self.rows <= _FIRST_ROWS and _GROWTH * before < self.largest < np.inf
-        if not abs(row["balance"]) <= allowed and not (beginning and np.isfinite(row["balance"])):
+        measure = self.largest + _STEPS_TO_COME * self.growth
+        allowed = self.limits.balance_limit * measure + _ROUND_OFF * scale + np.finfo(float).tiny
+        if not (abs(row["balance"]) <= allowed < np.inf):
             self.broken = row["balance"]
 
     def relative(self, balance: float, scale: float) -> float | None:

@@ -20,7 +20,8 @@ class Ledger:
     """Time integrals of one rank [J]: `values` in the order of ACCUMULATED and then of `terms`, a method's own.
 
     terms: name -> sign in the balance: 1 for energy that has left, -1 for energy supplied, 0 for what is only shown.
-    `initial` is the total at time 0, over all ranks.
+    `initial` is the total at time 0, over all ranks; `last_work`: the external work of the last step, over all ranks,
+    by the last `row` [J].
     """
 
     terms: dict[str, int] = field(default_factory=dict)
@@ -28,6 +29,7 @@ class Ledger:
 
     def __post_init__(self) -> None:
         self.values = np.zeros(len(ACCUMULATED) + len(self.terms))
+        self._work_before, self.last_work = 0.0, 0.0
         self._place = {name: len(ACCUMULATED) + i for i, name in enumerate(self.terms)}
 
     @property
@@ -38,6 +40,10 @@ class Ledger:
     def of(self, names: dict[str, str]) -> EnergyLedger:
         """The ledger for a system, whose own terms have these names here."""
         return self if all(name == here for name, here in names.items()) else OfSystem(self, names)
+
+    def begin_step(self) -> None:
+        """Let the work of a step begin."""
+        self._work_before = self.values[2]
 
     def add_term(self, name: str, energy: float) -> None:
         """Add to one of the method's own terms [J]."""
@@ -55,8 +61,9 @@ class Ledger:
         balance = kinetic + stored + dissipation - external work - initial total, with the method's own terms by their
         signs: zero but for the time integration.
         """
-        total = np.empty(2 + len(self.values))
-        comm.Allreduce(np.concatenate(([kinetic, stored], self.values)), total)
+        total = np.empty(3 + len(self.values))
+        comm.Allreduce(np.concatenate(([kinetic, stored], self.values, [self.values[2] - self._work_before])), total)
+        self.last_work = float(total[-1])
         result = dict(zip(self.columns, map(float, total)))
         energy = result["kinetic"] + result["stored"] + result["dissipation_internal"] + result["dissipation_numerical"]
         energy -= result["work_external"]

@@ -111,7 +111,7 @@ class Simulation:
         self._wishes = (0.0, 0.0)
         self.failed, self.failed_somewhere, self.checkpoint_wanted = False, False, False
         self.last_checkpoint: str | None = None
-        self.first_step = self.clock.step
+        self.first_step = self._judged = self.clock.step
         self.particles: int = comm.allreduce(sum(system.owned for system in self.systems))
         self.setup_seconds = clock.perf_counter() - self.clock.began
 
@@ -152,7 +152,8 @@ class Simulation:
     def energy_row(self) -> dict[str, float]:
         """The ledger's row [J] of the present state over all ranks; judged before the next step. Collective."""
         row = self.ledger.row(self.comm, *self.energies())
-        self.balance.judge(row, self.energy_scale, self.ledger.initial or 0.0)
+        steps, self._judged = self.clock.step - self._judged, self.clock.step
+        self.balance.judge(row, self.energy_scale, self.ledger.initial or 0.0, steps, self.ledger.last_work)
         return row
 
     def run(self, watch: Watch, limits: Limits, stop: StopRequest) -> str:
@@ -226,6 +227,7 @@ class Simulation:
         sent_processor = TALKING.processor_seconds
         self._told.clear()
         self._wishes = wishes
+        self.ledger.begin_step()
         for interaction in self.interactions:
             interaction.before(self.clock.time, step, self.ledger)
         before, sent = clock.perf_counter(), TALKING.seconds

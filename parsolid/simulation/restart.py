@@ -120,10 +120,12 @@ class Restart:
             ledger.values[:] = self.rows[self.comm.rank]
         elif self.comm.rank == 0:
             ledger.values[:] = self.rows.sum(axis=0)
+        ledger.begin_step()
         balance = simulation.balance
         # a checkpoint of an earlier version says only the first; the others then count from here
         balance.largest = header["largest_energy"]
         balance.worst, balance.entered = header.get("largest_balance", 0.0), header.get("energy_entered", 0.0)
+        balance.growth = header.get("largest_growth", 0.0)
         balance.lost = float(self.rows[:, 1].sum())
         simulation.time_steps.jumped = header["jumped"]
         simulation.clock.time, simulation.clock.step = header["time"], header["step"]
@@ -182,6 +184,7 @@ def header_of(
         "initial_energy": simulation.ledger.initial,
         "largest_energy": simulation.balance.largest,
         "largest_balance": simulation.balance.worst,
+        "largest_growth": simulation.balance.growth,
         "energy_entered": simulation.balance.entered,
         "balance": simulation.ledger.row(simulation.comm, *simulation.energies())["balance"],
         "probes": probes,

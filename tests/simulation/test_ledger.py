@@ -57,5 +57,5 @@ def test_contact_ties_tools_and_reporting_boundaries_have_terms():
     assert terms_of(scene([], boundaries=[none, told])) == {"die.work": 0}
     pressed = SimpleNamespace(model="kernel", friction=0.0)
     assert terms_of(scene([], contact=[pressed])) == CONTACT_TERMS | OSCILLATION
-    assert terms_of(scene([], tools=[pressed])) == CONTACT_TERMS
+    assert terms_of(scene([], tools=[pressed])) == CONTACT_TERMS | OSCILLATION
     assert terms_of(scene([], tie=[1])) == TIE_TERMS

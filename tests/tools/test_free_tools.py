@@ -12,8 +12,8 @@ from parsolid.simulation.scene_changes import contents
 from parsolid.simulation.signals import StopRequest
 
 MASS, RADIUS = 120.0, 0.25
-# of first order in the step there, of second elsewhere
-UNBALANCED = {"ulsph": 0.02, "mpm": 0.03}
+# of the energy, at .2 ms
+UNBALANCED = {"tlsph-stages": 0.01, "ulsph": 0.004, "mpm": 0.004}
 
 
 def hit(method: str, dimension=2, **tool) -> dict:
@@ -51,7 +51,7 @@ def test_impulses_keep_momenta(method, dimension):
     contact = sim.interactions[0]
     assert np.abs(contact.tools[0].total[:6]).min(initial=np.inf, where=np.arange(6) == 1) > 10.0
     before, spin = momenta(sim), contact.tools[0].body.pose.spin.copy()
-    contact._kick(sim.clock.time, 0.01, sim.ledger)
+    contact._kick(sim.clock.time, 0.01, sim.ledger, opening=False)
     assert np.abs(momenta(sim) - before).max() < 1e-12 * np.abs(before).max()
     assert np.abs(contact.tools[0].body.pose.spin - spin).max() > 1e-3
 
@@ -65,7 +65,7 @@ def test_a_disc_bounces(method):
     assert np.abs(watch["ball.force_y"]).max() > 100.0 and tool.pose.velocity[1] > 0.0
     assert abs(tool.pose.spin[2] - 8.0) > 0.5
     assert np.abs(linear + tool.mass * tool.pose.velocity[:2] - MASS * np.array([0.5, -3.0])).max() < 1e-10 * MASS
-    assert np.abs(watch["balance"]).max() < UNBALANCED.get(method, 0.01) * watch["kinetic"][0]
+    assert np.abs(watch["balance"]).max() < UNBALANCED.get(method, 5e-4) * watch["kinetic"][0]
     assert np.all(np.diff(watch["friction_dissipation"]) >= 0.0) and watch["friction_dissipation"][-1] > 0.0
 
 

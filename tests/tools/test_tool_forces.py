@@ -25,13 +25,14 @@ FRAME = Frame(np.array([0.1, -0.05, 0.02]), rotation_matrix(turn(np.array([2.0, 
 def pressed(shape, places, friction=None):
     """Forces (n, 3) and sums; all particles of radius 0.1."""
     n = len(places)
-    rows, found, sums = np.zeros(n, np.int64), np.zeros((n, 3)), np.zeros(forces.SUMS)
+    rows, found, sums = np.zeros(n, np.int64), np.zeros((2, n, 3)), np.zeros(forces.SUMS)
     resistance = Resistance(np.full(n, 0.1), np.full(n, 3.0), 2.0)
     body, meant = np.zeros(n, np.int64), np.ones(1, bool)
-    arguments = (friction, resistance, n, places, body, meant, rows, found, None, sums)
+    level, new = np.zeros(n), True
+    arguments = (friction, resistance, n, places, body, meant, rows, found, None, level, new, sums)
     count, _ = forces.press(shape, FRAME, *arguments)
     result = np.zeros((n, 3))
-    result[rows[:count]] = found[:count]
+    result[rows[:count]] = found[0, :count]
     return result, sums
 
 

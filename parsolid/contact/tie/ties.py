@@ -72,7 +72,7 @@ class Ties(Interaction):
 
     def before(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Half a kick with the forces of the last evaluation."""
-        self._kick(step)
+        self._kick(step, opening=True)
 
     def after(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Forces in the new places, half a kick, and what went into the ledger."""
@@ -82,15 +82,16 @@ class Ties(Interaction):
         work = sum(face.advance(step) for face in self.faces)
         ledger.add_term("tie_energy", self._energy - energy)
         ledger.add(1.0, 0.0, 0.0, work)
-        self._kick(step)
+        self._kick(step, opening=False)
 
-    def _kick(self, step: float) -> None:
+    def _kick(self, step: float, opening: bool) -> None:
         """Half a step [s] of the forces."""
         if step == 0.0:
             return
         for face in self.faces:
             for side, rows, force in face.pulled():
-                side.system.kick(0.5 * step * force, rows)
+                give = side.system.kick_before if opening else side.system.kick
+                give(0.5 * step * force, rows)
 
     def stable_step(self) -> float:
         """Of the springs on this rank, alone."""

@@ -10,25 +10,23 @@ from parsolid.collective import SolverError, minimum, raise_together
 from parsolid.contact.tools import forces
 from parsolid.contact.tools.bodies import make_body, shaped
 from parsolid.contact.tools.rigid_body import FreeBody, GuidedBody, rotation_vector
+from parsolid.contact.tools.swings import Swing
 from parsolid.contact.tools.touch import STIFFNESS, Touch, meant_by
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.scene import Scene
-from parsolid.scene.contact import CONTACT_TERMS
+from parsolid.scene.contact import CONTACT_TERMS, OSCILLATION
 from parsolid.scene.load_histories import LoadHistory
 from parsolid.scene.previous_results import tools_at
 
 # of a spacing, what a body may reach into a tool at the start
 _OVERLAP = 0.5
-# Of M V of one particle: the balance's round-off of it, 1e-12, is a twentieth of the energy of a particle strained by
-# 2e-4. Before that much has happened, the balance of what begins to press is no measure of anything.
-_BEGINNING = 2.5e4
 
 
 class Tool:
     """One tool, the same on all ranks.
 
-    own (12,): `forces.press`'s sums over all systems on this rank; total: over all ranks, of a free tool. quiet_until
+    own (18,): `forces.press`'s sums over all systems on this rank; total: over all ranks, of a free tool. quiet_until
     [s]: before it nothing touches a free tool, on any rank; step [s]: the last one. whole: of the force [N] over that
     of what the systems' masses are of.
     """
@@ -59,6 +57,13 @@ class Tool:
         turning = float(np.linalg.norm(pose.spin))
         return float(np.linalg.norm(pose.velocity)) + (turning * self.far if turning else 0.0)
 
+    def resultant(self, opening: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Force [N] and moment [N m] on the particles of the impulse before or after a step, of a free tool on all
+        ranks."""
+        sums = self.total if self.free else self.own
+        force, moment = sums[forces.FORCE], sums[forces.MOMENT]
+        return (force, moment) if opening else (force + sums[forces.MORE_FORCE], moment + sums[forces.MORE_MOMENT])
+
     def evaluate(self, time: float, slipping: bool) -> None:
         """Forces on this rank at a time [s], see `Touch.evaluate`."""
         self.own = np.zeros(forces.SUMS)
@@ -73,7 +78,7 @@ class RigidTools(Interaction):
     The stored energy of what is pressed, and of friction's springs, is part of the ledger's.
     """
 
-    terms = CONTACT_TERMS
+    terms = CONTACT_TERMS | OSCILLATION
 
     def __init__(self, comm: Any, scene: Scene, systems: list[ParticleSystem]):
         """systems: of the scene, whose particles have the fields of `touch.declare`.
@@ -96,7 +101,9 @@ class RigidTools(Interaction):
                     # before the first step, one that is surely longer
                     tool.step = max(tool.step, self._spacing(tool.touches[-1]) / signal)
         self._refuse_small()
-        self.energy_scale = _BEGINNING * max((self._particle_energy(system) for system in systems), default=0.0)
+        self.energy_scale = max((self._particle_energy(system) for system in systems), default=0.0)
+        touched = [[touch for tool in self.tools for touch in tool.touches if touch.system is one] for one in systems]
+        self.swings = [Swing(system, touches) for system, touches in zip(systems, touched) if touches]
         self._take_results(scene)
         self._shown = np.zeros(2)
 
@@ -170,7 +177,9 @@ class RigidTools(Interaction):
 
     def before(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Half a kick, then the tools move on."""
-        self._kick(time, 0.5 * step, ledger)
+        for swing in self.swings:
+            swing.begin()
+        self._kick(time, 0.5 * step, ledger, opening=True)
         for tool in self.tools:
             tool.step = step or tool.step
             tool.body.drift(time, step)
@@ -186,7 +195,8 @@ class RigidTools(Interaction):
         for name, change in zip(("contact_energy", "stick_energy"), stored - self._shown):
             ledger.add_term(name, float(change))
         self._shown = stored
-        self._kick(time, 0.5 * step, ledger)
+        self._kick(time, 0.5 * step, ledger, opening=False)
+        ledger.add_term("contact_oscillation", sum(swing.end(step) for swing in self.swings))
 
     def _evaluate(self, time: float, slipping: bool | None) -> None:
         """Forces of all tools at a time [s]; slipping: None where those that go on ask for what is recorded again."""
@@ -204,18 +214,21 @@ class RigidTools(Interaction):
             for tool, until in zip(apart, minimum(self.comm, np.array(quiet))):
                 tool.quiet_until = float(until)
 
-    def _kick(self, time: float, step: float, ledger: EnergyLedger) -> None:
+    def _kick(self, time: float, step: float, ledger: EnergyLedger, opening: bool) -> None:
         """The impulses of a time [s] over a step [s], on particles and on tools."""
         work = 0.0
         for tool in self.tools:
             for touch in tool.touches:
-                work -= touch.kick(step)
+                work -= touch.kick(step, opening)
+            force, moment = tool.resultant(opening)
             if isinstance(tool.body, FreeBody):
-                total = step * tool.total
-                tool.body.kick(-total[forces.FORCE], -total[forces.MOMENT])
+                before = tool.body.pose.velocity, tool.body.angular
+                tool.body.kick(-step * force, -step * moment)
                 work += self._weigh(tool.body, time, step)
+                swing = tool.body.energy_of_change(*before) if self.comm.rank == 0 else 0.0
+                ledger.add_term("contact_oscillation", -swing if opening else swing)
             else:
-                work += step * tool.body.pose.power(tool.own[forces.FORCE], tool.own[forces.MOMENT])
+                work += step * tool.body.pose.power(force, moment)
         ledger.add(1.0, 0.0, 0.0, work)
 
     def _weigh(self, body: FreeBody, time: float, step: float) -> float:

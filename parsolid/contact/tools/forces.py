@@ -14,12 +14,15 @@ import numpy as np
 from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
+from parsolid.contact.passes import crossing
 from parsolid.contact.tools.shapes import distance
 
-# places in `press`'s sums: force, moment about the tool's place, energies [J], stiffness of all particles together
+# places in `press`'s sums: force, moment about the tool's place, energies [J], stiffness of all particles together, how
+# many there are; force and moment that the impulse at the end of the step has besides
 FORCE, MOMENT = slice(0, 3), slice(3, 6)
 STORED, STUCK, LOST, STIFFNESS, TURNING, COUNT = 6, 7, 8, 9, 10, 11
-SUMS = 12
+MORE_FORCE, MORE_MOMENT = slice(12, 15), slice(15, 18)
+SUMS = 18
 
 
 class Frame(NamedTuple):
@@ -140,14 +143,52 @@ def _pull(friction, frame, i, x, y, z, n, depth, k, sums):
     return -0.5 * k * a, -0.5 * k * b, -0.5 * k * c
 
 
-@compiled(error_model="numpy")
-def press(shape, frame, friction, resistance, owned, places, body, meant, rows, forces, heat, sums):
-    """Forces (owned, d) [N] on the `rows` of particles that a shape touches, and their `sums` as named above.
+@register_jitable
+def _put(vector, place, x, y, z):
+    """Three numbers into the components that a row has."""
+    vector[place, 0] = x
+    if vector.shape[1] > 1:
+        vector[place, 1] = y
+    if vector.shape[1] > 2:
+        vector[place, 2] = z
 
-    meant (bodies,): bodies that it is for; heat (owned,): what friction takes of each [J], or None. Returns how many
-    rows there are, the least distance [m] of any face of a particle from the shape (below zero where it touches).
+
+@register_jitable
+def _add_up(sums, first, a, b, c, fx, fy, fz):
+    """A force and its moment by the arm (a, b, c) to sums from a place on."""
+    total = (fx, fy, fz, b * fz - c * fy, c * fx - a * fz, a * fy - b * fx)
+    for m in range(6):
+        sums[first + m] += total[m]
+
+
+@register_jitable
+def _force(friction, frame, i, x, y, z, n, depth, k, heat, sums):
+    """The force [N] on a particle of a depth [m], three components; its energies, and what friction takes of it."""
+    fx, fy, fz, lost = 0.0, 0.0, 0.0, sums[LOST]
+    if depth > 0.0:
+        push = k * depth
+        fx, fy, fz = push * n[0], push * n[1], push * n[2]
+        sums[STORED] += 0.5 * push * depth
+        if friction is not None:
+            tx, ty, tz = _pull(friction, frame, i, x, y, z, n, depth, k, sums)
+            fx, fy, fz = fx + tx, fy + ty, fz + tz
+    elif friction is not None:
+        sums[LOST] += _let_go(friction, k, i)
+    if heat is not None:
+        heat[i] = sums[LOST] - lost
+    return fx, fy, fz
+
+
+@compiled(error_model="numpy")
+def press(shape, frame, friction, resistance, owned, places, body, meant, rows, forces, heat, level, new, sums):
+    """Forces (2, owned, d) [N] on the `rows` of particles that a shape touches, and their `sums` as named above: the
+    force, and what the impulse at the end of the step has besides, see `passes.crossing`.
+
+    meant (bodies,): bodies that it is for; heat (owned,): what friction takes of each [J], or None; level (owned,): how
+    deep [m] each is, below zero where it is apart, of the last call unless `new`. Returns how many rows there are, the
+    least distance [m] of any face of a particle from the shape (below zero where it touches).
     """
-    count, clearance, d = 0, math.inf, places.shape[1]
+    count, clearance = 0, math.inf
     sums[:] = 0.0
     for i in range(owned):
         if heat is not None:
@@ -157,38 +198,29 @@ def press(shape, frame, friction, resistance, owned, places, body, meant, rows, 
         x, y, z = _component(places, i, 0), _component(places, i, 1), _component(places, i, 2)
         radius = resistance.radius[i]
         u, v, w = _to_frame(frame, x, y, z)
-        away, nx, ny, nz = distance(shape, u, v, w, radius)
+        pressed = level[i] > 0.0 and not new
+        # of what has just parted the direction counts, too
+        away, nx, ny, nz = distance(shape, u, v, w, math.inf if pressed else radius)
         depth, k = radius - away, resistance.factor * resistance.stiffness[i]
         clearance = min(clearance, -depth)
-        if not depth > 0.0:
-            if friction is not None:
-                released = _let_go(friction, k, i)
-                sums[LOST] += released
-                if heat is not None:
-                    heat[i] = released
+        more = 0.0 if new else k * crossing(level[i], depth)
+        level[i] = depth
+        if friction is None and not (depth > 0.0 or pressed):
             continue
         n = _turned(frame.rotation, nx, ny, nz)
-        push = k * depth
-        fx, fy, fz = push * n[0], push * n[1], push * n[2]
-        sums[STORED] += 0.5 * push * depth
-        if friction is not None:
-            before = sums[LOST]
-            tx, ty, tz = _pull(friction, frame, i, x, y, z, n, depth, k, sums)
-            if heat is not None:
-                heat[i] = sums[LOST] - before
-            fx, fy, fz = fx + tx, fy + ty, fz + tz
+        fx, fy, fz = _force(friction, frame, i, x, y, z, n, depth, k, heat, sums)
+        if not (depth > 0.0 or pressed):
+            continue
         a, b, c = x - frame.place[0], y - frame.place[1], z - frame.place[2]
-        rows[count], forces[count, 0] = i, fx
-        if d > 1:
-            forces[count, 1] = fy
-        if d > 2:
-            forces[count, 2] = fz
+        rows[count] = i
+        _put(forces[0], count, fx, fy, fz)
+        _put(forces[1], count, more * n[0], more * n[1], more * n[2])
         count += 1
-        total = (fx, fy, fz, b * fz - c * fy, c * fx - a * fz, a * fy - b * fx)
-        for m in range(6):
-            sums[m] += total[m]
-        sums[STIFFNESS] += k
-        sums[TURNING] += k * (a * a + b * b + c * c)
+        _add_up(sums, 0, a, b, c, fx, fy, fz)
+        _add_up(sums, 12, a, b, c, more * n[0], more * n[1], more * n[2])
+        if depth > 0.0:
+            sums[STIFFNESS] += k
+            sums[TURNING] += k * (a * a + b * b + c * c)
     sums[COUNT] = count
     return count, clearance
 

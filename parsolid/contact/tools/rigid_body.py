@@ -107,6 +107,12 @@ class FreeBody:
             self.angular = self.angular + self._to_axes(moment)
             self._follow_spin()
 
+    def energy_of_change(self, velocity: np.ndarray, angular: np.ndarray) -> float:
+        """Kinetic energy [J] of the change from a velocity (3,) [m/s] and an angular momentum along the axes (3,)."""
+        change, turned = self.pose.velocity - velocity, self.angular - angular
+        energy = self.mass * float(change @ change)
+        return 0.5 * (energy + (float(turned @ (turned / self.inertia)) if self.turns else 0.0))
+
     def drift(self, time: float, step: float) -> None:
         """Move on for a step [s] without forces."""
         self.pose.place = self.pose.place + step * self.pose.velocity

@@ -7,6 +7,7 @@ import numpy as np
 from parsolid.contact.tools import forces
 from parsolid.contact.tools.forces import Frame, Friction, Resistance
 from parsolid.contact.tools.resistance import radii, stiffnesses
+from parsolid.contact.tools.swings import declare_swing
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.declaration import Field
 from parsolid.scene import Scene
@@ -24,6 +25,11 @@ def record_of(tool: str) -> str:
     return f"stick_{tool}"
 
 
+def level_of(tool: str) -> str:
+    """Name of the field of how deep in a tool particles are, below zero outside."""
+    return f"level_{tool}"
+
+
 def declare(scene: Scene, system: ParticleSystem) -> None:
     """What a system's particles need to be touched by a scene's tools; nothing where there are none."""
     touching = [tool for tool in scene.tools if meant_by(tool, scene, system).any()]
@@ -37,7 +43,9 @@ def declare(scene: Scene, system: ParticleSystem) -> None:
     polar = getattr(system.settings, "geometry", None) == "axisymmetric"
     particles.declare(Field(RADIUS, 1, "m"), radius)
     particles.declare(Field(STIFFNESS, 1, "N/m"), stiffnesses(particles, radius, width, moduli, polar))
+    declare_swing(system)
     for tool in touching:
+        particles.declare(Field(level_of(tool.name), 1, "m"))
         if tool.friction > 0.0:
             particles.declare(Field(record_of(tool.name), 1 + 2 * system.dimension, "m", checkpointed=True))
 
@@ -51,7 +59,8 @@ def meant_by(tool: Any, scene: Scene, system: ParticleSystem) -> np.ndarray:
 class Touch:
     """A tool on a system.
 
-    rows (n,), forces (n, d) [N]: what it touches; sums (12,): as `forces.press` has them, of this rank; clearance [m]:
+    rows (n,), forces (2, n, d) [N]: what it touches, and what the impulse at the end of the step has besides; sums
+    (18,): as `forces.press` has them, of this rank; clearance [m]:
     of the nearest particle; greatest_square [1/s^2]: of an angular frequency that the contact adds to that of a
     particle, where one is near; quiet_until [s]: nothing can be touched before.
     """
@@ -64,7 +73,9 @@ class Touch:
         self.sums = np.zeros(forces.SUMS)
         self.heat = np.zeros(0) if self.record is not None and system.takes_heat else None
         self.count, self.clearance, self.greatest_square = 0, np.inf, 0.0
-        self._rows, self._forces = np.zeros(0, np.int64), np.zeros((0, system.dimension))
+        self._rows, self._forces = np.zeros(0, np.int64), np.zeros((2, 0, system.dimension))
+        # whether places of the last step were looked at
+        self._followed = False
         self._layout, self._hardest, self.quiet_until = -1, 0.0, -np.inf
 
     @property
@@ -74,21 +85,21 @@ class Touch:
 
     @property
     def forces(self) -> np.ndarray:
-        """Forces (n, d) [N] on them, on their parts on this side of mirror planes."""
-        return self._forces[: self.count]
+        """Forces (2, n, d) [N] on them, on their parts on this side of mirror planes."""
+        return self._forces[:, : self.count]
 
     def evaluate(self, time: float, slipping: bool) -> None:
         """Forces at a time [s]; slipping: friction follows the motion, or what is recorded is asked for again."""
         particles, tool = self.system.particles, self.tool
         if time < tool.quiet_until or (time < self.quiet_until and self._layout == particles.layout):
-            self.count, self.greatest_square = 0, 0.0
+            self.count, self.greatest_square, self._followed = 0, 0.0, False
             self.sums[:] = 0.0
             if self.heat is not None:
                 self.heat[:] = 0.0
             return
         if len(self._rows) < particles.owned:
             self._rows = np.zeros(particles.capacity, np.int64)
-            self._forces = np.zeros((particles.capacity, self.system.dimension))
+            self._forces = np.zeros((2, particles.capacity, self.system.dimension))
             self.heat = None if self.heat is None else np.zeros(particles.capacity)
         friction = None
         if self.record is not None:
@@ -106,8 +117,11 @@ class Touch:
             self._rows,
             self._forces,
             self.heat,
+            particles.storage(level_of(tool.name)),
+            not self._followed,
             self.sums,
         )
+        self._followed = True
         self._look_ahead(time)
 
     def _look_ahead(self, time: float) -> None:
@@ -139,15 +153,13 @@ class Touch:
         warmed = np.flatnonzero(self.heat[: self.system.owned])
         return self.system.take_heat(0.5 * self.heat[warmed], warmed)
 
-    def kick(self, step: float) -> float:
-        """Give the particles the forces' impulses of a time [s]; the energy [J] that held components take."""
+    def kick(self, step: float, opening: bool) -> float:
+        """Give the particles the forces' impulses of a time [s], before or after the step; the energy [J] that held
+        components take."""
         if not self.count or step == 0.0:
             return 0.0
-        impulse = step * self.forces
-        if self.system.held_components() is None:
-            self.system.kick(impulse, self.rows)
-            return 0.0
-        velocity = self.system.particles.owned_rows("velocity")
-        before = velocity[self.rows]
-        gained = self.system.kick(impulse, self.rows)
-        return 0.5 * float(np.sum(impulse * (before + velocity[self.rows]))) - gained
+        velocity, held = self.system.particles.owned_rows("velocity"), self.system.held_components()
+        impulse = step * (self.forces[0] if opening else self.forces.sum(axis=0))
+        taken = 0.0 if held is None else float(np.sum(impulse * velocity[self.rows] * held[self.rows]))
+        (self.system.kick_before if opening else self.system.kick)(impulse, self.rows)
+        return taken

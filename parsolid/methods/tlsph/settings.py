@@ -5,6 +5,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from parsolid.materials.declaration import Phrase
 from parsolid.methods.tlsph.body_weights import ON_LATTICES, lattice_faults, weights_of_bodies
 from parsolid.pairs.smoothing import kernel_names
 from parsolid.scene.base_model import NotNegative, Positive, reject
@@ -19,6 +20,7 @@ class TotalLagrangianSPH(MethodSettings):
 
     system: ClassVar = "parsolid.methods.tlsph.system:TotalLagrangianSPH"
     bodies_meet: ClassVar = False
+    graded_bodies: ClassVar = True
     initial_stress_refused: ClassVar = None
     evolved: ClassVar = (*("velocity", "deformation_gradient", "cofactor", "jacobian", "viscous_strain_inverse_*"),)
     evolved_forces: ClassVar = ("stress_force", "dissipative_force", "excess_wall_force")
@@ -141,4 +143,13 @@ class TotalLagrangianSPH(MethodSettings):
         faults: list[Detail] = [
             (("boundaries", i, "kind"), expected, kind) for i, kind in kinds if kind == "antisymmetric"
         ]
-        return faults + lattice_faults(self.pair_weights, scene)
+        return faults + lattice_faults(self.pair_weights, scene) + self._grading_faults(scene)
+
+    def _grading_faults(self, scene: Any) -> list[Detail]:
+        """Graded bodies without weights in closed form, or with a step that knows one spacing only."""
+        kinds = weights_of_bodies(self.pair_weights, scene)
+        graded = [i for i, body in enumerate(scene.bodies) if body.grading is not None]
+        expected = "weights in closed form and method.integrator = 'leapfrog' where bodies are graded"
+        others = [i for i in graded if kinds[i] not in ON_LATTICES or self.integrator != "leapfrog"]
+        found = Phrase(f"{self.pair_weights!r} weights with {self.integrator!r}")
+        return [(("bodies", i, "grading"), expected, found) for i in others]

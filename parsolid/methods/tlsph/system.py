@@ -17,6 +17,7 @@ from parsolid.methods.tlsph import state
 from parsolid.methods.tlsph.advice import advice_of
 from parsolid.methods.tlsph.body_weights import ON_LATTICES, weights_of_bodies
 from parsolid.methods.tlsph.boundaries import build_boundaries
+from parsolid.methods.tlsph.carried_impulses import CarriedImpulses
 from parsolid.methods.tlsph.deformation import Relaxation, advance_deformation, largest_wave_modulus
 from parsolid.methods.tlsph.displacement import complete_strain
 from parsolid.methods.tlsph.fixed_walls import watch_fixed_walls
@@ -60,13 +61,14 @@ class TotalLagrangianSPH(PairMethod):
         self.body_weights = weights_of_bodies(self.settings.pair_weights, scene)
         closed = frozenset(i for i, kind in enumerate(self.body_weights) if kind in ON_LATTICES)
         self.boundaries = build_boundaries(comm, scene, particle_set, self.particles, closed)
-        self.on_lattices = put_on_lattices(comm, scene, particle_set, self.boundaries.planes, self.body_weights)
+        self.on_lattices = put_on_lattices(comm, scene, particle_set, self.boundaries, self.body_weights)
         share = self.boundaries.share
         self.branches = maximum(comm, max((block.branches for block in self.blocks), default=0))
         self.pairs = self._pair_system(particle_set)
         self.pairs.unbonded = scene.unbonded
         fixed, staged = self.settings.reference == "fixed", self.settings.integrator == "ssp-rk3"
         self.leapfrog = None if staged else Leapfrog(self)
+        self.carried = CarriedImpulses(self)
         watch_fixed_walls(self)
         self.evaluations = len(self.stages) if staged else 1
         self.landings = () if staged else self.boundaries.jump_times
@@ -79,7 +81,8 @@ class TotalLagrangianSPH(PairMethod):
         metric = metrics(particle_set.spacing, particle_set.axes, self._smoothing())
         updated = (self.pairs, self.settings, particle_set.position, self.boundaries)
         self.reference = None if fixed else UpdatedReference(*updated)
-        self.pairs.rebuild(particle_set.position, particle_set.body, metric, volume)
+        even = None if self.on_lattices is None else self.on_lattices.even
+        self.pairs.rebuild(particle_set.position, particle_set.body, metric, volume, even)
         # the narrowest spacing of all ranks bounds the step (79), so that it does not depend on their number
         self.spacing = minimum(comm, float(particle_set.spacing.min(initial=np.inf)))
 
@@ -211,6 +214,7 @@ class TotalLagrangianSPH(PairMethod):
             return False
         advance = self.advance_in_stages if self.leapfrog is None else self.leapfrog.advance
         reactions = self.boundaries.reactions
+        self.carried.begin()
         if reactions is not None:
             reactions.begin()
         sound = advance(time, step, ledger, announce)
@@ -263,6 +267,7 @@ class TotalLagrangianSPH(PairMethod):
         boundaries, stored, mass, share = self.boundaries, self.particles.storage, self.mass, self.share
         kinematics, force = stored("kinematics"), stored("pair_force")
         loads, _ = boundaries.meet(time + stage.time * step, stage.time > 0.0, force, mass, share)
+        self.carried.act(force, step)
         if boundaries.reactions is not None:
             boundaries.reactions.book(stage.quadrature, stage.quadrature * step)
         held = boundaries.prescribed_power(kinematics, force, mass, share, loads)
@@ -271,7 +276,13 @@ class TotalLagrangianSPH(PairMethod):
             self.space, self.owned, stage.update(step), *arrays, mass, share, loads, boundaries.clamp
         )
         boundaries.prescribe(time + stage.next_time * step, kinematics, before=not stage.last)
+        if stage.last:
+            self.carried.end()
         return dissipation, held + power
+
+    def kick_before(self, impulse: np.ndarray, rows: np.ndarray) -> None:
+        """See `ParticleSystem.kick_before` and, for stages, `CarriedImpulses`."""
+        (self.carried.take if self.leapfrog is None else self.kick)(impulse, rows)
 
     def prescribed_energy_gain(self) -> float:
         """Kinetic energy [J] that prescribed components gained since the last call: the work of what moves them."""

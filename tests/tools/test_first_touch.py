@@ -1,0 +1,74 @@
+"""What a body has of energy when a tool or another body has just touched it is balanced, and what is lost is found."""
+
+import numpy as np
+import pytest
+from tool_scenes import METHODS, SPACING, block, run
+
+from parsolid.contact.tools.touch import Touch
+from parsolid.simulation.energy_balance import EnergyBalance
+from parsolid.simulation.loop import RunFailed
+
+# of the largest energy so far, in every step from the first that touches: 8.4e-2 and more before
+UNBALANCED = {"tlsph": 8e-3, "tlsph-stages": 8e-3, "peridynamics": 2e-3, "ulsph": 3e-2, "mpm": 3e-3}
+STEPS = 40
+
+
+def pressed(method: str) -> dict:
+    """A ball is driven into a block at rest at once, with friction."""
+    ball = {"name": "ball", "shape": {"sphere": {"centre": [0.55, 0.753], "radius": 0.25}}, "friction": 0.3}
+    return block(method) | {"tools": [ball | {"motion": {"velocity": ["1", "-1"]}}]}
+
+
+def met(method: str) -> dict:
+    """A block whose far end is driven runs into one at rest."""
+    tables, other = block(method, (6, 5)), block(method, (6, 5), [6 * SPACING + 1e-3, 0.0])["bodies"][0]
+    driven = {"kind": "velocity", "box": {"lower": [0.95, -1.0], "upper": [2.0, 1.0]}, "velocity": ["-1", "free"]}
+    bodies = tables["bodies"] + [other | {"name": "driven", "velocity": [-1.0, 0.0]}]
+    return tables | {
+        "bodies": bodies,
+        "boundaries": [driven | {"body": "driven"}],
+        "contact": [{"bodies": ["block", "driven"]}],
+    }
+
+
+def off(watch) -> np.ndarray:
+    """Balances over the largest energy so far, where there is any."""
+    energies = [np.abs(watch[name]) for name in ("kinetic", "stored", "work_external")]
+    largest = np.maximum.accumulate(np.max(energies, axis=0))
+    return np.abs(watch["balance"]) / np.where(largest > 0.0, largest, 1.0)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_tool_touches(method):
+    _, watch = run(pressed(method), steps=STEPS)
+    assert (watch["contact_energy"] > 0.0).sum() > 10 and watch["contact_energy"][1] == 0.0
+    assert off(watch).max() < UNBALANCED[method]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_body_touches(method):
+    _, watch = run(met(method), steps=STEPS)
+    assert (watch["contact_energy"] > 0.0).sum() > 10
+    assert off(watch).max() < UNBALANCED[method]
+
+
+def test_impulses_that_are_too_large_end_a_run_as_soon_as_the_energy_says_so(monkeypatch):
+    """A tool's impulses twice as large from some time on: found at most three steps after the limit alone."""
+    right, data, rows = Touch.kick, pressed("tlsph"), []
+    data["boundaries"] = [{"plane": "Y = 0", "kind": "roller"}]
+
+    def wrong(self, step, opening):
+        return right(self, step * (2.0 if len(rows) > 3 * STEPS else 1.0), opening)
+
+    class Judge(EnergyBalance):
+        def judge(self, row, *more):
+            rows.append(row)
+            super().judge(row, *more)
+
+    monkeypatch.setattr(Touch, "kick", wrong)
+    monkeypatch.setattr("parsolid.simulation.loop.EnergyBalance", Judge)
+    with pytest.raises(RunFailed, match="the energy balance is off by"):
+        run(data)
+    watch = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    beyond = off(watch) > 0.05
+    assert not beyond[: 3 * STEPS].any() and 1 <= beyond.sum() <= 4, beyond.sum()
