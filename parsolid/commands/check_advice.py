@@ -1,6 +1,7 @@
 """What a scene asks for that costs accuracy where it need not, told before it is run."""
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from parsolid.collective import maximum, minimum
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
 from parsolid.scene.bodies import Body
+from parsolid.scene.previous_results import methods_of
 from parsolid.scene.systems import notes_of
 from parsolid.simulation.loop import Simulation
 
@@ -33,7 +35,7 @@ _SLENDER = 4.0
 
 def scene_advice(scene: Scene) -> list[str]:
     """What follows from the scene alone."""
-    result = notes_of(scene)
+    result = notes_of(scene) + list(_of_other_methods(scene))
     for system in scene.systems:
         result += system.settings.notes(scene, system.bodies)
     names = [
@@ -46,6 +48,19 @@ def scene_advice(scene: Scene) -> list[str]:
         advice = 'method.weights = "closure" makes them many times more accurate'
         result.append(f"{', '.join(names)}: uneven particles; {advice}")
     return result
+
+
+def _of_other_methods(scene: Scene) -> Iterator[str]:
+    """Results of which only fields that have the same name are taken."""
+    own = {system.settings.kind for system in scene.systems}
+    for i, state in enumerate(scene.initial):
+        known = methods_of(Path(state.results)) if state.results and not state.takes_state else []
+        if known and not own.intersection(known):
+            names = ", ".join(field.name for field in state.of_results)
+            yield (
+                f"initial.{i}: results of {' and '.join(known)}, of which {' and '.join(sorted(own))} takes {names} alone; "
+                "what else that run had is not there"
+            )
 
 
 def _uneven(body: Body) -> bool:
