@@ -57,10 +57,9 @@ def _of_other_methods(scene: Scene) -> Iterator[str]:
         known = methods_of(Path(state.results)) if state.results and not state.takes_state else []
         if known and not own.intersection(known):
             names = ", ".join(field.name for field in state.of_results)
-            yield (
-                f"initial.{i}: results of {' and '.join(known)}, of which {' and '.join(sorted(own))} takes {names} alone; "
-                "what else that run had is not there"
-            )
+            takers = " and ".join(sorted(own))
+            found = f"initial.{i}: results of {' and '.join(known)}, of which {takers} takes {names} alone"
+            yield f"{found}; what else that run had is not there"
 
 
 def _uneven(body: Body) -> bool:
