@@ -2,17 +2,19 @@
 
 On one rank all tests run, on several those in which ranks talk to each other, which `-m mpi` selects too: the ones with
 a fixture of all ranks, `comm` or `shared_path`, and without the mark `serial`. What stands on the exchanges between
-ranks runs on two or on three, what makes them on both. All ranks run their tests in step. After
-each phase of a test they tell each other how it went, so that a test that fails on one rank fails on all, and rank 0
-reports it. A rank that fails while the others wait for it inside the test would leave them waiting for ever; then,
-after a grace, it shows its failure and ends the whole job.
+ranks runs on two or on three, what makes them on both. A test with more than two parameter sets takes every other one
+there, as the black fields of a chessboard whose sides are its parameters, so that each value of each has its turn; in
+the rooms that make the exchanges the black ones on two ranks and the white ones on three. All ranks run their tests in
+step. After each phase of a test they tell each other how it went, so that a test that fails on one rank fails on all,
+and rank 0 reports it. A rank that fails while the others wait for it inside the test would leave them waiting for ever;
+then, after a grace, it shows its failure and ends the whole job.
 """
 
 import faulthandler
 import os
 import time
 import zlib
-from collections import Counter
+from collections import Counter, defaultdict
 from pathlib import Path
 
 import pytest
@@ -21,6 +23,7 @@ import pytest
 os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE", "1")
 os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT", "256")
 
+from chessboard import white_fields
 from mpi4py import MPI
 from properties import list_of_properties
 
@@ -71,6 +74,7 @@ _MARKERS = (
     "serial: runs on one rank only, for no rank talks to another in what it checks",
     "ranks(*numbers): runs on these numbers of ranks only",
     "slow: more than two seconds on one processor with warm kernels; the fast set is -m 'not slow'",
+    "every_other: each parameter set takes seconds or kernels, and every other one will do; with --long all",
     "verification: against exact solutions, other codes or published results (set in verification and exact)",
     "long: takes minutes; runs only with --long",
 )
@@ -95,10 +99,13 @@ def pytest_configure(config):
 
 # rooms of which every test compares with a solution from elsewhere, and those that start whole runs
 _VERIFYING, _SLOW = ("verification", "exact"), ("verification", "end_to_end")
-# rooms that run on two ranks or on three; all others, which make the exchanges, on both; --long: all on both
+# rooms that run on two ranks or on three; all others, which make the exchanges, on both; --long: all sets on both
 _NOT_ON = {
-    2: ("boundary", "contact", "mixed", "mpm", "scene", "simulation", "tlsph", "ulsph"),
-    3: ("api", "commands", "errors", "examples", "materials", "peridynamics", "tools"),
+    2: ("contact", "mixed", "mpm", "output", "pairs", "solvers", "tlsph", "ulsph"),
+    3: (
+        *("api", "boundary", "commands", "errors", "examples"),
+        *("materials", "peridynamics", "scene", "simulation", "tools"),
+    ),
 }
 # files of many rooms first, then those that take long, and short ones last, so that all workers end together
 _LATER = {"docs": 1, "end_to_end": 1, "decomposition": 2, "numerics": 2, "scene": 2}
@@ -108,6 +115,10 @@ _LATER = {"docs": 1, "end_to_end": 1, "decomposition": 2, "numerics": 2, "scene"
 def pytest_collection_modifyitems(config, items):
     """Mark what communicates and what verifies; leave out what is for another number of ranks, or long."""
     kept, left = [], []
+    functions = defaultdict(list)
+    for item in items:
+        functions[item.path, item.originalname].append(item)
+    white = {item for sets in functions.values() if len(sets) > 2 for item in white_fields(sets)}
     if hasattr(config, "workerinput"):
         _in_turn(items)
     for item in items:
@@ -118,7 +129,8 @@ def pytest_collection_modifyitems(config, items):
             item.add_marker(pytest.mark.verification)
         if room in _SLOW or item.get_closest_marker("long"):
             item.add_marker(pytest.mark.slow)
-        (kept if _runs(config, item) else left).append(item)
+        small = len(functions[item.path, item.originalname]) <= 2
+        (kept if _runs(config, item) and (small or _has_its_turn(config, item, item in white)) else left).append(item)
     if left:
         config.hook.pytest_deselected(items=left)
         items[:] = kept
@@ -146,6 +158,18 @@ def _runs(config, item) -> bool:
         # the set on three ranks leaves out what is slow
         return WORLD.size == 2 and item.get_closest_marker("slow") is not None
     return WORLD.size == 1 or item.get_closest_marker("mpi") is not None
+
+
+def _has_its_turn(config, item, white: bool) -> bool:
+    """Whether a parameter set runs on this number of ranks, rather than on another or on one alone."""
+    if config.getoption("long") or config.getoption("properties"):
+        return True
+    if item.get_closest_marker("every_other"):
+        return not white
+    if WORLD.size not in _NOT_ON or any(map(item.get_closest_marker, ("ranks", "slow"))):
+        return True
+    makes_exchanges = not any(_room(item) in rooms for rooms in _NOT_ON.values())
+    return white == (makes_exchanges and WORLD.size == 3)
 
 
 def pytest_collection_finish(session):

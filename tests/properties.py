@@ -15,15 +15,17 @@ What is checked, by room, and where it runs; a test compares this list with the 
 | mpi, whole | `mpirun -n 2 python -m pytest -q -m mpi` | the same, and whole runs against exact solutions |
 | mpi, on three | `mpirun -n 3 python -m pytest -q -m "mpi and not slow"` | the same on three, but for whole runs |
 | verification | `python -m pytest -n 2 -m verification` | against exact solutions, other codes, published results |
-| long | `--long` added to any of them | tests that take minutes; those of several ranks on 2 and on 3 |
+| long | `--long` added to any of them | tests that take minutes; those of several ranks on 2 and 3, all sets |
 
 The README's test command runs `all` and both `mpi`; `.ci/run` adds format, lint and types, and checkpoints and restarts
 on another MPI. A test that uses the communicator of all ranks (the fixtures `comm` and `shared_path`) is in `mpi` by
-itself; `serial` takes it out. What makes the exchanges between ranks (`decomposition`, `output`, `pairs`, `particles`,
-`solvers`) runs on 2 ranks and on 3. What stands on them runs on one of the two: `api`, `commands`, `errors`,
-`examples`, `materials`, `peridynamics` and `tools` on 2, all others, but for slow ones, on 3. Tests of `end_to_end`
-start their own ranks, up to 4. Compiled kernels are kept in the user's cache folder, one for all processes, ranks and
-checkouts: a process that needs a kernel which another one compiles waits for it.
+itself; `serial` takes it out. What makes the exchanges between ranks (`decomposition`, `particles`) runs on 2 ranks and
+on 3. What stands on them runs on one of the two: `contact`, `mixed`, `mpm`, `output`, `pairs`, `solvers`, `tlsph` and
+`ulsph`, but for slow tests, on 3, all others on 2. A test with more than two parameter sets runs every other one on
+several ranks, so that each value of each parameter has its turn; where exchanges are made, those that are left on 2 run
+on 3. A test marked `every_other`, whose parameter sets take seconds or kernels each, does so on one rank, too; `--long`
+runs all. Tests of `end_to_end` start their own ranks, up to 4. Compiled kernels are kept in the user's cache folder,
+one for all processes, ranks and checkouts: a process that needs a kernel which another one compiles waits for it.
 """
 _SETS = ("slow", "mpi", "verification", "long")
 

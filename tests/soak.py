@@ -4,7 +4,7 @@ A random scene on random ranks writes checkpoints often; its job is killed, or o
 SIGTERM, SIGINT or the clock, again and again, and continued on the same ranks or on others. What it leaves at its end
 has to be what the uninterrupted run leaves: on the same ranks to the last bit, on others to 1e-9. Prints one line a
 run and a table at the end; status 1 when anything was lost, a job hung, or a traceback was seen. Most jobs are forked
-from a process that has the program loaded (`end_to_end/preloaded.py`), one in `--whole` is started as a user does it.
+from a process that has the program loaded (`preloaded.py`), one in `--whole` is started as a user does it.
 """
 
 import argparse
@@ -18,16 +18,16 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent / "end_to_end"))
 
-from command_line import environment, finish, kill, ranks_of, start
+from command_line import finish, kill, ranks_of, start
 from run_results import assert_close, assert_same_bits
 from small_scenes import write
 
 sys.path.insert(0, str(Path(__file__).parent))
+from preloaded import program
 from soak_scenes import SCENES
 
 MOST_RANKS, MOST_ENDS = 3, 10
@@ -127,21 +127,6 @@ def _rows(history: Path) -> int:
     return 0
 
 
-@contextlib.contextmanager
-def preloaded(folder: Path) -> Iterator[tuple[str, ...]]:
-    """A server of ranks with its socket in a folder; gives the program that `start` takes for "-m", "parsolid"."""
-    address, script = folder / "door", str(Path(__file__).with_name("end_to_end") / "preloaded.py")
-    server = subprocess.Popen([sys.executable, script, "serve", str(address)], env=environment())
-    try:
-        while not address.exists():
-            assert server.poll() is None, "the server of ranks did not start"
-            time.sleep(0.05)
-        yield ("-S", "-E", script, str(address), "parsolid")
-    finally:
-        server.kill()
-        server.wait()
-
-
 def _end(job, way: str, chance: random.Random) -> None:
     processes = ranks_of(job)
     if way == "kill all":
@@ -164,8 +149,8 @@ def main() -> int:
     parser.add_argument("--whole", type=int, default=20, help="one job in so many loads the program itself")
     options = parser.parse_args()
     end = time.monotonic() + 3600.0 * options.hours
-    with tempfile.TemporaryDirectory() as folder, preloaded(Path(folder)) as program:
-        programs = [program] * (options.whole - 1) + [("-m", "parsolid")]
+    with tempfile.TemporaryDirectory() as folder:
+        programs = [program("-m", "parsolid")] * (options.whole - 1) + [("-m", "parsolid")]
         soak = Soak(Path(folder), random.Random(options.seed), programs)
         while soak.ended.total() < options.kills and time.monotonic() < end:
             soak.run(min(MOST_ENDS, options.kills - soak.ended.total()))

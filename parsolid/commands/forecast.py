@@ -12,7 +12,7 @@ import numpy as np
 
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.observables.in_region import OfRegion
-from parsolid.output.fields import bytes_of_rows
+from parsolid.output.fields import bytes_of_rows, exact_names
 from parsolid.scene import Scene
 from parsolid.simulation.observables import Observables
 
@@ -124,7 +124,8 @@ def bytes_on_disk(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> tup
         if scene.output.where is not None:
             chosen = OfRegion(shown, list(scene.named_regions).index(scene.output.where))
             written = int(comm.allreduce(len(chosen.rows("identifier"))))
-        fields += written * (24 + sum(bytes_of_rows(np.asarray(shown.field(name)), name) for name in names))
+        exact = exact_names(names)
+        fields += written * (24 + sum(bytes_of_rows(np.asarray(shown.field(name)), name in exact) for name in names))
         particles += written
         kept = system.particles.checkpointed().values()
         checkpoint += total * sum(rows.dtype.itemsize * int(np.prod(rows.shape[1:])) for rows in kept)

@@ -6,6 +6,7 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.collective import maximum, minimum
+from parsolid.commands.busy_cores import busy_cores, cores, cores_with_room
 from parsolid.commands.forecast import BESIDES, bytes_on_disk, load_on, memory_on, seconds_a_step
 from parsolid.contact.relations import relations
 from parsolid.methods.protocol import ParticleSystem
@@ -14,6 +15,8 @@ from parsolid.simulation.loop import Simulation
 
 # steps that are measured, at least and at most, and for how long [s]
 _STEPS, _SECONDS = (3, 200), 2.0
+# parts of them, of which one that was disturbed does not count
+_STRETCHES = 10
 
 
 def print_report(
@@ -29,9 +32,10 @@ def print_report(
     numbers = _counts(comm, systems)
     pairs = comm.allreduce(sum(system.directed_pairs for system in systems)) // 2
     sent = comm.allreduce(sum(system.bytes_a_step() for system in systems))
-    seconds, work = _seconds_a_step(comm, simulation, stable)
+    measured = _Steps(comm, simulation, stable)
+    seconds, work = measured.measure()
     disk = bytes_on_disk(comm, scene, systems)
-    lines = _elsewhere(comm, systems, elsewhere, base, (work, maximum(comm, idle))) if elsewhere else []
+    ahead = _elsewhere(measured, elsewhere, base, work, idle) if elsewhere else []
     memory, meetings = maximum(comm, peak_memory_bytes()), relations(comm, scene, systems)
     table = _of_each(comm, simulation) if len(systems) > 1 else ""
     if comm.rank > 0:
@@ -62,7 +66,7 @@ def print_report(
     times = max(1, len(scene.fields_times))
     print(f"{'fields':<28} {_mib(times * disk[0] + disk[1])}   {times} times of {disk[0] / 2**20:.3g} MiB")
     print(f"{'checkpoints':<28} {_mib(2 * disk[2])}   two of {disk[2] / 2**20:.3g} MiB", flush=True)
-    for line in lines:
+    for line in ahead:
         print(line, flush=True)
 
 
@@ -70,17 +74,22 @@ def _mib(size: float) -> str:
     return f"{size / 2**20:>14,.4g} MiB"
 
 
-def _elsewhere(
-    comm: MPI.Intracomm, systems: list[ParticleSystem], ranks: int, base: int, work: tuple[float, float]
-) -> list[str]:
-    """What the scene costs on another number of ranks, each with a core of its own; collective."""
+def _elsewhere(measured: "_Steps", ranks: int, base: int, work: float, idle: float) -> list[str]:
+    """What the scene costs on another number of ranks, each with a core of its own, from the work [s] of a step on the
+    present ranks and of one without particles; measured again where more cores can be busy. Collective."""
+    comm, systems = measured.comm, measured.simulation.systems
+    # ranks that share caches and memory slow each other
+    busy = min(ranks, cores_with_room(peak_memory_bytes() - base)) if comm.size == 1 else comm.size
+    if busy != comm.size:
+        work = measured.measure(busy)[1]
     now, then = load_on(comm, systems, comm.size), load_on(comm, systems, ranks)
-    step, messages = seconds_a_step(systems, *work, now, then, ranks)
+    step, messages = seconds_a_step(systems, work, maximum(comm, idle), now, then, ranks)
     program = maximum(comm, base) + (BESIDES if comm.size == 1 < ranks else 0)
     memory = memory_on(program, maximum(comm, peak_memory_bytes()) + program - maximum(comm, base), now, then)
+    told = f"measured with {busy} busy {'core' if busy == 1 else 'cores'} of {max(busy, cores())}"
     parts = f"{step * 1e3:.4g} ms of the processor, {messages * 1e3:.3g} ms messages"
     return [
-        f"\non {ranks} {'rank' if ranks == 1 else 'ranks'}, a core to each:",
+        f"\non {ranks} {'rank' if ranks == 1 else 'ranks'}, a core to each ({told}):",
         f"{'particles of a rank':<28} {then.particles:>14,.0f}   and {then.ghosts:,.0f} ghosts at most",
         f"{'memory a rank':<28} {_mib(memory)}   of which {program / 2**20:,.0f} MiB the program",
         f"{'time a step':<28} {(step + messages) * 1e3:>14,.4g} ms   of which {parts}",
@@ -133,31 +142,46 @@ def bytes_a_particle(systems: list[ParticleSystem]) -> float:
     return float(total) / max(1, sum(system.owned for system in systems))
 
 
-def _seconds_a_step(comm: MPI.Intracomm, simulation: Simulation, stable: float) -> tuple[float, float]:
-    """Measured wall time of a step [s], and its work on the busiest rank, of the processor, without messages;
-    collective.
-    """
-    # steps as the run takes them, jumps of loads and shorter ones as matter deforms among them; those of a solver and
-    # of moving lists cost what their motion makes them cost
-    end, time_steps = simulation.scene.end_time, simulation.time_steps
+class _Steps:
+    """Steps as a run takes them, jumps of loads and shorter ones as matter deforms among them: those of a solver and of
+    moving lists cost what their motion makes them cost."""
 
-    def take_step(stable: float) -> float:
+    def __init__(self, comm: MPI.Intracomm, simulation: Simulation, stable: float) -> None:
+        """stable: the first step [s], which also loads kernels, and is taken. Collective."""
+        self.comm, self.simulation, self.begin = comm, simulation, stable
+        self.stable = stable
+        self.take()
+
+    def take(self) -> None:
+        """One step; collective."""
+        simulation, end = self.simulation, self.simulation.scene.end_time
         # a scene of few steps goes on beyond its end
-        ended = simulation.clock.time >= end or not stable > 0.0
-        step = min(begin, end) if ended else time_steps.next(simulation.clock.time, stable)[0]
-        return simulation.take_step(step)
+        ended = simulation.clock.time >= end or not self.stable > 0.0
+        step = min(self.begin, end) if ended else simulation.time_steps.next(simulation.clock.time, self.stable)[0]
+        self.stable = simulation.take_step(step)
 
-    begin = stable
-    stable = take_step(stable)
-    walls: list[float] = []
-    begun, phases, spent = simulation.clock.loop_processor_seconds, simulation.phases, 0.0
-    sent = phases.sent_processor
-    # all ranks stop together
-    while len(walls) < _STEPS[0] or (maximum(comm, spent) < _SECONDS and len(walls) < _STEPS[1]):
-        began = clock.perf_counter()
-        stable = take_step(stable)
-        walls.append(maximum(comm, clock.perf_counter() - began))
-        spent = simulation.clock.loop_processor_seconds - begun - (phases.sent_processor - sent)
-    # of the wall not the mean: what else the machine does is not the scene's; of the processor the mean, for lists that
-    # are made now and then belong to it
-    return float(np.median(walls)), maximum(comm, spent / len(walls))
+    @property
+    def _work(self) -> float:
+        return self.simulation.clock.loop_processor_seconds - self.simulation.phases.sent_processor
+
+    def measure(self, busy: int = 1) -> tuple[float, float]:
+        """Wall time of a step [s], and its work on the busiest rank, of the processor, without messages; collective.
+
+        busy: cores that are to have as much to do meanwhile, more than one for one rank alone.
+        """
+        walls: list[float] = []
+        work: list[float] = []
+        with busy_cores(busy, self.take):
+            # all ranks stop together
+            while len(walls) < _STEPS[0] or (maximum(self.comm, sum(work)) < _SECONDS and len(walls) < _STEPS[1]):
+                began, before = clock.perf_counter(), self._work
+                self.take()
+                walls.append(maximum(self.comm, clock.perf_counter() - began))
+                work.append(self._work - before)
+        return float(np.median(walls)), maximum(self.comm, usual_mean(work))
+
+
+def usual_mean(seconds: list[float]) -> float:
+    """The median of the means [s] of ten stretches of steps: lists that are made now and then belong to them, what else
+    the machine did for a while does not."""
+    return float(np.median([one.mean() for one in np.array_split(seconds, min(_STRETCHES, len(seconds)))]))

@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 from decomposition.compiled import LISTENERS, folder
 from parsolid.collective import SolverError, anywhere
-from parsolid.commands.check_advice import advice, scene_advice, size_advice
+from parsolid.commands.check_advice import advice, cost_advice, scene_advice, size_advice
 from parsolid.commands.error_bars import run_with_bars, wanted
 from parsolid.commands.profiling import profiled
 from parsolid.commands.standard_pictures import draw
@@ -131,7 +131,8 @@ def _run_in(
 ) -> int:
     """Run a simulation into its files; began: reading of the performance counter at the command's start [s]."""
     scene = simulation.scene
-    progress, meetings = None, size_advice(simulation) + relations(comm, scene, simulation.systems)
+    told = size_advice(simulation) + cost_advice(simulation)
+    progress, meetings = None, told + relations(comm, scene, simulation.systems)
     if comm.rank == 0:
         level = 0 if options.quiet else 2 if options.verbose else 1
         moved = [f"the results of an earlier run are in {aside} now" for aside in files.moved]

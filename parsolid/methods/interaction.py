@@ -62,6 +62,10 @@ class Interaction:
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave, before `begin`."""
 
+    def handed_on(self) -> dict[str, Any]:
+        """By name, what another run that starts from this one's state may take, the same on all ranks."""
+        return {}
+
     def sound(self) -> bool:
         """Whether the last step left this rank's part as it can be."""
         return True

@@ -6,13 +6,14 @@ but for forces that the last step has found with velocities within it: these the
 
 from collections.abc import Iterator
 from fnmatch import fnmatchcase
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from parsolid.collective import anywhere, raise_together
 from parsolid.scene.initial import meant
-from parsolid.scene.previous_results import STATE, PreviousField, StepOfResults
+from parsolid.scene.previous_results import STATE, PreviousField, StepOfResults, methods_of
 
 # between particles, too
 _BOUNDS = {"plastic_strain": (0.0, None), "damage": (0.0, 1.0)}
@@ -25,7 +26,8 @@ _DERIVED = ("jacobian", "cofactor")
 def evolved_names(system: Any) -> list[str]:
     """Declared fields of a system's state besides its places: those of the settings that the scene has."""
     settings = system.settings
-    return _named(system, (*settings.evolved, *settings.evolved_of_particles, *settings.evolved_forces))
+    own = (*settings.evolved, *settings.evolved_of_particles, *settings.evolved_forces)
+    return _named(system, (*own, *settings.evolved_between))
 
 
 def _named(system: Any, patterns: tuple[str, ...]) -> list[str]:
@@ -53,6 +55,10 @@ def take_state(comm: Any, scene: Any, system: Any, particle_set: Any) -> bool:
     faults: list[str] = []
     for i, state in states:
         here = np.flatnonzero(meant(scene, state, particle_set.body, particle_set.regions))
+        known, kind = methods_of(Path(state.results)), system.settings.kind
+        if known and kind not in known:
+            found = f"{' and '.join(known)}, of which fields are taken by name"
+            faults.append(f"initial.{i}.fields: expected the state of results of {kind}, found those of {found}")
         faults += _taken(system, state.of("velocity"), here, particle_set.position[here], f"initial.{i}.fields")
     raise_together(comm, faults[0] if faults else None)
     return bool(states)
@@ -107,8 +113,29 @@ def _taken(system: Any, velocity: PreviousField, here: np.ndarray, places: np.nd
         if name in _BOUNDS:
             values = np.clip(values, *_BOUNDS[name])
         rows[here] = values
+    yield from _taken_between(system, velocity, here, places, key)
     if lost := _left_over(system, velocity):
         yield f"{key}: expected a scene with all of the state of the results, found none with {', '.join(lost)}"
+
+
+def _taken_between(
+    system: Any, velocity: PreviousField, here: np.ndarray, places: np.ndarray, key: str
+) -> Iterator[str]:
+    """Put what contact and tools of the results kept with particles into these, if they are the same; what was wrong.
+
+    Others begin as at a start: what they held is no field.
+    """
+    for name in _named(system, system.settings.evolved_between):
+        rows = two_axes(system.particles.owned_rows(name))
+        had = [step for step in velocity.steps if STATE + name in step.names]
+        if not had:
+            continue
+        steps = _steps_with(velocity, name, rows.shape[1])
+        if not steps:
+            yield f"{key}: expected the contacts of the results, between as many bodies, found others"
+            return
+        values, same = PreviousField(steps, STATE + name, velocity.dimension, rows.shape[1]).of_particles(places)
+        rows[here[same]] = values[same]
 
 
 def _missing(velocity: PreviousField, name: str, components: int) -> str:

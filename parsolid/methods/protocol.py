@@ -236,6 +236,10 @@ class ParticleSystem:
         """What most likely helps when a run goes wrong."""
         return "more particles, or a milder load"
 
+    def cost_notes(self) -> list[str]:
+        """What makes a run cost more than its particles say; collective, the same on all ranks."""
+        return []
+
     def numbers(self) -> dict[str, int]:
         """Counts of this rank that `check` tells."""
         return {}

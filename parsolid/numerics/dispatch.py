@@ -25,9 +25,32 @@ def is_instance(numba_type, named_tuple_class) -> bool:
     return isinstance(numba_type, types.BaseNamedTuple) and numba_type.instance_class is named_tuple_class
 
 
-def field_types(numba_type) -> dict:
-    """Field name -> numba type of a NamedTuple's numba type."""
-    return dict(zip(numba_type.fields, numba_type.types))
+def _written(parameters, expression: str, **names):
+    """A function of these parameters; numba wants them by their names."""
+    exec(f"def written({', '.join(parameters)}):\n    return {expression}", names)
+    return names["written"]
+
+
+def constant(function):
+    """Decorator of a function of its arguments' types alone, a constant in kernels.
+
+    There it is given of each argument what the type tells: NamedTuples of such, None, else the numba type.
+    """
+    parameters = inspect.signature(function).parameters
+
+    @overload(function, strict=False)
+    def choose(*arguments):
+        return _written(parameters, "value", value=function(*map(_told_by, arguments)))
+
+    return function
+
+
+def _told_by(numba_type):
+    if isinstance(numba_type, types.NoneType):
+        return None
+    if isinstance(numba_type, types.BaseNamedTuple):
+        return numba_type.instance_class(*map(_told_by, numba_type.types))
+    return numba_type
 
 
 class Generic:
@@ -41,7 +64,7 @@ class Generic:
         self.implementations, self.default = {}, None
 
     def of(self, *kinds):
-        """Decorator of the implementation for NamedTuple classes, dimensions of arrays, or None."""
+        """Decorator of the implementation for NamedTuple classes, dimensions of arrays, lengths of tuples, or None."""
 
         def decorate(function):
             self.implementations.update(dict.fromkeys(kinds, function))
@@ -73,19 +96,12 @@ class Generic:
         """What numba compiles for argument types."""
         plain = [i for i in self.tensors if not is_tensor(arguments[i]) and tensor_class(arguments[i])]
         if plain:
-            return self._with_tensors(plain)
+            given = ", ".join(f"as_tensor({name})" if i in plain else name for i, name in enumerate(self.parameters))
+            return _written(self.parameters, f"function({given})", function=self.function, as_tensor=as_tensor)
         try:
             return self.find(_key_of_type(arguments[self.position]))
         except TypeError as error:
             raise TypingError(str(error)) from None
-
-    def _with_tensors(self, plain: list[int]):
-        """The function with plain tuples made tensors first; written out, because numba wants named arguments."""
-        names = self.parameters
-        given = ", ".join(f"as_tensor({name})" if i in plain else name for i, name in enumerate(names))
-        scope = {"function": self.function, "as_tensor": as_tensor}
-        exec(f"def with_tensors({', '.join(names)}):\n    return function({given})", scope)
-        return scope["with_tensors"]
 
     def called(self, *arguments):
         """What plain Python calls."""
@@ -125,10 +141,14 @@ def _key_of_type(numba_type):
         return None
     if isinstance(numba_type, types.BaseNamedTuple):
         return numba_type.instance_class
+    if isinstance(numba_type, types.BaseTuple):
+        return len(numba_type)
     return numba_type.ndim if isinstance(numba_type, types.Array) else type(numba_type)
 
 
 def _key_of_value(value):
+    if type(value) is tuple:
+        return len(value)
     return value.ndim if isinstance(value, np.ndarray) else None if value is None else type(value)
 
 

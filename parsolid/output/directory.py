@@ -22,6 +22,7 @@ RESULTS = (
     "checkpoint.previous.h5",
     "scene.toml",
     "summary.json",
+    "tools.json",
     "traceback*.txt",
     "pictures",
     "profile-*.txt",

@@ -4,6 +4,7 @@ Rows are ordered by the particles' identifiers, so that a particle keeps its row
 not depend on the number of ranks. To that end ranks exchange rows; none ever has more than its even share.
 """
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +28,8 @@ class FieldSeries:
     Parameters: comm; path; capacity, how many steps are to come (space is taken as they are written);
     resume_at, a time [s]: go on with the file at path, keeping its steps up to and including that time, if it is
     whole and holds the same fields of as many particles, else None; double, write floating-point fields with 8
-    bytes instead of 4 (positions and a state always have 8); method as in `slabs`; index, of a block its place among
-    others.
+    bytes instead of 4 (positions, a state and the displacement beside one always have 8); method as in `slabs`; index,
+    of a block its place among others.
 
     A file that is gone on with and has too little room gives its steps to one that has. A file that is at path and is
     not gone on with, or is full, is renamed to the next free of fields.1.vtkhdf, fields.2.vtkhdf and so on.
@@ -52,6 +53,7 @@ class FieldSeries:
         self._capacity = capacity
         self._resume_at = resume_at
         self._floats = np.float64 if double else np.float32
+        self._exact: set[str] = set()
         self._method = method
         self._index = index
         # known after the first write
@@ -81,6 +83,7 @@ class FieldSeries:
         Raises OutputError on all ranks; the steps before remain readable.
         """
         constant = constant or {}
+        self._exact = exact_names(varying)
         if self._layout is None:
             self._begin(len(identifier), varying, constant)
         if set(varying) != set(self._layout.varying):
@@ -209,7 +212,7 @@ class FieldSeries:
     def _shown(self, values: np.ndarray, name: str) -> np.ndarray:
         """Values as they are written: in space, floats with the precision asked for."""
         values = _in_space(values)
-        if values.dtype.kind == "f" and not name.startswith(STATE):
+        if values.dtype.kind == "f" and name not in self._exact:
             return values.astype(self._floats, copy=False)
         return values.astype(np.uint8) if values.dtype == bool else values
 
@@ -235,10 +238,17 @@ class _ByIdentifier:
         return migrate(self._comm, self._owner, {"values": values})["values"][self._order]
 
 
-def bytes_of_rows(values: np.ndarray, name: str = "") -> int:
+def exact_names(names: Iterable[str]) -> set[str]:
+    """Which fields of a file have all their digits: those of a state, and the displacement beside them, by which a
+    particle's reference place is found however far it has moved."""
+    of_state = {name for name in names if name.startswith(STATE)}
+    return of_state | {"displacement"} if of_state else of_state
+
+
+def bytes_of_rows(values: np.ndarray, exact: bool = False) -> int:
     """Bytes that a row of a field takes in the file."""
     width = int(np.prod(_in_space(values[:0]).shape[1:]))
-    return width * (4 if values.dtype.kind == "f" and not name.startswith(STATE) else values.dtype.itemsize)
+    return width * (4 if values.dtype.kind == "f" and not exact else values.dtype.itemsize)
 
 
 def _in_space(values: np.ndarray) -> np.ndarray:

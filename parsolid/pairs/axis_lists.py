@@ -21,8 +21,8 @@ AXES = 3
 NEXT, JUMP, STEP, SECOND = 0, WIDTH, 2 * WIDTH, 3 * WIDTH
 # more different rows than this are no lattice's
 _MOST = 1 << 15
-# k_ab that differs from S |g_ab| by no more than rounding is that
-_ROUNDING = 1e-12
+# k_ab that differs from S |g_ab| by no more than rounding is that: of places, where a body is 1e6 spacings from 0
+_ROUNDING = 1e-9
 
 
 class Edges(NamedTuple):
@@ -65,6 +65,15 @@ def pairs_in(pairs: Any) -> int:
     return len(pairs.edges.first if isinstance(pairs, OneSidedAxes) else pairs.neighbour)
 
 
+def neighbours_in(pairs: Any, owned: int) -> np.ndarray:
+    """How many neighbours (owned,) particles have in a list of any kind of pairs of owned ones."""
+    if not isinstance(pairs, InnerAxes):
+        return np.diff(pairs.start) + np.bincount(pairs.neighbour, minlength=owned)
+    there = pairs.neighbour != np.arange(owned)[:, None]
+    ends = pairs.neighbour[there], pairs.others.first, pairs.others.second
+    return np.asarray(there.sum(axis=1) + np.bincount(np.concatenate(ends), minlength=owned))
+
+
 def arrays_of(pairs: Any) -> list[np.ndarray]:
     """The arrays of a list of any kind, but those of images."""
     if isinstance(pairs, InnerAxes):
@@ -90,9 +99,16 @@ def _jump_of(pairs: Any, k: int, axis: int, dissipation: float) -> float:
 
 
 @compiled
+def _apart(lattices: Lattices, positions: np.ndarray, a: int, b: int, axis: int, steps: int) -> float:
+    """X_b - X_a [m] of particles so many steps apart."""
+    return positions[b, axis] - positions[a, axis] if lattices.graded else steps * lattices.spacing[a, axis]
+
+
+@compiled
 def _put_in_slots(
     lattices: Lattices,
     pairs: InnerList,
+    even: np.ndarray,
     positions: np.ndarray,
     dissipation: float,
     neighbour: np.ndarray,
@@ -107,7 +123,7 @@ def _put_in_slots(
     for a in range(pairs.start.shape[0] - 1):
         for k in range(pairs.start[a], pairs.start[a + 1]):
             b = pairs.neighbour[k]
-            axis, steps = lattice_place(lattices, positions, a, b)
+            axis, steps = lattice_place(lattices, even, a, b)
             if lattices.number[a] < 0 or axis < 0:
                 return -1
             # a pair is its lower particle's
@@ -116,39 +132,47 @@ def _put_in_slots(
             if abs(steps) == 1:
                 neighbour[low, axis] = high
                 rows[low, NEXT + axis], rows[low, JUMP + axis] = weight, jump
+                rows[low, STEP + axis] = _apart(lattices, positions, low, high, axis, 1)
             elif abs(steps) == 2 and jump == 0.0:
                 neighbour[low, AXES + axis], rows[low, SECOND + axis] = high, weight
             else:
                 others.first[count], others.second[count], others.axis[count] = low, high, axis
                 others.weight[count, 0], others.weight[count, 1] = weight, jump
-                others.weight[count, 2] = abs(steps) * lattices.spacing[a, axis]
+                others.weight[count, 2] = _apart(lattices, positions, low, high, axis, abs(steps))
                 count += 1
     return count
 
 
 @compiled
 def _fill_edges(
-    lattices: Lattices, pairs: OneSidedList, positions: np.ndarray, dissipation: float, edges: Edges
+    lattices: Lattices,
+    pairs: OneSidedList,
+    even: np.ndarray,
+    positions: np.ndarray,
+    dissipation: float,
+    edges: Edges,
 ) -> bool:
     """Fill edges with pairs of owned particles and ghosts; whether all are along axes."""
     for a in range(pairs.start.shape[0] - 1):
         for k in range(pairs.start[a], pairs.start[a + 1]):
-            axis, steps = lattice_place(lattices, positions, a, pairs.neighbour[k])
+            axis, steps = lattice_place(lattices, even, a, pairs.neighbour[k])
             if lattices.number[a] < 0 or axis < 0:
                 return False
             edges.first[k], edges.second[k], edges.axis[k] = a, pairs.neighbour[k], axis
             edges.weight[k, 0], edges.weight[k, 1] = pairs.weight[k, axis], _jump_of(pairs, k, axis, dissipation)
-            edges.weight[k, 2] = steps * lattices.spacing[a, axis]
+            edges.weight[k, 2] = _apart(lattices, positions, a, pairs.neighbour[k], axis, steps)
     return True
 
 
-def along_axes(lattices: Lattices, inner: InnerList, rim: OneSidedList | None, positions: Any, factor: float) -> Any:
+def along_axes(
+    lattices: Lattices, inner: InnerList, rim: OneSidedList | None, even: Any, positions: Any, factor: float
+) -> Any:
     """(inner, rim) along axes, or None where not all pairs are.
 
-    Of lists with weights g_ab and whole k_ab (`mean_impedance.whole_jump_factors`); positions (n, 3) [m]; factor: on
-    the dissipation.
+    Of lists with weights g_ab and whole k_ab (`mean_impedance.whole_jump_factors`); even, positions (n, 3) [m]: by
+    which pairs are told, and where particles stand; factor: on the dissipation.
     """
-    n, place = len(inner.start) - 1, (positions, factor)
+    n, place = len(inner.start) - 1, (even, positions, factor)
     neighbour, rows, others = np.zeros((n, 2 * AXES), np.int32), np.zeros((n, 4 * WIDTH)), _edges(len(inner.neighbour))
     count = _put_in_slots(lattices, inner, *place, neighbour, rows, others)
     # as bytes: the time does not depend on how many there are

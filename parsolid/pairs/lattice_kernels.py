@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import overload, register_jitable
+from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
 from parsolid.numerics.lanes import WIDTH, broadcast, fused, load, store
@@ -36,14 +36,15 @@ class Box(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Of particles, ghosts behind: line, place (n,) int64; volume (n,). Of owned ones sums over offsets, themselves
-    among them: volumes (owned,), moments (owned, 3) of volumes along first, second and fast axis, in spacings.
+    """Of particles, ghosts behind: place (n,) int64 among all of the lattice; volume (n,). Of owned ones: target
+    (owned,) int64 among places without leads, and sums over offsets, themselves among them: volumes (owned,), moments
+    (owned, 3) of volumes along first, second and fast axis, in spacings.
 
     axis (d,) int64: which of these three an axis of space is; spacing (d,) [m].
     """
 
-    line: np.ndarray
     place: np.ndarray
+    target: np.ndarray
     volume: np.ndarray
     volumes: np.ndarray
     moments: np.ndarray
@@ -51,15 +52,15 @@ class Rows(NamedTuple):
     spacing: np.ndarray
 
 
-def size_of(space):
-    """The dimension of a space; a constant in kernels."""
-    return space.dimension
+class Mirrored(NamedTuple):
+    """Mirror images on places of their own: source (m,) int64, the particle's row; origin, place (m,) int64 of particle
+    and image; code (m,) int64 of reflections.
+    """
 
-
-@overload(size_of)
-def _size_of(space):
-    dimension = dimension_of(space)
-    return lambda space: dimension
+    source: np.ndarray
+    origin: np.ndarray
+    place: np.ndarray
+    code: np.ndarray
 
 
 # --- sums over lines ---------------------------------------------------------------------------------------------
@@ -175,57 +176,61 @@ def contraction(box, lines, values, across, plain, result, sums, slopes):
 # --- from rows to places and back --------------------------------------------------------------------------------
 
 
+@compiled(error_model="numpy")
+def reflect(mirrored, signs, values):
+    """Fill values (components, places) of images: those of the particles times signs (codes, components)."""
+    for k in range(values.shape[0]):
+        for m in range(mirrored.place.shape[0]):
+            values[k, mirrored.place[m]] = signs[mirrored.code[m], k] * values[k, mirrored.origin[m]]
+
+
 @compiled(fastmath={"contract"}, error_model="numpy")
 def spread(space, rows, column, kinematics, base, values):
-    """Fill V (f - base) of a vector in some columns into values (d, lines, places); base (d,): that of row 0."""
-    d = size_of(space)
-    for i in range(d):
-        base[i] = kinematics[0, column + i]
-    for b in range(rows.line.shape[0]):
+    """Fill V (f - base) of a vector in some columns into values (d, places)."""
+    d = dimension_of(space)
+    for b in range(rows.place.shape[0]):
         for i in range(d):
-            values[i, rows.line[b], rows.place[b]] = rows.volume[b] * (kinematics[b, column + i] - base[i])
+            values[i, rows.place[b]] = rows.volume[b] * (kinematics[b, column + i] - base[i])
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
-def collect(space, rows, lead, width, column, kinematics, base, result, jumps, sums):
-    """Add the gradients' sums; jumps (owned, d): sum V_b (f_b - f_a)."""
-    d = size_of(space)
+def collect(space, rows, width, column, kinematics, base, result, jumps, sums):
+    """Add the gradients' sums of result (d, 4, targets); jumps (owned, d): sum V_b (f_b - f_a)."""
+    d = dimension_of(space)
     for a in range(rows.volumes.shape[0]):
-        line, z = rows.line[a], rows.place[a] - lead
+        z = rows.target[a]
         for i in range(d):
             value = kinematics[a, column + i] - base[i]
-            jumps[a, i] = result[i, 0, line, z] - rows.volumes[a] * value
+            jumps[a, i] = result[i, 0, z] - rows.volumes[a] * value
             for j in range(d):
                 k = rows.axis[j]
-                moment = result[i, 1 + k, line, z] - rows.moments[a, k] * value
+                moment = result[i, 1 + k, z] - rows.moments[a, k] * value
                 sums[a, width * j + i] += rows.volume[a] * rows.spacing[j] * moment
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
 def spread_records(space, rows, width, stiffness, kinematics, base, record, values):
-    """Fill V M h, and V C1 f unless stiffness, the first column of C1, is None, into values (d, 4, lines, places)."""
-    d = size_of(space)
-    for b in range(rows.line.shape[0]):
-        line, place, volume = rows.line[b], rows.place[b], rows.volume[b]
+    """Fill V M h, and V C1 f unless stiffness, the first column of C1, is None, into values (d, 4, places)."""
+    d = dimension_of(space)
+    for b in range(rows.place.shape[0]):
+        place, volume = rows.place[b], rows.volume[b]
         for i in range(d):
             for j in range(d):
-                value = volume * rows.spacing[j] * record[b, width * j + i]
-                values[i, 1 + rows.axis[j], line, place] = value
+                values[i, 1 + rows.axis[j], place] = volume * rows.spacing[j] * record[b, width * j + i]
             if stiffness is not None:
                 total = 0.0
                 for j in range(d):
                     total += record[b, stiffness + width * j + i] * (kinematics[b, j] - base[j])
-                values[i, 0, line, place] = volume * total
+                values[i, 0, place] = volume * total
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
-def collect_forces(space, rows, lead, width, stiffness, stiffnesses, kinematics, base, record, result, jumps, force):
-    """Add forces; stiffnesses (owned, d, d): sum V_b C1_b."""
-    d = size_of(space)
+def collect_forces(space, rows, width, stiffness, stiffnesses, kinematics, base, record, result, jumps, force):
+    """Add forces of result (d, targets); stiffnesses (owned, d, d): sum V_b C1_b."""
+    d = dimension_of(space)
     for a in range(rows.volumes.shape[0]):
-        line, z = rows.line[a], rows.place[a] - lead
         for i in range(d):
-            total = result[i, line, z]
+            total = result[i, rows.target[a]]
             for j in range(d):
                 total += record[a, width * j + i] * rows.spacing[j] * rows.moments[a, rows.axis[j]]
                 if stiffness is not None:

@@ -15,11 +15,12 @@ _ASTRAY = 1e-3
 
 class Lattices(NamedTuple):
     """Of owned particles: number (n,) int64 of the lattice, -1 on none; spacing (n, d) [m]; weight (n, d, 7) of their
-    `Stencils`."""
+    `Stencils`. graded: whether any stand elsewhere than on the even steps by which pairs are told."""
 
     number: np.ndarray
     spacing: np.ndarray
     weight: np.ndarray
+    graded: bool = False
 
 
 @compiled

@@ -31,16 +31,38 @@ _AT_END = {(0, 1): 59 / 96, (0, 2): -1 / 12, (0, 3): -1 / 32, (1, 2): 59 / 96, (
 
 
 class Axis(NamedTuple):
-    """Nodes along an axis, their distance [m], and whether a mirror plane is at the lower and the upper end."""
+    """Nodes along an axis, their (mean) distance [m], and whether a mirror plane is at the lower and the upper end.
+
+    places: of the nodes, in steps, where their distances differ; held: whether all nodes at an end stand still.
+    """
 
     nodes: int
     step: float
     mirrored: tuple[bool, bool]
+    places: tuple[float, ...] = ()
+    held: tuple[bool, bool] = (False, False)
+
+    @property
+    def with_images(self) -> int:
+        """Nodes with those beyond mirror planes."""
+        return self.nodes + (self.nodes - 1) * sum(self.mirrored)
+
+    @property
+    def whole(self) -> "Axis":
+        """With the nodes beyond mirror planes, of steps of 1 m."""
+        places = np.array(self.places)
+        if self.places and self.mirrored[0]:
+            places = np.concatenate((2.0 * places[0] - places[:0:-1], places))
+        if self.places and self.mirrored[1]:
+            first = np.array(self.places)
+            places = np.concatenate((places, 2.0 * first[-1] - first[-2::-1]))
+        held = self.held if not any(self.mirrored) else (False, False)
+        return Axis(self.with_images, 1.0, (False, False), tuple(places.tolist()), held)
 
     @property
     def wide(self) -> bool:
         """Whether the operator of fourth order fits."""
-        return self.nodes + (self.nodes - 1) * sum(self.mirrored) >= FEWEST
+        return self.with_images >= FEWEST
 
     @property
     def highest_frequency(self) -> float:
@@ -48,9 +70,9 @@ class Axis(NamedTuple):
 
         A mirrored axis has frequencies of one of twice its length; more than 16 nodes change nothing.
         """
-        nodes = min(self.nodes + (self.nodes - 1) * sum(self.mirrored), 16)
+        nodes = min(self.with_images, 16)
         free = Axis(nodes, 1.0, (False, False))
-        norm, operator = np.sqrt(_norms(free)), _operator(free)
+        norm, operator = np.sqrt(norms_of(free, self.wide)), operator_of(free, self.wide)
         slope = np.zeros((nodes, nodes + 2 * WIDEST))
         for i in range(nodes):
             slope[i, i : i + 2 * WIDEST + 1] = operator[i]
@@ -105,10 +127,10 @@ def _with_images(
     return result
 
 
-def box_stencils(index: list[np.ndarray], axes: list[Axis]) -> Stencils:
-    """Of a box, of fourth order along every axis that is `wide`; index: d arrays (n,)."""
+def box_stencils(index: list[np.ndarray], axes: list[Axis], fourth_order: bool = True) -> Stencils:
+    """Of a box, of fourth order along every axis that is `wide`, or of cells; index: d arrays (n,)."""
     n, d = len(index[0]), len(axes)
-    norms = [_norms(axis)[i] * axis.step for axis, i in zip(axes, index)]
+    norms = [lengths_of(axis, fourth_order and axis.wide)[i] for axis, i in zip(axes, index)]
     own = [norm * _share(axis, i) for norm, axis, i in zip(norms, axes, index)]
     result = Stencils(np.zeros((n, d, 2 * WIDEST + 1)), np.prod(own, axis=0), np.zeros((n, d)))
     for k, axis in enumerate(axes):
@@ -118,7 +140,7 @@ def box_stencils(index: list[np.ndarray], axes: list[Axis]) -> Stencils:
             if j != k:
                 across = across * norms[j]
                 result.area[:, k] *= own[j]
-        result.weight[:, k] = _operator(axis)[index[k]] * across[:, None]
+        result.weight[:, k] = operator_of(axis, fourth_order and axis.wide)[index[k]] * across[:, None]
     return result
 
 
@@ -128,9 +150,9 @@ def _share(axis: Axis, index: np.ndarray) -> np.ndarray:
     return np.asarray(0.5**on)
 
 
-def _norms(axis: Axis) -> np.ndarray:
-    """H (count,) of an axis; whole on mirror planes."""
-    end = _NORM if axis.wide else np.array([0.5])
+def norms_of(axis: Axis, wide: bool) -> np.ndarray:
+    """H (count,) of an axis, of fourth order or of cells; whole on mirror planes."""
+    end = _NORM if wide else np.array([0.5])
     norm = np.ones(axis.nodes)
     if not axis.mirrored[0]:
         norm[: len(end)] = end
@@ -139,18 +161,32 @@ def _norms(axis: Axis) -> np.ndarray:
     return norm
 
 
-def _operator(axis: Axis) -> np.ndarray:
+def lengths_of(axis: Axis, wide: bool) -> np.ndarray:
+    """What each node has of an axis (count,) [m]: H h, or sum_j q_ij X_j where distances differ, so that gradients of
+    linear fields are exact."""
+    if not axis.places:
+        return norms_of(axis, wide) * axis.step
+    places, operator = np.array(axis.places), operator_of(axis, wide)
+    # images, as far as there are nodes for them; operators reach no farther
+    inner = places[1 : 1 + WIDEST], places[-2 : -2 - WIDEST : -1]
+    room = [(WIDEST - len(one), 0) for one in inner]
+    images = [np.pad(2.0 * end - one[::-1], width) for one, end, width in zip(inner, places[[0, -1]], room)]
+    line = np.concatenate((images[0], places, images[1][::-1]))
+    return np.array([operator[i] @ (line[i : i + 2 * WIDEST + 1] - places[i]) for i in range(axis.nodes)]) * axis.step
+
+
+def operator_of(axis: Axis, wide: bool) -> np.ndarray:
     """q (count, 7) of an axis, by node and offset."""
-    return np.array([[_entry(axis, i, o) for o in range(-WIDEST, WIDEST + 1)] for i in range(axis.nodes)])
+    return np.array([[_entry(axis, wide, i, o) for o in range(-WIDEST, WIDEST + 1)] for i in range(axis.nodes)])
 
 
-def _entry(axis: Axis, i: int, offset: int) -> float:
+def _entry(axis: Axis, wide: bool, i: int, offset: int) -> float:
     """q of node i and the one at an offset, which may be an image."""
     low, high = min(i, i + offset), max(i, i + offset)
     last, sign = axis.nodes - 1, float(np.sign(offset))
     if (low < 0 and not axis.mirrored[0]) or (high > last and not axis.mirrored[1]) or offset == 0:
         return 0.0
-    if not axis.wide:
+    if not wide:
         return 0.5 * sign if abs(offset) == 1 else 0.0
     for pair, block in (((low, high), not axis.mirrored[0]), ((last - high, last - low), not axis.mirrored[1])):
         if block and pair in _AT_END:

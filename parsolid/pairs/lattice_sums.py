@@ -19,11 +19,13 @@ from parsolid.numerics.lanes import aligned_zeros, padded
 from parsolid.pairs.lattice_kernels import (
     Box,
     Lines,
+    Mirrored,
     Rows,
     collect,
     collect_forces,
     contraction,
     moments,
+    reflect,
     spread,
     spread_records,
 )
@@ -44,11 +46,12 @@ _ASTRAY = 4e-15
 
 
 class LatticeSums:
-    """The passes over a rank's bonds; those with mirror images have their list."""
+    """The passes over a rank's bonds; those with mirror images have their list unless images have places."""
 
-    def __init__(self, bonds: Any, box: Box, lines: Lines, rows: Rows) -> None:
-        """bonds: `PairSystem`; rows: without their sums over offsets."""
+    def __init__(self, bonds: Any, box: Box, lines: Lines, rows: Rows, mirrored: Mirrored | None) -> None:
+        """bonds: `PairSystem`; rows: without their sums over offsets; mirrored: images with places."""
         self.bonds, self.box, self.lines, self.rows, self.particles = bonds, box, lines, rows, bonds.particles
+        self.mirrored = mirrored
         d, count = bonds.space.dimension, box.first * box.second
         self.across = None if box.first == 1 else True
         self.width = matrix_columns(d) // d
@@ -59,36 +62,55 @@ class LatticeSums:
         self.sums, self.slopes = aligned_zeros((2, rows_of_sums, box.room)), aligned_zeros((rows_of_sums, box.room))
         self.base, self.jumps, self.unused = np.zeros(d), np.zeros((bonds.owned, d)), np.zeros((bonds.owned, d))
         self.stiffnesses: np.ndarray | None = None
+        # what a plane turns round does not move as one
+        self.moves = np.ones(d)
+        if mirrored is not None:
+            self._reflect_by(bonds.codes.signs[:, :d], bonds.codes.reflections[:, :d])
         self.neighbours = self.over_offsets(np.ones(len(rows.volume)))[:, 0] - 1.0
         whole = self.over_offsets(rows.volume)
         self.rows = rows._replace(volumes=whole[:, 0].copy(), moments=whole[:, 1:].copy())
 
+    def _reflect_by(self, Q: np.ndarray, R: np.ndarray) -> None:
+        """Signs of a vector, Q (codes, d), of V C1 f and V M h, M' = Q M R, and of C1' = Q C1 Q."""
+        codes, d = Q.shape
+        across = np.ones((codes, 4))
+        across[:, 1 + self.rows.axis] = R
+        self.vector_signs, self.record_signs = Q.copy(), (Q[:, :, None] * across[:, None]).reshape(codes, -1)
+        self.matrix_signs = Q[:, :, None] * Q[:, None]
+        self.moves = (Q > 0.0).all(axis=0).astype(float)
+
     def arrays(self) -> list[np.ndarray]:
         """Arrays of the lattice, for what counts memory."""
         kept = [self.values, self.field, self.result, self.forces, self.sums, self.slopes, self.jumps, self.unused]
-        return [*kept, *(array for array in self.rows if isinstance(array, np.ndarray))]
+        return [*kept, *(array for array in (*self.rows, *(self.mirrored or ())) if isinstance(array, np.ndarray))]
 
-    def over_offsets(self, values: np.ndarray) -> np.ndarray:
-        """Sums (owned, 4) over offsets of values (n,), and of values times the offset, in spacings."""
+    def over_offsets(self, values: np.ndarray, signs: np.ndarray | None = None) -> np.ndarray:
+        """Sums (owned, 4) over offsets of values (n,), and of values times the offset, in spacings; signs (codes,):
+        of their images.
+        """
         field, result = np.zeros_like(self.field[0]), np.zeros_like(self.result[0])
-        field[self.rows.line, self.rows.place] = values
+        field.ravel()[self.rows.place] = values
+        if self.mirrored is not None:
+            images = values[self.mirrored.source]
+            field.ravel()[self.mirrored.place] = images if signs is None else images * signs[self.mirrored.code]
         moments(self.box, self.lines, field, self.across, result, self.sums[0], self.slopes)
-        owned = slice(self.bonds.owned)
-        return result[:, self.rows.line[owned], self.rows.place[owned] - self.box.lead].T
+        return result.reshape(4, -1)[:, self.rows.target].T
 
     def gradient(
         self, message: str | None, fields: tuple[Any, ...] = FIELD, sums: np.ndarray | None = None
     ) -> np.ndarray:
         """See `PairSystem.gradient`; of one vector."""
-        kinematics = self.particles.storage("kinematics")
+        kinematics, d = self.particles.storage("kinematics"), len(self.base)
         result, column = self.particles.storage("pair_sums") if sums is None else sums, fields[0].column or 0
         self._tell(message)
-        spread(self.bonds.space, self.rows, column, kinematics, self.base, self.field)
+        self.base[:] = self.moves * kinematics[0, column : column + d]
+        spread(self.bonds.space, self.rows, column, kinematics, self.base, self.field.reshape(d, -1))
+        if self.mirrored is not None:
+            reflect(self.mirrored, self.vector_signs, self.field.reshape(d, -1))
         for field, moved in zip(self.field, self.result):
             moments(self.box, self.lines, field, self.across, moved, self.sums[0], self.slopes)
-        at = self.box.lead, self.width, column
-        jumps = self.jumps if column == 0 else self.unused
-        collect(self.bonds.space, self.rows, *at, kinematics, self.base, self.result, jumps, result)
+        at, found = (self.width, column, kinematics, self.base), self.result.reshape(d, 4, -1)
+        collect(self.bonds.space, self.rows, *at, found, self.jumps if column == 0 else self.unused, result)
         self._images(add_gradients, fields, kinematics, result)
         return result
 
@@ -96,18 +118,23 @@ class LatticeSums:
         """See `PairSystem.divergence`; `ShearScaled` acts on the field that the last gradient was taken of."""
         kinematics, record, force = map(self.particles.storage, ("kinematics", "record", "pair_force"))
         self._tell("record")
-        stiffness = None
+        stiffness, d = None, len(self.base)
         if terms is not None:
             stiffness = record_columns(self.bonds.space, terms).stiffness
             if self.stiffnesses is None:
                 self.stiffnesses = self._over_stiffnesses(record, stiffness)
-            self.base[:] = kinematics[0, : len(self.base)]
-        spread_records(self.bonds.space, self.rows, self.width, stiffness, kinematics, self.base, record, self.values)
+            self.base[:] = self.moves * kinematics[0, :d]
+        known = self.width, stiffness
+        spread_records(
+            self.bonds.space, self.rows, *known, kinematics, self.base, record, self.values.reshape(d, 4, -1)
+        )
+        if self.mirrored is not None:
+            reflect(self.mirrored, self.record_signs, self.values.reshape(4 * d, -1))
         for values, result in zip(self.values, self.forces):
             plain = None if terms is None else values[0]
             contraction(self.box, self.lines, values, self.across, plain, result, self.sums, self.slopes)
-        at, moved = (self.box.lead, self.width, stiffness, self.stiffnesses), (self.forces, self.jumps)
-        collect_forces(self.bonds.space, self.rows, *at, kinematics, self.base, record, *moved, force)
+        at, found = (*known, self.stiffnesses, kinematics, self.base, record), self.forces.reshape(d, -1)
+        collect_forces(self.bonds.space, self.rows, *at, found, self.jumps, force)
         self._images(add_forces, terms, kinematics, record, force)
         return force
 
@@ -118,8 +145,8 @@ class LatticeSums:
             self.particles.receive(message)
 
     def _images(self, add: Any, what: Any, *arrays: np.ndarray) -> None:
-        """A pass over the bonds with mirror images."""
-        if self.bonds.mirror is not None:
+        """A pass over the bonds with mirror images, unless these have places."""
+        if self.bonds.mirror is not None and self.mirrored is None:
             add(self.bonds.space, self.bonds.mirror, what, *arrays)
 
     def _over_stiffnesses(self, record: np.ndarray, stiffness: int) -> np.ndarray:
@@ -129,7 +156,8 @@ class LatticeSums:
         for i in range(d):
             for j in range(d):
                 values = rows.volume * record[: len(rows.volume), stiffness + self.width * j + i]
-                result[:, i, j] = self.over_offsets(values)[:, 0]
+                signs = None if self.mirrored is None else self.matrix_signs[:, i, j]
+                result[:, i, j] = self.over_offsets(values, signs)[:, 0]
         return result
 
 
@@ -142,7 +170,15 @@ def lattice_sums(bonds: Any) -> LatticeSums | None:
     fits = isinstance(weights.influence, Constant) and not weights.bar and len(bonds.metric) == 1
     if not fits or bonds.owned < _FEWEST or not isinstance(terms, ShearScaled | None):
         return None
-    found = _places(bonds.positions)
+    images = _images_of(bonds)
+    return _on_lattice(bonds, images) or (_on_lattice(bonds, None) if images is not None else None)
+
+
+def _on_lattice(bonds: Any, images: tuple[np.ndarray, np.ndarray, np.ndarray] | None) -> LatticeSums | None:
+    """With images (m, d) [m] of particles in some rows (m,) by reflections (m,), on places of their own; or with their
+    list.
+    """
+    found = _places(bonds.positions if images is None else np.concatenate((bonds.positions, images[0])))
     if found is None:
         return None
     index, spacing = found
@@ -152,10 +188,12 @@ def lattice_sums(bonds: Any) -> LatticeSums | None:
     # the axis along which particles stand one behind the other, if it is long, else the longest
     fast = int(np.argmax(np.abs(index[1] - index[0])))
     fast = fast if 2 * counts[fast] >= counts.max() else int(np.argmax(counts))
-    slow = [axis for axis in range(d) if axis != fast]
+    # lines one behind the other in memory, too
+    turns = np.count_nonzero(np.diff(index[: bonds.owned], axis=0), axis=0)
+    slow = sorted((axis for axis in range(d) if axis != fast), key=lambda axis: turns[axis])
     order = np.array([0, 0, 0])
     order[-1 - len(slow) : -1], order[-1] = slow, fast
-    lines = _lines(spacing, bonds.metric[0], weights.support, order, d)
+    lines = _lines(spacing, bonds.metric[0], bonds.weights.support, order, d)
     if _offsets(lines) <= _FEWEST_BONDS:
         return None
     first = int(counts[slow[0]]) if d == 3 else 1
@@ -165,10 +203,27 @@ def lattice_sums(bonds: Any) -> LatticeSums | None:
     wanted[line[: bonds.owned]] = True
     lead, axis = padded(int(lines.half.max())), np.zeros(d, np.int64)
     axis[slow], axis[fast] = np.arange(3 - d, 2), 2
-    nothing = np.zeros(0)
-    rows = Rows(line, index[:, fast] + lead, bonds.volume.copy(), nothing, np.zeros((0, 3)), axis, spacing)
-    result = LatticeSums(bonds, Box(first, second, room, lead, int(lines.half.max()) + 1, wanted), lines, rows)
-    return result if np.array_equal(result.neighbours, _neighbours(bonds)) else None
+    place, target = line * (room + 2 * lead) + lead + index[:, fast], line * room + index[:, fast]
+    # particles of bodies that are not bonded may stand at one place
+    if len(np.unique(place)) < len(place):
+        return None
+    n, nothing = len(bonds.positions), np.zeros(0)
+    rows = Rows(place[:n], target[: bonds.owned], bonds.volume.copy(), nothing, np.zeros((0, 3)), axis, spacing)
+    mirrored = None if images is None else Mirrored(images[1], place[images[1]], place[n:], images[2])
+    box = Box(first, second, room, lead, int(lines.half.max()) + 1, wanted)
+    result = LatticeSums(bonds, box, lines, rows, mirrored)
+    return result if np.array_equal(result.neighbours, _neighbours(bonds, images is not None)) else None
+
+
+def _images_of(bonds: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Mirror images (m, d) [m] that are bonded with owned particles, rows (m,) of their particles, reflections (m,)."""
+    if bonds.mirror is None or not len(bonds.mirror.neighbour):
+        return None
+    codes, pairs = bonds.codes, bonds.mirror
+    which = np.unique(pairs.neighbour * np.int64(len(codes.signs)) + pairs.images.code)
+    row, code = np.divmod(which, len(codes.signs))
+    d = bonds.positions.shape[1]
+    return bonds.positions[row] * codes.reflections[code, :d] + codes.shifts[code, :d], row, code
 
 
 def _places(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
@@ -210,10 +265,10 @@ def _offsets(lines: Lines) -> int:
     return int(inside[0].sum() + 2 * sum(one.sum() for one in inside[1:]))
 
 
-def _neighbours(bonds: Any) -> np.ndarray:
-    """So many (owned,) are bonded with each particle, mirror images aside."""
+def _neighbours(bonds: Any, images: bool) -> np.ndarray:
+    """So many (owned,) are bonded with each particle, with mirror images or without."""
     result = np.zeros(bonds.owned)
-    for pairs in (bonds.inner, bonds.rim):
+    for pairs in (bonds.inner, bonds.rim, bonds.mirror if images else None):
         if pairs is not None:
             result += np.diff(pairs.start)[: bonds.owned]
             if mutual(pairs):

@@ -3,9 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import overload
 
-from parsolid.numerics.dispatch import is_instance
+from parsolid.numerics.dispatch import constant, generic
 
 
 class Images(NamedTuple):
@@ -71,28 +70,25 @@ class Places(NamedTuple):
     shifts: np.ndarray
 
 
+@constant
 def mutual(pairs) -> bool:
     """Whether both particles of a pair receive; a constant in kernels."""
     return isinstance(pairs, InnerList)
 
 
-@overload(mutual)
-def _mutual(pairs):
-    if is_instance(pairs, InnerList):
-        return lambda pairs: True
-    return lambda pairs: False
-
-
+@generic
 def images_of(pairs):
     """The images of a list, None where it has none."""
-    return None if isinstance(pairs, InnerList) else pairs.images
 
 
-@overload(images_of, strict=False)
-def _images_of(pairs):
-    if is_instance(pairs, InnerList):
-        return lambda pairs: None
-    return lambda pairs: pairs.images
+@images_of.of(InnerList)
+def _no_images(pairs):
+    return None
+
+
+@images_of.otherwise
+def _images(pairs):
+    return pairs.images
 
 
 def empty_list(like) -> OneSidedList:

@@ -44,6 +44,7 @@ class PairSystem(PairLists):
     """
 
     positions: np.ndarray
+    even: np.ndarray
     volume: np.ndarray
     metric: np.ndarray
     unbonded: np.ndarray | None = None
@@ -83,9 +84,17 @@ class PairSystem(PairLists):
 
     # --- lists ------------------------------------------------------------------------------------------------
 
-    def rebuild(self, positions: np.ndarray, body: np.ndarray, metric: np.ndarray, volume: np.ndarray) -> None:
+    def rebuild(
+        self,
+        positions: np.ndarray,
+        body: np.ndarray,
+        metric: np.ndarray,
+        volume: np.ndarray,
+        even: np.ndarray | None = None,
+    ) -> None:
         """Plan ghosts and make every list anew; collective.
 
+        even (n, d) [m]: places by which pairs are found, where they are others than the positions.
         Of owned particles: positions (n, d) [m], body (n,), metric (n, 6) [1/m^2], volume (n,) [m^3] that counts in the
         sums. Raises SolverError, on all ranks, for coincident particles and for particles with too few neighbours.
         """
@@ -93,9 +102,11 @@ class PairSystem(PairLists):
         reach = reach_of(self.comm, metric, self.weights.support, positions.shape[1])
         if self.codes is not None:
             raise_together(self.comm, self.codes.too_close(reach.scale * self.weights.support))
-        self.halo = Halo.plan(self.comm, np.ascontiguousarray(positions / reach.scale), reach.distance)
+        found_by = positions if even is None else even
+        self.halo = Halo.plan(self.comm, np.ascontiguousarray(found_by / reach.scale), reach.distance)
         self.particles.attach(self.halo)
         self.positions, self.volume = self.halo.with_ghosts(positions), self.halo.with_ghosts(volume)
+        self.even = self.positions if even is None else self.halo.with_ghosts(even)
         self.metric = metric if uniform else self.halo.with_ghosts(metric)
         self._fill_lists(body, reach)
         correction = self.weights.complete(self)
@@ -106,10 +117,10 @@ class PairSystem(PairLists):
         self.particles.update("reference")
 
     def _fill_lists(self, body: np.ndarray, reach: Any) -> None:
-        self.rim = self.mirror = None
+        self.rim, self.mirror, self.along_axes = None, None, False
         self.fault: str | None = None
         owned, local = self.owned, len(self.positions)
-        candidates = plain_candidates(self.positions, owned, reach)
+        candidates = plain_candidates(self.even, owned, reach)
         bodies: Any = None
         if self.unbonded is not None or self.codes is not None:
             bodies = self.halo.with_ghosts(body.astype(np.int64))
@@ -120,7 +131,7 @@ class PairSystem(PairLists):
         if maximum(self.comm, self.halo.ghosts):
             self.rim, _ = self._weighed(candidates, owned, local, *_AS_THEY_STAND)
         if self.codes is not None:
-            candidates = mirror_candidates(self.positions, bodies, owned, self.codes, reach)
+            candidates = mirror_candidates(self.even, bodies, owned, self.codes, reach)
             if self.unbonded is not None:
                 candidates = bonded_only(candidates, bodies, self.unbonded)
             pairs, code = self._weighed(candidates, 0, local, self.codes.reflections, self.codes.shifts)
@@ -132,7 +143,7 @@ class PairSystem(PairLists):
     ) -> tuple[OneSidedList, np.ndarray]:
         """The candidates in reach whose neighbours have rows first..last-1, without images, and their codes."""
         start, neighbour, code = candidates
-        place, support = (self.positions, self.metric), self.weights.support
+        place, support = (self.even, self.metric), self.weights.support
         start, neighbour, code, fault = select_pairs(
             *candidates[:2], *place, support, first, last, code, reflections, shifts
         )
@@ -144,7 +155,12 @@ class PairSystem(PairLists):
         return pairs, code
 
     def lists(self) -> Iterator[tuple[Any, Places]]:
-        """Every list, and where its neighbours stand."""
+        """Every list, and where its neighbours stand.
+
+        Raises TypeError where lists are along axes, which have no rows of neighbours.
+        """
+        if self.along_axes:
+            raise TypeError("pairs along axes have no rows of neighbours; ask before `weights.walked`")
         for pairs in self._all():
             images = images_of(pairs)
             if images is None:
@@ -165,6 +181,8 @@ class PairSystem(PairLists):
         """
         kinematics = self.particles.storage("kinematics")
         result = self.particles.storage("pair_sums") if sums is None else sums
+        if self.along_axes and fields != FIELD:
+            raise TypeError(f"passes along axes know the vector in the first columns, not {fields}")
         add = self._add_gradients
 
         def apply(pairs: Any) -> None:

@@ -25,10 +25,10 @@ stress and stabiliser, their records hold (S = P K^{-1}) M and what the stabilis
 
 from typing import NamedTuple
 
-from numba.extending import overload, register_jitable
+from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
-from parsolid.numerics.dispatch import generic, is_instance
+from parsolid.numerics.dispatch import constant, generic
 from parsolid.numerics.lanes import WIDTH, broadcast, load
 from parsolid.pairs.lane_tuples import add_lanes, opposite, plus, store_lanes
 from parsolid.pairs.lists import images_of, mutual
@@ -57,19 +57,19 @@ def sum_columns(dimension: int, fields: tuple) -> int:
 # --- fields of the gradient pass ---------------------------------------------------------------------------------
 
 
+@generic
 def _own_values(fields, kinematics, a):
     """The values of particle a, a number in every lane."""
-    raise NotImplementedError
 
 
-@overload(_own_values)
-def _own_values_overload(fields, kinematics, a):
-    if len(fields) == 1:
-        return lambda fields, kinematics, a: (_value(fields[0], None, a, kinematics, a),)
-    return lambda fields, kinematics, a: (
-        _value(fields[0], None, a, kinematics, a),
-        *_own_values(fields[1:], kinematics, a),
-    )
+@_own_values.of(1)
+def _own_value(fields, kinematics, a):
+    return (_value(fields[0], None, a, kinematics, a),)
+
+
+@_own_values.otherwise
+def _several_own_values(fields, kinematics, a):
+    return (_value(fields[0], None, a, kinematics, a), *_own_values(fields[1:], kinematics, a))
 
 
 @generic
@@ -109,37 +109,41 @@ def _vector_sum(space, field, sums, a, column):
     return matrix(space, sums, a, column)
 
 
+@constant
+def _columns_of(space, field):
+    return sum_columns(dimension_of(space), (field,))
+
+
+@generic(on="fields")
 def _sums(space, fields, sums, a, column):
     """The sums so far of particle a."""
-    raise NotImplementedError
 
 
-@overload(_sums)
-def _sums_overload(space, fields, sums, a, column):
-    if len(fields) == 1:
-        return lambda space, fields, sums, a, column: _sum(space, fields[0], sums, a, column)
-    width = WIDTH if is_instance(fields[0], Scalar) else matrix_columns(dimension_of(space))
-    return lambda space, fields, sums, a, column: (
-        *_sum(space, fields[0], sums, a, column),
-        *_sums(space, fields[1:], sums, a, column + width),
-    )
+@_sums.of(1)
+def _sums_of_one(space, fields, sums, a, column):
+    return _sum(space, fields[0], sums, a, column)
 
 
+@_sums.otherwise
+def _sums_of_several(space, fields, sums, a, column):
+    first = _sum(space, fields[0], sums, a, column)
+    return (*first, *_sums(space, fields[1:], sums, a, column + _columns_of(space, fields[0])))
+
+
+@generic(on="fields")
 def _differences(space, fields, own, images, k, kinematics, b, g):
     """What the pair k adds to the sums of both particles."""
-    raise NotImplementedError
 
 
-@overload(_differences)
-def _differences_overload(space, fields, own, images, k, kinematics, b, g):
-    if len(fields) == 1:
-        return lambda space, fields, own, images, k, kinematics, b, g: _difference(
-            space, fields[0], own[0], images, k, kinematics, b, g
-        )
-    return lambda space, fields, own, images, k, kinematics, b, g: (
-        *_difference(space, fields[0], own[0], images, k, kinematics, b, g),
-        *_differences(space, fields[1:], own[1:], images, k, kinematics, b, g),
-    )
+@_differences.of(1)
+def _difference_of_one(space, fields, own, images, k, kinematics, b, g):
+    return _difference(space, fields[0], own[0], images, k, kinematics, b, g)
+
+
+@_differences.otherwise
+def _differences_of_several(space, fields, own, images, k, kinematics, b, g):
+    first = _difference(space, fields[0], own[0], images, k, kinematics, b, g)
+    return (*first, *_differences(space, fields[1:], own[1:], images, k, kinematics, b, g))
 
 
 @generic(on="field")

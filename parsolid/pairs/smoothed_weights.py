@@ -39,7 +39,7 @@ class SmoothedWeights(PairWeights):
         """g_ab of one list of a `PairSystem`."""
         weights.pair_weights(self.kernel, pairs, places, system.positions, system.metric, system.volume)
         if self.lattices is not None:
-            fill_lattice_weights(self.lattices, pairs, places, system.positions)
+            fill_lattice_weights(self.lattices, pairs, places, system.even)
 
     def kept(
         self, system: Any, start: np.ndarray, neighbour: np.ndarray, code: np.ndarray, *places: np.ndarray
@@ -48,7 +48,7 @@ class SmoothedWeights(PairWeights):
         if self.lattices is None:
             return start, neighbour, code
         number = system.halo.with_ghosts(self.lattices.number)
-        return keep_lattice_pairs(self.lattices, number, start, neighbour, code, system.positions, *places)
+        return keep_lattice_pairs(self.lattices, number, start, neighbour, code, system.even, *places)
 
     def complete(self, system: Any) -> np.ndarray:
         """Corrections L_a (owned, d, d), and k_ab, when all lists are filled; collective.
@@ -61,7 +61,7 @@ class SmoothedWeights(PairWeights):
         for pairs, places in system.lists():
             weights.jump_factors(self.dissipation, pairs, places, correction)
             if self.lattices is not None:
-                keep_near_jumps(self.lattices, pairs, places, system.positions)
+                keep_near_jumps(self.lattices, pairs, places, system.even)
             if isinstance(system.terms, MeanRiemann):
                 whole_jump_factors(pairs, correction.shape[1])
         return correction[: system.owned]
@@ -72,7 +72,7 @@ class SmoothedWeights(PairWeights):
         dissipates = isinstance(system.terms, MeanRiemann) or system.terms is None
         if self.lattices is None or system.space.dimension == 2 or not dissipates:
             return plain
-        return along_axes(self.lattices, *plain, system.positions, self.dissipation) or plain
+        return along_axes(self.lattices, *plain, system.even, system.positions, self.dissipation) or plain
 
 
 def corrections(system: Any) -> np.ndarray:

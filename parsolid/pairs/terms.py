@@ -10,12 +10,8 @@ Columns of a matrix stand one after the other, padded to 4 in space; a symmetric
 
 from typing import NamedTuple
 
-from numba.core import types
-from numba.extending import overload
-
-from parsolid.numerics.dispatch import field_types, is_instance
+from parsolid.numerics.dispatch import constant
 from parsolid.numerics.lanes import WIDTH
-from parsolid.numerics.layout import Plane
 
 
 class LinearReconstruction(NamedTuple):
@@ -142,34 +138,23 @@ def _columns(dimension: int, kind: type, directional: bool):
     return StressRecord(0, matrix)
 
 
+@constant
 def record_columns(space, terms):
     """Columns of what a particle tells its neighbours in the divergence pass; a constant in kernels."""
-    return _columns(space.dimension, type(terms), isinstance(terms, RiemannDissipation) and terms.shear is not None)
+    directional = isinstance(terms, RiemannDissipation) and terms.shear is not None
+    return _columns(dimension_of(space), type(terms), directional)
 
 
-@overload(record_columns)
-def _record_columns(space, terms):
-    kind, directional = getattr(terms, "instance_class", None), False
-    if kind is RiemannDissipation:
-        directional = not isinstance(field_types(terms)["shear"], types.NoneType)
-    columns = _columns(dimension_of(space), kind, directional)
-    return lambda space, terms: columns
-
-
+@constant
 def kinematic_columns(space):
     """Columns of a particle's vectors; a constant in kernels."""
-    return KINEMATICS[space.dimension]
+    return KINEMATICS[dimension_of(space)]
 
 
-@overload(kinematic_columns)
-def _kinematic_columns(space):
-    columns = KINEMATICS[dimension_of(space)]
-    return lambda space: columns
-
-
+@constant
 def dimension_of(space) -> int:
-    """Dimension of the numba type of a `numerics.layout` space."""
-    return 2 if is_instance(space, Plane) else 3
+    """The dimension of a `numerics.layout` space; a constant in kernels."""
+    return type(space)._field_defaults["dimension"]
 
 
 def matrix_columns(dimension: int) -> int:

@@ -14,6 +14,9 @@ from parsolid.scene.validation_errors import NOTHING
 Name = Annotated[str, Field(pattern=r"^[^.,\s][^.,]*$", description="a name without '.' and ','")]
 Placement = Literal["nodes", "cells"]
 
+# relative spacings along an axis
+Grading = Annotated[list[Annotated[float, Field(ge=1e-3, le=1e3)]], Field(min_length=1, max_length=3)]
+
 # shapes whose lattice is cut by a surface
 _CUT = ("cylinder", "sphere", "perforated_box")
 # of these, shapes whose cells are not scaled, so that their corners can carry the particles
@@ -105,6 +108,11 @@ class Body(FilledShape):
         None,
         description="'stress-free' at its temperature, as if not given, or heated 'at-constant-volume' to it",
     )
+    grading: list[Grading] | None = Field(
+        None,
+        description="of nodes of a box, for each axis: what the first, middle and last spacing are to one another, the "
+        "first and last, or 1",
+    )
     method: Name | None = Field(None, validate_default=True, description="the name of one of several methods")
     material: Material = Field(description="a table with the key kind")
 
@@ -125,6 +133,24 @@ class Body(FilledShape):
         if value is not None and method and "temperature" not in method.field_kinds(dimension_of(info)):
             raise mismatch("no such key with this method", value.source)
         return value
+
+    @field_validator("grading")
+    @classmethod
+    def _graded_by_method(cls, value: Any, info: ValidationInfo) -> Any:
+        method: Any = method_of(info)
+        dimension = dimension_of(info)
+        if value is not None and method and not method.graded_bodies:
+            raise mismatch("no such key with this method", value)
+        if value is not None and dimension is not None and len(value) != dimension:
+            raise mismatch(f"{dimension} lists (one per axis)", value)
+        return value
+
+    @model_validator(mode="after")
+    def _graded_nodes_of_boxes(self) -> "Body":
+        even = self.shape.kind != "box" or self.placed_on != "nodes" or self.jitter > 0.0
+        if self.grading is not None and even:
+            reject((("grading",), 'no such key but for a box with placement = "nodes" and no jitter', self.grading))
+        return self
 
     @model_validator(mode="after")
     def _heated_from_somewhere(self) -> "Body":

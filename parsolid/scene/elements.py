@@ -59,13 +59,21 @@ def lumped_volumes(kind: str, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray
     if element.corners is None:
         arms = nodes[:, 1:] - nodes[:, :1]
         volume = np.linalg.det(arms) / math.factorial(element.dimension)
-        size = np.maximum(arms.max(axis=(1, 2)), -arms.min(axis=(1, 2))) ** element.dimension
+        size = largest(np.abs(arms).reshape(len(arms), -1)) ** element.dimension
         count = nodes.shape[1]
         return np.repeat(np.abs(volume)[:, None] / count, count, axis=1), np.abs(volume) > 1e-14 * size
     values, gradient = _at_gauss_points(element.corners)
     jacobian = np.linalg.det(np.einsum("eni,gnj->egij", nodes, gradient))
     sound = (jacobian > 0.0).all(axis=1) | (jacobian < 0.0).all(axis=1)
     return np.abs(jacobian) @ values, sound
+
+
+def largest(rows: np.ndarray) -> np.ndarray:
+    """The largest of each of many short rows (n, k), column by column, which is several times as fast as by rows."""
+    result = rows[:, 0].copy()
+    for column in rows.T[1:]:
+        np.maximum(result, column, out=result)
+    return result
 
 
 def facet_areas(facets: np.ndarray, inner: np.ndarray) -> np.ndarray:

@@ -1,13 +1,14 @@
 """Box lattices, made piece by piece: any range of ids without the rest of the lattice."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
 
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.bodies import FilledShape
+from parsolid.scene.grading import graded_shares
 from parsolid.scene.validation_errors import SceneError
 
 MOST_PARTICLES = 10**12
@@ -30,13 +31,17 @@ class Filling(Protocol):
 
 @dataclass(frozen=True)
 class Line:
-    """Particles along one direction of a lattice from `lower` to `upper`; a closed line joins its end to its start."""
+    """Particles along one direction of a lattice from `lower` to `upper`; a closed line joins its end to its start.
+
+    grading: of nodes, see `grading.graded_shares`; even steps where there is none.
+    """
 
     lower: float
     upper: float
     count: int
     nodes: bool
     closed: bool = False
+    grading: tuple[float, ...] = ()
 
     @classmethod
     def of(
@@ -56,7 +61,7 @@ class Line:
 
     @property
     def step(self) -> float:
-        """Distance of neighbours; the whole length for a lone particle."""
+        """Distance of neighbours, their mean where it is graded; the whole length for a lone particle."""
         return (self.upper - self.lower) / (self.count - 1 if self._on_ends else self.count)
 
     def coordinate(self, index: np.ndarray, offset: np.ndarray | float = 0.0) -> np.ndarray:
@@ -67,8 +72,28 @@ class Line:
             share = (index + offset + (0.0 if self.closed and self.nodes else 0.5)) / self.count
         return (1.0 - share) * self.lower + share * self.upper
 
+    @property
+    def shares(self) -> np.ndarray | None:
+        """Places (count,) of the nodes between 0 and 1, None where steps are even."""
+        return graded_shares(self.count, self.grading) if self.grading else None
+
+    @property
+    def widest(self) -> float:
+        """Largest distance of neighbours."""
+        return self.step if self.shares is None else float(np.diff(self.shares).max() * (self.upper - self.lower))
+
+    def place(self, index: np.ndarray) -> np.ndarray:
+        """Coordinates of the particles at indices."""
+        if self.shares is None:
+            return self.coordinate(index)
+        share = self.shares[index]
+        return (1.0 - share) * self.lower + share * self.upper
+
     def weight(self, index: np.ndarray) -> np.ndarray:
         """Tributary length at indices: half a step at the ends of nodes."""
+        if self.shares is not None:
+            halves = 0.5 * (self.upper - self.lower) * np.pad(np.diff(self.shares), 1)
+            return np.asarray((halves[1:] + halves[:-1])[index])
         if not self._on_ends:
             return np.full(len(index), self.step)
         return np.where((index == 0) | (index == self.count - 1), 0.5 * self.step, self.step)
@@ -168,8 +193,12 @@ class BoxFilling(Lattice):
             [Line.of(box.lower[i], box.upper[i], numbers[i], spacings[i], nodes) for i in range(dimension)]
         )
         self.body = body
+        grading = getattr(body, "grading", None)
+        if grading is not None:
+            graded = [tuple(one) if len(one) > 1 else () for one in grading]
+            self.lines = [replace(line, grading=one) for line, one in zip(self.lines, graded)]
         self.lower, self.upper = np.array(box.lower, float), np.array(box.upper, float)
-        self.coarsest = max(line.step for line in self.lines)
+        self.coarsest = max(line.widest for line in self.lines)
 
     def piece(self, first: int, last: int) -> ParticleSet:
         identifier = np.arange(first, last)
@@ -178,7 +207,11 @@ class BoxFilling(Lattice):
         weight = np.stack([line.weight(i) for line, i in zip(self.lines, index)], axis=1)
         volume = np.prod(weight, axis=1)
         side = np.stack([line.side(i) for line, i in zip(self.lines, index)], axis=1)
-        coordinates = [line.coordinate(i, offset[:, k]) for k, (line, i) in enumerate(zip(self.lines, index))]
+        # graded lines have no jitter
+        coordinates = [
+            line.place(i) if line.grading else line.coordinate(i, offset[:, k])
+            for k, (line, i) in enumerate(zip(self.lines, index))
+        ]
         return ParticleSet(
             identifier=identifier,
             position=np.stack(coordinates, axis=1),

@@ -10,6 +10,7 @@ import numpy as np
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.bodies import FilledShape
 from parsolid.scene.elements import ELEMENTS, lumped_volumes
+from parsolid.scene.gmsh_text import read_gmsh_text
 from parsolid.scene.lattice import jitter_offsets
 from parsolid.scene.marks import TOLERANCE
 from parsolid.scene.mesh_facets import boundary_facets, mean_edge, numbers_of_places, repeated_rows
@@ -32,7 +33,7 @@ def read_mesh(path: str, scale: float, dimension: int) -> tuple[np.ndarray, list
     try:
         # some readers print, and meshio leaves the program when none fits
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            mesh = meshio.read(path)
+            mesh = read_gmsh_text(path) or meshio.read(path)
     except (Exception, SystemExit) as error:
         raise SceneError(
             [f"expected a mesh that meshio reads, found {path} ({type(error).__name__}: {error})"]

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.scene.elements import ELEMENTS
+from parsolid.scene.elements import ELEMENTS, largest
 
 # corners of the simplices that fill an element; a hexahedron's share its diagonal
 _SIMPLICES = {
@@ -29,8 +29,8 @@ class Solid:
     def __init__(self, points: np.ndarray, blocks: Any, facets: Any) -> None:
         self.points, self.blocks, self.facets = points, blocks, facets
         self.firsts = np.cumsum([0, *(len(cells) for _, cells in blocks)])
-        self.lower = np.concatenate([points[cells].min(axis=1) for _, cells in blocks])
-        self.upper = np.concatenate([points[cells].max(axis=1) for _, cells in blocks])
+        self.lower = np.concatenate([_over_nodes(np.minimum, points, cells) for _, cells in blocks])
+        self.upper = np.concatenate([_over_nodes(np.maximum, points, cells) for _, cells in blocks])
         self.surface = [np.zeros((len(cells), len(ELEMENTS[kind].facets)), bool) for kind, cells in blocks]
         for owner, nodes, _ in facets:
             for (kind, cells), first, marks in zip(blocks, self.firsts, self.surface):
@@ -61,24 +61,31 @@ class Solid:
         for place, element in self._pairs(places, 0.0):
             other = owners[place] != element
             for own, inside_of, distance, _ in self._distances(places, place[other], element[other]):
-                size = (self.upper[inside_of] - self.lower[inside_of]).max(axis=1)
-                wrong[own[(distance > 1e-6 * size[:, None]).all(axis=1)]] = True
+                size = largest(self.upper[inside_of] - self.lower[inside_of])
+                wrong[own[-largest(-distance) > 1e-6 * size]] = True
         first = places[wrong][0] if wrong.any() else None
         return len(np.unique(numbers[wrong])), first
 
     def _below_surface(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Owning elements, places just below the corners and the middle of all facets, and the facets' numbers."""
-        middles = np.concatenate([self.points[cells].mean(axis=1) for _, cells in self.blocks])
         owners, places, numbers, total = [], [], [], 0
         for owner, nodes, _ in self.facets:
             corners = self.points[nodes]
             middle = corners.mean(axis=1)[:, None]
             chosen = np.concatenate([corners + _FROM_CORNER * (middle - corners), middle], axis=1)
-            places.append((chosen + _BELOW * (middles[owner][:, None] - chosen)).reshape(-1, middles.shape[1]))
+            places.append((chosen + _BELOW * (self._middles(owner)[:, None] - chosen)).reshape(-1, corners.shape[2]))
             owners.append(np.repeat(owner, chosen.shape[1]))
             numbers.append(np.repeat(np.arange(total, total + len(owner)), chosen.shape[1]))
             total += len(owner)
         return np.concatenate(owners), np.concatenate(places), np.concatenate(numbers)
+
+    def _middles(self, elements: np.ndarray) -> np.ndarray:
+        """Means of the nodes (k, d) [m] of elements (k,)."""
+        result = np.empty((len(elements), self.points.shape[1]))
+        for (_, cells), first in zip(self.blocks, self.firsts):
+            own = (elements >= first) & (elements < first + len(cells))
+            result[own] = self.points[cells[elements[own] - first]].mean(axis=1)
+        return result
 
     def _pairs(self, places: np.ndarray, margin: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """(numbers of places, numbers of elements) whose box, wider by a margin, has the place; found on a grid."""
@@ -104,16 +111,18 @@ class Solid:
         cell = np.floor((places - origin) / size).astype(np.int64)
         known = ((cell >= 0) & (cell < shape)).all(axis=1)
         wanted = np.ravel_multi_index(tuple(np.where(known[:, None], cell, 0).T), tuple(shape))
-        low, high = np.searchsorted(key, wanted, "left"), np.searchsorted(key, wanted, "right")
-        many = np.where(known, high - low, 0)
+        begins, stops = np.searchsorted(key, wanted, "left"), np.searchsorted(key, wanted, "right")
+        many = np.where(known, stops - begins, 0)
         ends = np.cumsum(many)
         cuts = np.searchsorted(ends, np.arange(_TOGETHER, ends[-1] + _TOGETHER, _TOGETHER), "right")
         for begin, end in zip([0, *cuts], [*cuts, len(places)]):
             which, step = _expanded(many[begin:end])
             which = which + begin
-            element = holder[low[which] + step]
-            held = ((places[which] >= lower[element]) & (places[which] <= upper[element])).all(axis=1)
-            yield which[held], element[held]
+            element = holder[begins[which] + step]
+            for place, low, high in zip(places.T, lower.T, upper.T):
+                held = (place[which] >= low[element]) & (place[which] <= high[element])
+                which, element = which[held], element[held]
+            yield which, element
 
     def _distances(
         self, places: np.ndarray, place: np.ndarray, element: np.ndarray
@@ -132,6 +141,14 @@ class Solid:
                         if rest <= set(facet):
                             outer[:, i] = marks[element[own] - first, number]
                 yield place[own], element[own], _above_facets(nodes, places[place[own]]), outer
+
+
+def _over_nodes(bound: np.ufunc, points: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """The minimum or maximum (elements, d) [m] of the nodes of each element."""
+    result = points[cells[:, 0]]
+    for nodes in cells.T[1:]:
+        bound(result, points[nodes], out=result)
+    return result
 
 
 def _may_have(lower: np.ndarray, upper: np.ndarray, places: np.ndarray) -> np.ndarray:

@@ -28,7 +28,8 @@ class MethodSettings(SceneModel):
     displacement or deformation gradient, which a start may have; initial_stress_refused: why a start has no stress of
     its own, None where it may; evolved: names (* for any end) of declared fields that, with the places, are the state
     that another run may go on from; evolved_of_particles: those that only the very same particles may take;
-    evolved_forces: what these, if they are all, take besides, and what others find anew.
+    evolved_forces: what these, if they are all, take besides, and what others find anew; evolved_between: what contact
+    and tools keep with particles, which the same particles take where results have it.
     """
 
     system: ClassVar[str]
@@ -44,6 +45,7 @@ class MethodSettings(SceneModel):
     evolved: ClassVar[tuple[str, ...]] = ("velocity",)
     evolved_of_particles: ClassVar[tuple[str, ...]] = ()
     evolved_forces: ClassVar[tuple[str, ...]] = ()
+    evolved_between: ClassVar[tuple[str, ...]] = ("contact_stick", "stick_*", "impulse", "moved")
     pressed: ClassVar[tuple[str, ...]] = ("plane", "where")
     loads: ClassVar[tuple[str, ...]] = ("body_force", "acceleration")
     declared_fields: ClassVar[tuple[particles.Field, ...]] = ()
@@ -53,6 +55,7 @@ class MethodSettings(SceneModel):
     ledger_terms: ClassVar[dict[str, int]] = {}
     viscous_terms: ClassVar[tuple[str, ...]] = ()
     bodies_meet: ClassVar[bool] = True
+    graded_bodies: ClassVar[bool] = False
     kind: str
     maximum_step: Positive | None = Field(None, description="the largest time step [s]")
     minimum_step: Positive | None = Field(None, description="the time step [s] below which the run stops")

@@ -1,10 +1,17 @@
 """Fields of another run's results as initial ones: as they are where particles coincide, else interpolated."""
 
+import json
+import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 # fields that an initial state may take, with their components in d dimensions
 TAKEN = ("velocity", "displacement", "deformation_gradient", "temperature", "plastic_strain", "stress", "state")
@@ -17,6 +24,23 @@ _SAME, _FAR = 1e-4, 2.0
 _NEIGHBOURS, _ROWS = {1: 4, 2: 12, 3: 32}, 1_000_000
 # of the time of the results
 _ROUND_OFF = 1e-9
+# where rigid tools were and how they moved at the times of a state, beside the fields
+TOOLS = "tools.json"
+
+
+def tools_at(folder: Path, time: float | None) -> dict[str, Any]:
+    """States of the tools of a run by name, at a time [s] of its fields, the last one unless given; none where it had
+    no tools, or has written no state."""
+    try:
+        found = json.loads((folder / TOOLS).read_text(encoding="utf-8"))
+        times, tools = np.array(found["times"]), found["tools"]
+    except (OSError, ValueError, KeyError):
+        return {}
+    if not len(times):
+        return {}
+    nearest = -1 if time is None else int(np.argmin(np.abs(times - time)))
+    off = 0.0 if time is None else abs(times[nearest] - time)
+    return dict(tools[nearest]) if off <= _ROUND_OFF * times[-1] else {}
 
 
 @dataclass(frozen=True)
@@ -31,6 +55,16 @@ class StepOfResults:
     count: int
     time: float
     names: dict[str, int]
+
+
+def methods_of(folder: Path) -> list[str]:
+    """Kinds of the methods of a run by its folder; none where it does not tell."""
+    try:
+        tables = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
+        stated = tables.get("methods") or [tables["method"]]
+        return [one["kind"] for one in (stated.values() if isinstance(stated, dict) else stated)]
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
 
 
 def steps_of(folder: Path, time: float | None) -> list[StepOfResults]:

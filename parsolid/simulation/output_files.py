@@ -1,5 +1,6 @@
 """The files of one run: which folder, what is in it, and how a restart goes on with them."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,10 @@ from parsolid.output.history import History, read_history
 from parsolid.output.lock import FolderLock
 from parsolid.output.numbering import numbers_of
 from parsolid.output.packing import pack
+from parsolid.output.summary import write_summary
 from parsolid.output.whereabouts import HERE
 from parsolid.scene import Scene
+from parsolid.scene.previous_results import TOOLS
 from parsolid.simulation import error_indicator
 from parsolid.simulation.observables import Observables
 from parsolid.simulation.restart import Restart
@@ -95,8 +98,10 @@ class OutputFiles:
             if self.history is not None:
                 self.history.append(values)
 
-    def write_fields(self, observables: Observables, time: float) -> None:
-        """Write the shown fields at a time [s]."""
+    def write_fields(self, observables: Observables, time: float, tools: dict[str, Any] | None = None) -> None:
+        """Write the shown fields at a time [s]; tools: the states of those that there are, which a state needs."""
+        if tools and "state" in (self.scene.output.fields or ()):
+            self._write_tools(time, tools)
         if error_indicator.NAME in (self.scene.output.fields or ()):
             error_indicator.indicate(self.comm, observables.systems)
         if self.fields is not None:
@@ -113,6 +118,20 @@ class OutputFiles:
                 constant["identifier"] = numbers
                 self.blocks.write(time, number, position, varying, constant)
             self.blocks.collect()
+
+    def _write_tools(self, time: float, tools: dict[str, Any]) -> None:
+        """Add the states of tools at a time [s] to those of earlier times."""
+        path = self.directory / TOOLS
+        with together(self.comm, f"cannot write {path}"):
+            if self.comm.rank == 0:
+                earlier: dict[str, list[Any]] = {"times": [], "tools": []}
+                if path.exists():
+                    earlier = json.loads(path.read_text(encoding="utf-8"))
+                kept = [k for k, one in enumerate(earlier["times"]) if one < time]
+                states = {
+                    key: [*(values[k] for k in kept), new] for (key, values), new in zip(earlier.items(), (time, tools))
+                }
+                write_summary(path, states)
 
     def pack(self) -> None:
         """Deflate the fields as the scene says, once no more are to come; collective."""

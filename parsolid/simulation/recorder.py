@@ -60,7 +60,8 @@ class Recorder:
         if self._history_due(time, step) or end:
             self.write_history()
         if any(landing == time for landing in self.files.field_times):
-            self.files.write_fields(self.observables, time)
+            tools = {name: one for each in simulation.interactions for name, one in each.handed_on().items()}
+            self.files.write_fields(self.observables, time, tools)
         self.errors.look(simulation, self.observables)
         if self._checkpoint_due(simulation):
             self.write_checkpoint()

@@ -7,10 +7,11 @@ collective.
 
 from parsolid.solvers.conjugate_gradients import conjugate_gradients
 from parsolid.solvers.dynamic_relaxation import dynamic_relaxation, relaxation_mass
+from parsolid.solvers.node_grid import Grid
 from parsolid.solvers.power_iteration import largest_eigenvalue, start_vector
 from parsolid.solvers.solution import Solution
 from parsolid.solvers.stiff_volumes import StiffVolumes
-from parsolid.solvers.two_level import Grid, TwoLevel, motions_without
+from parsolid.solvers.two_level import TwoLevel, motions_without
 
 __all__ = [
     "Grid",

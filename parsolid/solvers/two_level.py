@@ -7,111 +7,80 @@ that a grid a little wider than that leaves nothing which takes many iterations.
 is bounded, not that of the scene.
 """
 
-from itertools import product
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from decomposition.compiled import compiled
 from decomposition.reduction import sums
-from parsolid.collective import maximum, minimum
+from parsolid.collective import anywhere
+from parsolid.solvers.node_grid import Functions, Grid, add_moments, shape_values, stiffness_of_moments
 
-# nodes of the grid are as many at most, in so many dimensions: A's factors fill up faster in space
-_MOST_NODES = {1: 4000, 2: 8000, 3: 1400}
 # of the greatest stiffness, what keeps motions that nothing holds from being without any
 _FLOOR = 1e-9
 # of all its squares, what a motion that nothing holds may be where something holds: rounding
 _LOOSE = 1e-13
 
 
-class Grid(NamedTuple):
-    """lower (d,) [m]; width (d,) [m] of a cell; cells (d,)."""
-
-    lower: np.ndarray
-    width: np.ndarray
-    cells: np.ndarray
-
-    @classmethod
-    def over(cls, comm: Any, places: np.ndarray, width: float) -> "Grid":
-        """From the least to the greatest of places (n, d) [m] on all ranks, in cells of a width [m] or wider; not all
-        ranks need have places. Collective.
-        """
-        d = places.shape[1]
-        lower = minimum(comm, places.min(axis=0, initial=np.inf))
-        size = np.maximum(maximum(comm, places.max(axis=0, initial=-np.inf)) - lower, 1e-9 * width)
-        cells = np.maximum(np.ceil(size / width - 1e-6), 1.0)
-        while np.prod(cells + 1) > _MOST_NODES[d]:
-            width *= 1.05
-            cells = np.maximum(np.ceil(size / width - 1e-6), 1.0)
-        return cls(lower, size / cells, cells.astype(np.int64))
-
-    @property
-    def nodes(self) -> int:
-        """How many."""
-        return int(np.prod(self.cells + 1))
-
-    def within(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Cells (n, d), and places within them (n, d), from 0 to 1."""
-        scaled = (places - self.lower) / self.width
-        cell = np.clip(scaled.astype(np.int64), 0, self.cells - 1)
-        return cell, scaled - cell
-
-    def corners(self, cell: np.ndarray) -> np.ndarray:
-        """Numbers (n, 2^d) of the nodes of cells (n, d)."""
-        offsets = np.array(list(product((0, 1), repeat=len(self.cells))))
-        strides = np.append(np.cumprod((self.cells + 1)[:0:-1])[::-1], 1)
-        return (cell[:, None, :] + offsets) @ strides
-
-
-def shape_values(within: np.ndarray) -> np.ndarray:
-    """Multilinear shape functions (n, 2^d) at places within cells (n, d)."""
-    d = within.shape[1]
-    factors = [[1.0 - within[:, axis], within[:, axis]] for axis in range(d)]
-    return np.stack(
-        [np.prod([factors[axis][k] for axis, k in enumerate(corner)], axis=0) for corner in product((0, 1), repeat=d)],
-        axis=1,
-    )
+@compiled
+def _fill_shape(at: Functions, p: int, values: np.ndarray) -> None:
+    """Fill the functions (2^d,) of a cell's nodes at a particle."""
+    values[0], count = 1.0, 1
+    for axis in range(len(at.strides) - 1, -1, -1):
+        for k in range(count):
+            upper = at.within[p, axis] * values[k]
+            values[count + k] = upper
+            values[k] -= upper
+        count *= 2
 
 
 @compiled
-def add_stiffness(
-    row: np.ndarray,
-    within: np.ndarray,
-    width: np.ndarray,
-    lame: np.ndarray,
-    shear: np.ndarray,
-    volume: np.ndarray,
-    result: np.ndarray,
-) -> None:
-    """Add the elastic stiffness of particles to that of their cells (cells, 2^d d, 2^d d), to its blocks (d, d) on
-    and above the diagonal.
+def _give(at: Functions, lower: int, mine: np.ndarray, result: np.ndarray) -> None:
+    """Add what was summed in a cell (2^d d,) to its nodes, and forget it."""
+    d = len(at.strides)
+    for k in range(1 << d):
+        for i in range(d):
+            result[lower + at.corners[k], i] += mine[k * d + i]
+            mine[k * d + i] = 0.0
 
-    row (n,): the particle's cell in result; within (n, d); width (d,) [m]; lame, shear (n,) [Pa]; volume (n,) [m^3].
-    """
-    d = within.shape[1]
-    slope = np.empty((1 << d, d))
-    for p in range(len(row)):
-        for corner in range(1 << d):
+
+@compiled
+def to_nodes(at: Functions, values: np.ndarray, result: np.ndarray) -> None:
+    """Add values (n, d) of particles times the functions there to result (nodes, d)."""
+    d = len(at.strides)
+    # neighbours in memory are so in space
+    shape, mine, last = np.empty(1 << d), np.zeros(d << d), -1
+    for p in range(len(at.lower)):
+        if at.lower[p] != last:
+            if last >= 0:
+                _give(at, last, mine, result)
+            last = at.lower[p]
+        _fill_shape(at, p, shape)
+        for k in range(1 << d):
             for i in range(d):
-                value = 1.0 / width[i]
-                for axis in range(d):
-                    upper = (corner >> (d - 1 - axis)) & 1
-                    if axis == i:
-                        value *= 1.0 if upper else -1.0
-                    else:
-                        value *= within[p, axis] if upper else 1.0 - within[p, axis]
-                slope[corner, i] = value
-        for a in range(1 << d):
-            for b in range(a, 1 << d):
-                along = 0.0
+                mine[k * d + i] += shape[k] * values[p, i]
+    if last >= 0:
+        _give(at, last, mine, result)
+
+
+@compiled
+def from_nodes(at: Functions, nodes: np.ndarray, free: np.ndarray, result: np.ndarray) -> None:
+    """Add what functions with values (nodes, d) at nodes are at particles to result (n, d), where free (n, d)."""
+    d = len(at.strides)
+    shape, mine, last = np.empty(1 << d), np.empty(d << d), -1
+    for p in range(len(at.lower)):
+        if at.lower[p] != last:
+            last = at.lower[p]
+            for k in range(1 << d):
                 for i in range(d):
-                    along += slope[a, i] * slope[b, i]
-                for i in range(d):
-                    for j in range(d):
-                        value = lame[p] * slope[a, i] * slope[b, j] + shear[p] * slope[a, j] * slope[b, i]
-                        if i == j:
-                            value += shear[p] * along
-                        result[row[p], a * d + i, b * d + j] += volume[p] * value
+                    mine[k * d + i] = nodes[last + at.corners[k], i]
+        _fill_shape(at, p, shape)
+        for i in range(d):
+            total = 0.0
+            for k in range(1 << d):
+                total += shape[k] * mine[k * d + i]
+            if free[p, i]:
+                result[p, i] += total
 
 
 class TwoLevel:
@@ -121,58 +90,69 @@ class TwoLevel:
         """places (n, d) [m] of this rank's particles; free (n, d) bool: their components that move; held (nodes, d)
         bool: components of nodes that do not.
         """
-        from scipy import sparse
-
         self.comm, self.grid, self.free = comm, grid, free
-        cell, self.within = grid.within(places)
-        self.corners = grid.corners(cell)
-        n, d = places.shape
-        weights, rows = shape_values(self.within), np.repeat(np.arange(n), 1 << d)
-        self.prolongation = sparse.csr_array((weights.ravel(), (rows, self.corners.ravel())), (n, grid.nodes))
-        self.restriction = self.prolongation.T.tocsr()
-        touched = np.zeros(grid.nodes)
-        touched[self.corners.ravel()] = 1.0
-        self.moving = ~held & (sums(comm, touched) > 0.0)[:, None]
+        self.functions = Functions.of(grid, places)
+        touched = np.zeros(held.shape)
+        to_nodes(self.functions, np.ones(places.shape), touched)
+        self.moving = ~held & (sums(comm, touched) > 0.0)
+        # whether a component of a particle is prescribed on any rank
+        self.prescribes = anywhere(comm, not free.all())
+        self.factors: np.ndarray | None = None
         self.diagonal: np.ndarray | None = None
         self.loose = np.zeros((0, *free.shape))
 
     def of_moduli(self, lame: np.ndarray, shear: np.ndarray, volume: np.ndarray, diagonal: np.ndarray) -> None:
         """Take moduli (n,) [Pa] and volumes (n,) [m^3] of the particles, and the diagonal D (n, d) [N/m]."""
+        from scipy.linalg import cholesky_banded
+
+        weights = np.stack((lame * volume, shear * volume), axis=1)
+        if self.prescribes:
+            # functions do not stop at prescribed components: what they lack is their jump there, of stiffness D
+            weights = np.concatenate((weights, diagonal * ~self.free), axis=1)
+        mine = np.zeros((self.grid.nodes, weights.shape[1], 3 ** self.free.shape[1]))
+        add_moments(self.functions, weights, mine)
+        self.moments, self.diagonal = sums(self.comm, mine), diagonal
+        if self.moving.any():
+            self.factors = cholesky_banded(self._bands(), overwrite_ab=True, lower=True, check_finite=False)
+
+    def _bands(self) -> np.ndarray:
+        """A of all nodes, its diagonal and those below; 1 on the diagonal and nothing beside it where nothing moves."""
+        grid, corners, d = self.grid, self.grid.corners, self.free.shape[1]
+        size, kinds = corners.size * d, self.moments.shape[1]
+        lower = np.flatnonzero((grid.numbers < grid.cells).all(axis=1))
+        table = stiffness_of_moments(grid.width)[:kinds].reshape(-1, size**2)
+        blocks = (self.moments[lower].reshape(len(lower), -1) @ table).reshape(len(lower), size, size)
+        places = ((lower[:, None] + corners)[:, :, None] * d + np.arange(d)).reshape(len(lower), size)
+        moves = self.moving.ravel()[places]
+        blocks *= moves[:, :, None] & moves[:, None, :]
+        bands = np.zeros((int(corners[-1]) * d + d, grid.nodes * d), order="F")
+        distance = places[0] - places[0][:, None]
+        for i, j in zip(*np.nonzero(distance >= 0)):
+            # of one function of each cell the places are distinct
+            bands[distance[i, j], places[:, i]] += blocks[:, i, j]
+        bands[0] += _FLOOR * bands[0].max(initial=0.0)
+        bands[0][~self.moving.ravel()] = 1.0
+        return bands
+
+    @property
+    def stiffness(self) -> Any:
+        """A of what moves, sparse."""
         from scipy import sparse
-        from scipy.sparse.linalg import splu
 
-        d = self.within.shape[1]
-        # a cell is known by its first corner
-        first = np.full(self.grid.nodes, -1)
-        first[self.corners[:, 0]] = np.arange(len(self.corners))
-        cells, row = self.corners[first[first >= 0]], np.cumsum(first >= 0)[self.corners[:, 0]] - 1
-        blocks = np.zeros((len(cells), d << d, d << d))
-        add_stiffness(row, self.within, self.grid.width, lame, shear, volume, blocks)
-        below = np.tril_indices(1 << d, -1)
-        nodes = blocks.reshape(len(cells), 1 << d, d, 1 << d, d)
-        nodes[:, below[0], :, below[1]] = nodes[:, below[1], :, below[0]].swapaxes(2, 3)
-        numbers = (cells[:, :, None] * d + np.arange(d)).reshape(len(cells), -1)
-        i, j = np.broadcast_arrays(numbers[:, :, None], numbers[:, None, :])
-        size = self.grid.nodes * d
-        mine = sparse.coo_array((blocks.ravel(), (i.ravel(), j.ravel())), (size, size)).tocsr()
-        for component in range(d):
-            if not self.free[:, component].all():
-                mine = mine + self._held_stiffness(component, diagonal[:, component], size)
-        whole = sum(self.comm.allgather(mine), start=sparse.csr_array((size, size)))
-        chosen = np.flatnonzero(self.moving.ravel())
-        A = whole[chosen][:, chosen].tocsc()
-        A += _FLOOR * A.diagonal().max(initial=0.0) * sparse.identity(len(chosen), format="csc")
-        self.stiffness = A
-        self.factors = splu(A, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}) if len(chosen) else None
-        self.diagonal = diagonal
+        bands, moving = self._bands(), np.flatnonzero(self.moving.ravel())
+        below = sparse.dia_array((bands[1:], -np.arange(1, len(bands))), (bands.shape[1],) * 2).tocsr()
+        whole = below + below.T + sparse.diags_array(bands[0])
+        return whole[moving][:, moving].tocsc()
 
-    def _held_stiffness(self, i: int, diagonal: np.ndarray, size: int) -> Any:
-        """What functions lack that stop at prescribed components i: their jump there, of which D is the stiffness."""
+    @property
+    def prolongation(self) -> Any:
+        """P (n, nodes), sparse."""
         from scipy import sparse
 
-        d = self.free.shape[1]
-        jump = (self.restriction @ sparse.diags_array(diagonal * ~self.free[:, i]) @ self.prolongation).tocoo()
-        return sparse.coo_array((jump.data, (jump.row * d + i, jump.col * d + i)), (size, size)).tocsr()
+        lower, corners = self.functions.lower, self.functions.corners
+        rows = np.repeat(np.arange(len(lower)), len(corners))
+        entries = shape_values(self.functions.within).ravel(), (rows, (lower[:, None] + corners).ravel())
+        return sparse.csr_array(entries, (len(lower), self.grid.nodes))
 
     def __call__(self, residual: np.ndarray) -> np.ndarray:
         """M^-1 r (n, d) of a residual (n, d) that is 0 where a component is prescribed."""
@@ -180,13 +160,16 @@ class TwoLevel:
 
     def without_loose(self, residual: np.ndarray) -> np.ndarray:
         """The same, whatever is left out."""
+        from scipy.linalg.lapack import dpbtrs
+
         assert self.diagonal is not None
         result = residual / self.diagonal
         if self.factors is not None:
-            coarse = sums(self.comm, self.restriction @ residual)
-            coarse[self.moving] = self.factors.solve(coarse[self.moving])
-            coarse[~self.moving] = 0.0
-            result += (self.prolongation @ coarse) * self.free
+            coarse = np.zeros(self.moving.shape)
+            to_nodes(self.functions, residual, coarse)
+            coarse = sums(self.comm, coarse * self.moving)
+            solved, _ = dpbtrs(self.factors, coarse.ravel(), lower=1)
+            from_nodes(self.functions, solved.reshape(coarse.shape), self.free, result)
         return result
 
     def less_loose(self, result: np.ndarray) -> np.ndarray:

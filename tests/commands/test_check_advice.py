@@ -6,6 +6,7 @@ from solids import RUBBER, simulation, supports, tables
 
 from parsolid.commands.check_advice import BENDING, advice, scene_advice, size_advice
 from parsolid.commands.cli import main
+from parsolid.methods.peridynamics import coarse_grid
 from parsolid.scene import parse_scene
 
 METHODS = {"tlsph": {}, "mpm": {"cell": 0.05}, "peridynamics": {"horizon_ratio": 3}}
@@ -96,9 +97,46 @@ def test_a_mesh_in_millimetres_is_told_how_large_it_is_and_how_slow_its_waves_ar
     path = tmp_path / "part.vtu"
     meshio.Mesh(points, [("quad", cells)]).write(path)
     material = {"kind": "neo-hookean", "density": 7800, "youngs_modulus": 210e9, "poissons_ratio": 0.3}
-    for scale, count in ((1.0, 1), (1e-3, 0)):
+    waves, still = {"kind": "tlsph"}, {"kind": "peridynamics", "solution": {"kind": "quasi-static", "step": 1e-3}}
+    weight = {"loads": {"acceleration": [0.0, -9.81]}}
+    cases = (
+        (waves, 1.0, {}, 1),
+        (waves, 1e-3, {}, 0),
+        (still, 1.0, {}, 1),
+        (still, 1.0, weight, 0),
+        (still, 0.005, {}, 0),
+    )
+    for method, scale, more, count in cases:
         body = {"shape": {"mesh": {"file": str(path), "scale": scale}}, "material": material}
-        scene = {"dimension": 2, "end_time": 1e-3, "method": {"kind": "tlsph"}, "bodies": [body]}
+        held = [{"kind": "fixed", "plane": "X = 0", "mirror": False}]
+        scene = {"dimension": 2, "end_time": 1e-3, "method": method, "bodies": [body], "boundaries": held} | more
         notes = size_advice(simulation(scene, comm))
         assert len(notes) == count
-        assert not notes or "sides of 180 x 180 m, which a wave crosses in 0.0299 s (end_time is 0.001 s)" in notes[0]
+        told = ", which a wave crosses in 0.0299 s (end_time is 0.001 s)" if method == waves else "; if it is in mill"
+        assert not notes or f"sides of 180 x 180 m{told}" in notes[0]
+
+
+@pytest.mark.parametrize("ratio, most, told", [(0.4999, 100, True), (0.4999, 10_000, False), (0.49, 100, False)])
+def test_stiff_volumes_of_a_large_body_are_told_what_they_cost(comm, monkeypatch, ratio, most, told):
+    """Where the pressures are too many to be factorised."""
+    monkeypatch.setattr(coarse_grid, "_MOST_FACTORISED", {2: most})
+    solution = {"kind": "quasi-static", "step": 1.0}
+    material = {"kind": "linear-elastic", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": ratio}
+    method = {"kind": "peridynamics", "solution": solution}
+    data = tables((18, 14), material=material, method=method, boundaries=supports(X=(0.0, "fixed")))
+    notes = [note for note in advice(simulation(data, comm)) if "force evaluations" in note]
+    assert len(notes) == told
+    assert not told or ("252 particles" in notes[0] and "780 or so force" in notes[0])
+
+
+@pytest.mark.parametrize(
+    "jitter, how, told", [(0.2, "consistent", 1), (0.0, "consistent", 0), (0.2, "consistent-everywhere", 0)]
+)
+def test_uneven_particles_under_a_traction_are_told_what_that_costs(jitter, how, told):
+    load = [{"kind": "traction", "plane": "X = 1", "traction": ["1", "0"]}]
+    method = {"kind": "peridynamics", "traction": how, "solution": {"kind": "quasi-static", "step": 1.0}}
+    material = {"kind": "linear-elastic", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": 0.3}
+    body = {"jitter": jitter, "placement": "cells"}
+    data = tables((8, 8), material=material, method=method, boundaries=load, body=body)
+    notes = scene_advice(parse_scene(data))
+    assert len(notes) == told and all("bodies.0: uneven particles under a traction" in note for note in notes)

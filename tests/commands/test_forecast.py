@@ -1,10 +1,15 @@
 """What a scene would cost on other ranks, against what it costs on them."""
 
+import os
+import time
+
 import numpy as np
 import pytest
 from mpi4py import MPI
 
+from parsolid.commands.busy_cores import busy_cores, cores, cores_with_room
 from parsolid.commands.forecast import _bisected, bytes_on_disk, load_on, memory_on, seconds_a_step
+from parsolid.commands.report import usual_mean
 from parsolid.output.checkpoint import write_checkpoint
 from parsolid.output.vtkhdf import published
 from parsolid.scene import parse_scene
@@ -69,3 +74,28 @@ def test_bytes_on_disk(comm, simulation, tmp_path):
 def test_parts_are_even():
     points = np.random.default_rng(0).random((1000, 3)) * [5.0, 1.0, 1.0]
     assert sorted(map(len, _bisected(points, 7))) == [142] * 1 + [143] * 6
+
+
+def test_copies_keep_cores_busy_and_are_gone_after(tmp_path):
+    def work():
+        (tmp_path / str(os.getpid())).touch()
+        time.sleep(1e-3)
+
+    with busy_cores(3, work):
+        until = time.monotonic() + 30.0
+        while len(list(tmp_path.iterdir())) < 2 and time.monotonic() < until:
+            time.sleep(1e-3)
+    # none where there is no memory for them
+    assert cores_with_room(1e18) == 1 and cores_with_room(1.0) == cores()
+    copies = {int(path.name) for path in tmp_path.iterdir()}
+    assert len(copies) == 2 and os.getpid() not in copies
+    for copy in copies:
+        with pytest.raises(ProcessLookupError):
+            os.kill(copy, 0)
+
+
+def test_a_disturbance_does_not_count_and_what_recurs_does():
+    steps = np.tile([1.0, 1.0, 1.0, 1.0, 3.0], 20)
+    disturbed = steps.copy()
+    disturbed[:25] *= 2.0
+    assert usual_mean(list(disturbed)) == usual_mean(list(steps)) == pytest.approx(1.4)

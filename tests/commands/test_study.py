@@ -2,16 +2,21 @@
 
 import argparse
 import json
+import re
+import signal
+import subprocess
 import sys
+import time
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from parsolid.commands.cli import main
 from parsolid.commands.study import add_arguments, run_study
 from parsolid.commands.study.cases import cases_of
 from parsolid.commands.study.judging import judge
-from parsolid.commands.study.launching import launcher, read_record, refuse_ranks, run_case
+from parsolid.commands.study.launching import _wait, launcher, read_record, refuse_ranks, run_case
 from parsolid.commands.study.measures import energies_of, momentum_of, not_finite
 from parsolid.commands.study.schema import load_study, toml_value
 from parsolid.scene import SceneError
@@ -290,3 +295,49 @@ def test_a_run_that_takes_too_long_is_ended_and_made_again(folder, comm):
 def test_only_names_that_are_there(folder, comm):
     with pytest.raises(SceneError, match="--only: expected one of block"):
         run_study(comm, options(write(folder), "--only", "blok"))
+
+
+def test_a_study_that_is_ended_does_not_wait_for_a_run_that_hears_nothing():
+    deaf = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print(flush=True); time.sleep(60)"
+    process = subprocess.Popen([sys.executable, "-c", deaf], stdout=subprocess.PIPE, start_new_session=True)
+    process.stdout.readline()
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, interrupt)
+    began = time.monotonic()
+    signal.setitimer(signal.ITIMER_REAL, 0.1)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            _wait(process, 60.0)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    assert process.poll() == -signal.SIGKILL and time.monotonic() - began < 5.0
+
+
+def test_what_is_asked_for_in_vain_is_told_in_one_message(folder, tmp_path, capsys):
+    scene, study = str(folder / "block.toml"), str(write(folder))
+    path = tmp_path / "path.toml"
+    path.write_text('path = { kind = "shear" }')
+    for words, told in (
+        (["study", scene], f"{scene}: expected a study, found a scene: parsolid run {scene}"),
+        (["run", study], f"{study}: expected a scene, found a study: parsolid study {study}"),
+        (["point", scene], f"{scene}: expected a material point, found a scene: parsolid run {scene}"),
+        (["check", str(path)], f"{path}: expected a scene, found a material point: parsolid point {path}"),
+        (
+            ["study", scene, "--pareto", "kinetik"],
+            "--pareto: expected one of kinetic, .* \\(did you mean 'kinetic'\\?\\), found 'kinetik'",
+        ),
+        (
+            ["study", scene, "--pareto", "kinetic", "--axis", "foo"],
+            "--axis: expected one of dissipation, .*found 'foo'",
+        ),
+        (["study", scene, "--pareto", "kinetic", "--only", "x"], "--only: .*--pareto"),
+        (["study", study, "--budget", "5"], "--budget: .*--pareto"),
+        (["check", scene, "--ranks", "many"], "--ranks: expected a whole number of at least 1, found many"),
+        (["run", scene, "--wall-time", "10m"], "--wall-time: expected a positive number of seconds, found 10m"),
+    ):
+        assert main(words) == 2
+        found = capsys.readouterr().err
+        assert re.match(f"parsolid: (argument )?{told}", found), found

@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 from command_line import ROOT, environment, finish, launcher, wait_for
+from preloaded import program
 from run_results import summary
 from small_scenes import PUNCH, changed, write
 
@@ -13,10 +14,17 @@ SCRIPT = ROOT / "slurm" / "run.sbatch"
 
 
 def submit(tmp_path, scene, folder, restarts: int = 0) -> subprocess.Popen:
-    """Start the script as a batch system would; `scontrol` only notes what it was asked."""
+    """Start the script as a batch system would; `scontrol` only notes what it was asked.
+
+    Its first job loads the program as a user's does.
+    """
+    # its arguments begin with -m parsolid
+    python = f'exec {sys.executable} "$@"'
+    if folder.exists():
+        python = f'shift 2; exec {sys.executable} {" ".join(program("-m", "parsolid"))} "$@"'
     programs = tmp_path / "programs"
     programs.mkdir(exist_ok=True)
-    for name, does in {"scontrol": f'echo "$@" >> {tmp_path}/asked', "python": f'exec {sys.executable} "$@"'}.items():
+    for name, does in {"scontrol": f'echo "$@" >> {tmp_path}/asked', "python": python}.items():
         (programs / name).write_text(f"#!/bin/sh\n{does}\n")
         (programs / name).chmod(0o755)
     values = environment() | {"SLURM_JOB_ID": "17", "SLURM_NTASKS": "2", "PARSOLID_LAUNCH": " ".join(launcher(2))}

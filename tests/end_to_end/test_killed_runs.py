@@ -6,7 +6,8 @@ import random
 import time
 
 import pytest
-from command_line import finish, kill, start, wait_for
+from command_line import finish, kill, start, wait_for, wait_until_free
+from preloaded import program
 from run_results import assert_same_bits, state
 from small_scenes import COLUMN, changed, write
 
@@ -26,7 +27,7 @@ def whole(tmp_path_factory):
     }
     scene = write(changed(COLUMN, small), folder / "scene.toml")
     output = folder / "whole"
-    job = start([scene, "-q", "-o", output], RANKS)
+    job = start([scene, "-q", "-o", output], RANKS, program=program("-m", "parsolid"))
     wait_for(lambda: history_file(output), job)
     began = time.monotonic()
     assert finish(job).status == 0
@@ -67,14 +68,17 @@ def kill_often(whole, folder, times: int, seed: int) -> int:
     kills, finished, output = 0, 0, folder / "run-0"
     while kills < times or finished == 0:
         more = ["--restart"] if (output / "checkpoint.h5").exists() else []
-        job = start([scene, "-q", "-o", output, *more], RANKS)
+        # the first as a user starts it
+        words = program("-m", "parsolid") if kills else ("-m", "parsolid")
+        job = start([scene, "-q", "-o", output, *more], RANKS, program=words)
         # mostly while it computes and writes, sometimes while it starts
         starting = chance.random() < 0.2
-        lifetime = chance.uniform(0.2, 3.0) if starting else chance.uniform(0.0, seconds)
+        lifetime = chance.uniform(0.2, 3.0 if kills == 0 else 0.6) if starting else chance.uniform(0.0, seconds)
         if kills < times:
             lasted = seconds_until_killed(job, output, lifetime, starting)
             if lasted is None:
                 kills += 1
+                wait_until_free(output)
                 continue
             # the first run may have compiled and lasted longer than later ones do
             seconds = min(seconds, lasted)

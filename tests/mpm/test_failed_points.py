@@ -29,6 +29,7 @@ def torn(method=None, *, speed=200.0, end_time=4e-7, **failure) -> dict:
 METHODS = {"mpm": None, "ulsph": {"kind": "ulsph"}}
 
 
+@pytest.mark.every_other
 @pytest.mark.parametrize("after", ["pressure", "delete"])
 @pytest.mark.parametrize("method", METHODS)
 def test_what_fails_does_not_depend_on_the_ranks_and_its_energy_is_accounted_for(comm, method, after):
@@ -67,6 +68,7 @@ def test_momentum_is_that_of_what_is_left_and_of_what_was_deleted(method):
     assert left + gone == pytest.approx(total, abs=1e-9 * total[0])
 
 
+@pytest.mark.every_other
 @pytest.mark.parametrize("after", ["pressure", "delete"])
 @pytest.mark.parametrize("method", METHODS)
 def test_a_restart_amid_failure_has_the_same_bits(shared_path, comm, method, after):

@@ -47,7 +47,9 @@ def random_thermal(particle_set):
     return thermal
 
 
-@pytest.mark.parametrize("name, dimension", [(name, dimension) for name in BASES for dimension in (2, 3)])
+@pytest.mark.every_other
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("name", BASES)
 def test_a_step_is_the_plain_sum(name, dimension):
     particle_set = make_cloud(name, dimension)
     n, thermal = int(particle_set.grid.start[-1]), random_thermal(particle_set)
@@ -94,6 +96,7 @@ def test_a_cosine_decays_at_its_rate(kind, published):
     assert abs(thermal[:n, 0] @ thermal[:n, 1] - total) < 1e-12
 
 
+@pytest.mark.every_other
 @pytest.mark.parametrize("kind", BASES)
 def test_planes_at_two_temperatures_give_the_linear_profile(kind):
     cells = 6

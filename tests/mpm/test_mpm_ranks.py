@@ -22,6 +22,7 @@ def test_the_taylor_bar_does_not_depend_on_the_ranks(comm, order, transfer, end)
         np.testing.assert_allclose(many[name][-1], values[-1], rtol=0.0, atol=1e-6 * scale, err_msg=name)
 
 
+@pytest.mark.every_other
 @pytest.mark.parametrize("basis", ["linear", "ugimp", "cpgimp", "quadratic-spline", "cubic-spline"])
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_bitwise_runs_have_the_same_bits(comm, basis, dimension):
@@ -35,6 +36,7 @@ def test_bitwise_runs_have_the_same_bits(comm, basis, dimension):
 
 
 @pytest.mark.slow
+@pytest.mark.every_other
 @pytest.mark.parametrize("method", [{}, {"order": "musl", "transfer": "apic"}, {"bitwise": True, "order": "musl"}])
 @pytest.mark.parametrize("cells", [(4, 3), (4, 3, 2)])
 def test_a_body_that_crosses_the_domain(comm, cells, method):

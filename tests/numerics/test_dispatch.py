@@ -9,7 +9,7 @@ import pytest
 from numba.core.errors import TypingError
 
 from decomposition.compiled import compiled
-from parsolid.numerics.dispatch import generic
+from parsolid.numerics.dispatch import constant, generic
 from parsolid.numerics.tensors import GeneralSpace, Tensor, trace
 
 
@@ -61,6 +61,31 @@ def _else(start, values):
 
 
 @generic
+def last(values):
+    """The last of a tuple."""
+
+
+@last.of(1)
+def _only(values):
+    return values[0]
+
+
+@last.otherwise
+def _behind(values):
+    return last(values[1:])
+
+
+class Rig(NamedTuple):
+    element: Spring | Dashpot | None
+
+
+@constant
+def stores_energy(rig):
+    """Whether a rig's element is a spring."""
+    return isinstance(rig.element, Spring)
+
+
+@generic
 def pressure(F: Tensor):
     """Trace of a tensor."""
 
@@ -81,6 +106,16 @@ def compiled_total(start, values):
 
 
 @compiled
+def compiled_last(values):
+    return last(values)
+
+
+@compiled
+def compiled_stores_energy(rig):
+    return stores_energy(rig)
+
+
+@compiled
 def compiled_pressure(components):
     return pressure(components)
 
@@ -95,6 +130,15 @@ def test_dimensions_of_an_array_choose_and_all_others_take_the_rest():
     for function in (total, compiled_total):
         assert function(1.0, np.array([2.0])) == 3.0
         assert function(1.0, np.ones((2, 2))) == 1.0
+
+
+def test_lengths_of_a_tuple_choose():
+    assert last((1.0, 2, 3.0)) == compiled_last((1.0, 2, 3.0)) == 3.0
+
+
+@pytest.mark.parametrize("element, stores", [(Spring(2.0), True), (Dashpot(5.0), False), (None, False)])
+def test_what_types_tell_is_a_constant(element, stores):
+    assert stores_energy(Rig(element)) is compiled_stores_energy(Rig(element)) is stores
 
 
 def test_plain_tuples_become_tensors_where_tensors_are_asked_for():

@@ -12,6 +12,7 @@ import pytest
 from endless_writer import PARTICLES, state
 from mpi4py import MPI
 from mpi_launch import start
+from preloaded import program
 
 from parsolid.output import OutputError, vtkhdf
 from parsolid.output.checkpoint import find_checkpoint, read_checkpoint
@@ -34,7 +35,7 @@ def run_until_killed(directory: Path, ranks: int, checkpoints: int, lifetime: fl
     processes.unlink(missing_ok=True)
     seen = {None, written(directory)}
     wanted = len(seen) + checkpoints
-    job = start([Path(__file__).with_name("endless_writer.py"), directory], ranks)
+    job = start([*program(str(Path(__file__).with_name("endless_writer.py"))), directory], ranks)
     try:
         end = time.monotonic() + 60.0
         while not processes.exists():

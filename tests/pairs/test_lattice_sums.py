@@ -1,6 +1,7 @@
 """The passes over the bonds of a lattice against those over their lists."""
 
 import copy
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -38,6 +39,8 @@ def test_the_passes_are_those_of_the_lists(comm, case):
     system = simulation(scene(particles, method, **keys), comm).systems[0]
     engine, laws = system.engine, system.history.laws
     assert isinstance(engine.passes, lattice_sums.LatticeSums)
+    # planes stand on places or half-way between
+    assert engine.bond_system.mirror is None or engine.passes.mirrored is not None
     identifier = system.particles.owned_rows("identifier")
     # far from where it was: what moves as one has no force
     engine.field[: engine.owned] = np.random.default_rng(3).normal(size=(np.prod(particles), 3))[
@@ -49,6 +52,31 @@ def test_the_passes_are_those_of_the_lists(comm, case):
     expected = [engine.evaluate(laws), engine.particles.storage("pair_sums")]
     for one, other in zip(found, expected):
         assert np.allclose(one, other, rtol=0.0, atol=2e-12 * np.abs(other).max())
+
+
+def test_images_without_places_have_their_list(comm):
+    """As where rounding takes them off the lattice."""
+    particles, keys, method = CASES["space, mirrored"]
+    system = simulation(scene(particles, method, **keys), comm).systems[0]
+    engine = system.engine
+    engine.field[: engine.owned] = np.sin(40.0 * system.particles.owned_rows("reference_position"))
+    expected = engine.evaluate(system.history.laws).copy()
+    engine.passes = lattice_sums._on_lattice(engine.bond_system, None)
+    found = engine.evaluate(system.history.laws)
+    assert engine.passes.mirrored is None
+    assert np.allclose(found, expected, rtol=0.0, atol=2e-12 * np.abs(expected).max(initial=1.0))
+
+
+def test_bodies_at_the_same_places_keep_their_lists():
+    """Two that are not bonded: each particle has as many neighbours as on a lattice, but not those."""
+    bonds = simulation(scene(SPACE, {})).systems[0].engine.bond_system
+    assert lattice_sums._on_lattice(bonds, None) is not None
+    twice = SimpleNamespace(
+        **{name: getattr(bonds, name) for name in ("owned", "metric", "weights", "space")},
+        positions=np.concatenate((bonds.positions, bonds.positions)),
+        volume=np.concatenate((bonds.volume, bonds.volume)),
+    )
+    assert lattice_sums._on_lattice(twice, None) is None
 
 
 def test_what_moves_as_one_has_no_force_at_all():

@@ -19,7 +19,8 @@ from solids import (
 
 from parsolid.collective import SolverError
 from parsolid.methods.tlsph.displacement import complete_strain, displacement_gradient
-from parsolid.pairs.axis_lists import is_along_axes
+from parsolid.pairs.axis_lists import is_along_axes, neighbours_in
+from parsolid.pairs.passes import Vector
 from parsolid.pairs.smoothed_weights import SmoothedWeights
 from parsolid.pairs.weights import PairWeights
 from parsolid.scene import SceneError, parse_scene
@@ -47,6 +48,12 @@ def box(dimension, weights, boundaries=(), **rest) -> dict:
     return tables(particles, upper, method={"weights": weights}, boundaries=list(boundaries), **rest)
 
 
+def graded(dimension, weights, boundaries=(), grading=((1, 1.6, 1), (3, 1), (1,))) -> dict:
+    """Spacings that change along two axes."""
+    data = box(dimension, weights, boundaries, body={"grading": [list(one) for one in grading[:dimension]]})
+    return data | {"method": data["method"] | {"integrator": "leapfrog"}}
+
+
 BODIES = {
     "cells with a hole 2-D": holed(2),
     "cells with a hole 3-D": holed(3),
@@ -54,6 +61,9 @@ BODIES = {
     "cells 2-D, mirrors": box(2, "cells", ROLLERS),
     "fourth order 2-D": box(2, "fourth-order"),
     "fourth order 3-D": box(3, "fourth-order"),
+    "cells 2-D, mirrors, graded": graded(2, "cells", ROLLERS),
+    "fourth order 2-D, graded": graded(2, "fourth-order"),
+    "fourth order 3-D, mirrors, graded": graded(3, "fourth-order", supports(X=(0.0, "roller"), Z=(0.7, "fixed"))),
     "fourth order 3-D, mirrors": box(3, "fourth-order", [*ROLLERS, *supports(X=(1.2, "roller"), Z=(0.7, "fixed"))]),
 }
 
@@ -184,7 +194,9 @@ def test_momentum_and_energy_are_kept_on_all_ranks(weights, comm):
 
 
 @pytest.mark.parametrize("dissipation", [1.0, 0.0])
-@pytest.mark.parametrize("name", ["cells with a hole 3-D, mirrors", "fourth order 3-D"])
+@pytest.mark.parametrize(
+    "name", ["cells with a hole 3-D, mirrors", "fourth order 3-D", "fourth order 3-D, mirrors, graded"]
+)
 def test_lists_along_axes_have_the_forces_of_lists_of_pairs(name, dissipation, comm, monkeypatch):
     data = BODIES[name] | {"method": BODIES[name]["method"] | {"integrator": "leapfrog", "dissipation": dissipation}}
     data["bodies"] = [data["bodies"][0] | {"velocity": ["0.1*sin(X)*Y*Z", "0.1*cos(X)", "0.1*X*Y"]}]
@@ -200,6 +212,21 @@ def test_lists_along_axes_have_the_forces_of_lists_of_pairs(name, dissipation, c
         scale = comm.allreduce(np.abs(other).max(initial=0.0), MPI.MAX)
         # what reconstruction leaves of a smooth jump has its rounding
         assert np.abs(one - other).max(initial=0.0) <= 1e-12 * scale
+
+
+def test_a_body_far_away_has_its_lists_along_axes(comm):
+    """Its jumps are those of a table but for rounding of places, 1e-10 of a spacing."""
+    data = tables((5, 6, 5), lower=[1e5] * 3, upper=[1e5 + 0.4, 1e5 + 0.5, 1e5 + 0.4])
+    data["method"] |= {"weights": "cells", "integrator": "leapfrog"}
+    pairs = simulation(data, comm).systems[0].pairs
+    assert is_along_axes(pairs.inner)
+    assert comm.size > 1 or len(pairs.inner.table) <= 64
+    both = pairs.inner.others.first.size + (pairs.inner.neighbour != np.arange(pairs.owned)[:, None]).sum()
+    assert neighbours_in(pairs.inner, pairs.owned).sum() == 2 * both
+    with pytest.raises(TypeError, match="along axes"):
+        next(pairs.lists())
+    with pytest.raises(TypeError, match="first columns"):
+        pairs.gradient(None, (Vector(4),))
 
 
 def _forces_of_a_step(sim) -> tuple[np.ndarray, np.ndarray]:
@@ -316,6 +343,29 @@ REFUSED = {
 def test_a_body_for_which_the_weights_do_not_hold_is_refused(found):
     with pytest.raises(SceneError, match=f"^method.weights: expected for .* found {found} in bodies.0$"):
         parse_scene(REFUSED[found])
+
+
+STEPS = [[1, 2], [1]]
+GRADED = {
+    r"bodies.0.grading: expected weights in closed form, .* found 'kernel' weights with 'leapfrog'": (STEPS, {}),
+    r"bodies.0.grading: expected weights in .* with 'ssp-rk3'": (STEPS, {"weights": "cells", "integrator": "ssp-rk3"}),
+    r"bodies.0.grading: expected 2 lists \(one per axis\), found": ([[1, 2]], {"weights": "cells"}),
+    r"bodies.0.grading: expected no such key with this method, found": (STEPS, {"kind": "mpm", "cell": 0.25}),
+    r"bodies.0.grading.0: expected spacings that change less .* found 2.37": (
+        [[1, 1e3], [1]],
+        {"weights": "fourth-order"},
+    ),
+}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("found", GRADED)
+def test_grading_is_refused_where_it_cannot_be(found):
+    grading, method = GRADED[found]
+    usual = {} if "kind" in method else {"integrator": "leapfrog"}
+    data = tables([9, 9], method=usual | method, body={"grading": grading})
+    with pytest.raises((SceneError, SolverError), match=found):
+        simulation(data)
 
 
 def test_bodies_that_touch_are_refused_or_bonded_by_the_kernel(comm):

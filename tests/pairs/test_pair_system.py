@@ -120,6 +120,7 @@ def test_sums_and_forces_are_those_over_all_pairs(kind, dimension, mirror, comm)
     np.testing.assert_allclose(force, wanted_force, atol=1e-13 * np.abs(wanted_force).max())
 
 
+@pytest.mark.every_other
 @every_dimension
 @every_kind
 @mirrored

@@ -106,7 +106,7 @@ def test_force_is_what_the_stiffness_says(dimension, material):
         "linear-elastic": {},
         "prony": {"kind": "prony", "terms": [{"ratio": 2.0, "tau": 0.3}, {"ratio": 0.5, "tau": 0.02}]},
     }
-    law["elastic-bulk"] = {**law["prony"], "bulk": "elastic"}
+    law["elastic-bulk"] = {**law["prony"], "bulk": "elastic", "terms": law["prony"]["terms"][:1]}
     plane = {"plane": "stress"} if dimension == 2 else {}
     method = body_of(dimension, "fixed", material=law[material], method=plane)
     first, u = random_field(method, 1), random_field(method, 2)
@@ -159,8 +159,8 @@ def moving(dimension, law, **more) -> dict:
     return scene(dimension, "fixed", material=LAWS[law], jitter=0.0, body={"velocity": velocity}, **more)
 
 
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("dimension", [2, 3])
+# in space one for all: a law is a kernel to compile
+@pytest.mark.parametrize("dimension, law", [*((2, law) for law in LAWS), (3, "finite strain")])
 def test_the_energy_balance_closes_with_the_square_of_the_step(dimension, law):
     worst = []
     for safety, steps in ((0.2, 30), (0.1, 60)):

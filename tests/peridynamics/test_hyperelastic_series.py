@@ -36,6 +36,7 @@ def force_at(one, displacement, instantaneous) -> np.ndarray:
     return np.array(one.engine.force[: one.owned, : one.dimension])
 
 
+@pytest.mark.every_other
 @every_base
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_a_jump_finds_the_sum_and_time_leaves_the_solid(dimension, base):
@@ -70,6 +71,7 @@ def test_forces_are_derivatives_of_the_energy_with_what_has_relaxed_frozen(base)
     assert (energies[1] - energies[0]) / 2e-4 == pytest.approx(power, rel=1e-6)
 
 
+@pytest.mark.every_other
 @every_base
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_the_balance_closes_with_the_square_of_the_step(dimension, base):

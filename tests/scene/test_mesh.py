@@ -1,6 +1,7 @@
 """Particles from meshes: volumes, surfaces and spacings of every element kind, and meshes that are refused."""
 
 import itertools
+from pathlib import Path
 
 import meshio
 import numpy as np
@@ -9,7 +10,9 @@ import pytest
 from parsolid.particles.generation import generate
 from parsolid.scene import SceneError, parse_scene, selected
 from parsolid.scene.fillings import filling_of
+from parsolid.scene.gmsh_text import read_gmsh_text
 from parsolid.scene.mesh import read_mesh
+from parsolid.scene.mesh_groups import groups_of
 
 LENGTHS = (2.0, 3.0, 1.0)
 COUNTS = (4, 5, 3)
@@ -285,3 +288,21 @@ def test_a_mesh_in_itself_is_refused(tmp_path, dimension, kind, shift):
     both[len(points) :] = points + np.array([2.0, 0.3, 0.2][:dimension])
     body = mesh_scene(tmp_path, dimension, both, [(kind, np.concatenate([cells, cells + len(points)]))]).bodies[0]
     assert filling_of(body, dimension).count == len(both)
+
+
+def test_text_of_gmsh_is_read_as_meshio_reads_it(tmp_path):
+    source = Path(__file__).parents[2] / "runs/tlsph/meshes/bushing.msh"
+    ours, theirs = read_gmsh_text(source), meshio.read(source)
+    assert np.array_equal(ours.points, theirs.points)
+    assert [block.type for block in ours.cells] == [block.type for block in theirs.cells]
+    assert all(np.array_equal(*map(np.asarray, (a.data, b.data))) for a, b in zip(ours.cells, theirs.cells))
+    found, wanted = groups_of(ours, 2), groups_of(theirs, 2)
+    assert found.names == wanted.names == {"rubber", "bore", "outside"}
+    for name in found.names:
+        held = [one.holds_nodes(name, len(ours.points), [ours.cells[0].data]) for one in (found, wanted)]
+        assert held[0].any() and np.array_equal(*held)
+    text = source.read_text()
+    # what is not plain is meshio's
+    for other in ("$Comments\nx\n$EndComments\n" + text, text + "$Periodic\n0\n$EndPeriodic\n", text[:-4000]):
+        (tmp_path / "other.msh").write_text(other)
+        assert read_gmsh_text(tmp_path / "other.msh") is None

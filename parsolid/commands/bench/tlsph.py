@@ -3,10 +3,10 @@
 from time import process_time
 from typing import Any
 
-import numpy as np
 from mpi4py import MPI
 
 from parsolid.commands.bench.timing import Steps, best_time
+from parsolid.pairs.axis_lists import neighbours_in
 from parsolid.scene import parse_scene
 
 
@@ -58,8 +58,7 @@ def _kernel_row(particles: int, smoothing: float, branches: int, integrator: str
     method: Any = run.simulation.systems[0]
     step = best_time(run.advance, clock=process_time) / run.steps
     evaluation = best_time(lambda: evaluate_forces(method), clock=process_time)
-    inner = method.pairs.inner
-    degree = np.diff(inner.start) + np.bincount(inner.neighbour, minlength=method.owned)
+    degree = neighbours_in(method.pairs.inner, method.owned)
     pairs = method.directed_pairs / 2
     return [
         smoothing,

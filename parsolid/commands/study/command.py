@@ -65,13 +65,16 @@ def run_study(comm: Any, options: Any) -> int:
         with _interruptible():
             _make(console, study, chosen, folder, options.repetitions)
     except KeyboardInterrupt:
-        console.print("interrupted: what is finished is kept, the same command goes on")
+        console.print("interrupted: what is finished is kept, the same command goes on and draws the pictures")
         status = TO_BE_CONTINUED
-    report(console, study, cases, folder, options.study)
+    # who ends it waits for it
+    report(console, study, cases, folder, options.study, pictures=status == DONE)
     return status or (NOT_AS_STATED if any(case.faults for case in cases) else DONE)
 
 
-def report(console: Console, study: Study, cases: list[Case], folder: Path, study_path: str) -> None:
+def report(
+    console: Console, study: Study, cases: list[Case], folder: Path, study_path: str, pictures: bool = True
+) -> None:
     """Judge the runs that have a record; print tables, write study.csv, study.md and pictures into the folder."""
     for case in cases:
         _measure(folder, case)
@@ -83,7 +86,7 @@ def report(console: Console, study: Study, cases: list[Case], folder: Path, stud
     write_csv(folder / "study.csv", study, cases)
     write_markdown(folder / "study.md", study, f"parsolid study {study_path}", _load_remark(cases), sheets)
     written = [folder / "study.csv", folder / "study.md"]
-    if study.report == "accuracy":
+    if pictures and study.report == "accuracy":
         written += _pictures(console, study, cases, folder)
     faulty = sum(bool(case.faults) for case in cases)
     done = sum(bool(case.record) for case in cases)

@@ -25,7 +25,9 @@ LASTING = (FINISHED, FAILED, REFUSED)
 _ENDINGS = {0: FINISHED, 3: FAILED, 2: REFUSED}
 # set by a launcher for the ranks it starts; a program that has them is a rank
 _RANK_MARKS = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK", "MPI_LOCALRANKID")
-_GRACE = 10.0
+# seconds between the signal that a run catches and the one that it cannot; where the study itself is ended, whose
+# unfinished runs are begun anew, no more than a launcher takes to end its ranks
+_GRACE, _HASTE = 10.0, 1.0
 
 
 def refuse_ranks(comm: MPI.Comm) -> None:
@@ -147,13 +149,16 @@ def _wait(process: subprocess.Popen[Any], timeout: float) -> int | None:
         return process.wait(timeout)
     except subprocess.TimeoutExpired:
         return None
+    except KeyboardInterrupt:
+        _end(process, _HASTE)
+        raise
     finally:
-        _end(process)
+        _end(process, _GRACE)
 
 
-def _end(process: subprocess.Popen[Any]) -> None:
-    """End what is left of a run: with the signal that it catches, and after a grace for certain."""
-    for number, patience in ((signal.SIGTERM, _GRACE), (signal.SIGKILL, None)):
+def _end(process: subprocess.Popen[Any], grace: float) -> None:
+    """End what is left of a run: with the signal that it catches, and after a grace [s] for certain."""
+    for number, patience in ((signal.SIGTERM, grace), (signal.SIGKILL, None)):
         if process.poll() is None:
             try:
                 os.killpg(process.pid, number)

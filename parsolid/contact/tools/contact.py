@@ -1,5 +1,6 @@
 """Rigid tools as contact partners of all systems: one interaction for all tools of a scene."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.scene import Scene
 from parsolid.scene.contact import CONTACT_TERMS, OSCILLATION
 from parsolid.scene.load_histories import LoadHistory
+from parsolid.scene.previous_results import tools_at
 
 # of a spacing, what a body may reach into a tool at the start
 _OVERLAP = 0.5
@@ -41,6 +43,8 @@ class Tool:
         self.own, self.total = np.zeros(forces.SUMS), np.zeros(forces.SUMS)
         self.quiet_until = -np.inf
         self.step = 0.0
+        # goes on from a checkpoint, or from another run's state
+        self.resumed = False
 
     @property
     def free(self) -> bool:
@@ -100,7 +104,7 @@ class RigidTools(Interaction):
         self.energy_scale = max((self._particle_energy(system) for system in systems), default=0.0)
         touched = [[touch for tool in self.tools for touch in tool.touches if touch.system is one] for one in systems]
         self.swings = [Swing(system, touches) for system, touches in zip(systems, touched) if touches]
-        self._resumed = False
+        self._take_results(scene)
         self._shown = np.zeros(2)
 
     def _spacing(self, touch: Touch) -> float:
@@ -134,13 +138,28 @@ class RigidTools(Interaction):
         for tool in self.tools:
             if isinstance(tool.body, GuidedBody):
                 tool.body.follow(time)
-        self._evaluate(time, slipping=not self._resumed)
-        if self._resumed:
+        self._evaluate(time, slipping=None)
+        if any(tool.resumed for tool in self.tools):
             self._shown = self._energies()
-            return
         for number, tool in enumerate(self.tools):
-            for touch in tool.touches:
+            for touch in [] if tool.resumed else tool.touches:
                 raise_together(self.comm, self._overlap(number, tool, touch))
+
+    def _take_results(self, scene: Scene) -> None:
+        """Let tools stand and move as those of the same name in the results from which particles take their state."""
+        for i, state in enumerate(scene.initial):
+            found = tools_at(Path(state.results), state.time) if state.takes_state and state.results else {}
+            for number, tool in enumerate(self.tools):
+                if tool.name not in found:
+                    continue
+                if found[tool.name].keys() != tool.body.state().keys():
+                    had = "without mass, led by formulas" if tool.free else "with mass"
+                    raise SolverError(
+                        f"tools.{number}.mass: expected {tool.name!r} to move as in initial.{i}.results, found there a "
+                        f"tool {had}"
+                    )
+                tool.body.set_state(found[tool.name])
+                tool.resumed = True
 
     def _overlap(self, number: int, tool: Tool, touch: Touch) -> str | None:
         """What is wrong where a body reaches into a tool; collective."""
@@ -179,10 +198,10 @@ class RigidTools(Interaction):
         self._kick(time, 0.5 * step, ledger, opening=False)
         ledger.add_term("contact_oscillation", sum(swing.end(step) for swing in self.swings))
 
-    def _evaluate(self, time: float, slipping: bool) -> None:
-        """Forces of all tools at a time [s]."""
+    def _evaluate(self, time: float, slipping: bool | None) -> None:
+        """Forces of all tools at a time [s]; slipping: None where those that go on ask for what is recorded again."""
         for tool in self.tools:
-            tool.evaluate(time, slipping)
+            tool.evaluate(time, not tool.resumed if slipping is None else slipping)
         asked = [tool for tool in self.tools if tool.free and not time < tool.quiet_until]
         if not asked:
             return
@@ -254,9 +273,13 @@ class RigidTools(Interaction):
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave."""
-        self._resumed = True
         for tool in self.tools:
             tool.body.set_state(state[tool.name])
+            tool.resumed = True
+
+    def handed_on(self) -> dict[str, Any]:
+        """As `state`, for another run."""
+        return self.state()
 
     # --- what the history shows ---------------------------------------------------------------------------------
 

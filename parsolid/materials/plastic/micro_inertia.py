@@ -13,7 +13,7 @@ once; densities of energy are per present volume unless said otherwise.
 import math
 from typing import NamedTuple
 
-from numba.extending import overload, register_jitable
+from numba.extending import register_jitable
 
 from parsolid.numerics.dispatch import generic, none_without
 from parsolid.numerics.elementary import choose, power
@@ -109,22 +109,19 @@ def _resistance(law, rate, gradient_square, gamma, curl, temperature):
     return strength * math.exp(0.5 * (law.rate_exponent - 1.0) * math.log(square)) + 0.0 * square
 
 
+@generic(on="x")
 def _combined(a, x, b, y):
     """a x + b y of tuples."""
-    return tuple(a * first + b * second for first, second in zip(x, y))
 
 
+@_combined.of(2)
 def _combined_plane(a, x, b, y):
     return a * x[0] + b * y[0], a * x[1] + b * y[1]
 
 
+@_combined.of(3)
 def _combined_space(a, x, b, y):
     return a * x[0] + b * y[0], a * x[1] + b * y[1], a * x[2] + b * y[2]
-
-
-@overload(_combined)
-def _choose_combined(a, x, b, y):
-    return _combined_plane if len(x) == 2 else _combined_space
 
 
 @register_jitable

@@ -15,7 +15,7 @@ from decomposition.grid import RankGrid
 from parsolid.boundary.loads import accelerations
 from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.boundary.surface_loads import SurfaceLoads
-from parsolid.collective import maximum
+from parsolid.collective import maximum, minimum
 from parsolid.materials.hyperelastic.law import elastic_moduli
 from parsolid.materials.plastic import plastic_evaluation
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
@@ -90,12 +90,14 @@ class MaterialPoint(ParticleSystem):
         """
         set_initial_motion(scene, particle_set, self.points)
         self.materials.begin(scene, particle_set)
-        if take_state(self.comm, scene, self, particle_set):
+        if taken := take_state(self.comm, scene, self, particle_set):
             self.points.without_deleted()
         self.residence.deal_out()
         self.nodes.follow_cells()
         self.stress.advance(0.0)
         take_forces(self.comm, scene, self)
+        if taken and self.waiting is not None:
+            self.waiting.step = minimum(self.comm, self.stable_step())
         self._look_at_heat()
 
     def resume(self) -> None:

@@ -16,10 +16,10 @@ splines.
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import overload, register_jitable
+from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
-from parsolid.numerics.dispatch import generic
+from parsolid.numerics.dispatch import constant, generic
 from parsolid.numerics.lanes import broadcast, fused, load, store
 
 
@@ -63,15 +63,10 @@ class CubicSpline(NamedTuple):
     nodes: int = 4
 
 
+@constant
 def nodes_across(basis) -> int:
     """K, the nodes of a stencil along one direction; a constant in compiled code."""
     return type(basis)._field_defaults["nodes"]
-
-
-@overload(nodes_across)
-def _nodes_across(basis):
-    count = basis.instance_class._field_defaults["nodes"]
-    return lambda basis: count
 
 
 def make_basis(kind: str, halves: np.ndarray | None = None):
@@ -89,15 +84,10 @@ _AVERAGED = {"ugimp": UniformGimp, "cpgimp": ConvectedGimp}
 _OFFSETS = {Linear: 0.0, UniformGimp: 0.5, ConvectedGimp: 1.0, QuadraticSpline: 0.5, CubicSpline: 1.0}
 
 
+@constant
 def base_offset(basis) -> float:
     """Where a base cell starts: base node = floor((x - origin)/h - offset)."""
     return _OFFSETS[type(basis)]
-
-
-@overload(base_offset)
-def _base_offset(basis):
-    offset = _OFFSETS[basis.instance_class]
-    return lambda basis: offset
 
 
 @compiled

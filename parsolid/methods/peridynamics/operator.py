@@ -13,7 +13,7 @@ from parsolid.methods.peridynamics.bond_force import BondForce
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.methods.peridynamics.tensor_history import is_small_strain
 from parsolid.methods.peridynamics.unlike_series import UnlikeSeries
-from parsolid.methods.peridynamics.viscoelastic_history import ViscoelasticHistory, series_of
+from parsolid.methods.peridynamics.viscoelastic_history import ViscoelasticHistory, scale_rows, series_of
 
 _SHIFT = 1e-6
 
@@ -146,7 +146,7 @@ class Operator:
             self.tangents = [(first, last, algorithmic_law(law, step)) for first, last, law in self.history.laws]
         self.history.begin(step)
         force = self.history.stiffness_force(self.tangents if laws is None else laws, change)
-        np.multiply(force[:, : self.dimension], -self.share[:, None], out=out)
+        scale_rows(-1.0, self.share, force, out)
 
     @property
     def displacement(self) -> np.ndarray:

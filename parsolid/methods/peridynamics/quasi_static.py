@@ -126,6 +126,12 @@ class QuasiStatic(TimeSolver):
 
     # --- what is asked of it -----------------------------------------------------------------------------------
 
+    def cost_notes(self) -> list[str]:
+        """Volumes so stiff in bodies so large that a solution takes many iterations; collective."""
+        coarse = self.equilibrium.coarse
+        told = None if coarse is None else coarse.stiff_volumes_note((0.0, self.settings.step))
+        return [told] if told else []
+
     def unsound(self) -> tuple[int, str] | None:
         """This rank's particle farthest from balance, where the last step found none; and why."""
         if self.balance is None or self.balance.reached or not len(self.balance.residual):

@@ -258,7 +258,21 @@ class Peridynamics(MethodSettings):
         ]
 
     def notes(self, scene: Any, bodies: Iterable[int]) -> list[str]:
-        """A part that is sheared between regions that are held or driven, whose families are cut off there."""
+        """What costs accuracy: tractions on uneven particles, and a part that is sheared between held regions."""
+        return [*self._loaded_unevenly(scene, bodies), *self._sheared(scene)]
+
+    def _loaded_unevenly(self, scene: Any, bodies: Iterable[int]) -> list[str]:
+        """Forces that balance a uniform stress know the areas of a lattice."""
+        uneven = [f"bodies.{i}" for i in bodies if scene.bodies[i].jitter > 0.0 or scene.bodies[i].shape.kind == "mesh"]
+        loaded = any(one.kind == "traction" for one in scene.boundaries)
+        if not uneven or not loaded or self.traction != "consistent":
+            return []
+        figure = "displacements are off by up to 6 %, 2 % in the mean, with jitter 0.2"
+        remedy = 'for a box at rest method.traction = "consistent-everywhere" has them right, and resultants 4 % off'
+        return [f"{', '.join(uneven)}: uneven particles under a traction; {figure}; {remedy}"]
+
+    def _sheared(self, scene: Any) -> list[str]:
+        """A part between regions that are held or driven, whose families are cut off there."""
         held = ("fixed", "rotation", "velocity", "displacement")
         regions = {getattr(one, "where", None) for one in scene.boundaries if one.kind in held} - {None}
         if len(regions) < 2 or self.stabilisation.coefficient is not None or self.stabilisation.kind != "shear-scaled":

@@ -252,6 +252,10 @@ class Peridynamics(PairMethod):
             hints.append("a hyperelastic law (St. Venant and Kirchhoff's gives way when compressed to 0.58)")
         return ", or ".join([*hints, f"a smaller method.solution.{self.solver.setting}", "a milder load"])
 
+    def cost_notes(self) -> list[str]:
+        """Iterations of quasi-static solutions where they are many."""
+        return self.solver.cost_notes()
+
     def summary(self) -> dict[str, Any]:
         """Iterations of quasi-static solutions."""
         return self.solver.summary()

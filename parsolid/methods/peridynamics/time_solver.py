@@ -19,6 +19,10 @@ class TimeSolver:
         """Whether the last step found no balance because nothing holds a piece of the bodies."""
         return False
 
+    def cost_notes(self) -> list[str]:
+        """What makes a run cost more than its particles say; collective, the same on all ranks."""
+        return []
+
     def begin(self) -> None:
         """What the solver changes in the bodies' initial displacement and velocity."""
 

@@ -67,6 +67,14 @@ def settle(first, last, ratios, weights, shares, share, new, old, terms, force, 
     return dissipated
 
 
+@compiled
+def scale_rows(sign, factors, values, result):
+    """Fill result (n, d) with sign times factors (n,) times values (n, d); either may have more columns or rows."""
+    for a in range(factors.shape[0]):
+        for i in range(min(values.shape[1], result.shape[1])):
+            result[a, i] = sign * factors[a] * values[a, i]
+
+
 def series_of(law) -> tuple:
     """gamma_j and tau_j [s] of a law's branches, of Maxwell solids relative to the equilibrium shear modulus."""
     times = law.relaxation_times or ()
@@ -167,8 +175,8 @@ class ViscoelasticHistory:
 
     def stiffness_force(self, tangents, change: np.ndarray) -> np.ndarray:
         """-K du [N] (owned, d) of a displacement du (owned, d) over the step begun, see `Operator.stiffness`."""
-        engine, d = self.engine, change.shape[1]
-        engine.field[: engine.owned, :d] = self.factor[:, None] * change
+        engine = self.engine
+        scale_rows(1.0, self.factor, change, engine.field)
         return engine.evaluate_stiffness(tangents)
 
     def settle(self, step: float) -> float:

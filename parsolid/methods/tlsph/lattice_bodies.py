@@ -5,10 +5,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parsolid.collective import SolverError, minimum, raise_together
+from parsolid.collective import SolverError, maximum, minimum, raise_together
 from parsolid.methods.tlsph.body_weights import ON_LATTICES
+from parsolid.pairs.axis_waves import Lattice, wave_forms
 from parsolid.pairs.lattice_pairs import Lattices
-from parsolid.pairs.lattice_stencils import WIDEST, Axis, Stencils, box_stencils, cell_stencils
+from parsolid.pairs.lattice_stencils import WIDEST, Axis, Stencils, box_stencils, cell_stencils, lengths_of
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.fillings import filling_of
 
@@ -23,6 +24,8 @@ _SAFETY = 0.95
 _ONE_CELL, _MORE_CELLS = 2.0, 1.5
 # damping of the wave that alternates from node to node along an axis, over that of cells: twice the largest weight
 _DAMPING = {"cells": 1.0, "fourth-order": 4.0 / 3.0}
+# least length of a node over the least distance of nodes of a graded axis: 17/48 at the ends of even ones
+_THINNEST = 0.2
 # a hair more than the offset of the farthest neighbour
 _HAIR = 1.02
 
@@ -31,13 +34,17 @@ class LatticeBodies(NamedTuple):
     """lattices: those of a rank's particles; reach (n,): distance of the farthest neighbour in spacings, 0 on none.
 
     frequency, damping: greatest of all bodies, of pressure waves and of the dissipation, in units of the spacing, the
-    wave speed and, for the damping, of that of cells.
+    wave speed and, for the damping, of that of cells. forms (m, 2): of c_p and c_s in the speeds of which the greatest
+    takes a spacing in the largest step of leapfrog, of all bodies. even (n, d): places [m] with even steps in bodies
+    whose steps are graded, None where no body's are.
     """
 
     lattices: Lattices
     reach: np.ndarray
     frequency: float
     damping: float
+    forms: np.ndarray
+    even: np.ndarray | None = None
 
     def largest_step(self, pressure: float, shear: float, dissipation: float) -> float:
         """Largest step, in spacings, of SSP-RK3 for waves of these speeds and a factor on the dissipation.
@@ -49,28 +56,22 @@ class LatticeBodies(NamedTuple):
         decay = 2.0 * self.damping * max(1.0, dissipation) * (pressure + (self.lattices.spacing.shape[1] - 1) * shear)
         return _SAFETY * min(_RK3_FREQUENCY / (self.frequency * pressure), _RK3_DAMPING / decay)
 
-    @property
-    def wave_weights(self) -> tuple[float, float]:
-        """Of c_p and c_s in the speed that takes a spacing in the largest step of leapfrog, w^2 dt^2 + 2 b dt = 4.
-
-        The alternating wave has no frequency, only the damping b; waves of the highest frequency have a little of it.
-        """
-        return max(self.damping, _LEAPFROG * self.frequency), self.damping * (self.lattices.spacing.shape[1] - 1)
-
 
 def put_on_lattices(
-    comm: Any, scene: Any, particle_set: ParticleSet, planes: list[Any], kinds: list[str]
+    comm: Any, scene: Any, particle_set: ParticleSet, boundaries: Any, kinds: list[str]
 ) -> LatticeBodies | None:
     """Weights of the bodies that are on lattices by their kinds (`body_weights`), None where no body is; collective.
 
-    planes: those with images. Sets volume and area of their particles in the particle_set.
+    boundaries: those with planes that have images, and with what is held. Sets volume and area of the bodies'
+    particles in the particle_set.
     Raises SolverError on all ranks where a mirror plane lies beside the nodes, and for boxes without room.
     """
     if not set(kinds) & set(ON_LATTICES):
         return None
     n, d = particle_set.position.shape
     lattices = Lattices(np.full(n, -1), particle_set.spacing.copy(), np.zeros((n, d, 2 * WIDEST + 1)))
-    reach, frequency, damping = np.zeros(n), 0.0, 0.0
+    reach, frequency, damping, forms = np.zeros(n), 0.0, 0.0, []
+    even = particle_set.position.copy() if any(body.grading is not None for body in scene.bodies) else None
     first = np.full(len(kinds), np.inf)
     np.minimum.at(first, particle_set.body, particle_set.identifier)
     first = minimum(comm, first)
@@ -79,23 +80,50 @@ def put_on_lattices(
         if kind not in ON_LATTICES:
             continue
         rows = np.flatnonzero(particle_set.body == body)
-        filling = filling_of(scene.bodies[body], d)
+        filling: Any = filling_of(scene.bodies[body], d)
         try:
-            axes = _axes(filling, [plane for plane in planes if plane.body in (None, body)])
+            axes = _axes(filling, [plane for plane in boundaries.planes if plane.body in (None, body)])
             wide = kind == "fourth-order" and any(axis.wide for axis in axes)
+            _check_grading(body, axes, wide)
             if scene.method.weights == kind == "fourth-order" and not wide:
                 raise SolverError(_no_room(body, axes))
         except SolverError as error:
             fault = fault or str(error)
             continue
-        stencils = _stencils(filling, particle_set.identifier[rows] - int(first[body]), axes, wide)
+        index = filling.nodes(particle_set.identifier[rows] - int(first[body]))
+        stencils = _stencils(filling, index, axes, wide)
+        if even is not None:
+            even[rows] = np.stack([line.coordinate(i) for line, i in zip(filling.lines, index)], axis=1)
         lattices.number[rows], lattices.weight[rows] = body, stencils.weight
         particle_set.volume[rows], particle_set.area[rows] = stencils.volume, stencils.area
         reach[rows] = _HAIR * (WIDEST if wide else 1)
-        frequency = max(frequency, _frequency(axes, wide, scene.bodies[body].shape.kind == "box"))
-        damping = max(damping, _DAMPING["fourth-order" if wide else "cells"])
+        box, most = scene.bodies[body].shape.kind == "box", _DAMPING["fourth-order" if wide else "cells"]
+        frequency, damping = max(frequency, _frequency(axes, wide, box)), max(damping, most)
+        forms.append(_forms(_with_held_ends(comm, axes, index, boundaries.clamp, rows), wide, box, scene.method))
     raise_together(comm, fault)
-    return LatticeBodies(lattices, reach, frequency, damping)
+    lattices = lattices._replace(graded=even is not None)
+    return LatticeBodies(lattices, reach, frequency, damping, np.concatenate(forms), even)
+
+
+def _with_held_ends(comm: Any, axes: list[Axis], index: list[np.ndarray], clamp: Any, rows: np.ndarray) -> list[Axis]:
+    """Axes that know which of their ends stand still; index: d arrays (n,) of the particles at rows; collective."""
+    if clamp is None:
+        return axes
+    free = clamp[rows, : len(axes)].any(axis=1)
+    ends = [(i == end) & free for axis, i in zip(axes, index) for end in (0, axis.nodes - 1)]
+    moves = maximum(comm, np.array([float(end.any()) for end in ends])).reshape(-1, 2)
+    return [axis._replace(held=(not low, not high)) for axis, (low, high) in zip(axes, moves)]
+
+
+def _forms(axes: list[Axis], wide: bool, box: bool, settings: Any) -> np.ndarray:
+    """Of `pairs.axis_waves` for boxes; of any union of cells w^2 dt^2 + 2 b dt = 4 with the highest frequency, which
+    has a little damping, and that of the wave that alternates from node to node."""
+    if box:
+        return wave_forms(Lattice(tuple(axes), wide, float(settings.dissipation), settings.reconstruction))
+    damping = _DAMPING["cells"]
+    one = (max(damping, _LEAPFROG * _frequency(axes, wide, box)), damping * (len(axes) - 1))
+    # less dissipation than the usual does not make the step longer
+    return max(1.0, float(settings.dissipation)) * np.array([one])
 
 
 def _frequency(axes: list[Axis], wide: bool, box: bool) -> float:
@@ -116,10 +144,23 @@ def _no_room(body: int, axes: list[Axis]) -> str:
     )
 
 
-def _stencils(filling: Any, identifier: np.ndarray, axes: list[Axis], wide: bool) -> Stencils:
-    """identifier (n,): within the body."""
-    index = filling.nodes(identifier)
-    return box_stencils(index, axes) if wide else cell_stencils(index, axes, filling.holds_cells)
+def _check_grading(body: int, axes: list[Axis], wide: bool) -> None:
+    """Raise SolverError where distances change so fast that a node would have no volume."""
+    for k, axis in enumerate(axes):
+        steps = np.diff(axis.places or (0.0, 1.0))
+        if axis.places and (lengths_of(axis, wide and axis.wide) < _THINNEST * axis.step * steps.min()).any():
+            most = float(np.max(np.maximum(steps[1:] / steps[:-1], steps[:-1] / steps[1:])))
+            raise SolverError(
+                f"bodies.{body}.grading.{k}: expected spacings that change less from one to the next, found {most:.3g} "
+                "times; more particles change slower"
+            )
+
+
+def _stencils(filling: Any, index: list[np.ndarray], axes: list[Axis], wide: bool) -> Stencils:
+    """index: d arrays (n,)."""
+    if wide or any(axis.places for axis in axes):
+        return box_stencils(index, axes, wide)
+    return cell_stencils(index, axes, filling.holds_cells)
 
 
 def _axes(filling: Any, planes: list[Any]) -> list[Axis]:
@@ -138,5 +179,6 @@ def _axes(filling: Any, planes: list[Any]) -> list[Axis]:
                     f"boundaries: expected mirror planes through nodes of bodies on lattices or far from them, found "
                     f"{'XYZ'[k]} = {plane.coordinate:g} at {distance.min():.3g} spacings from the nearest end"
                 )
-        result.append(Axis(line.count, line.step, (ends[0], ends[1])))
+        places = () if line.shares is None else tuple((line.shares * (line.count - 1)).tolist())
+        result.append(Axis(line.count, line.step, (ends[0], ends[1]), places))
     return result

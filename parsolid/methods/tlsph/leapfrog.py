@@ -17,7 +17,14 @@ import numpy as np
 from decomposition.recalled import Recalled, RecalledEach
 from parsolid.materials.blocks import MaterialBlock
 from parsolid.methods.tlsph import momentum as motion
-from parsolid.methods.tlsph.leapfrog_kernels import ExactRelaxation, WaveWeights, advance_strain, greatest_signal
+from parsolid.methods.tlsph.body_weights import ON_LATTICES
+from parsolid.methods.tlsph.leapfrog_kernels import (
+    ExactRelaxation,
+    WaveForms,
+    WaveWeights,
+    advance_strain,
+    greatest_signal,
+)
 
 # Of c_p and c_s in the speed that takes a particle spacing in the largest stable step. The lagged dissipation bounds
 # it: w^2 dt^2 + 2 b dt = 4 where a wave has the frequency w and the damping b. They bound all waves of square and
@@ -44,13 +51,20 @@ class Leapfrog:
         self.system = system
         system.boundaries.declare_free()
         self.forces_of: int | None = None
-        lattices = system.on_lattices
-        kernel = wave_weights(system.dimension, system.settings.smoothing)
-        self.weights = kernel if lattices is None else WaveWeights(*lattices.wave_weights)
-        # D grows with the factor on it; without any, waves alone would allow more
-        self.safety = system.settings.safety / max(1.0, system.settings.dissipation)
+        self.weights, self.safety = self._bounds()
         self._advance_strain = RecalledEach(advance_strain, free=(6, 7))
         self._kick = Recalled(motion.kick, free=(2, 3))
+
+    def _bounds(self) -> tuple[WaveWeights | WaveForms, float]:
+        """What wave speeds count, and the part of the largest step that is taken."""
+        system, settings = self.system, self.system.settings
+        kernel, lattices = wave_weights(system.dimension, settings.smoothing), system.on_lattices
+        # D grows with the factor on it; without any, waves alone would allow more
+        most = max(1.0, settings.dissipation)
+        if lattices is None:
+            return kernel, settings.safety / most
+        others = [most * np.array([kernel])] * any(kind not in ON_LATTICES for kind in system.body_weights)
+        return WaveForms(np.concatenate([lattices.forms, *others])), settings.safety
 
     def stable_step(self, block: MaterialBlock) -> float:
         """Largest step [s] of this rank's particles of a block."""

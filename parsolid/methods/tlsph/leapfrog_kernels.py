@@ -58,6 +58,31 @@ class WaveWeights(NamedTuple):
     shear: float
 
 
+class WaveForms(NamedTuple):
+    """Rows (m, 2) of such counts, of which the one with the greatest sum bounds the step."""
+
+    counts: np.ndarray
+
+
+@generic(on="weights")
+def _signal(weights, fast, slow):
+    """The speed [sqrt(Pa)] that bounds the step, by the speeds of pressure and shear waves."""
+
+
+@_signal.of(WaveWeights)
+def _weighted(weights, fast, slow):
+    return weights.pressure * fast + weights.shear * slow
+
+
+@_signal.of(WaveForms)
+def _greatest_form(weights, fast, slow):
+    counts = weights.counts
+    signal = broadcast(counts[0, 0]) * fast + broadcast(counts[0, 1]) * slow
+    for k in range(1, counts.shape[0]):
+        signal = max(signal, broadcast(counts[k, 0]) * fast + broadcast(counts[k, 1]) * slow)
+    return signal
+
+
 @none_without("branches")
 def _relax(branches, space, law, relaxation, i, F0, F, count):
     """Relax A over the step; sum mu_alpha A_alpha at its end, and the energy [J/m^3] that this takes."""
@@ -106,7 +131,7 @@ def _greatest_signal(greatest, weights, pressure, shear, count):
     """The greatest weighted sum of wave speeds [sqrt(Pa)], by bounds that are exact where two eigenvalues are equal:
     the exact ones take as long as the stress."""
     fast, slow = math.sqrt(largest_bound(propagating(pressure))), math.sqrt(largest_bound(propagating(shear)))
-    signal = weights.pressure * fast + weights.shear * slow
+    signal = _signal(weights, fast, slow)
     for k in range(count):
         if not lane(signal, k) <= greatest:
             greatest = lane(signal, k)

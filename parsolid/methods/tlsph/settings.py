@@ -5,6 +5,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from parsolid.materials.declaration import Phrase
 from parsolid.methods.tlsph.body_weights import ON_LATTICES, lattice_faults, weights_of_bodies
 from parsolid.pairs.smoothing import kernel_names
 from parsolid.scene.base_model import NotNegative, Positive, reject
@@ -19,6 +20,7 @@ class TotalLagrangianSPH(MethodSettings):
 
     system: ClassVar = "parsolid.methods.tlsph.system:TotalLagrangianSPH"
     bodies_meet: ClassVar = False
+    graded_bodies: ClassVar = True
     initial_stress_refused: ClassVar = None
     evolved: ClassVar = (*("velocity", "deformation_gradient", "cofactor", "jacobian", "viscous_strain_inverse_*"),)
     evolved_forces: ClassVar = ("stress_force", "dissipative_force", "excess_wall_force")
@@ -141,4 +143,15 @@ class TotalLagrangianSPH(MethodSettings):
         faults: list[Detail] = [
             (("boundaries", i, "kind"), expected, kind) for i, kind in kinds if kind == "antisymmetric"
         ]
-        return faults + lattice_faults(self.pair_weights, scene)
+        return faults + lattice_faults(self.pair_weights, scene) + self._grading_faults(scene)
+
+    def _grading_faults(self, scene: Any) -> list[Detail]:
+        """Graded bodies without weights in closed form, with a step that knows one spacing only, or in contact, which
+        does so, too."""
+        kinds = weights_of_bodies(self.pair_weights, scene)
+        graded = [i for i, body in enumerate(scene.bodies) if body.grading is not None]
+        expected = "weights in closed form, method.integrator = 'leapfrog' and no contact where bodies are graded"
+        meets = bool(scene.contact or scene.tie or scene.tools)
+        others = [i for i in graded if meets or kinds[i] not in ON_LATTICES or self.integrator != "leapfrog"]
+        found = Phrase(f"{self.pair_weights!r} weights with {self.integrator!r}{' and contact' if meets else ''}")
+        return [(("bodies", i, "grading"), expected, found) for i in others]

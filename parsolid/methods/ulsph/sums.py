@@ -1,35 +1,24 @@
 """Divergences of fluxes and gradients of numbers of four particles, from the sums of the passes."""
 
-from numba.extending import overload, register_jitable
+from numba.extending import register_jitable
 
 from parsolid.methods.ulsph.terms import COLUMNS, HeatFlux, MicroAndHeatFlux, MicroFlux, flux_places
-from parsolid.numerics.dispatch import generic, none_without
+from parsolid.numerics.dispatch import constant, generic, none_without
 from parsolid.numerics.lanes import broadcast
 from parsolid.numerics.layout import Plane, four_rows, store_rows
 from parsolid.pairs.terms import dimension_of
 
 
+@constant
 def _places(space, carried):
     """Columns of the micro-flux and of the heat flux; constants in kernels."""
-    return flux_places(space.dimension, carried)
+    return flux_places(dimension_of(space), carried)
 
 
-@overload(_places)
-def _places_overload(space, carried):
-    kind = getattr(carried, "instance_class", None)
-    places = flux_places(dimension_of(space), None if kind is None else kind())
-    return lambda space, carried: places
-
-
+@constant
 def sum_columns(space):
     """First columns of the sums; constants in kernels."""
-    return COLUMNS[space.dimension]
-
-
-@overload(sum_columns)
-def _sum_columns(space):
-    columns = COLUMNS[dimension_of(space)]
-    return lambda space: columns
+    return COLUMNS[dimension_of(space)]
 
 
 # --- as components ----------------------------------------------------------------------------------------------

@@ -1,12 +1,13 @@
 """Ranks that have the program loaded when they start, so that a job of a second is not four of imports.
 
 `mpirun` starts this file as a script, which is up in milliseconds: it hands its streams, its environment and its line
-to the process manager to a process that has imported everything (`serve`) and forks; that child is the rank. Signals,
-exit status and death go both ways, so a job is launched, killed and waited for as any other. Kernels that a rank has
-loaded are loaded before the next one is made. Linux, and MPICH's process manager.
+to the process manager to a process that has imported everything (`serve`) and forks; that child is the rank, and runs
+what `program` says. Signals, exit status and death go both ways, so a job is launched, killed and waited for as any
+other. Kernels that a rank has loaded are loaded before the next one is made. Linux, and MPICH's process manager.
 """
 
 import contextlib
+import functools
 import json
 import os
 import pickle
@@ -15,6 +16,9 @@ import signal
 import socket
 import sys
 
+# what would make the server a rank of the job that runs the tests
+_INHERITED = ("PMI", "HYDRA", "HYDI", "MPI_LOCAL")
+_ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 # what a rank that loads itself would import, without which MPI is not started
 _MODULES = (
     "parsolid.commands.run",
@@ -23,6 +27,37 @@ _MODULES = (
     "parsolid.methods.ulsph.system",
     "parsolid.methods.mpm.system",
 )
+
+
+def program(*words: str) -> tuple[str, ...]:
+    """What Python is started with for a rank of "-m", "parsolid", of "-c" and code, or of a script.
+
+    Where there can be no server of this process, ranks load the program themselves.
+    """
+    address = _server()[1]
+    return ("-S", "-E", __file__, address, *(words[1:] if words[0] == "-m" else words)) if address else words
+
+
+@functools.cache
+def _server() -> tuple:
+    """The server, which ends when its standard input does, with this process at the latest; and its address."""
+    import subprocess
+    import tempfile
+    import time
+
+    from mpi4py import MPI
+
+    if not sys.platform.startswith("linux") or MPI.get_vendor()[0] != "MPICH":
+        return None, None
+    address = os.path.join(tempfile.mkdtemp(prefix="parsolid-door-"), "door")
+    values = {name: value for name, value in os.environ.items() if not name.startswith(_INHERITED)}
+    values["PYTHONPATH"] = os.pathsep.join(path for path in (_ROOT, values.get("PYTHONPATH")) if path)
+    command = [sys.executable, __file__, "serve", address]
+    server = subprocess.Popen(command, env=values, stdin=subprocess.PIPE, start_new_session=True)
+    while not os.path.exists(address):
+        assert server.poll() is None, "the server of ranks did not start"
+        time.sleep(0.01)
+    return server, address
 
 
 def stub(address: str, arguments: list[str]) -> None:
@@ -66,7 +101,7 @@ def _received(line: socket.socket, length: int) -> bytes:
 
 
 def serve(address: str) -> None:
-    """Load the program, then make a rank of everyone who asks; does not return."""
+    """Load the program, then make a rank of everyone who asks, until nobody can any more."""
     import importlib
 
     import mpi4py
@@ -79,7 +114,7 @@ def serve(address: str) -> None:
     door.bind(address)
     door.listen(64)
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
-    while True:
+    while door in select.select([door, 0], [], [])[0]:
         line, _ = door.accept()
         kernels.load()
         if os.fork() == 0:
@@ -149,7 +184,7 @@ def _keep(line: socket.socket) -> None:
 
 
 def _rank(streams: dict[int, int], values: dict[str, str], folder: str, arguments: list[str]) -> None:
-    """Become the rank: `python -m parsolid`; leaves as that does."""
+    """Become the rank: `python -m parsolid`, `python -c` or a script; leaves as those do."""
     import fcntl
     import runpy
 
@@ -163,17 +198,27 @@ def _rank(streams: dict[int, int], values: dict[str, str], folder: str, argument
     os.environ.clear()
     os.environ.update(values)
     os.chdir(folder)
-    sys.argv = ["parsolid", *arguments]
+    what, *sys.argv[1:] = arguments
     from parsolid.simulation.signals import catch_early
 
-    catch_early(arguments)
+    if what == "parsolid":
+        catch_early(sys.argv[1:])
     from mpi4py import MPI
 
     MPI.Init_thread()
-    runpy.run_module("parsolid", run_name="__main__", alter_sys=True)
+    if what == "-c":
+        code = sys.argv.pop(1)
+        exec(compile(code, "<string>", "exec"), {"__name__": "__main__"})
+    elif what == "parsolid":
+        runpy.run_module(what, run_name="__main__", alter_sys=True)
+    else:
+        sys.path.insert(0, os.path.dirname(what))
+        runpy.run_path(what, run_name="__main__")
+    sys.exit(0)
 
 
 if __name__ == "__main__":
     if sys.argv[1] == "serve":
         serve(sys.argv[2])
-    stub(sys.argv[1], sys.argv[3:])
+    else:
+        stub(sys.argv[1], sys.argv[2:])

@@ -1,0 +1,121 @@
+"""The step that the operators of axes allow: below the exact limit of the box, by no more than it must be."""
+
+from functools import reduce
+
+import numpy as np
+import pytest
+
+from parsolid.pairs import axis_waves
+from parsolid.pairs.axis_waves import Lattice, signal, wave_forms
+from parsolid.pairs.lattice_stencils import WIDEST, Axis, lengths_of, operator_of
+from parsolid.scene.grading import graded_shares
+
+FREE = (False, False)
+BOXES = {
+    "plane": Lattice((Axis(9, 1.0, FREE), Axis(8, 1.0, FREE)), True, 1.0, True),
+    "oblong": Lattice((Axis(8, 0.5, FREE), Axis(2, 1.0, FREE), Axis(3, 0.8, FREE)), True, 1.0, True),
+    "graded": Lattice(
+        (Axis(9, 0.8, FREE, (*np.linspace(0.0, 1.0, 9) ** 1.4 * 4 + np.linspace(0.0, 4.0, 9),)), Axis(8, 1.0, FREE)),
+        True,
+        1.0,
+        True,
+    ),
+    "cells": Lattice((Axis(4, 1.0, FREE), Axis(3, 1.0, FREE), Axis(3, 1.0, FREE)), False, 1.0, True),
+}
+
+
+def gradient_and_jumps(axis: Axis, wide: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Norm (n,), gradient (n, n) and what a velocity gives a particle by its reconstructed jumps (n, n) of an axis."""
+    n, q = axis.nodes, operator_of(axis, wide)
+    Q = np.array([[q[i, j - i + WIDEST] if abs(j - i) <= WIDEST else 0.0 for j in range(n)] for i in range(n)])
+    H, X = lengths_of(axis, wide), np.array(axis.places or range(n)) * axis.step
+    D = (Q - np.diag(Q.sum(1))) / H[:, None]
+    jumps = np.zeros((n, n))
+    for a, b in zip(range(n - 1), range(1, n)):
+        jump = np.eye(n)[b] - np.eye(n)[a] - 0.5 * (X[b] - X[a]) * (D[a] + D[b])
+        jumps[a] -= Q[a, b] * jump
+        jumps[b] += Q[a, b] * jump
+    return H, D, jumps
+
+
+def operators(lattice: Lattice, pressure: float, shear: float) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness and damping (n d, n d) of a free box over the mass."""
+    parts = [gradient_and_jumps(axis, lattice.wide and axis.wide) for axis in lattice.axes]
+    d, volume = len(parts), reduce(np.kron, [H for H, _, _ in parts])
+
+    def along(k, matrices):
+        return reduce(np.kron, [matrices if j == k else np.eye(len(part[0])) for j, part in enumerate(parts)])
+
+    D = [along(k, part[1]) for k, part in enumerate(parts)]
+    jumps = [along(k, part[2] / part[0][:, None]) for k, part in enumerate(parts)]
+    lame, mu, W = pressure**2 - 2.0 * shear**2, shear**2, volume[:, None]
+    blocks = [[lame * D[i].T @ (W * D[j]) + mu * D[j].T @ (W * D[i]) for j in range(d)] for i in range(d)]
+    damping = np.zeros((d, len(volume), d, len(volume)))
+    for i in range(d):
+        blocks[i][i] = blocks[i][i] + mu * sum(D[k].T @ (W * D[k]) for k in range(d))
+        speeds = [pressure if k == i else shear for k in range(d)]
+        damping[i, :, i, :] = lattice.dissipation * sum(c * one for c, one in zip(speeds, jumps))
+    stiffness = np.block(blocks) / np.tile(volume, d)[:, None]
+    return stiffness, damping.reshape(stiffness.shape)
+
+
+def growth(stiffness: np.ndarray, damping: np.ndarray, step: float) -> float:
+    """Of the motion that grows most in a step: v += dt (-K x - B v), then x += dt v."""
+    one = np.eye(len(stiffness))
+    kept = one - step * damping
+    return float(
+        np.abs(np.linalg.eigvals(np.block([[kept, -step * stiffness], [step * kept, one - step**2 * stiffness]]))).max()
+    )
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("dissipation", "ratio", "most"), [(1.0, 0.02, 1.35), (1.0, 0.7, 1.25), (0.5, 0.3, 1.2), (0, 0.7, 1.1)]
+)
+@pytest.mark.parametrize("name", BOXES)
+def test_it_is_below_the_exact_limit_of_a_box_by_no_more_than_it_must_be(name, dissipation, ratio, most):
+    lattice = BOXES[name]._replace(dissipation=dissipation)
+    step = min(axis.step for axis in lattice.axes) / signal(lattice, 1.0, ratio)
+    motions = operators(lattice, 1.0, ratio)
+    assert growth(*motions, step) < 1.0 + 1e-6 and growth(*motions, most * step) > 1.01
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("name", BOXES)
+def test_linear_forms_bound_it_between_all_ratios_of_wave_speeds(name):
+    for dissipation in (0.0, 0.5, 1.0, 4.0):
+        lattice = BOXES[name]._replace(dissipation=dissipation)
+        forms = wave_forms(lattice)
+        for ratio in (0.0, 0.1, 0.37, 0.6, 0.9, 1.0, 2.0):
+            exact = signal(lattice, 1.0, ratio)
+            assert 0.999 * exact < (forms @ (1.0, ratio)).max() < (1.03 if ratio <= 1.0 else 1.2) * exact
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("wide", [True, False])
+def test_long_axes_are_bounded_by_shorter_ones(wide, monkeypatch):
+    def of(speeds):
+        return signal(Lattice((Axis(48, 1.0, FREE),) * 2, wide, 1.0, True), *speeds)
+
+    bounded = [of(speeds) for speeds in ((1.0, 0.01), (1.0, 0.5), (0.0, 1.0))]
+    monkeypatch.setattr(axis_waves, "_MOST_NODES", 48)
+    axis_waves._greatest.cache_clear()
+    exact = [of(speeds) for speeds in ((1.0, 0.01), (1.0, 0.5), (0.0, 1.0))]
+    axis_waves._greatest.cache_clear()
+    assert all(0.9999 * one < bound < 1.02 * one for one, bound in zip(exact, bounded))
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("grading", [(), (1.0, 3.0), (1.0, 2.0, 1.0)])
+def test_gradients_on_graded_axes_are_of_fourth_order_inside_and_second_at_ends(grading):
+    errors = []
+    for n in (17, 33, 65, 129):
+        places = graded_shares(n, grading) * (n - 1) if grading else ()
+        axis = Axis(n, 1.0 / (n - 1), FREE, tuple(places))
+        X = graded_shares(n, grading or (1.0, 1.0))
+        H, D, _ = gradient_and_jumps(axis, True)
+        error = np.abs(D @ np.sin(5.0 * X) - 5.0 * np.cos(5.0 * X))
+        errors.append((error[6:-6].max(), error.max()))
+        assert H.sum() == pytest.approx(1.0, rel=1e-13) and np.abs(D @ X - 1.0).max() < 1e-11
+    inside, ends = np.log2(np.array(errors)[:-1] / np.array(errors)[1:]).T
+    assert inside.min() > 2.5 and inside[-1] > 3.5 and ends[1:].min() > 1.8
