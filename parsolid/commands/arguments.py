@@ -10,7 +10,10 @@ TRUST_CODE = "run the Python files of laws that the scene names"
 
 def whole_number(text: str) -> int:
     """A whole number of at least 1; raises argparse.ArgumentTypeError."""
-    value = int(text)
+    try:
+        value = int(text)
+    except ValueError:
+        value = 0
     if value < 1:
         raise argparse.ArgumentTypeError(f"expected a whole number of at least 1, found {text}")
     return value
@@ -18,7 +21,10 @@ def whole_number(text: str) -> int:
 
 def seconds(text: str) -> float:
     """A positive number of seconds; raises argparse.ArgumentTypeError."""
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
     if not 0.0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"expected a positive number of seconds, found {text}")
     return value

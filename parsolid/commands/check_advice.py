@@ -1,6 +1,7 @@
 """What a scene asks for that costs accuracy where it need not, told before it is run."""
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from parsolid.collective import maximum, minimum
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
 from parsolid.scene.bodies import Body
+from parsolid.scene.previous_results import methods_of
 from parsolid.scene.systems import notes_of
 from parsolid.simulation.loop import Simulation
 
@@ -24,13 +26,16 @@ BENDING = {
 _FEW = 3
 # sides of a mesh [m] from which it may be one in millimetres
 _LARGE = 5.0
+# spacing [m] of such a mesh from which it may be so in equilibrium, which knows no waves; structures that are so large
+# have finer elements, or weight
+_COARSE = 0.5
 # a part is bent rather than sheared where it is so many times as long as thick
 _SLENDER = 4.0
 
 
 def scene_advice(scene: Scene) -> list[str]:
     """What follows from the scene alone."""
-    result = notes_of(scene)
+    result = notes_of(scene) + list(_of_other_methods(scene))
     for system in scene.systems:
         result += system.settings.notes(scene, system.bodies)
     names = [
@@ -43,6 +48,18 @@ def scene_advice(scene: Scene) -> list[str]:
         advice = 'method.weights = "closure" makes them many times more accurate'
         result.append(f"{', '.join(names)}: uneven particles; {advice}")
     return result
+
+
+def _of_other_methods(scene: Scene) -> Iterator[str]:
+    """Results of which only fields that have the same name are taken."""
+    own = {system.settings.kind for system in scene.systems}
+    for i, state in enumerate(scene.initial):
+        known = methods_of(Path(state.results)) if state.results and not state.takes_state else []
+        if known and not own.intersection(known):
+            names = ", ".join(field.name for field in state.of_results)
+            takers = " and ".join(sorted(own))
+            found = f"initial.{i}: results of {' and '.join(known)}, of which {takers} takes {names} alone"
+            yield f"{found}; what else that run had is not there"
 
 
 def _uneven(body: Body) -> bool:
@@ -77,15 +94,16 @@ def size_advice(simulation: Simulation) -> list[str]:
         for number, i in enumerate(stated.bodies):
             if scene.bodies[i].shape.kind != "mesh" or scene.bodies[i].shape.model.scale != 1.0:
                 continue
-            lower, upper, _ = _layers(simulation.comm, system, number)
+            lower, upper, spacing = _layers(simulation.comm, system, number)
             modulus, density = system.wave_modulus(number)
             side = float((upper - lower).max())
             crossing = side * float(np.sqrt(density / modulus))
             quasi_static = getattr(getattr(system.settings, "solution", None), "kind", "") == "quasi-static"
-            if side > _LARGE and (quasi_static or scene.end_time < crossing):
+            coarse = float(spacing.min()) > _COARSE and scene.loads.acceleration is None
+            if side > _LARGE and (coarse if quasi_static else scene.end_time < crossing):
                 sides = " x ".join(f"{one:.4g}" for one in upper - lower)
                 wave = f", which a wave crosses in {crossing:.3g} s (end_time is {scene.end_time:g} s)"
-                hint = f"a mesh in millimetres wants bodies.{i}.shape.mesh.scale = 1e-3"
+                hint = f"if it is in millimetres, bodies.{i}.shape.mesh.scale = 1e-3 is wanted"
                 result.append(f"bodies.{i}: its mesh has sides of {sides} m{'' if quasi_static else wave}; {hint}")
     return result
 

@@ -6,7 +6,7 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.collective import maximum, minimum
-from parsolid.commands.busy_cores import busy_cores, cores
+from parsolid.commands.busy_cores import busy_cores, cores, cores_with_room
 from parsolid.commands.forecast import BESIDES, bytes_on_disk, load_on, memory_on, seconds_a_step
 from parsolid.contact.relations import relations
 from parsolid.methods.protocol import ParticleSystem
@@ -79,7 +79,7 @@ def _elsewhere(measured: "_Steps", ranks: int, base: int, work: float, idle: flo
     present ranks and of one without particles; measured again where more cores can be busy. Collective."""
     comm, systems = measured.comm, measured.simulation.systems
     # ranks that share caches and memory slow each other
-    busy = min(ranks, cores()) if comm.size == 1 else comm.size
+    busy = min(ranks, cores_with_room(peak_memory_bytes() - base)) if comm.size == 1 else comm.size
     if busy != comm.size:
         work = measured.measure(busy)[1]
     now, then = load_on(comm, systems, comm.size), load_on(comm, systems, ranks)

@@ -6,13 +6,14 @@ but for forces that the last step has found with velocities within it: these the
 
 from collections.abc import Iterator
 from fnmatch import fnmatchcase
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from parsolid.collective import anywhere, raise_together
 from parsolid.scene.initial import meant
-from parsolid.scene.previous_results import STATE, PreviousField, StepOfResults
+from parsolid.scene.previous_results import STATE, PreviousField, StepOfResults, methods_of
 
 # between particles, too
 _BOUNDS = {"plastic_strain": (0.0, None), "damage": (0.0, 1.0)}
@@ -54,6 +55,10 @@ def take_state(comm: Any, scene: Any, system: Any, particle_set: Any) -> bool:
     faults: list[str] = []
     for i, state in states:
         here = np.flatnonzero(meant(scene, state, particle_set.body, particle_set.regions))
+        known, kind = methods_of(Path(state.results)), system.settings.kind
+        if known and kind not in known:
+            found = f"{' and '.join(known)}, of which fields are taken by name"
+            faults.append(f"initial.{i}.fields: expected the state of results of {kind}, found those of {found}")
         faults += _taken(system, state.of("velocity"), here, particle_set.position[here], f"initial.{i}.fields")
     raise_together(comm, faults[0] if faults else None)
     return bool(states)

@@ -74,6 +74,11 @@ def load_scene(
     return scene
 
 
+# a table that a file of a kind has to have, and the command that takes it
+_MARKS = {"scene": "bodies", "study": "series", "material point": "path"}
+_COMMANDS = {"scene": "run", "study": "study", "material point": "point"}
+
+
 def read_tables(path: Path, what: str) -> dict[str, Any]:
     """The raw tables of a TOML file; `what` it should hold is for the message. Raises SceneError."""
     try:
@@ -86,6 +91,12 @@ def read_tables(path: Path, what: str) -> dict[str, Any]:
         raise SceneError([f"{path}: expected TOML, found tables or lists nested too deeply"]) from None
     if faults := _raw_faults(data):
         raise SceneError(faults)
+    # one word for a file of another kind, in place of one for each of its keys
+    own, others = _MARKS[what], {name: mark for name, mark in _MARKS.items() if name != what}
+    if own not in data:
+        for name, mark in others.items():
+            if mark in data:
+                raise SceneError([f"{path}: expected a {what}, found a {name}: parsolid {_COMMANDS[name]} {path}"])
     return data
 
 

@@ -1,11 +1,17 @@
 """Fields of another run's results as initial ones: as they are where particles coincide, else interpolated."""
 
 import json
+import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 # fields that an initial state may take, with their components in d dimensions
 TAKEN = ("velocity", "displacement", "deformation_gradient", "temperature", "plastic_strain", "stress", "state")
@@ -49,6 +55,16 @@ class StepOfResults:
     count: int
     time: float
     names: dict[str, int]
+
+
+def methods_of(folder: Path) -> list[str]:
+    """Kinds of the methods of a run by its folder; none where it does not tell."""
+    try:
+        tables = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
+        stated = tables.get("methods") or [tables["method"]]
+        return [one["kind"] for one in (stated.values() if isinstance(stated, dict) else stated)]
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
 
 
 def steps_of(folder: Path, time: float | None) -> list[StepOfResults]:

@@ -1,20 +1,39 @@
-"""The code of docs/python.md, block after block, on any number of ranks."""
+"""The code of docs/python.md and of the notebook, block after block, on any number of ranks."""
 
+import json
 import re
 from pathlib import Path
 
 import pytest
 
 pytestmark = pytest.mark.slow
-PAGE = Path(__file__).parents[2] / "docs" / "python.md"
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+def run(name, blocks, folder, monkeypatch):
+    """The names that blocks of code leave, run in a folder."""
+    assert len(blocks) >= 6
+    monkeypatch.chdir(folder)
+    names = {}
+    for number, block in enumerate(blocks, 1):
+        exec(compile(block, f"{name}, block {number}", "exec"), names)
+    return names
 
 
 def test_the_page_runs(comm, shared_path, monkeypatch):
     pytest.importorskip("pandas")
-    blocks = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(), re.DOTALL | re.MULTILINE)
-    assert len(blocks) >= 6
-    monkeypatch.chdir(shared_path)
-    names = {}
-    for number, block in enumerate(blocks, 1):
-        exec(compile(block, f"{PAGE.name}, block {number}", "exec"), names)
+    page = (DOCS / "python.md").read_text()
+    names = run("page", re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE), shared_path, monkeypatch)
     assert comm.allreduce(len(names["position"])) == 81 * comm.size
+
+
+def test_the_notebook_runs(comm, shared_path, monkeypatch):
+    pytest.importorskip("pandas")
+    pytest.importorskip("matplotlib")
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    cells = json.loads((DOCS / "from_python.ipynb").read_text())["cells"]
+    code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+    names = run("notebook", code, shared_path, monkeypatch)
+    assert names["results"].summary["status"] == "finished"
+    # the brake is felt
+    assert abs(names["braked"][-1, 1] - 1.0) < abs(names["free"]["corner.displacement_y"]).max()

@@ -97,12 +97,23 @@ def test_a_mesh_in_millimetres_is_told_how_large_it_is_and_how_slow_its_waves_ar
     path = tmp_path / "part.vtu"
     meshio.Mesh(points, [("quad", cells)]).write(path)
     material = {"kind": "neo-hookean", "density": 7800, "youngs_modulus": 210e9, "poissons_ratio": 0.3}
-    for scale, count in ((1.0, 1), (1e-3, 0)):
+    waves, still = {"kind": "tlsph"}, {"kind": "peridynamics", "solution": {"kind": "quasi-static", "step": 1e-3}}
+    weight = {"loads": {"acceleration": [0.0, -9.81]}}
+    cases = (
+        (waves, 1.0, {}, 1),
+        (waves, 1e-3, {}, 0),
+        (still, 1.0, {}, 1),
+        (still, 1.0, weight, 0),
+        (still, 0.005, {}, 0),
+    )
+    for method, scale, more, count in cases:
         body = {"shape": {"mesh": {"file": str(path), "scale": scale}}, "material": material}
-        scene = {"dimension": 2, "end_time": 1e-3, "method": {"kind": "tlsph"}, "bodies": [body]}
+        held = [{"kind": "fixed", "plane": "X = 0", "mirror": False}]
+        scene = {"dimension": 2, "end_time": 1e-3, "method": method, "bodies": [body], "boundaries": held} | more
         notes = size_advice(simulation(scene, comm))
         assert len(notes) == count
-        assert not notes or "sides of 180 x 180 m, which a wave crosses in 0.0299 s (end_time is 0.001 s)" in notes[0]
+        told = ", which a wave crosses in 0.0299 s (end_time is 0.001 s)" if method == waves else "; if it is in mill"
+        assert not notes or f"sides of 180 x 180 m{told}" in notes[0]
 
 
 @pytest.mark.parametrize("ratio, most, told", [(0.4999, 100, True), (0.4999, 10_000, False), (0.49, 100, False)])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from parsolid.commands.busy_cores import busy_cores
+from parsolid.commands.busy_cores import busy_cores, cores, cores_with_room
 from parsolid.commands.forecast import _bisected, bytes_on_disk, load_on, memory_on, seconds_a_step
 from parsolid.commands.report import usual_mean
 from parsolid.output.checkpoint import write_checkpoint
@@ -85,6 +85,8 @@ def test_copies_keep_cores_busy_and_are_gone_after(tmp_path):
         until = time.monotonic() + 30.0
         while len(list(tmp_path.iterdir())) < 2 and time.monotonic() < until:
             time.sleep(1e-3)
+    # none where there is no memory for them
+    assert cores_with_room(1e18) == 1 and cores_with_room(1.0) == cores()
     copies = {int(path.name) for path in tmp_path.iterdir()}
     assert len(copies) == 2 and os.getpid() not in copies
     for copy in copies:

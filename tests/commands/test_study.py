@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from parsolid.commands.cli import main
 from parsolid.commands.study import add_arguments, run_study
 from parsolid.commands.study.cases import cases_of
 from parsolid.commands.study.judging import judge
@@ -312,3 +314,30 @@ def test_a_study_that_is_ended_does_not_wait_for_a_run_that_hears_nothing():
     finally:
         signal.signal(signal.SIGALRM, before)
     assert process.poll() == -signal.SIGKILL and time.monotonic() - began < 5.0
+
+
+def test_what_is_asked_for_in_vain_is_told_in_one_message(folder, tmp_path, capsys):
+    scene, study = str(folder / "block.toml"), str(write(folder))
+    path = tmp_path / "path.toml"
+    path.write_text('path = { kind = "shear" }')
+    for words, told in (
+        (["study", scene], f"{scene}: expected a study, found a scene: parsolid run {scene}"),
+        (["run", study], f"{study}: expected a scene, found a study: parsolid study {study}"),
+        (["point", scene], f"{scene}: expected a material point, found a scene: parsolid run {scene}"),
+        (["check", str(path)], f"{path}: expected a scene, found a material point: parsolid point {path}"),
+        (
+            ["study", scene, "--pareto", "kinetik"],
+            "--pareto: expected one of kinetic, .* \\(did you mean 'kinetic'\\?\\), found 'kinetik'",
+        ),
+        (
+            ["study", scene, "--pareto", "kinetic", "--axis", "foo"],
+            "--axis: expected one of dissipation, .*found 'foo'",
+        ),
+        (["study", scene, "--pareto", "kinetic", "--only", "x"], "--only: .*--pareto"),
+        (["study", study, "--budget", "5"], "--budget: .*--pareto"),
+        (["check", scene, "--ranks", "many"], "--ranks: expected a whole number of at least 1, found many"),
+        (["run", scene, "--wall-time", "10m"], "--wall-time: expected a positive number of seconds, found 10m"),
+    ):
+        assert main(words) == 2
+        found = capsys.readouterr().err
+        assert re.match(f"parsolid: (argument )?{told}", found), found

@@ -1,13 +1,16 @@
 """A run that starts from another's state goes on as that one did, with every method and all that it carries on."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 from mpi4py import MPI
 from solids import COPPER, ONE_BRANCH, SOFT, THREE_BRANCHES, evolved, gathered, run_into, simulation, tables
 
 from parsolid.collective import SolverError
+from parsolid.commands.check_advice import scene_advice
 from parsolid.observables.declared import field_of
-from parsolid.scene import SceneError, parse_scene
+from parsolid.scene import SceneError, dump_scene, parse_scene
 
 FAILING = COPPER | {"failure": {"criteria": [{"kind": "maximum-tension", "strength": 1e9}]}}
 SHEARED = {"velocity": ["0.3*Y", "0.1*X - 0.2*Y"], "displacement": ["0.02*Y", "0.01*X"]}
@@ -157,3 +160,16 @@ def test_what_no_run_can_go_on_from_is_refused(tmp_path):
         initial = [{"results": str(tmp_path / folder), "fields": fields}]
         with pytest.raises((SceneError, SolverError), match=words):
             simulation(data | {"initial": initial})
+
+
+def test_a_state_of_another_method_is_refused_though_its_names_suffice(tmp_path):
+    scene = parse_scene(CASES["tlsph, leapfrog"] | {"output": {"fields": ["state"]}})
+    run_into(tmp_path, MPI.COMM_SELF, scene, 1)
+    dump_scene(scene, tmp_path / "scene.toml")
+    bonds = CASES["tlsph, leapfrog"] | {"method": {"kind": "peridynamics", "horizon_ratio": 2.0}}
+    for fields, words in ((["state"], "state of results of peridynamics, found those of tlsph"), (["velocity"], None)):
+        data = bonds | {"initial": [{"results": str(tmp_path), "fields": fields}]}
+        with pytest.raises(SolverError, match=words) if words else nullcontext():
+            simulation(data)
+    (note,) = scene_advice(parse_scene(data))
+    assert note.startswith("initial.0: results of tlsph, of which peridynamics takes velocity alone;")

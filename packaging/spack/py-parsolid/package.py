@@ -18,6 +18,8 @@ class PyParsolid(PythonPackage):
 
     depends_on("python@3.10:", type=("build", "run"))
     depends_on("py-setuptools@68:", type="build")
+    # setuptools before 70.1 makes no wheel by itself
+    depends_on("py-wheel", type="build")
     depends_on("mpi", type=("build", "run"))
     depends_on("py-mpi4py@4:", type=("build", "run"))
     depends_on("py-numpy@1.26:", type=("build", "run"))

@@ -103,7 +103,7 @@ def draw(plan: Plan, truth: Truth, path: Path) -> Path:
     import matplotlib
 
     matplotlib.use("Agg")
-    from matplotlib import pyplot
+    from matplotlib import pyplot, ticker
 
     figure, axes = pyplot.subplots(figsize=(9.0, 5.2), layout="constrained")
     edge = envelope(plan)
@@ -119,6 +119,8 @@ def draw(plan: Plan, truth: Truth, path: Path) -> Path:
         axes.axhspan(0.0, truth.uncertain, color="0.93", zorder=-1, label="not known better than this")
     axes.set(xscale="log", yscale="log", xlabel="processor seconds of the time loop, all ranks")
     axes.set(ylabel=f"error of {plan.column}", title=plan.scene.title)
+    # within a decade labels of all its parts would stand on each other
+    axes.xaxis.set_minor_locator(ticker.LogLocator(subs=(2.0, 5.0)))
     axes.grid(True, which="both", alpha=0.25)
     figure.legend(loc="outside right upper", fontsize=7.5)
     figure.savefig(path, dpi=90)
