@@ -31,12 +31,21 @@ from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 from numba.core.types import BaseNamedTuple, BaseTuple, Optional  # type: ignore[attr-defined]
 
+try:
+    from decomposition.compilation import FALLEN_BACK, compile_short
+except (ImportError, AttributeError):
+    # a numba that is built otherwise
+    FALLEN_BACK, compile_short = [], None  # type: ignore[assignment]
+
 # numba may have been imported before what NUMBA_... says was set
 config.reload_config()
 
 _IMPORT = re.compile(
     r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)|import[ \t]+([\w., \t]+))", re.MULTILINE
 )
+# how kernels are compiled: numba's own way, or a number that goes up where the machine code of `compilation` changes
+PLAIN = compile_short is None or bool(os.environ.get("PARSOLID_PLAIN_COMPILER"))
+_WAY = "numba" if PLAIN else 1
 _OURS = ("parsolid", "decomposition")
 # nobody calls these kernels, or what they call, from C: without those entry points compilation takes a seventh less
 getattr(extending, "_overload_default_jit_options", {}).setdefault("no_cfunc_wrapper", True)
@@ -58,16 +67,16 @@ def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
         dispatcher._cache = KernelCache(function, options)
         dispatcher._can_cache = True
         # numba calls nothing of a cache when a compilation fails
-        dispatcher.compile = functools.partial(_compile, dispatcher.compile)
+        dispatcher.compile = functools.partial(_compile, dispatcher, dispatcher.compile)
     return dispatcher
 
 
-def _compile(compile_as_numba: Callable[[Any], Any], signature: Any) -> Any:
+def _compile(dispatcher: Any, as_numba: Callable[[Any], Any], signature: Any) -> Any:
     """Compile, or wait for the process that does; what was reserved is free again afterwards, also after an error."""
     with global_compiler_lock:
         before = len(_RESERVED)
         try:
-            return compile_as_numba(signature)
+            return as_numba(signature) if PLAIN else compile_short(dispatcher, as_numba, signature)
         finally:
             for place in _RESERVED[before:]:
                 _release(place)
@@ -287,6 +296,7 @@ class KernelCache(_Cache):  # type: ignore[misc]
             codegen.magic_tuple(),
             self.options,
             numba_version,
+            _WAY,
         )
         digest.update(repr((*what, sys.version_info[:2], config.SLP_VECTORIZE, config.OPT)).encode())
         digest.update(dumps(cells) if cells else b"")

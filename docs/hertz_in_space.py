@@ -4,7 +4,8 @@ A quarter of a ball's cap on a quarter of a block, both of particles and of one 
 block's, moved up by the ball's surface, so that every layer follows it: a lattice that is cut by a ball is flat at its
 pole. What is beyond four half widths is a half space whose displacements are known: those of a point load (Boussinesq),
 and outer layers move by them, so the approach is that of points at infinity, and nothing is corrected. Methods: tlsph,
-peridynamics, mpm, and grid (mpm with contact on the grid); other words are put into [[contact]]: stiffness=4.
+peridynamics, mpm, and grid (mpm with contact on the grid); words with = are put into [[contact]], stiffness=4, or, with
+a point, into the method, mpm.basis=ugimp.
 """
 
 import os
@@ -15,6 +16,7 @@ from typing import Any
 import meshio
 import numpy as np
 from contact_tables import POISSON, SPEED, YOUNG, Tables, block, material, run
+from hertz_in_plane import of_contact, of_method, stated
 
 # of the last contact, over the radius; sides of the boxes in half widths; time of the approach over that of a wave
 # through a box, and rest after it
@@ -27,8 +29,8 @@ LOAD = 4.0 / 3.0 * REDUCED * RADIUS**0.5 * APPROACH**1.5
 METHODS: dict[str, Tables] = {
     "tlsph": {"kind": "tlsph", "integrator": "leapfrog"},
     "peridynamics": {"kind": "peridynamics", "solution": {"kind": "explicit"}},
-    "mpm": {"kind": "mpm", "transfer": "apic"},
-    "grid": {"kind": "mpm", "transfer": "apic"},
+    "mpm": {"kind": "mpm"},
+    "grid": {"kind": "mpm"},
 }
 
 
@@ -85,8 +87,9 @@ def tables(method: str, wanted: float, file: str, more: Tables) -> tuple[Tables,
     ball = {"name": "cap", "shape": {"mesh": {"file": file}}, "placement": "cells", "material": solid}
     end = SLOW * side / SPEED
     settings = METHODS[method] | ({"cell": 2.0 * h} if METHODS[method]["kind"] == "mpm" else {})
+    settings |= of_method(settings["kind"], more)
     sides = [{"plane": f"{axis} = 0", "kind": "roller"} for axis in "XY"]
-    contact = {"bodies": ["cap", "block"]} | ({"model": "grid"} if method == "grid" else {}) | more
+    contact = {"bodies": ["cap", "block"]} | ({"model": "grid"} if method == "grid" else {}) | of_contact(more)
     return {
         "dimension": 3,
         "end_time": end + REST * side / SPEED,
@@ -122,9 +125,9 @@ def pressed(method: str, wanted: float, more: Tables) -> tuple[np.ndarray, np.nd
 def main() -> None:
     """A line for each size."""
     method = sys.argv[1]
-    stated = dict(word.split("=") for word in sys.argv[2:] if "=" in word)
-    for wanted in (float(word) for word in sys.argv[2:] if "=" not in word):
-        s, force, columns = pressed(method, wanted, {name: float(value) for name, value in stated.items()})
+    words, sizes = stated(sys.argv[2:])
+    for wanted in sizes:
+        s, force, columns = pressed(method, wanted, words)
         told = []
         for share in (0.25, 0.5, 1.0):
             at = np.abs(s - share) < 0.05 if share < 1.0 else s == 1.0
@@ -135,7 +138,7 @@ def main() -> None:
         told.append(f"{slope**1.5 - 1.0:+.3f} by the slope, as if from {-gap / slope * wanted * FLATNESS:.4f} h on")
         off = np.abs(columns["balance"]).max() / columns["stored"].max()
         print(
-            f"{method} {stated}, a/h {wanted:g}, {len(s) - 1} steps: force {', '.join(told)}; "
+            f"{method} {words}, a/h {wanted:g}, {len(s) - 1} steps: force {', '.join(told)}; "
             f"swing {np.ptp(force[s == 1.0]):.3f}, balance {off:.1e}",
             flush=True,
         )

@@ -23,6 +23,7 @@ import pytest
 os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE", "1")
 os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT", "256")
 
+from chessboard import white_fields
 from mpi4py import MPI
 from properties import list_of_properties
 
@@ -73,7 +74,7 @@ _MARKERS = (
     "serial: runs on one rank only, for no rank talks to another in what it checks",
     "ranks(*numbers): runs on these numbers of ranks only",
     "slow: more than two seconds on one processor with warm kernels; the fast set is -m 'not slow'",
-    "every_other: each parameter set is kernels to compile, of which every other one will do; with --long all",
+    "every_other: each parameter set takes seconds or kernels, and every other one will do; with --long all",
     "verification: against exact solutions, other codes or published results (set in verification and exact)",
     "long: takes minutes; runs only with --long",
 )
@@ -117,7 +118,7 @@ def pytest_collection_modifyitems(config, items):
     functions = defaultdict(list)
     for item in items:
         functions[item.path, item.originalname].append(item)
-    white = {item for sets in functions.values() if len(sets) > 2 for item in _white(sets)}
+    white = {item for sets in functions.values() if len(sets) > 2 for item in white_fields(sets)}
     if hasattr(config, "workerinput"):
         _in_turn(items)
     for item in items:
@@ -159,27 +160,13 @@ def _runs(config, item) -> bool:
     return WORLD.size == 1 or item.get_closest_marker("mpi") is not None
 
 
-def _white(sets) -> list:
-    """Of a function's parameter sets the white fields of a board whose sides are its parameters."""
-    places, found = defaultdict(dict), []
-    for item in sets:
-        marks = [mark.args[0] for mark in item.iter_markers("parametrize")]
-        together = [names.replace(",", " ").split() if isinstance(names, str) else names for names in marks]
-        # of names that change together one is a side
-        sides = item.callspec.params.keys() - {name for names in together for name in names[1:]}
-        steps = [places[side].setdefault(id(item.callspec.params[side]), len(places[side])) for side in sides]
-        if sum(steps) % 2:
-            found.append(item)
-    return found
-
-
 def _has_its_turn(config, item, white: bool) -> bool:
     """Whether a parameter set runs on this number of ranks, rather than on another or on one alone."""
-    if config.getoption("long") or config.getoption("properties") or item.get_closest_marker("ranks"):
+    if config.getoption("long") or config.getoption("properties"):
         return True
     if item.get_closest_marker("every_other"):
         return not white
-    if WORLD.size not in _NOT_ON or item.get_closest_marker("slow"):
+    if WORLD.size not in _NOT_ON or any(map(item.get_closest_marker, ("ranks", "slow"))):
         return True
     makes_exchanges = not any(_room(item) in rooms for rooms in _NOT_ON.values())
     return white == (makes_exchanges and WORLD.size == 3)

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from decomposition.compiled import compiled
 from parsolid.collective import maximum, minimum
 
 # nodes of the grid are as many at most, in so many dimensions: factors fill up faster in space
@@ -85,6 +86,24 @@ class Functions(NamedTuple):
     def of(cls, grid: Grid, places: np.ndarray) -> "Functions":
         """At places (n, d) [m]."""
         return cls(*grid.within(places), grid.corners, tuple(map(int, grid.strides)))
+
+
+@compiled
+def add_moments(at: Functions, weights: np.ndarray, result: np.ndarray) -> None:
+    """Add weights (n, kinds) of particles times products of powers 0 to 2 of their places within cells to result
+    (nodes, kinds, 3^d), at the lower node of each cell; the first axis is the fastest.
+    """
+    powers = np.empty(result.shape[2])
+    for p in range(len(at.lower)):
+        powers[0], count = 1.0, 1
+        for axis in range(at.within.shape[1]):
+            for k in range(2 * count):
+                powers[count + k] = at.within[p, axis] * powers[k]
+            count *= 3
+        for kind in range(weights.shape[1]):
+            if weights[p, kind] != 0.0:
+                for k in range(count):
+                    result[at.lower[p], kind, k] += weights[p, kind] * powers[k]
 
 
 def stiffness_of_moments(width: np.ndarray) -> np.ndarray:

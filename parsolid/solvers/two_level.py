@@ -11,15 +11,76 @@ from typing import Any
 
 import numpy as np
 
+from decomposition.compiled import compiled
 from decomposition.reduction import sums
 from parsolid.collective import anywhere
-from parsolid.solvers.node_grid import Functions, Grid, shape_values, stiffness_of_moments
-from parsolid.solvers.node_kernels import add_moments, from_nodes, to_nodes
+from parsolid.solvers.node_grid import Functions, Grid, add_moments, shape_values, stiffness_of_moments
 
 # of the greatest stiffness, what keeps motions that nothing holds from being without any
 _FLOOR = 1e-9
 # of all its squares, what a motion that nothing holds may be where something holds: rounding
 _LOOSE = 1e-13
+
+
+@compiled
+def _fill_shape(at: Functions, p: int, values: np.ndarray) -> None:
+    """Fill the functions (2^d,) of a cell's nodes at a particle."""
+    values[0], count = 1.0, 1
+    for axis in range(len(at.strides) - 1, -1, -1):
+        for k in range(count):
+            upper = at.within[p, axis] * values[k]
+            values[count + k] = upper
+            values[k] -= upper
+        count *= 2
+
+
+@compiled
+def _give(at: Functions, lower: int, mine: np.ndarray, result: np.ndarray) -> None:
+    """Add what was summed in a cell (2^d d,) to its nodes, and forget it."""
+    d = len(at.strides)
+    for k in range(1 << d):
+        for i in range(d):
+            result[lower + at.corners[k], i] += mine[k * d + i]
+            mine[k * d + i] = 0.0
+
+
+@compiled
+def to_nodes(at: Functions, values: np.ndarray, result: np.ndarray) -> None:
+    """Add values (n, d) of particles times the functions there to result (nodes, d)."""
+    d = len(at.strides)
+    # neighbours in memory are so in space
+    shape, mine, last = np.empty(1 << d), np.zeros(d << d), -1
+    for p in range(len(at.lower)):
+        if at.lower[p] != last:
+            if last >= 0:
+                _give(at, last, mine, result)
+            last = at.lower[p]
+        _fill_shape(at, p, shape)
+        for k in range(1 << d):
+            for i in range(d):
+                mine[k * d + i] += shape[k] * values[p, i]
+    if last >= 0:
+        _give(at, last, mine, result)
+
+
+@compiled
+def from_nodes(at: Functions, nodes: np.ndarray, free: np.ndarray, result: np.ndarray) -> None:
+    """Add what functions with values (nodes, d) at nodes are at particles to result (n, d), where free (n, d)."""
+    d = len(at.strides)
+    shape, mine, last = np.empty(1 << d), np.empty(d << d), -1
+    for p in range(len(at.lower)):
+        if at.lower[p] != last:
+            last = at.lower[p]
+            for k in range(1 << d):
+                for i in range(d):
+                    mine[k * d + i] = nodes[last + at.corners[k], i]
+        _fill_shape(at, p, shape)
+        for i in range(d):
+            total = 0.0
+            for k in range(1 << d):
+                total += shape[k] * mine[k * d + i]
+            if free[p, i]:
+                result[p, i] += total
 
 
 class TwoLevel:

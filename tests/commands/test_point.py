@@ -148,7 +148,7 @@ def test_elastic_work_is_what_is_stored(driven, path):
 @pytest.mark.parametrize("path", ['kind = "isochoric"\nstretch = "1 + 8*t"', 'kind = "uniaxial"\nstretch = "1 + 5*t"'])
 def test_moving_paths_are_of_second_order(driven, path):
     material = MATERIAL.replace("tau = 1e-4", "tau = 0.2")
-    runs = [driven(path, material, f"end_time = 0.1\nsteps = {steps}\n").columns for steps in (20, 40, 80, 640)]
+    runs = [driven(path, material, f"end_time = 0.1\nsteps = {steps}\n").columns for steps in (20, 40, 80, 400)]
     for quantity in ("first_piola_kirchhoff_stress_xx", "branch_1.A_xx", "dissipation", "work"):
         values = [columns[quantity][-1] for columns in runs]
         errors = np.abs(np.array(values[:3]) - values[3])

@@ -65,9 +65,9 @@ def test_compliance_inverts_the_relaxation():
     compliance = series.compliance()
     assert len(compliance.rates) == 3 and series.instantaneous == 40.0
     # the convolution of E with dD is 1 at all times
+    points, shares = np.polynomial.legendre.leggauss(400)
     for time in (0.05, 1.0, 20.0, 300.0):
-        points, weights = np.polynomial.legendre.leggauss(400)
-        s, weights = 0.5 * time * (points + 1.0), 0.5 * time * weights
+        s, weights = 0.5 * time * (points + 1.0), 0.5 * time * shares
         rate = np.exp(-np.outer(s, compliance.rates)) @ (compliance.amplitudes * compliance.rates)
         total = series.relaxation(time) * compliance(0.0) + np.sum(weights * series.relaxation(time - s) * rate)
         assert total == pytest.approx(1.0, rel=1e-10)

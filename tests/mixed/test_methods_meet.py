@@ -104,3 +104,28 @@ def test_on_any_ranks_and_after_a_restart_bars_move_alike(comm, shared_path):
 def test_within_one_body_a_grid_knows_no_contact():
     with pytest.raises(SceneError, match="contact: expected no such table within one body of this method"):
         parse_scene(bars("sph", "points", contact=[{"bodies": ["b"]}]))
+
+
+def test_points_that_stay_pressed_do_not_give_way_for_ever():
+    """APIC forgets what nodes do not see; places that followed such velocities sank, 7 % of the force in this time."""
+    ramp, end, h = 12.0 / SPEED, 36.0 / SPEED, 1.0 / 6.0
+    data = bars("points", "points", end_time=end)
+    for body, low in zip(data["bodies"], (-1.0, 0.0)):
+        box = {"lower": [low, 0.0], "upper": [low + 1.0, 2.0 * h]}
+        body |= {"shape": {"box": box}, "particles": [6, 2], "velocity": [0.0, 0.0]}
+    data["methods"] = [METHODS["points"] | {"name": "points", "cell": 2.0 * h, "transfer": "apic"}]
+    rate = f"-{0.02 / ramp}*(1 - cos(2*pi*t/{ramp}))*where(t < {ramp}, 1, 0)"
+    last = {"lower": [1.0 - 2.0 * h, -1.0], "upper": [2.0, 1.0]}
+    data["boundaries"] = [{"plane": f"Y = {place}", "kind": "roller"} for place in (0.0, 2.0 * h)]
+    data["boundaries"] += [{"plane": "X = -1", "kind": "roller", "body": "a"}]
+    data["boundaries"] += [{"kind": "velocity", "box": last, "body": "b", "velocity": [rate, "free"]}]
+
+    def pressing(sim) -> dict[str, float]:
+        rows = sim.systems[0].particles.owned_rows
+        return {"force": -float(rows("contact_force")[:, 0].sum())}
+
+    found = follow(Simulation(MPI.COMM_SELF, parse_scene(data)), Record(pressing))
+    early, late = ((found["time"] * SPEED > begin) & (found["time"] * SPEED < begin + 6.0) for begin in (14.0, 30.0))
+    assert found["force"][late].mean() > 0.97 * found["force"][early].mean() > 0.0
+    lost = found["dissipation_numerical"]
+    assert lost[late].mean() - lost[early].mean() < 0.05 * found["stored"].max()

@@ -347,7 +347,7 @@ def test_a_body_for_which_the_weights_do_not_hold_is_refused(found):
 
 STEPS = [[1, 2], [1]]
 GRADED = {
-    r"bodies.0.grading: expected weights in closed form and .* found 'kernel' weights with 'leapfrog'": (STEPS, {}),
+    r"bodies.0.grading: expected weights in closed form, .* found 'kernel' weights with 'leapfrog'": (STEPS, {}),
     r"bodies.0.grading: expected weights in .* with 'ssp-rk3'": (STEPS, {"weights": "cells", "integrator": "ssp-rk3"}),
     r"bodies.0.grading: expected 2 lists \(one per axis\), found": ([[1, 2]], {"weights": "cells"}),
     r"bodies.0.grading: expected no such key with this method, found": (STEPS, {"kind": "mpm", "cell": 0.25}),

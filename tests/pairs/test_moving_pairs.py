@@ -135,6 +135,7 @@ def test_lists_equal_brute_force_after_every_rebuild(comm, dimension, codes):
     assert comm.allreduce(scene.particles.owned) == len(scene.place)
 
 
+@pytest.mark.every_other
 @pytest.mark.parametrize(
     "dimension",
     [pytest.param(2, marks=pytest.mark.ranks(1, 3)), pytest.param(3, marks=pytest.mark.ranks(1, 2))],

@@ -33,6 +33,7 @@ def test_creep_bar(shared_path):
     assert history["time"][1] == 0.0 and history["tip.displacement_x"][1] == pytest.approx(0.01 * place, rel=1e-7)
 
 
+@pytest.mark.every_other
 @pytest.mark.parametrize("scene", ("plate.toml", "plate_elastic_bulk.toml"))
 @pytest.mark.parametrize("solver", ("conjugate-gradients", "dynamic-relaxation"))
 def test_plate_extension_and_recovery(shared_path, scene, solver):
@@ -65,6 +66,7 @@ def test_traction_on_the_last_column_alone_is_not_exact(shared_path):
 
 
 @pytest.mark.serial
+@pytest.mark.every_other
 @pytest.mark.parametrize("state", ("instantaneous", "relaxed"))
 @pytest.mark.parametrize(("clamp", "reach"), (("mirror", 3), ("mirror", 10), ("layer", 3)))
 def test_period_and_decay_of_a_vibrating_bar(shared_path, state, clamp, reach):

@@ -8,6 +8,7 @@ import pytest
 from parsolid.pairs import axis_waves
 from parsolid.pairs.axis_waves import Lattice, signal, wave_forms
 from parsolid.pairs.lattice_stencils import WIDEST, Axis, lengths_of, operator_of
+from parsolid.scene.grading import graded_shares
 
 FREE = (False, False)
 BOXES = {
@@ -102,3 +103,19 @@ def test_long_axes_are_bounded_by_shorter_ones(wide, monkeypatch):
     exact = [of(speeds) for speeds in ((1.0, 0.01), (1.0, 0.5), (0.0, 1.0))]
     axis_waves._greatest.cache_clear()
     assert all(0.9999 * one < bound < 1.02 * one for one, bound in zip(exact, bounded))
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("grading", [(), (1.0, 3.0), (1.0, 2.0, 1.0)])
+def test_gradients_on_graded_axes_are_of_fourth_order_inside_and_second_at_ends(grading):
+    errors = []
+    for n in (17, 33, 65, 129):
+        places = graded_shares(n, grading) * (n - 1) if grading else ()
+        axis = Axis(n, 1.0 / (n - 1), FREE, tuple(places))
+        X = graded_shares(n, grading or (1.0, 1.0))
+        H, D, _ = gradient_and_jumps(axis, True)
+        error = np.abs(D @ np.sin(5.0 * X) - 5.0 * np.cos(5.0 * X))
+        errors.append((error[6:-6].max(), error.max()))
+        assert H.sum() == pytest.approx(1.0, rel=1e-13) and np.abs(D @ X - 1.0).max() < 1e-11
+    inside, ends = np.log2(np.array(errors)[:-1] / np.array(errors)[1:]).T
+    assert inside.min() > 2.5 and inside[-1] > 3.5 and ends[1:].min() > 1.8

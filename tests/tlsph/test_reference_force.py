@@ -55,6 +55,7 @@ def agrees(sim, planes, **options) -> None:
     assert max(found.values()) < 1e-12, found
 
 
+@pytest.mark.every_other
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize(
     "material", [{}, {"branches": ONE_BRANCH}, {"zeta": 0.2, "branches": THREE_BRANCHES}], ids=["0", "1", "zeta-3"]
@@ -70,7 +71,7 @@ def test_walls_that_hold_tangentially(dimension, kind):
     agrees(*built(dimension, {"branches": ONE_BRANCH}, planes={"Y0": (0.0, kind), "X0": (0.0, "roller")}))
 
 
-@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("dimension", [2, pytest.param(3, marks=pytest.mark.long)])
 def test_without_reconstruction_and_without_dissipation(dimension):
     material = {"branches": ONE_BRANCH}
     agrees(*built(dimension, material, {"reconstruction": False}, ROLLERS[dimension]))

@@ -5,6 +5,11 @@ import pytest
 from tool_scenes import METHODS, block, floor, run
 
 GRAVITY, FRICTION = 10.0, 0.3
+# all methods slide; what more there is to friction is shown by some each, in the long set by all
+SOME, OTHERS = (
+    [pytest.param(name, marks=() if number % 2 == first else pytest.mark.long) for number, name in enumerate(METHODS)]
+    for first in (0, 1)
+)
 
 
 def on_incline(method: str, slope: float, end: float, ramp: float, **body) -> dict:
@@ -30,7 +35,7 @@ def test_a_block_slides_down_an_incline(method):
     assert np.abs(watch["balance"]).max() < 1e-3 * watch["work_external"].max()
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", SOME)
 def test_a_block_sticks_on_a_gentle_incline(method):
     data = on_incline(method, 0.2, 0.3, 0.2)
     _, watch = run(data)
@@ -39,7 +44,7 @@ def test_a_block_sticks_on_a_gentle_incline(method):
     assert abs(np.mean(watch["floor.force_x"][late]) / (watch["mass"][0] * GRAVITY * np.sin(np.arctan(0.2))) - 1) < 0.02
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", OTHERS)
 def test_a_sliding_block_stops(method):
     """v^2/(2 mu g) from when the weight has grown to its end."""
     speed, grows = 0.6, 0.1

@@ -63,7 +63,7 @@ class Particles:
             first = {2: 4, 3: 12}[d]
             body.rate_sums[k, first : first + d] = weight[k]
         kept = None, None, GradientCorrection(6.0)
-        sound, work, heat, freed = advance_state(LAYOUT[d], 0, 4, self.law, step, *kept, body)
+        sound, work, heat, freed = advance_state(LAYOUT[d], 0, 4, self.law, step, step, *kept, body)
         assert sound and heat == 0.0 and freed == 0.0
         return work / (4 * 2.0 / self.law.density)
 
@@ -190,6 +190,6 @@ def test_a_particle_without_neighbours_keeps_its_state(dimension):
     before, body = particles.scalars(), particles.body
     body.rate_sums[:] = 0.0
     law, correction = particles.law, GradientCorrection(6.0)
-    assert advance_state(LAYOUT[dimension], 0, 4, law, 1e-8, None, None, correction, body)[0]
+    assert advance_state(LAYOUT[dimension], 0, 4, law, 1e-8, 1e-8, None, None, correction, body)[0]
     np.testing.assert_allclose(particles.scalars(), before, rtol=1e-12)
     assert np.isfinite(body.correction).all()

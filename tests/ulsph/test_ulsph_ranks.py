@@ -84,6 +84,7 @@ def test_restart_is_bitwise(comm, shared_path):
     comm.barrier()
     whole, parts = shared_path / "whole", shared_path / "parts"
     arguments = ["run", str(shared_path / "scene.toml"), "-q", "--set", "output.history_steps=1"]
+    arguments += ["--set", "output.pictures=false"]
     assert main([*arguments, "-o", str(whole)]) == 0
     assert main([*arguments, "-o", str(parts), "--max-steps", "37"]) == 0
     stopped = (parts / "summary.json").read_text()

@@ -128,6 +128,11 @@ class MaterialPoint(MethodSettings):
         reject(*details)
         return self
 
+    @property
+    def adds_changes(self) -> bool:
+        """Particles add all of the nodes' changes to the velocities that they have, and forget nothing."""
+        return self.transfer in ("flip", "aflip") and self.flip_fraction == 1.0
+
     def contact_refused(self, scene: Any) -> str | None:
         """Between bodies with grids of their own; nothing of one body could part on its grid."""
         alone = any(len(one.bodies) == 1 and one.bodies[0] in {b.name for b in scene.bodies} for one in scene.contact)

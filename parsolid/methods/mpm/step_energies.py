@@ -16,7 +16,7 @@ class StepEnergies:
     def __init__(self, points: MaterialPoints, nodes: Nodes, forces: np.ndarray | None):
         self.points, self.nodes, self.forces = points, nodes, forces
         settings = points.settings
-        self.adds = settings.transfer in ("flip", "aflip") and settings.flip_fraction == 1.0
+        self.adds = settings.adds_changes
         self.again = settings.order == "musl"
         self.loses = "velocity_slope" in points or not (self.adds and self.again)
         self.kinetic = kinetic_energy(points.owned, points.motion) if self.loses else 0.0

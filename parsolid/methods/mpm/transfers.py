@@ -44,18 +44,24 @@ class UpdateStressLast:
         Gives what is lost [J] where boundaries held nodes to which particles brought a velocity.
         """
         lost = self._move(step, self.points.velocity_transfer, None)
-        settings = self.points.settings
         # `StepEnergies` counts what particles do not take of all changes
-        return 0.0 if settings.transfer in ("flip", "aflip") and settings.flip_fraction == 1.0 else lost
+        return 0.0 if self.points.settings.adds_changes else lost
 
     def _move(self, step: float, transfer: VelocityTransfer | None, remapped: np.ndarray | None) -> float:
-        """Places and velocity gradients; what the transfers take of impulses [J], see `WaitingImpulses`."""
+        """Places and velocity gradients; what the transfers take of impulses [J], see `WaitingImpulses`.
+
+        Where something acts between steps, by places, and particles forget velocities that nodes do not see, places
+        follow the velocities that strain matter: motion that strains nothing would give way to it for ever.
+        """
         rate, waiting = self.points.storage("velocity_gradient"), self.waiting
         if waiting is None or step == 0.0:
-            self._gather(step, transfer, rate, remapped, None)
+            self._gather(self.nodes.motion, step, transfer, rate, remapped, None)
             return 0.0
         both = self._brought_and_kept() if waiting.given is not None else None
-        self._gather(step, transfer, rate, remapped, waiting.ways())
+        if self.points.settings.adds_changes:
+            self._gather(self.nodes.motion, step, transfer, rate, remapped, waiting.ways())
+        else:
+            self._gather(self._strained_by(), step, transfer, rate, None, waiting.ways())
         return waiting.lost(both)
 
     def _of_particles(self, velocity: np.ndarray) -> np.ndarray:
@@ -94,14 +100,15 @@ class UpdateStressLast:
 
     def _gather(
         self,
+        nodes: np.ndarray,
         step: float,
         transfer: VelocityTransfer | None,
         rate: np.ndarray | None,
         remapped: np.ndarray | None,
         ways: np.ndarray | None,
     ) -> None:
-        nodes, what = self.nodes, (transfer is None, rate is None, ways is None)
-        arrays = nodes.interpolation, nodes.motion, self.points.motion
+        what = transfer is None, rate is None, remapped is None, ways is None
+        arrays = self.nodes.interpolation, nodes, self.points.motion
         self._gather_kernel(what, *arrays, step, transfer, rate, remapped, ways)
 
 
@@ -110,7 +117,7 @@ class ModifiedUpdateStressLast(UpdateStressLast):
 
     def nodes_to_particles(self, time: float, step: float) -> float:
         """See `UpdateStressLast`."""
-        self._gather(step, self.points.velocity_transfer, None, None, None)
+        self._gather(self.nodes.motion, step, self.points.velocity_transfer, None, None, None)
         lost = self._map_back(time)
         return lost + self._move(step, None, self.nodes.again)
 

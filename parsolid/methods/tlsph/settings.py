@@ -146,10 +146,12 @@ class TotalLagrangianSPH(MethodSettings):
         return faults + lattice_faults(self.pair_weights, scene) + self._grading_faults(scene)
 
     def _grading_faults(self, scene: Any) -> list[Detail]:
-        """Graded bodies without weights in closed form, or with a step that knows one spacing only."""
+        """Graded bodies without weights in closed form, with a step that knows one spacing only, or in contact, which
+        does so, too."""
         kinds = weights_of_bodies(self.pair_weights, scene)
         graded = [i for i, body in enumerate(scene.bodies) if body.grading is not None]
-        expected = "weights in closed form and method.integrator = 'leapfrog' where bodies are graded"
-        others = [i for i in graded if kinds[i] not in ON_LATTICES or self.integrator != "leapfrog"]
-        found = Phrase(f"{self.pair_weights!r} weights with {self.integrator!r}")
+        expected = "weights in closed form, method.integrator = 'leapfrog' and no contact where bodies are graded"
+        meets = bool(scene.contact or scene.tie or scene.tools)
+        others = [i for i in graded if meets or kinds[i] not in ON_LATTICES or self.integrator != "leapfrog"]
+        found = Phrase(f"{self.pair_weights!r} weights with {self.integrator!r}{' and contact' if meets else ''}")
         return [(("bodies", i, "grading"), expected, found) for i in others]

@@ -62,7 +62,6 @@ class TotalLagrangianSPH(PairMethod):
         closed = frozenset(i for i, kind in enumerate(self.body_weights) if kind in ON_LATTICES)
         self.boundaries = build_boundaries(comm, scene, particle_set, self.particles, closed)
         self.on_lattices = put_on_lattices(comm, scene, particle_set, self.boundaries, self.body_weights)
-        share = self.boundaries.share
         self.branches = maximum(comm, max((block.branches for block in self.blocks), default=0))
         self.pairs = self._pair_system(particle_set)
         self.pairs.unbonded = scene.unbonded
@@ -74,6 +73,7 @@ class TotalLagrangianSPH(PairMethod):
         self.landings = () if staged else self.boundaries.jump_times
         state.declare_motion(self.particles, particle_set, fixed, staged)
         state.declare_strain(self.particles, self.dimension, self.branches, staged)
+        share = self.boundaries.share
         volume = particle_set.volume / share
         self.particles.declare(Field("mass", 1, "kg"), volume * density)
         self.particles.declare(Field("share", 1, "1"), share)
@@ -81,8 +81,8 @@ class TotalLagrangianSPH(PairMethod):
         metric = metrics(particle_set.spacing, particle_set.axes, self._smoothing())
         updated = (self.pairs, self.settings, particle_set.position, self.boundaries)
         self.reference = None if fixed else UpdatedReference(*updated)
-        even = None if self.on_lattices is None else self.on_lattices.even
-        self.pairs.rebuild(particle_set.position, particle_set.body, metric, volume, even)
+        where = particle_set.position, particle_set.body, metric, volume
+        self.pairs.rebuild(*where, getattr(self.on_lattices, "even", None))
         # the narrowest spacing of all ranks bounds the step (79), so that it does not depend on their number
         self.spacing = minimum(comm, float(particle_set.spacing.min(initial=np.inf)))
 
@@ -183,10 +183,7 @@ class TotalLagrangianSPH(PairMethod):
         return min(self.boundaries.largest_step, *steps, np.inf)
 
     def _stable_step_of(self, block: MaterialBlock) -> float:
-        return self._group_step(block, self._modulus(block))
-
-    def _modulus(self, block: MaterialBlock) -> float:
-        return largest_wave_modulus(self.space, block.first, block.last, block.law, self.body_of(block))
+        return self._group_step(block, largest_wave_modulus(*self.part(block), self.body_of(block)))
 
     def _group_step(self, block: MaterialBlock, modulus: float) -> float:
         step = self.settings.cfl * self.spacing * np.sqrt(block.law.density / modulus)

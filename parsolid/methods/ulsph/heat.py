@@ -7,6 +7,36 @@ import numpy as np
 from parsolid.methods.ulsph.kinematics import second_vector
 
 
+class HalfSteps:
+    """Viscous forces act for half of the step before their time and half of that after it, and warm in the latter.
+
+    step: the last one [s], 0 before the first; to_come: what they took in its second kick, which stored energies have
+    after the next step [J], of this rank.
+    """
+
+    def __init__(self) -> None:
+        self.step = self.to_come = 0.0
+
+    def mean(self, step: float) -> float:
+        """Of the step before and this one [s]."""
+        return 0.5 * (self.step + step)
+
+    def follow(self, step: float, taken: float) -> float:
+        """A step [s] is over, whose second kick has taken energy [J]; by how much more is to come than before [J]."""
+        change = float(taken - self.to_come)
+        self.step, self.to_come = step, float(taken)
+        return change
+
+    def state(self, comm: Any) -> dict[str, Any]:
+        """The step, and what is to come on each rank; collective."""
+        return {"step": self.step, "to_come": comm.allgather(self.to_come)}
+
+    def set_state(self, comm: Any, state: dict[str, Any]) -> None:
+        """Take back what `state` gave; on another number of ranks the first has all."""
+        self.step, heat = state["step"], state["to_come"]
+        self.to_come = heat[comm.rank] if len(heat) == comm.size else sum(heat) * (comm.rank == 0)
+
+
 def prescribe_temperatures(system: Any, time: float) -> tuple[float, float]:
     """The heat [J] that prescribed temperatures supply at a time [s], and the part of it that goes into stored energy;
     system: `system.UpdatedLagrangianSPH`."""
@@ -36,13 +66,14 @@ def take_heat(system: Any, heat: np.ndarray, rows: np.ndarray) -> float:
 
 
 def follow_kick(system: Any, before: np.ndarray, rows: np.ndarray) -> None:
-    """Change the heat of the last viscous forces by what a kick between two steps has changed of rows' velocities,
-    which were `before` (n, d): half of it, for of the two halves of these forces only the second one acts after it.
+    """Add what a kick between two steps has changed of rows' velocities, which were `before` (n, d), times the viscous
+    forces [W], to a column of the sums that the passes leave zero: of the two halves of these forces only the second
+    one acts after it, see `viscous_heat.centred_heat`.
     """
     d, sums = system.dimension, system.particles.storage("force_sums")
-    first, heat = second_vector(d), sums.shape[1] - 4 if d == 2 else 3
+    first, column = second_vector(d), sums.shape[1] - 3 if d == 2 else 7
     change = system.particles.owned_rows("velocity")[rows] - before
-    sums[rows, heat] -= 0.5 * np.sum(sums[rows, first : first + d] * change, axis=1)
+    sums[rows, column] += np.sum(sums[rows, first : first + d] * change, axis=1)
 
 
 def _of_bodies(system: Any) -> tuple[np.ndarray, np.ndarray]:

@@ -123,12 +123,12 @@ def _store_state(space, body, i, values, count):
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
-def advance_state(space, first, last, law, step, carried, heating, correction, body):
+def advance_state(space, first, last, law, step, mean_step, carried, heating, correction, body):
     """Advance density, stress, plastic strain, E and T of particles by a step [s] from the sums of the first pass.
 
-    Fills B, the records and the speeds of sound. Viscous heat is that of the last forces, whose work knows the same
-    pressure. Returns (sound, plastic work, viscous heat, what failure released [J]); sound is False where a particle is
-    compressed beyond its equation of state or is not a number.
+    Fills B, the records and the speeds of sound. Viscous heat is that of the last forces, which act for the halves of
+    the step before and of this one, together mean_step [s]. Returns (sound, plastic work, viscous heat, what failure
+    released [J]); sound is False where a particle is compressed beyond its equation of state or is not a number.
     """
     sound, plastic, viscous, freed = True, broadcast(0.0), broadcast(0.0), broadcast(0.0)
     eos, gamma = law.equation_of_state, grueneisen_coefficient(law.equation_of_state)
@@ -143,7 +143,7 @@ def advance_state(space, first, last, law, step, carried, heating, correction, b
         change, pressure = new_J - J, borne(whole, cold_pressure(eos, J) + gamma * energy)
         flow = _flowed(law, step, rotated, strain, ep, temperature, pressure, J, new_J)
         s, increment, plastic_work = flowing(whole, flow[0], flow[1], new_J * flow[2])
-        friction = (1.0 / volume) * centred_heat(heating, space, body, i, step)
+        friction = (1.0 / volume) * centred_heat(heating, space, body, i, step, mean_step)
         conducted = _supplied(divergences(space, carried, body, i, 1.0 / (volume * half_J))[1], step * half_J)
         # closed form of E+ = E + W - (P + P+)/2 (J+ - J) with P+ = A(J+) + gamma E+; T dS and -gamma T tr d likewise
         cold, part = cold_pressure(eos, new_J), 0.5 * gamma * change

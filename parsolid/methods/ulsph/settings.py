@@ -71,6 +71,7 @@ class UpdatedLagrangianSPH(MethodSettings):
         "heat_stored": -1,
         "plastic_work": 0,
         "viscous_heat": 0,
+        "viscous_heat_to_come": 1,
     }
     viscous_terms: ClassVar = ("viscous_dissipation", "viscous_heat")
     extra_quantities: ClassVar = {

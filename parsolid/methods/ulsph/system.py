@@ -16,7 +16,7 @@ from parsolid.methods.ulsph import kinematics as motion
 from parsolid.methods.ulsph.boundaries import BoundarySet
 from parsolid.methods.ulsph.deletion import Deletion
 from parsolid.methods.ulsph.fields import declare_motion, declare_state
-from parsolid.methods.ulsph.heat import follow_kick, prescribe_temperatures, take_heat
+from parsolid.methods.ulsph.heat import HalfSteps, follow_kick, prescribe_temperatures, take_heat
 from parsolid.methods.ulsph.observation import advice, measure, shown, unsound
 from parsolid.methods.ulsph.sweeps import Sweeps
 from parsolid.methods.ulsph.terms import (
@@ -55,7 +55,7 @@ class UpdatedLagrangianSPH(PairMethod):
     """
 
     pairs: MovingPairs
-    time = 0.0
+    time = supplied = supplied_to_stored = 0.0
     takes_heat = True
 
     def __init__(self, comm: Any, scene: Scene, particle_set: ParticleSet):
@@ -69,7 +69,7 @@ class UpdatedLagrangianSPH(PairMethod):
         self.updates = Updates(self, self.laws)
         self.carried = self.updates.carried
         warms = settings.viscous_heating or any(self.updates.storing)
-        self.heating = Warming() if warms and settings.viscosity else None
+        self.heating, self.halves = Warming() if warms and settings.viscosity else None, HalfSteps()
         declare_motion(particles, particle_set.position, self.carried, self.heating, self.updates.speeds_change)
         density = density_of(self.laws, law_of_body, particle_set.body)
         self.boundaries = BoundarySet(comm, scene, particle_set, particles)
@@ -84,7 +84,6 @@ class UpdatedLagrangianSPH(PairMethod):
         self.pairs.unbonded = scene.unbonded
         terms = (self.carried, _viscosity(settings), self.heating, *self._meeting_and_length(comm, particle_set))
         self.sweeps = Sweeps(self.space, kernel, self.pairs, particles, *terms)
-        self.supplied = self.supplied_to_stored = 0.0
         self.lists_state: dict[str, Any] | None = None
         self.deletion = Deletion(self) if "deleted_mass" in particles else None
 
@@ -149,11 +148,13 @@ class UpdatedLagrangianSPH(PairMethod):
 
     def state(self) -> dict[str, Any]:
         """The lists, and whether they are used up; collective."""
-        return {"pairs": self.pairs.state(), "time": self.time, "news": anywhere(self.comm, self.news)}
+        lists = {"pairs": self.pairs.state(), "time": self.time, "news": anywhere(self.comm, self.news)}
+        return lists | {"halves": self.halves.state(self.comm)}
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave."""
         self.lists_state, self.time, self.news = state, state["time"], state["news"]
+        self.halves.set_state(self.comm, state["halves"])
 
     # --- a step -------------------------------------------------------------------------------------------------
 
@@ -215,10 +216,10 @@ class UpdatedLagrangianSPH(PairMethod):
         pushed, caught = self.boundaries.taken(step, ledger)
         ledger.add(1.0, plastic, lost + caught, float(first[0] + second[0]) + pushed)
         ledger.add_term("viscous_dissipation", float(viscous))
+        ledger.add_term("viscous_heat_to_come", self.halves.follow(step, all(self.updates.storing) * second[1]))
         ledger.add_term("leapfrog_oscillation", second[2] - first[2])
-        ledger.add_term("heat_supplied", self.supplied)
-        ledger.add_term("heat_stored", self.supplied_to_stored)
-        for name, energy in (self.updates.taken() | (self.deletion.taken() if self.deletion else {})).items():
+        terms = {"heat_supplied": self.supplied, "heat_stored": self.supplied_to_stored} | self.updates.taken()
+        for name, energy in (terms | (self.deletion.taken() if self.deletion else {})).items():
             ledger.add_term(name, energy)
 
     def advance_state(self, time: float, step: float) -> tuple[bool, float, float]:

@@ -132,7 +132,7 @@ class ElasticPlasticUpdate:
         """See `MicroInertiaUpdate.advance`; the stored energy holds the plastic heat."""
         system, here = self.system, (block.first, block.last, block.law)
         sound, work, heat, released = plastic_update.advance_state(
-            system.space, *here, step, system.carried, system.heating, system.correction, body
+            system.space, *here, step, system.halves.mean(step), system.carried, system.heating, system.correction, body
         )
         self.plastic_work += work
         self.viscous_heat += heat

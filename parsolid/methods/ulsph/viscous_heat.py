@@ -37,22 +37,41 @@ def _heat_of_space(space, sums, i):
 
 
 @generic(on="heating")
-def centred_heat(heating, space, body, i, step):
-    """The heat [J] of particles i..i+3 in a step [s] by the velocities at its end, of which its work is the loss.
+def centred_heat(heating, space, body, i, step, mean_step):
+    """The heat [J] of particles i..i+3, of which the work of the viscous forces in both kicks around their time is the
+    loss; mean_step: of the step before and of this step [s].
 
-    The sums are of those half a step before; each particle takes what its own acceleration has changed.
+    The sums q = -V . v are of velocities v half a step before these kicks, d and d' of which change v by d F/2m and by
+    d' F/2m: -V . dv of both is h q - h^2 V . F/2m with h = (d + d')/2, also where d is 0. What contact has changed
+    between them, w = V . dv, meets the second one alone.
     """
 
 
 @centred_heat.of(None)
-def _no_centred_heat(heating, space, body, i, step):
+def _no_centred_heat(heating, space, body, i, step, mean_step):
     return 0.0
 
 
 @centred_heat.otherwise
-def _some_centred_heat(heating, space, body, i, step):
-    half = 0.5 * step / load(body.mass, 0, i)
-    return step * (_heat_of(space, body.force_sums, i) - half * _viscous_power(space, body.force_sums, i))
+def _some_centred_heat(heating, space, body, i, step, mean_step):
+    half = 0.5 * mean_step / load(body.mass, 0, i)
+    power = _heat_of(space, body.force_sums, i) - half * _viscous_power(space, body.force_sums, i)
+    return mean_step * power - 0.5 * step * _changed_between(space, body.force_sums, i)
+
+
+@generic
+def _changed_between(space, sums, i):
+    """w [W] of particles i..i+3."""
+
+
+@_changed_between.of(Plane)
+def _changed_in_plane(space, sums, i):
+    return four_rows(sums, i, sums.shape[1] - 4)[1]
+
+
+@_changed_between.otherwise
+def _changed_in_space(space, sums, i):
+    return four_rows(sums, i, 4)[3]
 
 
 @generic

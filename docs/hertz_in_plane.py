@@ -1,0 +1,192 @@
+"""Hertz in plane strain: python docs/hertz_in_plane.py mpm mpm 2 3 4 6, the methods of the block and of the cylinder,
+and the half widths a/h of the last contact wanted.
+
+Half of a cylinder's cap on half of a block, both of particles and of one solid; the cap's layers follow its surface.
+Outer layers, four half widths away, move as half planes do (Flamant) under the growth of Hertz's pressure, which is
+that of a flat punch, here two line loads with its second moment; so the exact force belongs to each approach, and no
+finite size is in the numbers. Methods: tlsph, peridynamics, ulsph, mpm, and grid (mpm with contact on the grid, for
+both bodies); words with = are put into [[contact]] (stiffness=4) or, with a point, into a method (mpm.transfer=flip).
+"""
+
+import os
+import sys
+import tempfile
+from typing import Any
+
+import meshio
+import numpy as np
+from contact_tables import POISSON, SPEED, YOUNG, Tables, block, material, run
+
+# of the last contact, over the radius; sides of the boxes in half widths; time of the approach over that of a wave
+# through a box, and rest after it
+FLATNESS, SIDE, SLOW, REST = 0.1, 4.0, 32.0, 8.0
+RADIUS = 1.0
+HALF = FLATNESS * RADIUS
+PLANE, RATIO = YOUNG / (1.0 - POISSON**2), POISSON / (1.0 - POISSON)
+LOAD = np.pi * PLANE * HALF**2 / (8.0 * RADIUS)
+STRONG = {
+    "kind": "elastic-plastic",
+    "density": 1.0,
+    "youngs_modulus": YOUNG,
+    "poissons_ratio": POISSON,
+    "specific_heat": 1.0,
+    "taylor_quinney": 0.9,
+    "flow_stress": {"kind": "linear-hardening", "yield_stress": 1e6, "hardening": 0.0},
+}
+METHODS: dict[str, Tables] = {
+    "tlsph": {"kind": "tlsph", "integrator": "leapfrog"},
+    "peridynamics": {"kind": "peridynamics", "solution": {"kind": "explicit"}},
+    "ulsph": {"kind": "ulsph"},
+    "mpm": {"kind": "mpm"},
+}
+# layers whose motion is given
+HELD = {"tlsph": 2.01, "peridynamics": 3.01, "ulsph": 3.01, "mpm": 2.01}
+
+
+def stated(words: list[str]) -> tuple[dict[str, Any], list[float]]:
+    """What words with = say, and the numbers."""
+    pairs = [word.split("=") for word in words if "=" in word]
+    values = {name: value if value[0].isalpha() else float(value) for name, value in pairs}
+    return values, [float(word) for word in words if "=" not in word]
+
+
+def of_method(kind: str, words: dict[str, Any]) -> dict[str, Any]:
+    """What is said of a method."""
+    return {name.split(".")[1]: value for name, value in words.items() if name.startswith(f"{kind}.")}
+
+
+def of_contact(words: dict[str, Any]) -> dict[str, Any]:
+    """What is said of the contact."""
+    return {name: value for name, value in words.items() if "." not in name}
+
+
+def cap(count: int, h: float, file: str) -> None:
+    """Quadrilaterals of the cap, one for each particle."""
+    line = np.arange(count + 1) * h
+    X, Y = (one.ravel() for one in np.meshgrid(line, line, indexing="ij"))
+    places = np.stack([X, Y + RADIUS - np.sqrt(RADIUS**2 - X**2), 0.0 * X], axis=1)
+    number = np.arange((count + 1) ** 2).reshape(count + 1, count + 1)
+    low, high = slice(None, -1), slice(1, None)
+    corners = [(low, low), (high, low), (high, high), (low, high)]
+    cells = np.stack([number[one].ravel() for one in corners], axis=1)
+    meshio.Mesh(places, [("quad", cells)]).write(file)
+
+
+def guided(side: float, h: float, kinds: dict[str, str], end: float) -> list[Tables]:
+    """Velocities of outer layers: of each half plane under the growth of the pressure, and the cap's approach."""
+    x = f"(t/{end})"
+    # the pressure's share of the last one, its growth, and half of the square of the half width
+    s, rate = f"({x}**3*(10 - 15*{x} + 6*{x}**2))", f"(30/{end}*{x}**2*(1 - {x})**2*where(t < {end}, 1, 0))"
+    square = f"({0.5 * HALF**2}*abs({s}) + 1e-12)"
+    factor = f"{LOAD / (np.pi * PLANE)}*{rate}"
+    result = []
+    for name, sign in (("block", -1.0), ("cap", 1.0)):
+        thick = HELD[kinds[name]] * h
+        depth, along, out = f"({sign}*Y)", "0", "0"
+        for where in (f"(X - sqrt({square}))", f"(X + sqrt({square}))"):
+            r = f"({where}**2 + Y**2)"
+            along += f" - 0.5*(log({r}/{side**2}) + {1.0 + RATIO}*{where}**2/{r})"
+            angle = f"(2*arctan({where}/(sqrt{r} + {depth})))"
+            out += f" + 0.5*({1.0 + RATIO}*{where}*{depth}/{r} - {1.0 - RATIO}*{angle})"
+        approach = f" - 2*{factor}*(log({2.0 * side**2}/{square}) - {1.0 + RATIO})" if name == "cap" else ""
+        velocity = [f"{factor}*({out})", f"{sign}*{factor}*({along}){approach}"]
+        lower, upper = [-side, -side], [side * 2.0] * 2
+        far = {"lower": [side - thick, -2.0 * side], "upper": upper}
+        deep = {"lower": lower, "upper": [upper[0], thick - side]}
+        if sign > 0.0:
+            deep = {"lower": [lower[0], side - thick], "upper": upper}
+        result += [{"kind": "velocity", "box": box, "body": name, "velocity": velocity} for box in (far, deep)]
+    return result
+
+
+def tables(methods: list[str], wanted: float, file: str, words: dict[str, Any]) -> tuple[Tables, float]:
+    """The scene with so many spacings in the half width, and the time of the approach."""
+    h = HALF / wanted
+    count = round(SIDE * wanted)
+    side = count * h
+    cap(count, h, file)
+    kinds = dict(zip(("block", "cap"), ("mpm" if one == "grid" else one for one in methods)))
+    laws = {"peridynamics": material(kind="linear-elastic"), "ulsph": STRONG}
+    base = block("block", [0.0, -side], [side, 0.0], h, "cells")
+    ball = {"name": "cap", "shape": {"mesh": {"file": file}}, "placement": "cells"}
+    bodies = [
+        body | {"method": kind, "material": laws.get(kind, material())}
+        for body, kind in zip((base, ball), kinds.values())
+    ]
+    end = SLOW * side / SPEED
+    named = []
+    for kind in dict.fromkeys(kinds.values()):
+        cell = {"cell": 2.0 * h} if kind == "mpm" else {}
+        method = {"name": kind, "balance_limit": 10.0, "balance_warning": 9.0} | METHODS[kind]
+        named.append(method | cell | of_method(kind, words))
+    contact = {"bodies": ["cap", "block"]} | of_contact(words)
+    return {
+        "dimension": 2,
+        "end_time": end + REST * side / SPEED,
+        "methods": named,
+        "bodies": bodies,
+        "contact": [contact | ({"model": "grid"} if "grid" in methods else {})],
+        "boundaries": [{"plane": "X = 0", "kind": "roller"}, *guided(side, h, kinds, end)],
+        "output": {"fields_times": []},
+    }, end
+
+
+class Pressed:
+    """Force on the block along Y, and its columns' part of it averaged over the rest at the end."""
+
+    def __init__(self, end: float, h: float) -> None:
+        self.end, self.h, self.last, self.sum, self.count = end, h, 0.0, np.zeros(0), 0
+
+    def __call__(self, simulation: Any) -> Tables:
+        """A row."""
+        system = simulation.systems[0]
+        owned = system.particles.owned_rows
+        step, self.last = simulation.clock.time - self.last, simulation.clock.time
+        met = getattr(simulation.interactions[0], "meetings", None) if simulation.interactions else None
+        if met:
+            return {"force": 2.0 * float(met[0].impulse[:, 1].sum()) / max(step, 1e-300)}
+        mine = owned("body") == 0
+        force = -owned("contact_force")[mine, 1]
+        columns = np.floor(owned("reference_position")[mine, 0] / self.h).astype(int)
+        if self.last > self.end:
+            found = np.bincount(columns, force)
+            self.sum, self.count = found + (self.sum if self.count else 0.0), self.count + 1
+        return {"force": 2.0 * float(force.sum())}
+
+
+def pressed(methods: list[str], wanted: float, words: dict[str, Any]) -> str:
+    """A line of the table."""
+    h = HALF / wanted
+    with tempfile.TemporaryDirectory() as place:
+        scene, end = tables(methods, wanted, os.path.join(place, "cap.vtk"), words)
+        looking = Pressed(end, h)
+        _, columns = run(scene, looking)
+    x = np.minimum(columns["time"] / end, 1.0)
+    s, force, told = x**3 * (10.0 - 15.0 * x + 6.0 * x**2), columns["force"] / LOAD, []
+    for share in (0.25, 0.5, 1.0):
+        at = np.abs(s - share) < 0.02 if share < 1.0 else s == 1.0
+        told.append(f"{force[at].mean() / s[at].mean() - 1.0:+.3f} at a/h {wanted * share**0.5:.1f}")
+    line = f"{' on '.join(methods[::-1])} {words or ''}, a/h {wanted:g}, {len(s) - 1} steps: force {', '.join(told)}"
+    if looking.count:
+        column = looking.sum / looking.count
+        place = (np.arange(len(column)) + 0.5) * h
+        load = 2.0 * column.sum()
+        half = np.sqrt(8.0 * load * RADIUS / (np.pi * PLANE))
+        width, most = 2.0 * np.sqrt((column * place**2).sum() / column.sum()), 2.0 * load / (np.pi * half)
+        near = place < 0.5 * half
+        peak = (column / h)[near].sum() / (most * np.sqrt(1.0 - (place[near] / half) ** 2)).sum()
+        largest = (column / h).max() / most
+        line += f"; half width {width / half - 1.0:+.3f}, peak {peak - 1.0:+.3f}, largest {largest - 1.0:+.3f}"
+    off = np.abs(columns["balance"]).max() / columns["stored"].max()
+    return f"{line}; swing {np.ptp(force[s == 1.0]):.3f}, balance {off:.1e}"
+
+
+def main() -> None:
+    """A line for each size."""
+    words, sizes = stated(sys.argv[3:])
+    for wanted in sizes:
+        print(pressed(sys.argv[1:3], wanted, words), flush=True)
+
+
+if __name__ == "__main__":
+    main()

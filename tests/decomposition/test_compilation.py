@@ -1,0 +1,162 @@
+"""The short way of compiling: what kernels give, what it costs and what it leaves of numba, and numba's way where it
+fails.
+"""
+
+import gc
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numba import njit
+from numba.core import compiler, ir, postproc, types
+from numba.core.codegen import JITCodeLibrary
+from numba.core.errors import TypingError
+from numba.core.runtime import _nrt_python, rtsys
+from numba.extending import register_jitable
+
+from decomposition import compilation
+from decomposition import compiled as kernels
+from decomposition.compiled import compiled
+
+pytestmark = pytest.mark.skipif(kernels.PLAIN, reason="kernels are compiled by numba as it is")
+
+
+@pytest.fixture(autouse=True)
+def _fresh(tmp_path, monkeypatch):
+    """Nothing comes from files, and the list of those that fell back is this test's."""
+    monkeypatch.setattr(kernels, "folder", lambda: tmp_path)
+    monkeypatch.setattr(compilation, "FALLEN_BACK", [])
+
+
+@register_jitable
+def _root(x):
+    if x < 0.0:
+        raise ValueError("a root of what is negative")
+    return np.sqrt(x)
+
+
+@register_jitable
+def _sum_of_roots(row):
+    total = 0.0
+    for k in range(len(row)):
+        total += _root(row[k])
+    return total
+
+
+def _roots(table, result):
+    for i in range(len(table)):
+        result[i] = _sum_of_roots(table[i])
+
+
+def test_only_the_kernel_is_optimised_and_assembled(monkeypatch):
+    names, usual = [], JITCodeLibrary._finalize_specific
+    monkeypatch.setattr(JITCodeLibrary, "_finalize_specific", lambda self: (names.append(self.name), usual(self))[1])
+    table, result = np.arange(6.0).reshape(2, 3), np.zeros(2)
+    compiled(_roots)(table, result)
+    # that which all of numba's functions share comes with the first
+    assembled = [name for name in names if name != "nrt"]
+    assert np.array_equal(result, np.sqrt(table).sum(1)) and not compilation.FALLEN_BACK
+    assert assembled == ["_roots"]
+
+
+def test_an_error_two_calls_deep_is_raised_in_python():
+    kernel = compiled(_roots)
+    with pytest.raises(ValueError, match="a root of what is negative"):
+        kernel(-np.ones((1, 2)), np.zeros(1))
+
+
+def test_a_function_of_numbas_calls_what_a_kernel_has_compiled():
+    table = np.ones((2, 3))
+    compiled(_roots)(table, np.zeros(2))
+
+    @njit
+    def of_a_user(row):
+        return 2.0 * _sum_of_roots(row)
+
+    assert of_a_user(table[0]) == 6.0
+    with pytest.raises(ValueError, match="negative"):
+        of_a_user(-table[0])
+
+
+def test_an_array_that_a_kernel_makes_is_freed():
+    @compiled
+    def made(n):
+        return np.full(n, 2.0)
+
+    @compiled
+    def used(n):
+        return made(n)[0] * len(made(n))
+
+    assert used(4) == 8.0
+    _nrt_python.memsys_enable_stats()
+    gc.collect()
+    before = rtsys.get_allocation_stats()
+    for _ in range(100):
+        used(4)
+    after = rtsys.get_allocation_stats()
+    assert after.alloc - before.alloc == after.free - before.free == 200
+    # it could not have been foreseen from its names
+    assert compilation.FALLEN_BACK == ["used"]
+
+
+def test_kernels_that_make_no_arrays_count_no_references():
+    table = np.ones((2, 3))
+    kernel = compiled(_roots)
+    kernel(table, np.zeros(2))
+    (text,) = kernel.inspect_llvm().values()
+    assert "NRT_incref" not in text and "NRT_decref" not in text
+    counts = sys.getrefcount(table)
+    for _ in range(10):
+        kernel(table, np.zeros(2))
+    assert sys.getrefcount(table) == counts
+
+
+def test_what_the_short_way_does_not_know_numba_compiles():
+    @compiled
+    def listed(n):
+        return sum([k * k for k in range(n)])
+
+    assert listed(4) == 14 and compilation.FALLEN_BACK == ["listed"]
+
+
+@pytest.mark.parametrize("name", ["_shortened", "_refuse_owned_arrays", "economies", "KernelLibrary"])
+def test_with_another_numba_inside_kernels_are_compiled_all_the_same(name, monkeypatch):
+    def broken(*_):
+        raise AttributeError("a part of numba that is not there")
+
+    monkeypatch.setattr(compilation, name, broken)
+
+    @compiled
+    def kernel(x):
+        return _root(x) + 1.0
+
+    assert kernel(4.0) == 3.0 and compilation.FALLEN_BACK == ["kernel"]
+
+
+def test_numba_is_as_it_was_also_after_an_error():
+    parts = ((compiler.Compiler, "define_pipelines"), (postproc.PostProcessor, "run"), (ir.Inst, "_rec_list_vars"))
+    before = [getattr(*part) for part in parts]
+
+    @compiled
+    def wrong(x):
+        return x.nothing
+
+    with pytest.raises(TypingError, match="nothing"):
+        wrong(1.0)
+    assert [getattr(*part) for part in parts] == before
+    compiled(_roots).compile((types.float64[:, ::1], types.float64[::1]))
+    assert [getattr(*part) for part in parts] == before
+
+
+def test_without_the_short_way_there_is_numbas():
+    program = (
+        "import sys\nsys.modules['decomposition.economies'] = None\n"
+        "from decomposition import compiled as kernels\nassert kernels.PLAIN\n"
+        "print(kernels.compiled(lambda x: 2.0 * x)(1.5))"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", program], cwd=Path(__file__).parents[2], text=True, capture_output=True, check=False
+    )
+    assert result.stdout == "3.0\n", result.stderr
