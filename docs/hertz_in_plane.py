@@ -135,7 +135,8 @@ class Pressed:
     """Force on the block along Y, and its columns' part of it averaged over the rest at the end."""
 
     def __init__(self, end: float, h: float) -> None:
-        self.end, self.h, self.last, self.sum, self.count = end, h, 0.0, np.zeros(0), 0
+        self.end, self.h, self.last, self.count = end, h, 0.0, 0
+        self.sum: np.ndarray = np.zeros(0)
 
     def __call__(self, simulation: Any) -> Tables:
         """A row."""
