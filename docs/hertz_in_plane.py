@@ -169,12 +169,12 @@ def pressed(methods: list[str], wanted: float, words: dict[str, Any]) -> str:
     line = f"{' on '.join(methods[::-1])} {words or ''}, a/h {wanted:g}, {len(s) - 1} steps: force {', '.join(told)}"
     if looking.count:
         column = looking.sum / looking.count
-        place = (np.arange(len(column)) + 0.5) * h
+        middle = (np.arange(len(column)) + 0.5) * h
         load = 2.0 * column.sum()
         half = np.sqrt(8.0 * load * RADIUS / (np.pi * PLANE))
-        width, most = 2.0 * np.sqrt((column * place**2).sum() / column.sum()), 2.0 * load / (np.pi * half)
-        near = place < 0.5 * half
-        peak = (column / h)[near].sum() / (most * np.sqrt(1.0 - (place[near] / half) ** 2)).sum()
+        width, most = 2.0 * np.sqrt((column * middle**2).sum() / column.sum()), 2.0 * load / (np.pi * half)
+        near = middle < 0.5 * half
+        peak = (column / h)[near].sum() / (most * np.sqrt(1.0 - (middle[near] / half) ** 2)).sum()
         largest = (column / h).max() / most
         line += f"; half width {width / half - 1.0:+.3f}, peak {peak - 1.0:+.3f}, largest {largest - 1.0:+.3f}"
     off = np.abs(columns["balance"]).max() / columns["stored"].max()

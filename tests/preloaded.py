@@ -134,13 +134,13 @@ class _Kernels:
         self.known: set[str] = set()
         self.compile, compiled._compile = compiled._compile, self._noted
 
-    def _noted(self, compile_as_numba, signature):
-        function = compile_as_numba.__self__.py_func
+    def _noted(self, dispatcher, as_numba, signature):
+        function = dispatcher.py_func
         entry = pickle.dumps((function.__module__, function.__qualname__, signature)).hex()
         if "<locals>" not in function.__qualname__ and entry not in self.known:
             with open(self.path, "a", encoding="ascii") as file:
                 file.write(entry + "\n")
-        return self.compile(compile_as_numba, signature)
+        return self.compile(dispatcher, as_numba, signature)
 
     def load(self) -> None:
         """What ranks have noted since the last time."""

@@ -20,14 +20,13 @@ import time
 from collections import Counter
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parent / "end_to_end"))
 
 from command_line import finish, kill, ranks_of, start
+from preloaded import program
 from run_results import assert_close, assert_same_bits
 from small_scenes import write
-
-sys.path.insert(0, str(Path(__file__).parent))
-from preloaded import program
 from soak_scenes import SCENES
 
 MOST_RANKS, MOST_ENDS = 3, 10

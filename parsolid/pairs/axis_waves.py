@@ -7,6 +7,7 @@ c_ii that of pressure and c_ik that of shear waves. They act along different axe
 the sum is the sum of the greatest ones. 1/dt is convex in both speeds and grows with them: chords bound it.
 """
 
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -16,8 +17,6 @@ from parsolid.pairs.lattice_stencils import WIDEST, Axis, lengths_of, operator_o
 
 # an axis of more nodes is one of so many whose damping is that of the longest
 _MOST_NODES = 24
-# shear over pressure wave speed between which 1/dt is taken to be linear
-_RATIOS = (0.0, 0.25, 0.5, 0.75, 1.0)
 _BISECTIONS = 16
 
 
@@ -86,8 +85,13 @@ def signal(lattice: Lattice, pressure: float, shear: float) -> float:
     return 1.0 / low
 
 
-def wave_forms(lattice: Lattice) -> np.ndarray:
-    """(5, 2): of c_p and c_s in linear forms of which the greatest takes the least spacing in the largest step."""
-    at = [signal(lattice, 1.0, ratio) for ratio in _RATIOS]
-    slopes = [*np.diff(at) / np.diff(_RATIOS), signal(lattice, 0.0, 1.0)]
-    return np.array([(value - slope * ratio, slope) for value, slope, ratio in zip(at, slopes, _RATIOS)])
+def wave_forms(signals: Iterable[Callable[[float, float], float]], middle: float) -> list[tuple[float, float]]:
+    """Of c_p and c_s in three linear forms of which the greatest is at least what each of the signals is of them.
+
+    signals: convex, of degree 1, that grow with both; middle: c_s/c_p where, as at 0 and 1, it is the greatest of them.
+    """
+    every = list(signals)
+    ratios = (0.0, middle, 1.0)
+    at = [max(one(1.0, ratio) for one in every) for ratio in ratios]
+    slopes = [*(np.diff(at) / np.diff(ratios)).tolist(), max(one(0.0, 1.0) for one in every)]
+    return [(value - slope * ratio, slope) for value, slope, ratio in zip(at, slopes, ratios)]

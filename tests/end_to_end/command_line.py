@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mpi4py import MPI
+from preloaded import program
 
 LONGEST = 300.0
 ROOT = Path(__file__).resolve().parents[2]
@@ -75,14 +76,15 @@ def parsolid(*arguments, ranks: int = 2, folder: Path | None = None, expect: int
 
 
 class Crew:
-    """Ranks that run one list of commands after another: what they have imported and loaded serves all of them."""
+    """Ranks that run one list of commands after another: what they have imported and loaded serves all of them, and
+    the crews that come after them."""
 
     def __init__(self, ranks: int):
         self.ranks, self.given = ranks, 0
         self.folder = Path(tempfile.mkdtemp(prefix="parsolid-crew-"))
         (self.folder / "jobs").touch()
-        program = (Path(__file__).with_name("many_commands.py"),)
-        self.job = start([self.folder, os.getpid()], ranks, self.folder, program)
+        words = program(str(Path(__file__).with_name("many_commands.py")))
+        self.job = start([self.folder, os.getpid()], ranks, self.folder, words)
 
     def run(self, folder: Path) -> None:
         """Run the commands of a folder; a crew that ends or takes too long fails the test."""

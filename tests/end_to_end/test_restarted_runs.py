@@ -13,10 +13,11 @@ RANKS = 2
 PIECES = (1, 6, 5)
 # on three all go on from a checkpoint; of each method one that changes most what a rank has
 ON_FOUR = ("moving", "driven", "flight", "plates")
+ON_OTHERS = {1: ("punch", "moving", "driven", "impact"), 3: ("moved", "column", "pulled", "flight", "plates")}
 
 
-def restarts(paths, folder, *more):
-    return [[path, "-q", "-o", folder / name, "--restart", *more] for name, path in paths.items()]
+def restarts(paths, folder, *more, names=tuple(SCENES)):
+    return [[paths[name], "-q", "-o", folder / name, "--restart", *more] for name in names]
 
 
 @pytest.fixture(scope="module")
@@ -31,15 +32,16 @@ def runs(tmp_path_factory):
     commands += [[path, "-q", "-o", folder / "pieces" / name, *first] for name, path in paths.items()]
     for steps in PIECES[1:]:
         commands += restarts(paths, folder / "pieces", "--max-steps", steps)
-    for name, path in paths.items():
+    for name in ON_FOUR:
         earlier = folder / "pieces" / name / "checkpoint.previous.h5"
-        commands.append([path, "-q", "-o", folder / "elsewhere" / name, "--restart", earlier])
+        commands.append([paths[name], "-q", "-o", folder / "elsewhere" / name, "--restart", earlier])
     # what comes back after a kill is in test_killed_runs
     all_done(many(commands, RANKS, folder / "job"))
-    for ranks in (1, 3):
+    for ranks in ON_OTHERS:
         shutil.copytree(folder / "pieces", folder / f"on-{ranks}")
-    for place, ranks in {"pieces": RANKS, "on-1": 1, "on-3": 3}.items():
-        all_done(many(restarts(paths, folder / place), ranks, folder / f"job-{place}"))
+    for ranks, names in ({RANKS: tuple(SCENES)} | ON_OTHERS).items():
+        place = folder / ("pieces" if ranks == RANKS else f"on-{ranks}")
+        all_done(many(restarts(paths, place, names=names), ranks, folder / f"job-{place.name}"))
     return folder
 
 
@@ -58,14 +60,13 @@ def test_restarted_on_the_same_ranks_gives_the_same_bits(runs, name):
     assert state(runs / "whole" / name)[0]["step"] > sum(PIECES) + 5
 
 
-@pytest.mark.parametrize("ranks", [1, 3])
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name, ranks", [(name, ranks) for ranks, names in ON_OTHERS.items() for name in names])
 def test_restarted_on_other_ranks_gives_the_same_numbers(runs, name, ranks):
     assert_close(runs / f"on-{ranks}" / name, runs / "whole" / name, 1e-9)
     assert summary(runs / f"on-{ranks}" / name)["ranks"] == ranks
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", ON_FOUR)
 def test_restarted_from_a_checkpoint_elsewhere_fills_a_folder_of_its_own(runs, name):
     found, wanted = history(runs / "elsewhere" / name), history(runs / "whole" / name)
     # the last checkpoint but one is at the end of the second piece

@@ -273,8 +273,9 @@ def test_waves_of_every_length_are_stable(weights, particles, ratio, integrator)
     assert total[-1] < 0.5 * total[0]
 
 
-def test_any_number_of_ranks_makes_the_same_run(comm):
-    data = holed(3, supports(Y=(0.0, "fixed")), dissipation=1.0)
+@pytest.mark.parametrize("data", [holed(3, dissipation=1.0), graded(3, "fourth-order")], ids=["holed", "graded"])
+def test_any_number_of_ranks_makes_the_same_run(data, comm):
+    data = data | {"boundaries": supports(Y=(0.0, "fixed")), "bodies": [dict(data["bodies"][0])]}
     data["bodies"][0]["velocity"] = ["0.1*Y", "0", "0.1*X*Y"]
     (alone, _), (together, _) = run_steps(data, 20), run_steps(data, 20, comm)
     for one, many in zip(gathered(alone, "velocity", "position"), gathered(together, "velocity", "position")):

@@ -1,13 +1,15 @@
 """Bodies whose particles are the nodes of a lattice: their pair weights in closed form, with their own volumes and
 areas."""
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from parsolid.collective import SolverError, maximum, minimum, raise_together
 from parsolid.methods.tlsph.body_weights import ON_LATTICES
-from parsolid.pairs.axis_waves import Lattice, wave_forms
+from parsolid.pairs.axis_waves import Lattice, signal
 from parsolid.pairs.lattice_pairs import Lattices
 from parsolid.pairs.lattice_stencils import WIDEST, Axis, Stencils, box_stencils, cell_stencils, lengths_of
 from parsolid.particles.particle_set import ParticleSet
@@ -34,8 +36,8 @@ class LatticeBodies(NamedTuple):
     """lattices: those of a rank's particles; reach (n,): distance of the farthest neighbour in spacings, 0 on none.
 
     frequency, damping: greatest of all bodies, of pressure waves and of the dissipation, in units of the spacing, the
-    wave speed and, for the damping, of that of cells. forms (m, 2): of c_p and c_s in the speeds of which the greatest
-    takes a spacing in the largest step of leapfrog, of all bodies. even (n, d): places [m] with even steps in bodies
+    wave speed and, for the damping, of that of cells. signals: of each body the speed that takes a spacing in the
+    largest step of leapfrog, by those of pressure and shear waves. even (n, d): places [m] with even steps in bodies
     whose steps are graded, None where no body's are.
     """
 
@@ -43,7 +45,7 @@ class LatticeBodies(NamedTuple):
     reach: np.ndarray
     frequency: float
     damping: float
-    forms: np.ndarray
+    signals: list[Callable[[float, float], float]]
     even: np.ndarray | None = None
 
     def largest_step(self, pressure: float, shear: float, dissipation: float) -> float:
@@ -70,7 +72,7 @@ def put_on_lattices(
         return None
     n, d = particle_set.position.shape
     lattices = Lattices(np.full(n, -1), particle_set.spacing.copy(), np.zeros((n, d, 2 * WIDEST + 1)))
-    reach, frequency, damping, forms = np.zeros(n), 0.0, 0.0, []
+    reach, frequency, damping, signals = np.zeros(n), 0.0, 0.0, []
     even = particle_set.position.copy() if any(body.grading is not None for body in scene.bodies) else None
     first = np.full(len(kinds), np.inf)
     np.minimum.at(first, particle_set.body, particle_set.identifier)
@@ -99,10 +101,10 @@ def put_on_lattices(
         reach[rows] = _HAIR * (WIDEST if wide else 1)
         box, most = scene.bodies[body].shape.kind == "box", _DAMPING["fourth-order" if wide else "cells"]
         frequency, damping = max(frequency, _frequency(axes, wide, box)), max(damping, most)
-        forms.append(_forms(_with_held_ends(comm, axes, index, boundaries.clamp, rows), wide, box, scene.method))
+        signals.append(_signal(_with_held_ends(comm, axes, index, boundaries.clamp, rows), wide, box, scene.method))
     raise_together(comm, fault)
     lattices = lattices._replace(graded=even is not None)
-    return LatticeBodies(lattices, reach, frequency, damping, np.concatenate(forms), even)
+    return LatticeBodies(lattices, reach, frequency, damping, signals, even)
 
 
 def _with_held_ends(comm: Any, axes: list[Axis], index: list[np.ndarray], clamp: Any, rows: np.ndarray) -> list[Axis]:
@@ -115,15 +117,15 @@ def _with_held_ends(comm: Any, axes: list[Axis], index: list[np.ndarray], clamp:
     return [axis._replace(held=(not low, not high)) for axis, (low, high) in zip(axes, moves)]
 
 
-def _forms(axes: list[Axis], wide: bool, box: bool, settings: Any) -> np.ndarray:
+def _signal(axes: list[Axis], wide: bool, box: bool, settings: Any) -> Callable[[float, float], float]:
     """Of `pairs.axis_waves` for boxes; of any union of cells w^2 dt^2 + 2 b dt = 4 with the highest frequency, which
     has a little damping, and that of the wave that alternates from node to node."""
     if box:
-        return wave_forms(Lattice(tuple(axes), wide, float(settings.dissipation), settings.reconstruction))
-    damping = _DAMPING["cells"]
-    one = (max(damping, _LEAPFROG * _frequency(axes, wide, box)), damping * (len(axes) - 1))
+        return partial(signal, Lattice(tuple(axes), wide, float(settings.dissipation), settings.reconstruction))
     # less dissipation than the usual does not make the step longer
-    return max(1.0, float(settings.dissipation)) * np.array([one])
+    most, damping = max(1.0, float(settings.dissipation)), _DAMPING["cells"]
+    fast, slow = max(damping, _LEAPFROG * _frequency(axes, wide, box)), damping * (len(axes) - 1)
+    return lambda pressure, shear: most * (fast * pressure + slow * shear)
 
 
 def _frequency(axes: list[Axis], wide: bool, box: bool) -> float:

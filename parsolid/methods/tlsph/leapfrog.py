@@ -16,6 +16,7 @@ import numpy as np
 
 from decomposition.recalled import Recalled, RecalledEach
 from parsolid.materials.blocks import MaterialBlock
+from parsolid.materials.hyperelastic.law import elastic_moduli, total_modulus
 from parsolid.methods.tlsph import momentum as motion
 from parsolid.methods.tlsph.body_weights import ON_LATTICES
 from parsolid.methods.tlsph.leapfrog_kernels import (
@@ -25,6 +26,7 @@ from parsolid.methods.tlsph.leapfrog_kernels import (
     advance_strain,
     greatest_signal,
 )
+from parsolid.pairs.axis_waves import wave_forms
 
 # Of c_p and c_s in the speed that takes a particle spacing in the largest stable step. The lagged dissipation bounds
 # it: w^2 dt^2 + 2 b dt = 4 where a wave has the frequency w and the damping b. They bound all waves of square and
@@ -63,8 +65,15 @@ class Leapfrog:
         most = max(1.0, settings.dissipation)
         if lattices is None:
             return kernel, settings.safety / most
-        others = [most * np.array([kernel])] * any(kind not in ON_LATTICES for kind in system.body_weights)
-        return WaveForms(np.concatenate([lattices.forms, *others])), settings.safety
+        signals = list(lattices.signals)
+        if any(kind not in ON_LATTICES for kind in system.body_weights):
+            signals.append(lambda pressure, shear: most * (kernel.pressure * pressure + kernel.shear * shear))
+        moduli = [(*elastic_moduli(law), total_modulus(law.branch_moduli)) for law in system.laws]
+        # at rest, the mean of all laws: there the bound is sharpest
+        ratios = [(shear + more) / (lame + 2.0 * (shear + more)) for shear, lame, more in moduli]
+        middle = float(np.sqrt(np.mean(ratios)))
+        forms = wave_forms(signals, min(max(middle, 0.05), 0.95))
+        return WaveForms(*(WaveWeights(*form) for form in forms)), settings.safety
 
     def stable_step(self, block: MaterialBlock) -> float:
         """Largest step [s] of this rank's particles of a block."""

@@ -59,9 +59,11 @@ class WaveWeights(NamedTuple):
 
 
 class WaveForms(NamedTuple):
-    """Rows (m, 2) of such counts, of which the one with the greatest sum bounds the step."""
+    """Such counts, of which those with the greatest sum bound the step."""
 
-    counts: np.ndarray
+    first: WaveWeights
+    second: WaveWeights
+    third: WaveWeights
 
 
 @generic(on="weights")
@@ -70,17 +72,15 @@ def _signal(weights, fast, slow):
 
 
 @_signal.of(WaveWeights)
+@register_jitable
 def _weighted(weights, fast, slow):
     return weights.pressure * fast + weights.shear * slow
 
 
 @_signal.of(WaveForms)
 def _greatest_form(weights, fast, slow):
-    counts = weights.counts
-    signal = broadcast(counts[0, 0]) * fast + broadcast(counts[0, 1]) * slow
-    for k in range(1, counts.shape[0]):
-        signal = max(signal, broadcast(counts[k, 0]) * fast + broadcast(counts[k, 1]) * slow)
-    return signal
+    greater = max(_weighted(weights.first, fast, slow), _weighted(weights.second, fast, slow))
+    return max(greater, _weighted(weights.third, fast, slow))
 
 
 @none_without("branches")

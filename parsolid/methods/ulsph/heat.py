@@ -10,21 +10,23 @@ from parsolid.methods.ulsph.kinematics import second_vector
 class HalfSteps:
     """Viscous forces act for half of the step before their time and half of that after it, and warm in the latter.
 
-    step: the last one [s], 0 before the first; to_come: what they took in its second kick, which stored energies have
+    step: the last one [s], 0 before the first; goes_on: whether the first step goes on from another run's forces, whose
+    last step is taken to be as long; to_come: what they took in its second kick, which stored energies have
     after the next step [J], of this rank.
     """
 
     def __init__(self) -> None:
         self.step = self.to_come = 0.0
+        self.goes_on = False
 
     def mean(self, step: float) -> float:
         """Of the step before and this one [s]."""
-        return 0.5 * (self.step + step)
+        return step if self.goes_on else 0.5 * (self.step + step)
 
     def follow(self, step: float, taken: float) -> float:
         """A step [s] is over, whose second kick has taken energy [J]; by how much more is to come than before [J]."""
         change = float(taken - self.to_come)
-        self.step, self.to_come = step, float(taken)
+        self.step, self.to_come, self.goes_on = step, float(taken), self.goes_on and step == 0.0
         return change
 
     def state(self, comm: Any) -> dict[str, Any]:

@@ -136,7 +136,7 @@ class UpdatedLagrangianSPH(PairMethod):
         self.advance_state(0.0, 0.0)
         self.sweeps.forces()
         self.advance_gradients(0.0)
-        previous_state.take_forces(self.comm, scene, self)
+        self.halves.goes_on = previous_state.take_forces(self.comm, scene, self)
 
     def resume(self) -> None:
         """Continue with the lists of the checkpoint; collective."""
