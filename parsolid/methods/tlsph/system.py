@@ -211,7 +211,8 @@ class TotalLagrangianSPH(PairMethod):
             return False
         advance = self.advance_in_stages if self.leapfrog is None else self.leapfrog.advance
         reactions = self.boundaries.reactions
-        self.carried.begin()
+        if self.carried.waiting:
+            self.carried.begin()
         if reactions is not None:
             reactions.begin()
         sound = advance(time, step, ledger, announce)
@@ -264,7 +265,8 @@ class TotalLagrangianSPH(PairMethod):
         boundaries, stored, mass, share = self.boundaries, self.particles.storage, self.mass, self.share
         kinematics, force = stored("kinematics"), stored("pair_force")
         loads, _ = boundaries.meet(time + stage.time * step, stage.time > 0.0, force, mass, share)
-        self.carried.act(force, step)
+        if self.carried.waiting:
+            self.carried.act(force, step)
         if boundaries.reactions is not None:
             boundaries.reactions.book(stage.quadrature, stage.quadrature * step)
         held = boundaries.prescribed_power(kinematics, force, mass, share, loads)
@@ -273,7 +275,7 @@ class TotalLagrangianSPH(PairMethod):
             self.space, self.owned, stage.update(step), *arrays, mass, share, loads, boundaries.clamp
         )
         boundaries.prescribe(time + stage.next_time * step, kinematics, before=not stage.last)
-        if stage.last:
+        if stage.last and self.carried.waiting:
             self.carried.end()
         return dissipation, held + power
 

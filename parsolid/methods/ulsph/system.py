@@ -216,7 +216,8 @@ class UpdatedLagrangianSPH(PairMethod):
         pushed, caught = self.boundaries.taken(step, ledger)
         ledger.add(1.0, plastic, lost + caught, float(first[0] + second[0]) + pushed)
         ledger.add_term("viscous_dissipation", float(viscous))
-        ledger.add_term("viscous_heat_to_come", self.halves.follow(step, all(self.updates.storing) * second[1]))
+        if self.heating is not None:
+            ledger.add_term("viscous_heat_to_come", self.halves.follow(step, all(self.updates.storing) * second[1]))
         ledger.add_term("leapfrog_oscillation", second[2] - first[2])
         terms = {"heat_supplied": self.supplied, "heat_stored": self.supplied_to_stored} | self.updates.taken()
         for name, energy in (terms | (self.deletion.taken() if self.deletion else {})).items():
@@ -249,9 +250,7 @@ class UpdatedLagrangianSPH(PairMethod):
         """Viscous heat [J] of a step [s] in particles whose stored energy holds no heat."""
         sums = self.particles.storage("force_sums")
         column = sums.shape[1] - 4 if self.dimension == 2 else 3
-        blocks = (b for update, b, _ in self.updates.each() if not update.stores_heat)
-        if self.heating is None:
-            return 0.0
+        blocks = (b for update, b, _ in self.updates.each() if self.heating is not None and not update.stores_heat)
         return step * sum((float(sums[b.first : b.last, column].sum()) for b in blocks), 0.0)
 
     def advance_gradients(self, step: float) -> float:
