@@ -129,7 +129,7 @@ class Restart:
         balance.lost = float(self.rows[:, 1].sum())
         simulation.time_steps.jumped = header["jumped"]
         simulation.clock.time, simulation.clock.step = header["time"], header["step"]
-        simulation.judged = header.get("judged_step", header["step"])
+        simulation.judged = header["judged_step" if "judged_step" in header else "step"]
         simulation.stable = header["stable_step"]
         for interaction, state in zip(simulation.interactions, header.get("interactions", [])):
             interaction.set_state(state)
