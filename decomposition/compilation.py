@@ -1,12 +1,12 @@
 """numba's compiler with only what kernels need, in force while one of our kernels is compiled.
 
 - What kernels call is neither optimised nor assembled on its own (`linking`).
-- Kernels that make no arrays do without counts of references: numba writes them for every use of an array, and its
-  optimiser takes them away again.
+- Kernels that make and give no arrays do without counts of references: numba writes them for every use of an array, and
+  its optimiser takes them away again.
 - Passes for closures, lists, array expressions and the like are left out, and what numba does in vain (`economies`).
 
-What does not get through this way is compiled once more by numba as it is. All of it may be numba's, too, by
-PARSOLID_PLAIN_COMPILER=1.
+What does not get through this way is compiled once more by numba as it is, and so are others' `njit` functions that a
+kernel calls: Python may call them, too. All of it may be numba's by PARSOLID_PLAIN_COMPILER=1.
 """
 
 from collections.abc import Callable, Iterator
@@ -15,8 +15,9 @@ from typing import Any
 
 from numba.core import compiler, errors, ir, typed_passes, types, untyped_passes
 from numba.core.compiler_machinery import PassManager, _pass_registry, pass_timings
+from numba.core.targetconfig import ConfigStack
 
-from decomposition.economies import economies
+from decomposition.economies import economies, replaced
 from decomposition.linking import CalleeLibrary, KernelLibrary
 
 # what functions of ours do not contain; where numba knows a name no more, there is nothing to leave out
@@ -49,14 +50,21 @@ _USUAL = compiler.Compiler.define_pipelines
 # kernels whose compilations stand within each other, and all that the outermost has begun
 _within: list[Any] = []
 _begun: list[Any] = []
+# what numba has of its own where something of ours stands now
+_numbas: list[tuple[Any, str, Any]] = []
+# what numba has compiled of its own without counts of references, which nothing that counts may take
+_UNCOUNTED: dict[Any, Any] = {}
 # names of kernels that this process has compiled as numba does, for one that failed here
 FALLEN_BACK: list[str] = []
 
 
 def compile_short(dispatcher: Any, as_numba: Callable[[Any], Any], signature: Any) -> Any:
     """Compile a kernel; what goes wrong on the way goes the way of numba, whose errors are those that people know."""
+    # helpers are chosen by their arguments alone: with counts in the caller, they are wanted with counts
+    caller = ConfigStack.top_or_none()
+    counted = caller is not None and caller.nrt
     makes_arrays = not _MAKERS.isdisjoint(dispatcher.py_func.__code__.co_names)
-    dispatcher.targetoptions.setdefault("_nrt", makes_arrays)
+    dispatcher.targetoptions["_nrt"] = makes_arrays or counted
     _begun.append(dispatcher)
     try:
         with _in_force():
@@ -84,16 +92,17 @@ def _in_force() -> Iterator[None]:
     if _within:
         yield
         return
-    try:
-        with economies():
-            compiler.Compiler.define_pipelines = _pipelines
-            yield
-    finally:
-        compiler.Compiler.define_pipelines = _USUAL
+    with replaced([*economies(), (compiler.Compiler, "define_pipelines", _pipelines)]) as before:
+        _numbas[:] = before
+        yield
 
 
 def _pipelines(self: Any) -> list[Any]:
     state = self.state
+    if not state.flags.no_cpython_wrapper and state.func_id.func is not _within[-1].py_func:
+        return list(map(_AsNumba, _USUAL(self)))
+    if not state.flags.nrt:
+        state.targetctx.cached_internal_func = _UNCOUNTED
     if state.library is None:
         library = CalleeLibrary if state.flags.no_cpython_wrapper else KernelLibrary
         state.library = library(state.targetctx.codegen(), state.func_id.func_qualname)
@@ -138,11 +147,29 @@ class _Passes(PassManager):  # type: ignore[misc]
             self.exec_times[f"{index}_{step.name()}"] = pass_timings(0.0, 0.0, 0.0)
 
 
+class _AsNumba:
+    """A list of passes of numba's over what others have written, with counts of references."""
+
+    def __init__(self, passes: Any) -> None:
+        self.passes, self.pipeline_name, self.exec_times = passes, passes.pipeline_name, passes.exec_times
+
+    def run(self, state: Any) -> None:
+        """Run the passes on a function."""
+        state.flags.nrt = ConfigStack().top().nrt = True
+        state.targetctx = state.targetctx.subtarget(enable_nrt=True)
+        with replaced(_numbas):
+            self.passes.run(state)
+
+
 def _refuse_owned_arrays(state: Any) -> None:
-    """Without counts of references nobody would free an array that a kernel gives back to this one."""
+    """Without counts of references nobody would free an array that a kernel gives back to this one, nor keep one that
+    this gives back to Python or to a kernel that counts.
+    """
+    given = [] if state.flags.no_cpython_wrapper else [state.return_type]
     for call, signature in state.calltypes.items():
-        if isinstance(call, ir.Expr) and call.op == "call":
-            kind = state.typemap.get(call.func.name)
-            model = state.targetctx.data_model_manager[signature.return_type]
-            if isinstance(kind, types.Dispatcher) and model.contains_nrt_meminfo():
-                raise errors.NumbaRuntimeError("this function needs counts of references")
+        calls = isinstance(call, ir.Expr) and call.op == "call"
+        if calls and isinstance(state.typemap.get(call.func.name), types.Dispatcher):
+            given.append(signature.return_type)
+    models = state.targetctx.data_model_manager
+    if any(models[kind].contains_nrt_meminfo() for kind in given):
+        raise errors.NumbaRuntimeError("this function needs counts of references")

@@ -45,7 +45,7 @@ _IMPORT = re.compile(
 )
 # how kernels are compiled: numba's own way, or a number that goes up where the machine code of `compilation` changes
 PLAIN = compile_short is None or bool(os.environ.get("PARSOLID_PLAIN_COMPILER"))
-_WAY = "numba" if PLAIN else 1
+_WAY = "numba" if PLAIN else 2
 _OURS = ("parsolid", "decomposition")
 # nobody calls these kernels, or what they call, from C: without those entry points compilation takes a seventh less
 getattr(extending, "_overload_default_jit_options", {}).setdefault("no_cfunc_wrapper", True)
@@ -298,7 +298,8 @@ class KernelCache(_Cache):  # type: ignore[misc]
             numba_version,
             _WAY,
         )
-        digest.update(repr((*what, sys.version_info[:2], config.SLP_VECTORIZE, config.OPT)).encode())
+        numbas = config.SLP_VECTORIZE, config.OPT, config.BOUNDSCHECK
+        digest.update(repr((*what, sys.version_info[:2], *numbas)).encode())
         digest.update(dumps(cells) if cells else b"")
         for module in sorted(modules):
             digest.update(_digest(module))

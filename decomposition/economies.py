@@ -112,18 +112,20 @@ _ECONOMIES: tuple[tuple[Any, str, Callable[..., Any]], ...] = (
 
 
 @contextmanager
-def economies() -> Iterator[None]:
-    """While it is entered, numba's compiler does without what it does in vain."""
-    usual = [(owner, name, getattr(owner, name)) for owner, name, _ in _ECONOMIES]
-    lock = llvm.ffi.lib._lock
-    timers = lock._cblist
+def replaced(parts: list[tuple[Any, str, Any]]) -> Iterator[list[tuple[Any, str, Any]]]:
+    """While it is entered, attributes (owner, name, value) have other values; gives those that they had."""
+    before = [(owner, name, getattr(owner, name)) for owner, name, _ in parts]
     try:
-        for (owner, name, quicker), (_, _, before) in zip(_ECONOMIES, usual):
-            setattr(owner, name, quicker(before))
-        # two events for each of a hundred thousand calls of LLVM
-        lock._cblist = []
-        yield
+        for part in parts:
+            setattr(*part)
+        yield before
     finally:
-        lock._cblist = timers
-        for owner, name, before in usual:
-            setattr(owner, name, before)
+        for part in before:
+            setattr(*part)
+
+
+def economies() -> list[tuple[Any, str, Any]]:
+    """What of numba's compiler does its work in vain, and what does without, as (owner, name, value)."""
+    quicker = [(owner, name, make(getattr(owner, name))) for owner, name, make in _ECONOMIES]
+    # two events for each of a hundred thousand calls of LLVM
+    return [*quicker, (llvm.ffi.lib._lock, "_cblist", [])]

@@ -33,7 +33,9 @@ class KernelLibrary(JITCodeLibrary):  # type: ignore[misc]
         self._raise_if_finalized()
         callees = _reached(self._linking_libraries)
         for library in callees:
-            self._reload_init.update(library._reload_init)
+            if hasattr(library, "_reload_init"):
+                # numba 0.61 has none
+                self._reload_init.update(library._reload_init)
             self._final_module.link_in(library._get_module_for_linking(), preserve=True)
         self._optimize_final_module()
         self._finalize_final_module()

@@ -101,6 +101,68 @@ def test_an_array_that_a_kernel_makes_is_freed():
     assert compilation.FALLEN_BACK == ["used"]
 
 
+def test_an_array_that_a_kernel_gives_back_is_the_one_and_kept():
+    @compiled
+    def parts(a):
+        return a[1:], a
+
+    @compiled
+    def read_after(n):
+        a, total = np.ones(n), 0.0
+        for _ in range(3):
+            tail, whole = parts(a)
+            total += tail[0] + whole[0]
+        # memory that was freed too early is taken here
+        other = np.full(n, 7.0)
+        return a[0] + total + 0.0 * other[0]
+
+    assert read_after(3) == 7.0
+    tail, whole = parts(np.arange(3.0))
+    assert tail.tolist() == [1.0, 2.0] and whole.tolist() == [0.0, 1.0, 2.0]
+
+
+def test_helpers_of_kernels_within_one_that_counts_references_count_them():
+    @register_jitable
+    def first(a, b):
+        return a
+
+    @compiled
+    def inner(a, b):
+        return first(a, b)[0]
+
+    @compiled
+    def outer(n):
+        return np.ones(n)[0] * inner(first(np.ones(n), np.ones(n)), np.ones(n))
+
+    assert outer(3) == 1.0
+    (text,) = inner.inspect_llvm().values()
+    assert "NRT_decref" in text and not compilation.FALLEN_BACK
+
+
+def test_functions_of_others_are_compiled_as_numba_does():
+    @njit
+    def squares(row):
+        return np.array([x * x for x in row])[1:], row[1:]
+
+    @njit
+    def total(row):
+        return sum([2.0 * x for x in np.sort(row)])
+
+    @compiled
+    def kernel(row):
+        return total(row)
+
+    @compiled
+    def caller(row):
+        return squares(row)[0][0]
+
+    row = np.arange(3.0)
+    assert kernel(row) == 6.0 and not compilation.FALLEN_BACK
+    assert caller(row) == 1.0
+    # Python may call them, too
+    assert [part.tolist() for part in squares(row)] == [[1.0, 4.0], [1.0, 2.0]]
+
+
 def test_kernels_that_make_no_arrays_count_no_references():
     table = np.ones((2, 3))
     kernel = compiled(_roots)
