@@ -90,7 +90,8 @@ class KernelContact(Interaction):
             one.resume(force)
         if self._energies is not None:
             self.energy, self.stuck = self._energies
-        raise_together(self.comm, self._overlap(deepest) if self.rebuilds == 1 and not self.restarted else None)
+        first, self.restarted = not self.restarted, False
+        raise_together(self.comm, self._overlap(deepest) if first and self.rebuilds == 1 else None)
 
     def _overlap(self, deepest: tuple[float, int]) -> str | None:
         depth, where = deepest

@@ -160,7 +160,9 @@ def _facts(comm: Any, scene: Scene, systems: list[ParticleSystem], used: list[in
             spacing = np.prod(system.particles.owned_rows("spacing")[rows], axis=1) ** (1.0 / d)
             coarsest = maximum(comm, float(spacing.max(initial=0.0)))
             modulus, density = system.wave_modulus(local)
-            nodal = scene.bodies[body].placed_on == "nodes"
+            stated = scene.bodies[body]
+            # one row of nodes lies in the middle of its layer
+            nodal = stated.placed_on == "nodes" and 1 not in (stated.particles or ())
             result[body] = BodyFacts(coarsest, modulus, float(np.sqrt(modulus / density)), nodal)
     return result
 

@@ -109,10 +109,11 @@ def test_a_shared_motion_rubs_nothing_and_a_slip_rubs_with_kept_momenta():
 
 
 def test_one_layer_and_bodies_in_one_another_are_refused():
-    layer = block("layer", (0.0, 1.0), (4.0, 1.25), [16, 1], "cells")
     thick = block("thick", (0.0, 0.0), (4.0, 1.0), [16, 4], "cells")
-    with pytest.raises(SolverError, match="at least two layers of particles, found one in layer"):
-        simulated(tables(thick, layer))
+    for count, placement in ((16, "cells"), (17, "nodes")):
+        layer = block("layer", (0.0, 1.0), (4.0, 1.25), [count, 1], placement)
+        with pytest.raises(SolverError, match="at least two layers of particles, found one in layer"):
+            simulated(tables(thick, layer))
     deep = block("deep", (0.0, 1.0), (4.0, 2.0), [16, 4], "cells", displacement=["0", "-0.5"])
     with pytest.raises(SolverError, match=r"do not lie in one another at the start, found (thick|deep) .* in"):
         simulated(tables(thick, deep))
