@@ -41,11 +41,12 @@ def busy_cores(count: int, work: Callable[[], object]) -> Iterator[None]:
     ranks may be in `work`.
     """
     copies: list[int] = []
+    parent = os.getpid()
     try:
         for _ in range(count - 1):
             copy = os.fork()
             if copy == 0:
-                _repeat(work)
+                _repeat(work, parent)
             copies.append(copy)
         yield
     finally:
@@ -54,9 +55,8 @@ def busy_cores(count: int, work: Callable[[], object]) -> Iterator[None]:
             os.waitpid(copy, 0)
 
 
-def _repeat(work: Callable[[], object]) -> None:
-    """Work until the process that this one is a copy of ends it, or is no more; leave nothing behind."""
-    parent = os.getppid()
+def _repeat(work: Callable[[], object], parent: int) -> None:
+    """Work until the process that this one is a copy of, the parent, ends it, or is no more; leave nothing behind."""
     try:
         # a word from a copy would be one too many
         null = os.open(os.devnull, os.O_WRONLY)

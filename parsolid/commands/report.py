@@ -81,7 +81,11 @@ def _elsewhere(measured: "_Steps", ranks: int, base: int, work: float, idle: flo
     # ranks that share caches and memory slow each other
     busy = min(ranks, cores_with_room(peak_memory_bytes() - base)) if comm.size == 1 else comm.size
     if busy != comm.size:
-        work = measured.measure(busy)[1]
+        try:
+            work = measured.measure(busy)[1]
+        except OSError:
+            # the system lets this user have no more processes
+            busy = 1
     now, then = load_on(comm, systems, comm.size), load_on(comm, systems, ranks)
     step, messages = seconds_a_step(systems, work, maximum(comm, idle), now, then, ranks)
     program = maximum(comm, base) + (BESIDES if comm.size == 1 < ranks else 0)

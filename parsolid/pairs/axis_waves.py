@@ -18,11 +18,13 @@ from parsolid.pairs.lattice_stencils import WIDEST, Axis, lengths_of, operator_o
 # an axis of more nodes is one of so many whose damping is that of the longest
 _MOST_NODES = 24
 _BISECTIONS = 16
+# rates of growth, in waves' times of a step, that are more than rounding of the double rate 0
+_GROWTH = 1e-6
 
 
 @lru_cache(maxsize=256)
-def _matrices(axis: Axis, wide: bool, reconstruction: bool) -> tuple[np.ndarray, np.ndarray]:
-    """F and B of an axis with steps of 1 m, over the norm, of the nodes that may move; S = 1."""
+def _matrices(axis: Axis, wide: bool, reconstruction: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """F, the symmetric part of B, and B of an axis with steps of 1 m, over the norm, of nodes that may move; S = 1."""
     nodes, norm, operator = axis.nodes, lengths_of(axis, wide), operator_of(axis, wide)
     slope = np.zeros((nodes, nodes + 2 * WIDEST))
     for i in range(nodes):
@@ -39,15 +41,25 @@ def _matrices(axis: Axis, wide: bool, reconstruction: bool) -> tuple[np.ndarray,
     root = np.sqrt(norm)
     over = root[:, None] * root
     moving = slice(int(axis.held[0]), nodes - int(axis.held[1]))
-    both = slope.T @ (norm[:, None] * slope) / over, 0.5 * (damping + damping.T) / over
-    return both[0][moving, moving], both[1][moving, moving]
+    found = slope.T @ (norm[:, None] * slope) / over, 0.5 * (damping + damping.T) / over, damping / over
+    F, B, whole = (one[moving, moving] for one in found)
+    return F, B, whole
+
+
+def feeds_waves(axis: Axis, wide: bool, dissipation: float) -> bool:
+    """Whether the reconstructed dissipation makes shear waves of half the pressure waves' speed grow along an axis,
+    in short steps: where spacings change fast at ends of fourth order, it is no positive form.
+    """
+    F, _, B = _matrices(axis.whole, wide, True)
+    rates = np.linalg.eigvals(np.block([[0.0 * F, np.eye(len(F))], [-0.25 * F, -dissipation * B]]))
+    return bool(rates.real.max() > _GROWTH)
 
 
 @lru_cache(maxsize=4096)
 def _greatest(axis: Axis, wide: bool, reconstruction: bool, square: float, damping: float) -> float:
     """Greatest eigenvalue of square F + 2 damping B of an axis with steps of 1 m."""
     few = axis.nodes if axis.places else min(axis.nodes, _MOST_NODES)
-    F, B = _matrices(axis._replace(nodes=few), wide, reconstruction)
+    F, B, _ = _matrices(axis._replace(nodes=few), wide, reconstruction)
     if axis.nodes > few:
         # 4 q, of the wave that alternates from node to node
         damping *= (8.0 / 3.0 if wide else 2.0) / float(np.linalg.eigvalsh(B)[-1])

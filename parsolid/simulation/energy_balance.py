@@ -31,6 +31,7 @@ class EnergyBalance:
     A body that a tool touches for the first time, a support that starts or a load that rises has little energy as yet,
     of which a step leaves out much. So a balance is measured by what the load is about to bring as well: the most by
     which energies have grown in one step, for some more steps. In a loaded state that is little beside the energy.
+    What is not accounted for has not been brought by anything, and a jump of the loads is no step.
 
     limits: what the scene allows; largest: the largest kinetic or stored energy or external work so far [J]; worst: the
     largest |balance| so far [J]; entered: the most energy that has gone in so far, what there was at the start and the
@@ -46,15 +47,17 @@ class EnergyBalance:
         self.broken: float | None = None
 
     def judge(
-        self, row: Mapping[str, float], scale: float, initial: float = 0.0, steps: int = 1, work: float = 0.0
+        self, row: Mapping[str, float], scale: float, initial: float = 0.0, steps: int | None = 1, work: float = 0.0
     ) -> None:
         """Take a row in; scale: the energy [J] of which the balance has the round-off in any case; initial: the energy
-        at time 0 [J]; steps: since the row before; work: that from outside in the last of them [J]."""
+        at time 0 [J]; steps: since the row before, None if the last was a jump of no length; work: that from outside in
+        the last of them [J]."""
         before = self.largest
         self.largest = max(self.largest, *(abs(row[name]) for name in ("kinetic", "stored", "work_external")))
-        # what was there at the start has not gone in
-        brought = (self.largest - max(before, abs(initial))) / max(steps, 1)
-        self.growth = max(self.growth, abs(work), brought)
+        if steps is not None:
+            # what was there at the start has not gone in, nor what comes from nowhere
+            brought = self.largest - max(before, abs(initial)) - abs(row["balance"])
+            self.growth = max(self.growth, abs(work), brought / max(steps, 1))
         # an equilibrium that was not reached may close the balance all the same: conjugate gradients always do
         self.worst = max(abs(row["balance"]), row.get("residual_work", 0.0), self.worst)
         self.lost, self.viscous = row["dissipation_numerical"], sum(row[name] for name in self.viscous_terms)

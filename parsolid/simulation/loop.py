@@ -96,6 +96,8 @@ class Simulation:
             *build_grid_contact(comm, scene, self.systems),
         ]
         self.time_steps = TimeSteps.of(scene, self.systems)
+        # step of the last row that was judged
+        self.judged = 0
         # the step agreed on for the current state; a restart takes it from the checkpoint, for the same bits
         self.stable: float | None = None
         # of each system, where any takes several steps in a common one
@@ -111,7 +113,7 @@ class Simulation:
         self._wishes = (0.0, 0.0)
         self.failed, self.failed_somewhere, self.checkpoint_wanted = False, False, False
         self.last_checkpoint: str | None = None
-        self.first_step = self._judged = self.clock.step
+        self.first_step = self.clock.step
         self.particles: int = comm.allreduce(sum(system.owned for system in self.systems))
         self.setup_seconds = clock.perf_counter() - self.clock.began
 
@@ -152,8 +154,10 @@ class Simulation:
     def energy_row(self) -> dict[str, float]:
         """The ledger's row [J] of the present state over all ranks; judged before the next step. Collective."""
         row = self.ledger.row(self.comm, *self.energies())
-        steps, self._judged = self.clock.step - self._judged, self.clock.step
-        self.balance.judge(row, self.energy_scale, self.ledger.initial or 0.0, steps, self.ledger.last_work)
+        steps, self.judged = self.clock.step - self.judged, self.clock.step
+        jump = steps > 0 and self.clock.step_size == 0.0
+        told = None if jump else steps, self.ledger.last_work
+        self.balance.judge(row, self.energy_scale, self.ledger.initial or 0.0, *told)
         return row
 
     def run(self, watch: Watch, limits: Limits, stop: StopRequest) -> str:

@@ -129,6 +129,7 @@ class Restart:
         balance.lost = float(self.rows[:, 1].sum())
         simulation.time_steps.jumped = header["jumped"]
         simulation.clock.time, simulation.clock.step = header["time"], header["step"]
+        simulation.judged = header["judged_step" if "judged_step" in header else "step"]
         simulation.stable = header["stable_step"]
         for interaction, state in zip(simulation.interactions, header.get("interactions", [])):
             interaction.set_state(state)
@@ -185,6 +186,7 @@ def header_of(
         "largest_energy": simulation.balance.largest,
         "largest_balance": simulation.balance.worst,
         "largest_growth": simulation.balance.growth,
+        "judged_step": simulation.judged,
         "energy_entered": simulation.balance.entered,
         "balance": simulation.ledger.row(simulation.comm, *simulation.energies())["balance"],
         "probes": probes,

@@ -68,6 +68,26 @@ def test_a_balance_lost_in_a_loaded_state_is_broken_at_once():
     assert judge.broken == 207.0
 
 
+@pytest.mark.parametrize("factor", [1.5, 3.0, 100.0])
+def test_energy_that_grows_from_nothing_is_broken_however_fast(factor):
+    """What no load has brought does not widen the limit by which it is judged."""
+    judge, energy = EnergyBalance(LIMITS._replace(balance_limit=0.05)), 1.0
+    judge.judge(row(0.0, kinetic=energy), 0.0, initial=1.0)
+    while judge.broken is None and energy < 1e3:
+        energy *= factor
+        judge.judge(row(energy - 1.0, kinetic=energy), 0.0, initial=1.0)
+    assert judge.broken == energy - 1.0 == factor - 1.0 and judge.growth == 0.0
+
+
+def test_a_jump_of_the_loads_widens_nothing():
+    judge = EnergyBalance(LIMITS)
+    judge.judge(row(0.0, kinetic=0.0), 0.0)
+    judge.judge(row(0.0, kinetic=10.0, work=10.0), 0.0, steps=None, work=10.0)
+    assert judge.growth == 0.0
+    judge.judge(row(2.01, kinetic=10.0, work=10.0), 0.0)
+    assert judge.broken == 2.01
+
+
 def test_energy_of_the_start_has_not_gone_in():
     judge = EnergyBalance(LIMITS)
     judge.judge(row(0.0, kinetic=10.0), 0.0, initial=10.0)

@@ -93,6 +93,23 @@ def test_linear_forms_bound_it_between_all_ratios_of_wave_speeds(name):
 
 
 @pytest.mark.serial
+@pytest.mark.parametrize(
+    ("nodes", "grading", "dissipation", "grows"),
+    [
+        *((9, (1.0, 3.0, 1.0), S, True) for S in (0.25, 1.0)),
+        *((9, (1.0, 2.0, 1.0), S, S > 1.0) for S in (0.25, 4.0)),
+        *((nodes, grading, 1.0, False) for nodes, grading in ((8, (1.0, 1.2, 1.0)), (12, (1.0, 3.0)), (9, (1.0, 1.0)))),
+    ],
+)
+def test_gradings_whose_dissipation_feeds_waves_are_told(nodes, grading, dissipation, grows):
+    axis = Axis(nodes, 1.0, FREE, tuple((graded_shares(nodes, grading) * (nodes - 1)).tolist()))
+    motions = operators(Lattice((axis,), True, dissipation, True), 1.0, 0.5)
+    # shear waves along the axis, with the damping of pressure waves
+    assert axis_waves.feeds_waves(axis, True, dissipation) == grows
+    assert (growth(0.25 * motions[0], motions[1], 0.01) > 1.0 + 1e-6) == grows
+
+
+@pytest.mark.serial
 @pytest.mark.parametrize("wide", [True, False])
 def test_long_axes_are_bounded_by_shorter_ones(wide, monkeypatch):
     def of(speeds):

@@ -25,12 +25,13 @@ class Swing:
     def __init__(self, system: ParticleSystem, touches: Sequence[Any]) -> None:
         """touches: `touch.Touch` of the system."""
         self.system, self.touches = system, touches
-        self.begun = False
+        self.begun, self._layout = False, -1
 
     def begin(self) -> None:
         """Keep the start of a step, before any tool kicks."""
         system = self.system
         self.begun = system.verlet is not None and any(touch.greatest_square > 0.0 for touch in self.touches)
+        self._layout = system.particles.layout
         if not self.begun:
             return
         rows, d = system.particles.owned_rows, system.dimension
@@ -41,20 +42,25 @@ class Swing:
 
     def end(self, step: float) -> float:
         """What there is more of them [J] than at the start of a step [s]; after all tools have kicked."""
-        if not self.begun or step == 0.0 or self.system.substeps > 1:
-            return 0.0
         system, d = self.system, self.system.dimension
+        # what has come to a rank that none touches has its start with it
+        here = self.begun or (system.verlet is not None and self._layout != system.particles.layout)
+        if not here or system.substeps > 1:
+            return 0.0
         owned = system.particles.owned_rows
         start, now, more = owned(_START), np.zeros((system.owned, d)), np.zeros((system.owned, d))
         for touch in self.touches:
             now[touch.rows] += touch.forces[0]
             more[touch.rows] += touch.forces[1]
         rows = np.flatnonzero(start[:, 2 * d :].any(axis=1) | now.any(axis=1))
-        if not len(rows):
+        pressed = start[rows, 2 * d :]
+        # a rank to which a particle goes later shall not take this for a force of its step
+        start[rows, 2 * d :] = 0.0
+        if step == 0.0 or not len(rows):
             return 0.0
         share = np.ascontiguousarray(system.share[: system.owned][rows])
         # the forces are those on parts of particles
-        forces = np.stack((start[rows, 2 * d :], now[rows], more[rows])) / share[:, None]
+        forces = np.stack((pressed, now[rows], more[rows])) / share[:, None]
         held = system.held_components()
         held = None if held is None or not held[rows].any() else held[rows]
         kept = np.ascontiguousarray(start[rows, : 2 * d])

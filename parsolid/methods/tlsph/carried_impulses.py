@@ -29,9 +29,14 @@ class CarriedImpulses:
             self.system.kick(*self.waiting.pop(0))
 
     def act(self, force: np.ndarray, step: float) -> None:
-        """Add the forces to those of a stage of a step [s], (n, 8), on whole particles [N]."""
+        """Add the forces to those of a stage of a step [s], (n, 8), on whole particles [N].
+
+        Held components have none: contact books itself what it takes to hold them.
+        """
+        held = self.system.held_components()
         for impulse, rows in self.waiting:
-            force[rows, : impulse.shape[1]] += impulse * (2.0 / step / self.system.share[rows, None])
+            acting = impulse if held is None else np.where(held[rows], 0.0, impulse)
+            force[rows, : impulse.shape[1]] += acting * (2.0 / step / self.system.share[rows, None])
 
     def end(self) -> None:
         """Take back what the closing half has of the first force, after the last stage."""

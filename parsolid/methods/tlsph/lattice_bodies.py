@@ -9,7 +9,7 @@ import numpy as np
 
 from parsolid.collective import SolverError, maximum, minimum, raise_together
 from parsolid.methods.tlsph.body_weights import ON_LATTICES
-from parsolid.pairs.axis_waves import Lattice, signal
+from parsolid.pairs.axis_waves import Lattice, feeds_waves, signal
 from parsolid.pairs.lattice_pairs import Lattices
 from parsolid.pairs.lattice_stencils import WIDEST, Axis, Stencils, box_stencils, cell_stencils, lengths_of
 from parsolid.particles.particle_set import ParticleSet
@@ -86,7 +86,7 @@ def put_on_lattices(
         try:
             axes = _axes(filling, [plane for plane in boundaries.planes if plane.body in (None, body)])
             wide = kind == "fourth-order" and any(axis.wide for axis in axes)
-            _check_grading(body, axes, wide)
+            _check_grading(body, axes, wide, scene.method)
             if scene.method.weights == kind == "fourth-order" and not wide:
                 raise SolverError(_no_room(body, axes))
         except SolverError as error:
@@ -146,16 +146,24 @@ def _no_room(body: int, axes: list[Axis]) -> str:
     )
 
 
-def _check_grading(body: int, axes: list[Axis], wide: bool) -> None:
-    """Raise SolverError where distances change so fast that a node would have no volume."""
+def _check_grading(body: int, axes: list[Axis], wide: bool, settings: Any) -> None:
+    """Raise SolverError where distances change so fast that a node would have no volume, or waves would grow."""
     for k, axis in enumerate(axes):
-        steps = np.diff(axis.places or (0.0, 1.0))
-        if axis.places and (lengths_of(axis, wide and axis.wide) < _THINNEST * axis.step * steps.min()).any():
-            most = float(np.max(np.maximum(steps[1:] / steps[:-1], steps[:-1] / steps[1:])))
-            raise SolverError(
-                f"bodies.{body}.grading.{k}: expected spacings that change less from one to the next, found {most:.3g} "
-                "times; more particles change slower"
-            )
+        if not axis.places:
+            continue
+        steps, fourth = np.diff(axis.places), wide and axis.wide
+        fed = fourth and settings.reconstruction
+        if (lengths_of(axis, fourth) < _THINNEST * axis.step * steps.min()).any():
+            remedy = "more particles change slower"
+        elif fed and feeds_waves(axis, fourth, float(settings.dissipation)):
+            remedy = "with them method.dissipation would feed waves; more particles change slower, or less of it"
+        else:
+            continue
+        most = float(np.max(np.maximum(steps[1:] / steps[:-1], steps[:-1] / steps[1:])))
+        raise SolverError(
+            f"bodies.{body}.grading.{k}: expected spacings that change less from one to the next, found {most:.3g} "
+            f"times; {remedy}"
+        )
 
 
 def _stencils(filling: Any, index: list[np.ndarray], axes: list[Axis], wide: bool) -> Stencils:

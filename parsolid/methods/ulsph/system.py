@@ -154,7 +154,8 @@ class UpdatedLagrangianSPH(PairMethod):
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave."""
         self.lists_state, self.time, self.news = state, state["time"], state["news"]
-        self.halves.set_state(self.comm, state["halves"])
+        if "halves" in state:  # an earlier version has none, and other terms in its ledger, which are refused next
+            self.halves.set_state(self.comm, state["halves"])
 
     # --- a step -------------------------------------------------------------------------------------------------
 
