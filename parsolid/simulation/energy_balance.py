@@ -8,7 +8,8 @@ import numpy as np
 # of the methods' energy scale, what rounding leaves
 _ROUND_OFF = 1e-12
 # what a load does in one step is as large as what the step leaves out of the balance: energies are taken to grow for
-# so many steps as in the one in which they have grown most, which a limit of 5 % makes 1.6 steps
+# so many steps as in the one in which they have grown most, which a limit of 5 % makes 1.6 steps, and which is forgotten
+# in as many
 _STEPS_TO_COME = 32
 
 
@@ -36,7 +37,7 @@ class EnergyBalance:
     limits: what the scene allows; largest: the largest kinetic or stored energy or external work so far [J]; worst: the
     largest |balance| so far [J]; entered: the most energy that has gone in so far, what there was at the start and the
     external work [J]; lost, viscous: the numerical dissipation and what artificial viscosity took [J] by the last row;
-    growth: the most that went in within a step so far [J]; broken: the first balance [J] beyond the limit, None while
+    growth: the most that went in within a step of late [J]; broken: the first balance [J] beyond the limit, None while
     there was none.
     """
 
@@ -57,7 +58,8 @@ class EnergyBalance:
         if steps is not None:
             # what was there at the start has not gone in, nor what comes from nowhere
             brought = self.largest - max(before, abs(initial)) - abs(row["balance"])
-            self.growth = max(self.growth, abs(work), brought / max(steps, 1))
+            forgotten = self.growth * float(np.exp(-steps / _STEPS_TO_COME))
+            self.growth = max(forgotten, abs(work), brought / max(steps, 1))
         # an equilibrium that was not reached may close the balance all the same: conjugate gradients always do
         self.worst = max(abs(row["balance"]), row.get("residual_work", 0.0), self.worst)
         self.lost, self.viscous = row["dissipation_numerical"], sum(row[name] for name in self.viscous_terms)

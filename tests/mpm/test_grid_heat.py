@@ -96,7 +96,6 @@ def test_a_cosine_decays_at_its_rate(kind, published):
     assert abs(thermal[:n, 0] @ thermal[:n, 1] - total) < 1e-12
 
 
-@pytest.mark.every_other
 @pytest.mark.parametrize("kind", BASES)
 def test_planes_at_two_temperatures_give_the_linear_profile(kind):
     cells = 6

@@ -148,7 +148,6 @@ def material_point(law, gradient, duration, steps, temperature):
 _OTHERS = [name for name in library() if name != "OFHC copper, Johnson-Cook"]
 
 
-@pytest.mark.every_other
 @pytest.mark.parametrize(
     "name", ["OFHC copper, Johnson-Cook", *(pytest.param(name, marks=pytest.mark.slow) for name in _OTHERS)]
 )
