@@ -8,8 +8,8 @@ import numpy as np
 # of the methods' energy scale, what rounding leaves
 _ROUND_OFF = 1e-12
 # what a load does in one step is as large as what the step leaves out of the balance: energies are taken to grow for
-# so many steps as in the one in which they have grown most, which a limit of 5 % makes 1.6 steps, and which is forgotten
-# in as many
+# so many steps as in the one in which they have grown most, which a limit of 5 % makes 1.6 steps, and which is
+# forgotten in as many
 _STEPS_TO_COME = 32
 
 
