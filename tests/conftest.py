@@ -156,7 +156,7 @@ def _runs(config, item) -> bool:
         return False
     if ranks is None and not config.getoption("long") and _room(item) in _NOT_ON.get(WORLD.size, ()):
         # the set on three ranks leaves out what is slow
-        return WORLD.size == 2 and item.get_closest_marker("slow") is not None
+        return WORLD.size == 2 and all(map(item.get_closest_marker, ("mpi", "slow")))
     return WORLD.size == 1 or item.get_closest_marker("mpi") is not None
 
 
