@@ -59,8 +59,8 @@ def conjugate_gradients(
     load (n, d) [N], only its free components are looked at; ends when |load - K u|_2 over all ranks is at most target
     [N], after `limit` products (default: ten times the number of components), or when a direction has no positive
     stiffness (`converged` is then false). Two global sums an iteration. precondition(r) gives M^-1 r (n, d), M
-    symmetric positive definite, of a residual that is 0 where not free; hopeless() says, after many iterations, why
-    there is no solution, or nothing. Source: M. R. Hestenes, E. Stiefel, J. Res.
+    symmetric positive definite, of a residual that is 0 where not free; hopeless() says, after many iterations or of
+    such a direction, why there is no solution, or nothing. Source: M. R. Hestenes, E. Stiefel, J. Res.
     Nat. Bur. Standards 49 (1952) 409.
     """
     residual = (load.copy() if free is None else load * free).ravel()
@@ -84,8 +84,11 @@ def conjugate_gradients(
         stiffness = float(sums(comm, [_masked_product(flat, direction, mask)])[0])
         iterations += 1
         if not stiffness > 0.0:
-            finite = np.isfinite(stiffness)
-            reason = "a direction without positive stiffness" if finite else "a product that is not finite"
+            reason = "a product that is not finite"
+            if np.isfinite(stiffness):
+                # what nothing holds shows itself by rounding before many iterations are over
+                told = hopeless() if hopeless is not None else ""
+                reason = told or "a direction without positive stiffness"
             break
         before, square = power, _advance(power / stiffness, direction, flat, solution, residual)
         turned = better()
