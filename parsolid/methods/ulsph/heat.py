@@ -39,6 +39,23 @@ class HalfSteps:
         self.to_come = heat[comm.rank] if len(heat) == comm.size else sum(heat) * (comm.rank == 0)
 
 
+def heat_to_come(system: Any, step: float, taken: float) -> float:
+    """What the viscosity took [J] in the second kick of a step [s] from particles whose stored energies have it after
+    the next one; taken: from all. Beside others their part is that of their forces, loads left aside.
+    """
+    if all(system.updates.storing):
+        return taken
+    d, sums, found = system.dimension, system.particles.storage("force_sums"), 0.0
+    for update, block, _ in system.updates.each():
+        if update.stores_heat:
+            rows = slice(block.first, block.last)
+            change = 0.5 * step * sums[rows, :d] / system.mass[rows, None]
+            velocity = system.particles.owned_rows("velocity")[rows]
+            viscous = sums[rows, second_vector(d) : second_vector(d) + d]
+            found -= 0.25 * step * float(np.sum(viscous * (2.0 * velocity - change)))
+    return found
+
+
 def prescribe_temperatures(system: Any, time: float) -> tuple[float, float]:
     """The heat [J] that prescribed temperatures supply at a time [s], and the part of it that goes into stored energy;
     system: `system.UpdatedLagrangianSPH`."""

@@ -16,7 +16,7 @@ from parsolid.methods.ulsph import kinematics as motion
 from parsolid.methods.ulsph.boundaries import BoundarySet
 from parsolid.methods.ulsph.deletion import Deletion
 from parsolid.methods.ulsph.fields import declare_motion, declare_state
-from parsolid.methods.ulsph.heat import HalfSteps, follow_kick, prescribe_temperatures, take_heat
+from parsolid.methods.ulsph.heat import HalfSteps, follow_kick, heat_to_come, prescribe_temperatures, take_heat
 from parsolid.methods.ulsph.observation import advice, measure, shown, unsound
 from parsolid.methods.ulsph.sweeps import Sweeps
 from parsolid.methods.ulsph.terms import (
@@ -218,7 +218,7 @@ class UpdatedLagrangianSPH(PairMethod):
         ledger.add(1.0, plastic, lost + caught, float(first[0] + second[0]) + pushed)
         ledger.add_term("viscous_dissipation", float(viscous))
         if self.heating is not None:
-            ledger.add_term("viscous_heat_to_come", self.halves.follow(step, all(self.updates.storing) * second[1]))
+            ledger.add_term("viscous_heat_to_come", self.halves.follow(step, heat_to_come(self, step, second[1])))
         ledger.add_term("leapfrog_oscillation", second[2] - first[2])
         terms = {"heat_supplied": self.supplied, "heat_stored": self.supplied_to_stored} | self.updates.taken()
         for name, energy in (terms | (self.deletion.taken() if self.deletion else {})).items():
