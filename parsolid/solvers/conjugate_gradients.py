@@ -44,6 +44,11 @@ def _masked_product(product: np.ndarray, direction: np.ndarray, free: np.ndarray
     return total
 
 
+def _no_way_on(stiffness: float) -> str:
+    """Why a direction of such a stiffness [J] leads nowhere."""
+    return "a direction without positive stiffness" if np.isfinite(stiffness) else "a product that is not finite"
+
+
 def conjugate_gradients(
     comm: MPI.Comm,
     apply: Callable[[np.ndarray, np.ndarray], None],
@@ -77,18 +82,15 @@ def conjugate_gradients(
     iterations, reason = 0, ""
     while square > target * target and not reason:
         reason = hopeless() if iterations == _PATIENCE and hopeless is not None else ""
-        reason = f"no solution after {limit} iterations" if iterations == limit else reason
-        if reason:
+        if reason := f"no solution after {limit} iterations" if iterations == limit else reason:
             break
         apply(shaped, product)
         stiffness = float(sums(comm, [_masked_product(flat, direction, mask)])[0])
         iterations += 1
         if not stiffness > 0.0:
-            reason = "a product that is not finite"
-            if np.isfinite(stiffness):
-                # what nothing holds shows itself by rounding before many iterations are over
-                told = hopeless() if hopeless is not None else ""
-                reason = told or "a direction without positive stiffness"
+            # what nothing holds may show itself by rounding before many iterations are over
+            told = hopeless() if hopeless is not None and np.isfinite(stiffness) else ""
+            reason = told or _no_way_on(stiffness)
             break
         before, square = power, _advance(power / stiffness, direction, flat, solution, residual)
         turned = better()
