@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from parsolid.particles.memory import free_bytes
+
 # of the memory that is free, what copies may take
 _SHARE = 0.5
 
@@ -22,15 +24,13 @@ def cores_with_room(each: float) -> int:
 
 def _free_memory() -> float:
     """Bytes that the machine and this job's group of processes have left; 0 where nothing tells."""
-    found = []
-    with suppress(OSError, ValueError, IndexError):
-        lines = Path("/proc/meminfo").read_text().splitlines()
-        found += [1024.0 * int(line.split()[1]) for line in lines if line.startswith("MemAvailable:")]
+    found = [free_bytes()]
     with suppress(OSError, ValueError, IndexError):
         group = Path("/sys/fs/cgroup") / Path("/proc/self/cgroup").read_text().strip().split("::/")[1]
         most, now = ((group / name).read_text().strip() for name in ("memory.max", "memory.current"))
         found.append(float(most) - float(now) if most != "max" else float("inf"))
-    return max(0.0, min(found, default=0.0))
+    left = max(0.0, min(found))
+    return left if left < float("inf") else 0.0
 
 
 @contextmanager
