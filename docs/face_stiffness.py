@@ -8,7 +8,7 @@ is made here from the methods' definitions, and no line of the package takes par
 
 peridynamics: correspondence with shear-scaled control of three coefficients; 0 is total-Lagrangian SPH but for the
 kernel. mpm: cells of two particles a direction, the face on nodes; `fine`: the same basis, with energies summed over 16
-points a cell and direction in place of the two particles.
+points a cell and direction in place of the two particles; `carried`: nodes beyond the face have no motion of their own.
 """
 
 import sys
@@ -98,9 +98,9 @@ def slope(x: np.ndarray, width: float) -> np.ndarray:
     return np.asarray((value(x + 0.5 * width) - value(x - 0.5 * width)) / width)
 
 
-def points(k: float, width: float, fine: bool) -> float:
+def points(k: float, width: float, fine: bool, carried: bool = False) -> float:
     """Hat functions averaged over a width in cells: 1 are quadratic splines, .5 those of uGIMP with two particles a
-    cell, 1e-3 linear ones. Cells are 2 h."""
+    cell, 1e-3 linear ones. Cells are 2 h. carried: nodes beyond the face move as the particles that they see."""
     rows, cell = int(0.5 * DEEP / k), 2.0
     nodes = np.array([(i, j) for i in range(-2, 4) for j in range(1, -rows, -1)], float)
 
@@ -127,6 +127,14 @@ def points(k: float, width: float, fine: bool) -> float:
     load = sum(0.25 * u[1].conj() for u, _ in maps(2, 1))
     used = np.abs(np.diag(stiffness)) > 1e-12
     used[-6:] = False
+    if carried:
+        mass = sum(u[1:, 1::2].conj().T @ u[1:, 1::2] for u, _ in maps(2, 2))
+        # of two particles a cell, only those of the first layer are seen from a cell beyond the face
+        weight = 2.0 * hat(np.array([-1.25]), width)[0]
+        tied = np.eye(2 * (rows + 1), dtype=complex)[:, 2:]
+        for axis in range(2):
+            tied[axis, axis::2] = mass[0, 1:] / (weight - mass[0, 0])
+        stiffness, load, used = tied.conj().T @ stiffness @ tied, tied.conj().T @ load, used[2:]
     # energy of a spacing of the face in place of a cell
     return answer(stiffness[np.ix_(used, used)], load[used], k)
 
@@ -145,6 +153,8 @@ def rows(name: str) -> Iterator[tuple[str, Callable[[float], float]]]:
     else:
         for basis, width in (("quadratic splines", 1.0), ("uGIMP", 0.5), ("linear", 1e-3)):
             yield f"mpm, {basis}", lambda k, w=width: points(k, w, False)
+            if width == 1.0:
+                yield f"mpm, {basis}, carried", lambda k, w=width: points(k, w, False, True)
             if width > 0.1:
                 yield f"mpm, {basis}, fine", lambda k, w=width: points(k, w, True)
 

@@ -93,7 +93,7 @@ def test_a_part_between_two_held_regions_is_told_what_its_control_does():
     "method, stated, told",
     [
         ({"kind": "peridynamics"}, {"stabilisation": {"coefficient": 0.35}}, "coefficient = 0.125"),
-        ({"kind": "mpm", "cell": 0.2}, {"basis": "quadratic-spline"}, "basis = 'ugimp'"),
+        ({"kind": "mpm", "cell": 0.2}, {"transfer": "apic"}, "transfer = 'apic'"),
     ],
 )
 def test_faces_in_contact_are_told_what_makes_them_stiff_or_soft(method, stated, told):
