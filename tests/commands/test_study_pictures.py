@@ -21,8 +21,8 @@ def test_no_two_curves_of_a_panel_look_alike_and_none_has_too_many():
     lines += [line("plate", **dict.fromkeys([*TIMES, *PROBES], 0.1)), line("bar", **{PROBES[0]: 0.2, "kinetic": 0.0})]
     panels = _panels(lines, ["kinetic", *TIMES, *PROBES])
     assert [(title, len(curves)) for title, curves in panels] == [
-        ("kinetic (1 of 2)", 8),
-        ("kinetic (2 of 2)", 3),
+        ("kinetic (1 of 2)", 5),
+        ("kinetic (2 of 2)", 6),
         ("velocity", 2),
         ("probe", 3),
     ]

@@ -33,7 +33,7 @@ def draw(plan: Plan, truth: Truth, path: Path) -> Path:
         axes.axhspan(0.0, truth.uncertain, color="0.93", zorder=-1, label="not known better than this")
     axes.set(xscale="log", yscale="log", xlabel="processor seconds of the time loop, all ranks")
     axes.set(ylabel=f"error of {plan.column}", title=plan.scene.title)
-    label_decades(axes)
+    label_decades(axes.xaxis)
     axes.grid(True, which="both", alpha=0.25)
     figure.legend(loc="outside right upper", fontsize=8, frameon=False)
     figure.savefig(path, dpi=90)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ MARKERS = "osD^vPX*<>hd"
 # of a panel
 MOST_CURVES = 8
 _DOTS_PER_INCH = 90
+_OTHER_CODE = "another code, hollow"
 
 
 @dataclass
@@ -75,8 +77,9 @@ def _picture(study: Study, lines: dict[tuple[Any, ...], list[Case]], abscissa: A
         points = [point for curve in curves for point in _draw(place, curve, looks[curve.text], abscissa)]
         if points and abscissa.slopes:
             _triangles(place, np.array(points), abscissa.slopes)
-        label_decades(place)
+        label_decades(place.xaxis)
     handles = {text: handle for place in axes.flat for handle, text in zip(*place.get_legend_handles_labels())}
+    handles |= {_OTHER_CODE: handles.pop(_OTHER_CODE)} if _OTHER_CODE in handles else {}
     figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=2, fontsize=8, frameon=False)
     figure.suptitle(study.title, fontsize=11)
     path = folder / f"error_against_{abscissa.name}.png"
@@ -100,7 +103,9 @@ def _panels(lines: list[list[Case]], names: list[str]) -> list[tuple[str, list[C
     for panel in dict.fromkeys(map(_panel, names)):
         errors = [name for name in names if _panel(name) == panel]
         curves = [curve for line in lines for curve in _curves(line, errors)]
-        pieces = [curves[first : first + MOST_CURVES] for first in range(0, len(curves), MOST_CURVES)] or [[]]
+        parts = max(1, -(-len(curves) // MOST_CURVES))
+        ends = [len(curves) * part // parts for part in range(parts + 1)]
+        pieces = [curves[first:last] for first, last in pairwise(ends)]
         titles = [panel if len(pieces) == 1 else f"{panel} ({i} of {len(pieces)})" for i in range(1, len(pieces) + 1)]
         result += list(zip(titles, pieces))
     return result
@@ -145,7 +150,7 @@ def _draw(place: Any, curve: Curve, look: dict[str, Any], abscissa: Abscissa) ->
     if other_code:
         hollow = {"markersize": 7, "markerfacecolor": "none", "linewidth": 0.8}
         place.plot(*zip(*other_code), ":", **hollow, **look)
-        place.plot([], [], ":", color="0.3", marker="o", label="another code, hollow", **hollow)
+        place.plot([], [], ":", color="0.3", marker="o", label=_OTHER_CODE, **hollow)
     return points
 
 
@@ -163,10 +168,11 @@ def _triangles(place: Any, points: Any, slopes: tuple[int, ...]) -> None:
         place.annotate(str(slope), (x1, y1), xytext=(3, -4), textcoords="offset points", fontsize=8, color="0.3")
 
 
-def label_decades(axes: Any) -> None:
-    """Label x at 1, 2 and 5 of each decade, as such numbers are said: more labels would stand on each other."""
+def label_decades(axis: Any) -> None:
+    """Label an axis at 1, 2 and 5 of each decade, as such numbers are said: more labels would stand on each other."""
     from matplotlib import ticker
 
-    axes.xaxis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.xaxis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.xaxis.set_minor_formatter(ticker.NullFormatter())
+    axis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(ticker.NullFormatter())
+    axis.set_tick_params(labelsize=8.5)
