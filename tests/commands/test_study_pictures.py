@@ -11,6 +11,9 @@ from parsolid.commands.study.pictures import MOST_CURVES, _looks, _panels
 TIMES = ["velocity@0.1", "velocity@0.2"]
 PROBES = ["corner.displacement_x", "corner.displacement_y"]
 
+# one that agrees with another
+AGREES = "edge.displacement_x"
+
 
 def line(name, **errors):
     return [SimpleNamespace(line=(name,), measures={"errors": errors})]
@@ -18,8 +21,9 @@ def line(name, **errors):
 
 def test_no_two_curves_of_a_panel_look_alike_and_none_has_too_many():
     lines = [line(f"scene {number}", kinetic=0.1 * number) for number in range(1, 12)]
-    lines += [line("plate", **dict.fromkeys([*TIMES, *PROBES], 0.1)), line("bar", **{PROBES[0]: 0.2, "kinetic": 0.0})]
-    panels = _panels(lines, ["kinetic", *TIMES, *PROBES])
+    plate = dict(zip([*TIMES, *PROBES, AGREES], [0.1, 0.2, 0.3, 0.4, 0.301]))
+    lines += [line("plate", **plate), line("bar", **{PROBES[0]: 0.2, PROBES[1]: 0.2, "kinetic": 0.0})]
+    panels = _panels(lines, ["kinetic", *TIMES, *PROBES, AGREES])
     assert [(title, len(curves)) for title, curves in panels] == [
         ("kinetic (1 of 2)", 5),
         ("kinetic (2 of 2)", 6),

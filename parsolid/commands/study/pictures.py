@@ -18,6 +18,8 @@ MARKERS = "osD^vPX*<>hd"
 # of a panel
 MOST_CURVES = 8
 _DOTS_PER_INCH = 90
+# what cannot be told apart on a picture
+_ALIKE = 0.02
 _OTHER_CODE = "another code, hollow"
 
 
@@ -112,8 +114,12 @@ def _panels(lines: list[list[Case]], names: list[str]) -> list[tuple[str, list[C
 
 
 def _curves(line: list[Case], errors: list[str]) -> list[Curve]:
-    """The errors that a line has, with what tells each from the others."""
-    had = [error for error in errors if any(case.measures["errors"].get(error) for case in line)]
+    """The errors that a line has, with what tells each from the others; of errors that agree the first."""
+    had: list[str] = []
+    for error in errors:
+        values = _values(line, error)
+        if any(values) and not any(_agree(values, _values(line, other)) for other in had):
+            had.append(error)
     result = []
     for error in had:
         words = [*line[0].line]
@@ -123,6 +129,14 @@ def _curves(line: list[Case], errors: list[str]) -> list[Curve]:
             words.append(spaced(error))
         result.append(Curve(line, error, ", ".join(words)))
     return result
+
+
+def _values(line: list[Case], error: str) -> list[float]:
+    return [case.measures["errors"].get(error) or 0.0 for case in line]
+
+
+def _agree(one: list[float], two: list[float]) -> bool:
+    return all(abs(a - b) <= _ALIKE * max(a, b) for a, b in zip(one, two))
 
 
 def _looks(curves: list[Curve]) -> dict[str, dict[str, Any]]:
