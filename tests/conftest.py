@@ -115,6 +115,13 @@ _NOT_ON = {
 _LATER = {"docs": 1, "end_to_end": 1, "decomposition": 2, "numerics": 2, "scene": 2}
 
 
+def pytest_ignore_collect(collection_path, config):
+    """On three ranks rooms that have nothing for them are not read, half of all files."""
+    everything = config.getoption("long") or config.getoption("properties")
+    named = collection_path.parent == Path(__file__).parent and collection_path.name in _NOT_ON[3]
+    return True if WORLD.size == 3 and named and not everything else None
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
     """Mark what communicates and what verifies; leave out what is for another number of ranks, or long."""
@@ -154,6 +161,8 @@ def _in_turn(items) -> None:
 
 def _runs(config, item) -> bool:
     ranks = item.get_closest_marker("ranks")
+    if ranks is not None and 3 in ranks.args and _room(item) in _NOT_ON[3]:
+        raise pytest.UsageError(f"{item.nodeid}: its room is not read on three ranks")
     if config.getoption("properties"):
         return True
     if item.get_closest_marker("long") and not config.getoption("long"):
