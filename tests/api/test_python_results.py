@@ -11,6 +11,7 @@ import pytest
 import parsolid
 from parsolid.collective import SolverError
 from parsolid.scene import SceneError
+from parsolid.simulation.loop import RunFailed
 
 SCENE = {
     "dimension": 2,
@@ -126,12 +127,35 @@ def test_steps_by_hand_are_those_of_the_run(results):
     simulation.on_step(lambda now: seen.append(now.time))
     assert simulation.run_until(1.0) == 1e-3 and simulation.finished
     assert len(seen) == simulation.steps == results.summary["steps"] and seen[-1] == 1e-3
-    assert simulation.energies()["kinetic"] == results.columns["kinetic"][-1]
+    found, expected = simulation.energies(), results.columns
+    assert found["kinetic"] == expected["kinetic"][-1]
+    assert found["balance"] == pytest.approx(expected["balance"][-1], rel=1e-6) and found["balance"] != 0.0
     position = simulation.field("position")
     assert position.shape == (81, 2)
     with pytest.raises(KeyError, match="velocty: expected one of .*velocity"):
         simulation.arrays("velocty")
+    with pytest.raises(KeyError, match="presure: expected one of .*pressure.*, or one that `arrays` knows"):
+        simulation.field("presure")
+    with pytest.raises(ValueError, match="expected at least one step, found -1"):
+        simulation.step(-1)
+    with pytest.raises(ValueError, match=r"expected a time from the present 0\.001 s on, found 0\.0005"):
+        simulation.run_until(5e-4)
+    with pytest.raises(SceneError, match=r"expected a column of the history, one of step, .*found 'kinetc'.*'kinetic'"):
+        results.columns["kinetc"]
     assert json.loads((Path(results.directory) / "summary.json").read_text()) == results.summary
+
+
+def test_what_a_script_adds_to_the_velocities_ends_its_run():
+    simulation = parsolid.set_up(SCENE | {"end_time": 1.0})
+
+    @simulation.on_step
+    def push(simulation):
+        for velocity in simulation.arrays("velocity"):
+            velocity *= 1.1
+
+    with pytest.raises(RunFailed, match="balance"):
+        simulation.run_until(1.0)
+    assert simulation.steps < 100
 
 
 def test_options_act_in_this_process(tmp_path):
