@@ -46,7 +46,7 @@ class Progress:
         self._last: Told = (0.0, 0, 0.0)
         # the step that the run started from
         self._before = 0
-        self._bar: "Live | None" = None
+        self._bar: Live | None = None
         if level == QUIET:
             return
         self._say(f"{title or 'scene'}: {particles} particles, to t = {end_time:.6g} s")
