@@ -223,8 +223,9 @@ class KernelCache(_Cache):  # type: ignore[misc]
         """Keep what was compiled; a folder that is full or not writable only costs time."""
         if not self.enabled or data.lifted or data.library.has_dynamic_globals:
             return
-        path, payload = self.path(sig, data.codegen), content(data)
-        with suppress(OSError):
+        path = self.path(sig, data.codegen)
+        with suppress(*UNREADABLE):
+            payload = content(data)
             path.parent.mkdir(parents=True, exist_ok=True)
             with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".new-", delete=False) as file:
                 file.write(payload)

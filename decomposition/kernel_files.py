@@ -24,8 +24,8 @@ from numba.core.serialize import dumps
 # digest and length of the first part, digest and length of the second
 _HEAD = struct.Struct("<32sQ32sQ")
 _EMPTY = Environment({})
-# what errors of a file that cannot be read are; such a file is as good as none
-UNREADABLE = (OSError, EOFError, pickle.UnpicklingError, ValueError, struct.error)
+# what errors of a file that cannot be read are, also by a numba that is built otherwise; such a file is as good as none
+UNREADABLE = (OSError, EOFError, pickle.UnpicklingError, ValueError, struct.error, AttributeError, TypeError)
 
 
 def content(result: Any) -> bytes:
