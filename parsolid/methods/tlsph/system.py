@@ -98,8 +98,8 @@ class TotalLagrangianSPH(PairMethod):
         if "closure" in self.body_weights:
             here = np.array(self.body_weights)[particle_set.body] == "closure"
             surface = (surface_area(self.comm, particle_set, boundaries.planes, here), boundaries.share, here)
-        lattices = None if self.on_lattices is None else self.on_lattices.lattices
-        weights = SmoothedWeights(smoothing_kernel(settings.kernel), float(settings.dissipation), surface, lattices)
+        more = surface, getattr(self.on_lattices, "lattices", None), settings.tabled_weights
+        weights = SmoothedWeights(smoothing_kernel(settings.kernel), float(settings.dissipation), *more)
         return PairSystem(self.comm, self.particles, self.space, weights, self._terms(), boundaries.codes)
 
     def _terms(self) -> RiemannDissipation | MeanRiemann | None:
