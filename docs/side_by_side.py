@@ -21,7 +21,11 @@ _BRANCH = {"branches": [{"beta": 1.0, "tau": 0.02}]}
 _CASES = {
     "tlsph": ({"kind": "tlsph"}, {**_RUBBER, **_BRANCH}),
     "tlsph, leapfrog after stages": ({"kind": "tlsph"}, {**_RUBBER, **_BRANCH}, {"integrator": "leapfrog"}),
-    "tlsph, h/dx 1.2, leapfrog after stages": ({"kind": "tlsph", "smoothing": 1.2}, _RUBBER, {"integrator": "leapfrog"}),
+    "tlsph, h/dx 1.2, leapfrog after stages": (
+        {"kind": "tlsph", "smoothing": 1.2},
+        _RUBBER,
+        {"integrator": "leapfrog"},
+    ),
     "tlsph, leapfrog": ({"kind": "tlsph", "integrator": "leapfrog"}, {**_RUBBER, **_BRANCH}),
     "tlsph, h/dx 1.2": ({"kind": "tlsph", "smoothing": 1.2}, _RUBBER),
     "tlsph, leapfrog, fourth-order": ({"kind": "tlsph", "integrator": "leapfrog", "weights": "fourth-order"}, _RUBBER),

@@ -52,6 +52,8 @@ class PairSystem(PairLists):
     unbonded: np.ndarray | None = None
     # whether pairs of owned particles and of ghosts stand as `weights.walked` has them, which say nothing of one pair
     rewritten = False
+    # which of the kernels walk the list of ghosts and that of owned particles
+    ways = (0, 0)
 
     def __init__(
         self,
@@ -114,13 +116,14 @@ class PairSystem(PairLists):
         self._fill_lists(body, reach)
         correction = self.weights.complete(self)
         self.inner, self.rim = self.weights.walked(self)
-        self.rewritten = _way(self.inner) > 0
+        self.ways = _way(self.rim), _way(self.inner)
+        self.rewritten = max(self.ways) > 0
         self.particles.owned_rows("correction")[:] = correction.reshape(self.owned, -1)
         self.particles.owned_rows("pair_volume")[:] = volume
         self.particles.update("reference")
 
     def _fill_lists(self, body: np.ndarray, reach: Any) -> None:
-        self.rim, self.mirror, self.rewritten = None, None, False
+        self.rim, self.mirror, self.rewritten, self.ways = None, None, False, (0, 0)
         self.fault: str | None = None
         owned, local = self.owned, len(self.positions)
         candidates = plain_candidates(self.even, owned, reach)
@@ -189,7 +192,7 @@ class PairSystem(PairLists):
         add = self._add_gradients
 
         def apply(pairs: Any) -> None:
-            add[_way(pairs)](self.key(pairs, fields), self.space, pairs, fields, kinematics, result)
+            add[self._way_of(pairs)](self.key(pairs, fields), self.space, pairs, fields, kinematics, result)
 
         self.sweep(apply, message)
         return result
@@ -200,10 +203,13 @@ class PairSystem(PairLists):
         add = self._add_forces
 
         def apply(pairs: Any) -> None:
-            add[_way(pairs)](self.key(pairs, terms), self.space, pairs, terms, kinematics, record, force)
+            add[self._way_of(pairs)](self.key(pairs, terms), self.space, pairs, terms, kinematics, record, force)
 
         self.sweep(apply, "record")
         return force
+
+    def _way_of(self, pairs: Any) -> int:
+        return 0 if pairs is self.mirror else self.ways[pairs is self.inner]
 
     def key(self, pairs: Any, what: Any) -> tuple[Any, ...]:
         """For `RecalledEach`: which of the lists is swept, and for what."""
@@ -211,7 +217,7 @@ class PairSystem(PairLists):
 
     def warm(self) -> None:
         """Compile the passes over lists of ghosts, which one rank alone does not have."""
-        storage, way, inner = self.particles.storage, _way(self.inner), cast(Any, self.inner)
+        storage, way, inner = self.particles.storage, self.ways[True], cast(Any, self.inner)
         pairs: Any = (empty_list, lambda like: no_ghosts(), no_tabled_ghosts)[way](inner)
         gradients, forces = self._add_gradients[way].kernel, self._add_forces[way].kernel
         gradients(self.space, pairs, FIELD, storage("kinematics"), storage("pair_sums"))
