@@ -77,11 +77,6 @@ class TotalLagrangianSPH(MethodSettings):
     )
 
     @property
-    def tabled_weights(self) -> bool:
-        """Whether pair weights are rounded, to stand in tables: SSP-RK3 has those of the paper to the last bit."""
-        return self.integrator == "leapfrog" and self.reference == "fixed"
-
-    @property
     def pair_weights(self) -> str:
         """What `weights` or the former `pair_correction` asks for."""
         return "closure" if self.pair_correction == "closure" else self.weights or "kernel"
