@@ -34,7 +34,7 @@ def history(folder: Path, nodes: int) -> dict[str, np.ndarray]:
         command = [sys.executable, "-m", "parsolid", "run", str(SCENE), "-o", str(run), *sets]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     rows = np.genfromtxt(run / "history.csv", delimiter=",", names=True)
-    t = np.linspace(0.0, END, round(END / INTERVAL) + 1)
+    t = np.linspace(0.0, END, round(END / INTERVAL) + 1).round(6)
     return {name: np.interp(t, rows["time"], rows[column]) for name, column in COLUMNS.items()} | {"t": t}
 
 
@@ -60,6 +60,8 @@ def main() -> None:
         f"order and leapfrog, {' and '.join(map(str, lattices))} nodes across, S = .5, extrapolated, order {ORDER}; "
         "uncertainty over E0 and over the largest twist"
     )
+    # that the columns of the scene name
+    columns["Dint"] = [0.0] * len(found[0]["t"])
     where = {"method": "lattices, extrapolated", "case": "twist", "description": said, "E0": E0}
     print(json.dumps({**where, "t": found[0]["t"].tolist(), "series": columns, "uncertainty": uncertainty}))
 
