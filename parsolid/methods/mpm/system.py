@@ -331,8 +331,7 @@ class MaterialPoint(ParticleSystem):
             "rebalanced": self.residence.rebalanced,
         }
         load = self.residence.load
-        if load is not None and load.imbalance:
-            result["measured_imbalance"] = {"first": load.imbalance[0], "last": load.imbalance[-1]}
+        result |= load.summary() if load is not None else {}
         result |= failed_matter.summary(self.comm, self.points, self.mass[: self.owned])
         if can_melt(self.points):
             ratios = homologous_temperatures(self.points)

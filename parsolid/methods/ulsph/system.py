@@ -34,6 +34,7 @@ from parsolid.pairs.smoothing import smoothing_kernel
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field
 from parsolid.particles.generated import declare_generated
+from parsolid.particles.measured_load import MeasuredLoad
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import (
     Scene,
@@ -111,6 +112,11 @@ class UpdatedLagrangianSPH(PairMethod):
         length = self.particles.owned_rows("smoothing_length")
         least, most = minimum(comm, float(length.min(initial=np.inf))), maximum(comm, float(length.max(initial=0.0)))
         return contact, least if most - least <= 1e-9 * most else None
+
+    def follow_work(self, work: list[float], number: int) -> None:
+        """Particles are dealt out by what steps cost, where the scene asks for it."""
+        if self.settings.balance == "measured":
+            self.pairs.load = MeasuredLoad(self.comm, work, number)
 
     def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
         """Set the state at time 0 by the bodies' formulas; collective."""
@@ -335,13 +341,7 @@ class UpdatedLagrangianSPH(PairMethod):
 
     def summary(self) -> dict[str, Any]:
         """How often lists were made anew, how often too late, and particles that changed their rank."""
-        mass = self.mass[: self.owned]
-        return failed_matter.summary(self.comm, self.particles, mass) | {
-            "lists_made": self.pairs.rebuilds,
-            "list_seconds": maximum(self.comm, self.pairs.seconds),
-            "migrated_particles": self.comm.allreduce(self.pairs.migrated),
-            "lists_made_late": self.comm.allreduce(self.pairs.late),
-        }
+        return failed_matter.summary(self.comm, self.particles, self.mass[: self.owned]) | self.pairs.summary()
 
     @staticmethod
     def small_scene(tables: dict[str, Any]) -> dict[str, Any]:
