@@ -30,7 +30,8 @@ def build_systems(comm: Any, scene: Scene, restart: Restart | None) -> tuple[lis
     """
     plans = scene.systems
     drawn = restart.particle_sets if restart else _generated(comm, scene, plans)
-    systems, particle_sets, orders = [], [], []
+    systems: list[ParticleSystem] = []
+    particle_sets, orders = [], []
     for plan, particle_set in zip(plans, drawn):
         kind, part = method_class(plan.settings), scene.part(plan)
         order = np.arange(len(particle_set))
