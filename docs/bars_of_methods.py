@@ -1,4 +1,7 @@
-"""Two bars that meet, each of any method: python docs/bars_of_methods.py tlsph mpm 25 50 [wide=4], see mixed.md."""
+"""Two bars that meet, each of any method: python docs/bars_of_methods.py tlsph mpm 25 50 [wide=4], see mixed.md.
+
+Settings of a method besides: mpm.order=usl, mpm.cfl=0.15.
+"""
 
 import sys
 from typing import Any
@@ -24,8 +27,8 @@ STRONG = {
 }
 
 
-def bars(kinds: list[str], count: int, wide: int = 10) -> Scene:
-    """Bars of 1 m and `wide` spacings, half a spacing apart, guided at their sides."""
+def bars(kinds: list[str], count: int, wide: int = 10, more: dict[str, dict[str, Any]] | None = None) -> Scene:
+    """Bars of 1 m and `wide` spacings, half a spacing apart, guided at their sides; more: settings of methods."""
     h, bodies = 1.0 / count, []
     settings: dict[str, Any] = {"mpm": {"cell": 2 * h}, "ulsph": {"viscosity": False}, "peridynamics": {}}
     settings["tlsph"] = {"integrator": "leapfrog"}
@@ -35,7 +38,9 @@ def bars(kinds: list[str], count: int, wide: int = 10) -> Scene:
         body |= {"particles": [count + nodes, wide + nodes], "placement": "nodes" if nodes else "cells", "method": kind}
         body |= {"velocity": [(0.5 - number) * CLOSING, 0.0], "material": STRONG if kind == "ulsph" else RUBBER}
         bodies.append(body)
-    methods = [{"name": kind, "kind": kind} | settings[kind] for kind in dict.fromkeys(kinds)]
+    methods = [
+        {"name": kind, "kind": kind} | settings[kind] | (more or {}).get(kind, {}) for kind in dict.fromkeys(kinds)
+    ]
     guides = [{"plane": f"Y = {place}", "kind": "roller"} for place in (0.0, wide * h)]
     data = {"dimension": 2, "end_time": 3.7 / SPEED, "methods": methods, "bodies": bodies, "boundaries": guides}
     return parse_scene(data | {"contact": [{"bodies": ["a", "b"]}]})
@@ -63,14 +68,22 @@ class Rows:
 
 def main() -> None:
     """A line for each number of spacings."""
-    wide = next((int(word.split("=")[1]) for word in sys.argv if word.startswith("wide=")), 10)
+    wide, more = 10, dict[str, dict[str, Any]]()
+    for word in (word for word in sys.argv[3:] if "=" in word):
+        key, value = word.split("=")
+        if key == "wide":
+            wide = int(value)
+        else:
+            kind, name = key.split(".")
+            more.setdefault(kind, {})[name] = float(value) if value.replace(".", "").isdigit() else value
     for count in (int(word) for word in sys.argv[3:] if "=" not in word):
         rows = Rows()
-        Simulation(MPI.COMM_SELF, bars(sys.argv[1:3], count, wide)).run(rows, Limits(), StopRequest())
+        Simulation(MPI.COMM_SELF, bars(sys.argv[1:3], count, wide, more)).run(rows, Limits(), StopRequest())
         time, velocity, kinetic, contact, balance, lost = np.array(rows.rows).T
         touching = time[contact > 1e-9 * kinetic[0]]
         print(
-            f"{' and '.join(sys.argv[1:3])}, {count} spacings: restitution {-velocity[-1] / velocity[0]:.4f}, contact "
+            f"{' and '.join(sys.argv[1:3])} {more or ''}, {count} spacings: "
+            f"restitution {-velocity[-1] / velocity[0]:.4f}, contact "
             f"{(touching[-1] - touching[0]) * SPEED / 2:.3f} of 2 L/c, lost {lost[-1] / kinetic[0]:.3f}, "
             f"residual {np.abs(balance).max() / kinetic[0]:.2g}",
             flush=True,

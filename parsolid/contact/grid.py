@@ -8,6 +8,12 @@ from parsolid.scene import Scene
 from parsolid.scene.contact import grid_pairs
 
 
+def expect_blows(scene: Scene, number: int, system: ParticleSystem) -> None:
+    """Let a system, of a number in the scene, give energies of one time where others act on its nodes."""
+    if any(number in pair for pair in grid_pairs(scene)):
+        system.expect_kicks()
+
+
 def build_grid_contact(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[Interaction]:
     """The grid contact of a scene, if it has any; after all that gives impulses before a step."""
     pairs = grid_pairs(scene)

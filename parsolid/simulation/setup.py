@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.collective import SolverError
+from parsolid.contact.grid import expect_blows
 from parsolid.contact.kernel_contact import declare_fields
 from parsolid.contact.tie import declare_tie_fields
 from parsolid.contact.tools import declare_tool_fields
@@ -29,7 +30,8 @@ def build_systems(comm: Any, scene: Scene, restart: Restart | None) -> tuple[lis
     """
     plans = scene.systems
     drawn = restart.particle_sets if restart else _generated(comm, scene, plans)
-    systems, particle_sets, orders = [], [], []
+    systems: list[ParticleSystem] = []
+    particle_sets, orders = [], []
     for plan, particle_set in zip(plans, drawn):
         kind, part = method_class(plan.settings), scene.part(plan)
         order = np.arange(len(particle_set))
@@ -43,6 +45,7 @@ def build_systems(comm: Any, scene: Scene, restart: Restart | None) -> tuple[lis
             declare_fields(scene, system)
             declare_tie_fields(scene, system)
             declare_tool_fields(scene, system)
+            expect_blows(scene, len(systems), system)
             systems.append(system)
             if not restart:
                 system.begin(part, particle_sets[-1])

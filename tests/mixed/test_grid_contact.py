@@ -26,9 +26,11 @@ def test_bars_meet_when_their_gap_is_closed_and_part_in_tension():
     pressed = found["time"][np.flatnonzero(np.abs(np.diff(p[:, 0])) > 1e-6 * p[0, 0]) + 1]
     assert pressed[0] * CLOSING * 25 == pytest.approx(0.5, abs=0.05)
     assert (pressed[-1] - pressed[0]) * SPEED / 2.0 == pytest.approx(1.05, abs=0.03)
-    # what blows take is a term of its own, and what is left is that of bars without contact
+    # what blows take is a term of its own, found at the nodes, and what particles do not gain is nothing else
     assert found["contact_dissipation"][-1] == pytest.approx(0.040 * energy, rel=0.05)
-    assert abs(found["balance"][-1]) < 2e-3 * energy and np.abs(found["balance"]).max() < 0.02 * energy
+    assert (
+        np.abs(found["dissipation_numerical"]).max() < 1e-4 * energy and np.abs(found["balance"]).max() < 2e-5 * energy
+    )
 
 
 def sliding(friction: float, **rest) -> dict:
@@ -64,7 +66,7 @@ def test_friction_takes_its_share_of_the_normal_impulse_and_is_heat():
     assert np.abs(smooth["momenta"][-1, 1] - start[1]) < 0.03 * (start[1] - end[1])
     heat = rubbed["friction_dissipation"]
     assert np.diff(heat).min() > -1e-12 * heat[-1] and heat[-1] == pytest.approx(0.3 * pressed * CLOSING, rel=0.3)
-    assert np.abs(rubbed["balance"]).max() < 0.02 * rubbed["kinetic"][0]
+    assert np.abs(rubbed["balance"]).max() < 1e-3 * rubbed["kinetic"][0]
 
 
 def test_ranks_do_not_matter_and_a_restart_has_the_same_bits_with_heat_of_friction(comm, shared_path):

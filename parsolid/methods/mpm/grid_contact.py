@@ -41,5 +41,7 @@ class GridContact(Interaction):
             return
         for meeting in self.meetings:
             pressed, rubbed = meeting.losses()
+            # systems do not know what kept their particles from gaining what their forces did
+            ledger.add(1.0, 0.0, -pressed - rubbed, 0.0)
             ledger.add_term("contact_dissipation", pressed)
             ledger.add_term("friction_dissipation", rubbed)
