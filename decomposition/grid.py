@@ -14,7 +14,7 @@ from .cell_partition import CellPartition, balanced
 from .migration import migrate
 from .node_sum import CellSum, NodeSum, Sharing
 from .occupied import FARTHEST, Mirror, OccupiedCells, indices_of, reflected, words
-from .talking import TALKING
+from .swap import swap
 
 _PARTICLES_TAG, _OFFER_TAG, _SUM_TAG = 21, 22, 23
 # cells without particles are forgotten when they are this many times as many as the others
@@ -242,20 +242,3 @@ class RankGrid:
             assert partial is not None, "expected what each cell gives"
             return CellSum(self.comm, self.sharing, self.cells, partial, nodes, (first, last), _SUM_TAG + tag)
         return NodeSum(self.comm, self.sharing, nodes, (first, last), _SUM_TAG + tag)
-
-
-def swap(comm: MPI.Comm, neighbours: list[int], outgoing: list[np.ndarray], tag: int) -> list[np.ndarray]:
-    """Send each neighbour rows of 8-byte numbers and return theirs, however many."""
-    requests = [
-        comm.Isend([np.ascontiguousarray(array).view(np.int64), MPI.INT64_T], rank, tag)
-        for rank, array in zip(neighbours, outgoing)
-    ]
-    incoming, status = [], MPI.Status()
-    with TALKING:
-        for rank, array in zip(neighbours, outgoing):
-            comm.Probe(rank, tag, status)
-            received = np.empty(status.Get_count(MPI.INT64_T), np.int64)
-            comm.Recv([received, MPI.INT64_T], rank, tag)
-            incoming.append(received.view(array.dtype).reshape(-1, *array.shape[1:]))
-        MPI.Request.Waitall(requests)
-    return incoming

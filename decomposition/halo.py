@@ -7,6 +7,7 @@ from decomposition.compiled import compiled
 
 from .cells import bounds, checked_points, within_reach
 from .exchange import _TAGS, Exchange
+from .swap import swap
 
 _PLAN_TAG = _TAGS
 _KEEP_TAG = _TAGS + 1
@@ -65,20 +66,6 @@ def _overlapping(boxes: np.ndarray, here: int, reach: float) -> list[int]:
     return np.flatnonzero(near).tolist()
 
 
-def _swap(comm: MPI.Comm, ranks: list[int], outgoing: list[np.ndarray], tag: int) -> list[np.ndarray]:
-    """Send each rank its array (rows of one shape and type) and return theirs, whose lengths are not known before."""
-    sizes = [np.array([len(array)], np.int64) for array in outgoing]
-    theirs = [np.empty(1, np.int64) for _ in ranks]
-    requests = [comm.Irecv(size, rank, tag) for size, rank in zip(theirs, ranks)]
-    requests += [comm.Isend(size, rank, tag) for size, rank in zip(sizes, ranks)]
-    MPI.Request.Waitall(requests)
-    incoming = [np.empty((size[0], *array.shape[1:]), array.dtype) for size, array in zip(theirs, outgoing)]
-    requests = [comm.Irecv(array, rank, tag) for array, rank in zip(incoming, ranks)]
-    requests += [comm.Isend(array, rank, tag) for array, rank in zip(outgoing, ranks)]
-    MPI.Request.Waitall(requests)
-    return incoming
-
-
 class Halo:
     """Which of this rank's points are ghosts elsewhere, and which ghosts it holds. Rows: owned first, ghosts behind.
 
@@ -129,7 +116,7 @@ class Halo:
         ranks = _overlapping(boxes, comm.rank, reach)
         candidates = [_near_box(points, boxes[rank, 0], boxes[rank, 1], reach) for rank in ranks]
         offered = [points[rows] for rows in candidates]
-        received = _swap(comm, ranks, offered, _PLAN_TAG)
+        received = swap(comm, ranks, offered, _PLAN_TAG)
         # both ranks know both sets and the distances have the same bits, so neither needs to tell which it takes
         send_lists = [rows[within_reach(o, r, reach)] for rows, o, r in zip(candidates, offered, received)]
         ghosts = [r[within_reach(r, o, reach)] for o, r in zip(offered, received)]
@@ -161,7 +148,7 @@ class Halo:
             raise ValueError(f"mask: expected shape ({self.ghosts},), one entry a ghost, found {mask.shape}")
         ends = np.cumsum(self.receive_counts, dtype=np.int64)
         pieces = [mask[end - count : end].copy() for end, count in zip(ends, self.receive_counts)]
-        wanted = _swap(self.comm, self.neighbours, pieces, _KEEP_TAG)
+        wanted = swap(self.comm, self.neighbours, pieces, _KEEP_TAG)
         send_lists = [rows[theirs] for rows, theirs in zip(self.send_lists, wanted)]
         counts = [int(piece.sum()) for piece in pieces]
         if owned is not None:

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from .grid import RankGrid, swap
+from .grid import RankGrid
 from .node_sum import NodeSum, Sharing, _Messages
 from .occupied import words
+from .swap import swap
 
 _OFFER_TAG, _SUM_TAG = 31, 32
 

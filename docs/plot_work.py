@@ -13,6 +13,8 @@ from pathlib import Path
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from parsolid.commands.study.pictures import MARKERS, label_decades
+
 # of a panel: its series, and others' (core-seconds, error in percent)
 PANELS = {
     "small torsion": (
@@ -37,7 +39,9 @@ PANELS = {
     ),
     "twisting column, beta 1": (("column, beta 1", "column, beta 1, graded"), {}),
 }
-MARKS = {"kernel, SSP-RK3": "ks", "SPHinXsys": "bv", "LAMMPS MACHDYN": "r^"}
+# corners for the legends
+FREE = {"small torsion": "lower right", "small bending": "lower left"}
+MARKS = {"kernel, SSP-RK3": "k*", "SPHinXsys": "C7X", "LAMMPS MACHDYN": "C8P"}
 
 
 def points(tables: list[Path]) -> dict[str, list[tuple[float, float]]]:
@@ -61,14 +65,16 @@ def main() -> None:
     given = parser.parse_args()
     found, figure = points(given.tables), Figure(figsize=(11, 8), layout="constrained")
     for axes, (title, (series, others)) in zip(figure.subplots(2, 2).flat, PANELS.items()):
-        for name, curve in found.items():
-            if name.split(", S =")[0] in series:
-                axes.loglog(*zip(*sorted(curve)), "o-", markersize=4, label=name)
+        drawn = [name for name in found if name.split(", S =")[0] in series]
+        for name, mark in zip(drawn, MARKERS):
+            axes.loglog(*zip(*sorted(found[name])), f"{mark}-", markersize=4.5, label=name)
         for name, given_points in others.items():
             axes.loglog(*zip(*given_points), MARKS[name], linestyle=":", label=name)
         axes.set(title=title, xlabel="core-seconds of the loop", ylabel="largest error of kinetic energy and tip [%]")
         axes.grid(which="both", alpha=0.2)
-        axes.legend(fontsize=7)
+        for axis in (axes.xaxis, axes.yaxis):
+            label_decades(axis)
+        axes.legend(fontsize=7, frameon=False, loc=FREE.get(title, "upper right"))
     FigureCanvasAgg(figure).print_png(given.output, metadata={"Software": None})
 
 

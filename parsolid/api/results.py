@@ -38,8 +38,8 @@ class RunResults:
 
     @property
     def columns(self) -> dict[str, np.ndarray]:
-        """The history: name -> values, one a row. Raises SceneError when there is none."""
-        return dict(self._results.history)
+        """The history: name -> values, one a row. Raises SceneError when there is none, and for no such column."""
+        return _Columns(self._results.history)
 
     @cached_property
     def history(self) -> Any:
@@ -78,19 +78,15 @@ class RunResults:
 
         Raises SceneError for a name that is no column.
         """
-        history = self._results.history
+        history = self.columns
         names = columns or tuple(name for name in ("kinetic", "stored", "work_external", "balance") if name in history)
-        for name in names:
-            if name not in history:
-                raise SceneError(
-                    [f"plot: expected a column of the history, found {told(name)}{suggestion(name, history)}"]
-                )
+        drawn = [(name, history[name]) for name in names]
         if axes is None:
             from matplotlib import pyplot
 
             axes = pyplot.figure().add_subplot()
-        for name in names:
-            axes.plot(history["time"], history[name], label=name)
+        for name, values in drawn:
+            axes.plot(history["time"], values, label=name)
         axes.set_xlabel("time [s]")
         axes.legend()
         return axes
@@ -106,6 +102,12 @@ class RunResults:
                 values = now[name]
                 cloud.point_data[name] = values.reshape(len(values), -1) if values.ndim > 1 else values
         return cloud
+
+
+class _Columns(dict[str, np.ndarray]):
+    def __missing__(self, name: str) -> np.ndarray:
+        known = f"expected a column of the history, one of {', '.join(self)}"
+        raise SceneError([f"columns: {known}; found {told(name)}{suggestion(name, self)}"])
 
 
 class FieldsOverTime(Mapping[float, "FieldsAtTime"]):
@@ -127,7 +129,7 @@ class FieldsOverTime(Mapping[float, "FieldsAtTime"]):
 
     def __getitem__(self, time: float) -> "FieldsAtTime":
         """Fields at the stored time next to `time`. Raises SceneError for a time out of the run's."""
-        return FieldsAtTime(self._results, self._results.steps_at([float(time)])[0])
+        return FieldsAtTime(self._results, self._results.steps_at([float(time)], "fields")[0])
 
 
 class FieldsAtTime(Mapping[str, np.ndarray]):

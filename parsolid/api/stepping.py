@@ -10,9 +10,13 @@ from mpi4py import MPI
 
 from parsolid.api.running import read_scene
 from parsolid.commands.run import bcast_scene
+from parsolid.observables.declared import FIELDS
 from parsolid.simulation.loop import Limits, Simulation
 from parsolid.simulation.observables import Observables
 from parsolid.simulation.signals import StopRequest
+
+# steps after which the energy balance is judged
+_JUDGED_EVERY = 32
 
 Callback = Callable[["SteppedSimulation"], object]
 
@@ -36,6 +40,8 @@ class SteppedSimulation:
     def __init__(self, simulation: Simulation) -> None:
         self.simulation = simulation
         self._watch = _Watch(self)
+        # the energy that later balances are told by
+        simulation.energy_row()
 
     def __repr__(self) -> str:
         clock = self.simulation.clock
@@ -59,14 +65,21 @@ class SteppedSimulation:
     def step(self, count: int = 1) -> float:
         """Take so many steps of the stable length, not beyond the scene's end_time; the time reached.
 
-        Raises RunFailed when the state or the energy balance is lost.
+        Raises RunFailed when the state or the energy balance is lost, ValueError for less than one step.
         """
+        if count < 1:
+            raise ValueError(f"step: expected at least one step, found {count}")
         if not self.finished:
             self.simulation.run(self._watch, Limits(steps=count), StopRequest())
         return self.time
 
     def run_until(self, time: float) -> float:
-        """Take steps and end exactly at a time, or at the scene's end_time; the time reached. Raises RunFailed."""
+        """Take steps and end exactly at a time, or at the scene's end_time; the time reached.
+
+        Raises RunFailed, and ValueError for a time that is over.
+        """
+        if not time >= self.time:
+            raise ValueError(f"run_until: expected a time from the present {self.time:g} s on, found {time:g}")
         target = min(float(time), self.simulation.scene.end_time)
         landings = self.simulation.time_steps.landings
         if target not in landings:
@@ -93,8 +106,16 @@ class SteppedSimulation:
         return [particles.owned_rows(name) for particles in found]
 
     def field(self, name: str) -> np.ndarray:
-        """A field as files and probes show it, of this rank's particles of all systems: a copy where it is computed."""
-        return Observables(self.simulation.systems).field(name)
+        """A field as files and probes show it, of this rank's particles of all systems: a copy where it is computed.
+
+        Raises KeyError, naming what there is.
+        """
+        observables = Observables(self.simulation.systems)
+        if not observables.has(name):
+            known = [one for one in sorted(FIELDS) if observables.has(one)]
+            usual = ", ".join(dict.fromkeys([*observables.usual_fields(), *known]))
+            raise KeyError(f"{name}: expected one of {usual}, or one that `arrays` knows")
+        return observables.field(name)
 
     def energies(self) -> dict[str, float]:
         """The energy ledger over all ranks [J], with the names of the history's columns."""
@@ -114,6 +135,8 @@ class _Watch:
         self._told = simulation.clock.step
         for callback in self.callbacks:
             callback(self.owner)
+        if simulation.clock.step % _JUDGED_EVERY == 0:
+            simulation.energy_row()
 
     def wall_checkpoint_due(self) -> bool:
         return False

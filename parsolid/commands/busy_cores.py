@@ -3,34 +3,20 @@
 import os
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
-from pathlib import Path
+from contextlib import contextmanager
 
-from parsolid.particles.memory import free_bytes
+from parsolid.machine import cores, free_bytes
 
 # of the memory that is free, what copies may take
 _SHARE = 0.5
 
 
-def cores() -> int:
-    """How many this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def cores_with_room(each: float) -> int:
     """How many cores this process and copies of it may keep busy, which write to so many bytes each."""
-    return min(cores(), 1 + int(_SHARE * _free_memory() / max(each, 1.0)))
-
-
-def _free_memory() -> float:
-    """Bytes that the machine and this job's group of processes have left; 0 where nothing tells."""
-    found = [free_bytes()]
-    with suppress(OSError, ValueError, IndexError):
-        group = Path("/sys/fs/cgroup") / Path("/proc/self/cgroup").read_text().strip().split("::/")[1]
-        most, now = ((group / name).read_text().strip() for name in ("memory.max", "memory.current"))
-        found.append(float(most) - float(now) if most != "max" else float("inf"))
-    left = max(0.0, min(found))
-    return left if left < float("inf") else 0.0
+    left = free_bytes()
+    # where nothing tells there are no copies
+    room = _SHARE * left / max(each, 1.0) if left < float("inf") else 0.0
+    return min(cores(), 1 + int(room))
 
 
 @contextmanager

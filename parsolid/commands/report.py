@@ -6,9 +6,10 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.collective import maximum, minimum
-from parsolid.commands.busy_cores import busy_cores, cores, cores_with_room
+from parsolid.commands.busy_cores import busy_cores, cores_with_room
 from parsolid.commands.forecast import BESIDES, bytes_on_disk, load_on, memory_on, seconds_a_step
 from parsolid.contact.relations import relations
+from parsolid.machine import cores
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.output.summary import peak_memory_bytes
 from parsolid.simulation.loop import Simulation

@@ -179,7 +179,8 @@ class ByLaw(ByKind):
             declared = registry.from_text(path, name, registry.text_of(path))
         elif declared is None:
             # what is run is said by who runs it, not by the scene
-            reject((("law",), "--trust-code on the command line (the scene names code that would be run)", stated))
+            expected = "--trust-code, or trust_code=True from Python (the scene names code that would be run)"
+            reject((("law",), expected, stated))
         if declared.role not in self.roles or not self._takes(declared.role, info):
             known = [role for role in self.roles if self._takes(role, info)]
             reject((("law",), f"a law with the role {' or '.join(map(repr, known)) or NOTHING}", declared.role))

@@ -63,7 +63,9 @@ def test_code_is_run_only_where_it_is_trusted(tmp_path):
     (tmp_path / "law.py").write_text(f"open({str(ran_at)!r}, 'w').close()\n")
     scene = tmp_path / "scene.toml"
     scene.write_text(BLOCK.read_text().replace("gent.py:Gent", "law.py:Law"))
-    with pytest.raises(SceneError, match="bodies.0.material.law: expected --trust-code .*found 'law.py:Law'"):
+    with pytest.raises(
+        SceneError, match="bodies.0.material.law: expected --trust-code, or trust_code=True .*found 'law.py:Law'"
+    ):
         load_scene(scene)
     assert not ran_at.exists()
     with pytest.raises(SceneError, match="bodies.0.material.law: expected a class Law with the decorator"):

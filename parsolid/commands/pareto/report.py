@@ -1,18 +1,15 @@
-"""What a comparison of choices found: a table, the envelope in words, a picture of error against time."""
+"""What a comparison of choices found: a table, and the envelope in words."""
 
 import csv
 import os
 from pathlib import Path
-from typing import Any
 
 from parsolid.commands.pareto.measure import Truth, envelope, seconds_for
+from parsolid.commands.pareto.picture import draw
 from parsolid.commands.pareto.plan import Candidate, Plan
 from parsolid.commands.pareto.search import Search
 from parsolid.commands.study.tables import Sheet
-
-_MARKERS = "osD^vPX*<>hd"
-# of a picture, beside the scene's own and those of the envelope
-MOST_CURVES = 14
+from parsolid.machine import cores_in_words
 
 
 def report(search: Search, command: str) -> None:
@@ -23,7 +20,7 @@ def report(search: Search, command: str) -> None:
         return
     sheet = table_of(plan)
     words = told(plan, truth)
-    load = f"Load average of the machine at the end: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores."
+    load = f"Load average of the machine at the end: {os.getloadavg()[0]:.1f} on {cores_in_words()}."
     lines = [f"## {plan.scene.title}: {plan.column}", f"Made by `{command}`. {load}"]
     refused = "\n".join(f"- not for this scene: {reason}" for reason in plan.refused)
     text = "\n\n".join([*lines, "\n".join(f"- {line}" for line in words), sheet.markdown(), refused])
@@ -96,43 +93,3 @@ def write_csv(path: Path, plan: Plan) -> None:
             for level, (run, error) in enumerate(zip(one.runs, one.errors)):
                 row = [one.choice.name, run.companion.lattices, run.ratio, run.particles, run.steps]
                 writer.writerow([*row, run.processor_seconds, error, int((id(one), level) in on)])
-
-
-def draw(plan: Plan, truth: Truth, path: Path) -> Path:
-    """Error against processor seconds, a line a choice, and the lower envelope. Raises ModuleNotFoundError."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot, ticker
-
-    figure, axes = pyplot.subplots(figsize=(9.0, 5.2), layout="constrained")
-    edge = envelope(plan)
-    named = [one for one in plan.candidates if one is plan.candidates[0] or any(one is p[2] for p in edge)]
-    others = [one for one in plan.candidates if one.errors and not any(one is other for other in named)]
-    others.sort(key=lambda one: (-len(one.errors), one.errors[-1]))
-    axes.plot(*_steps(edge), color="0.75", linewidth=7.0, solid_joinstyle="round", label="lower envelope", zorder=0)
-    for number, one in enumerate([*named, *others[: MOST_CURVES - len(named)]]):
-        _curve(axes, one, number, one is plan.candidates[0])
-    for one in others[max(0, MOST_CURVES - len(named)) :]:
-        axes.plot(one.times, one.errors, color="0.85", linewidth=0.8, zorder=1)
-    if truth.uncertain:
-        axes.axhspan(0.0, truth.uncertain, color="0.93", zorder=-1, label="not known better than this")
-    axes.set(xscale="log", yscale="log", xlabel="processor seconds of the time loop, all ranks")
-    axes.set(ylabel=f"error of {plan.column}", title=plan.scene.title)
-    # within a decade labels of all its parts would stand on each other
-    axes.xaxis.set_minor_locator(ticker.LogLocator(subs=(2.0, 5.0)))
-    axes.grid(True, which="both", alpha=0.25)
-    figure.legend(loc="outside right upper", fontsize=7.5)
-    figure.savefig(path, dpi=90)
-    pyplot.close(figure)
-    return path
-
-
-def _steps(edge: list[Any]) -> tuple[list[float], list[float]]:
-    return [point[0] for point in edge], [point[1] for point in edge]
-
-
-def _curve(axes: Any, one: Candidate, number: int, own: bool) -> None:
-    color, width = ("black", 2.2) if own else (f"C{number % 10}", 1.1)
-    style = {"marker": _MARKERS[number % len(_MARKERS)], "markersize": 4.5, "linewidth": width, "color": color}
-    axes.plot(one.times, one.errors, label=one.choice.name, zorder=3 if own else 2, **style)

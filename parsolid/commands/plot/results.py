@@ -171,13 +171,16 @@ class Results:
         if len(self.history["time"]) == 0:
             raise SceneError([f"{self.directory / 'history.csv'}: expected one row at least, found none"])
 
-    def steps_at(self, times: list[float]) -> list[int]:
-        """The stored steps nearest to times [s]. Raises SceneError for times outside of those stored."""
+    def steps_at(self, times: list[float], asked: str = "--times") -> list[int]:
+        """The stored steps nearest to times [s]. Raises SceneError for times outside of those stored.
+
+        asked: what they were asked by.
+        """
         stored = self.times
         for time in times:
             margin = 0.5 * np.diff(stored).max() if len(stored) > 1 else 1e-9 * max(stored[0], 1e-300)
             if not stored[0] - margin <= time <= stored[-1] + margin:
-                raise SceneError([f"--times: expected times from {stored[0]:g} to {stored[-1]:g} s, found {time:g}"])
+                raise SceneError([f"{asked}: expected times from {stored[0]:g} to {stored[-1]:g} s, found {time:g}"])
         # a time asked for twice is drawn once
         return list(dict.fromkeys(int(np.argmin(np.abs(stored - time))) for time in times))
 

@@ -47,6 +47,7 @@ _COLOURS: dict[str, tuple[str, bool | None]] = {
     "jacobian": ("BrBG", None),
 }
 _WHOLE = {"damage": 1.0}
+_PERSONS = ("Mises", "Piola", "Kirchhoff")
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,10 @@ def words_of(name: str) -> str:
     field, _, part = name.rpartition("_")
     if field and part and set(part) <= set("xyz"):
         return f"{field.replace('_', ' ')} {part}"
-    return name.replace("_", " ")
+    words = name.replace("_", " ")
+    for person in _PERSONS:
+        words = words.replace(person.lower(), person)
+    return words
 
 
 def scale_of(

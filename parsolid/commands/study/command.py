@@ -1,6 +1,5 @@
 """The command `study`: makes the runs that are not there yet, then reports on all that are."""
 
-import os
 import shlex
 import signal
 import time as clock
@@ -19,6 +18,7 @@ from parsolid.commands.study.launching import LASTING, arguments_of, read_record
 from parsolid.commands.study.measures import measures_of
 from parsolid.commands.study.schema import Study, load_study
 from parsolid.commands.study.tables import print_sheets, sheets_of, shown_errors, spaced, write_csv, write_markdown
+from parsolid.machine import cores_in_words
 from parsolid.scene.validation_errors import SceneError, suggestion, told
 
 DONE, NOT_AS_STATED, TO_BE_CONTINUED = 0, 3, 75
@@ -206,7 +206,7 @@ def _load_remark(cases: list[Case]) -> str:
     """In what company the times were taken."""
     loads = [min(case.record["load"]) for case in cases if case.record.get("load")]
     span = f"{min(loads):.1f} to {max(loads):.1f}"
-    return f"Load average of the machine when the runs began: {span} on {os.cpu_count()} cores."
+    return f"Load average of the machine when the runs began: {span} on {cores_in_words()}."
 
 
 @contextmanager

@@ -2,21 +2,25 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from parsolid.commands.plot.scales import words_of
 from parsolid.commands.study.cases import Case
 from parsolid.commands.study.judging import lines_of
 from parsolid.commands.study.schema import Study
 from parsolid.commands.study.tables import shown_errors, spaced
 
-_MARKERS = "osD^vPX*<>hd"
+MARKERS = "osD^vPX*<>hd"
 # of a panel
 MOST_CURVES = 8
-_STYLES = ("-", "--", "-.", ":")
 _DOTS_PER_INCH = 90
+# what cannot be told apart on a picture
+_ALIKE = 0.02
+_OTHER_CODE = "another code, hollow"
 
 
 @dataclass
@@ -60,7 +64,8 @@ def _picture(study: Study, lines: dict[tuple[Any, ...], list[Case]], abscissa: A
     from matplotlib import pyplot
 
     names = shown_errors(study, [case for line in lines.values() for case in line])
-    panels = _panels(lines, names)
+    panels = _panels(list(lines.values()), names)
+    looks = _looks([curve for _, curves in panels for curve in curves])
     columns = min(2, max(1, len(panels)))
     rows = max(1, -(-len(panels) // columns))
     figure, axes = pyplot.subplots(
@@ -68,19 +73,16 @@ def _picture(study: Study, lines: dict[tuple[Any, ...], list[Case]], abscissa: A
     )
     for place in axes.flat[len(panels) :]:
         place.set_visible(False)
-    for (title, errors, numbers), place in zip(panels, axes.flat):
+    for (title, curves), place in zip(panels, axes.flat):
         place.set(xscale="log", yscale="log", xlabel=abscissa.label, ylabel="error", title=title)
         place.grid(True, which="both", alpha=0.25)
-        place.tick_params(axis="x", which="minor", labelsize=6)
-        points = []
-        for number in numbers:
-            line = list(lines.values())[number]
-            for style, error in zip(_STYLES * len(errors), errors):
-                points += _line(place, number, line, error, style, abscissa)
+        points = [point for curve in curves for point in _draw(place, curve, looks[curve.text], abscissa)]
         if points and abscissa.slopes:
             _triangles(place, np.array(points), abscissa.slopes)
+        label_decades(place.xaxis)
     handles = {text: handle for place in axes.flat for handle, text in zip(*place.get_legend_handles_labels())}
-    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=2, fontsize=8)
+    handles |= {_OTHER_CODE: handles.pop(_OTHER_CODE)} if _OTHER_CODE in handles else {}
+    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=2, fontsize=8, frameon=False)
     figure.suptitle(study.title, fontsize=11)
     path = folder / f"error_against_{abscissa.name}.png"
     figure.savefig(path, dpi=_DOTS_PER_INCH)
@@ -88,46 +90,81 @@ def _picture(study: Study, lines: dict[tuple[Any, ...], list[Case]], abscissa: A
     return path
 
 
-def _panels(lines: dict[tuple[Any, ...], list[Case]], names: list[str]) -> list[tuple[str, list[str], list[int]]]:
-    """Title, errors and numbers of the lines of each panel, none with more curves than can be told apart."""
+@dataclass
+class Curve:
+    """One error of one line of runs, and what it is called in the legend."""
+
+    line: list[Case]
+    error: str
+    text: str
+
+
+def _panels(lines: list[list[Case]], names: list[str]) -> list[tuple[str, list[Curve]]]:
+    """Title and curves of each panel, none with more curves than can be told apart."""
     result = []
     for panel in dict.fromkeys(map(_panel, names)):
         errors = [name for name in names if _panel(name) == panel]
-        drawn = [
-            i
-            for i, line in enumerate(lines.values())
-            if any(case.measures["errors"].get(e) for case in line for e in errors)
-        ]
-        most = max(1, MOST_CURVES // len(errors))
-        pieces = [drawn[first : first + most] for first in range(0, len(drawn), most)] or [[]]
+        curves = [curve for line in lines for curve in _curves(line, errors)]
+        parts = max(1, -(-len(curves) // MOST_CURVES))
+        ends = [len(curves) * part // parts for part in range(parts + 1)]
+        pieces = [curves[first:last] for first, last in pairwise(ends)]
         titles = [panel if len(pieces) == 1 else f"{panel} ({i} of {len(pieces)})" for i in range(1, len(pieces) + 1)]
-        result += [(title, errors, piece) for title, piece in zip(titles, pieces)]
+        result += list(zip(titles, pieces))
     return result
+
+
+def _curves(line: list[Case], errors: list[str]) -> list[Curve]:
+    """The errors that a line has, with what tells each from the others; of errors that agree the first."""
+    had: list[str] = []
+    for error in errors:
+        values = _values(line, error)
+        if any(values) and not any(_agree(values, _values(line, other)) for other in had):
+            had.append(error)
+    result = []
+    for error in had:
+        words = [*line[0].line]
+        if "@" in error:
+            words.append(f"t = {error.split('@')[1]} s")
+        elif "." in error and len(had) > 1:
+            words.append(spaced(error))
+        result.append(Curve(line, error, ", ".join(words)))
+    return result
+
+
+def _values(line: list[Case], error: str) -> list[float]:
+    return [case.measures["errors"].get(error) or 0.0 for case in line]
+
+
+def _agree(one: list[float], two: list[float]) -> bool:
+    return all(abs(a - b) <= _ALIKE * max(a, b) for a, b in zip(one, two))
+
+
+def _looks(curves: list[Curve]) -> dict[str, dict[str, Any]]:
+    """A colour and a marker for each name of the legend, the same in all panels."""
+    names = dict.fromkeys(curve.text for curve in curves)
+    return {
+        name: {"color": f"C{number % 10}", "marker": MARKERS[number % len(MARKERS)]}
+        for number, name in enumerate(names)
+    }
 
 
 def _panel(name: str) -> str:
     """The panel that an error belongs to: its name without the time, one for all probes."""
     field = name.split("@", maxsplit=1)[0]
-    return "probe" if "." in field else spaced(field)
+    return "probe" if "." in field else words_of(field)
 
 
-def _line(
-    place: Any, number: int, line: list[Case], error: str, style: str, abscissa: Abscissa
-) -> list[tuple[float, float]]:
-    """Draw one error of one line, and what another code reached hollow and dotted; the points of the line."""
-    points = _positive((abscissa.value(case), case.measures["errors"].get(error)) for case in line)
+def _draw(place: Any, curve: Curve, look: dict[str, Any], abscissa: Abscissa) -> list[tuple[float, float]]:
+    """Draw a curve, and what another code reached hollow and dotted; the points of the curve."""
+    points = _positive((abscissa.value(case), case.measures["errors"].get(curve.error)) for case in curve.line)
     if not points:
         return []
-    color, marker, text = f"C{number % 10}", _MARKERS[number % len(_MARKERS)], ", ".join(line[0].line)
-    if "@" in error:
-        text += f", t = {error.split('@')[1]} s"
-    elif "." in error:
-        style = "-"
-    place.plot(*zip(*points), style, color=color, marker=marker, markersize=4.5, linewidth=1.3, label=text)
-    other_code = _positive((abscissa.other_code(case), case.other_code.get(error)) for case in line)
+    place.plot(*zip(*points), "-", markersize=4.5, linewidth=1.3, label=curve.text, **look)
+    other_code = _positive((abscissa.other_code(case), case.other_code.get(curve.error)) for case in curve.line)
     if other_code:
-        hollow = {"marker": marker, "markersize": 7, "markerfacecolor": "none", "linewidth": 0.8}
-        place.plot(*zip(*other_code), ":", color=color, label="another code", **hollow)
+        hollow = {"markersize": 7, "markerfacecolor": "none", "linewidth": 0.8}
+        place.plot(*zip(*other_code), ":", **hollow, **look)
+        place.plot([], [], ":", color="0.3", marker="o", label=_OTHER_CODE, **hollow)
     return points
 
 
@@ -143,3 +180,13 @@ def _triangles(place: Any, points: Any, slopes: tuple[int, ...]) -> None:
         y1 = y0 * (x1 / x0) ** slope
         place.plot([x0, x1, x1, x0], [y0, y0, y1, y0], color="0.4", linewidth=0.8)
         place.annotate(str(slope), (x1, y1), xytext=(3, -4), textcoords="offset points", fontsize=8, color="0.3")
+
+
+def label_decades(axis: Any) -> None:
+    """Label an axis at 1, 2 and 5 of each decade, as such numbers are said: more labels would stand on each other."""
+    from matplotlib import ticker
+
+    axis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(ticker.NullFormatter())
+    axis.set_tick_params(labelsize=8.5)

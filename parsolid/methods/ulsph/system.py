@@ -21,11 +21,12 @@ from parsolid.methods.ulsph.heat import HalfSteps, follow_kick, heat_to_come, pr
 from parsolid.methods.ulsph.observation import advice, measure, shown, unsound
 from parsolid.methods.ulsph.sweeps import Sweeps
 from parsolid.methods.ulsph.terms import (
-    ArtificialViscosity,
+    CentredCorrection,
     CompressionOnly,
     GradientCorrection,
     Warming,
     Welded,
+    viscosity_of,
 )
 from parsolid.methods.ulsph.updates import Updates, density_of
 from parsolid.numerics.layout import LAYOUT
@@ -51,8 +52,8 @@ _MOST = 6.0
 class UpdatedLagrangianSPH(PairMethod):
     """The method on one rank; arrays as `terms` and `fields` say.
 
-    correction: `terms.GradientCorrection`, or None for plain gradients; heating: `terms.Warming` where viscous heat
-    warms, else None.
+    correction: `terms.GradientCorrection` or `CentredCorrection`, or None for plain gradients; heating: `terms.Warming`
+    where viscous heat warms, else None.
     """
 
     pairs: MovingPairs
@@ -79,11 +80,11 @@ class UpdatedLagrangianSPH(PairMethod):
         declare_state(particles, self.dimension, density, lacks)
         failed_matter.declare_failure(particles, self.laws)
         self._declare_constants(comm, particle_set, density)
-        self.correction = GradientCorrection(_MOST) if settings.gradient_correction else None
+        self.correction: Any = GradientCorrection(_MOST) if settings.gradient_correction else None
         skin = (float(settings.skin), self.boundaries.codes, float(settings.rebalance))
         self.pairs = MovingPairs(comm, particles, self.space, kernel.support, *skin)
         self.pairs.unbonded = scene.unbonded
-        terms = (self.carried, _viscosity(settings), self.heating, *self._meeting_and_length(comm, particle_set))
+        terms = (self.carried, viscosity_of(settings), self.heating, *self._meeting_and_length(comm, particle_set))
         self.sweeps = Sweeps(self.space, kernel, self.pairs, particles, *terms)
         self.lists_state: dict[str, Any] | None = None
         self.deletion = Deletion(self) if "deleted_mass" in particles else None
@@ -225,6 +226,7 @@ class UpdatedLagrangianSPH(PairMethod):
         ledger.add_term("viscous_dissipation", float(viscous))
         if self.heating is not None:
             ledger.add_term("viscous_heat_to_come", self.halves.follow(step, heat_to_come(self, step, second[1])))
+        self.halves.step = step
         ledger.add_term("leapfrog_oscillation", second[2] - first[2])
         terms = {"heat_supplied": self.supplied, "heat_stored": self.supplied_to_stored} | self.updates.taken()
         for name, energy in (terms | (self.deletion.taken() if self.deletion else {})).items():
@@ -239,6 +241,10 @@ class UpdatedLagrangianSPH(PairMethod):
         if self.boundaries.sets_temperature:
             self.supplied, self.supplied_to_stored = prescribe_temperatures(self, time)
         return sound, plastic, lost
+
+    def expect_kicks(self) -> None:
+        """See `CentredCorrection`: what acts between steps does its work at their ends."""
+        self.correction = self.correction and CentredCorrection(_MOST)
 
     def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
         """See `ParticleSystem.kick`; the heat of the viscosity follows the velocities that its work is done with."""
@@ -342,9 +348,3 @@ class UpdatedLagrangianSPH(PairMethod):
         """Particles in the middles of cells."""
         tables["bodies"] = [body | {"placement": "cells"} for body in tables["bodies"]]
         return tables
-
-
-def _viscosity(settings: Any) -> ArtificialViscosity | None:
-    """As the scene states it."""
-    given = settings.viscosity
-    return ArtificialViscosity(float(given.linear), float(given.quadratic), float(given.softening)) if given else None

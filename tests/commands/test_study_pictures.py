@@ -1,0 +1,58 @@
+"""Pictures of studies and of choices: each curve of a panel has a name, a marker and a colour that no other has."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from parsolid.commands.pareto.picture import _told_apart
+from parsolid.commands.plot.scales import words_of
+from parsolid.commands.study.pictures import MOST_CURVES, _looks, _panels
+
+TIMES = ["velocity@0.1", "velocity@0.2"]
+PROBES = ["corner.displacement_x", "corner.displacement_y"]
+
+# one that agrees with another
+AGREES = "edge.displacement_x"
+
+
+def line(name, **errors):
+    return [SimpleNamespace(line=(name,), measures={"errors": errors})]
+
+
+def test_no_two_curves_of_a_panel_look_alike_and_none_has_too_many():
+    lines = [line(f"scene {number}", kinetic=0.1 * number) for number in range(1, 12)]
+    plate = dict(zip([*TIMES, *PROBES, AGREES], [0.1, 0.2, 0.3, 0.4, 0.301]))
+    lines += [line("plate", **plate), line("bar", **{PROBES[0]: 0.2, PROBES[1]: 0.2, "kinetic": 0.0})]
+    panels = _panels(lines, ["kinetic", *TIMES, *PROBES, AGREES])
+    assert [(title, len(curves)) for title, curves in panels] == [
+        ("kinetic (1 of 2)", 5),
+        ("kinetic (2 of 2)", 6),
+        ("velocity", 2),
+        ("probe", 3),
+    ]
+    looks = _looks([curve for _, curves in panels for curve in curves])
+    for _, curves in panels:
+        assert len({tuple(looks[curve.text].values()) for curve in curves}) == len(curves) <= MOST_CURVES
+    names = [curve.text for curve in panels[-1][1]]
+    assert names == ["plate, corner.displacement x", "plate, corner.displacement y", "bar"]
+
+
+def test_the_scene_and_the_envelope_are_among_the_choices_that_are_named():
+    many = [SimpleNamespace(errors=[0.3, 0.1 * number]) for number in range(12)]
+    many.append(SimpleNamespace(errors=[]))
+    best = many[11]
+    shown, others = _told_apart(SimpleNamespace(candidates=many), [(1.0, 0.3, best, 0)])
+    assert shown[:2] == [many[0], best] and len(shown) == MOST_CURVES
+    assert shown[2:] == many[1 : MOST_CURVES - 1] and others == many[MOST_CURVES - 1 : 11]
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("von_mises_stress", "von Mises stress"),
+        ("first_piola_kirchhoff_stress", "first Piola Kirchhoff stress"),
+        ("stress_xy", "stress xy"),
+    ],
+)
+def test_people_are_written_with_a_capital(name, words):
+    assert words_of(name) == words
