@@ -183,7 +183,7 @@ class KernelContact(Interaction):
     def stable_step(self) -> float:
         """Of the stiffest contact whose bodies see one another on this rank, by the present places alone, so that it
         does not depend on when lists were made."""
-        return self._nearest
+        return self._nearest if self.entries.segments else np.inf
 
     def energies(self) -> tuple[float, float]:
         """What contact and sticking store."""
