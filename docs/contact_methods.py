@@ -120,13 +120,15 @@ def spin() -> None:
         mine, x, f = rows("body") == 0, rows("position"), rows("contact_force")
         arm = x[mine] - x[mine].mean(axis=0)
         turn = float((arm[:, 0] * f[mine, 1] - arm[:, 1] * f[mine, 0]).sum())
-        return {"force": float(np.linalg.norm(f[mine].sum(axis=0))), "turn": turn}
+        contact: Any = simulation.interactions[0]
+        told = {"force": float(np.linalg.norm(f[mine].sum(axis=0))), "turn": turn}
+        return told | {"energy": contact.energy, "stuck": contact.stuck}
 
-    cases = product(((True, 0.5), (False, 0.0)), ("rings", "lattice"), (0.1, 0.3))
+    cases = product(((True, 0.5), (False, 0.0)), ("rings", "lattice"), (0.2, 0.4))
     for (together, friction), kind, overlap in cases:
         _, columns = run(spinning(overlap, friction, together, kind == "rings"), forces)
-        energy, arm = columns["contact_energy"].max(), 0.5 * columns["force"].mean()
-        stick, lost = (np.max(columns.get(name, 0.0)) for name in ("stick_energy", "friction_dissipation"))
+        energy, arm = columns["energy"].max(), 0.5 * columns["force"].mean()
+        stick, lost = columns["stuck"].max(), np.max(columns.get("friction_dissipation", 0.0))
         print(
             f"{'both turn' if together else 'one turns'}, friction {friction}, {kind}, overlap {overlap} h, "
             f"{len(columns['time'])} steps: stick energy {stick / energy:.1e}, friction took {lost / energy:.1e} of "
@@ -140,7 +142,7 @@ def costly(name: str, gap: float, space: bool) -> tuple[Tables, float]:
     """Two blocks 30 layers thick at so many spacings from each other, and a step that all methods can take."""
     h = 1.0 / 200
     settings, law, placement = of(name, h)
-    below, wide = max(gap, 1e-3) * h, [12 * h, 12 * h] if space else [60 * h]
+    below, wide = max(gap, 1e-3) * h, [12 * h, 12 * h] if space else [200 * h]
     zero, still = [0.0] * len(wide), [0.0] * len(wide)
     boxes = {"a": (-30 * h - below, -below, 0.005 * SPEED), "b": (0.0, 30 * h, -0.005 * SPEED)}
     bodies = [

@@ -154,13 +154,14 @@ def difference(columns: Tables, alone: Tables) -> str:
 
 
 def killed() -> None:
-    """Runs that are killed on all ranks in the middle of contact and restarted on another number, to the end."""
-    for kind in ("ulsph", "mpm"):
+    """Runs that are killed on all ranks in the middle of contact and restarted on another number, to the end; of the
+    scenes that are named, or of metals."""
+    for kind in sys.argv[2:] or ("ulsph", "mpm"):
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
             output = {"history_steps": 1, "checkpoint_steps": 5, "fields_times": []}
             file = folder / "scene.toml"
-            dump_scene(parse_scene(metals(kind) | {"output": output}), file)
+            dump_scene(parse_scene(SCENES[kind]() | {"output": output}), file)
             start(1, file, folder / "whole").wait()
             last, told = len(read_history(folder / "whole" / "history.csv")["step"]) - 1, []
             for count, (processes, until) in enumerate(((3, last // 3), (2, 2 * last // 3), (4, None))):

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from contact_tables import (
-    LEAPFROG,
     POISSON,
     SPEED,
     YOUNG,
@@ -133,45 +132,6 @@ def hertz() -> None:
         )
 
 
-def slide() -> None:
-    """A block on a base with friction .3, nodes and cells: acceleration on an incline, creep where it sticks, and how
-    far it slides before it rests."""
-    gravity, ramp = 2e-4, "*where(t < 40, t/40, 1)"
-    for placement in ("nodes", "cells"):
-        for slope, speed, end in ((0.5, 0.0, 160.0), (0.2, 0.0, 160.0), (0.0, 0.02, 400.0)):
-            angle, rise = np.arctan(slope), ramp if speed == 0.0 else ""
-            pull = [f"{gravity * np.sin(angle):.9g}{rise}", f"-{gravity * np.cos(angle):.9g}{rise}"]
-            base = block("base", [0.0, 0.0], [24.0, 4.0], 1.0, placement)
-            upper = block("block", [3.0, 4.0], [13.0, 9.0], 1.0, placement, velocity=[speed, 0.0])
-            floor = [{"plane": "Y = 0", "kind": "fixed"}]
-            if placement == "cells":
-                box = {"lower": [-1.0, -1.0], "upper": [25.0, 1.0]}
-                floor = [{"kind": "velocity", "box": box, "body": "base", "velocity": [0.0, 0.0]}]
-            tables = scene([base, upper], end, {"friction": 0.3}, boundaries=floor, loads={"acceleration": pull})
-
-            def moved(simulation: Simulation) -> Tables:
-                system = simulation.systems[0]
-                rows, mass = system.particles.owned_rows, system.mass[: system.owned]
-                mine = rows("body") == 1
-                x, v = (mass[mine] @ rows(name)[mine, 0] / mass[mine].sum() for name in ("position", "velocity"))
-                return {"x": float(x), "v": float(v)}
-
-            _, columns = run(tables | {"method": LEAPFROG | {"balance_limit": 10.0}}, moved)
-            time, x, v = columns["time"], columns["x"] - columns["x"][0], columns["v"]
-            told = f"creep {x[-1] / 10.0:.1e} of its length"
-            if slope == 0.5:
-                late = time > 80.0
-                exact = gravity * (np.sin(angle) - 0.3 * np.cos(angle))
-                told = f"acceleration {100.0 * (np.polyfit(time[late], v[late], 1)[0] / exact - 1.0):+.2f} %"
-            if speed > 0.0:
-                told = f"stops after {100.0 * (x[-1] * 2.0 * 0.3 * gravity / speed**2 - 1.0):+.2f} % of v^2/(2 mu g)"
-            energy = max(columns["kinetic"].max(), columns["work_external"].max())
-            print(
-                f"{placement}, slope {slope}: {told}, balance {np.abs(columns['balance']).max() / energy:.1e}",
-                flush=True,
-            )
-
-
 def cost() -> None:
     """Processor time of contact in a step, of two blocks 30 layers thick at so many spacings from each other."""
     h = 1.0 / 200
@@ -195,4 +155,4 @@ def cost() -> None:
 
 
 if __name__ == "__main__":
-    one_of((stack, three, hertz, slide, cost))
+    one_of((stack, three, hertz, cost))

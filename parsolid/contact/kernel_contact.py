@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.collective import maximum, raise_together
+from parsolid.collective import minimum, raise_together
 from parsolid.contact import passes
 from parsolid.contact.boxes import Boxes
 from parsolid.contact.depth import fill_depths
@@ -72,8 +72,9 @@ class KernelContact(Interaction):
         self.warms = self.rubs and any(system.takes_heat for system in systems)
         self.restarted = False
         self.rebuilds, self.energy, self.stuck = 0, 0.0, 0.0
-        # of a checkpoint of as many ranks
+        # of a checkpoint: energies on as many ranks, and the step
         self._energies: tuple[float, float] | None = None
+        self._allowed: float | None = None
         self._placed: tuple[int | None, ...] = ()
         self._until_look, self._nearest = 0, np.inf
         self._step = min(side.longest for side in self.sides.sides)
@@ -92,6 +93,9 @@ class KernelContact(Interaction):
         ahead = self.level.copy()
         deepest = self.evaluate(None, held=True)
         self._bound_step(self.level, ahead)
+        if self._allowed is not None:
+            # by the last step before the checkpoint, for the step after the next one
+            self._nearest = self._allowed
         for one, force in zip(self.recipients, kept):
             one.resume(force)
         if self._energies is not None:
@@ -113,12 +117,15 @@ class KernelContact(Interaction):
         )
 
     def state(self) -> dict[str, Any]:
-        """That there is one, and its energies on each rank; collective."""
-        return {"rebuilds": self.rebuilds, "energies": self.comm.allgather((self.energy, self.stuck))}
+        """That there is one, its energies on each rank, and the step that it allows, None for any; collective."""
+        allowed = minimum(self.comm, self._nearest)
+        told = {"rebuilds": self.rebuilds, "energies": self.comm.allgather((self.energy, self.stuck))}
+        return told | {"allowed": None if np.isinf(allowed) else allowed}
 
     def set_state(self, state: dict[str, Any]) -> None:
         """The thresholds are those of the checkpoint."""
         self.restarted, self.rebuilds = True, state["rebuilds"]
+        self._allowed = np.inf if state["allowed"] is None else state["allowed"]
         if len(state["energies"]) == self.comm.size:
             self.energy, self.stuck = self._energies = tuple(state["energies"][self.comm.rank])
         elif self.comm.rank == 0:
@@ -176,7 +183,7 @@ class KernelContact(Interaction):
     def stable_step(self) -> float:
         """Of the stiffest contact whose bodies see one another on this rank, by the present places alone, so that it
         does not depend on when lists were made."""
-        return self._nearest
+        return self._nearest if self.entries.segments else np.inf
 
     def energies(self) -> tuple[float, float]:
         """What contact and sticking store."""
@@ -341,8 +348,3 @@ class KernelContact(Interaction):
 def build_contact(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[Interaction]:
     """The contact of a scene by forces between particles, if it has any; collective."""
     return [KernelContact(comm, scene, systems)] if of_model(scene.contact, "kernel") else []
-
-
-def deepest(comm: Any, contact: KernelContact) -> float:
-    """The deepest penetration of the present state [m]; collective."""
-    return maximum(comm, contact.evaluate(None, held=True)[0])

@@ -50,7 +50,8 @@ class ParticleSystem:
     jumps: times [s] at which a step of length 0 is due for all systems, because loads jump.
     landings: times [s] at which a step must end; even_steps: whether steps between two of them have one length
     (leapfrog near its limit gains energy where they change).
-    takes_heat: whether any of its laws has a temperature, see `take_heat`.
+    takes_heat: whether any of its laws has a temperature, see `take_heat`; undamped: whether nothing takes from waves
+    of a few spacings, so that faces in contact rattle on.
     substep, substeps: number of its step in the present one of all systems, and how many those are.
     evaluations: force evaluations a step; directed_pairs: interactions counted once a particle.
     energy_scale: an energy [J], the same on all ranks, of which the balance has the round-off even where kinetic and
@@ -75,6 +76,7 @@ class ParticleSystem:
     even_steps: bool = False
     energy_scale: float = 0.0
     takes_heat: bool = False
+    undamped: bool = False
     substep: int = 0
     substeps: int = 1
     evaluations: int = 1

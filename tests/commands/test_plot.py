@@ -222,7 +222,7 @@ def test_cells_are_continued_to_the_surface_linearly_or_not_at_all():
     "name, largest, label, one_map",
     [
         ("pressure", 2e6, "pressure [MPa]", True),
-        ("stress_xy", 2e-6, "stress xy [Pa]", True),
+        ("stress_xy", 2e-6, "stress xy [10⁻⁶ Pa]", True),
         ("velocity_x", 300.0, "velocity x [m/s]", False),
         ("displacement", 1e-5, "displacement [µm]", False),
     ],

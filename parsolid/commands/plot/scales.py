@@ -29,6 +29,7 @@ UNITS = {
 }
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 _PREFIXED = ("Pa", "m", "m/s", "J", "s", "W")
+_POWERS = {-3: "10⁻³", -6: "10⁻⁶", -9: "10⁻⁹"}
 _SIGNED, _UNSIGNED = "RdBu_r", "viridis"
 # one quantity, one map, on all pictures: name -> map, and whether it starts at 0 (True), is centred on it (False), or
 # neither (None); what is not here has the usual maps by its signs
@@ -78,8 +79,9 @@ def prefixed(unit: str, largest: float) -> tuple[float, str]:
     # 0.5 m stays in metres: centimetres and millimetres only for what is small
     floor = 0.02 if unit in ("m", "m/s") else 0.9995
     if unit == "Pa" and largest < floor:
-        # thousandths of a pascal: the scene has units of its own
-        return 1.0, unit
+        # thousandths of a pascal: the scene has units of its own, and a power of ten says it with short numbers
+        power = 3 * int(np.floor(np.log10(largest / floor) / 3.0)) if largest < 0.1 else 0
+        return 10.0**power, f"{_POWERS.get(power, f'1e{power}')} {unit}" if power else unit
     factor, letter = next((pair for pair in _PREFIXES if largest >= floor * pair[0]), _PREFIXES[-1])
     if unit in ("m", "m/s") and factor > 1.0:
         factor, letter = 1.0, ""

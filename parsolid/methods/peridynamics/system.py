@@ -38,7 +38,7 @@ TIME_SOLVERS = {"explicit": VelocityVerlet, "quasi-static": QuasiStatic}
 class Peridynamics(PairMethod):
     """The method on one rank. Bars lie in the plane."""
 
-    even_steps = True
+    even_steps = undamped = True
 
     def __init__(self, comm: Any, scene: Any, particle_set: Any) -> None:
         """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when particles cannot be
