@@ -28,6 +28,6 @@ def refuse_strangers(comm: MPI.Comm) -> None:
     library = MPI.Get_library_version().strip("\0").splitlines()[0].split(",")[0].strip()
     raise SolverError(
         f"expected the {started} ranks that the launcher has started ({told[0]}), found that each is alone: mpi4py "
-        f"uses {library}, the launcher another MPI; take the mpirun that belongs to it, srun --mpi=pmi2 or --mpi=pmix, or "
-        f"choose with MPI4PY_MPIABI=mpich or openmpi (where runs of their own are meant: env -u {told[0]})"
+        f"uses {library}, the launcher another MPI; take the mpirun that belongs to it, srun --mpi=pmi2 or --mpi=pmix, "
+        f"or choose with MPI4PY_MPIABI=mpich or openmpi (where runs of their own are meant: env -u {told[0]})"
     )
