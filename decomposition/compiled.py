@@ -11,8 +11,6 @@ import fcntl
 import functools
 import hashlib
 import os
-import pickle
-import re
 import sys
 import tempfile
 import time
@@ -25,11 +23,13 @@ from numba import __version__ as numba_version
 from numba import njit
 from numba.core import config, extending
 from numba.core.caching import _Cache
-from numba.core.compiler import CompileResult
 from numba.core.compiler_lock import global_compiler_lock
-from numba.core.runtime import rtsys
+from numba.core.dispatcher import OmittedArg
 from numba.core.serialize import dumps
-from numba.core.types import BaseNamedTuple, BaseTuple, Optional  # type: ignore[attr-defined]
+from numba.core.types import Omitted  # type: ignore[attr-defined]
+
+from decomposition.kernel_files import UNREADABLE, LoadedKernel, content
+from decomposition.kernel_sources import digest_of, modules_of
 
 try:
     from decomposition.compilation import FALLEN_BACK, compile_short
@@ -40,13 +40,9 @@ except (ImportError, AttributeError):
 # numba may have been imported before what NUMBA_... says was set
 config.reload_config()
 
-_IMPORT = re.compile(
-    r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)|import[ \t]+([\w., \t]+))", re.MULTILINE
-)
 # how kernels are compiled: numba's own way, or a number that goes up where the machine code of `compilation` changes
 PLAIN = compile_short is None or bool(os.environ.get("PARSOLID_PLAIN_COMPILER"))
-_WAY = "numba" if PLAIN else 2
-_OURS = ("parsolid", "decomposition")
+_WAY = "numba" if PLAIN else 3
 # nobody calls these kernels, or what they call, from C: without those entry points compilation takes a seventh less
 getattr(extending, "_overload_default_jit_options", {}).setdefault("no_cfunc_wrapper", True)
 # files that nothing has asked for in so many seconds are removed; a use is noted once a day
@@ -68,7 +64,25 @@ def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
         dispatcher._can_cache = True
         # numba calls nothing of a cache when a compilation fails
         dispatcher.compile = functools.partial(_compile, dispatcher, dispatcher.compile)
+        dispatcher._compile_for_args = functools.partial(_first_call, dispatcher, dispatcher._compile_for_args)
     return dispatcher
+
+
+def _first_call(dispatcher: Any, as_numba: Callable[..., Any], *arguments: Any, **keywords: Any) -> Any:
+    """What Python calls for arguments of these types: from a file, without a part of numba's compiler being loaded, or
+    as numba finds it.
+    """
+    kinds = tuple(Omitted(it.value) if isinstance(it, OmittedArg) else dispatcher.typeof_pyval(it) for it in arguments)
+    with global_compiler_lock:
+        known = kinds in dispatcher.overloads
+        found = None if known or keywords else dispatcher._cache.load_overload(kinds, dispatcher.targetctx, wait=False)
+        if found is None:
+            return as_numba(*arguments, **keywords)
+        dispatcher._types_active_call.clear()
+        dispatcher._cache_hits[kinds] += 1
+        dispatcher._insert([kind._code for kind in kinds], found.entry_point, False)
+        dispatcher.overloads[kinds] = found
+        return found.entry_point
 
 
 def _compile(dispatcher: Any, as_numba: Callable[[Any], Any], signature: Any) -> Any:
@@ -97,85 +111,6 @@ def folder() -> Path:
             if os.access(path, os.W_OK):
                 return path
     return Path(tempfile.mkdtemp(prefix="parsolid-kernels-"))
-
-
-@functools.cache
-def _text(module: str) -> tuple[bytes, tuple[str, ...]]:
-    """A module's source and the modules of its project that it imports; nothing of other projects."""
-    path = _source(module)
-    if path is None:
-        return b"", ()
-    text = path.read_bytes()
-    return text, tuple(sorted(_imported(module, text.decode())))
-
-
-def _source(module: str) -> Path | None:
-    loaded = sys.modules.get(module)
-    if loaded is not None and getattr(loaded, "__file__", None):
-        path = Path(str(loaded.__file__))
-        return path if path.suffix == ".py" and path.exists() else None
-    # not loaded: beside the modules of the same package
-    top, *rest = module.split(".")
-    package = sys.modules.get(top)
-    for root in getattr(package, "__path__", ()):
-        path = Path(root, *rest)
-        for candidate in (path.with_suffix(".py"), path / "__init__.py"):
-            if rest and candidate.is_file():
-                return candidate
-    return None
-
-
-def _imported(module: str, text: str) -> set[str]:
-    """Names of modules that a text imports, of this project or beside the module itself."""
-    found: set[str] = set()
-    for start, names, plain in _IMPORT.findall(text):
-        if start:
-            parts = [name.split()[0] for name in re.sub(r"#[^\n]*|[()\\]", " ", names).split(",") if name.strip()]
-            modules = {f"{start}.{name}" for name in parts if _is_ours(f"{start}.{name}", module)}
-            found |= modules if len(modules) == len(parts) else modules | {start}
-        else:
-            found |= {name.split()[0] for name in plain.split(",") if name.strip()}
-    return {name for name in found if name != module and _is_ours(name, module)}
-
-
-def _is_ours(name: str, importer: str) -> bool:
-    source, here = _source(name), _source(importer)
-    return source is not None and (
-        name.partition(".")[0] in _OURS or (here is not None and source.parent == here.parent)
-    )
-
-
-@functools.cache
-def reached(module: str) -> frozenset[str]:
-    """A module and all that it imports of its project, directly or not."""
-    found, waiting = set(), [module]
-    while waiting:
-        name = waiting.pop()
-        # how kernels are kept says nothing of what they do
-        if name not in found and name != __name__:
-            found.add(name)
-            waiting += _text(name)[1]
-    return frozenset(found)
-
-
-@functools.cache
-def _digest(module: str) -> bytes:
-    digest = hashlib.sha256()
-    for name in sorted(reached(module)):
-        digest.update(name.encode() + b"\0" + _text(name)[0] + b"\0")
-    return digest.digest()
-
-
-def _modules_of(kind: Any) -> set[str]:
-    """Modules of the classes in an argument type, whose functions a kernel may have compiled in."""
-    if isinstance(kind, BaseNamedTuple):
-        inner = set().union(*map(_modules_of, kind.types)) if kind.types else set()
-        return {kind.instance_class.__module__} | inner
-    if isinstance(kind, BaseTuple):
-        return set().union(*map(_modules_of, kind)) if len(kind) else set()
-    if isinstance(kind, Optional):
-        return _modules_of(kind.type)
-    return set()
 
 
 # places in the lock file that this process holds, in the order of the compilations that stand within each other
@@ -231,7 +166,7 @@ class KernelCache(_Cache):  # type: ignore[misc]
     """The files of one function's machine code, one for each signature."""
 
     def __init__(self, function: Any, options: dict[str, Any]) -> None:
-        self.function, self.enabled = function, True
+        self.function, self.enabled, self._stated = function, True, options
         # sets of words have another order in another process
         self.options = [
             (name, sorted(it) if isinstance(it, set | frozenset) else it) for name, it in sorted(options.items())
@@ -253,32 +188,46 @@ class KernelCache(_Cache):  # type: ignore[misc]
     def flush(self) -> None:
         """Nothing: a file never becomes wrong."""
 
-    def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
-        """The compiled function of a signature, waiting for a process that compiles it; None for this one to compile
-        it.
+    def load_overload(self, sig: Any, target_context: Any, wait: bool = True) -> LoadedKernel | None:
+        """The compiled function of a signature, waiting for a process that compiles it unless told not to; None for
+        this one to compile it.
         """
         if not self.enabled:
             return None
-        # all that a loaded function needs; refresh(), for compilations, takes as long as the rest of numba
-        rtsys.initialize(target_context)
         path = self.path(sig, target_context.codegen())
-        found = _load(path, target_context)
+        found = self._load(path, sig, target_context)
+        if not wait:
+            return found
         # the file may have come between the look and the reservation
         if found is None and (_reserve(path) or path.exists()):
-            found = _load(path, target_context)
+            found = self._load(path, sig, target_context)
         for listener in LISTENERS if found is None else ():
             listener(self.function.__name__)
         return found
+
+    def _load(self, path: Path, sig: Any, target_context: Any) -> LoadedKernel | None:
+        # a file that cannot be read is as good as none
+        with suppress(*UNREADABLE):
+            if time.time() - path.stat().st_mtime > _NOTED:
+                os.utime(path)
+            return LoadedKernel(path, target_context, functools.partial(self._compile_again, sig))
+        return None
+
+    def _compile_again(self, sig: Any) -> Any:
+        dispatcher = compiled(self.function, **self._stated)
+        dispatcher._cache.disable()
+        dispatcher.compile(sig)
+        return dispatcher.overloads[tuple(sig)]
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep what was compiled; a folder that is full or not writable only costs time."""
         if not self.enabled or data.lifted or data.library.has_dynamic_globals:
             return
-        path, payload = self.path(sig, data.codegen), dumps(data._reduce())
+        path, payload = self.path(sig, data.codegen), content(data)
         with suppress(OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
             with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".new-", delete=False) as file:
-                file.write(hashlib.sha256(payload).digest() + payload)
+                file.write(payload)
             os.replace(file.name, path)
             _forget_unused(path.parent)
 
@@ -286,7 +235,7 @@ class KernelCache(_Cache):  # type: ignore[misc]
         """The file of a signature."""
         function = self.function
         code, digest = function.__code__, hashlib.sha256()
-        modules = {function.__module__}.union(*map(_modules_of, sig))
+        modules = {function.__module__}.union(*map(modules_of, sig))
         cells = tuple(cell.cell_contents for cell in function.__closure__ or ())
         what = (
             function.__qualname__,
@@ -302,22 +251,10 @@ class KernelCache(_Cache):  # type: ignore[misc]
         digest.update(repr((*what, sys.version_info[:2], *numbas)).encode())
         digest.update(dumps(cells) if cells else b"")
         for module in sorted(modules):
-            digest.update(_digest(module))
+            digest.update(digest_of(module))
         return (
             folder() / f"{function.__module__.rpartition('.')[2]}.{function.__name__}-{digest.hexdigest()[:32]}.kernel"
         )
-
-
-def _load(path: Path, target_context: Any) -> CompileResult | None:
-    # a file that cannot be read is as good as none
-    with suppress(OSError, EOFError, pickle.UnpicklingError, ValueError):
-        content = path.read_bytes()
-        if time.time() - path.stat().st_mtime > _NOTED:
-            os.utime(path)
-        checksum, payload = content[:32], content[32:]
-        if hashlib.sha256(payload).digest() == checksum:
-            return CompileResult._rebuild(target_context, *pickle.loads(payload))
-    return None
 
 
 @functools.cache

@@ -4,13 +4,14 @@ Each gives what numba's gives. A quarter of the time of a compilation went into 
 every call of a function, liveness found out after each pass, sums of two numbers typed by trying a dozen templates.
 """
 
+import operator
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import llvmlite.binding as llvm
-from numba.core import base, ir, postproc, targetconfig, transforms, types
+from numba.core import base, ir, postproc, targetconfig, transforms, typeinfer, types
 from numba.core.typing import context
 
 _NUMBERS = (types.Float, types.Integer, types.Boolean, types.IntegerLiteral)
@@ -101,6 +102,47 @@ def _operators_once(resolve: Callable[..., Any]) -> Callable[..., Any]:
     return resolved
 
 
+def _names_in(value: Any) -> Iterator[str]:
+    """Names of variables in the attributes of a constraint; also some that name no variable."""
+    if isinstance(value, ir.Var):
+        yield value.name
+    elif isinstance(value, str):
+        yield value
+    elif isinstance(value, list | tuple):
+        for one in value:
+            yield from _names_in(one)
+    elif isinstance(value, typeinfer.CallConstraint):
+        yield from _names_in(list(vars(value).values()))
+
+
+def _types_now(names: list[str], variables: Any) -> list[Any] | None:
+    """Types that variables have so far; None where they do not decide what a constraint does."""
+    found = [variables[name].type for name in names if name in variables]
+    return None if any(isinstance(kind, types.RecursiveCall) for kind in found) else found
+
+
+def _constraints_once(usual: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """Apply a constraint again only where a type of one of its variables has changed since."""
+
+    def propagate(self: Any, inferer: Any) -> Any:
+        constraints, variables = self.constraints, inferer.typevars
+        if "_seen" not in vars(self):
+            self._seen = [(list(_names_in(list(vars(one).values()))), None) for one in constraints]
+        errors: list[Any] = []
+        for place, (names, known) in enumerate(self._seen):
+            now = _types_now(names, variables)
+            if known is not None and now is not None and len(now) == len(known) and all(map(operator.is_, now, known)):
+                continue
+            self.constraints = constraints[place : place + 1]
+            wrong = usual(self, inferer)
+            errors += wrong
+            self._seen[place] = names, None if wrong else _types_now(names, variables)
+        self.constraints = constraints
+        return errors
+
+    return propagate
+
+
 _ECONOMIES: tuple[tuple[Any, str, Callable[..., Any]], ...] = (
     (base.BaseContext, "refresh", _refresh_once),
     (context.BaseContext, "refresh", _refresh_once),
@@ -108,6 +150,7 @@ _ECONOMIES: tuple[tuple[Any, str, Callable[..., Any]], ...] = (
     (ir.Inst, "_rec_list_vars", _variables_quickly),
     (targetconfig.TargetConfig, "__eq__", _equal_quickly),
     (types.BaseFunction, "get_call_type", _operators_once),
+    (typeinfer.ConstraintNetwork, "propagate", _constraints_once),
 )
 
 

@@ -17,6 +17,8 @@ from .cells import bounds, checked_points
 _ENTRIES, _MOST_BITS, _FEWEST_BITS = 1 << 16, 8, 2
 # total weight in integer units: exact sums in any order, and room for rounding up
 _UNITS = 2.0**61
+# all shares of ranks in integer units
+_SHARES = 2.0**20
 _TIED, _LEFT, _RIGHT = np.int8(0), np.int8(1), np.int8(2)
 
 
@@ -135,8 +137,15 @@ class _Level:
     """The cut of all parts of one level; every array has one row a part."""
 
     def __init__(
-        self, comm: MPI.Intracomm, points: np.ndarray, weights: np.ndarray, part: np.ndarray, ranks: np.ndarray
+        self,
+        comm: MPI.Intracomm,
+        points: np.ndarray,
+        weights: np.ndarray,
+        part: np.ndarray,
+        ranks: np.ndarray,
+        upto: np.ndarray,
     ) -> None:
+        """upto (ranks + 1,): sums of the shares of all ranks before each, integers."""
         self.comm, self.points, self.weights, self.part, self.ranks = comm, points, weights, part, ranks
         self.parts = len(ranks)
         self.bits = points.view(np.uint64)
@@ -145,7 +154,8 @@ class _Level:
         self.lower, self.upper = box[:, 0], -box[:, 1]
         total = self._tied()
         self.filled = total > 0
-        whole, share = ranks[:, 1] - ranks[:, 0], (ranks[:, 1] - ranks[:, 0]) // 2
+        middle = ranks[:, 0] + (ranks[:, 1] - ranks[:, 0]) // 2
+        whole, share = np.maximum(upto[ranks[:, 1]] - upto[ranks[:, 0]], 1), upto[middle] - upto[ranks[:, 0]]
         # total * share // whole without overflow
         self.target = total // whole * share + total % whole * share // whole
 
@@ -208,13 +218,16 @@ def _halves(ranks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.array(following, np.int64).reshape(-1, 2), child
 
 
-def bisect(comm: MPI.Intracomm, points: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:
+def bisect(
+    comm: MPI.Intracomm, points: np.ndarray, weights: np.ndarray | None = None, shares: np.ndarray | None = None
+) -> np.ndarray:
     """New owner of each point, (n,) int32: parts of about equal weight, compact, near ones on near ranks. Collective.
 
     points (n, d) [m], d = 1, 2 or 3, this rank's share, which may be empty; weights (n,), none negative, or None on all
-    ranks. Any number of ranks. Without weights the parts differ by at most two points. The same points give the same
-    parts however they are spread over the ranks, save points at one place. Raises ValueError, on all ranks, for weights
-    that are negative or not finite and for coordinates that are not finite.
+    ranks; shares (ranks,), the same on all: what ranks shall have of the weight, in any unit, equal ones unless given.
+    Any number of ranks. Without either the parts differ by at most two points. The same points give the same parts
+    however they are spread over the ranks, save points at one place. Raises ValueError, on all ranks, for weights that
+    are negative or not finite and for coordinates that are not finite.
     """
     points = checked_points(points)
     if _reduced(comm, np.array([int(np.isnan(bounds(points)[0]).any())]), MPI.MAX)[0]:
@@ -223,9 +236,11 @@ def bisect(comm: MPI.Intracomm, points: np.ndarray, weights: np.ndarray | None =
     if comm.size == 1:
         return np.zeros(len(points), np.int32)
     part = np.zeros(len(points), np.int32)
-    ranks = np.array([[0, comm.size]], np.int64)
+    ranks, upto = np.array([[0, comm.size]], np.int64), np.arange(comm.size + 1)
+    if shares is not None:
+        upto[1:] = np.cumsum(np.rint(np.asarray(shares) * (_SHARES / np.sum(shares))))
     while len(ranks):
-        side = _Level(comm, points, weights, part, ranks).cut()
+        side = _Level(comm, points, weights, part, ranks, upto).cut()
         ranks, child = _halves(ranks)
         _descend(part, side, child)
     return -1 - part

@@ -1,4 +1,4 @@
-"""Two bars that meet, each of any method: python docs/bars_of_methods.py tlsph mpm 25 50, see mixed.md."""
+"""Two bars that meet, each of any method: python docs/bars_of_methods.py tlsph mpm 25 50 [wide=4], see mixed.md."""
 
 import sys
 from typing import Any
@@ -24,19 +24,19 @@ STRONG = {
 }
 
 
-def bars(kinds: list[str], count: int) -> Scene:
-    """Bars of 1 m and 10 spacings, half a spacing apart, guided at their sides."""
+def bars(kinds: list[str], count: int, wide: int = 10) -> Scene:
+    """Bars of 1 m and `wide` spacings, half a spacing apart, guided at their sides."""
     h, bodies = 1.0 / count, []
     settings: dict[str, Any] = {"mpm": {"cell": 2 * h}, "ulsph": {"viscosity": False}, "peridynamics": {}}
     settings["tlsph"] = {"integrator": "leapfrog"}
     for number, kind in enumerate(kinds):
         nodes, lower = kind == "tlsph", [0.0 if number else -1.0 - 0.5 * h, 0.0]
-        body = {"name": "ab"[number], "shape": {"box": {"lower": lower, "upper": [lower[0] + 1.0, 10 * h]}}}
-        body |= {"particles": [count + nodes, 10 + nodes], "placement": "nodes" if nodes else "cells", "method": kind}
+        body = {"name": "ab"[number], "shape": {"box": {"lower": lower, "upper": [lower[0] + 1.0, wide * h]}}}
+        body |= {"particles": [count + nodes, wide + nodes], "placement": "nodes" if nodes else "cells", "method": kind}
         body |= {"velocity": [(0.5 - number) * CLOSING, 0.0], "material": STRONG if kind == "ulsph" else RUBBER}
         bodies.append(body)
     methods = [{"name": kind, "kind": kind} | settings[kind] for kind in dict.fromkeys(kinds)]
-    guides = [{"plane": f"Y = {place}", "kind": "roller"} for place in (0.0, 10 * h)]
+    guides = [{"plane": f"Y = {place}", "kind": "roller"} for place in (0.0, wide * h)]
     data = {"dimension": 2, "end_time": 3.7 / SPEED, "methods": methods, "bodies": bodies, "boundaries": guides}
     return parse_scene(data | {"contact": [{"bodies": ["a", "b"]}]})
 
@@ -63,13 +63,14 @@ class Rows:
 
 def main() -> None:
     """A line for each number of spacings."""
-    for count in map(int, sys.argv[3:]):
+    wide = next((int(word.split("=")[1]) for word in sys.argv if word.startswith("wide=")), 10)
+    for count in (int(word) for word in sys.argv[3:] if "=" not in word):
         rows = Rows()
-        Simulation(MPI.COMM_SELF, bars(sys.argv[1:3], count)).run(rows, Limits(), StopRequest())
+        Simulation(MPI.COMM_SELF, bars(sys.argv[1:3], count, wide)).run(rows, Limits(), StopRequest())
         time, velocity, kinetic, contact, balance, lost = np.array(rows.rows).T
         touching = time[contact > 1e-9 * kinetic[0]]
         print(
-            f"{' and '.join(sys.argv[1:3])}, {count} spacings: restitution {-velocity[-1] / velocity[0]:.3f}, contact "
+            f"{' and '.join(sys.argv[1:3])}, {count} spacings: restitution {-velocity[-1] / velocity[0]:.4f}, contact "
             f"{(touching[-1] - touching[0]) * SPEED / 2:.3f} of 2 L/c, lost {lost[-1] / kinetic[0]:.3f}, "
             f"residual {np.abs(balance).max() / kinetic[0]:.2g}",
             flush=True,

@@ -1,5 +1,5 @@
-"""Contact on several ranks: mpirun -n 5 python docs/contact_ranks.py ranks [names of scenes]; killed: of runs that are
-killed and restarted."""
+"""Contact on several ranks: mpirun -n 5 python docs/contact_ranks.py ranks [names of scenes]; restarts: of runs stopped
+in the middle of stick, on as many ranks, to the bit; killed: of runs that are killed and restarted."""
 
 import json
 import os
@@ -10,14 +10,20 @@ import tempfile
 import time
 from pathlib import Path
 
+import meshio
 import numpy as np
-from contact_tables import LEAPFROG, SPEED, Tables, block, discs_scene, one_of, run, scene
+from contact_tables import BONDS, LEAPFROG, SPEED, Rows, Tables, block, discs_scene, material, one_of, run, scene
 from mpi4py import MPI
 
+from parsolid.output.checkpoint import write_checkpoint
 from parsolid.output.history import read_history
 from parsolid.scene import dump_scene, parse_scene
+from parsolid.simulation.loop import Limits, Simulation, StopRequest
+from parsolid.simulation.restart import Restart, header_of
+from parsolid.simulation.scene_changes import contents
 
 COPPER = {"kind": "elastic-plastic", "library": "OFHC copper, Johnson-Cook"}
+STUCK = "stick_energy"
 
 
 def far_apart() -> Tables:
@@ -42,12 +48,47 @@ def metals(kind: str) -> Tables:
     return scene(bodies, 8e-6, {"friction": 0.3}, method=method)
 
 
+def three_in_space() -> Tables:
+    """Three cubes meet in space off their centres, with friction."""
+    h, v = 0.25, 0.1 * SPEED
+    corners = {"a": ([-1.02, 0.0, 0.0], [v, 0, 0]), "b": ([0.0, 0.1, 0.05], [-v, 0, 0])}
+    corners["c"] = ([-0.5, 1.11, 0.1], [0.0, -v, 0.0])
+    bodies = [block(name, low, [x + 1.0 for x in low], h, velocity=one) for name, (low, one) in corners.items()]
+    return scene(bodies, 1.5 / SPEED, {"friction": 0.2})
+
+
+def mixed() -> Tables:
+    """Blocks of three methods on one another that rub, below a slanting tool of a mesh that presses and rubs."""
+    v, comm = 0.02 * SPEED, MPI.COMM_WORLD
+    folder = comm.bcast(tempfile.mkdtemp() if comm.rank == 0 else None)
+    file = os.path.join(folder, "tool.vtk")
+    if comm.rank == 0:
+        points = [[-3.0, 9.4, 0.0], [8.0, 8.8, 0.0], [8.0, 12.0, 0.0], [-3.0, 12.0, 0.0]]
+        meshio.Mesh(points, [("line", [[0, 1], [1, 2], [2, 3], [3, 0]])]).write(file)
+    comm.Barrier()
+    boxes = {"soft": ([0.0, 0.0], "nodes", v), "bonds": ([0.3, 3.0], "cells", 0.0), "points": ([0.1, 6.0], "cells", -v)}
+    bodies = [
+        block(name, low, [low[0] + 4.0, low[1] + 3.0], 1.0, placement, velocity=[push, -v * i])
+        | {"method": name, "material": material(kind="linear-elastic" if name == "bonds" else "neo-hookean")}
+        for i, (name, (low, placement, push)) in enumerate(boxes.items())
+    ]
+    methods = [LEAPFROG, BONDS, {"kind": "mpm", "cell": 2.0}]
+    tables = scene(bodies, 20.0 / SPEED, {"friction": 0.3})
+    del tables["method"]
+    tables["methods"] = [one | {"name": name} for one, name in zip(methods, boxes)]
+    motion = {"velocity": [f"{v}", f"-{2.0 * v}"]}
+    tool = {"name": "tool", "shape": {"mesh": {"file": file}}, "friction": 0.3, "motion": motion}
+    return tables | {"tools": [tool]}
+
+
 SCENES = {
     "discs with friction": lambda: discs_scene(0.8, 0.3, 12),
     "blocks whose ranks are no neighbours": far_apart,
     "ulsph": lambda: metals("ulsph"),
     "mpm": lambda: metals("mpm"),
     "grid": lambda: metals("mpm") | {"contact": [{"bodies": ["top", "base"], "friction": 0.3, "model": "grid"}]},
+    "three in space": three_in_space,
+    "mixed, with a mesh as tool": mixed,
 }
 
 
@@ -62,6 +103,43 @@ def ranks() -> None:
         if comm.rank == 0:
             _, alone = run(tables)
             print(f"{name}, {comm.size} ranks: {difference(columns, alone)}", flush=True)
+
+
+def restarts() -> None:
+    """Scenes that are stopped while particles stick and restarted on as many ranks: fields and columns that differ."""
+    comm = MPI.COMM_WORLD
+    for name, make in SCENES.items():
+        if sys.argv[2:] and name not in sys.argv[2:]:
+            continue
+        stated = parse_scene(make())
+        whole, rows = Simulation(comm, stated), Rows()
+        met = "contact_energy" if "contact_energy" in whole.energy_row() else "stored"
+        while (
+            not rows.rows or rows.rows[-1][met] < 1e-3 * rows.rows[0]["kinetic"] or rows.rows[-1].get(STUCK, 1.0) <= 0
+        ):
+            whole.run(rows, Limits(4), StopRequest())
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(comm.bcast(folder)) / "checkpoint.h5"
+            fields = [system.particles.checkpointed() for system in whole.systems]
+            write_checkpoint(comm, file, header_of(whole, {}, {}, contents(stated)), fields, whole.ledger.values)
+            start, stuck = whole.clock.step, rows.rows[-1].get(STUCK, 0.0)
+            whole.run(rows, Limits(20), StopRequest())
+            again, others = Simulation(comm, stated, Restart(comm, file)), Rows()
+            again.run(others, Limits(20), StopRequest())
+            comm.Barrier()
+        length = len(others.rows)
+        columns = [
+            one for one in others.rows[0] if any(a[one] != b[one] for a, b in zip(others.rows, rows.rows[-length:]))
+        ]
+        pairs = [(a.particles.checkpointed(), b.particles.checkpointed()) for a, b in zip(whole.systems, again.systems)]
+        unlike = {one for a, b in pairs for one in a if np.array(a[one]).tobytes() != np.array(b[one]).tobytes()}
+        found = sorted(set().union(*comm.allgather(unlike)))
+        if comm.rank == 0:
+            print(
+                f"{name}, {comm.size} ranks, restarted at step {start} with a stick energy of {stuck:.1e} J, "
+                f"{whole.clock.step - start} steps on: fields that differ {found}, columns that differ {columns}",
+                flush=True,
+            )
 
 
 def difference(columns: Tables, alone: Tables) -> str:
@@ -118,4 +196,4 @@ def kill_at(job: "subprocess.Popen[bytes]", output: Path, step: int | None) -> s
 
 
 if __name__ == "__main__":
-    one_of((ranks, killed))
+    one_of((ranks, restarts, killed))

@@ -5,7 +5,9 @@ Half of a cylinder's cap on half of a block, both of particles and of one solid;
 Outer layers, four half widths away, move as half planes do (Flamant) under the growth of Hertz's pressure, which is
 that of a flat punch, here two line loads with its second moment; so the exact force belongs to each approach, and no
 finite size is in the numbers. Methods: tlsph, peridynamics, ulsph, mpm, and grid (mpm with contact on the grid, for
-both bodies); words with = are put into [[contact]] (stiffness=4) or, with a point, into a method (mpm.transfer=flip).
+both bodies); words with = are put into [[contact]] (stiffness=4) or, with points, into a method (mpm.transfer=flip,
+peridynamics.stabilisation.coefficient=.125). Half widths and peaks are those of the contact's own forces, on particles
+or, on the grid, on nodes; there Hertz's pressure is given to the nodes by the same functions.
 """
 
 import os
@@ -52,7 +54,15 @@ def stated(words: list[str]) -> tuple[dict[str, Any], list[float]]:
 
 def of_method(kind: str, words: dict[str, Any]) -> dict[str, Any]:
     """What is said of a method."""
-    return {name.split(".")[1]: value for name, value in words.items() if name.startswith(f"{kind}.")}
+    result: dict[str, Any] = {}
+    for name, value in words.items():
+        if name.startswith(f"{kind}."):
+            *tables, key = name.split(".")[1:]
+            place = result
+            for one in tables:
+                place = place.setdefault(one, {})
+            place[key] = value
+    return result
 
 
 def of_contact(words: dict[str, Any]) -> dict[str, Any]:
@@ -132,27 +142,66 @@ def tables(methods: list[str], wanted: float, file: str, words: dict[str, Any]) 
 
 
 class Pressed:
-    """Force on the block along Y, and its columns' part of it averaged over the rest at the end."""
+    """Force on the block along Y, and its columns' part of it averaged over the rest at the end: of particles, or of
+    nodes, whose first one lies on the plane of symmetry."""
 
     def __init__(self, end: float, h: float) -> None:
-        self.end, self.h, self.last, self.count = end, h, 0.0, 0
+        self.end, self.h, self.last, self.time = end, h, 0.0, 0.0
         self.sum: np.ndarray = np.zeros(0)
 
     def __call__(self, simulation: Any) -> Tables:
         """A row."""
         system = simulation.systems[0]
-        owned = system.particles.owned_rows
         step, self.last = simulation.clock.time - self.last, simulation.clock.time
         met = getattr(simulation.interactions[0], "meetings", None) if simulation.interactions else None
+        if met and not met[0].slots:
+            return {"force": 0.0}
         if met:
-            return {"force": 2.0 * float(met[0].impulse[:, 1].sum()) / max(step, 1e-300)}
-        mine = owned("body") == 0
-        force = -owned("contact_force")[mine, 1]
-        columns = np.floor(owned("reference_position")[mine, 0] / self.h).astype(int)
+            here = met[0].slots[0] >= 0
+            nodes, slots = system.nodes, met[0].slots[0][here]
+            columns = np.rint(nodes.places[slots, 0] / system.settings.cell).astype(int)
+            force = met[0].impulse[here, 1] * nodes.share[slots] / max(step, 1e-300)
+        else:
+            owned = system.particles.owned_rows
+            mine = owned("body") == 0
+            force = -owned("contact_force")[mine, 1]
+            columns = np.floor(owned("reference_position")[mine, 0] / self.h).astype(int)
         if self.last > self.end:
-            found = np.bincount(columns, force)
-            self.sum, self.count = found + (self.sum if self.count else 0.0), self.count + 1
+            found = step * np.bincount(columns[columns >= 0], force[columns >= 0], minlength=len(self.sum))
+            found[: len(self.sum)] += self.sum
+            self.sum, self.time = found, self.time + step
         return {"force": 2.0 * float(force.sum())}
+
+
+def of_particles(column: np.ndarray, h: float) -> str:
+    """Half width by the second moment and peak of the forces of columns beside Hertz's for their sum."""
+    middle = (np.arange(len(column)) + 0.5) * h
+    load = 2.0 * column.sum()
+    half = np.sqrt(8.0 * load * RADIUS / (np.pi * PLANE))
+    width, most = 2.0 * np.sqrt((column * middle**2).sum() / column.sum()), 2.0 * load / (np.pi * half)
+    near = middle < 0.5 * half
+    peak = (column / h)[near].sum() / (most * np.sqrt(1.0 - (middle[near] / half) ** 2)).sum()
+    return f"half width {width / half - 1:+.3f}, peak {peak - 1:+.3f}, largest {(column / h).max() / most - 1:+.3f}"
+
+
+def of_nodes(column: np.ndarray, cell: float, averaged: float) -> str:
+    """The same of nodes, beside what they get of Hertz's pressure by hat functions averaged over so many cells."""
+    load = 2.0 * column.sum()
+    half = np.sqrt(8.0 * load * RADIUS / (np.pi * PLANE))
+    angle = (np.arange(4000) + 0.5) / 4000 * np.pi
+    place, part = half * np.cos(angle), np.sin(angle) ** 2 / (np.sin(angle) ** 2).sum() * load
+    node, moved = np.arange(len(column)) * cell, (np.arange(32) + 0.5) / 32 - 0.5
+    exact = np.zeros(len(column))
+    for one in moved * averaged * cell:
+        weight = np.maximum(1.0 - np.abs(place[:, None] + one - node) / cell, 0.0)
+        exact += part @ weight / len(moved)
+    exact[0] *= 0.5
+    # the moment that functions add is that of Hertz's nodes over its own, of a quarter of the half width squared
+    more = 2.0 * (exact * node**2).sum() / load - 0.25 * half**2
+    width = 2.0 * np.sqrt(2.0 * (column * node**2).sum() / load - more)
+    near = node < 0.5 * half
+    peak = column[near].sum() / exact[near].sum()
+    return f"half width {width / half - 1:+.3f}, peak {peak - 1:+.3f}, first {column[0] / exact[0] - 1:+.3f}"
 
 
 def pressed(methods: list[str], wanted: float, words: dict[str, Any]) -> str:
@@ -168,16 +217,12 @@ def pressed(methods: list[str], wanted: float, words: dict[str, Any]) -> str:
         at = np.abs(s - share) < 0.02 if share < 1.0 else s == 1.0
         told.append(f"{force[at].mean() / s[at].mean() - 1.0:+.3f} at a/h {wanted * share**0.5:.1f}")
     line = f"{' on '.join(methods[::-1])} {words or ''}, a/h {wanted:g}, {len(s) - 1} steps: force {', '.join(told)}"
-    if looking.count:
-        column = looking.sum / looking.count
-        middle = (np.arange(len(column)) + 0.5) * h
-        load = 2.0 * column.sum()
-        half = np.sqrt(8.0 * load * RADIUS / (np.pi * PLANE))
-        width, most = 2.0 * np.sqrt((column * middle**2).sum() / column.sum()), 2.0 * load / (np.pi * half)
-        near = middle < 0.5 * half
-        peak = (column / h)[near].sum() / (most * np.sqrt(1.0 - (middle[near] / half) ** 2)).sum()
-        largest = (column / h).max() / most
-        line += f"; half width {width / half - 1.0:+.3f}, peak {peak - 1.0:+.3f}, largest {largest - 1.0:+.3f}"
+    column = looking.sum / looking.time
+    if "grid" in methods:
+        averaged = {"quadratic-spline": 1.0, "ugimp": 0.5, "linear": 0.0}[words.get("mpm.basis", "quadratic-spline")]
+        line += f"; {of_nodes(column, scene['methods'][0]['cell'], averaged)}"
+    else:
+        line += f"; {of_particles(column, h)}"
     off = np.abs(columns["balance"]).max() / columns["stored"].max()
     return f"{line}; swing {np.ptp(force[s == 1.0]):.3f}, balance {off:.1e}"
 

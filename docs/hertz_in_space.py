@@ -106,9 +106,13 @@ def force_on_block(simulation: Any) -> Tables:
     owned = simulation.systems[0].particles.owned_rows
     if simulation.interactions and hasattr(simulation.interactions[0], "meetings"):
         met = simulation.interactions[0].meetings[0]
+        if not met.slots:
+            return {"force": 0.0}
+        here = met.slots[0] >= 0
+        share = simulation.systems[0].nodes.share[met.slots[0][here]]
         step = max(simulation.clock.time - force_on_block.time, 1e-300)  # type: ignore[attr-defined]
         force_on_block.time = simulation.clock.time  # type: ignore[attr-defined]
-        return {"force": 4.0 * float(met.impulse[:, 2].sum()) / step}
+        return {"force": 4.0 * float((share * met.impulse[here, 2]).sum()) / step}
     return {"force": -4.0 * float(owned("contact_force")[owned("body") == 0, 2].sum())}
 
 

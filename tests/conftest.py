@@ -3,15 +3,16 @@
 On one rank all tests run, on several those in which ranks talk to each other, which `-m mpi` selects too: the ones with
 a fixture of all ranks, `comm` or `shared_path`, and without the mark `serial`. What stands on the exchanges between
 ranks runs on two or on three, what makes them on both. A test with more than two parameter sets takes every other one
-there, as the black fields of a chessboard whose sides are its parameters, so that each value of each has its turn; in
-the rooms that make the exchanges the black ones on two ranks and the white ones on three. All ranks run their tests in
-step. After each phase of a test they tell each other how it went, so that a test that fails on one rank fails on all,
-and rank 0 reports it. A rank that fails while the others wait for it inside the test would leave them waiting for ever;
-then, after a grace, it shows its failure and ends the whole job.
+there, as the black fields of a chessboard whose sides are its parameters; in the rooms that make the exchanges the
+black ones on two ranks and the white ones on three. Each value of each parameter runs on one rank at least. All ranks
+run their tests in step. After each phase of a test they tell each other how it went, so that a test that fails on one
+rank fails on all, and rank 0 reports it. A rank that fails while the others wait for it inside the test would leave
+them waiting for ever; then, after a grace, it shows its failure and ends the whole job.
 """
 
 import faulthandler
 import os
+import shutil
 import time
 import zlib
 from collections import Counter, defaultdict
@@ -22,6 +23,9 @@ import pytest
 # ranks that wait give the processor away, for there are often more of them than processors; before MPI starts (MPICH)
 os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE", "1")
 os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT", "256")
+# files of tests in memory where there is room: runs make sure that theirs are on the disk, which all ranks wait for
+if os.path.isdir("/dev/shm") and shutil.disk_usage("/dev/shm").free > 4e9:
+    os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", "/dev/shm")
 
 from chessboard import white_fields
 from mpi4py import MPI
@@ -111,6 +115,13 @@ _NOT_ON = {
 _LATER = {"docs": 1, "end_to_end": 1, "decomposition": 2, "numerics": 2, "scene": 2}
 
 
+def pytest_ignore_collect(collection_path, config):
+    """On three ranks rooms that have nothing for them are not read, half of all files."""
+    everything = config.getoption("long") or config.getoption("properties")
+    named = collection_path.parent == Path(__file__).parent and collection_path.name in _NOT_ON[3]
+    return True if WORLD.size == 3 and named and not everything else None
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
     """Mark what communicates and what verifies; leave out what is for another number of ranks, or long."""
@@ -118,7 +129,9 @@ def pytest_collection_modifyitems(config, items):
     functions = defaultdict(list)
     for item in items:
         functions[item.path, item.originalname].append(item)
-    white = {item for sets in functions.values() if len(sets) > 2 for item in white_fields(sets)}
+    several = [sets for sets in functions.values() if len(sets) > 2]
+    # of one parameter each value runs on one rank, and every other one on several
+    white = {item for sets in several for item in white_fields(sets, each_value=WORLD.size == 1)}
     if hasattr(config, "workerinput"):
         _in_turn(items)
     for item in items:
@@ -148,6 +161,8 @@ def _in_turn(items) -> None:
 
 def _runs(config, item) -> bool:
     ranks = item.get_closest_marker("ranks")
+    if ranks is not None and 3 in ranks.args and _room(item) in _NOT_ON[3]:
+        raise pytest.UsageError(f"{item.nodeid}: its room is not read on three ranks")
     if config.getoption("properties"):
         return True
     if item.get_closest_marker("long") and not config.getoption("long"):

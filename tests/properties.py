@@ -22,9 +22,9 @@ on another MPI. A test that uses the communicator of all ranks (the fixtures `co
 itself; `serial` takes it out. What makes the exchanges between ranks (`decomposition`, `particles`) runs on 2 ranks and
 on 3. What stands on them runs on one of the two: `contact`, `mixed`, `mpm`, `output`, `pairs`, `solvers`, `tlsph` and
 `ulsph`, but for slow tests, on 3, all others on 2. A test with more than two parameter sets runs every other one on
-several ranks, so that each value of each parameter has its turn; where exchanges are made, those that are left on 2 run
-on 3. A test marked `every_other`, whose parameter sets take seconds or kernels each, does so on one rank, too; `--long`
-runs all. Tests of `end_to_end` start their own ranks, up to 4. Compiled kernels are kept in the user's cache folder,
+several ranks; where exchanges are made, those that are left on 2 run on 3. A test marked `every_other`, whose parameter
+sets take seconds or kernels each, does so on one rank, too, but each value of each parameter runs there. `--long` runs
+all. Tests of `end_to_end` start their own ranks, up to 4. Compiled kernels are kept in the user's cache folder,
 one for all processes, ranks and checkouts: a process that needs a kernel which another one compiles waits for it.
 """
 _SETS = ("slow", "mpi", "verification", "long")

@@ -182,13 +182,15 @@ class Reference:
         rows = [slice(a, a + 1) for a in range(self.n)]
         F, H, J, A = (self.strain[name] for name in "FHJA")
         self.P = np.concatenate([s.stress(F[r], H[r], J[r], A[:, r]) for s, r in zip(self.solids, rows)])
+        self.PL = self.P @ self.L
         forces = [self._forces(a) for a in range(self.n)]
         self.T, self.D = np.array([f[0] for f in forces]), np.array([f[1] for f in forces])
 
     def _pairs_of(self, a: int) -> list[tuple[int, np.ndarray]]:
         """(neighbour, Omega_a Omega_b grad W_b(X_a))."""
         p, result = self.points, []
-        for b in range(len(p.X)):
+        apart, metric = p.X[a] - p.X, 0.5 * (p.metric[a] + p.metric)
+        for b in np.flatnonzero(np.einsum("bi,bij,bj->b", apart, metric, apart) < 4.1):
             g = wendland_gradient(p.X[a] - p.X[b], 0.5 * (p.metric[a] + p.metric[b]))
             if b != a and g.any():
                 result.append((b, p.volume[a] * p.volume[b] * g))
@@ -223,7 +225,7 @@ class Reference:
             L_b = self._of_image(b, self.L, "R", "R")
             C_ab, C_ba = 2.0 * self.L[a] @ g, -2.0 * L_b @ g
             # s Q P L Q as one: the image of P C_ba
-            stress_b = p.sign[b] * p.Q[b] @ (self.P @ self.L)[p.origin[b]] @ p.Q[b] @ (-2.0 * g)
+            stress_b = p.sign[b] * p.Q[b] @ self.PL[p.origin[b]] @ p.Q[b] @ (-2.0 * g)
             T -= 0.5 * (stress_b - self.P[a] @ C_ab)
             D += self._dissipation(a, b, g, 0.5 * (C_ab - C_ba))
         return T, D
@@ -239,7 +241,7 @@ class Reference:
         N = along / np.linalg.norm(along)
         n = (p.x[b] - p.x[a]) / np.linalg.norm(p.x[b] - p.x[a])
         i, mirrored = p.origin[b], p.R[b] @ N
-        z_p, z_s = (self._average(self._impedances(a, N)[k], self._impedances(i, mirrored)[k]) for k in (0, 1))
+        z_p, z_s = map(self._average, self._impedances(a, N), self._impedances(i, mirrored))
         normal = np.outer(n, n)
         S = 0.5 * np.linalg.norm(skew) * (z_p * normal + z_s * (np.eye(3) - normal))
         return self.options.dissipation * S @ jump

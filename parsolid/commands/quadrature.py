@@ -46,13 +46,14 @@ def _square(coordinates: np.ndarray) -> np.ndarray:
 
 
 def reference_places(solution: Any, time: float, current: np.ndarray) -> np.ndarray:
-    """X (n, 2) of places x (n, 2).
+    """X (n, 2) of places x (n, 2), by Newton's method, in which each direction is on its own.
 
-    The displacement gradient is below 0.2, so that twenty iterations leave round-off.
+    The displacement gradient is below 0.2, so that the first error of 0.2 X is round-off after five iterations.
     """
     places = current.copy()
-    for _ in range(20):
-        places = current - solution.fields(places, time)["displacement"]
+    for _ in range(5):
+        stretch, _ = solution.stretches(places, time)
+        places -= (places + solution.displacement(places, time) - current) / stretch
     return places
 
 

@@ -32,6 +32,7 @@ from parsolid.simulation.recorder import Recorder
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.signals import REQUEST
 from parsolid.simulation.warmup import load_kernels, warm_up
+from parsolid.start import loaded
 
 TO_BE_CONTINUED = 75
 
@@ -99,6 +100,7 @@ def run(comm: MPI.Intracomm, options: Namespace) -> int:
 
 def run_scene(comm: MPI.Intracomm, scene: Scene, options: Namespace, began: float) -> int:
     """Run a scene with the options of a command line; began: reading of the performance counter [s]. Collective."""
+    loaded()
     if targets(scene, options):
         return run_to_targets(comm, scene, options, began, run_alone)
     if wanted(scene, options):

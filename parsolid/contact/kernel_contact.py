@@ -17,7 +17,7 @@ from parsolid.contact import passes
 from parsolid.contact.boxes import Boxes
 from parsolid.contact.depth import fill_depths
 from parsolid.contact.heat_kernels import others_heat, own_heat
-from parsolid.contact.list_kernels import give_to_rows, take_from_rows
+from parsolid.contact.list_kernels import give_to_rows, longest_step, take_from_rows
 from parsolid.contact.lists import SEEN, Entries, Segment
 from parsolid.contact.recipients import Recipient
 from parsolid.contact.sides import sides_of, slots_of
@@ -31,6 +31,8 @@ from parsolid.scene.contact import CONTACT_TERMS, OSCILLATION, of_model
 # steps between looks at how far particles have moved, at least and at most, where bodies are near and where all are
 # apart; lists are asked for when they may not hold until twice the next look, and for as many steps more
 _LEAST_STEPS, _MOST_STEPS, _AHEAD = 4, {True: 16, False: 256}, 4
+# of R, by what a particle may come nearer or go in a step: its force is taken to change evenly in it
+_MOST_CLOSED = 0.02
 # penetration at the start that is refused, in the smaller spacing
 _TOO_DEEP = 1.0
 
@@ -85,7 +87,11 @@ class KernelContact(Interaction):
         self.rebuild(time)
         # found anew, forces of friction differ from those that made them in the last bits
         kept = [one.forces[1].copy() for one in self.recipients] if self.restarted else []
+        # where particles would be after a step
+        self._colours(anew=True, ahead=self._step)
+        ahead = self.level.copy()
         deepest = self.evaluate(None, held=True)
+        self._bound_step(self.level, ahead)
         for one, force in zip(self.recipients, kept):
             one.resume(force)
         if self._energies is not None:
@@ -251,8 +257,9 @@ class KernelContact(Interaction):
             for one in entries.segments:
                 start = self.systems[one.system].particles.owned_rows("contact_start")
                 take_from_rows(start[:, : self.moved.shape[1]], one.rows, one.first, self.moved)
+        before = self.level.copy()
         deepest = self._colours(anew=held)
-        self._nearest = passes.longest_step(self.colour, entries.constants, self.longest, SEEN)
+        self._bound_step(self.level if held else before, self.level)
         self.stuck = 0.0
         if self.rubs:
             self._rub(ledger, True if held else None)
@@ -269,15 +276,23 @@ class KernelContact(Interaction):
             ledger.add(1.0, 0.0, 0.0, work)
         return deepest
 
-    def _colours(self, anew: bool) -> tuple[float, int]:
+    def _bound_step(self, before: np.ndarray, after: np.ndarray) -> None:
+        """What contact allows of the next step; before, after (entries,) [m]: penetrations, a step apart."""
+        arrays = self.colour, self.entries.constants, self.longest, SEEN, after, before
+        self._nearest = longest_step(*arrays, self._step, _MOST_CLOSED)
+
+    def _colours(self, anew: bool, ahead: float = 0.0) -> tuple[float, int]:
         """Places, colours, penetrations and energy; the deepest and of which entry; collective among neighbours.
 
-        anew: the penetrations at the start of the step are not known, or nothing has moved in it.
+        anew: the penetrations at the start of the step are not known, or nothing has moved in it; ahead: of the places
+        after a time [s].
         """
         entries, owned = self.entries, self.entries.owned
         for one in entries.segments:
-            place = self.systems[one.system].particles.owned_rows("position")
-            take_from_rows(place, one.rows, one.first, self.place)
+            rows = self.systems[one.system].particles.owned_rows
+            take_from_rows(rows("position"), one.rows, one.first, self.place)
+            if ahead:
+                self.place[one.first : one.last] += ahead * rows("velocity")[one.rows]
         if self.rubs:
             self.moved[:owned] = self.place[:owned] - self.moved[:owned]
         self._exchange(self.first)

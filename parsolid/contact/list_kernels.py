@@ -187,3 +187,19 @@ def oscillation(rows, step, every, forces, mass, share, held, start, velocity, p
                 first, last = first - before, last - after
                 total -= 0.5 * whole * (last * last - first * first)
     return total
+
+
+@compiled
+def longest_step(colour, constants, longest, share, level, before, step, most):
+    """The least of the steps `longest` (owned,) [s] that those entries allow that see more than a share of their
+    threshold, and of those in which their penetrations change by a part `most` of R as they did in the last one;
+    before (owned,) [m]: the penetrations at its start, step [s]; inf where none does."""
+    least = math.inf
+    for a in range(len(colour)):
+        if colour[a] > share * constants[a, 0]:
+            reach = 1.0 / constants[a, 3]
+            least = min(least, longest[a])
+            # what was too far to be looked at has no rate yet
+            if before[a] > -reach:
+                least = min(least, step * most * reach / max(abs(level[a] - before[a]), 1e-300))
+    return least

@@ -152,17 +152,6 @@ def colours(owned, matter, near, new, colour, level, record):
     return energy, deepest, where
 
 
-@compiled
-def longest_step(colour, constants, longest, share):
-    """The least of the steps `longest` (owned,) [s] that those entries allow that see more than a share of their
-    threshold; inf where none does."""
-    least = math.inf
-    for a in range(len(colour)):
-        if colour[a] > share * constants[a, 0]:
-            least = min(least, longest[a])
-    return least
-
-
 @register_jitable
 def inverse_of(matrix, d, result):
     """The inverse (3, 3) of a symmetric matrix (d, d), zero where it is singular."""

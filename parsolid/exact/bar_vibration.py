@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import least_squares
 
 from parsolid.exact.prony import PronySeries
 from parsolid.exact.solution import Solution
@@ -135,6 +134,9 @@ def fitted_oscillation(time: np.ndarray, values: np.ndarray, guess: Oscillation)
     Amplitudes follow linearly, so that two numbers are sought: first of a few periods, then of twice as many each time,
     so that the phase is never off by half a turn.
     """
+
+    # scipy takes as long to import as a small run
+    from scipy.optimize import least_squares
 
     def remainder(parameters: Any, time: float, values: np.ndarray) -> Any:
         frequency, decay = parameters[0] * guess.frequency, parameters[1] * guess.frequency

@@ -59,6 +59,10 @@ class AxisAligned(Solution):
         angle = np.pi * positions
         return 1.0 + np.pi * size * np.cos(angle), -(np.pi**2) * size * np.sin(angle)
 
+    def displacement(self, positions: np.ndarray, time: float) -> np.ndarray:
+        """u (n, 2) [m] at X (n, 2) [m]."""
+        return np.sin(np.pi * positions) * self.amplitudes * np.sin(self.frequency * time)
+
     def fields(self, positions: np.ndarray, time: float) -> dict[str, np.ndarray]:
         """displacement [m], velocity [m/s] (n, 2) and Cauchy stress [Pa] (n, 3, 3) at X (n, 2) [m]."""
         shape = np.sin(np.pi * positions) * self.amplitudes
@@ -69,14 +73,14 @@ class AxisAligned(Solution):
         for i, squared in enumerate((stretch[:, 0] ** 2, stretch[:, 1] ** 2, np.ones(len(J)))):
             stress[:, i, i] = (volumetric + self.solid.mu * (squared - 1.0)) / J
         return {
-            "displacement": shape * np.sin(self.frequency * time),
+            "displacement": self.displacement(positions, time),
             "velocity": shape * self.frequency * np.cos(self.frequency * time),
             "stress": stress,
         }
 
     def body_force(self, positions: np.ndarray, time: float) -> np.ndarray:
         """b (n, 2) [m/s^2] of rho0 u'' = Div P + rho0 b at X (n, 2) [m]."""
-        acceleration = -(self.frequency**2) * self.fields(positions, time)["displacement"]
+        acceleration = -(self.frequency**2) * self.displacement(positions, time)
         stretch, bend = self.stretches(positions, time)
         J = stretch.prod(axis=1)
         volumetric, slope = self.solid.volumetric(J)

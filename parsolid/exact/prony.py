@@ -4,7 +4,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from parsolid.materials.viscoelastic.interconversion import shear_relaxation
 
@@ -59,6 +58,9 @@ class PronySeries:
         """D(t) with (D * dE)(t) = 1: retardation rates are the zeros of `operational`, one between each two of its
         poles.
         """
+        # scipy takes as long to import as a small run
+        from scipy.optimize import brentq
+
         poles = [*(-1.0 / self.times), 0.0]
         rates, amplitudes = [], []
         for lower, upper in pairwise(poles):

@@ -9,7 +9,6 @@ The paper's (80), (82) is not a solution: it has no memory, and (82) is not the 
 from typing import Any
 
 import numpy as np
-from scipy.linalg import expm
 
 from parsolid.exact.solution import Solution
 
@@ -48,6 +47,9 @@ class ViscoelasticPlate(Solution):
         """(T, T', V_1, ...) in m and m/s at a time [s]."""
         start = np.zeros(len(self.rates))
         start[0] = self.amplitude
+        # scipy takes as long to import as a small run
+        from scipy.linalg import expm
+
         return expm(self.rates * time) @ start
 
     def fields(self, positions: np.ndarray, time: float) -> dict[str, np.ndarray]:

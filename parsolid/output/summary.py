@@ -1,5 +1,6 @@
 """summary.json: what a run was and how it went; and where the numbers in it come from."""
 
+import functools
 import json
 import math
 import os
@@ -48,8 +49,12 @@ def peak_memory_bytes(present: bool = False) -> int:
     return peak if sys.platform == "darwin" else 1024 * peak
 
 
+@functools.cache
 def git_hash() -> str | None:
-    """Commit of the checkout this package runs from, "-modified" when files differ from it; None outside of one."""
+    """Commit of the checkout this package runs from, "-modified" when files differ from it; None outside of one.
+
+    As it was when this process first asked: what it runs was loaded then.
+    """
     package = Path(parsolid.__file__).resolve().parent
     # a package installed into an environment inside somebody's repository is not part of that repository
     if _git(package, "ls-files", "--error-unmatch", "__init__.py") is None:

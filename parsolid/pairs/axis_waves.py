@@ -7,24 +7,42 @@ c_ii that of pressure and c_ik that of shear waves. They act along different axe
 the sum is the sum of the greatest ones. 1/dt is convex in both speeds and grows with them: chords bound it.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from parsolid.pairs.lattice_stencils import WIDEST, Axis, lengths_of, operator_of
 
-# an axis of more nodes is one of so many whose damping is that of the longest
+# an even axis of more nodes is one of so many whose damping is that of the longest
 _MOST_NODES = 24
+# of longer graded ones parts of so many nodes are looked at, by the ends and where nodes are closest: waves of the
+# greatest frequencies are that local
+_PART = 64
+# nodes of a grading that are enough to tell whether waves grow; fewer nodes change faster
+_TOLD_BY, _TOLD_IN_PLANE_BY = 32, 9
+# squares of the speed of waves over that whose impedance dissipates: where volume hardly changes, waves of shear have
+# the dissipation of pressure
+_SLOWNESS = (1.0, 0.25, 0.01, 1e-3)
 _BISECTIONS = 16
 # rates of growth, in waves' times of a step, that are more than rounding of the double rate 0
 _GROWTH = 1e-6
 
 
+class _Matrices(NamedTuple):
+    """Of an axis with steps of 1 m, of nodes that may move, over the norm, S = 1: F, B, the symmetric part of B, and
+    the gradient."""
+
+    F: np.ndarray
+    B: np.ndarray
+    power: np.ndarray
+    slope: np.ndarray
+
+
 @lru_cache(maxsize=256)
-def _matrices(axis: Axis, wide: bool, reconstruction: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """F, the symmetric part of B, and B of an axis with steps of 1 m, over the norm, of nodes that may move; S = 1."""
+def _matrices(axis: Axis, wide: bool, reconstruction: bool) -> _Matrices:
     nodes, norm, operator = axis.nodes, lengths_of(axis, wide), operator_of(axis, wide)
     slope = np.zeros((nodes, nodes + 2 * WIDEST))
     for i in range(nodes):
@@ -37,33 +55,72 @@ def _matrices(axis: Axis, wide: bool, reconstruction: bool) -> tuple[np.ndarray,
         jump = difference - 0.5 * steps * np.abs(difference) @ slope
     else:
         jump = difference
-    damping = difference.T @ (operator[:-1, WIDEST + 1, None] * jump)
+    weight = np.where(axis.undamped(wide)[:-1, 1], 0.0, operator[:-1, WIDEST + 1])
+    damping = difference.T @ (weight[:, None] * jump)
     root = np.sqrt(norm)
     over = root[:, None] * root
     moving = slice(int(axis.held[0]), nodes - int(axis.held[1]))
-    found = slope.T @ (norm[:, None] * slope) / over, 0.5 * (damping + damping.T) / over, damping / over
-    F, B, whole = (one[moving, moving] for one in found)
-    return F, B, whole
+    stiffness, power = slope.T @ (norm[:, None] * slope) / over, 0.5 * (damping + damping.T) / over
+    every = stiffness, damping / over, power, root[:, None] * slope / root
+    return _Matrices(*(one[moving, moving] for one in every))
+
+
+def _grows(stiffness: np.ndarray, damping: np.ndarray) -> bool:
+    """Whether a motion does in short steps."""
+    one, none = np.eye(len(damping)), np.zeros_like(damping)
+    return bool(np.linalg.eigvals(np.block([[none, one], [-stiffness, -damping]])).real.max() > _GROWTH)
 
 
 def feeds_waves(axis: Axis, wide: bool, dissipation: float) -> bool:
-    """Whether the reconstructed dissipation makes shear waves of half the pressure waves' speed grow along an axis,
-    in short steps: where spacings change fast at ends of fourth order, it is no positive form.
+    """Whether the reconstructed dissipation makes waves grow along an axis: where spacings change fast at ends of
+    fourth order, it is no positive form.
     """
-    F, _, B = _matrices(axis.whole, wide, True)
-    rates = np.linalg.eigvals(np.block([[0.0 * F, np.eye(len(F))], [-0.25 * F, -dissipation * B]]))
-    return bool(rates.real.max() > _GROWTH)
+    found = _matrices(_fewer(axis.whole, _TOLD_BY), wide, True)
+    return any(_grows(square * found.F, dissipation * found.B) for square in _SLOWNESS)
+
+
+def feeds_waves_in_plane(axes: Sequence[Axis], wide: bool, dissipation: float, ratio: float) -> bool:
+    """Whether it does in the plane of two axes, of whose waves those of shear are `ratio` times as fast as those of
+    pressure: what keeps the volume feels but a part of what each axis damps.
+    """
+    least, found = min(axis.step for axis in axes), []
+    for axis in axes:
+        h, own = least / axis.step, _matrices(_fewer(axis.whole, _TOLD_IN_PLANE_BY), wide and axis.wide, True)
+        found.append((h * h * own.F, dissipation * h * own.B, h * own.slope, np.eye(len(own.F))))
+    (F, B, G, one), (E, C, H, other) = found
+    slow, lame = ratio * ratio, 1.0 - 2.0 * ratio * ratio
+    normal = np.kron(F, other) + slow * np.kron(one, E), slow * np.kron(F, other) + np.kron(one, E)
+    mixed = lame * np.kron(G.T, H) + slow * np.kron(G, H.T)
+    damping = np.kron(B, other) + ratio * np.kron(one, C), ratio * np.kron(B, other) + np.kron(one, C)
+    return _grows(np.block([[normal[0], mixed], [mixed.T, normal[1]]]), block_diag(*damping))
+
+
+def _fewer(axis: Axis, nodes: int) -> Axis:
+    """Of the same grading with no more than so many nodes."""
+    if not axis.places or axis.nodes <= nodes:
+        return axis
+    places = np.interp(np.linspace(0.0, axis.nodes - 1.0, nodes), np.arange(axis.nodes), axis.places)
+    return axis._replace(nodes=nodes, places=tuple((places * (nodes - 1) / places[-1]).tolist()))
 
 
 @lru_cache(maxsize=4096)
 def _greatest(axis: Axis, wide: bool, reconstruction: bool, square: float, damping: float) -> float:
     """Greatest eigenvalue of square F + 2 damping B of an axis with steps of 1 m."""
     few = axis.nodes if axis.places else min(axis.nodes, _MOST_NODES)
-    F, B, _ = _matrices(axis._replace(nodes=few), wide, reconstruction)
+    found = _matrices(axis._replace(nodes=few), wide, reconstruction)
     if axis.nodes > few:
         # 4 q, of the wave that alternates from node to node
-        damping *= (8.0 / 3.0 if wide else 2.0) / float(np.linalg.eigvalsh(B)[-1])
-    return float(np.linalg.eigvalsh(square * F + 2.0 * damping * B)[-1])
+        damping *= (8.0 / 3.0 if wide else 2.0) / float(np.linalg.eigvalsh(found.power)[-1])
+    sums = square * found.F + 2.0 * damping * found.power
+    return max(float(np.linalg.eigvalsh(sums[part, part])[-1]) for part in _parts(axis, len(sums)))
+
+
+def _parts(axis: Axis, nodes: int) -> list[slice]:
+    """Of so many nodes those where the greatest eigenvalue may be at home."""
+    if not axis.places or nodes <= 3 * _PART:
+        return [slice(0, nodes)]
+    closest = min(max(int(np.argmin(np.diff(axis.places))) - _PART // 2, 0), nodes - _PART)
+    return [slice(at, at + _PART) for at in (0, closest, nodes - _PART)]
 
 
 class Lattice(NamedTuple):

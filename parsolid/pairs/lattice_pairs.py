@@ -14,12 +14,14 @@ _ASTRAY = 1e-3
 
 
 class Lattices(NamedTuple):
-    """Of owned particles: number (n,) int64 of the lattice, -1 on none; spacing (n, d) [m]; weight (n, d, 7) of their
-    `Stencils`. graded: whether any stand elsewhere than on the even steps by which pairs are told."""
+    """Of owned particles: number (n,) int64 of the lattice, -1 on none; spacing (n, d) [m]; weight (n, d, 7) and
+    undamped (n, d, 2) of their `Stencils`. graded: whether any stand elsewhere than on the even steps by which pairs
+    are told."""
 
     number: np.ndarray
     spacing: np.ndarray
     weight: np.ndarray
+    undamped: np.ndarray
     graded: bool = False
 
 
@@ -86,7 +88,7 @@ def fill_lattice_weights(lattices, pairs, places, positions):
 
 @compiled
 def keep_near_jumps(lattices, pairs, places, positions):
-    """Set k_ab of pairs on lattices to 0 but of nearest neighbours.
+    """Set k_ab of pairs on lattices to 0 but of nearest neighbours that are not `undamped`.
 
     The jump of a pair over two spacings, reconstructed, is no positive form: with it waves of short length grow.
     """
@@ -99,5 +101,7 @@ def keep_near_jumps(lattices, pairs, places, positions):
             R, T = places.reflections[places.code[k]], places.shifts[places.code[k]]
             Xb = image_point(positions, pairs.neighbour[k], R, T)
             for i in range(d):
-                if abs(Xb[i] - Xa[i]) > 1.5 * lattices.spacing[a, i]:
+                steps = (Xb[i] - Xa[i]) / lattices.spacing[a, i]
+                none = (steps < -0.5 and lattices.undamped[a, i, 0]) or (steps > 0.5 and lattices.undamped[a, i, 1])
+                if abs(steps) > 1.5 or none:
                     pairs.weight[k, d] = 0.0

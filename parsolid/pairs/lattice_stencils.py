@@ -64,6 +64,18 @@ class Axis(NamedTuple):
         """Whether the operator of fourth order fits."""
         return self.with_images >= FEWEST
 
+    def undamped(self, wide: bool) -> np.ndarray:
+        """Which nodes (count, 2) have no dissipation with the one below and the one above them.
+
+        On graded axes of fourth order the outermost pairs at ends without images: the gradients there change so fast
+        that reconstructed jumps would feed waves.
+        """
+        result = np.zeros((self.nodes, 2), bool)
+        if self.places and wide:
+            ends = [at for at, mirrored in ((0, self.mirrored[0]), (self.nodes - 2, self.mirrored[1])) if not mirrored]
+            result[ends, 1] = result[np.array(ends, int) + 1, 0] = True
+        return result
+
     @property
     def highest_frequency(self) -> float:
         """Of waves of speed 1 m/s along the axis with free ends [1/s], times the step, of fourth order where `wide`.
@@ -83,11 +95,13 @@ class Axis(NamedTuple):
 
 class Stencils(NamedTuple):
     """weight (n, d, 7): g_ab = e_k weight[a, k, 3 + offset] for the neighbour at an offset along axis k, images too.
+    undamped (n, d, 2): whether there is no dissipation with the next node below and above, see `Axis.undamped`.
 
     volume (n,) [m^3], area (n, d) [m^2]: of the body's own part, without what is beyond mirror planes.
     """
 
     weight: np.ndarray
+    undamped: np.ndarray
     volume: np.ndarray
     area: np.ndarray
 
@@ -101,7 +115,7 @@ def cell_stencils(
     face = np.prod(steps) / steps
     exists = {side: holds([i + s for i, s in zip(index, side)]) for side in product((-1, 0), repeat=d)}
     mirrored = {side: _with_images(exists, side, index, axes) for side in exists}
-    result = Stencils(np.zeros((n, d, 2 * WIDEST + 1)), np.zeros(n), np.zeros((n, d)))
+    result = Stencils(np.zeros((n, d, 2 * WIDEST + 1)), np.zeros((n, d, 2), bool), np.zeros(n), np.zeros((n, d)))
     for side, here in exists.items():
         result.volume[:] += here * np.prod(steps) / 2**d
         for k, s in enumerate(side):
@@ -132,7 +146,8 @@ def box_stencils(index: list[np.ndarray], axes: list[Axis], fourth_order: bool =
     n, d = len(index[0]), len(axes)
     norms = [lengths_of(axis, fourth_order and axis.wide)[i] for axis, i in zip(axes, index)]
     own = [norm * _share(axis, i) for norm, axis, i in zip(norms, axes, index)]
-    result = Stencils(np.zeros((n, d, 2 * WIDEST + 1)), np.prod(own, axis=0), np.zeros((n, d)))
+    weight, undamped = np.zeros((n, d, 2 * WIDEST + 1)), np.zeros((n, d, 2), bool)
+    result = Stencils(weight, undamped, np.prod(own, axis=0), np.zeros((n, d)))
     for k, axis in enumerate(axes):
         across = np.ones(n)
         result.area[:, k] = (index[k] == axis.nodes - 1).astype(float) - (index[k] == 0)
@@ -141,6 +156,7 @@ def box_stencils(index: list[np.ndarray], axes: list[Axis], fourth_order: bool =
                 across = across * norms[j]
                 result.area[:, k] *= own[j]
         result.weight[:, k] = operator_of(axis, fourth_order and axis.wide)[index[k]] * across[:, None]
+        result.undamped[:, k] = axis.undamped(fourth_order and axis.wide)[index[k]]
     return result
 
 

@@ -22,9 +22,10 @@ from parsolid.pairs.displacement import Allowance, body_bounds, body_motions, sk
 from parsolid.pairs.lists import Images, InnerList, OneSidedList
 from parsolid.pairs.pair_lists import PairLists
 from parsolid.particles.declaration import Field
+from parsolid.particles.measured_load import MeasuredLoad
 
-# rebuilds after which particles are dealt out anew in any case
-_LONGEST = 16
+# rebuilds after which particles are dealt out anew in any case, and between looks at what steps have cost
+_LONGEST, _LOOKS = 16, 4
 # storage is sorted anew when this share of the particles has its successor in space so many rows away
 _DISORDER, _FAR = 0.1, 64
 # of the reach of ghosts over that of pairs, whose distance test repeats in other arithmetic
@@ -37,9 +38,10 @@ class MovingPairs(PairLists):
     It reads the fields position (d,) [m], velocity (d,) [m/s], body, and smoothing_length [m], which may change only
     just before a rebuild, and declares listed_position.
     unbonded: bodies (bodies, bodies) that make no pairs with one another, None where all may; set before `rebuild`;
-    rebuilds, dealt: how often lists were made and particles dealt out anew; migrated, seconds: particles that this rank
-    gave away, time of its processor [s]; late: how often `due` found that lists had been used too long, which a smaller
-    step or a wider skin cures.
+    load: by which ranks get unlike shares of all particles, None where they get equal ones; rebuilds, dealt: how often
+    lists were made and particles dealt out anew; migrated, seconds: particles that this rank gave away, time of its
+    processor [s]; late: how often `due` found that lists had been used too long, which a smaller step or a wider skin
+    cures.
     """
 
     def __init__(
@@ -62,6 +64,8 @@ class MovingPairs(PairLists):
         self.comm, self.particles, self.space = comm, particles, space
         self.support, self.skin, self.codes, self.rebalance = support, skin, codes, rebalance
         self.unbonded: np.ndarray | None = None
+        self.load: MeasuredLoad | None = None
+        self._shares: np.ndarray | None = None
         self.rebuilds = self.dealt = self.migrated = self.late = 0
         self.seconds, self.built_at = 0.0, 0.0
         self._search = ClosePairs()
@@ -91,7 +95,7 @@ class MovingPairs(PairLists):
         began = clock.process_time()
         particles = self.particles
         load, boxes = self._survey(particles.owned_rows("position"))
-        if self.comm.size > 1 and self._must_deal(load):
+        if self.comm.size > 1 and (self._must_deal(load) | self._unlike_measured()):
             self._deal_out()
         self._sort()
         self.built_at = time
@@ -132,10 +136,19 @@ class MovingPairs(PairLists):
             self._dealt_load = load
         return self.rebuilds == 0 or self._since >= _LONGEST or load > self.rebalance * self._dealt_load
 
+    def _unlike_measured(self) -> bool:
+        """Whether steps have cost ranks so unlike times that other shares are worth their price; collective."""
+        if self.load is None or self.rebuilds == 0 or self.rebuilds % _LOOKS != 0:
+            return False
+        shares = self.load.look(self.particles.owned)
+        if shares is not None:
+            self._shares = shares
+        return shares is not None
+
     def _deal_out(self) -> None:
-        """Every rank a compact part of all particles, as many as any other; collective."""
+        """Every rank a compact part of all particles, its share; collective."""
         particles = self.particles
-        owner = bisect(self.comm, np.ascontiguousarray(particles.owned_rows("position")))
+        owner = bisect(self.comm, np.ascontiguousarray(particles.owned_rows("position")), shares=self._shares)
         leaving = np.flatnonzero(owner != self.comm.rank)
         moved = migrate(self.comm, owner[leaving], {"rows": particles.packed(leaving)})["rows"]
         particles.detach()
@@ -199,6 +212,16 @@ class MovingPairs(PairLists):
         if self.codes is not None:
             raise_together(self.comm, self.codes.too_close(np.full(positions.shape[1], self.reach)))
 
+    def summary(self) -> dict[str, Any]:
+        """How often lists were made anew, how often too late, and particles that changed their rank; collective."""
+        return {
+            "lists_made": self.rebuilds,
+            "list_seconds": maximum(self.comm, self.seconds),
+            "migrated_particles": self.comm.allreduce(self.migrated),
+            "lists_made_late": self.comm.allreduce(self.late),
+            **(self.load.summary() if self.load is not None else {}),
+        }
+
     # --- restart ----------------------------------------------------------------------------------------------
 
     def state(self) -> dict[str, Any]:
@@ -213,6 +236,7 @@ class MovingPairs(PairLists):
             "migrated": self.comm.allgather(self.migrated),
             "dealt_load": self._dealt_load,
             "since": self._since,
+            "shares": None if self._shares is None else self._shares.tolist(),
         }
 
     def restore(self, state: dict[str, Any], time: float) -> None:
@@ -227,6 +251,7 @@ class MovingPairs(PairLists):
             self.rebuild(time)
             return
         self.late, self.migrated = state["late"][self.comm.rank], state["migrated"][self.comm.rank]
+        self._shares = np.array(state["shares"]) if state.get("shares") else None
         self.built_at = state["built_at"]
         _, boxes = self._survey(self.particles.owned_rows("listed_position"))
         self.motions = body_motions(np.array(state["velocities"]), *boxes, self.codes)

@@ -1,5 +1,6 @@
 """Contact between bodies, and within one, as a scene states it."""
 
+from collections.abc import Iterable
 from itertools import combinations
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -75,6 +76,12 @@ def contact_pairs(contacts: list[Contact], names: list[str | None]) -> list[Body
 def of_model(contacts: Any, model: str) -> list[Contact]:
     """Contacts of one model."""
     return [one for one in contacts if one.model == model]
+
+
+def in_contact(scene: Any, bodies: Iterable[int]) -> list[str]:
+    """Names of those of some bodies that meet another one, by forces between particles."""
+    named = {name for one in of_model(scene.contact, "kernel") if len(one.bodies) > 1 for name in one.bodies}
+    return [scene.bodies[i].name for i in bodies if scene.bodies[i].name in named]
 
 
 def grid_pairs(scene: Any) -> dict[tuple[int, int], Contact]:

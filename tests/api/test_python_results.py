@@ -35,12 +35,16 @@ def results(tmp_path_factory):
     return parsolid.run(SCENE, output=tmp_path_factory.mktemp("run") / "here")
 
 
-def test_a_job_of_its_own_leaves_what_a_run_in_this_process_leaves(results, tmp_path):
-    other = parsolid.run(SCENE, output=tmp_path / "there", ranks=2)
-    assert other.summary["ranks"] == 2 and results.summary["ranks"] == 1
-    for name, values in results.columns.items():
+def test_a_job_of_its_own_leaves_what_a_run_in_this_process_leaves(tmp_path):
+    """With the same options, which act in both."""
+    options = ("-q", "--set", "bodies.0.particles=[8,8]", "--end-time", "5e-4")
+    here, there = (parsolid.run(SCENE, output=tmp_path / str(n), ranks=n, options=options) for n in (None, 2))
+    for results, ranks in ((here, 1), (there, 2)):
+        assert results.summary["ranks"] == ranks and results.summary["particles"] == 64
+        assert results.summary["end_time"] == 5e-4
+    for name, values in here.columns.items():
         if name != "wall_time":
-            np.testing.assert_allclose(other.columns[name], values, rtol=1e-9, atol=1e-9 * np.abs(values).max())
+            np.testing.assert_allclose(there.columns[name], values, rtol=1e-9, atol=1e-9 * np.abs(values).max())
 
 
 def test_fields_are_those_of_the_file_by_time_and_name(results):
@@ -154,16 +158,11 @@ def test_what_a_script_adds_to_the_velocities_ends_its_run():
     assert simulation.steps < 100
 
 
-@pytest.mark.parametrize("ranks", [None, 2])
-def test_options_act_in_this_process_as_in_one_of_their_own(tmp_path, ranks):
-    options = ("-q", "--set", "bodies.0.particles=[8,8]", "--end-time", "5e-4")
-    found = parsolid.run(SCENE, output=tmp_path / "some", ranks=ranks, options=options)
-    assert found.summary["particles"] == 64 and found.summary["end_time"] == 5e-4
-    if ranks is None:
-        stopped = parsolid.run(SCENE, output=tmp_path / "late", options=("-q", "--wall-time", "1e-3"))
-        assert stopped.summary["status"] == "interrupted"
-    with pytest.raises((SceneError, SolverError), match="--set bodies.7.particles: expected an index"):
-        parsolid.run(SCENE, output=tmp_path / "none", ranks=ranks, options=("--set", "bodies.7.particles=1"))
+def test_options_act_in_this_process(tmp_path):
+    stopped = parsolid.run(SCENE, output=tmp_path / "late", options=("-q", "--wall-time", "1e-3"))
+    assert stopped.summary["status"] == "interrupted"
+    with pytest.raises(SceneError, match="--set bodies.7.particles: expected an index"):
+        parsolid.run(SCENE, output=tmp_path / "none", options=("--set", "bodies.7.particles=1"))
 
 
 def test_a_script_under_mpirun_is_a_run_on_all_its_ranks(comm, shared_path):

@@ -89,6 +89,27 @@ def test_a_part_between_two_held_regions_is_told_what_its_control_does():
         assert len(notes) == count and all("'left' and 'right' are held or driven" in one for one in notes)
 
 
+@pytest.mark.parametrize(
+    "method, stated, told",
+    [
+        ({"kind": "peridynamics"}, {"stabilisation": {"coefficient": 0.35}}, "coefficient = 0.125"),
+        ({"kind": "mpm", "cell": 0.2}, {"transfer": "apic"}, "transfer = 'apic'"),
+    ],
+)
+def test_faces_in_contact_are_told_what_makes_them_stiff_or_soft(method, stated, told):
+    box = {"particles": [10, 10], "placement": "cells"}
+    box["material"] = {"kind": "linear-elastic", "density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3}
+    if method["kind"] == "mpm":
+        box["material"]["kind"] = "neo-hookean"
+    shapes = ({"box": {"lower": [0.0, low], "upper": [1.0, low + 1.0]}} for low in (0.0, 1.0))
+    bodies = [box | {"name": name, "shape": shape} for name, shape in zip("ab", shapes)]
+    data = {"dimension": 2, "end_time": 1.0, "bodies": bodies, "contact": [{"bodies": ["a", "b"]}]}
+    (note,) = scene_advice(parse_scene(data | {"method": method}))
+    assert note.startswith("a, b in contact") and told in note
+    assert scene_advice(parse_scene(data | {"method": method | stated})) == []
+    assert scene_advice(parse_scene(data | {"method": method, "contact": []})) == []
+
+
 def test_a_mesh_in_millimetres_is_told_how_large_it_is_and_how_slow_its_waves_are(tmp_path, comm):
     import meshio
 

@@ -148,13 +148,13 @@ def test_elastic_work_is_what_is_stored(driven, path):
 @pytest.mark.parametrize("path", ['kind = "isochoric"\nstretch = "1 + 8*t"', 'kind = "uniaxial"\nstretch = "1 + 5*t"'])
 def test_moving_paths_are_of_second_order(driven, path):
     material = MATERIAL.replace("tau = 1e-4", "tau = 0.2")
-    runs = [driven(path, material, f"end_time = 0.1\nsteps = {steps}\n").columns for steps in (20, 40, 80, 400)]
+    runs = [driven(path, material, f"end_time = 0.1\nsteps = {steps}\n").columns for steps in (20, 40, 80, 160)]
     for quantity in ("first_piola_kirchhoff_stress_xx", "branch_1.A_xx", "dissipation", "work"):
-        values = [columns[quantity][-1] for columns in runs]
-        errors = np.abs(np.array(values[:3]) - values[3])
-        assert np.log2(errors[:-1] / errors[1:]) == pytest.approx([2.0, 2.0], abs=0.12), quantity
-    balance = [np.abs(columns["balance"]).max() for columns in runs[:3]]
-    assert np.log2(np.array(balance[:-1]) / balance[1:]) == pytest.approx([2.0, 2.0], abs=0.2)
+        # what each halving of the step changes
+        changes = np.abs(np.diff([columns[quantity][-1] for columns in runs]))
+        assert np.log2(changes[:-1] / changes[1:]) == pytest.approx([2.0, 2.0], abs=0.12), quantity
+    balance = [np.abs(columns["balance"]).max() for columns in runs]
+    assert np.log2(np.array(balance[:-1]) / balance[1:]) == pytest.approx([2.0, 2.0, 2.0], abs=0.2)
 
 
 def test_uniaxial_stretch_with_free_sides(driven):
@@ -246,7 +246,7 @@ def test_the_table_of_one_point_drives_another(write, comm, shared_path, driven)
     source = write(
         f"end_time = 0.1\nsteps = 50\n{MATERIAL}[path]\nkind = 'uniaxial'\nstretch = '1 + 3*t'\n", "first.toml"
     )
-    run_point(comm, options(source, shared_path / "first"))
+    run_point(comm, options(source, shared_path / "first", output__pictures="false"))
     (first,) = read(shared_path / "first" / "point.csv")
     second = driven('kind = "table"\nfile = "first/point.csv"', head="end_time = 0.1\nsteps = 50\n").columns
     assert second["first_piola_kirchhoff_stress_xx"][-1] == pytest.approx(
@@ -398,12 +398,14 @@ def read(*paths):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["uniaxial", "shear", "cyclic", "relaxation"])
 def test_examples(comm, shared_path, name):
-    assert run_point(comm, options(EXAMPLES / f"{name}.toml", shared_path, output__pictures="false")) == 0
+    # a quarter of the steps of the longest one, whose sides are sought in each
+    fewer = {"steps": 250} if name == "uniaxial" else {}
+    assert run_point(comm, options(EXAMPLES / f"{name}.toml", shared_path, output__pictures="false", **fewer)) == 0
     (columns,) = read(shared_path / "point.csv")
     summary = json.loads((shared_path / "point_summary.json").read_text())
     assert summary["rows"] == len(columns["time"]) > 100
     assert summary["hyperbolic"] is True
-    bound = {"uniaxial": 1e-5, "shear": 1e-6, "cyclic": 1e-4, "relaxation": 1e-12}[name]
+    bound = {"uniaxial": 1.6e-4, "shear": 1e-6, "cyclic": 1e-4, "relaxation": 1e-12}[name]
     assert summary["balance_error_relative"] <= bound
     assert summary["input"]["path"]["kind"] in (EXAMPLES / f"{name}.toml").read_text()
     assert np.diff(columns["dissipation"]).min() >= 0.0

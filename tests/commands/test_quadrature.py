@@ -81,7 +81,6 @@ def test_exact_integrals_against_one_dimensional_ones(kind, degree):
 
 
 @pytest.mark.slow
-@pytest.mark.every_other
 @pytest.mark.parametrize("kind", quadrature.POINTWISE)
 def test_nearly_all_of_the_error_is_quadrature(kind):
     error, exact = quadrature.errors(kind, 64, 2)

@@ -1,5 +1,6 @@
 """Where every other parameter set of a test runs, each value of each of its parameters has its turn."""
 
+import random
 from itertools import product
 from types import SimpleNamespace
 
@@ -38,6 +39,20 @@ def test_each_value_is_on_a_black_field_and_half_of_all_are_white(sides):
         assert {item.callspec.params[name] for item in black} == values, name
 
 
-def test_of_one_parameter_it_is_every_other_value():
-    names = list("abcde")
-    assert [item.callspec.params["name"] for item in white_fields(items(name=names))] == ["b", "d"]
+def test_of_one_parameter_no_value_is_left_out_but_on_several_ranks():
+    sets = items(name=list("abcde"))
+    assert white_fields(sets) == []
+    assert [item.callspec.params["name"] for item in white_fields(sets, each_value=False)] == ["b", "d"]
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_each_value_runs_on_boards_with_holes(seed):
+    """Of sets that were chosen one by one, in any order, as those are whose marks say more of them."""
+    draw = random.Random(seed)
+    sides = {name: [f"{name}{k}" for k in range(draw.randint(1, 4))] for name in ("law", "dimension", "kind")}
+    sets = [item for item in items(**sides) if draw.random() < draw.choice([0.3, 0.6, 0.9])]
+    draw.shuffle(sets)
+    white = white_fields(sets)
+    for name in sides:
+        black = {item.callspec.params[name] for item in sets if item not in white}
+        assert black == {item.callspec.params[name] for item in sets}, name

@@ -18,7 +18,10 @@ METHODS = {
     "sph": {"kind": "tlsph"},
     "bonds": {"kind": "peridynamics", "horizon_ratio": 2.0},
     "points": {"kind": "mpm", "cell": 2.0 / 25},
+    "flow": {"kind": "ulsph", "skin": 0.01},
 }
+FLOW = {"kind": "linear-hardening", "yield_stress": 1e12, "hardening": 0.0}
+METAL = SOLID | {"kind": "elastic-plastic", "specific_heat": 400.0, "taylor_quinney": 0.9, "flow_stress": FLOW}
 
 
 def bars(first: str, second: str, **rest) -> dict:
@@ -30,7 +33,8 @@ def bars(first: str, second: str, **rest) -> dict:
         box = {"lower": lower, "upper": [lower[0] + 1.0, 5 * h]}
         kind = {"placement": "nodes" if nodes else "cells", "particles": [25 + nodes, 5 + nodes]}
         speed = [sign * 0.5 * CLOSING, 0.0]
-        body = {"name": "ab"[number], "shape": {"box": box}, "velocity": speed, "material": SOLID, "method": name}
+        body = {"name": "ab"[number], "shape": {"box": box}, "velocity": speed, "method": name}
+        body |= {"material": METAL if name == "flow" else SOLID}
         bodies.append(body | kind)
     methods = [{"name": name} | METHODS[name] for name in dict.fromkeys((first, second))]
     guided = [{"plane": f"Y = {place}", "kind": "roller"} for place in (0.0, 5 * h)]

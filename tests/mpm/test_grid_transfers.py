@@ -11,6 +11,9 @@ from parsolid.methods.mpm.gather import gather
 from parsolid.methods.mpm.scatter import scatter
 from parsolid.numerics.lanes import aligned_zeros
 
+# forces of zero: the kernels of the test with forces; None where those of runs without are wanted
+NOTHING = "nothing"
+
 
 def particles(particle_set):
     return int(particle_set.grid.start[-1])
@@ -39,11 +42,10 @@ def random_affine(particle_set):
     return affine
 
 
-def run_scatter(particle_set, transfer, stress, external=None, space=None, motion=True, partials=None):
+def run_scatter(particle_set, transfer, stress, external=NOTHING, space=None, motion=True, partials=None):
     where = particle_set.motion
     particle_set.nodes[:] = 0.0
-    if external is None:
-        # not None: one kernel less to compile
+    if external is NOTHING:
         external = aligned_zeros((len(where), 4))
     moving = where if motion else None
     scatter(particle_set.interpolation(space), moving, transfer, stress, external, particle_set.nodes, partials)

@@ -1,4 +1,5 @@
-"""Writes checkpoints and fields as fast as it can until it is killed: mpirun -n 2 python endless_writer.py DIRECTORY.
+"""Writes checkpoints and fields as fast as it can until it is killed, or the process NUMBER has ended, which wants it:
+mpirun -n 2 python endless_writer.py DIRECTORY NUMBER.
 
 Every state is a function of the step alone, so that whoever reads a file knows what must be in it.
 """
@@ -18,7 +19,16 @@ def state(step: int, identifier: np.ndarray) -> dict[str, np.ndarray]:
     return {"identifier": identifier, "position": position, "jacobian": 1.0 / (1.0 + identifier + step)}
 
 
-def main(directory: Path) -> None:
+def is_there(process: int) -> bool:
+    """Whether a process of this user runs."""
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def main(directory: Path, wanted_by: int) -> None:
     from mpi4py import MPI
 
     from decomposition.migration import migrate
@@ -43,12 +53,14 @@ def main(directory: Path) -> None:
     if comm.rank == 0:
         (directory / "processes.partial").write_text(" ".join(map(str, processes)))
         os.replace(directory / "processes.partial", directory / "processes")
-    while True:
+    while is_there(wanted_by):
         step += 1
         now = state(step, identifier)
         series.write(0.5 * step, identifier, now["position"], {"jacobian": now["jacobian"]}, {"identifier": identifier})
         write_checkpoint(comm, directory / "checkpoint.h5", {"step": step}, [now], np.array([step + comm.rank / 7.0]))
+    # the others may have seen it still there, and be waiting for this rank
+    comm.Abort(1)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]), int(sys.argv[2]))

@@ -3,6 +3,8 @@
 import os
 import random
 import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -29,13 +31,18 @@ def written(directory: Path) -> tuple[int, int] | None:
     return found.st_ino, found.st_mtime_ns
 
 
+def start_writer(directory: Path, ranks: int, wanted_by: int) -> subprocess.Popen:
+    """The writer, which ends when the process that wants it has."""
+    return start([*program(str(Path(__file__).with_name("endless_writer.py"))), directory, wanted_by], ranks)
+
+
 def run_until_killed(directory: Path, ranks: int, checkpoints: int, lifetime: float) -> None:
     """Start the writer and kill all its processes so long [s] after it has begun and written so many checkpoints."""
     processes = directory / "processes"
     processes.unlink(missing_ok=True)
     seen = {None, written(directory)}
     wanted = len(seen) + checkpoints
-    job = start([*program(str(Path(__file__).with_name("endless_writer.py"))), directory], ranks)
+    job = start_writer(directory, ranks, os.getpid())
     try:
         end = time.monotonic() + 60.0
         while not processes.exists():
@@ -97,6 +104,27 @@ def test_every_kill_leaves_a_whole_checkpoint_and_readable_fields(tmp_path):
     # all that was written is still there: every step once or, where a run was killed between the two files, twice
     times = np.concatenate([check_fields(path) for path in tmp_path.glob("fields*.vtkhdf")])
     assert set(0.5 * np.arange(1, step + 1)) <= set(times)
+
+
+@pytest.mark.serial
+def test_the_writer_ends_with_who_wants_it(tmp_path):
+    """A test that is itself killed leaves no writer behind."""
+    waiting = subprocess.Popen([sys.executable, "-S", "-c", "input()"], stdin=subprocess.PIPE)
+    job = start_writer(tmp_path, 2, waiting.pid)
+    try:
+        end = time.monotonic() + 60.0
+        while written(tmp_path) is None:
+            assert job.poll() is None and time.monotonic() < end, "the writer did not write"
+            time.sleep(0.002)
+        waiting.kill()
+        # until it is waited for, a process that has ended still has its number
+        waiting.wait()
+        assert job.wait(30.0) != 0
+    finally:
+        waiting.kill()
+        if job.poll() is None:
+            os.killpg(job.pid, signal.SIGKILL)
+            job.wait()
 
 
 def test_before_the_first_checkpoint_it_is_told_that_there_is_none(comm, shared_path):

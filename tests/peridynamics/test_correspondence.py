@@ -106,7 +106,7 @@ def test_force_is_what_the_stiffness_says(dimension, material):
         "linear-elastic": {},
         "prony": {"kind": "prony", "terms": [{"ratio": 2.0, "tau": 0.3}, {"ratio": 0.5, "tau": 0.02}]},
     }
-    law["elastic-bulk"] = {**law["prony"], "bulk": "elastic", "terms": law["prony"]["terms"][:1]}
+    law["elastic-bulk"] = {**law["prony"], "bulk": "elastic"}
     plane = {"plane": "stress"} if dimension == 2 else {}
     method = body_of(dimension, "fixed", material=law[material], method=plane)
     first, u = random_field(method, 1), random_field(method, 2)
@@ -147,7 +147,11 @@ def test_ranks_share_what_one_computes(comm, dimension, planes, broken):
 
 LAWS = {
     "relaxing": {"kind": "prony", "terms": [{"ratio": 2.0, "tau": 0.3}]},
-    "elastic bulk": {"kind": "prony", "bulk": "elastic", "terms": [{"ratio": 2.0, "tau": 0.3}]},
+    "elastic bulk": {
+        "kind": "prony",
+        "bulk": "elastic",
+        "terms": [{"ratio": 1.5, "tau": 0.3}, {"ratio": 0.5, "tau": 0.06}],
+    },
     "finite strain": {"kind": "prony", "strain": "finite", "terms": [{"ratio": 2.0, "tau": 0.3}]},
     "hyperelastic": {"kind": "mooney-rivlin", "zeta": 0.1, "branches": [{"beta": 2.0, "tau": 0.3}]},
 }
@@ -241,7 +245,7 @@ def test_the_balance_of_one_kicked_particle_closes_to_rounding(loads):
 @pytest.mark.parametrize("dimension", [1, 2], ids=["bar", "plane stress"])
 def test_what_relaxes_across_a_free_direction_within_a_step_is_dissipated(dimension):
     """Released from a stretch, tau << dt: the lateral strain jumps in the first step, however short that is."""
-    material, worst = {**LAWS["elastic bulk"], "terms": [{"ratio": 2.0, "tau": 1e-7}]}, []
+    material, worst = {**LAWS["elastic bulk"], "terms": [{"ratio": 1.5, "tau": 1e-7}, {"ratio": 0.5, "tau": 1e-7}]}, []
     for safety, steps in ((0.2, 20), (0.05, 80)):
         method = {"solution": {"kind": "explicit", "safety": safety}}
         if dimension == 2:

@@ -29,10 +29,8 @@ EVERY_STEP, NOW_AND_THEN = ({"reference": "updated", "update_every": steps} for 
 
 
 def body(dimension: int, method: dict, **keys):
-    """A free body of unequal spacings."""
-    # in the plane the kernels of the punch
-    cofactors = {"zeta": 0.2} if dimension == 3 else {}
-    keys = {"material": {**SOFT, **cofactors, "branches": ONE_BRANCH}, **keys}
+    """A free body of unequal spacings, with the kernels of the punch and of the column."""
+    keys = {"material": {**SOFT, "branches": ONE_BRANCH}, **keys}
     return tables([6, 5, 4][:dimension], [1.0, 1.3, 0.9][:dimension], method=method, **keys)
 
 

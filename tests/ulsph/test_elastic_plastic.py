@@ -166,7 +166,7 @@ def taylor(dimension=2, **keys) -> dict:
     )
 
 
-@pytest.mark.parametrize("dimension", [2, pytest.param(3, marks=pytest.mark.long)])
+@pytest.mark.parametrize("dimension", [2, 3])
 def test_the_taylor_bar_does_not_depend_on_the_ranks(comm, dimension):
     data = taylor(dimension)
     (spread, many), (single, one) = run_steps(data, 60, comm), run_steps(data, 60, comm.Split(comm.rank))

@@ -1,7 +1,6 @@
 """ViscoelasticHistory of one modulus from that of another: E(t) -> G(t) for an elastic bulk."""
 
 import numpy as np
-from scipy.optimize import brentq
 
 
 def shear_relaxation(bulk_modulus: float, equilibrium: float, moduli, times) -> tuple[float, np.ndarray, np.ndarray]:
@@ -11,6 +10,9 @@ def shear_relaxation(bulk_modulus: float, equilibrium: float, moduli, times) -> 
     beyond each pole of E. Terms of the same time become one, those without stiffness none. ValueError unless E(0+) < 9
     K.
     """
+    # scipy takes as long to import as a small run
+    from scipy.optimize import brentq
+
     K, times, moduli = bulk_modulus, np.asarray(times, float), np.asarray(moduli, float)
     if not equilibrium + moduli.sum() < 9.0 * K:
         raise ValueError("the instantaneous Young's modulus must be less than nine times the bulk modulus")

@@ -13,15 +13,16 @@ from decomposition.shared_nodes import SharedNodes
 from parsolid.methods.mpm import meeting_kernels as kernels
 from parsolid.methods.mpm.gather import gather
 from parsolid.methods.mpm.grid import Flip
-from parsolid.methods.mpm.meeting_kernels import FIT, FORM, Cloud
+from parsolid.methods.mpm.meeting_kernels import FIT, FORM, Cloud, Points
 from parsolid.numerics.lanes import aligned_zeros
 from parsolid.numerics.sums import in_turn
 
 # of the square of the steepness of a fit a cell; steps of Newton's rule at most, and what they may leave; the factor on
 # extents of particles, without which a corner on a face would see a plane between its sides (7 degrees at its edge)
 _PENALTY, _ITERATIONS, _LEFT, _SHRUNK = 1e-6, 20, 1e-9, 0.8
-# factor on the penalty from 1 on, a step
+# factor on the penalty from 1 on, a step, lest one goes too far; steps until it is eased
 _EASING = 0.25
+_EASED = int(np.ceil(np.log(_PENALTY) / np.log(_EASING)))
 # columns of what nodes of both fields know of each: mass, momentum, weight
 _OF_FIELD = 5
 _SQUARE = np.triu_indices(FIT)
@@ -52,11 +53,11 @@ class Meeting:
             return 0.0
         d, fields = self.dimension, self._fields()
         mass = fields[:, :, 0]
-        self.active = (mass > self._least).all(axis=1) & self.inside
-        self.normal = self._normals(fields[:, :, 4])
-        gap = self._gaps()
+        self.active = (mass > self._least).all(axis=1) & self.inside & (fields[:, :, 4] > 0.0).all(axis=1)
         velocity = fields[:, :, 1 : 1 + d] / np.where(mass > 0.0, mass, 1.0)[:, :, None]
-        self.impulse, self.rubbed = self._impulses(mass, velocity[:, 0] - velocity[:, 1], gap, step)
+        relative = velocity[:, 0] - velocity[:, 1]
+        gap = self._gaps_of_normals(fields[:, :, 4], np.linalg.norm(relative, axis=1) * step)
+        self.impulse, self.rubbed = self._impulses(mass, relative, gap, step)
         warmed = sum(self._warm(number, mass[:, number]) for number in range(2)) if self.friction else 0.0
         for number, system in enumerate(self.systems):
             here = self.slots[number] >= 0
@@ -115,6 +116,14 @@ class Meeting:
         self._least = min(system.nodes.least_mass for system in self.systems)
         self._table, self._fits = np.zeros((count, 2 * _OF_FIELD)), np.zeros((count, FIT + FORM))
         self._reach = np.zeros((count, 2))
+        # nodes of which other ranks see particles, too
+        self._shared = np.zeros(count, bool)
+        for slots in shared.sharing.shared:
+            self._shared[slots] = True
+        # of the constant hardly any, so that no matrix is singular where all particles are far on their side
+        kinds = np.array([1e-3, *[1.0] * d, *[0.0] * (FIT - 1 - d)])
+        easing = np.maximum(_PENALTY, _EASING ** np.arange(_ITERATIONS))[:, None]
+        self._penalties = np.where(kinds > 0.0, kinds * easing, 1.0)
         self.normal = self.impulse = np.zeros((count, d))
         self.rubbed = np.zeros(count)
         self._sums = shared.sum(self._table, 0), shared.sum(self._fits, 1)
@@ -163,48 +172,62 @@ class Meeting:
         self._sums[0].finish()
         return table.reshape(-1, 2, _OF_FIELD)
 
-    def _normals(self, weights: np.ndarray) -> np.ndarray:
-        """Directions (n, d) from the first field to the second; weights (n, 2)."""
-        d, fits, fit = self.dimension, self._fits, np.zeros((len(weights), FIT))
-        self.active &= (weights > 0.0).all(axis=1)
-        matrix = np.zeros((len(weights), FIT, FIT))
-        # of the constant hardly any, so that no matrix is singular where all particles are far on their side
-        kinds = np.array([1e-3, *[1.0] * d, *[0.0] * (FIT - 1 - d)])
-        unused = np.diag([0.0] * (1 + d) + [1.0] * (FIT - 1 - d))
-        clouds, moving = self._clouds(), self.active.copy()
-        shared = any(map(len, self.nodes.sharing.shared))
-        for turn in range(_ITERATIONS):
-            # less and less, lest a step of the rule goes too far
-            penalty = np.diag(kinds * max(_PENALTY, _EASING**turn)) + unused
-            if not shared and not moving.any():
-                break
-            fits[:] = 0.0
-            for number, cloud in enumerate(clouds):
-                domains = self._domains(number)
-                kernels.add_fits(cloud, d, _SHRUNK, *domains, weights[:, number].copy(), fit, moving, fits)
-            self._sums[1].start()
-            self._sums[1].finish()
-            at = np.flatnonzero(moving)
-            matrix[at[:, None], _SQUARE[0], _SQUARE[1]] = fits[at, FIT:]
-            matrix[at[:, None], _SQUARE[1], _SQUARE[0]] = fits[at, FIT:]
-            slope = fits[at, :FIT] + fit[at] @ penalty
-            change = np.linalg.solve(matrix[at] + penalty, slope[:, :, None])[:, :, 0]
-            fit[at] -= change
-            if _EASING**turn <= _PENALTY:
-                moving[at] = (change**2).sum(axis=1) > _LEFT**2 * (fit[at] ** 2).sum(axis=1)
-        vector = fit[:, 1 : 1 + d]
+    def _gaps_of_normals(self, weights: np.ndarray, closing: np.ndarray) -> np.ndarray:
+        """Between the domains of the particles of both fields around each node (n,) [m], along `normal`, which is
+        found. A node is not active where the first step towards it parts the fields by more than closes (n,) [m]: they
+        do not meet, whatever plane is best; weights (n, 2)."""
+        self._gather(weights)
+        fit = np.zeros((len(weights), FIT))
+        self._turn(fit, 0)
+        self._point_along(fit)
+        self.active &= self._gaps() <= closing
+        alone = self.active & ~self._shared
+        kernels.find_fits(self._points, _SHRUNK, self._penalties[1:], _EASED - 1, _LEFT, alone, fit)
+        if self._shared.any():
+            for turn in range(1, _ITERATIONS):
+                self._turn(fit, turn)
+        self._point_along(fit)
+        return self._gaps()
+
+    def _gather(self, weights: np.ndarray) -> None:
+        """What active nodes see of both fields."""
+        clouds, count = self._clouds(), np.zeros(len(weights), np.int64)
+        for cloud in clouds:
+            kernels.count_points(cloud, self.dimension, self.active, count)
+        start = np.concatenate([[0], np.cumsum(count)])
+        self._points = Points(start, *(np.zeros((start[-1], *shape)) for shape in ((3,), (), (), (6,))))
+        free = start[:-1].copy()
+        for number, cloud in enumerate(clouds):
+            total = weights[:, number].copy()
+            kernels.put_points(cloud, self.dimension, *self._domains(number), total, self.active, free, self._points)
+
+    def _turn(self, fit: np.ndarray, turn: int) -> None:
+        """A step of Newton's rule with what other ranks see, of all nodes or, later, of those shared with any."""
+        moving, fits = self.active & (self._shared | (turn == 0)), self._fits
+        fits[:] = 0.0
+        kernels.add_fits(self._points, _SHRUNK, fit, moving, fits)
+        self._sums[1].start()
+        self._sums[1].finish()
+        at = np.flatnonzero(moving)
+        matrix = np.zeros((len(at), FIT, FIT))
+        matrix[:, _SQUARE[0], _SQUARE[1]] = matrix[:, _SQUARE[1], _SQUARE[0]] = fits[at, FIT:]
+        penalty = np.diag(self._penalties[turn])
+        slope = fits[at, :FIT] + fit[at] @ penalty
+        fit[at] -= np.linalg.solve(matrix + penalty, slope[:, :, None])[:, :, 0]
+
+    def _point_along(self, fit: np.ndarray) -> None:
+        """Directions (n, d) from the first field to the second."""
+        vector = fit[:, 1 : 1 + self.dimension]
         length = np.linalg.norm(vector, axis=1)
         self.active &= length > 0.0
-        return np.asarray(vector / np.where(length > 0.0, length, 1.0)[:, None])
+        self.normal = vector / np.where(length > 0.0, length, 1.0)[:, None]
 
     def _gaps(self) -> np.ndarray:
-        """Between the domains of the particles of both fields around each node (n,) [m]."""
-        d, reach = self.dimension, self._reach
+        """Between the domains of the particles of both fields around each node along its normal (n,) [m]."""
+        reach, normal = self._reach, np.zeros((len(self._reach), 3))
         reach[:] = -np.inf
-        normal = np.zeros((len(reach), 3))
-        normal[:, :d] = self.normal
-        for number, cloud in enumerate(self._clouds()):
-            kernels.find_extremes(cloud, d, *self._domains(number), normal, self.active, reach[:, number])
+        normal[:, : self.dimension] = self.normal
+        kernels.find_extremes(self._points, normal, self.active, self.systems[0].nodes.spacing, reach)
         self._largest.find()
         return np.asarray(-np.where(self.active[:, None], reach, 0.0).sum(axis=1))
 

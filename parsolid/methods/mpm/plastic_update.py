@@ -84,6 +84,16 @@ class BulkViscosity(NamedTuple):
     spacing: float
 
 
+class CentredViscosity(NamedTuple):
+    """As `BulkViscosity`; heat is the work of the forces: half by the pressure of the step before, half by the new
+    one.
+    """
+
+    linear: float
+    quadratic: float
+    spacing: float
+
+
 DEFORMATION_ROWS = {2: 5, 3: 9}
 DEVIATOR_ROWS = {2: 4, 3: 6}
 
@@ -105,7 +115,7 @@ def _viscous_pressure(viscosity, density, rate, sound_speed):
     """q [Pa] at the rate of volume change tr d [1/s] and the current density [kg/m^3]."""
 
 
-@_viscous_pressure.of(BulkViscosity)
+@_viscous_pressure.of(BulkViscosity, CentredViscosity)
 def _bulk_viscosity(viscosity, density, rate, sound_speed):
     jump = max(-rate, 0.0) * viscosity.spacing
     return density * jump * (viscosity.quadratic * jump + viscosity.linear * sound_speed)
@@ -114,6 +124,24 @@ def _bulk_viscosity(viscosity, density, rate, sound_speed):
 @_viscous_pressure.of(None)
 def _inviscid(viscosity, density, rate, sound_speed):
     return 0.0
+
+
+@generic
+def _heating(viscosity, q, pressure, stress, i, volume):
+    """The viscous pressure [Pa] whose work is the heat of a step, that of stress and of the present volume [m^3] before
+    it known.
+    """
+
+
+@_heating.of(CentredViscosity)
+def _mean_of_both(viscosity, q, pressure, stress, i, volume):
+    rows = four_rows(stress, i, 0)
+    return 0.5 * (q - pressure - (rows[0] + rows[1] + rows[2]) * (1.0 / 3.0) / volume)
+
+
+@_heating.otherwise
+def _of_the_end(viscosity, q, pressure, stress, i, volume):
+    return q
 
 
 @register_jitable
@@ -186,13 +214,15 @@ def advance_stress(space, first, last, law, step, viscosity, state, motion, rate
         new_s, increment, plastic_work = flowing(whole, flow[0], flow[1], new_J * flow[2])
         melting, elasticity = flow[3], flow[4]
         q = _viscous_pressure(viscosity, law.density / half_J, volume_rate, wave_speed(law, J, pressure, elasticity[1]))
-        q = resisted(whole, pressure, q)
+        q, velocity = resisted(whole, pressure, q), four_rows(motion, i, 4)
+        volume = velocity[3]
+        heating = _heating(viscosity, q, pressure, stress, i, volume * J)
         # closed form of E+ = E + W - [(P + P+)/2 + q] (J+ - J), P+ = A(J+) + gamma E+; T dS and -gamma T tr d likewise
         cold, part = cold_pressure(eos, new_J), 0.5 * gamma * change
         work = 0.5 * half_J * contract(s + new_s, strain)
-        rise = temperature_rise(law, elasticity[2], law.taylor_quinney * plastic_work - q * change)
-        closed = energy + work - (0.5 * (pressure + cold) + q) * change, temperature * (1.0 - part) + rise
-        opened = energy + work - (0.5 * pressure + q) * change, temperature + rise
+        rise = temperature_rise(law, elasticity[2], law.taylor_quinney * plastic_work - heating * change)
+        closed = energy + work - (0.5 * (pressure + cold) + heating) * change, temperature * (1.0 - part) + rise
+        opened = energy + work - (0.5 * pressure + heating) * change, temperature + rise
         energy, temperature, pressure = settled(whole, closed, opened, cold, gamma, part)
         new_ep, flow_rate = ep + increment, increment / max(step, 1e-300)
         loading = Loading(new_s, pressure, new_ep, increment, flow_rate, temperature, melting)
@@ -200,14 +230,12 @@ def advance_stress(space, first, last, law, step, viscosity, state, motion, rate
             whole, law, state, i, count, loading, elasticity, energy, change, strain
         )
         _store_state(space, state, i, (formless(whole, new_F, new_J), new_s, new_ep, energy, temperature), count)
-        velocity = four_rows(motion, i, 4)
-        volume = velocity[3]
         valid = counted(present, float(count) - from_floats(0.5, 1.5, 2.5, 3.5))
         speed = wave_speed(law, sounding(whole, new_J), pressure, elasticity[1]) + speed_of(velocity)
         store_stress(space, stress, i, (volume * new_J) * (congruence(R, new_s) - (pressure + q) * I), speed)
         fastest = choose(valid, max(speed, fastest), fastest)
         plastic = plastic + choose(valid, volume * plastic_work, 0.0)
-        viscous = viscous + choose(valid, -volume * q * change, 0.0)
+        viscous = viscous + choose(valid, -volume * heating * change, 0.0)
         freed = summed(whole, freed, valid, volume * released)
         # the second of both where one is not a number
         if not all_positive(choose(valid, min(room_to_compress(eos, new_J), speed), 1.0)):

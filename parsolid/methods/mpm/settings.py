@@ -1,5 +1,6 @@
 """The material point method as a scene states it."""
 
+from collections.abc import Iterable
 from typing import Any, ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, model_validator
@@ -7,6 +8,7 @@ from pydantic import Field, ValidationInfo, model_validator
 from parsolid.methods.failure_fields import DAMAGE
 from parsolid.methods.mpm.plastic_state import PLASTIC_STATE
 from parsolid.scene.base_model import NotNegative, Point, Positive, SceneModel, dimension_of, reject
+from parsolid.scene.contact import in_contact
 from parsolid.scene.failure import QUANTITIES, faults_of_names
 from parsolid.scene.method_settings import MethodSettings, named_observables
 
@@ -137,6 +139,17 @@ class MaterialPoint(MethodSettings):
         """Between bodies with grids of their own; nothing of one body could part on its grid."""
         alone = any(len(one.bodies) == 1 and one.bodies[0] in {b.name for b in scene.bodies} for one in scene.contact)
         return "within one body of this method" if alone else None
+
+    def notes(self, scene: Any, bodies: Iterable[int]) -> list[str]:
+        """Bodies in contact by FLIP on splines that nobody has asked for: their nodes beyond a face make it soft."""
+        # with a grid for each body one tells for all
+        alike = [i for one in scene.systems if one.settings is self for i in one.bodies]
+        names = in_contact(scene, alike) if alike[0] in bodies else []
+        if not names or self.transfer != "flip" or {"basis", "transfer"} & self.model_fields_set:
+            return []
+        face = "a cylinder pressed on a block has it 7 % too wide and its peak 10 % too low, with 4 spacings in it"
+        remedy = "1 and 2 % with method.transfer = 'apic' or method.basis = 'ugimp'"
+        return [f"{', '.join(names)} in contact: the half width of {face}; {remedy}"]
 
     def scene_faults(self, scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
         """Particles on the surface; Maxwell branches; bodies beyond the axis; heat without conductivity; fields that no

@@ -22,6 +22,7 @@ from parsolid.methods.mpm.plastic_state import PLASTIC_STATE
 from parsolid.methods.mpm.plastic_update import (
     DEVIATOR_ROWS,
     BulkViscosity,
+    CentredViscosity,
     MaterialState,
     advance_stress,
     note_plastic_rise,
@@ -44,6 +45,9 @@ class HyperelasticUpdate:
         self.points = points
         # rows of a block and the step are other numbers at every step
         self._advance = RecalledEach(advance_elastic_stress, free=(1, 2, 4))
+
+    def centre(self) -> None:
+        """There is no viscosity."""
 
     def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
         """There is no state but F."""
@@ -70,7 +74,9 @@ class ElasticPlasticUpdate:
     def __init__(self, scene: Scene, points: MaterialPoints):
         self.points, self._advance = points, RecalledEach(advance_stress, free=(1, 2, 4))
         viscosity, cell = scene.method.viscosity, float(scene.method.cell)
-        self.viscosity = BulkViscosity(float(viscosity.linear), float(viscosity.quadratic), cell)
+        self.viscosity: BulkViscosity | CentredViscosity = BulkViscosity(
+            float(viscosity.linear), float(viscosity.quadratic), cell
+        )
         kept = functools.partial(Field, checkpointed=True, layout=Columns())
         points.declare(kept("unrotated_deviator", DEVIATOR_ROWS[points.dimension], "Pa"))
         for field in PLASTIC_STATE:
@@ -79,6 +85,10 @@ class ElasticPlasticUpdate:
         if scene.method.conduction and Declarations(scene, Declared).of(TemperaturePlane):
             points.declare(kept("plastic_rise", 1, "K"))
         declare_failure(points, points.laws)
+
+    def centre(self) -> None:
+        """See `StressUpdate.centre`."""
+        self.viscosity = CentredViscosity(*self.viscosity)
 
     def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
         """Temperatures of the bodies' formulas and the internal energy that belongs to them."""
@@ -140,6 +150,11 @@ class StressUpdate:
 
     def _of(self, law: Any) -> Update:
         return self.updates[self._kind_of_law[law]]
+
+    def centre(self) -> None:
+        """Let heat of the viscosity be what its forces do, where velocities of one time count, see `waiting`."""
+        for update in self.updates.values():
+            update.centre()
 
     def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
         """The state of all materials at time 0."""

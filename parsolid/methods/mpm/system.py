@@ -97,7 +97,7 @@ class MaterialPoint(ParticleSystem):
         self.stress.advance(0.0)
         take_forces(self.comm, scene, self)
         if taken and self.waiting is not None:
-            self.waiting.step = minimum(self.comm, self.stable_step())
+            self.waiting.follow(minimum(self.comm, self.stable_step()))
         self._look_at_heat()
 
     def resume(self) -> None:
@@ -115,9 +115,8 @@ class MaterialPoint(ParticleSystem):
 
     def state(self) -> dict[str, Any]:
         """Owners of cells, the step counter that times re-ordering, the largest speed; collective."""
-        lag = self.comm.allgather(self.waiting.lag()) if self.waiting is not None else []
         return {
-            "lag": lag,
+            "waiting": None if self.waiting is None else self.waiting.state(self.comm),
             "partition": self.grid.partition.state(),
             "steps": self.residence.steps,
             "fastest": maximum(self.comm, self.materials.fastest),
@@ -128,9 +127,9 @@ class MaterialPoint(ParticleSystem):
         """Take back what `state` gave; owners of cells only for as many ranks."""
         self.residence.steps, self.materials.fastest = state["steps"], state["fastest"]
         partition = CellPartition.from_state(state["partition"], self.dimension)
-        work, lag = state["plastic_work"], state.get("lag", [])
-        if lag and state["steps"] and self.waiting is not None:
-            self.waiting.resume(lag[self.comm.rank] if len(lag) == self.comm.size else sum(lag) / self.comm.size)
+        work, waiting = state["plastic_work"], state.get("waiting")
+        if self.waiting is not None and waiting:
+            self.waiting.set_state(self.comm, waiting)
         if partition.ranks == self.comm.size:
             self.partition, self.materials.plastic_work = partition, work[self.comm.rank]
         else:
@@ -157,9 +156,12 @@ class MaterialPoint(ParticleSystem):
 
     def give_to_nodes(self, time: float, step: float) -> StepEnergies:
         """New velocities of the nodes, before boundaries, of a step [s] from a time [s]."""
-        energies = StepEnergies(self.points, self.nodes, self._forces(time))
-        self.transfer.particles_to_nodes(self.stress.on_nodes, self._with_impulses(energies.forces, step))
-        self.nodes.accelerate(step)
+        forces, kicked, waiting = self._forces(time), step, self.waiting
+        energies = StepEnergies(self.points, self.nodes, forces, waiting)
+        if waiting is not None:
+            forces, kicked = waiting.take(forces, step, (self.substep, self.substeps)), waiting.kicked(step)
+        self.transfer.particles_to_nodes(self.stress.on_nodes, forces)
+        self.nodes.accelerate(kicked)
         return energies
 
     def _forces(self, time: float) -> np.ndarray | None:
@@ -172,19 +174,15 @@ class MaterialPoint(ParticleSystem):
         self.surface_loads.add_to(result, time)
         return result
 
-    def _with_impulses(self, forces: np.ndarray | None, step: float) -> np.ndarray | None:
-        """Forces (capacity, 4) [N] of loads and of the impulses that have been given since the last step [s]."""
-        if self.waiting is not None:
-            return self.waiting.take(forces, step, (self.substep, self.substeps))
-        return forces
-
     def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
-        """Impulses act in the next step by way of the nodes: what only particles had, no node would know of.
-
-        None of the energy is in the particles yet. See `ParticleSystem.kick`.
-        """
+        """Impulses act in the next step by way of the nodes: what only particles had, no node would know of. None of
+        the energy is in the particles yet."""
         self.points.owned_rows("impulse")[slice(None) if rows is None else rows] += impulse
         return 0.0
+
+    def kick_before(self, impulse: np.ndarray, rows: np.ndarray) -> None:
+        """These do their work on the way that comes. See `ParticleSystem.kick_before`."""
+        self.points.owned_rows("opening")[rows] += impulse
 
     @property
     def takes_heat(self) -> bool:  # type: ignore[override]
@@ -207,6 +205,7 @@ class MaterialPoint(ParticleSystem):
         """See `waiting.WaitingImpulses`."""
         if self.waiting is None:
             self.waiting = self.transfer.waiting = WaitingImpulses(self.points)
+            self.materials.centre()
 
     def follow_work(self, work: list[float], number: int) -> None:
         """See `Residence.follow_work`."""
@@ -332,8 +331,7 @@ class MaterialPoint(ParticleSystem):
             "rebalanced": self.residence.rebalanced,
         }
         load = self.residence.load
-        if load is not None and load.imbalance:
-            result["measured_imbalance"] = {"first": load.imbalance[0], "last": load.imbalance[-1]}
+        result |= load.summary() if load is not None else {}
         result |= failed_matter.summary(self.comm, self.points, self.mass[: self.owned])
         if can_melt(self.points):
             ratios = homologous_temperatures(self.points)

@@ -4,13 +4,12 @@ import numpy as np
 
 from decomposition.recalled import RecalledEach
 from parsolid.methods.mpm.gather import gather
-from parsolid.methods.mpm.grid import CauchyStress, FirstPiolaKirchhoffStress, Flip
+from parsolid.methods.mpm.grid import CauchyStress, FirstPiolaKirchhoffStress
 from parsolid.methods.mpm.grid_conditions import GridConditions
 from parsolid.methods.mpm.material_points import MaterialPoints, VelocityTransfer
 from parsolid.methods.mpm.nodes import Nodes
 from parsolid.methods.mpm.scatter import scatter
 from parsolid.methods.mpm.waiting import WaitingImpulses
-from parsolid.numerics.lanes import aligned_zeros
 
 
 class UpdateStressLast:
@@ -43,39 +42,23 @@ class UpdateStressLast:
 
         Gives what is lost [J] where boundaries held nodes to which particles brought a velocity.
         """
-        lost = self._move(step, self.points.velocity_transfer, None)
-        # `StepEnergies` counts what particles do not take of all changes
-        return 0.0 if self.points.settings.adds_changes else lost
+        self._move(step, self.points.velocity_transfer, None)
+        return 0.0
 
-    def _move(self, step: float, transfer: VelocityTransfer | None, remapped: np.ndarray | None) -> float:
-        """Places and velocity gradients; what the transfers take of impulses [J], see `WaitingImpulses`.
+    def _move(self, step: float, transfer: VelocityTransfer | None, remapped: np.ndarray | None) -> None:
+        """Places and velocity gradients.
 
         Where something acts between steps, by places, and particles forget velocities that nodes do not see, places
         follow the velocities that strain matter: motion that strains nothing would give way to it for ever.
         """
         rate, waiting = self.points.storage("velocity_gradient"), self.waiting
-        if waiting is None or step == 0.0:
-            self._gather(self.nodes.motion, step, transfer, rate, remapped, None)
-            return 0.0
-        both = self._brought_and_kept() if waiting.given is not None else None
-        if self.points.settings.adds_changes:
-            self._gather(self.nodes.motion, step, transfer, rate, remapped, waiting.ways())
+        ways = None if waiting is None or step == 0.0 else waiting.ways()
+        if ways is None or self.points.settings.adds_changes:
+            self._gather(self.nodes.motion, step, transfer, rate, remapped, ways)
         else:
-            self._gather(self._strained_by(), step, transfer, rate, None, waiting.ways())
-        return waiting.lost(both)
-
-    def _of_particles(self, velocity: np.ndarray) -> np.ndarray:
-        """Velocities (slots, 3) of nodes where particles are (owned, d) [m/s]."""
-        nodes, points = self.nodes, self.points
-        between, probe = aligned_zeros(nodes.motion.shape), aligned_zeros(points.motion.shape)
-        between[: nodes.count, 4:7] = velocity[: nodes.count]
-        gather(nodes.interpolation, between, probe, 0.0, Flip(1.0), None, None, None)
-        return np.asarray(probe[: points.owned, 4 : 4 + points.dimension])
-
-    def _brought_and_kept(self) -> np.ndarray:
-        """Velocities of nodes before the step and those by which matter is strained (owned, d) [m/s]."""
-        motion, kept = self.nodes.motion, self._strained_by()
-        return self._of_particles(motion[:, :3] - motion[:, 4:7] + kept[:, :3])
+            self._gather(self._strained_by(), step, transfer, rate, None, ways)
+        if ways is not None and waiting is not None:
+            waiting.note_work(step)
 
     def _strained_by(self) -> np.ndarray:
         """Nodes (slots, 8) whose velocities strain matter."""
@@ -119,7 +102,8 @@ class ModifiedUpdateStressLast(UpdateStressLast):
         """See `UpdateStressLast`."""
         self._gather(self.nodes.motion, step, self.points.velocity_transfer, None, None, None)
         lost = self._map_back(time)
-        return lost + self._move(step, None, self.nodes.again)
+        self._move(step, None, self.nodes.again)
+        return lost
 
     def _strained_by(self) -> np.ndarray:
         """See `UpdateStressLast`."""

@@ -3,13 +3,15 @@ areas."""
 
 from collections.abc import Callable
 from functools import partial
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from parsolid.collective import SolverError, maximum, minimum, raise_together
+from parsolid.materials.hyperelastic.law import elastic_moduli, total_modulus
 from parsolid.methods.tlsph.body_weights import ON_LATTICES
-from parsolid.pairs.axis_waves import Lattice, feeds_waves, signal
+from parsolid.pairs.axis_waves import Lattice, feeds_waves, feeds_waves_in_plane, signal
 from parsolid.pairs.lattice_pairs import Lattices
 from parsolid.pairs.lattice_stencils import WIDEST, Axis, Stencils, box_stencils, cell_stencils, lengths_of
 from parsolid.particles.particle_set import ParticleSet
@@ -28,6 +30,11 @@ _ONE_CELL, _MORE_CELLS = 2.0, 1.5
 _DAMPING = {"cells": 1.0, "fourth-order": 4.0 / 3.0}
 # least length of a node over the least distance of nodes of a graded axis: 17/48 at the ends of even ones
 _THINNEST = 0.2
+# of axes of fourth order, which alone have it
+_FED = "with them method.dissipation would feed waves; more particles change slower, or less of it"
+# ratio of the speeds of shear and pressure waves, that of a Poisson's ratio of .467, below which what dissipates the
+# latter may feed the former in spite of axes that do not
+_STIFF_VOLUME = 0.25
 # a hair more than the offset of the farthest neighbour
 _HAIR = 1.02
 
@@ -60,18 +67,19 @@ class LatticeBodies(NamedTuple):
 
 
 def put_on_lattices(
-    comm: Any, scene: Any, particle_set: ParticleSet, boundaries: Any, kinds: list[str]
+    comm: Any, scene: Any, particle_set: ParticleSet, boundaries: Any, kinds: list[str], laws: Any
 ) -> LatticeBodies | None:
     """Weights of the bodies that are on lattices by their kinds (`body_weights`), None where no body is; collective.
 
-    boundaries: those with planes that have images, and with what is held. Sets volume and area of the bodies'
-    particles in the particle_set.
+    boundaries: those with planes that have images, and with what is held; laws: of the bodies. Sets volume and
+    area of the bodies' particles in the particle_set.
     Raises SolverError on all ranks where a mirror plane lies beside the nodes, and for boxes without room.
     """
     if not set(kinds) & set(ON_LATTICES):
         return None
     n, d = particle_set.position.shape
-    lattices = Lattices(np.full(n, -1), particle_set.spacing.copy(), np.zeros((n, d, 2 * WIDEST + 1)))
+    weight, undamped = np.zeros((n, d, 2 * WIDEST + 1)), np.zeros((n, d, 2), bool)
+    lattices = Lattices(np.full(n, -1), particle_set.spacing.copy(), weight, undamped)
     reach, frequency, damping, signals = np.zeros(n), 0.0, 0.0, []
     even = particle_set.position.copy() if any(body.grading is not None for body in scene.bodies) else None
     first = np.full(len(kinds), np.inf)
@@ -86,22 +94,24 @@ def put_on_lattices(
         try:
             axes = _axes(filling, [plane for plane in boundaries.planes if plane.body in (None, body)])
             wide = kind == "fourth-order" and any(axis.wide for axis in axes)
-            _check_grading(body, axes, wide, scene.method)
             if scene.method.weights == kind == "fourth-order" and not wide:
                 raise SolverError(_no_room(body, axes))
+            index = filling.nodes(particle_set.identifier[rows] - int(first[body]))
+            axes = _with_held_ends(comm, axes, index, boundaries.clamp, rows)
+            _check_grading(body, axes, wide, scene.method, float(np.sqrt(speed_ratio(laws[body]))))
         except SolverError as error:
+            # on all ranks
             fault = fault or str(error)
             continue
-        index = filling.nodes(particle_set.identifier[rows] - int(first[body]))
         stencils = _stencils(filling, index, axes, wide)
         if even is not None:
             even[rows] = np.stack([line.coordinate(i) for line, i in zip(filling.lines, index)], axis=1)
-        lattices.number[rows], lattices.weight[rows] = body, stencils.weight
+        lattices.number[rows], weight[rows], undamped[rows] = body, stencils.weight, stencils.undamped
         particle_set.volume[rows], particle_set.area[rows] = stencils.volume, stencils.area
         reach[rows] = _HAIR * (WIDEST if wide else 1)
         box, most = scene.bodies[body].shape.kind == "box", _DAMPING["fourth-order" if wide else "cells"]
         frequency, damping = max(frequency, _frequency(axes, wide, box)), max(damping, most)
-        signals.append(_signal(_with_held_ends(comm, axes, index, boundaries.clamp, rows), wide, box, scene.method))
+        signals.append(_signal(axes, wide, box, scene.method))
     raise_together(comm, fault)
     lattices = lattices._replace(graded=even is not None)
     return LatticeBodies(lattices, reach, frequency, damping, signals, even)
@@ -146,24 +156,43 @@ def _no_room(body: int, axes: list[Axis]) -> str:
     )
 
 
-def _check_grading(body: int, axes: list[Axis], wide: bool, settings: Any) -> None:
-    """Raise SolverError where distances change so fast that a node would have no volume, or waves would grow."""
+def _check_grading(body: int, axes: list[Axis], wide: bool, settings: Any, ratio: float) -> None:
+    """Raise SolverError where distances change so fast that a node would have no volume, or waves would grow; ratio:
+    of the speeds of shear and pressure waves."""
+    fed, dissipation = wide and settings.reconstruction, float(settings.dissipation)
     for k, axis in enumerate(axes):
         if not axis.places:
             continue
-        steps, fourth = np.diff(axis.places), wide and axis.wide
-        fed = fourth and settings.reconstruction
-        if (lengths_of(axis, fourth) < _THINNEST * axis.step * steps.min()).any():
-            remedy = "more particles change slower"
-        elif fed and feeds_waves(axis, fourth, float(settings.dissipation)):
-            remedy = "with them method.dissipation would feed waves; more particles change slower, or less of it"
-        else:
-            continue
-        most = float(np.max(np.maximum(steps[1:] / steps[:-1], steps[:-1] / steps[1:])))
-        raise SolverError(
-            f"bodies.{body}.grading.{k}: expected spacings that change less from one to the next, found {most:.3g} "
-            f"times; {remedy}"
-        )
+        if (lengths_of(axis, wide and axis.wide) < _THINNEST * axis.step * np.diff(axis.places).min()).any():
+            raise SolverError(_too_fast(body, k, axis, "more particles change slower"))
+        if fed and axis.wide and feeds_waves(axis, True, dissipation):
+            raise SolverError(_too_fast(body, k, axis, _FED))
+    if not fed or ratio > _STIFF_VOLUME:
+        return
+    for one, other in combinations(range(len(axes)), 2):
+        k = max((one, other), key=lambda k: _most(axes[k]))
+        if axes[k].places and feeds_waves_in_plane((axes[one], axes[other]), wide, dissipation, ratio):
+            raise SolverError(_too_fast(body, k, axes[k], f"where volume hardly changes, {_FED}"))
+
+
+def _most(axis: Axis) -> float:
+    """How many times as great as the one beside it a distance of nodes is."""
+    steps = np.diff(axis.places)
+    return float(np.max(np.maximum(steps[1:] / steps[:-1], steps[:-1] / steps[1:]))) if axis.places else 1.0
+
+
+def _too_fast(body: int, k: int, axis: Axis, remedy: str) -> str:
+    return (
+        f"bodies.{body}.grading.{k}: expected spacings that change less from one to the next, found {_most(axis):.3g} "
+        f"times; {remedy}"
+    )
+
+
+def speed_ratio(law: Any) -> float:
+    """Square of the speed of shear waves at rest over that of pressure waves."""
+    shear, lame = elastic_moduli(law)
+    shear += total_modulus(law.branch_moduli)
+    return float(shear / (lame + 2.0 * shear))
 
 
 def _stencils(filling: Any, index: list[np.ndarray], axes: list[Axis], wide: bool) -> Stencils:

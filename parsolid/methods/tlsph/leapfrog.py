@@ -16,9 +16,9 @@ import numpy as np
 
 from decomposition.recalled import Recalled, RecalledEach
 from parsolid.materials.blocks import MaterialBlock
-from parsolid.materials.hyperelastic.law import elastic_moduli, total_modulus
 from parsolid.methods.tlsph import momentum as motion
 from parsolid.methods.tlsph.body_weights import ON_LATTICES
+from parsolid.methods.tlsph.lattice_bodies import speed_ratio
 from parsolid.methods.tlsph.leapfrog_kernels import (
     ExactRelaxation,
     WaveForms,
@@ -68,10 +68,8 @@ class Leapfrog:
         signals = list(lattices.signals)
         if any(kind not in ON_LATTICES for kind in system.body_weights):
             signals.append(lambda pressure, shear: most * (kernel.pressure * pressure + kernel.shear * shear))
-        moduli = [(*elastic_moduli(law), total_modulus(law.branch_moduli)) for law in system.laws]
         # at rest, the mean of all laws: there the bound is sharpest
-        ratios = [(shear + more) / (lame + 2.0 * (shear + more)) for shear, lame, more in moduli]
-        middle = float(np.sqrt(np.mean(ratios)))
+        middle = float(np.sqrt(np.mean([speed_ratio(law) for law in system.laws])))
         forms = wave_forms(signals, min(max(middle, 0.05), 0.95))
         return WaveForms(*(WaveWeights(*form) for form in forms)), settings.safety
 

@@ -61,7 +61,7 @@ class TotalLagrangianSPH(PairMethod):
         self.body_weights = weights_of_bodies(self.settings.pair_weights, scene)
         closed = frozenset(i for i, kind in enumerate(self.body_weights) if kind in ON_LATTICES)
         self.boundaries = build_boundaries(comm, scene, particle_set, self.particles, closed)
-        self.on_lattices = put_on_lattices(comm, scene, particle_set, self.boundaries, self.body_weights)
+        self.on_lattices = put_on_lattices(comm, scene, particle_set, self.boundaries, self.body_weights, laws)
         self.branches = maximum(comm, max((block.branches for block in self.blocks), default=0))
         self.pairs = self._pair_system(particle_set)
         self.pairs.unbonded = scene.unbonded

@@ -2,6 +2,7 @@
 
 import math
 
+from parsolid.methods.ulsph.terms import CentredCorrection
 from parsolid.numerics.dispatch import generic, none_without
 from parsolid.numerics.lanes import broadcast, load, store_first
 from parsolid.numerics.layout import Plane, four_rows, load_six, store_rows
@@ -15,6 +16,8 @@ from parsolid.numerics.tensors import (
 
 # of the moment, below the rounding of its sum
 _NEGLIGIBLE = 1e-14
+# of its norm, by how much B is carried on at most
+_MOST_CHANGE = 0.25
 
 
 @generic
@@ -69,6 +72,26 @@ def _corrected(space, correction, moment):
     A = _with_unit(space, moment) + _NEGLIGIBLE * I
     B = inverse_symmetric(A)
     return min(correction.most / math.sqrt(contract(B, B)), 1.0) * B
+
+
+@generic(on="correction")
+def carried_on(correction, space, last, i, B, after, since):
+    """B for forces that act a time `after` [s] after its own, those of particles i..i+3 in `last` a time `since`
+    before it.
+    """
+
+
+@carried_on.of(CentredCorrection)
+def _extrapolated(correction, space, last, i, B, after, since):
+    change = B - load_correction(space, last, i)
+    # neighbours that come or go change it at once
+    most = _MOST_CHANGE * math.sqrt(contract(B, B) / max(contract(change, change), 1e-300))
+    return B + min(after / max(since, 1e-300), most) * change
+
+
+@carried_on.otherwise
+def _as_it_was(correction, space, last, i, B, after, since):
+    return B
 
 
 @generic

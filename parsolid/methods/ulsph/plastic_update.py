@@ -36,6 +36,7 @@ from parsolid.materials.plastic.plasticity import (
 from parsolid.materials.plastic.wave_speed import wave_speed
 from parsolid.methods.ulsph.layout import (
     bounded_inverse,
+    carried_on,
     load_correction,
     load_moment,
     store_correction,
@@ -54,18 +55,20 @@ from parsolid.numerics.tensors import I, contract, trace
 
 
 @register_jitable
-def _strained(space, step, correction, body, i, count, present):
-    """B, growth of the density over half the step, S turned with the spin and the strain increment dev D dt."""
+def _strained(space, step, mean_step, correction, body, i, count, present):
+    """B of the forces, growth of the density over half the step, S turned with the spin and the strain increment
+    dev D dt."""
     weight = 1.0 / (load(body.mass, 0, i) * load(body.density, 0, i))
     B = bounded_inverse(space, correction, weight * load_moment(space, body.rate_sums, i))
     rate = moving(present, weight * (load_gradient(space, body.rate_sums, i) @ B))
     # the moment is that of the middle of the step, and so is its density then
     growth = math.exp(-0.5 * step * trace(rate))
     B = growth * B
+    later = carried_on(correction, space, body.correction, i, B, 0.5 * step, mean_step)
     store_correction(space, body.correction, i, B, count)
     turn = jaumann_turn(rate, step)
     rotated = congruence(turn, load_symmetric(space, body.deviator, i))
-    return B, growth, rotated, elastic_increment(turn, rate, step, 0.5)
+    return later, growth, rotated, elastic_increment(turn, rate, step, 0.5)
 
 
 @generic(on="loss")
@@ -135,7 +138,7 @@ def advance_state(space, first, last, law, step, mean_step, carried, heating, co
     for i in range(first, last, WIDTH):
         count = min(WIDTH, last - i)
         whole, present = found_before(law.failure, body, i)
-        B, growth, rotated, strain = _strained(space, step, correction, body, i, count, present)
+        B, growth, rotated, strain = _strained(space, step, mean_step, correction, body, i, count, present)
         volume, old = load(body.mass, 0, i) / law.density, load(body.density, 0, i)
         middle, density = old * growth, old * growth * growth
         ep, energy, temperature = load(body.plastic_strain, 0, i), load(body.energy, 0, i), load(body.temperature, 0, i)

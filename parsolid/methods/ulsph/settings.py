@@ -40,6 +40,8 @@ class UpdatedLagrangianSPH(MethodSettings):
     contact               bodies press on one another and part freely ("compression"), or stick ("welded")
     skin                  by how much lists reach beyond the support, as a part of it; made anew when it is used up
     rebalance             growth of the busiest rank's particles and ghosts beyond which all are dealt out anew
+    balance               what ranks share evenly: "particles", or, in scenes of several methods, the time that steps of
+                          all take, "measured" at every fourth list; the last bits of a run then depend on the clock
     """
 
     system: ClassVar = "parsolid.methods.ulsph.system:UpdatedLagrangianSPH"
@@ -99,6 +101,7 @@ class UpdatedLagrangianSPH(MethodSettings):
     contact: Literal["compression", "welded"] | None = Field(None, description="of several bodies, 'compression'")
     skin: Positive = Field(0.25, description="reach of the lists beyond the support, over the support")
     rebalance: float = Field(1.1, gt=1, description="growth of the busiest rank's work beyond which particles move")
+    balance: Literal["particles", "measured"] = Field("particles", description="what ranks share evenly")
 
     def contact_refused(self, scene: Any) -> str | None:
         """It can."""

@@ -20,11 +20,12 @@ from parsolid.methods.ulsph.heat import HalfSteps, follow_kick, heat_to_come, pr
 from parsolid.methods.ulsph.observation import advice, measure, shown, unsound
 from parsolid.methods.ulsph.sweeps import Sweeps
 from parsolid.methods.ulsph.terms import (
-    ArtificialViscosity,
+    CentredCorrection,
     CompressionOnly,
     GradientCorrection,
     Warming,
     Welded,
+    viscosity_of,
 )
 from parsolid.methods.ulsph.updates import Updates, density_of
 from parsolid.numerics.layout import LAYOUT
@@ -33,6 +34,7 @@ from parsolid.pairs.smoothing import smoothing_kernel
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field
 from parsolid.particles.generated import declare_generated
+from parsolid.particles.measured_load import MeasuredLoad
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import (
     Scene,
@@ -50,8 +52,8 @@ _MOST = 6.0
 class UpdatedLagrangianSPH(PairMethod):
     """The method on one rank; arrays as `terms` and `fields` say.
 
-    correction: `terms.GradientCorrection`, or None for plain gradients; heating: `terms.Warming` where viscous heat
-    warms, else None.
+    correction: `terms.GradientCorrection` or `CentredCorrection`, or None for plain gradients; heating: `terms.Warming`
+    where viscous heat warms, else None.
     """
 
     pairs: MovingPairs
@@ -78,11 +80,11 @@ class UpdatedLagrangianSPH(PairMethod):
         declare_state(particles, self.dimension, density, lacks)
         failed_matter.declare_failure(particles, self.laws)
         self._declare_constants(comm, particle_set, density)
-        self.correction = GradientCorrection(_MOST) if settings.gradient_correction else None
+        self.correction: Any = GradientCorrection(_MOST) if settings.gradient_correction else None
         skin = (float(settings.skin), self.boundaries.codes, float(settings.rebalance))
         self.pairs = MovingPairs(comm, particles, self.space, kernel.support, *skin)
         self.pairs.unbonded = scene.unbonded
-        terms = (self.carried, _viscosity(settings), self.heating, *self._meeting_and_length(comm, particle_set))
+        terms = (self.carried, viscosity_of(settings), self.heating, *self._meeting_and_length(comm, particle_set))
         self.sweeps = Sweeps(self.space, kernel, self.pairs, particles, *terms)
         self.lists_state: dict[str, Any] | None = None
         self.deletion = Deletion(self) if "deleted_mass" in particles else None
@@ -110,6 +112,11 @@ class UpdatedLagrangianSPH(PairMethod):
         length = self.particles.owned_rows("smoothing_length")
         least, most = minimum(comm, float(length.min(initial=np.inf))), maximum(comm, float(length.max(initial=0.0)))
         return contact, least if most - least <= 1e-9 * most else None
+
+    def follow_work(self, work: list[float], number: int) -> None:
+        """Particles are dealt out by what steps cost, where the scene asks for it."""
+        if self.settings.balance == "measured":
+            self.pairs.load = MeasuredLoad(self.comm, work, number)
 
     def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
         """Set the state at time 0 by the bodies' formulas; collective."""
@@ -219,6 +226,7 @@ class UpdatedLagrangianSPH(PairMethod):
         ledger.add_term("viscous_dissipation", float(viscous))
         if self.heating is not None:
             ledger.add_term("viscous_heat_to_come", self.halves.follow(step, heat_to_come(self, step, second[1])))
+        self.halves.step = step
         ledger.add_term("leapfrog_oscillation", second[2] - first[2])
         terms = {"heat_supplied": self.supplied, "heat_stored": self.supplied_to_stored} | self.updates.taken()
         for name, energy in (terms | (self.deletion.taken() if self.deletion else {})).items():
@@ -233,6 +241,10 @@ class UpdatedLagrangianSPH(PairMethod):
         if self.boundaries.sets_temperature:
             self.supplied, self.supplied_to_stored = prescribe_temperatures(self, time)
         return sound, plastic, lost
+
+    def expect_kicks(self) -> None:
+        """See `CentredCorrection`: what acts between steps does its work at their ends."""
+        self.correction = self.correction and CentredCorrection(_MOST)
 
     def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
         """See `ParticleSystem.kick`; the heat of the viscosity follows the velocities that its work is done with."""
@@ -329,22 +341,10 @@ class UpdatedLagrangianSPH(PairMethod):
 
     def summary(self) -> dict[str, Any]:
         """How often lists were made anew, how often too late, and particles that changed their rank."""
-        mass = self.mass[: self.owned]
-        return failed_matter.summary(self.comm, self.particles, mass) | {
-            "lists_made": self.pairs.rebuilds,
-            "list_seconds": maximum(self.comm, self.pairs.seconds),
-            "migrated_particles": self.comm.allreduce(self.pairs.migrated),
-            "lists_made_late": self.comm.allreduce(self.pairs.late),
-        }
+        return failed_matter.summary(self.comm, self.particles, self.mass[: self.owned]) | self.pairs.summary()
 
     @staticmethod
     def small_scene(tables: dict[str, Any]) -> dict[str, Any]:
         """Particles in the middles of cells."""
         tables["bodies"] = [body | {"placement": "cells"} for body in tables["bodies"]]
         return tables
-
-
-def _viscosity(settings: Any) -> ArtificialViscosity | None:
-    """As the scene states it."""
-    given = settings.viscosity
-    return ArtificialViscosity(float(given.linear), float(given.quadratic), float(given.softening)) if given else None

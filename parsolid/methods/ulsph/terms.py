@@ -90,6 +90,14 @@ class GradientCorrection(NamedTuple):
     most: float
 
 
+class CentredCorrection(NamedTuple):
+    """As `GradientCorrection`, for forces carried on from the middle of a step to its end: their work over a step is
+    then that of the stresses to second order.
+    """
+
+    most: float
+
+
 class Columns(NamedTuple):
     """First columns of what the sums hold: moment and flux of `rate_sums`; gradients of `force_sums`."""
 
@@ -115,3 +123,9 @@ def flux_places(dimension: int, carried: Any) -> tuple[int | None, int | None]:
         return None, None
     second = 2 if dimension == 2 else (4 if isinstance(carried, MicroAndHeatFlux) else 0)
     return (None if isinstance(carried, HeatFlux) else 0), (None if isinstance(carried, MicroFlux) else second)
+
+
+def viscosity_of(settings: Any) -> ArtificialViscosity | None:
+    """As the scene states it."""
+    given = settings.viscosity
+    return ArtificialViscosity(float(given.linear), float(given.quadratic), float(given.softening)) if given else None

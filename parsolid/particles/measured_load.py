@@ -20,6 +20,11 @@ class MeasuredLoad:
         self.imbalance: list[float] = []
         self._seen, self._cost, self._others = np.array(work), np.zeros(comm.size), np.zeros(comm.size)
 
+    def summary(self) -> dict[str, Any]:
+        """The imbalance of the first interval and of the last."""
+        found = self.imbalance
+        return {"measured_imbalance": {"first": found[0], "last": found[-1]}} if found else {}
+
     def look(self, owned: int) -> np.ndarray | None:
         """Shares (ranks,) of all particles, of which this rank has `owned`, or None where a new partition is not worth
         its price; collective, the same on all ranks."""

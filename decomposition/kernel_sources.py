@@ -1,0 +1,104 @@
+"""Digests of the texts that a kernel is compiled from: its module's, those of its argument types, and all that they
+import of the same project.
+"""
+
+import functools
+import hashlib
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+from numba.core.types import BaseNamedTuple, BaseTuple, Optional  # type: ignore[attr-defined]
+
+_IMPORT = re.compile(
+    r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)|import[ \t]+([\w., \t]+))", re.MULTILINE
+)
+_OURS = ("parsolid", "decomposition")
+# how kernels are kept says nothing of what they do
+_KEEPER = "decomposition.compiled"
+
+
+@functools.cache
+def _text(module: str) -> tuple[bytes, tuple[str, ...]]:
+    """A module's source and the modules of its project that it imports; nothing of other projects."""
+    path = _source(module)
+    if path is None:
+        return b"", ()
+    text = path.read_bytes()
+    return text, tuple(sorted(_imported(module, text.decode())))
+
+
+@functools.cache
+def _source(module: str) -> Path | None:
+    loaded = sys.modules.get(module)
+    if loaded is not None and getattr(loaded, "__file__", None):
+        path = Path(str(loaded.__file__))
+        return path if path.suffix == ".py" and path.exists() else None
+    # not loaded: beside the modules of the same package
+    top, *rest = module.split(".")
+    package = sys.modules.get(top)
+    for root in getattr(package, "__path__", ()):
+        path = Path(root, *rest)
+        for candidate in (path.with_suffix(".py"), path / "__init__.py"):
+            if rest and candidate.is_file():
+                return candidate
+    return None
+
+
+def _imported(module: str, text: str) -> set[str]:
+    """Names of modules that a text imports, of this project or beside the module itself."""
+    found: set[str] = set()
+    for start, names, plain in _IMPORT.findall(text):
+        if start:
+            parts = [name.split()[0] for name in re.sub(r"#[^\n]*|[()\\]", " ", names).split(",") if name.strip()]
+            modules = {f"{start}.{name}" for name in parts if _is_ours(f"{start}.{name}", module)}
+            found |= modules if len(modules) == len(parts) else modules | {start}
+        else:
+            found |= {name.split()[0] for name in plain.split(",") if name.strip()}
+    return {name for name in found if name != module and _is_ours(name, module)}
+
+
+def _is_ours(name: str, importer: str) -> bool:
+    source, here = _source(name), _source(importer)
+    return source is not None and (
+        name.partition(".")[0] in _OURS or (here is not None and source.parent == here.parent)
+    )
+
+
+@functools.cache
+def reached(module: str) -> frozenset[str]:
+    """A module and all that it imports of its project, directly or not."""
+    found, waiting = set(), [module]
+    while waiting:
+        name = waiting.pop()
+        if name not in found and name != _KEEPER:
+            found.add(name)
+            waiting += _text(name)[1]
+    return frozenset(found)
+
+
+@functools.cache
+def digest_of(module: str) -> bytes:
+    """A digest of the text of a module and of all that it reaches."""
+    digest = hashlib.sha256()
+    for name in sorted(reached(module)):
+        digest.update(name.encode() + b"\0" + _digest_of_text(name))
+    return digest.digest()
+
+
+@functools.cache
+def _digest_of_text(module: str) -> bytes:
+    return hashlib.sha256(_text(module)[0]).digest()
+
+
+def modules_of(kind: Any) -> set[str]:
+    """Modules of the classes in an argument type, whose functions a kernel may have compiled in."""
+    if isinstance(kind, BaseNamedTuple):
+        inner = set().union(*map(modules_of, kind.types)) if kind.types else set()
+        return {kind.instance_class.__module__} | inner
+    if isinstance(kind, BaseTuple):
+        return set().union(*map(modules_of, kind)) if len(kind) else set()
+    if isinstance(kind, Optional):
+        return modules_of(kind.type)
+    return set()
