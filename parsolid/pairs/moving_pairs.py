@@ -14,6 +14,7 @@ from mpi4py import MPI
 from decomposition.cells import checked_bounds
 from decomposition.close_pairs import ClosePairs, strips_of
 from decomposition.halo import Halo
+from decomposition.measured_load import MeasuredLoad
 from decomposition.migration import migrate
 from decomposition.partition import bisect
 from parsolid.collective import maximum, raise_together
@@ -22,7 +23,6 @@ from parsolid.pairs.displacement import Allowance, body_bounds, body_motions, sk
 from parsolid.pairs.lists import Images, InnerList, OneSidedList
 from parsolid.pairs.pair_lists import PairLists
 from parsolid.particles.declaration import Field
-from parsolid.particles.measured_load import MeasuredLoad
 
 # rebuilds after which particles are dealt out anew in any case, and between looks at what steps have cost
 _LONGEST, _LOOKS = 16, 4

@@ -6,9 +6,9 @@ from mpi4py import MPI
 from solids import Record, follow
 from test_methods_meet import CLOSING, SPEED, bars, momenta
 
+from decomposition.measured_load import shares_of
 from parsolid.methods.mpm import residence
 from parsolid.pairs import moving_pairs
-from parsolid.particles.measured_load import shares_of
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.loop import Simulation
 

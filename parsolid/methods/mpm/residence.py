@@ -8,8 +8,8 @@ import numpy as np
 
 from decomposition.cell_partition import CellPartition
 from decomposition.grid import RankGrid
+from decomposition.measured_load import MeasuredLoad
 from parsolid.methods.mpm.material_points import MaterialPoints
-from parsolid.particles.measured_load import MeasuredLoad
 
 # steps between looks at the order of storage and the balance of ranks, and the share of breaks that calls for a new
 # order

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from decomposition.measured_load import MeasuredLoad
 from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, block_numbers, blocks_between
@@ -34,7 +35,6 @@ from parsolid.pairs.smoothing import smoothing_kernel
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field
 from parsolid.particles.generated import declare_generated
-from parsolid.particles.measured_load import MeasuredLoad
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import (
     Scene,
