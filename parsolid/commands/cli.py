@@ -17,6 +17,7 @@ from mpi4py import MPI
 from parsolid import __version__
 from parsolid.collective import SolverError
 from parsolid.commands.arguments import TRUST_CODE, error_arguments, seconds, whole_number
+from parsolid.commands.launched import refuse_strangers
 from parsolid.output.errors import OutputError
 from parsolid.output.log import LOG
 from parsolid.output.whereabouts import HERE, report
@@ -207,6 +208,7 @@ def _dispatch(comm: MPI.Intracomm, arguments: list[str]) -> int:
     if options.command in _MODULES:
         command = getattr(import_module(_MODULES[options.command][0]), f"run_{options.command}")
         return _printed(command(comm, options))
+    refuse_strangers(comm)
     if options.command == "bench":
         from parsolid.commands.bench import bench
 

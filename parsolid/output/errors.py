@@ -1,11 +1,16 @@
 """One clear error on all ranks when an output operation fails on any of them."""
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from mpi4py import MPI
 
 from parsolid.collective import raise_together
+
+# HDF5 has the system's words within its own, MPICH at the end of the calls that led there
+_HDF5_REASON = re.compile(r"error message = '([^']+)'")
+_MPI_CALL = re.compile(r"^\w+\(\d+\)\.*:\s*(?:Other I/O error\s*)?")
 
 
 class OutputError(Exception):
@@ -39,7 +44,12 @@ def together(comm: MPI.Comm, doing: str) -> Iterator[None]:
 
 
 def words(error: Exception) -> str:
-    """An error's reason in words, without Python's or the system's numbers."""
+    """An error's reason in words, without Python's or the system's numbers, nor the calls of a library that met it."""
+    text = str(error) or type(error).__name__
+    if within := _HDF5_REASON.search(text):
+        return within[1]
     if isinstance(error, OSError) and error.strerror:
         return error.strerror + (f": {error.filename}" if error.filename else "")
-    return str(error) or type(error).__name__
+    if isinstance(error, MPI.Exception) and "error stack" in text:
+        return _MPI_CALL.sub("", text.strip().splitlines()[-1]) or text
+    return text

@@ -10,7 +10,7 @@ from typing import TextIO
 from mpi4py import MPI
 
 import parsolid
-from parsolid.output.errors import together
+from parsolid.output.errors import together, words
 
 
 class Log:
@@ -36,10 +36,15 @@ class Log:
         self.say(f"--- parsolid {parsolid.__version__}, {ranks}, {now}: {shlex.join(sys.argv[1:])}")
 
     def say(self, text: str) -> None:
-        """Add a line; a disk that is full ends no run."""
+        """Add a line; a disk that is full ends no run, but the log, which is told once."""
         if self.stream is not None:
-            with suppress(OSError, ValueError):
+            try:
                 print(text, file=self.stream, flush=True)
+            except (OSError, ValueError) as error:
+                name, self.stream = self.stream.name, None
+                with suppress(OSError, ValueError):
+                    told = f"parsolid: the log {name} ends here: {words(error)}; the run goes on"
+                    print(told, file=sys.stderr, flush=True)
 
     def close(self) -> None:
         """Close the file."""

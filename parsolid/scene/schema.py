@@ -12,7 +12,7 @@ from parsolid.observables.reaction import reaction_columns
 from parsolid.scene.base_model import Plane, Positive, SceneModel, method_of, mismatch, reject
 from parsolid.scene.bodies import FilledShape, OwnBody, own_method
 from parsolid.scene.boundaries import Boundary
-from parsolid.scene.boundaries.condition import reaction_details
+from parsolid.scene.boundaries.condition import clashes, reaction_details
 from parsolid.scene.contact import Contact, contact_faults, contact_pairs, energy_terms, grid_faults, unbonded
 from parsolid.scene.error_bars import ErrorBars, RunTargets
 from parsolid.scene.fillings import filling_of
@@ -234,7 +234,7 @@ def cross_faults(parts: Parts) -> list[str]:
                 faults += [f"{key_path(('bodies', i))}: {text}" for text in error.faults]
     every_body_known = 0 < len(fillings) == parts.stated_bodies
     faults += _repeated_names("bodies", parts.bodies) + _repeated_names("probes", parts.probes)
-    faults += _empty_bodies(fillings) + _boundary_faults(parts, fillings, every_body_known)
+    faults += _empty_bodies(fillings) + _boundary_faults(parts, fillings, every_body_known) + clashes(parts.boundaries)
     if every_body_known:
         faults += _distant_probes(parts, fillings) + _fields_elsewhere(parts, fillings)
     faults += contact_faults(parts.contact, parts.bodies, parts.complete) + tool_faults(parts)

@@ -177,3 +177,30 @@ def test_a_group_that_no_mesh_has_is_told_with_those_there_are(square, tmp_path,
     square["boundaries"] = [{"kind": "fixed", "where": "botom"}]
     with pytest.raises(SceneError, match=r"boundaries.0.where: .*'bottom', 'side', 'top'\) \(did you mean 'bottom'\?"):
         generate(parse_scene(square), comm)
+
+
+TURN = {"kind": "rotation", "where": "left", "centre": [0.0, 0.0], "angle": "0.1*t"}
+HELD = {"kind": "fixed", "where": "left"}
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "refused"),
+    [
+        (TURN, HELD, True),
+        (HELD, TURN, True),
+        (HELD, HELD, True),
+        (TURN, {"kind": "velocity", "where": "left", "velocity": ["1", "0"]}, True),
+        (TURN | {"body": "a"}, HELD | {"body": "b"}, False),
+        (HELD, TURN | {"where": "low"}, False),
+    ],
+)
+def test_a_region_whose_whole_motion_is_said_is_held_or_moved_by_nothing_else(square, first, second, refused):
+    regions = [{"name": "left", "plane": "X = 0"}, {"name": "low", "plane": "Y = 0"}]
+    used = {one["where"] for one in (first, second)}
+    square["bodies"] = [square["bodies"][0] | {"name": name} for name in ("a", "b")]
+    square["boundaries"], square["regions"] = [first, second], [one for one in regions if one["name"] in used]
+    if refused:
+        with pytest.raises(SceneError, match=r"boundaries\.1\.where: expected a region whose motion boundaries\.0"):
+            parse_scene(square)
+    else:
+        assert len(parse_scene(square).boundaries) == 2

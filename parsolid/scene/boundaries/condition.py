@@ -11,7 +11,7 @@ from parsolid.scene.bodies import Name
 from parsolid.scene.formulas import Formula, FormulaVector
 from parsolid.scene.method_settings import Detail
 from parsolid.scene.regions import Named, OnPlane
-from parsolid.scene.validation_errors import NOTHING
+from parsolid.scene.validation_errors import NOTHING, fault
 
 if TYPE_CHECKING:
     from parsolid.boundary.declarations import Declarations
@@ -113,6 +113,28 @@ def reaction_details(conditions: list[Any], probes: list[str], systems: Any) -> 
             expected = "a name that no probe and no other boundary with a reaction has"
             details.append((("boundaries", i, "name"), expected, name))
     return details
+
+
+# kinds that leave no component of a region's motion to another
+_WHOLE_MOTION = ("fixed", "rotation")
+
+
+def clashes(conditions: dict[int, Any]) -> list[str]:
+    """Faults of conditions on one region of which one says all of its motion and another says it again."""
+    faults, seen = [], dict[tuple[str, str | None], list[int]]()
+    for i, one in conditions.items():
+        if one.region_name is None or one.kind not in (*_WHOLE_MOTION, "velocity", "displacement"):
+            continue
+        there = seen.setdefault((one.region_name, one.body), [])
+        for j in there:
+            kinds = {one.kind, conditions[j].kind}
+            # "fixed" in some components and a velocity in others is no clash
+            if "rotation" in kinds or kinds == {"fixed"}:
+                expected = f"a region whose motion boundaries.{j} ({conditions[j].kind!r}) does not say"
+                faults.append(fault(("boundaries", i, "where"), expected, one.region_name))
+                break
+        there.append(i)
+    return faults
 
 
 Kind = TypeVar("Kind", bound=Condition)

@@ -1,4 +1,6 @@
-"""Spack: copy the folder py-parsolid into packages/ of a repository of one's own, then `spack install py-parsolid`."""
+"""Spack 1.0 or newer; how to use it stands in repo.yaml."""
+
+from spack_repo.builtin.build_systems.python import PythonPackage
 
 from spack.package import *
 
@@ -36,4 +38,5 @@ class PyParsolid(PythonPackage):
     with when("+plot"):
         depends_on("py-pyvista@0.44:", type="run")
         depends_on("py-matplotlib@3.8:", type="run")
+        # 0.5 is asked for elsewhere; Spack's newest is 0.4.9
         depends_on("py-imageio-ffmpeg", type="run")
