@@ -12,7 +12,6 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from parsolid.pairs.lattice_stencils import WIDEST, Axis, lengths_of, operator_of
 
@@ -92,7 +91,9 @@ def feeds_waves_in_plane(axes: Sequence[Axis], wide: bool, dissipation: float, r
     normal = np.kron(F, other) + slow * np.kron(one, E), slow * np.kron(F, other) + np.kron(one, E)
     mixed = lame * np.kron(G.T, H) + slow * np.kron(G, H.T)
     damping = np.kron(B, other) + ratio * np.kron(one, C), ratio * np.kron(B, other) + np.kron(one, C)
-    return _grows(np.block([[normal[0], mixed], [mixed.T, normal[1]]]), block_diag(*damping))
+    none = np.zeros_like(damping[0])
+    damped = np.block([[damping[0], none], [none, damping[1]]])
+    return _grows(np.block([[normal[0], mixed], [mixed.T, normal[1]]]), damped)
 
 
 def _fewer(axis: Axis, nodes: int) -> Axis:
