@@ -87,11 +87,12 @@ class KernelContact(Interaction):
         self.rebuild(time)
         # found anew, forces of friction differ from those that made them in the last bits
         kept = [one.forces[1].copy() for one in self.recipients] if self.restarted else []
-        # where particles would be after a step
         self._colours(anew=True, ahead=self._step)
-        ahead = self.level.copy()
+        ahead, allowed = self.level.copy(), self._nearest
         deepest = self.evaluate(None, held=True)
         self._bound_step(self.level, ahead)
+        if self.restarted:
+            self._nearest = allowed
         for one, force in zip(self.recipients, kept):
             one.resume(force)
         if self._energies is not None:
@@ -113,12 +114,13 @@ class KernelContact(Interaction):
         )
 
     def state(self) -> dict[str, Any]:
-        """That there is one, and its energies on each rank; collective."""
-        return {"rebuilds": self.rebuilds, "energies": self.comm.allgather((self.energy, self.stuck))}
+        """That there is one, its energies on each rank, and the step that it allows; collective."""
+        nearest = min(1e300, *self.comm.allgather(self._nearest))
+        return {"rebuilds": self.rebuilds, "energies": self.comm.allgather((self.energy, self.stuck)), "step": nearest}
 
     def set_state(self, state: dict[str, Any]) -> None:
         """The thresholds are those of the checkpoint."""
-        self.restarted, self.rebuilds = True, state["rebuilds"]
+        self.restarted, self.rebuilds, self._nearest = True, state["rebuilds"], state.get("step", np.inf)
         if len(state["energies"]) == self.comm.size:
             self.energy, self.stuck = self._energies = tuple(state["energies"][self.comm.rank])
         elif self.comm.rank == 0:
