@@ -9,6 +9,7 @@ What does not get through this way is compiled once more by numba as it is, and 
 kernel calls: Python may call them, too. All of it may be numba's by PARSOLID_PLAIN_COMPILER=1.
 """
 
+import gc
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -92,9 +93,21 @@ def _in_force() -> Iterator[None]:
     if _within:
         yield
         return
-    with replaced([*economies(), (compiler.Compiler, "define_pipelines", _pipelines)]) as before:
+    with _uncollected(), replaced([*economies(), (compiler.Compiler, "define_pipelines", _pipelines)]) as before:
         _numbas[:] = before
         yield
+
+
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Nothing of what a compilation makes is garbage before its end, and looking for some takes a tenth of its time."""
+    looking = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if looking:
+            gc.enable()
 
 
 def _pipelines(self: Any) -> list[Any]:

@@ -42,7 +42,7 @@ config.reload_config()
 
 # how kernels are compiled: numba's own way, or a number that goes up where the machine code of `compilation` changes
 PLAIN = compile_short is None or bool(os.environ.get("PARSOLID_PLAIN_COMPILER"))
-_WAY = "numba" if PLAIN else 3
+_WAY = "numba" if PLAIN else 4
 # nobody calls these kernels, or what they call, from C: without those entry points compilation takes a seventh less
 getattr(extending, "_overload_default_jit_options", {}).setdefault("no_cfunc_wrapper", True)
 # files that nothing has asked for in so many seconds are removed; a use is noted once a day
@@ -223,8 +223,9 @@ class KernelCache(_Cache):  # type: ignore[misc]
         """Keep what was compiled; a folder that is full or not writable only costs time."""
         if not self.enabled or data.lifted or data.library.has_dynamic_globals:
             return
-        path, payload = self.path(sig, data.codegen), content(data)
-        with suppress(OSError):
+        path = self.path(sig, data.codegen)
+        with suppress(*UNREADABLE):
+            payload = content(data)
             path.parent.mkdir(parents=True, exist_ok=True)
             with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".new-", delete=False) as file:
                 file.write(payload)

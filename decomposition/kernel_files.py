@@ -4,6 +4,7 @@ entry point; behind it what the compilation of a caller needs, types and code to
 A call needs no types from the file: they are those of the call, by which the file was found.
 """
 
+import functools
 import hashlib
 import os
 import pickle
@@ -17,14 +18,14 @@ from llvmlite import binding as llvm
 from numba import _dynfunc
 from numba.core.compiler import CompileResult
 from numba.core.environment import Environment, _rebuild_env
-from numba.core.runtime import rtsys
+from numba.core.runtime import _nrt_python, rtsys
 from numba.core.serialize import dumps
 
 # digest and length of the first part, digest and length of the second
 _HEAD = struct.Struct("<32sQ32sQ")
 _EMPTY = Environment({})
-# what errors of a file that cannot be read are; such a file is as good as none
-UNREADABLE = (OSError, EOFError, pickle.UnpicklingError, ValueError, struct.error)
+# what errors of a file that cannot be read are, also by a numba that is built otherwise; such a file is as good as none
+UNREADABLE = (OSError, EOFError, pickle.UnpicklingError, ValueError, struct.error, AttributeError, TypeError)
 
 
 def content(result: Any) -> bytes:
@@ -33,9 +34,33 @@ def content(result: Any) -> bytes:
     signature, _, _, annotation, on_loading, environments = rest
     function = description.modname, description.qualname, description.llvm_cpython_wrapper_name
     others = [(it.env_name, it.globals.get("__name__"), list(it.consts)) for it in environments]
-    called = dumps((machine_code, function, environment, others, on_loading))
+    called = dumps((machine_code, function, environment, others, on_loading, _counts_references(result.library)))
     linked = dumps((name, bitcode, description, signature, annotation))
     return b"".join((_HEAD.pack(*_told(called), *_told(linked)), called, linked))
+
+
+def _c_helpers() -> dict[str, int]:
+    """Addresses of what machine code that counts references calls in C, by its names there."""
+    helpers = _nrt_python.c_helpers
+    named = {name if name.startswith("_") else f"NRT_{name}": address for name, address in helpers.items()}
+    if "NRT_MemInfo_data" in named:
+        # what numba compiles by that name does the same without a call
+        named["NRT_MemInfo_data_fast"] = named["NRT_MemInfo_data"]
+    return named
+
+
+def _counts_references(library: Any) -> str:
+    """What machine code takes from numba's runtime: "" nothing, "C" functions in C, "all" also such as numba compiles
+    for itself when it compiles anything.
+    """
+    called = {it.name for it in library._final_module.functions if it.is_declaration and "nrt_" in it.name.lower()}
+    return "all" if called - _c_helpers().keys() else "C" if called else ""
+
+
+@functools.cache
+def _offer_c_helpers() -> None:
+    for name, address in _c_helpers().items():
+        llvm.add_symbol(name, address)
 
 
 def _told(part: bytes) -> tuple[bytes, int]:
@@ -68,13 +93,14 @@ class LoadedKernel:
 
         compile_again: gives numba's result of a compilation, for a file that is gone when more of it is asked for.
         """
-        code, function, self.environment, self._others, self.reload_init = _part(path, second=False)
+        code, function, self.environment, self._others, self.reload_init, runtime = _part(path, second=False)
         module, qualified_name, symbol = function
         for prepare in self.reload_init:
             prepare()
-        if b"NRT_" in code:
-            # what counts references calls what numba compiles for that
+        if runtime == "all":
             rtsys.initialize(target_context)
+        elif runtime == "C":
+            _offer_c_helpers()
         self.path, self.target_context, self._compile_again = path, target_context, compile_again
         engine = target_context.codegen()._engine._ee
         engine.add_object_file(llvm.ObjectFileRef.from_data(code))

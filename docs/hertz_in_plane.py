@@ -173,19 +173,20 @@ class Pressed:
         return {"force": 2.0 * float(force.sum())}
 
 
-def of_particles(column: np.ndarray, h: float) -> str:
-    """Half width by the second moment and peak of the forces of columns beside Hertz's for their sum."""
+def of_particles(column: np.ndarray, h: float) -> tuple[float, float, float]:
+    """Half width by the second moment, peak and largest force of columns over Hertz's for their sum, less 1."""
     middle = (np.arange(len(column)) + 0.5) * h
     load = 2.0 * column.sum()
     half = np.sqrt(8.0 * load * RADIUS / (np.pi * PLANE))
     width, most = 2.0 * np.sqrt((column * middle**2).sum() / column.sum()), 2.0 * load / (np.pi * half)
     near = middle < 0.5 * half
     peak = (column / h)[near].sum() / (most * np.sqrt(1.0 - (middle[near] / half) ** 2)).sum()
-    return f"half width {width / half - 1:+.3f}, peak {peak - 1:+.3f}, largest {(column / h).max() / most - 1:+.3f}"
+    return float(width / half - 1), float(peak - 1), float((column / h).max() / most - 1)
 
 
-def of_nodes(column: np.ndarray, cell: float, averaged: float) -> str:
-    """The same of nodes, beside what they get of Hertz's pressure by hat functions averaged over so many cells."""
+def of_nodes(column: np.ndarray, cell: float, averaged: float) -> tuple[float, float, float]:
+    """The same of nodes, the first one in place of the largest, beside what they get of Hertz's pressure by hat
+    functions averaged over so many cells."""
     load = 2.0 * column.sum()
     half = np.sqrt(8.0 * load * RADIUS / (np.pi * PLANE))
     angle = (np.arange(4000) + 0.5) / 4000 * np.pi
@@ -201,30 +202,42 @@ def of_nodes(column: np.ndarray, cell: float, averaged: float) -> str:
     width = 2.0 * np.sqrt(2.0 * (column * node**2).sum() / load - more)
     near = node < 0.5 * half
     peak = column[near].sum() / exact[near].sum()
-    return f"half width {width / half - 1:+.3f}, peak {peak - 1:+.3f}, first {column[0] / exact[0] - 1:+.3f}"
+    return float(width / half - 1), float(peak - 1), float(column[0] / exact[0] - 1)
+
+
+def run_of(methods: list[str], wanted: float, words: dict[str, Any]) -> tuple[Tables, Pressed, Tables]:
+    """The columns of a run with its share of the last force, what was looked at, and the scene."""
+    with tempfile.TemporaryDirectory() as place:
+        scene, end = tables(methods, wanted, os.path.join(place, "cap.vtk"), words)
+        looking = Pressed(end, HALF / wanted)
+        _, columns = run(scene, looking)
+    x = np.minimum(columns["time"] / end, 1.0)
+    return columns | {"share": x**3 * (10.0 - 15.0 * x + 6.0 * x**2)}, looking, scene
+
+
+def of_pressure(looking: Pressed, scene: Tables, words: dict[str, Any]) -> tuple[float, float, float]:
+    """Of particles or of nodes."""
+    column = looking.sum / looking.time
+    if "model" not in scene["contact"][0]:
+        return of_particles(column, looking.h)
+    averaged = {"quadratic-spline": 1.0, "ugimp": 0.5, "linear": 0.0}[words.get("mpm.basis", "quadratic-spline")]
+    return of_nodes(column, scene["methods"][0]["cell"], averaged)
 
 
 def pressed(methods: list[str], wanted: float, words: dict[str, Any]) -> str:
     """A line of the table."""
-    h = HALF / wanted
-    with tempfile.TemporaryDirectory() as place:
-        scene, end = tables(methods, wanted, os.path.join(place, "cap.vtk"), words)
-        looking = Pressed(end, h)
-        _, columns = run(scene, looking)
-    x = np.minimum(columns["time"] / end, 1.0)
-    s, force, told = x**3 * (10.0 - 15.0 * x + 6.0 * x**2), columns["force"] / LOAD, []
+    columns, looking, scene = run_of(methods, wanted, words)
+    s, force, told = columns["share"], columns["force"] / LOAD, []
     for share in (0.25, 0.5, 1.0):
         at = np.abs(s - share) < 0.02 if share < 1.0 else s == 1.0
         told.append(f"{force[at].mean() / s[at].mean() - 1.0:+.3f} at a/h {wanted * share**0.5:.1f}")
-    line = f"{' on '.join(methods[::-1])} {words or ''}, a/h {wanted:g}, {len(s) - 1} steps: force {', '.join(told)}"
-    column = looking.sum / looking.time
-    if "grid" in methods:
-        averaged = {"quadratic-spline": 1.0, "ugimp": 0.5, "linear": 0.0}[words.get("mpm.basis", "quadratic-spline")]
-        line += f"; {of_nodes(column, scene['methods'][0]['cell'], averaged)}"
-    else:
-        line += f"; {of_particles(column, h)}"
+    width, peak, largest = of_pressure(looking, scene, words)
     off = np.abs(columns["balance"]).max() / columns["stored"].max()
-    return f"{line}; swing {np.ptp(force[s == 1.0]):.3f}, balance {off:.1e}"
+    return (
+        f"{' on '.join(methods[::-1])} {words or ''}, a/h {wanted:g}, {len(s) - 1} steps: force {', '.join(told)}; "
+        f"half width {width:+.3f}, peak {peak:+.3f}, {'first' if 'grid' in methods else 'largest'} {largest:+.3f}; "
+        f"swing {np.ptp(force[s == 1.0]):.3f}, balance {off:.1e}"
+    )
 
 
 def main() -> None:

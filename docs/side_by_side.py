@@ -4,7 +4,9 @@
 
 A tree is a folder with `parsolid/` and `decomposition/` in it, as `git worktree add` makes one. Each version is a
 process of its own that waits while the other one steps, so that both meet the same noise of the machine; the least
-of all turns and the median of the turns' ratios are told. Bodies are cubes in shear, without output.
+of all turns and the median of the turns' ratios are told, and that times the ratio of the largest stable steps: what
+the same time of motion costs. Bodies are cubes in shear, without output. A case may have another method for the new
+version, where the old one does not know what is compared.
 """
 
 import argparse
@@ -15,8 +17,16 @@ import sys
 import time
 
 _RUBBER = {"kind": "mooney-rivlin", "density": 1100, "youngs_modulus": 17e6, "poissons_ratio": 0.45}
+_BRANCH = {"branches": [{"beta": 1.0, "tau": 0.02}]}
 _CASES = {
-    "tlsph": ({"kind": "tlsph"}, {**_RUBBER, "branches": [{"beta": 1.0, "tau": 0.02}]}),
+    "tlsph": ({"kind": "tlsph"}, {**_RUBBER, **_BRANCH}),
+    "tlsph, leapfrog after stages": ({"kind": "tlsph"}, {**_RUBBER, **_BRANCH}, {"integrator": "leapfrog"}),
+    "tlsph, h/dx 1.2, leapfrog after stages": (
+        {"kind": "tlsph", "smoothing": 1.2},
+        _RUBBER,
+        {"integrator": "leapfrog"},
+    ),
+    "tlsph, leapfrog": ({"kind": "tlsph", "integrator": "leapfrog"}, {**_RUBBER, **_BRANCH}),
     "tlsph, h/dx 1.2": ({"kind": "tlsph", "smoothing": 1.2}, _RUBBER),
     "tlsph, leapfrog, fourth-order": ({"kind": "tlsph", "integrator": "leapfrog", "weights": "fourth-order"}, _RUBBER),
     "peridynamics": (
@@ -31,8 +41,10 @@ _CASES = {
 }
 
 
-def _scene(case: str, across: int) -> dict:
-    method, material = _CASES[case]
+def _scene(case: str, across: int, new: bool) -> dict:
+    method, material, *changed = _CASES[case]
+    if changed and new:
+        method = {**method, **changed[0]}
     body = {
         "shape": {"box": {"lower": [0, 0, 0], "upper": [1, 1, 1]}},
         "particles": [across] * 3,
@@ -45,7 +57,8 @@ def _scene(case: str, across: int) -> dict:
 
 
 def _work(tree: str, scene: dict) -> None:
-    """Steps as many times as each line of the input says; prints processor seconds."""
+    """Prints the largest stable step; then steps as many times as each line of the input says, and prints processor
+    seconds."""
     sys.path.insert(0, tree)
     from mpi4py import MPI
 
@@ -56,6 +69,7 @@ def _work(tree: str, scene: dict) -> None:
     except ImportError:  # the versions in which it was one module
         from parsolid.simulation import Simulation
     simulation = Simulation(MPI.COMM_SELF, parse_scene(scene))
+    print(simulation.systems[0].stable_step(), flush=True)
     for line in sys.stdin:
         began = time.process_time()
         for _ in range(int(line)):
@@ -67,6 +81,7 @@ class _Version:
     def __init__(self, tree: str, scene: dict) -> None:
         command = [sys.executable, __file__, tree, tree, "--work", json.dumps(scene)]
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        self.largest = float(self.process.stdout.readline())
 
     def step(self, steps: int) -> float:
         self.process.stdin.write(f"{steps}\n")
@@ -80,7 +95,7 @@ class _Version:
 
 def _compare(trees: list[str], case: str, particles: int, steps: int, turns: int) -> None:
     across = round(particles ** (1 / 3))
-    versions = [_Version(tree, _scene(case, across)) for tree in trees]
+    versions = [_Version(tree, _scene(case, across, k == 1)) for k, tree in enumerate(trees)]
     # the first steps load or compile the kernels
     for version in versions:
         version.step(2)
@@ -90,7 +105,8 @@ def _compare(trees: list[str], case: str, particles: int, steps: int, turns: int
     scale = 1e9 / (steps * across**3)
     old, new = (scale * min(column) for column in zip(*spent))
     ratio = statistics.median(after / before for before, after in spent)
-    print(f"| {case} | {across**3} | {old:.0f} | {new:.0f} | {new / old:.3f} | {ratio:.3f} |", flush=True)
+    moved = ratio * versions[0].largest / versions[1].largest
+    print(f"| {case} | {across**3} | {old:.0f} | {new:.0f} | {new / old:.3f} | {ratio:.3f} | {moved:.3f} |", flush=True)
 
 
 def main() -> None:
@@ -105,8 +121,8 @@ def main() -> None:
     if given.work:
         _work(given.old, given.work)
         return
-    print("| case | particles | ns a particle-step, old | new | new / old, least | median of turns |")
-    print("|---|---|---|---|---|---|")
+    print("| case | particles | ns a particle-step, old | new | new / old, least | median of turns | of equal motion |")
+    print("|---|---|---|---|---|---|---|")
     for case in given.cases or _CASES:
         _compare([given.old, given.new], case, given.particles, given.steps, given.turns)
 

@@ -48,6 +48,12 @@ def sources() -> dict[str, str]:
     return {str(path.relative_to(ROOT)): path.read_text() for path in files}
 
 
+@cache
+def nodes_of(text: str) -> list[ast.AST]:
+    """All nodes of a module, those of a level before those below them."""
+    return list(ast.walk(ast.parse(text)))
+
+
 def none_of(violations) -> None:
     violations = list(violations)
     assert not violations, f"{len(violations)} of them:\n" + "\n".join(violations)
@@ -69,7 +75,7 @@ def test_no_long_file():
 
 def functions(text: str):
     """Functions of a module with how many lines they take, from `def` to their end."""
-    for node in ast.walk(ast.parse(text)):
+    for node in nodes_of(text):
         if isinstance(node, ast.FunctionDef):
             yield node.name, node.lineno, node.end_lineno - node.lineno + 1
 
@@ -97,8 +103,8 @@ def module_of(path: str) -> str:
 def imports_of(text: str, package: str) -> list[tuple[int, str]]:
     """Line and full name of what a module imports, anywhere in it; nothing that only a type checker reads."""
     found, hidden = [], set()
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
+    for node in nodes_of(text):
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in text and ast.unparse(node.test).endswith("TYPE_CHECKING"):
             hidden |= {id(inner) for part in node.body for inner in ast.walk(part)}
         if id(node) in hidden:
             continue
@@ -152,7 +158,7 @@ def test_kernels_know_neither_messages_nor_files():
 def counted(text: str) -> list[tuple[int, str]]:
     """Lines that count, without white space: no blank ones, comments, docstrings, imports, lone punctuation."""
     skipped = set()
-    for node in ast.walk(ast.parse(text)):
+    for node in nodes_of(text):
         string = (
             isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
         )

@@ -5,13 +5,10 @@ import sys
 import time as clock
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
-from rich.columns import Columns
-from rich.console import Console, Group
-from rich.live import Live
-from rich.progress_bar import ProgressBar
-from rich.text import Text
+if TYPE_CHECKING:
+    from rich.live import Live
 
 QUIET, NORMAL, VERBOSE = 0, 1, 2
 
@@ -140,6 +137,11 @@ class Progress:
         return energies
 
     def _start_bar(self, columns: int) -> None:
+        # only a terminal wants these, and a small job waits for them
+        from rich.console import Console
+        from rich.live import Live
+        from rich.text import Text
+
         console = Console(file=self._stream, force_terminal=True, width=columns)
         # no thread of its own: it would disturb the ranks' timing
         self._bar = Live(Text("setting up"), console=console, auto_refresh=False)
@@ -147,7 +149,12 @@ class Progress:
         # a run that is killed must not leave the terminal without its cursor
         console.show_cursor(True)
 
-    def _show(self, live: Live, time: float, words: list[str]) -> None:
+    def _show(self, live: "Live", time: float, words: list[str]) -> None:
+        from rich.columns import Columns
+        from rich.console import Group
+        from rich.progress_bar import ProgressBar
+        from rich.text import Text
+
         bar = ProgressBar(total=self._end_time, completed=time)
         try:
             live.update(Group(bar, Columns([Text(word, no_wrap=True) for word in words], padding=(0, 2))), refresh=True)

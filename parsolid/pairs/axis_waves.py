@@ -7,12 +7,11 @@ c_ii that of pressure and c_ik that of shear waves. They act along different axe
 the sum is the sum of the greatest ones. 1/dt is convex in both speeds and grows with them: chords bound it.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from parsolid.pairs.lattice_stencils import WIDEST, Axis, lengths_of, operator_of
 
@@ -22,23 +21,23 @@ _MOST_NODES = 24
 # greatest frequencies are that local
 _PART = 64
 # nodes of a grading that are enough to tell whether waves grow; fewer nodes change faster
-_TOLD_BY, _TOLD_IN_PLANE_BY = 32, 9
+_TOLD_BY = 32
 # squares of the speed of waves over that whose impedance dissipates: where volume hardly changes, waves of shear have
 # the dissipation of pressure
 _SLOWNESS = (1.0, 0.25, 0.01, 1e-3)
+# logarithm of the change from one distance to the next times S c_p/c_s that boxes bear
+_OF_VOLUME = 14.0
 _BISECTIONS = 16
 # rates of growth, in waves' times of a step, that are more than rounding of the double rate 0
 _GROWTH = 1e-6
 
 
 class _Matrices(NamedTuple):
-    """Of an axis with steps of 1 m, of nodes that may move, over the norm, S = 1: F, B, the symmetric part of B, and
-    the gradient."""
+    """Of an axis with steps of 1 m, of nodes that may move, over the norm, S = 1: F, B, the symmetric part of B."""
 
     F: np.ndarray
     B: np.ndarray
     power: np.ndarray
-    slope: np.ndarray
 
 
 @lru_cache(maxsize=256)
@@ -61,38 +60,35 @@ def _matrices(axis: Axis, wide: bool, reconstruction: bool) -> _Matrices:
     over = root[:, None] * root
     moving = slice(int(axis.held[0]), nodes - int(axis.held[1]))
     stiffness, power = slope.T @ (norm[:, None] * slope) / over, 0.5 * (damping + damping.T) / over
-    every = stiffness, damping / over, power, root[:, None] * slope / root
-    return _Matrices(*(one[moving, moving] for one in every))
-
-
-def _grows(stiffness: np.ndarray, damping: np.ndarray) -> bool:
-    """Whether a motion does in short steps."""
-    one, none = np.eye(len(damping)), np.zeros_like(damping)
-    return bool(np.linalg.eigvals(np.block([[none, one], [-stiffness, -damping]])).real.max() > _GROWTH)
+    return _Matrices(*(one[moving, moving] for one in (stiffness, damping / over, power)))
 
 
 def feeds_waves(axis: Axis, wide: bool, dissipation: float) -> bool:
-    """Whether the reconstructed dissipation makes waves grow along an axis: where spacings change fast at ends of
-    fourth order, it is no positive form.
+    """Whether the reconstructed dissipation makes waves grow along an axis, in short steps: where spacings change fast
+    at ends of fourth order, it is no positive form.
     """
-    found = _matrices(_fewer(axis.whole, _TOLD_BY), wide, True)
-    return any(_grows(square * found.F, dissipation * found.B) for square in _SLOWNESS)
+    F, B, _ = _matrices(_fewer(axis.whole, _TOLD_BY), wide, True)
+    one, none = np.eye(len(F)), np.zeros_like(F)
+    for square in _SLOWNESS:
+        rates = np.linalg.eigvals(np.block([[none, one], [-square * F, -dissipation * B]]))
+        if rates.real.max() > _GROWTH:
+            return True
+    return False
 
 
-def feeds_waves_in_plane(axes: Sequence[Axis], wide: bool, dissipation: float, ratio: float) -> bool:
-    """Whether it does in the plane of two axes, of whose waves those of shear are `ratio` times as fast as those of
-    pressure: what keeps the volume feels but a part of what each axis damps.
+def feeds_waves_of_volume(axis: Axis, dissipation: float, ratio: float) -> bool:
+    """Whether it may in boxes, of waves of shear that are `ratio` times as fast as those of pressure: what keeps the
+    volume feels but a part of what each axis damps.
+
+    By eigenvalues of boxes of 8 to 10 nodes a side, dense at all faces: motions grow from 20 on (docs/weights.md).
     """
-    least, found = min(axis.step for axis in axes), []
-    for axis in axes:
-        h, own = least / axis.step, _matrices(_fewer(axis.whole, _TOLD_IN_PLANE_BY), wide and axis.wide, True)
-        found.append((h * h * own.F, dissipation * h * own.B, h * own.slope, np.eye(len(own.F))))
-    (F, B, G, one), (E, C, H, other) = found
-    slow, lame = ratio * ratio, 1.0 - 2.0 * ratio * ratio
-    normal = np.kron(F, other) + slow * np.kron(one, E), slow * np.kron(F, other) + np.kron(one, E)
-    mixed = lame * np.kron(G.T, H) + slow * np.kron(G, H.T)
-    damping = np.kron(B, other) + ratio * np.kron(one, C), ratio * np.kron(B, other) + np.kron(one, C)
-    return _grows(np.block([[normal[0], mixed], [mixed.T, normal[1]]]), block_diag(*damping))
+    return dissipation * np.log(most_change(axis)) > _OF_VOLUME * ratio
+
+
+def most_change(axis: Axis) -> float:
+    """How many times as great as the one beside it a distance of nodes is."""
+    steps = np.diff(axis.places)
+    return float(np.max(np.maximum(steps[1:] / steps[:-1], steps[:-1] / steps[1:]))) if axis.places else 1.0
 
 
 def _fewer(axis: Axis, nodes: int) -> Axis:

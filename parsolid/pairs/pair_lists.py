@@ -11,6 +11,7 @@ import numpy as np
 from decomposition.halo import Halo
 from parsolid.pairs.axis_lists import arrays_of, pairs_in
 from parsolid.pairs.lists import InnerList, OneSidedList
+from parsolid.pairs.weight_tables import is_tabled
 
 
 class PairLists:
@@ -39,6 +40,7 @@ class PairLists:
     def arrays(self) -> list[np.ndarray]:
         """Arrays of the lists, for what counts memory."""
         arrays = [array for pairs in self._all() for array in arrays_of(pairs)]
+        arrays += [pairs.table for pairs in self._all() if is_tabled(pairs)]
         return arrays + ([*(self.mirror.images or ())] if self.mirror is not None else [])
 
     def sweep(self, apply: Callable[[Any], None], message: str | None = None) -> None:

@@ -2,7 +2,7 @@
 need."""
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -23,7 +23,9 @@ from parsolid.pairs.lists import Images, InnerList, OneSidedList, Places, empty_
 from parsolid.pairs.pair_lists import PairLists
 from parsolid.pairs.passes import Vector, add_forces, add_gradients, sum_columns
 from parsolid.pairs.smoothed_weights import SmoothedWeights
+from parsolid.pairs.table_passes import add_forces_by_table, add_gradients_by_table
 from parsolid.pairs.terms import KINEMATICS, record_columns
+from parsolid.pairs.weight_tables import is_tabled, no_tabled_ghosts
 from parsolid.pairs.weights import select_pairs
 from parsolid.particles.declaration import Columns, Field, Rows, Within
 
@@ -48,8 +50,10 @@ class PairSystem(PairLists):
     volume: np.ndarray
     metric: np.ndarray
     unbonded: np.ndarray | None = None
-    # whether pairs of owned particles and of ghosts are `axis_lists`
-    along_axes = False
+    # whether pairs of owned particles and of ghosts stand as `weights.walked` has them, which say nothing of one pair
+    rewritten = False
+    # which of the kernels walk the list of ghosts and that of owned particles
+    ways = (0, 0)
 
     def __init__(
         self,
@@ -67,9 +71,10 @@ class PairSystem(PairLists):
         """
         self.comm, self.particles, self.space = comm, particles, space
         self.weights, self.terms, self.codes = weights, terms, codes
-        # of lists as `passes` has them, and of those along axes
-        self._add_gradients = RecalledEach(add_gradients), RecalledEach(add_gradients_along_axes)
-        self._add_forces = RecalledEach(add_forces), RecalledEach(add_forces_along_axes)
+        # of lists as `passes` has them, of those along axes and of those with tables
+        gradients = (add_gradients, add_gradients_along_axes, add_gradients_by_table)
+        self._add_gradients = [RecalledEach(kernel) for kernel in gradients]
+        self._add_forces = [RecalledEach(kernel) for kernel in (add_forces, add_forces_along_axes, add_forces_by_table)]
         d, record = space.dimension, record_columns(space, terms)
         # whoever moves particles by smoothed weights reads what dissipates apart, also where nothing does
         forces = 8 if isinstance(weights, SmoothedWeights) else 4
@@ -111,13 +116,14 @@ class PairSystem(PairLists):
         self._fill_lists(body, reach)
         correction = self.weights.complete(self)
         self.inner, self.rim = self.weights.walked(self)
-        self.along_axes = is_along_axes(self.inner)
+        self.ways = _way(self.rim), _way(self.inner)
+        self.rewritten = max(self.ways) > 0
         self.particles.owned_rows("correction")[:] = correction.reshape(self.owned, -1)
         self.particles.owned_rows("pair_volume")[:] = volume
         self.particles.update("reference")
 
     def _fill_lists(self, body: np.ndarray, reach: Any) -> None:
-        self.rim, self.mirror, self.along_axes = None, None, False
+        self.rim, self.mirror, self.rewritten, self.ways = None, None, False, (0, 0)
         self.fault: str | None = None
         owned, local = self.owned, len(self.positions)
         candidates = plain_candidates(self.even, owned, reach)
@@ -157,10 +163,10 @@ class PairSystem(PairLists):
     def lists(self) -> Iterator[tuple[Any, Places]]:
         """Every list, and where its neighbours stand.
 
-        Raises TypeError where lists are along axes, which have no rows of neighbours.
+        Raises TypeError where lists are along axes, or have tables: those have no weight of each pair.
         """
-        if self.along_axes:
-            raise TypeError("pairs along axes have no rows of neighbours; ask before `weights.walked`")
+        if self.rewritten:
+            raise TypeError("pairs along axes or with tables have no weights one by one; ask before `weights.walked`")
         for pairs in self._all():
             images = images_of(pairs)
             if images is None:
@@ -181,12 +187,12 @@ class PairSystem(PairLists):
         """
         kinematics = self.particles.storage("kinematics")
         result = self.particles.storage("pair_sums") if sums is None else sums
-        if self.along_axes and fields != FIELD:
-            raise TypeError(f"passes along axes know the vector in the first columns, not {fields}")
+        if self.rewritten and fields != FIELD:
+            raise TypeError(f"passes along axes or with tables know the vector in the first columns, not {fields}")
         add = self._add_gradients
 
         def apply(pairs: Any) -> None:
-            add[self._along(pairs)](self.key(pairs, fields), self.space, pairs, fields, kinematics, result)
+            add[self._way_of(pairs)](self.key(pairs, fields), self.space, pairs, fields, kinematics, result)
 
         self.sweep(apply, message)
         return result
@@ -197,14 +203,13 @@ class PairSystem(PairLists):
         add = self._add_forces
 
         def apply(pairs: Any) -> None:
-            add[self._along(pairs)](self.key(pairs, terms), self.space, pairs, terms, kinematics, record, force)
+            add[self._way_of(pairs)](self.key(pairs, terms), self.space, pairs, terms, kinematics, record, force)
 
         self.sweep(apply, "record")
         return force
 
-    def _along(self, pairs: Any) -> bool:
-        """Whether a list is one along axes; those of images are not."""
-        return self.along_axes and pairs is not self.mirror
+    def _way_of(self, pairs: Any) -> int:
+        return 0 if pairs is self.mirror else self.ways[pairs is self.inner]
 
     def key(self, pairs: Any, what: Any) -> tuple[Any, ...]:
         """For `RecalledEach`: which of the lists is swept, and for what."""
@@ -212,8 +217,13 @@ class PairSystem(PairLists):
 
     def warm(self) -> None:
         """Compile the passes over lists of ghosts, which one rank alone does not have."""
-        storage, along = self.particles.storage, self.along_axes
-        pairs: Any = no_ghosts() if along else empty_list(self.inner)
-        gradients, forces = self._add_gradients[along].kernel, self._add_forces[along].kernel
+        storage, way, inner = self.particles.storage, self.ways[True], cast(Any, self.inner)
+        pairs: Any = (empty_list, lambda like: no_ghosts(), no_tabled_ghosts)[way](inner)
+        gradients, forces = self._add_gradients[way].kernel, self._add_forces[way].kernel
         gradients(self.space, pairs, FIELD, storage("kinematics"), storage("pair_sums"))
         forces(self.space, pairs, self.terms, *map(storage, ("kinematics", "record", "pair_force")))
+
+
+def _way(pairs: Any) -> int:
+    """Which of the kernels walk a list: of lists as `passes` has them, along axes, or with tables."""
+    return 1 if is_along_axes(pairs) else 2 if is_tabled(pairs) else 0

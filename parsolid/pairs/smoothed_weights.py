@@ -12,6 +12,7 @@ from parsolid.pairs.closure import close
 from parsolid.pairs.lattice_pairs import Lattices, fill_lattice_weights, keep_lattice_pairs, keep_near_jumps
 from parsolid.pairs.mean_impedance import whole_jump_factors
 from parsolid.pairs.terms import MeanRiemann
+from parsolid.pairs.weight_tables import by_tables
 from parsolid.pairs.weights import PairWeights
 
 
@@ -20,16 +21,24 @@ class SmoothedWeights(PairWeights):
     dissipation."""
 
     def __init__(
-        self, kernel: Any, dissipation: float = 1.0, surface: Any = None, lattices: Lattices | None = None
+        self,
+        kernel: Any,
+        dissipation: float = 1.0,
+        surface: Any = None,
+        lattices: Lattices | None = None,
+        tabled: bool = False,
     ) -> None:
         """kernel: of `smoothing.smoothing_kernel`; dissipation: factor on k_ab.
 
         surface: what `pairs.closure.Closure` takes of the particles whose weights are to be closed: (area vectors
         (owned, d) [m^2], parts of the particles on this side of planes (owned,), and which (owned,) unless all);
-        lattices: those of owned particles; pairs of two lattices, or of one and a particle on none, have no weight.
+        lattices: those of owned particles; pairs of two lattices, or of one and a particle on none, have no weight;
+        tabled: whether weights are to stand in tables where few differ (`weight_tables`), for which those of a kernel
+        alone are rounded to float32.
         """
         self.kernel, self.dissipation, self.surface, self.support = kernel, dissipation, surface, kernel.support
-        self.lattices = lattices
+        self.lattices, self.tabled = lattices, tabled
+        self._rounded = tabled and surface is None and lattices is None
 
     def empty(self, pairs: int) -> np.ndarray:
         """Room for the weights of so many pairs."""
@@ -40,6 +49,9 @@ class SmoothedWeights(PairWeights):
         weights.pair_weights(self.kernel, pairs, places, system.positions, system.metric, system.volume)
         if self.lattices is not None:
             fill_lattice_weights(self.lattices, pairs, places, system.even)
+        if self._rounded:
+            # before corrections are found: gradients of linear fields stay exact
+            pairs.weight[:] = pairs.weight.astype(np.float32)
 
     def kept(
         self, system: Any, start: np.ndarray, neighbour: np.ndarray, code: np.ndarray, *places: np.ndarray
@@ -67,12 +79,17 @@ class SmoothedWeights(PairWeights):
         return correction[: system.owned]
 
     def walked(self, system: Any) -> tuple[Any, Any]:
-        """Along axes where all pairs are on lattices in space."""
-        plain = system.inner, system.rim
+        """Along axes where all pairs are on lattices in space; with tables where few weights differ."""
+        plain, found = (system.inner, system.rim), None
         dissipates = isinstance(system.terms, MeanRiemann) or system.terms is None
-        if self.lattices is None or system.space.dimension == 2 or not dissipates:
-            return plain
-        return along_axes(self.lattices, *plain, system.even, system.positions, self.dissipation) or plain
+        if self.lattices is not None and system.space.dimension == 3 and dissipates:
+            found = along_axes(self.lattices, *plain, system.even, system.positions, self.dissipation)
+        if found is None and self.tabled:
+            for pairs in filter(None, plain):
+                # any k_ab will do that both particles have
+                pairs.weight[:, system.space.dimension] = pairs.weight[:, system.space.dimension].astype(np.float32)
+            found = by_tables(*plain, system.positions)
+        return found or plain
 
 
 def corrections(system: Any) -> np.ndarray:

@@ -58,7 +58,8 @@ class SceneModel(BaseModel):
     `exactly_one` and `at_most_one` name groups of keys that exclude each other.
     """
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+    # built where a scene has such a table: most have a dozen of the seventy
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False, defer_build=True)
     exactly_one: ClassVar[tuple[tuple[str, ...], ...]] = ()
     at_most_one: ClassVar[tuple[tuple[str, ...], ...]] = ()
 

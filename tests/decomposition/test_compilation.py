@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numba import njit
-from numba.core import compiler, ir, postproc, types
+from numba.core import compiler, ir, postproc, typeinfer, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.errors import TypingError
 from numba.core.runtime import _nrt_python, rtsys
@@ -210,6 +210,30 @@ def test_numba_is_as_it_was_also_after_an_error():
     assert [getattr(*part) for part in parts] == before
     compiled(_roots).compile((types.float64[:, ::1], types.float64[::1]))
     assert [getattr(*part) for part in parts] == before
+
+
+def test_constraints_are_applied_again_only_where_a_type_has_changed(monkeypatch):
+    applied, usual = [], typeinfer.CallConstraint.resolve
+
+    def counted(self, *arguments, **named):
+        applied.append(self)
+        return usual(self, *arguments, **named)
+
+    def halves(n):
+        # first an integer, then a number with halves
+        total = 0
+        for k in range(n):
+            total = total * 2 + 0.5 * k
+        return total
+
+    monkeypatch.setattr(typeinfer.CallConstraint, "resolve", counted)
+    numbers = []
+    for make in (njit, compiled):
+        kernel = make(halves)
+        applied.clear()
+        assert kernel(4) == 5.5 and kernel.nopython_signatures[0].return_type == types.float64
+        numbers.append(len(applied))
+    assert 0 < numbers[1] < numbers[0]
 
 
 def test_without_the_short_way_there_is_numbas():

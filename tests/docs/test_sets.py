@@ -39,6 +39,13 @@ def test_each_value_is_on_a_black_field_and_half_of_all_are_white(sides):
         assert {item.callspec.params[name] for item in black} == values, name
 
 
+def test_values_that_change_together_all_run():
+    """Also where the first of them is the same."""
+    sets = items(**{"state": ["at once", "relaxed"], "clamp, reach": [("mirror", 3), ("layer", 5), ("layer", 10)]})
+    black = [item.callspec.params for item in sets if item not in white_fields(sets)]
+    assert {one["reach"] for one in black} == {3, 5, 10} and {one["state"] for one in black} == {"at once", "relaxed"}
+
+
 def test_of_one_parameter_no_value_is_left_out_but_on_several_ranks():
     sets = items(name=list("abcde"))
     assert white_fields(sets) == []

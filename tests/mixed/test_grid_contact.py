@@ -1,5 +1,7 @@
 """Contact on the nodes of the grid: blows that keep momentum and book what they take, friction, release, ranks."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -10,6 +12,7 @@ from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.restart import Restart
 
+DOCS = Path(__file__).parents[2] / "docs"
 GRID = {"bodies": ["a", "b"], "model": "grid"}
 
 
@@ -97,6 +100,19 @@ def test_ranks_do_not_matter_and_a_restart_has_the_same_bits_with_heat_of_fricti
         rows = one.particles.checkpointed()
         assert all(rows[name].tobytes() == values.tobytes() for name, values in found.particles.checkpointed().items())
     assert np.array_equal(wanted.ledger.values, again.ledger.values)
+
+
+def test_a_cylinder_on_a_block_has_hertzs_force_width_and_peak(monkeypatch):
+    """`docs/hertz_in_plane.py` with two cells in the half width; without gaps it has three times the force."""
+    monkeypatch.syspath_prepend(str(DOCS))
+    import hertz_in_plane
+
+    monkeypatch.setattr(hertz_in_plane, "SLOW", 6.0)
+    monkeypatch.setattr(hertz_in_plane, "REST", 2.0)
+    columns, looking, scene = hertz_in_plane.run_of(["grid", "grid"], 4.0, {})
+    force = columns["force"][columns["share"] == 1.0].mean() / hertz_in_plane.LOAD
+    width, peak, _ = hertz_in_plane.of_pressure(looking, scene, {})
+    assert max(abs(force - 1.0), abs(width), abs(peak)) < 0.05, (force, width, peak)
 
 
 def test_blocks_off_their_centres_keep_their_momentum_in_space():

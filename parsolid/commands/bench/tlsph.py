@@ -10,7 +10,9 @@ from parsolid.pairs.axis_lists import neighbours_in
 from parsolid.scene import parse_scene
 
 
-def cube_scene(particles: int, smoothing: float, branches: int, integrator: str = "ssp-rk3") -> Any:
+def cube_scene(
+    particles: int, smoothing: float, branches: int, integrator: str = "ssp-rk3", weights: str = "kernel"
+) -> Any:
     """A cube of about so many particles with a gentle motion and nothing at its boundary."""
     side = max(2, round(particles ** (1.0 / 3.0)))
     return parse_scene(
@@ -18,7 +20,7 @@ def cube_scene(particles: int, smoothing: float, branches: int, integrator: str 
             "title": "bench",
             "dimension": 3,
             "end_time": 1.0,
-            "method": {"kind": "tlsph", "smoothing": smoothing, "integrator": integrator},
+            "method": {"kind": "tlsph", "smoothing": smoothing, "integrator": integrator, "weights": weights},
             "bodies": [
                 {
                     "shape": {"box": {"lower": [0.0, 0.0, 0.0], "upper": [1.0, 1.0, 1.0]}},
@@ -44,7 +46,7 @@ def scaling_scene(particles: int) -> Any:
 
 def kernel_tables(particles: int) -> list[tuple[Any, ...]]:
     """Steps and stabilised force evaluations of one core."""
-    cases = [(h, n, "ssp-rk3") for h in (0.85, 1.2) for n in (0, 1)] + [(0.85, n, "leapfrog") for n in (0, 1)]
+    cases = [(h, n, integrator) for integrator in ("ssp-rk3", "leapfrog") for h in (0.85, 1.2) for n in (0, 1)]
     rows = [_kernel_row(particles, *case) for case in cases]
     names = ["h/dx", "branches", "integrator", "particles", "neighbours", "steps/s", "ns a particle-step"]
     title = (

@@ -11,6 +11,8 @@ from parsolid.scene.fillings import filling_of
 from parsolid.scene.method_settings import Detail
 from parsolid.scene.validation_errors import SceneError
 
+# shapes whose particles stand on no lattice
+_UNEVEN = ("mesh", "cylindrical_shell")
 # weights in closed form, see `pairs.lattice_stencils`, and the shapes whose nodes have them
 ON_LATTICES = {"cells": ("box", "perforated_box"), "fourth-order": ("box",)}
 
@@ -29,6 +31,13 @@ def weights_of_bodies(wanted: str, scene: Any) -> list[str]:
         if others and not all(result[j] == "closure" for j in _reached(i, bonded)):
             result[i] = "kernel"
     return result
+
+
+def weights_are_tabled(scene: Any) -> bool:
+    """Whether pair weights are rounded, to stand in tables: where few of them differ, and not those of SSP-RK3, which
+    are the paper's to the last bit. Known by the scene alone, so that it does not depend on the ranks."""
+    uneven = any(body.jitter > 0.0 or body.shape.kind in _UNEVEN for body in scene.bodies)
+    return scene.method.integrator == "leapfrog" and scene.method.reference == "fixed" and not uneven
 
 
 def _best(body: Any, dimension: int) -> str:

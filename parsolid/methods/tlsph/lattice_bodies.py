@@ -3,7 +3,6 @@ areas."""
 
 from collections.abc import Callable
 from functools import partial
-from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from parsolid.collective import SolverError, maximum, minimum, raise_together
 from parsolid.materials.hyperelastic.law import elastic_moduli, total_modulus
 from parsolid.methods.tlsph.body_weights import ON_LATTICES
-from parsolid.pairs.axis_waves import Lattice, feeds_waves, feeds_waves_in_plane, signal
+from parsolid.pairs.axis_waves import Lattice, feeds_waves, feeds_waves_of_volume, most_change, signal
 from parsolid.pairs.lattice_pairs import Lattices
 from parsolid.pairs.lattice_stencils import WIDEST, Axis, Stencils, box_stencils, cell_stencils, lengths_of
 from parsolid.particles.particle_set import ParticleSet
@@ -32,9 +31,6 @@ _DAMPING = {"cells": 1.0, "fourth-order": 4.0 / 3.0}
 _THINNEST = 0.2
 # of axes of fourth order, which alone have it
 _FED = "with them method.dissipation would feed waves; more particles change slower, or less of it"
-# ratio of the speeds of shear and pressure waves, that of a Poisson's ratio of .467, below which what dissipates the
-# latter may feed the former in spite of axes that do not
-_STIFF_VOLUME = 0.25
 # a hair more than the offset of the farthest neighbour
 _HAIR = 1.02
 
@@ -167,24 +163,14 @@ def _check_grading(body: int, axes: list[Axis], wide: bool, settings: Any, ratio
             raise SolverError(_too_fast(body, k, axis, "more particles change slower"))
         if fed and axis.wide and feeds_waves(axis, True, dissipation):
             raise SolverError(_too_fast(body, k, axis, _FED))
-    if not fed or ratio > _STIFF_VOLUME:
-        return
-    for one, other in combinations(range(len(axes)), 2):
-        k = max((one, other), key=lambda k: _most(axes[k]))
-        if axes[k].places and feeds_waves_in_plane((axes[one], axes[other]), wide, dissipation, ratio):
-            raise SolverError(_too_fast(body, k, axes[k], f"where volume hardly changes, {_FED}"))
-
-
-def _most(axis: Axis) -> float:
-    """How many times as great as the one beside it a distance of nodes is."""
-    steps = np.diff(axis.places)
-    return float(np.max(np.maximum(steps[1:] / steps[:-1], steps[:-1] / steps[1:]))) if axis.places else 1.0
+        if fed and axis.wide and feeds_waves_of_volume(axis, dissipation, ratio):
+            raise SolverError(_too_fast(body, k, axis, f"where volume hardly changes, {_FED}"))
 
 
 def _too_fast(body: int, k: int, axis: Axis, remedy: str) -> str:
     return (
-        f"bodies.{body}.grading.{k}: expected spacings that change less from one to the next, found {_most(axis):.3g} "
-        f"times; {remedy}"
+        f"bodies.{body}.grading.{k}: expected spacings that change less from one to the next, found "
+        f"{most_change(axis):.3g} times; {remedy}"
     )
 
 

@@ -103,7 +103,6 @@ class Leapfrog:
         storage("pair_force")[:] = 0.0
         pairs.gradient("motion")
         self._advance_strain_of_all(0.0)
-        storage("pair_sums")[:] = 0.0
         pairs.divergence(pairs.terms)
         if (told := self.system.boundaries.reactions) is not None and told.walls is not None:
             told.walls.find()
@@ -138,12 +137,12 @@ class Leapfrog:
     def _half_kick(self, opening: bool, time: float, step: float) -> tuple[float, float]:
         """Half a step [s] of the forces at a time [s]; numerical dissipation and external work [J]."""
         system, boundaries = self.system, self.system.boundaries
-        kinematics, force, sums = map(system.particles.storage, ("kinematics", "pair_force", "pair_sums"))
+        kinematics, force = map(system.particles.storage, ("kinematics", "pair_force"))
         boundaries.look()
         loads, supports = boundaries.meet(time, not opening, force, system.mass, system.share)
         weights = (system.mass, system.share, loads)
         held = boundaries.prescribed_power(kinematics, force, *weights)
-        arrays = (kinematics, force, sums, *weights, boundaries.free)
+        arrays = (kinematics, force, *weights, boundaries.free)
         if boundaries.reactions is not None and not opening:
             boundaries.reactions.book(0.5, 0.5 * step)
         dissipation, work = self._kick(system.space, system.owned, opening, step, *arrays)

@@ -19,7 +19,7 @@ from parsolid.methods.tlsph.deformation import (
 from parsolid.methods.tlsph.moved import gradient_in_reference, waves_in_reference
 from parsolid.methods.tlsph.strain import load_strain
 from parsolid.numerics.dispatch import generic, none_without
-from parsolid.numerics.lanes import WIDTH, all_positive, broadcast, lane, load
+from parsolid.numerics.lanes import WIDTH, all_positive, broadcast, lane, load, store
 from parsolid.numerics.layout import (
     load_branch,
     load_correction,
@@ -138,10 +138,19 @@ def _greatest_signal(greatest, weights, pressure, shear, count):
     return greatest
 
 
+@register_jitable
+def _clear(sums, i, count):
+    """Set the pair sums of particles i..i+count-1 to zero, while they are in the cache."""
+    zero = broadcast(0.0)
+    for a in range(i, i + count):
+        for column in range(0, sums.shape[1], WIDTH):
+            store(sums, a, column, zero)
+
+
 @compiled(fastmath={"contract"}, error_model="numpy")
 def advance_strain(space, first, last, law, terms, weights, step, relaxation, body):
     """F after a step [s] by its velocity gradient in the middle, H = cof F and J = det F, A relaxed exactly, and stress
-    and waves of the new state in the records.
+    and waves of the new state in the records; the pair sums, which it reads, are zero afterwards.
 
     Returns (sound, internal dissipation [J], greatest weighted sum of wave speeds times sqrt(rho) [sqrt(Pa)]); sound
     is False when a Jacobian is not positive, or not a number.
@@ -153,6 +162,7 @@ def advance_strain(space, first, last, law, terms, weights, step, relaxation, bo
         L = load_correction(space, body.correction, i)
         # (70): C_ab = 2 L_a g_ab, and L is symmetric only where spacings are equal
         G = scale(1.0 / load(body.volume, 0, i), matmul_transposed(load_gradient(space, body.sums, i), L))
+        _clear(body.sums, i, count)
         F = add(F0, scale(step, G))
         H, J = cofactor(F), determinant(F)
         store_deformation_gradient(space, body.deformation, i, F, J, count)

@@ -116,9 +116,8 @@ def advance_motion(space, owned, update, kinematics, start, force, sums, mass, s
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
-def kick(space, owned, opening, step, kinematics, force, sums, mass, share, loads, free):
-    """v after half a step [s]; the opening half of a step also moves x by its v and sets the pair forces to zero, the
-    other one the pair sums.
+def kick(space, owned, opening, step, kinematics, force, mass, share, loads, free):
+    """v after half a step [s]; the opening half of a step also moves x by its v and sets the pair forces to zero.
 
     free (n, 4): 0 for components that forces do not change, else 1, or None; otherwise as in `advance_motion`.
     Returns numerical dissipation and work of the loads [J], both with the velocity in the middle of the step.
@@ -139,8 +138,6 @@ def kick(space, owned, opening, step, kinematics, force, sums, mass, share, load
             store(force, a, 4, zero)
         else:
             join_motion(space, kinematics, a, new, x)
-            for column in range(0, sums.shape[1], WIDTH):
-                store(sums, a, column, zero)
     return half * dissipation, half * work
 
 

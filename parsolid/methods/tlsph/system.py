@@ -15,7 +15,7 @@ from parsolid.methods.previous_state import take_forces, take_state
 from parsolid.methods.tlsph import momentum as motion
 from parsolid.methods.tlsph import state
 from parsolid.methods.tlsph.advice import advice_of
-from parsolid.methods.tlsph.body_weights import ON_LATTICES, weights_of_bodies
+from parsolid.methods.tlsph.body_weights import ON_LATTICES, weights_are_tabled, weights_of_bodies
 from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.methods.tlsph.carried_impulses import CarriedImpulses
 from parsolid.methods.tlsph.deformation import Relaxation, advance_deformation, largest_wave_modulus
@@ -63,7 +63,7 @@ class TotalLagrangianSPH(PairMethod):
         self.boundaries = build_boundaries(comm, scene, particle_set, self.particles, closed)
         self.on_lattices = put_on_lattices(comm, scene, particle_set, self.boundaries, self.body_weights, laws)
         self.branches = maximum(comm, max((block.branches for block in self.blocks), default=0))
-        self.pairs = self._pair_system(particle_set)
+        self.pairs = self._pair_system(particle_set, weights_are_tabled(scene))
         self.pairs.unbonded = scene.unbonded
         fixed, staged = self.settings.reference == "fixed", self.settings.integrator == "ssp-rk3"
         self.leapfrog = None if staged else Leapfrog(self)
@@ -93,13 +93,13 @@ class TotalLagrangianSPH(PairMethod):
         own = self.on_lattices.reach / self.pairs.weights.support
         return np.where(own > 0.0, own, self.settings.smoothing)[:, None]
 
-    def _pair_system(self, particle_set: Any) -> PairSystem:
+    def _pair_system(self, particle_set: Any, tabled: bool) -> PairSystem:
         settings, boundaries, surface = self.settings, self.boundaries, None
         if "closure" in self.body_weights:
             here = np.array(self.body_weights)[particle_set.body] == "closure"
             surface = (surface_area(self.comm, particle_set, boundaries.planes, here), boundaries.share, here)
-        lattices = None if self.on_lattices is None else self.on_lattices.lattices
-        weights = SmoothedWeights(smoothing_kernel(settings.kernel), float(settings.dissipation), surface, lattices)
+        more = surface, getattr(self.on_lattices, "lattices", None), tabled
+        weights = SmoothedWeights(smoothing_kernel(settings.kernel), float(settings.dissipation), *more)
         return PairSystem(self.comm, self.particles, self.space, weights, self._terms(), boundaries.codes)
 
     def _terms(self) -> RiemannDissipation | MeanRiemann | None:

@@ -1,0 +1,40 @@
+"""What the start of a run does without: packages that take as long to import as a small job, and a look for garbage."""
+
+import gc
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from parsolid import start
+
+ROOT = Path(__file__).parents[2]
+METHODS = ("tlsph", "peridynamics", "ulsph", "mpm")
+# each is imported where a scene, a terminal or a picture asks for it
+SPARED = ("scipy.linalg", "scipy.optimize", "scipy.sparse", "rich", "matplotlib", "meshio")
+
+
+def test_what_every_run_imports_has_nothing_that_few_need():
+    names = ["parsolid.commands.run", *(f"parsolid.methods.{name}.system" for name in METHODS)]
+    program = f"import sys, {', '.join(names)}\nprint([name for name in {SPARED} if name in sys.modules])"
+    found = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "[]"
+
+
+@pytest.fixture
+def collector():
+    """Looks for garbage afterwards, in all that there is."""
+    yield
+    gc.unfreeze()
+    gc.enable()
+
+
+def test_garbage_is_looked_for_once_all_is_loaded_and_not_at_the_end(collector):
+    start.begin()
+    assert not gc.isenabled()
+    start.loaded()
+    assert gc.isenabled() and gc.get_freeze_count() > 0
+    kept, made = gc.get_freeze_count(), [[] for _ in range(100)]
+    start.end()
+    assert made and not gc.isenabled() and gc.get_freeze_count() > kept
