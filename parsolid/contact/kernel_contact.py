@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.collective import minimum, raise_together
+from parsolid.collective import raise_together
 from parsolid.contact import passes
 from parsolid.contact.boxes import Boxes
 from parsolid.contact.depth import fill_depths
@@ -74,7 +74,6 @@ class KernelContact(Interaction):
         self.rebuilds, self.energy, self.stuck = 0, 0.0, 0.0
         # of a checkpoint: energies on as many ranks, and the step
         self._energies: tuple[float, float] | None = None
-        self._allowed: float | None = None
         self._placed: tuple[int | None, ...] = ()
         self._until_look, self._nearest = 0, np.inf
         self._step = min(side.longest for side in self.sides.sides)
@@ -88,14 +87,12 @@ class KernelContact(Interaction):
         self.rebuild(time)
         # found anew, forces of friction differ from those that made them in the last bits
         kept = [one.forces[1].copy() for one in self.recipients] if self.restarted else []
-        # where particles would be after a step
         self._colours(anew=True, ahead=self._step)
-        ahead = self.level.copy()
+        ahead, allowed = self.level.copy(), self._nearest
         deepest = self.evaluate(None, held=True)
         self._bound_step(self.level, ahead)
-        if self._allowed is not None:
-            # by the last step before the checkpoint, for the step after the next one
-            self._nearest = self._allowed
+        if self.restarted:
+            self._nearest = allowed
         for one, force in zip(self.recipients, kept):
             one.resume(force)
         if self._energies is not None:
@@ -117,15 +114,13 @@ class KernelContact(Interaction):
         )
 
     def state(self) -> dict[str, Any]:
-        """That there is one, its energies on each rank, and the step that it allows, None for any; collective."""
-        allowed = minimum(self.comm, self._nearest)
-        told = {"rebuilds": self.rebuilds, "energies": self.comm.allgather((self.energy, self.stuck))}
-        return told | {"allowed": None if np.isinf(allowed) else allowed}
+        """That there is one, its energies on each rank, and the step that it allows; collective."""
+        nearest = min(1e300, *self.comm.allgather(self._nearest))
+        return {"rebuilds": self.rebuilds, "energies": self.comm.allgather((self.energy, self.stuck)), "step": nearest}
 
     def set_state(self, state: dict[str, Any]) -> None:
         """The thresholds are those of the checkpoint."""
-        self.restarted, self.rebuilds = True, state["rebuilds"]
-        self._allowed = np.inf if state["allowed"] is None else state["allowed"]
+        self.restarted, self.rebuilds, self._nearest = True, state["rebuilds"], state.get("step", np.inf)
         if len(state["energies"]) == self.comm.size:
             self.energy, self.stuck = self._energies = tuple(state["energies"][self.comm.rank])
         elif self.comm.rank == 0:

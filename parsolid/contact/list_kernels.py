@@ -199,7 +199,7 @@ def longest_step(colour, constants, longest, share, level, before, step, most):
         if colour[a] > share * constants[a, 0]:
             reach = 1.0 / constants[a, 3]
             least = min(least, longest[a])
-            # what was too far to be looked at has no rate yet
-            if before[a] > -reach:
+            # what saw less before has no rate yet: whether it had a colour then depends on when lists were made
+            if before[a] > (share - 1.0) * constants[a, 0] * constants[a, 1]:
                 least = min(least, step * most * reach / max(abs(level[a] - before[a]), 1e-300))
     return least

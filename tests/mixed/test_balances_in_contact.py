@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from bodies_apart import RUBBER
 from mpi4py import MPI
-from solids import Record
+from solids import Record, run_into
 
 from parsolid.contact import kernel_contact
 from parsolid.methods.mpm.powers import power, power_at_end
 from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Limits, Simulation, StopRequest
+from parsolid.simulation.restart import Restart
 
 COPPER = {"kind": "elastic-plastic", "library": "OFHC copper, Johnson-Cook"}
 POINTS = {"kind": "mpm", "cell": 2e-3}
@@ -91,6 +92,18 @@ def test_bodies_that_close_fast_take_shorter_steps(monkeypatch):
         assert found["contact_energy"][pressed] > 0.02 * found["kinetic"][0]
         off.append(np.abs(found["balance"])[: pressed + 1].max() / found["kinetic"][0])
     assert off[0] < 1.5e-3 and off[0] < 0.5 * off[1], off
+
+
+@pytest.mark.parametrize("method", [POINTS, {"kind": "ulsph"}], ids=["mpm", "ulsph"])
+def test_a_restart_while_bodies_close_fast_has_the_same_bits(method, tmp_path):
+    """What contact allows of the step after the next one follows from how fast they closed in the last."""
+    more = {"output": {"history_steps": 1, "fields_times": []}}
+    scene, comm = parse_scene(blocks(method, 800.0, 2e-6) | more), MPI.COMM_SELF
+    whole = run_into(tmp_path / "whole", comm, scene, steps=12).simulation
+    run_into(tmp_path / "part", comm, scene, steps=7)
+    restart = Restart(comm, tmp_path / "part" / "checkpoint.h5")
+    again = run_into(tmp_path / "again", comm, scene, steps=5, restart=restart).simulation
+    assert again.clock.time == whole.clock.time and again.energy_row() == whole.energy_row()
 
 
 def test_power_of_stresses():
