@@ -72,7 +72,7 @@ class KernelContact(Interaction):
         self.warms = self.rubs and any(system.takes_heat for system in systems)
         self.restarted = False
         self.rebuilds, self.energy, self.stuck = 0, 0.0, 0.0
-        # of a checkpoint: energies on as many ranks, and the step
+        # of a checkpoint of as many ranks
         self._energies: tuple[float, float] | None = None
         self._placed: tuple[int | None, ...] = ()
         self._until_look, self._nearest = 0, np.inf

@@ -5,7 +5,8 @@
 RUNS: folder of the runs, which are made where they are not there; then nodes across, of lattices that are 4 (n - 1) + 1
 long. Differences between the lattices fall with orders of 1 to 2 (waves as long as the spacing, of which the twist
 makes some, are damped on every lattice), so the last two are extrapolated with order 1.5; the uncertainty is what
-orders 1 and 2 make of it. A fit to 13, 17 and 25 nodes gave .90, .55 and 1.22: that of the stored energy may be too small.
+orders 1 and 2 make of it. A fit to 13, 17 and 25 nodes gave .90, .55 and 1.22: of the stored energy it may be
+too small.
 """
 
 import json
