@@ -97,7 +97,7 @@ class MaterialPoint(ParticleSystem):
         self.stress.advance(0.0)
         take_forces(self.comm, scene, self)
         if taken and self.waiting is not None:
-            self.waiting.follow(minimum(self.comm, self.stable_step()))
+            self.waiting.go_on(min(minimum(self.comm, self.stable_step()), self.settings.maximum_step or np.inf))
         self._look_at_heat()
 
     def resume(self) -> None:

@@ -15,7 +15,7 @@ from parsolid.particles.declaration import Field
 class WaitingImpulses:
     """Fields of particles that something acts on between steps: "impulse" of the way before its places, "opening" of
     that after them, and "moved", the mean velocity of their places in the last common step [m/s]. step: the last one
-    [s].
+    [s]; goes_on: whether the next one goes on from another run's velocities, whose last step is taken to be as long.
 
     Velocities are half a step behind places: forces of a time act for half of the steps before and after it
     (`kicked`), the same halves in which contact gives its impulses. Each half does its work along the way of matter in
@@ -23,7 +23,7 @@ class WaitingImpulses:
     """
 
     def __init__(self, points: MaterialPoints) -> None:
-        self.points, self.step = points, 0.0
+        self.points, self.step, self.goes_on = points, 0.0, False
         # work [J] of the first halves of stresses, which velocities do not have yet; of all forces in a step
         self.behind, self.work = 0.0, 0.0
         for name, kept in (("impulse", True), ("opening", False)):
@@ -37,7 +37,8 @@ class WaitingImpulses:
 
     def kicked(self, step: float) -> float:
         """For how long [s] forces of the present places act in a step [s]: half of it and of the last one."""
-        return 0.5 * (self.step + step) if step > 0.0 else 0.0
+        last = step if self.goes_on else self.step
+        return 0.5 * (last + step) if step > 0.0 else 0.0
 
     def take(self, forces: np.ndarray | None, step: float, place: tuple[int, int]) -> np.ndarray | None:
         """Forces (capacity, 4) [N] of loads and of the impulses given since the last step [s], of several steps in a
@@ -88,8 +89,14 @@ class WaitingImpulses:
         if step > 0.0:
             storage = self.points.storage
             arrays = storage("stress_and_volume"), storage("velocity_gradient")
-            self.step, self.behind = step, -0.5 * step * power_at_end(self.points.owned, *arrays, step)
+            self.step, self.goes_on = step, False
+            self.behind = -0.5 * step * power_at_end(self.points.owned, *arrays, step)
         return self.behind - before
+
+    def go_on(self, step: float) -> None:
+        """From another run's state, whose steps were about so long [s]."""
+        self.follow(step)
+        self.goes_on = True
 
     def energy(self) -> float:
         """What particles will have gained by the time of their places [J]: velocities are half a step behind."""
