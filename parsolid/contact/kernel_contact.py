@@ -72,8 +72,9 @@ class KernelContact(Interaction):
         self.warms = self.rubs and any(system.takes_heat for system in systems)
         self.restarted = False
         self.rebuilds, self.energy, self.stuck = 0, 0.0, 0.0
-        # of a checkpoint of as many ranks
+        # of a checkpoint of as many ranks; the step that it allows, but for those of earlier versions
         self._energies: tuple[float, float] | None = None
+        self._kept: float | None = None
         self._placed: tuple[int | None, ...] = ()
         self._until_look, self._nearest = 0, np.inf
         self._step = min(side.longest for side in self.sides.sides)
@@ -88,11 +89,11 @@ class KernelContact(Interaction):
         # found anew, forces of friction differ from those that made them in the last bits
         kept = [one.forces[1].copy() for one in self.recipients] if self.restarted else []
         self._colours(anew=True, ahead=self._step)
-        ahead, allowed = self.level.copy(), self._nearest
+        ahead = self.level.copy()
         deepest = self.evaluate(None, held=True)
         self._bound_step(self.level, ahead)
-        if self.restarted:
-            self._nearest = allowed
+        if self._kept is not None and self.entries.segments:
+            self._nearest = self._kept
         for one, force in zip(self.recipients, kept):
             one.resume(force)
         if self._energies is not None:
@@ -114,14 +115,16 @@ class KernelContact(Interaction):
         )
 
     def state(self) -> dict[str, Any]:
-        """That there is one, its energies on each rank, and the step that it allows; collective."""
-        nearest = min(1e300, *self.comm.allgather(self._nearest))
-        return {"rebuilds": self.rebuilds, "energies": self.comm.allgather((self.energy, self.stuck)), "step": nearest}
+        """That there is one, its energies on each rank, and the steps that these allow; collective."""
+        energies, step = self.comm.allgather((self.energy, self.stuck)), min(1e300, self._nearest)
+        return {"rebuilds": self.rebuilds, "energies": energies, "steps": self.comm.allgather(step)}
 
     def set_state(self, state: dict[str, Any]) -> None:
         """The thresholds are those of the checkpoint."""
-        self.restarted, self.rebuilds, self._nearest = True, state["rebuilds"], state.get("step", np.inf)
-        if len(state["energies"]) == self.comm.size:
+        self.restarted, self.rebuilds = True, state["rebuilds"]
+        steps, same = state.get("steps"), len(state["energies"]) == self.comm.size
+        self._kept = steps and (steps[self.comm.rank] if same else min(steps))
+        if same:
             self.energy, self.stuck = self._energies = tuple(state["energies"][self.comm.rank])
         elif self.comm.rank == 0:
             # until `begin` finds them, for the energy of the whole state
@@ -178,7 +181,7 @@ class KernelContact(Interaction):
     def stable_step(self) -> float:
         """Of the stiffest contact whose bodies see one another on this rank, by the present places alone, so that it
         does not depend on when lists were made."""
-        return self._nearest if self.entries.segments else np.inf
+        return self._nearest
 
     def energies(self) -> tuple[float, float]:
         """What contact and sticking store."""
@@ -201,6 +204,7 @@ class KernelContact(Interaction):
         self.entries.build(self.boxes, self.within.excluded if self.within.any else None, self._constants, prune)
         self.rebuilds += 1
         self.news, self._until_look = False, 1
+        self._nearest = self._nearest if self.entries.segments else np.inf
         entries, d = self.entries, self.systems[0].dimension
         owned, whole = entries.owned, entries.owned + entries.halo.ghosts
         self.place, self.moved = np.zeros((whole, d)), np.zeros((whole, d) if self.rubs else (0, d))
@@ -261,7 +265,8 @@ class KernelContact(Interaction):
                 take_from_rows(start[:, : self.moved.shape[1]], one.rows, one.first, self.moved)
         before = self.level.copy()
         deepest = self._colours(anew=held)
-        self._bound_step(self.level if held else before, self.level)
+        if not held:
+            self._bound_step(before, self.level)
         self.stuck = 0.0
         if self.rubs:
             self._rub(ledger, True if held else None)

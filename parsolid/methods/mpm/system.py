@@ -127,9 +127,9 @@ class MaterialPoint(ParticleSystem):
         """Take back what `state` gave; owners of cells only for as many ranks."""
         self.residence.steps, self.materials.fastest = state["steps"], state["fastest"]
         partition = CellPartition.from_state(state["partition"], self.dimension)
-        work, waiting = state["plastic_work"], state.get("waiting")
-        if self.waiting is not None and waiting:
-            self.waiting.set_state(self.comm, waiting)
+        work = state["plastic_work"]
+        if self.waiting is not None:
+            self.waiting.set_state(self.comm, state.get("waiting"))
         if partition.ranks == self.comm.size:
             self.partition, self.materials.plastic_work = partition, work[self.comm.rank]
         else:

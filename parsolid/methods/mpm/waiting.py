@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from parsolid.collective import SolverError
 from parsolid.methods.mpm.material_points import MaterialPoints
 from parsolid.methods.mpm.powers import power, power_at_end
 from parsolid.numerics.lanes import aligned_zeros
@@ -107,8 +108,14 @@ class WaitingImpulses:
         """What a restart needs besides fields; collective."""
         return {"step": self.step, "behind": comm.allgather(self.behind)}
 
-    def set_state(self, comm: MPI.Comm, state: dict[str, Any]) -> None:
-        """Take back what `state` gave, on any number of ranks."""
+    def set_state(self, comm: MPI.Comm, state: dict[str, Any] | None) -> None:
+        """Take back what `state` gave, on any number of ranks. Raises SolverError, on all, where there is nothing:
+        velocities of earlier versions are of other times."""
+        if not state:
+            raise SolverError(
+                "method: expected a checkpoint that this version of parsolid has written, found one without the step "
+                "and the work that its velocities lack"
+            )
         behind = state["behind"]
         self.step = state["step"]
         self.behind = behind[comm.rank] if len(behind) == comm.size else sum(behind) / comm.size

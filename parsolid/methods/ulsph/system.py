@@ -225,8 +225,8 @@ class UpdatedLagrangianSPH(PairMethod):
         ledger.add(1.0, plastic, lost + caught, float(first[0] + second[0]) + pushed)
         ledger.add_term("viscous_dissipation", float(viscous))
         if self.heating is not None:
-            ledger.add_term("viscous_heat_to_come", self.halves.follow(step, heat_to_come(self, step, second[1])))
-        self.halves.step = step
+            ledger.add_term("viscous_heat_to_come", self.halves.follow(heat_to_come(self, step, second[1])))
+        self.halves.pass_by(step)
         ledger.add_term("leapfrog_oscillation", second[2] - first[2])
         terms = {"heat_supplied": self.supplied, "heat_stored": self.supplied_to_stored} | self.updates.taken()
         for name, energy in (terms | (self.deletion.taken() if self.deletion else {})).items():
