@@ -58,9 +58,9 @@ def _matrices(axis: Axis, wide: bool, reconstruction: bool, part: tuple[int, int
     if reconstruction:
         steps = np.diff(axis.places[near])[:, None] if axis.places else 1.0
         jump = difference - 0.5 * steps * np.abs(difference) @ slope
+        weight = np.where(axis.undamped(wide)[near][:-1, 1], 0.0, operator[:-1, WIDEST + 1])
     else:
-        jump = difference
-    weight = np.where(axis.undamped(wide)[near][:-1, 1], 0.0, operator[:-1, WIDEST + 1])
+        jump, weight = difference, operator[:-1, WIDEST + 1]
     damping = difference.T @ (weight[:, None] * jump)
     root = np.sqrt(norm)
     over = root[:, None] * root

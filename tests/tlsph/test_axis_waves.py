@@ -115,6 +115,12 @@ def test_gradings_whose_dissipation_feeds_waves_are_told(nodes, grading, grows, 
 
 
 @pytest.mark.serial
+def test_plain_jumps_feed_no_waves_and_have_all_their_pairs():
+    rates = np.linalg.eigvalsh(axis_waves._matrices(graded(9, (1.0, 4.0, 1.0)), True, False).power)
+    assert abs(rates[0]) < 1e-12 and rates[1] > 0.05
+
+
+@pytest.mark.serial
 @pytest.mark.parametrize(("most", "ratio", "grows"), [(4.0, 0.02, True), (1.5, 0.02, False)])
 def test_what_keeps_the_volume_may_feed_waves_in_a_box(most, ratio, grows):
     """Where each axis alone does not."""
