@@ -103,7 +103,6 @@ def put_on_lattices(
         if even is not None:
             even[rows] = np.stack([line.coordinate(i) for line, i in zip(filling.lines, index)], axis=1)
         lattices.number[rows], weight[rows] = body, stencils.weight
-        # plain jumps feed no waves
         undamped[rows] = stencils.undamped & scene.method.reconstruction
         particle_set.volume[rows], particle_set.area[rows] = stencils.volume, stencils.area
         reach[rows] = _HAIR * (WIDEST if wide else 1)
