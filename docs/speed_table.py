@@ -1,6 +1,6 @@
 """How fast steps of total-Lagrangian SPH are, how many bytes they move, and what part of the memory's speed that is.
 
-    mpirun -n 2 python docs/speed_table.py [--particles 27000 216000 1000000] [--only WEIGHTS[,H/DX]]
+    mpirun -n 2 python docs/speed_table.py [--particles 27000 216000 1000000] [--only WEIGHTS ...]
 
 A cube without branches in a gentle motion, on one rank and on all. Bytes are counted from the arrays: a pass counts
 what it reads and what it writes of each array once. The memory's speed is that of a triad, a = b + s c, over arrays

@@ -17,9 +17,10 @@ from parsolid.pairs.lattice_stencils import WIDEST, Axis, lengths_of, operator_o
 
 # an even axis of more nodes is one of so many whose damping is that of the longest
 _MOST_NODES = 24
-# of longer graded ones parts of so many nodes are looked at, by the ends and where nodes are closest: waves of the
-# greatest frequencies are that local
+# of longer graded ones parts of so many nodes are looked at, by the ends and where nodes between them are closest:
+# waves of the greatest frequencies are that local; a part's eigenvalue is below that of the whole by no more than this
 _PART = 64
+_BEYOND_PART = (np.pi / _PART) ** 2
 # nodes of a grading that are enough to tell whether waves grow; fewer nodes change faster
 _TOLD_BY = 32
 # squares of the speed of waves over that whose impedance dissipates: where volume hardly changes, waves of shear have
@@ -33,7 +34,8 @@ _GROWTH = 1e-6
 
 
 class _Matrices(NamedTuple):
-    """Of an axis with steps of 1 m, of nodes that may move, over the norm, S = 1: F, B, the symmetric part of B."""
+    """Of an axis with steps of 1 m, of nodes that may move or a part of them, over the norm, S = 1: F, B, the symmetric
+    part of B."""
 
     F: np.ndarray
     B: np.ndarray
@@ -41,8 +43,12 @@ class _Matrices(NamedTuple):
 
 
 @lru_cache(maxsize=256)
-def _matrices(axis: Axis, wide: bool, reconstruction: bool) -> _Matrices:
-    nodes, norm, operator = axis.nodes, lengths_of(axis, wide), operator_of(axis, wide)
+def _matrices(axis: Axis, wide: bool, reconstruction: bool, part: tuple[int, int] | None = None) -> _Matrices:
+    first, last = part or _moving(axis)
+    # no operator reaches farther than these
+    low, high = max(first - WIDEST, 0), min(last + WIDEST, axis.nodes)
+    nodes, near = high - low, slice(low, high)
+    norm, operator = lengths_of(axis, wide)[near], operator_of(axis, wide)[near]
     slope = np.zeros((nodes, nodes + 2 * WIDEST))
     for i in range(nodes):
         slope[i, i : i + 2 * WIDEST + 1] = operator[i]
@@ -50,17 +56,22 @@ def _matrices(axis: Axis, wide: bool, reconstruction: bool) -> _Matrices:
     slope = slope[:, WIDEST:-WIDEST] / norm[:, None]
     difference = np.eye(nodes - 1, nodes, 1) - np.eye(nodes - 1, nodes)
     if reconstruction:
-        steps = np.diff(axis.places)[:, None] if axis.places else 1.0
+        steps = np.diff(axis.places[near])[:, None] if axis.places else 1.0
         jump = difference - 0.5 * steps * np.abs(difference) @ slope
+        weight = np.where(axis.undamped(wide)[near][:-1, 1], 0.0, operator[:-1, WIDEST + 1])
     else:
-        jump = difference
-    weight = np.where(axis.undamped(wide)[:-1, 1], 0.0, operator[:-1, WIDEST + 1])
+        jump, weight = difference, operator[:-1, WIDEST + 1]
     damping = difference.T @ (weight[:, None] * jump)
     root = np.sqrt(norm)
     over = root[:, None] * root
-    moving = slice(int(axis.held[0]), nodes - int(axis.held[1]))
+    wanted = slice(first - low, last - low)
     stiffness, power = slope.T @ (norm[:, None] * slope) / over, 0.5 * (damping + damping.T) / over
-    return _Matrices(*(one[moving, moving] for one in (stiffness, damping / over, power)))
+    return _Matrices(*(one[wanted, wanted] for one in (stiffness, damping / over, power)))
+
+
+def _moving(axis: Axis) -> tuple[int, int]:
+    """First node that may move, and the one after the last."""
+    return int(axis.held[0]), axis.nodes - int(axis.held[1])
 
 
 def feeds_waves(axis: Axis, wide: bool, dissipation: float) -> bool:
@@ -102,21 +113,25 @@ def _fewer(axis: Axis, nodes: int) -> Axis:
 @lru_cache(maxsize=4096)
 def _greatest(axis: Axis, wide: bool, reconstruction: bool, square: float, damping: float) -> float:
     """Greatest eigenvalue of square F + 2 damping B of an axis with steps of 1 m."""
-    few = axis.nodes if axis.places else min(axis.nodes, _MOST_NODES)
-    found = _matrices(axis._replace(nodes=few), wide, reconstruction)
-    if axis.nodes > few:
+    few = axis._replace(nodes=axis.nodes if axis.places else min(axis.nodes, _MOST_NODES))
+    parts = _parts(few)
+    found = [_matrices(few, wide, reconstruction, part) for part in parts]
+    if axis.nodes > few.nodes:
         # 4 q, of the wave that alternates from node to node
-        damping *= (8.0 / 3.0 if wide else 2.0) / float(np.linalg.eigvalsh(found.power)[-1])
-    sums = square * found.F + 2.0 * damping * found.power
-    return max(float(np.linalg.eigvalsh(sums[part, part])[-1]) for part in _parts(axis, len(sums)))
+        damping *= (8.0 / 3.0 if wide else 2.0) / float(np.linalg.eigvalsh(found[0].power)[-1])
+    most = max(float(np.linalg.eigvalsh(square * one.F + 2.0 * damping * one.power)[-1]) for one in found)
+    return most if len(parts) == 1 else (1.0 + _BEYOND_PART) * most
 
 
-def _parts(axis: Axis, nodes: int) -> list[slice]:
-    """Of so many nodes those where the greatest eigenvalue may be at home."""
-    if not axis.places or nodes <= 3 * _PART:
-        return [slice(0, nodes)]
-    closest = min(max(int(np.argmin(np.diff(axis.places))) - _PART // 2, 0), nodes - _PART)
-    return [slice(at, at + _PART) for at in (0, closest, nodes - _PART)]
+def _parts(axis: Axis) -> list[tuple[int, int]]:
+    """First node, and the one after the last, of parts where the greatest eigenvalue may be at home."""
+    (first, last), half = _moving(axis), _PART // 2
+    if not axis.places or last - first <= 3 * _PART:
+        return [(first, last)]
+    # of the others than at ends: nodes by a mirror plane may be as close as those, and have the damping that ends lack
+    closest = half + int(np.argmin(np.diff(axis.places)[half:-half]))
+    between = max(closest - half, first), min(closest + half, last)
+    return [(first, first + _PART), between, (last - _PART, last)]
 
 
 class Lattice(NamedTuple):

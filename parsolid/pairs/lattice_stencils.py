@@ -65,7 +65,7 @@ class Axis(NamedTuple):
         return self.with_images >= FEWEST
 
     def undamped(self, wide: bool) -> np.ndarray:
-        """Which nodes (count, 2) have no dissipation with the one below and the one above them.
+        """Which nodes (count, 2) have no reconstructed dissipation with the one below and the one above them.
 
         On graded axes of fourth order the outermost pairs at ends without images: the gradients there change so fast
         that reconstructed jumps would feed waves.
@@ -95,7 +95,8 @@ class Axis(NamedTuple):
 
 class Stencils(NamedTuple):
     """weight (n, d, 7): g_ab = e_k weight[a, k, 3 + offset] for the neighbour at an offset along axis k, images too.
-    undamped (n, d, 2): whether there is no dissipation with the next node below and above, see `Axis.undamped`.
+    undamped (n, d, 2): whether reconstructed jumps with the next node below and above do not dissipate, see
+    `Axis.undamped`.
 
     volume (n,) [m^3], area (n, d) [m^2]: of the body's own part, without what is beyond mirror planes.
     """

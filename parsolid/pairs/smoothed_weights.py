@@ -34,11 +34,13 @@ class SmoothedWeights(PairWeights):
         (owned, d) [m^2], parts of the particles on this side of planes (owned,), and which (owned,) unless all);
         lattices: those of owned particles; pairs of two lattices, or of one and a particle on none, have no weight;
         tabled: whether weights are to stand in tables where few differ (`weight_tables`), for which those of a kernel
-        alone are rounded to float32.
+        alone are rounded to float32. Not those that are closed, nor in space with lattices.
         """
         self.kernel, self.dissipation, self.surface, self.support = kernel, dissipation, surface, kernel.support
-        self.lattices, self.tabled = lattices, tabled
-        self._rounded = tabled and surface is None and lattices is None
+        self.lattices = lattices
+        # not by what stands on this rank: a pair of two ranks has the same k_ab on both
+        self.tabled = tabled and surface is None and (lattices is None or lattices.spacing.shape[1] == 2)
+        self._rounded = self.tabled and lattices is None
 
     def empty(self, pairs: int) -> np.ndarray:
         """Room for the weights of so many pairs."""
@@ -84,8 +86,8 @@ class SmoothedWeights(PairWeights):
         dissipates = isinstance(system.terms, MeanRiemann) or system.terms is None
         if self.lattices is not None and system.space.dimension == 3 and dissipates:
             found = along_axes(self.lattices, *plain, system.even, system.positions, self.dissipation)
-        if found is None and self.tabled:
-            for pairs in filter(None, plain):
+        if self.tabled:
+            for pairs in filter(None, (*plain, system.mirror)):
                 # any k_ab will do that both particles have
                 pairs.weight[:, system.space.dimension] = pairs.weight[:, system.space.dimension].astype(np.float32)
             found = by_tables(*plain, system.positions)

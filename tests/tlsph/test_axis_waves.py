@@ -115,6 +115,12 @@ def test_gradings_whose_dissipation_feeds_waves_are_told(nodes, grading, grows, 
 
 
 @pytest.mark.serial
+def test_plain_jumps_feed_no_waves_and_have_all_their_pairs():
+    rates = np.linalg.eigvalsh(axis_waves._matrices(graded(9, (1.0, 4.0, 1.0)), True, False).power)
+    assert abs(rates[0]) < 1e-12 and rates[1] > 0.05
+
+
+@pytest.mark.serial
 @pytest.mark.parametrize(("most", "ratio", "grows"), [(4.0, 0.02, True), (1.5, 0.02, False)])
 def test_what_keeps_the_volume_may_feed_waves_in_a_box(most, ratio, grows):
     """Where each axis alone does not."""
@@ -126,13 +132,20 @@ def test_what_keeps_the_volume_may_feed_waves_in_a_box(most, ratio, grows):
 
 
 @pytest.mark.serial
-def test_long_graded_axes_are_told_by_parts_of_them():
-    for grading in ((1.0, 3.0, 1.0), (1.0, 5.0), (2.0, 1.0, 2.0)):
-        axis = graded(300, grading).whole
-        found = axis_waves._matrices(axis, True, True)
-        whole = np.linalg.eigvalsh(0.5 * found.F + 1.5 * found.power)[-1]
-        assert 0.999 * whole < axis_waves._greatest(axis, True, True, 0.5, 0.75) < 1.0000001 * whole
-        assert not axis_waves.feeds_waves(graded(300, grading), True, 1.0)
+@pytest.mark.parametrize(
+    ("grading", "mirrored"),
+    [
+        *((g, FREE) for g in ((1.0, 3.0, 1.0), (1.0, 5.0), (2.0, 1.0, 2.0), (1.0, 1.0001))),
+        ((1.0, 5.0, 1.0), (True, False)),
+    ],
+)
+def test_the_step_of_long_graded_axes_is_bound_by_parts_of_them(grading, mirrored):
+    axis = graded(300, grading)._replace(mirrored=mirrored).whole
+    found = axis_waves._matrices(axis, True, True)
+    for square, damping in ((0.5, 0.75), (0.0, 1.0)):
+        whole = np.linalg.eigvalsh(square * found.F + 2.0 * damping * found.power)[-1]
+        assert whole < axis_waves._greatest(axis, True, True, square, damping) < 1.004 * whole
+    assert not axis_waves.feeds_waves(graded(300, grading), True, 1.0)
 
 
 @pytest.mark.serial

@@ -102,7 +102,8 @@ def put_on_lattices(
         stencils = _stencils(filling, index, axes, wide)
         if even is not None:
             even[rows] = np.stack([line.coordinate(i) for line, i in zip(filling.lines, index)], axis=1)
-        lattices.number[rows], weight[rows], undamped[rows] = body, stencils.weight, stencils.undamped
+        lattices.number[rows], weight[rows] = body, stencils.weight
+        undamped[rows] = stencils.undamped & scene.method.reconstruction
         particle_set.volume[rows], particle_set.area[rows] = stencils.volume, stencils.area
         reach[rows] = _HAIR * (WIDEST if wide else 1)
         box, most = scene.bodies[body].shape.kind == "box", _DAMPING["fourth-order" if wide else "cells"]
