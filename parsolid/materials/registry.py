@@ -88,9 +88,11 @@ def declared(role: str, kind: str) -> Declared:
 _of_files: dict[tuple[str, str], Declared] = {}
 
 
-def loaded(path: str, name: str) -> Declared | None:
-    """A law of a file that this process has loaded already."""
-    return _of_files.get((path, name))
+def loaded(path: str, name: str) -> Declared:
+    """A law of a file that this process has loaded already. Raises LawError."""
+    if (path, name) not in _of_files:
+        raise LawError("a law that has been loaded")
+    return _of_files[path, name]
 
 
 def loaded_texts() -> str:
@@ -124,6 +126,7 @@ def from_text(path: str, name: str, text: str) -> Declared:
         except Exception as error:
             del sys.modules[module]
             raise LawError(f"a file that can be run ({type(error).__name__}: {error})") from error
+        _name_apart(new)
     found = getattr(sys.modules[module], name, None)
     if not (isinstance(found, type) and hasattr(found, "role")):
         raise LawError(f'a class {name} with the decorator @law("role", "kind")')
@@ -132,6 +135,18 @@ def from_text(path: str, name: str, text: str) -> Declared:
     _of_files[path, name] = result
     result.source = (path, name, text)
     return result
+
+
+def _name_apart(module: ModuleType) -> None:
+    """Give the NamedTuples of a file names that no other text has.
+
+    When Python calls a kernel, numba tells classes apart by their names and the types in them alone: an edited law would
+    be computed by the one that this process has called before.
+    """
+    digest = module.__name__.rpartition("_")[2]
+    for kind in vars(module).values():
+        if isinstance(kind, type) and issubclass(kind, tuple) and kind.__module__ == module.__name__:
+            kind.__name__ = f"{kind.__qualname__}_{digest[:8]}"
 
 
 def _complete(declared: Declared) -> None:

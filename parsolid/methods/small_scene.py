@@ -43,7 +43,7 @@ def declared_kinds(scene: Scene) -> dict[str, str]:
     kinds: dict[str, str] = {}
     for plan in scene.systems:
         try:
-            small = parse_scene(small_scene(scene.part(plan), plan.settings), trust_code=True)
+            small = parse_scene(small_scene(scene.part(plan), plan.settings), again=True)
             method, particle_set = method_class(plan.settings), generate(small, MPI.COMM_SELF)
             order = method.sort(MPI.COMM_SELF, small, particle_set)
             system = method(MPI.COMM_SELF, small, take(particle_set, order))

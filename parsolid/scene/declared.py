@@ -174,10 +174,13 @@ class ByLaw(ByKind):
         if not colon or not file or not name.isidentifier():
             reject((("law",), "a file and the class in it, such as 'my_law.py:MyLaw'", stated))
         path = os.path.abspath(os.path.join(context.get("folder", ""), file))
-        declared: Declared = registry.loaded(path, name)
-        if context.get("trust_code"):
+        declared: Declared
+        if context.get("again"):
+            # as it was when the scene was read first, whatever this rank's disk holds now
+            declared = registry.loaded(path, name)
+        elif context.get("trust_code"):
             declared = registry.from_text(path, name, registry.text_of(path))
-        elif declared is None:
+        else:
             # what is run is said by who runs it, not by the scene
             expected = "--trust-code, or trust_code=True from Python (the scene names code that would be run)"
             reject((("law",), expected, stated))

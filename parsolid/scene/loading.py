@@ -137,19 +137,22 @@ def _immoderate_numbers(data: dict[str, Any]) -> list[str]:
     ]
 
 
-def parse_scene(data: dict[str, Any], folder: str | os.PathLike[str] = ".", trust_code: bool = False) -> Scene:
-    """A scene from plain tables; files are relative to `folder`; trust_code: laws in files are run, else refused.
+def parse_scene(
+    data: dict[str, Any], folder: str | os.PathLike[str] = ".", trust_code: bool = False, again: bool = False
+) -> Scene:
+    """A scene from plain tables; files are relative to `folder`; trust_code: laws in files are run, else refused; again:
+    the tables are made from a scene of this process, and their laws are those that came with it.
 
     Raises SceneError with every fault.
     """
     if raw := _raw_faults(data):
         raise SceneError(raw)
     context = context_of(data, folder)
-    context["trust_code"] = trust_code
+    context |= {"trust_code": trust_code, "again": again}
     without_names: dict[str, Any] = {
         key: data[key] for key in ("dimension", "end_time", "method", "methods", "bodies") if key in data
     }
-    declared_fields = DeclaredFields(lambda: parse_scene(without_names, folder, trust_code))
+    declared_fields = DeclaredFields(lambda: parse_scene(without_names, folder, trust_code, again))
     context["declared_fields"] = declared_fields
     scene: Any = None
     faults: list[str] = []

@@ -4,6 +4,7 @@ stale.
 
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +15,10 @@ from parsolid.commands.point.driver import drive
 from parsolid.commands.point.report import tabulate
 from parsolid.commands.point.schema import load_point
 from parsolid.materials import registry
+from parsolid.materials.hyperelastic import evaluation
 from parsolid.materials.plastic import plastic_evaluation
-from parsolid.scene import SceneError, dump_scene, load_scene
+from parsolid.methods.small_scene import small_scene
+from parsolid.scene import SceneError, dump_scene, load_scene, parse_scene
 from parsolid.simulation.loop import Simulation
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -71,6 +74,35 @@ def test_code_is_run_only_where_it_is_trusted(tmp_path):
     with pytest.raises(SceneError, match="bodies.0.material.law: expected a class Law with the decorator"):
         load_scene(scene, trust_code=True)
     assert ran_at.exists()
+
+
+def test_trust_is_for_the_call_that_gives_it_and_for_what_is_made_of_its_scene(tmp_path):
+    (tmp_path / "gent.py").write_text((EXAMPLES / "gent.py").read_text())
+    path = tmp_path / "scene.toml"
+    path.write_text(BLOCK.read_text())
+    scene = load_scene(path, trust_code=True)
+    with pytest.raises(SceneError, match="bodies.0.material.law: expected --trust-code"):
+        load_scene(path)
+    # the small scene that its kernels are compiled for has the law of the scene, not of the file as it is now
+    (tmp_path / "gent.py").write_text("raise SystemExit")
+    small = parse_scene(small_scene(scene, scene.method), again=True)
+    assert type(small.bodies[0].material) is type(scene.bodies[0].material)
+    path.write_text(BLOCK.read_text().replace("gent.py", str(tmp_path / "other.py")))
+    with pytest.raises(SceneError, match="bodies.0.material.law: expected a law that has been loaded"):
+        parse_scene(tomllib.loads(path.read_text()), again=True)
+
+
+def test_a_law_that_is_edited_is_another_one_in_the_same_process(tmp_path):
+    text, F = (EXAMPLES / "gent.py").read_text(), np.diag([1.1, 1.0, 1.0])
+    (tmp_path / "scene.toml").write_text(BLOCK.read_text())
+
+    def energy(edited: str) -> float:
+        (tmp_path / "gent.py").write_text(edited)
+        law = registry.law_of(load_scene(tmp_path / "scene.toml", trust_code=True).bodies[0].material)
+        return float(evaluation.equilibrium_energy(law, F, evaluation.cofactor(F), 1.1))
+
+    first, edited = energy(text), energy(text.replace("-0.5 * law.shear_modulus", "-1.0 * law.shear_modulus"))
+    assert edited - first == pytest.approx(-15e6 * np.log(1.0 - 0.21 / 30.0), rel=1e-9) and energy(text) == first
 
 
 @pytest.mark.parametrize(
