@@ -4,16 +4,25 @@ loaded and again when the job ends, takes a fifth of a small job.
 
 import gc
 
+# whether this process is a job that has begun so and is not loaded yet
+_begun: list[bool] = []
+
 
 def begin() -> None:
     """Look for no garbage until `loaded`."""
     gc.disable()
+    _begun.append(True)
 
 
 def loaded() -> None:
-    """Look for garbage from here on, and never in what there is."""
-    gc.freeze()
-    gc.enable()
+    """Look for garbage from here on, and never in what there is.
+
+    Nothing in a script of somebody's: what earlier runs left there is garbage.
+    """
+    if _begun:
+        _begun.clear()
+        gc.freeze()
+        gc.enable()
 
 
 def end() -> None:

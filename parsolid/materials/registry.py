@@ -140,8 +140,8 @@ def from_text(path: str, name: str, text: str) -> Declared:
 def _name_apart(module: ModuleType) -> None:
     """Give the NamedTuples of a file names that no other text has.
 
-    When Python calls a kernel, numba tells classes apart by their names and the types in them alone: an edited law would
-    be computed by the one that this process has called before.
+    When Python calls a kernel, numba tells classes apart by their names and the types in them alone: an edited law
+    would be computed by the one that this process has called before.
     """
     digest = module.__name__.rpartition("_")[2]
     for kind in vars(module).values():

@@ -140,8 +140,8 @@ def _immoderate_numbers(data: dict[str, Any]) -> list[str]:
 def parse_scene(
     data: dict[str, Any], folder: str | os.PathLike[str] = ".", trust_code: bool = False, again: bool = False
 ) -> Scene:
-    """A scene from plain tables; files are relative to `folder`; trust_code: laws in files are run, else refused; again:
-    the tables are made from a scene of this process, and their laws are those that came with it.
+    """A scene from plain tables; files are relative to `folder`; trust_code: laws in files are run, else refused;
+    again: the tables are made from a scene of this process, and their laws are those that came with it.
 
     Raises SceneError with every fault.
     """

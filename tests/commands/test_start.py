@@ -28,6 +28,7 @@ def collector():
     yield
     gc.unfreeze()
     gc.enable()
+    start._begun.clear()
 
 
 def test_garbage_is_looked_for_once_all_is_loaded_and_not_at_the_end(collector):
@@ -38,3 +39,14 @@ def test_garbage_is_looked_for_once_all_is_loaded_and_not_at_the_end(collector):
     kept, made = gc.get_freeze_count(), [[] for _ in range(100)]
     start.end()
     assert made and not gc.isenabled() and gc.get_freeze_count() > kept
+
+
+def test_a_script_keeps_its_garbage_and_what_it_has_said_of_the_collector(collector):
+    kept = gc.get_freeze_count()
+    gc.disable()
+    start.loaded()
+    assert not gc.isenabled() and gc.get_freeze_count() == kept
+    start.begin()
+    start.loaded()
+    start.loaded()
+    assert gc.isenabled() and gc.get_freeze_count() > kept

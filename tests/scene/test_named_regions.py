@@ -181,6 +181,7 @@ def test_a_group_that_no_mesh_has_is_told_with_those_there_are(square, tmp_path,
 
 TURN = {"kind": "rotation", "where": "left", "centre": [0.0, 0.0], "angle": "0.1*t"}
 HELD = {"kind": "fixed", "where": "left"}
+MOVED = {"kind": "velocity", "where": "left", "velocity": ["1", "0"]}
 
 
 @pytest.mark.parametrize(
@@ -189,7 +190,10 @@ HELD = {"kind": "fixed", "where": "left"}
         (TURN, HELD, True),
         (HELD, TURN, True),
         (HELD, HELD, True),
-        (TURN, {"kind": "velocity", "where": "left", "velocity": ["1", "0"]}, True),
+        (TURN, MOVED, True),
+        (HELD, MOVED, True),
+        (MOVED, HELD, True),
+        (HELD, MOVED | {"velocity": ["1", "free"]}, False),
         (TURN | {"body": "a"}, HELD | {"body": "b"}, False),
         (HELD, TURN | {"where": "low"}, False),
     ],

@@ -115,7 +115,7 @@ def reaction_details(conditions: list[Any], probes: list[str], systems: Any) -> 
     return details
 
 
-# kinds that leave no component of a region's motion to another
+# kinds that say all of a region's motion
 _WHOLE_MOTION = ("fixed", "rotation")
 
 
@@ -127,9 +127,11 @@ def clashes(conditions: dict[int, Any]) -> list[str]:
             continue
         there = seen.setdefault((one.region_name, one.body), [])
         for j in there:
-            kinds = {one.kind, conditions[j].kind}
-            # "fixed" in some components and a velocity in others is no clash
-            if "rotation" in kinds or kinds == {"fixed"}:
+            pair = one, conditions[j]
+            kinds = {which.kind for which in pair}
+            # a motion holds before "fixed", which has the components that are free in it
+            left = any(formula.free.any() for which in pair for formula in which.formulas.values())
+            if "rotation" in kinds or ("fixed" in kinds and not left):
                 expected = f"a region whose motion boundaries.{j} ({conditions[j].kind!r}) does not say"
                 faults.append(fault(("boundaries", i, "where"), expected, one.region_name))
                 break
