@@ -23,10 +23,6 @@ class HalfSteps:
         """Of the step before and this one [s]."""
         return step if self.goes_on else 0.5 * (self.step + step)
 
-    def pass_by(self, step: float) -> None:
-        """A step [s] is over."""
-        self.step, self.goes_on = step, self.goes_on and step == 0.0
-
     def follow(self, taken: float) -> float:
         """The second kick of a step has taken energy [J]; by how much more is to come than before [J]."""
         change = float(taken - self.to_come)

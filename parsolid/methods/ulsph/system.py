@@ -226,7 +226,7 @@ class UpdatedLagrangianSPH(PairMethod):
         ledger.add_term("viscous_dissipation", float(viscous))
         if self.heating is not None:
             ledger.add_term("viscous_heat_to_come", self.halves.follow(heat_to_come(self, step, second[1])))
-        self.halves.pass_by(step)
+        self.halves.step, self.halves.goes_on = step, self.halves.goes_on and step == 0.0
         ledger.add_term("leapfrog_oscillation", second[2] - first[2])
         terms = {"heat_supplied": self.supplied, "heat_stored": self.supplied_to_stored} | self.updates.taken()
         for name, energy in (terms | (self.deletion.taken() if self.deletion else {})).items():
