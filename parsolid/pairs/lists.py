@@ -61,6 +61,27 @@ class OneSidedList(NamedTuple):
     images: Images | None
 
 
+class InnerTable(NamedTuple):
+    """Each pair of owned particles once, both receive; start, neighbour as in `InnerList`.
+
+    kind (m,) uint16: rows of table (kinds, 8), in which g_ab and k_ab stand as in a list, and then X_a - X_b.
+    """
+
+    start: np.ndarray
+    neighbour: np.ndarray
+    kind: np.ndarray
+    table: np.ndarray
+
+
+class OneSidedTable(NamedTuple):
+    """Pairs of owned particles with ghosts: the owned particle alone receives."""
+
+    start: np.ndarray
+    neighbour: np.ndarray
+    kind: np.ndarray
+    table: np.ndarray
+
+
 class Places(NamedTuple):
     """Where each pair's neighbour stands, R X_b + T, for set-up: code (m,) int8 into reflections R, shifts T (codes,
     3)."""
@@ -73,7 +94,7 @@ class Places(NamedTuple):
 @constant
 def mutual(pairs) -> bool:
     """Whether both particles of a pair receive; a constant in kernels."""
-    return isinstance(pairs, InnerList)
+    return isinstance(pairs, InnerList | InnerTable)
 
 
 @generic
@@ -81,7 +102,7 @@ def images_of(pairs):
     """The images of a list, None where it has none."""
 
 
-@images_of.of(InnerList)
+@images_of.of(InnerList, InnerTable, OneSidedTable)
 def _no_images(pairs):
     return None
 

@@ -23,7 +23,7 @@ from parsolid.pairs.lists import Images, InnerList, OneSidedList, Places, empty_
 from parsolid.pairs.pair_lists import PairLists
 from parsolid.pairs.passes import Vector, add_forces, add_gradients, sum_columns
 from parsolid.pairs.smoothed_weights import SmoothedWeights
-from parsolid.pairs.table_passes import add_forces_by_table, add_gradients_by_table
+from parsolid.pairs.table_passes import add_forces_by_table
 from parsolid.pairs.terms import KINEMATICS, record_columns
 from parsolid.pairs.weight_tables import is_tabled, no_tabled_ghosts
 from parsolid.pairs.weights import select_pairs
@@ -72,7 +72,7 @@ class PairSystem(PairLists):
         self.comm, self.particles, self.space = comm, particles, space
         self.weights, self.terms, self.codes = weights, terms, codes
         # of lists as `passes` has them, of those along axes and of those with tables
-        gradients = (add_gradients, add_gradients_along_axes, add_gradients_by_table)
+        gradients = (add_gradients, add_gradients_along_axes, add_gradients)
         self._add_gradients = [RecalledEach(kernel) for kernel in gradients]
         self._add_forces = [RecalledEach(kernel) for kernel in (add_forces, add_forces_along_axes, add_forces_by_table)]
         d, record = space.dimension, record_columns(space, terms)

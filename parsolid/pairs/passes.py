@@ -31,7 +31,7 @@ from decomposition.compiled import compiled
 from parsolid.numerics.dispatch import constant, generic
 from parsolid.numerics.lanes import WIDTH, broadcast, load
 from parsolid.pairs.lane_tuples import add_lanes, opposite, plus, store_lanes
-from parsolid.pairs.lists import images_of, mutual
+from parsolid.pairs.lists import InnerTable, OneSidedTable, images_of, mutual
 from parsolid.pairs.pair_terms import own_side, pair_forces
 from parsolid.pairs.primitives import matrix, outer, reference, vector
 from parsolid.pairs.terms import MeanRiemann, RiemannDissipation, dimension_of, matrix_columns
@@ -164,6 +164,36 @@ def _vector_difference(space, field, own, images, k, kinematics, b, g):
 # --- the passes --------------------------------------------------------------------------------------------------
 
 
+@generic
+def _weights(pairs):
+    """What pairs have their weights in."""
+
+
+@_weights.of(InnerTable, OneSidedTable)
+def _table(pairs):
+    return pairs.table
+
+
+@_weights.otherwise
+def _weights_of_each(pairs):
+    return pairs.weight
+
+
+@generic
+def _row(pairs, k):
+    """Where that of pair k stands."""
+
+
+@_row.of(InnerTable, OneSidedTable)
+def _kind(pairs, k):
+    return pairs.kind[k]
+
+
+@_row.otherwise
+def _own_row(pairs, k):
+    return k
+
+
 @generic(on="weight")
 def _weight(space, weight, images, k, kinematics, b, X):
     """g_ab with the number beside it: as stored, or weight (X_b - X_a) where the list is radial."""
@@ -180,16 +210,16 @@ def _radial_weight(space, weight, images, k, kinematics, b, X):
 
 
 @generic
-def _forces(terms, force, a):
+def forces_so_far(terms, force, a):
     """(T,) or (T, D) so far of particle a."""
 
 
-@_forces.of(RiemannDissipation, MeanRiemann)
+@forces_so_far.of(RiemannDissipation, MeanRiemann)
 def _stress_and_dissipation(terms, force, a):
     return load(force, a, 0), load(force, a, WIDTH)
 
 
-@_forces.otherwise
+@forces_so_far.otherwise
 def _forces_alone(terms, force, a):
     return (load(force, a, 0),)
 
@@ -197,7 +227,7 @@ def _forces_alone(terms, force, a):
 @compiled(fastmath={"contract"}, error_model="numpy")
 def add_gradients(space, pairs, fields, kinematics, sums):
     """Add what the pairs of a list have of the gradients of fields, a tuple of `Vector` and `Scalar`."""
-    images = images_of(pairs)
+    weights, images = _weights(pairs), images_of(pairs)
     for a in range(pairs.start.shape[0] - 1):
         if pairs.start[a] == pairs.start[a + 1]:
             continue
@@ -205,7 +235,7 @@ def add_gradients(space, pairs, fields, kinematics, sums):
         total = _sums(space, fields, sums, a, 0)
         for k in range(pairs.start[a], pairs.start[a + 1]):
             b = pairs.neighbour[k]
-            g = _weight(space, pairs.weight, images, k, kinematics, b, X)
+            g = _weight(space, weights, images, _row(pairs, k), kinematics, b, X)
             difference = _differences(space, fields, own, images, k, kinematics, b, g)
             total = plus(total, difference)
             if mutual(pairs):
@@ -213,19 +243,25 @@ def add_gradients(space, pairs, fields, kinematics, sums):
         store_lanes(sums, a, 0, total)
 
 
-@compiled(fastmath={"contract"}, error_model="numpy")
-def add_forces(space, pairs, terms, kinematics, record, force):
-    """Add the forces of the pairs of a list: those of the stresses, and what `terms` says."""
-    images = images_of(pairs)
+@register_jitable
+def sum_forces(space, pairs, terms, kinematics, record, force):
+    """`add_forces`, pair by pair."""
+    weights, images = _weights(pairs), images_of(pairs)
     for a in range(pairs.start.shape[0] - 1):
         if pairs.start[a] == pairs.start[a + 1]:
             continue
-        own, total = own_side(space, terms, kinematics, record, a), _forces(terms, force, a)
+        own, total = own_side(space, terms, kinematics, record, a), forces_so_far(terms, force, a)
         for k in range(pairs.start[a], pairs.start[a + 1]):
-            b = pairs.neighbour[k]
-            g = _weight(space, pairs.weight, images, k, kinematics, b, own[1])
-            t = pair_forces(space, terms, own, images, k, pairs.weight, kinematics, record, b, g)
+            b, at = pairs.neighbour[k], _row(pairs, k)
+            g = _weight(space, weights, images, at, kinematics, b, own[1])
+            t = pair_forces(space, terms, own, images, at, weights, kinematics, record, b, g)
             total = plus(total, t)
             if mutual(pairs):
                 add_lanes(force, b, 0, opposite(t))
         store_lanes(force, a, 0, total)
+
+
+@compiled(fastmath={"contract"}, error_model="numpy")
+def add_forces(space, pairs, terms, kinematics, record, force):
+    """Add the forces of the pairs of a list: those of the stresses, and what `terms` says."""
+    sum_forces(space, pairs, terms, kinematics, record, force)

@@ -1,77 +1,20 @@
-"""The two passes over lists whose weights stand in a table; arrays are as `pairs.passes` says."""
+"""Forces of pairs whose weights stand in a table, four side by side in space; arrays are as `pairs.passes` says."""
 
 import numpy as np
 from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
-from parsolid.numerics.dispatch import constant, generic
+from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import WIDTH, broadcast, from_floats, fused, horizontal_sums, lane, load, store
 from parsolid.numerics.layout import Plane
-from parsolid.pairs.lane_tuples import add_lanes, opposite, plus, store_lanes
-from parsolid.pairs.pair_terms import own_side, pair_forces
-from parsolid.pairs.primitives import matrix, outer
+from parsolid.pairs.lane_tuples import store_lanes
+from parsolid.pairs.lists import mutual
+from parsolid.pairs.passes import forces_so_far, sum_forces
 from parsolid.pairs.terms import KINEMATICS, MeanRiemann, record_columns
-from parsolid.pairs.weight_tables import InnerTable
 
 _FIELD, _POSITION = KINEMATICS[3].field, KINEMATICS[3].position
 # widths of rows in space: constants, so that places in arrays take no products
 _MOTION, _RECORD, _FORCE, _ROW = KINEMATICS[3].width, 6 * WIDTH, 2 * WIDTH, 2 * WIDTH
-
-
-@constant
-def _mutual(pairs) -> bool:
-    return isinstance(pairs, InnerTable)
-
-
-@compiled(fastmath={"contract"}, error_model="numpy")
-def add_gradients_by_table(space, pairs, fields, kinematics, sums):
-    """`passes.add_gradients`; fields: the vector in the first columns."""
-    for a in range(pairs.start.shape[0] - 1):
-        if pairs.start[a] == pairs.start[a + 1]:
-            continue
-        own, total = load(kinematics, a, _FIELD), matrix(space, sums, a, 0)
-        for k in range(pairs.start[a], pairs.start[a + 1]):
-            b = pairs.neighbour[k]
-            g = load(pairs.table, pairs.kind[k], 0)
-            difference = outer(space, load(kinematics, b, _FIELD) - own, g)
-            total = plus(total, difference)
-            if _mutual(pairs):
-                add_lanes(sums, b, 0, difference)
-        store_lanes(sums, a, 0, total)
-
-
-# --- forces ------------------------------------------------------------------------------------------------------
-
-
-@generic
-def _force(terms, force, a):
-    """(T,) or (T, D) so far of particle a."""
-
-
-@_force.of(None)
-def _stress_alone(terms, force, a):
-    return (load(force, a, 0),)
-
-
-@_force.of(MeanRiemann)
-def _stress_and_dissipation(terms, force, a):
-    return load(force, a, 0), load(force, a, WIDTH)
-
-
-@register_jitable
-def _forces_one_by_one(space, pairs, terms, kinematics, record, force):
-    for a in range(pairs.start.shape[0] - 1):
-        if pairs.start[a] == pairs.start[a + 1]:
-            continue
-        own, total = own_side(space, terms, kinematics, record, a), _force(terms, force, a)
-        for k in range(pairs.start[a], pairs.start[a + 1]):
-            b = pairs.neighbour[k]
-            g = load(pairs.table, pairs.kind[k], 0)
-            t = pair_forces(space, terms, own, None, k, pairs.table, kinematics, record, b, g)
-            total = plus(total, t)
-            if _mutual(pairs):
-                add_lanes(force, b, 0, opposite(t))
-        store_lanes(force, a, 0, total)
 
 
 @generic
@@ -81,7 +24,7 @@ def _forces(space, terms, pairs, kinematics, record, force):
 
 @_forces.of(Plane)
 def _forces_in_plane(space, terms, pairs, kinematics, record, force):
-    _forces_one_by_one(space, pairs, terms, kinematics, record, force)
+    sum_forces(space, pairs, terms, kinematics, record, force)
 
 
 @_forces.otherwise
@@ -96,7 +39,7 @@ def _forces_of_terms(terms, space, pairs, kinematics, record, force):
 
 @_forces_of_terms.of(None)
 def _forces_of_stresses(terms, space, pairs, kinematics, record, force):
-    _forces_one_by_one(space, pairs, terms, kinematics, record, force)
+    sum_forces(space, pairs, terms, kinematics, record, force)
 
 
 @_forces_of_terms.of(MeanRiemann)
@@ -111,7 +54,7 @@ def _forces_of_jumps(reconstruction, space, pairs, terms, kinematics, record, fo
 
 @_forces_of_jumps.of(None)
 def _forces_of_plain_jumps(reconstruction, space, pairs, terms, kinematics, record, force):
-    _forces_one_by_one(space, pairs, terms, kinematics, record, force)
+    sum_forces(space, pairs, terms, kinematics, record, force)
 
 
 @_forces_of_jumps.otherwise
@@ -119,27 +62,27 @@ def _forces_four_by_four(reconstruction, space, pairs, terms, kinematics, record
     """Four pairs side by side: what one waits for, sums of lanes and a division, is done for all of them at once."""
     start, neighbour, kind, table = pairs.start, pairs.neighbour, pairs.kind, pairs.table.ravel()
     arrays = kinematics.ravel(), record.ravel(), force.ravel(), table
-    mutual = _mutual(pairs)
+    both = mutual(pairs)
     for a in range(start.shape[0] - 1):
         if start[a] == start[a + 1]:
             continue
-        own, total = _own(space, terms, arrays, a), _force(terms, force, a)
+        own, total = _own(space, terms, arrays, a), forces_so_far(terms, force, a)
         first, last = np.uint64(start[a]), np.uint64(start[a + 1])
         while first + np.uint64(3) < last:
-            one = _pair(own, arrays, neighbour[first], kind[first], mutual)
-            two = _pair(own, arrays, neighbour[first + np.uint64(1)], kind[first + np.uint64(1)], mutual)
-            three = _pair(own, arrays, neighbour[first + np.uint64(2)], kind[first + np.uint64(2)], mutual)
-            four = _pair(own, arrays, neighbour[first + np.uint64(3)], kind[first + np.uint64(3)], mutual)
+            one = _pair(own, arrays, neighbour[first], kind[first], both)
+            two = _pair(own, arrays, neighbour[first + np.uint64(1)], kind[first + np.uint64(1)], both)
+            three = _pair(own, arrays, neighbour[first + np.uint64(2)], kind[first + np.uint64(2)], both)
+            four = _pair(own, arrays, neighbour[first + np.uint64(3)], kind[first + np.uint64(3)], both)
             normal = _normals(one, two, three, four)
-            d1 = _dissipation(one, lane(normal, 0), arrays, mutual)
-            d2 = _dissipation(two, lane(normal, 1), arrays, mutual)
-            d3 = _dissipation(three, lane(normal, 2), arrays, mutual)
-            d4 = _dissipation(four, lane(normal, 3), arrays, mutual)
+            d1 = _dissipation(one, lane(normal, 0), arrays, both)
+            d2 = _dissipation(two, lane(normal, 1), arrays, both)
+            d3 = _dissipation(three, lane(normal, 2), arrays, both)
+            d4 = _dissipation(four, lane(normal, 3), arrays, both)
             total = total[0] + ((one[5] + two[5]) + (three[5] + four[5])), total[1] + ((d1 + d2) + (d3 + d4))
             first += np.uint64(4)
         while first < last:
-            one = _pair(own, arrays, neighbour[first], kind[first], mutual)
-            d1 = _dissipation(one, lane(_normals(one, one, one, one), 0), arrays, mutual)
+            one = _pair(own, arrays, neighbour[first], kind[first], both)
+            d1 = _dissipation(one, lane(_normals(one, one, one, one), 0), arrays, both)
             total = total[0] + one[5], total[1] + d1
             first += np.uint64(1)
         store_lanes(force, a, 0, total)
@@ -157,7 +100,7 @@ def _own(space, terms, arrays, a):
 
 
 @register_jitable
-def _pair(own, arrays, b, kind, mutual):
+def _pair(own, arrays, b, kind, both):
     """(jump, x, slow, fast - slow, (b, row of the table), stress force) of a pair, whose stress acts on b already."""
     kinematics, record, force, table = arrays
     P, G, v, x = own
@@ -165,7 +108,7 @@ def _pair(own, arrays, b, kind, mutual):
     first, second = P[0] + load(record, r, 0), P[1] + load(record, r + WIDTH, 0)
     third = P[2] + load(record, r + 2 * WIDTH, 0)
     stress = fused(third, table[w + np.uint64(2)], fused(second, table[w + np.uint64(1)], first * table[w]))
-    if mutual:
+    if both:
         store(force, b * _FORCE, 0, load(force, b * _FORCE, 0) - stress)
     jump, line = load(kinematics, m + _FIELD, 0) - v, load(kinematics, m + _POSITION, 0) - x
     r = r + 3 * WIDTH
@@ -186,11 +129,11 @@ def _normals(one, two, three, four):
 
 
 @register_jitable
-def _dissipation(pair, normal, arrays, mutual):
+def _dissipation(pair, normal, arrays, both):
     """D of a pair, which acts on b already."""
     jump, line, slow, _, (b, w), _ = pair
     d = arrays[3][w + np.uint64(3)] * fused(broadcast(slow), jump, broadcast(normal) * line)
-    if mutual:
+    if both:
         force = arrays[2]
         store(force, b * _FORCE + WIDTH, 0, load(force, b * _FORCE + WIDTH, 0) - d)
     return d

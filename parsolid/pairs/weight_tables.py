@@ -4,13 +4,13 @@ That is so on lattices, inside of which all pairs of one offset have one weight,
 the corrections are found: without rounding, places differ in their last bits. A pair takes 6 bytes in place of 36.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from decomposition.compiled import compiled
 from parsolid.numerics.lanes import WIDTH, aligned_zeros
-from parsolid.pairs.lists import InnerList, OneSidedList
+from parsolid.pairs.lists import InnerList, InnerTable, OneSidedList, OneSidedTable
 
 # most rows, and most of them a pair
 _MOST, _SHARE = 1 << 14, 0.25
@@ -18,29 +18,8 @@ _MOST, _SHARE = 1 << 14, 0.25
 _ROUNDING = 8.0
 
 
-class InnerTable(NamedTuple):
-    """Each pair of owned particles once, both receive; start, neighbour as in `lists.InnerList`.
-
-    kind (m,) uint16: rows of table (kinds, 8), in which g_ab and k_ab stand as in a list, and then X_a - X_b.
-    """
-
-    start: np.ndarray
-    neighbour: np.ndarray
-    kind: np.ndarray
-    table: np.ndarray
-
-
-class OneSidedTable(NamedTuple):
-    """Pairs of owned particles with ghosts: the owned particle alone receives."""
-
-    start: np.ndarray
-    neighbour: np.ndarray
-    kind: np.ndarray
-    table: np.ndarray
-
-
 def is_tabled(pairs: Any) -> bool:
-    """Whether a list is one of this module."""
+    """Whether weights of a list stand in a table."""
     return isinstance(pairs, InnerTable | OneSidedTable)
 
 

@@ -8,9 +8,10 @@ from solids import SOFT, random_of, simulation, supports, tables
 from parsolid.methods.tlsph.displacement import displacement_gradient
 from parsolid.pairs import smoothed_weights
 from parsolid.pairs.axis_lists import neighbours_in
+from parsolid.pairs.lists import InnerTable
 from parsolid.pairs.passes import Vector
 from parsolid.pairs.smoothed_weights import SmoothedWeights
-from parsolid.pairs.weight_tables import InnerTable, is_tabled
+from parsolid.pairs.weight_tables import is_tabled
 
 ROLLERS = supports(X=(0.0, "roller"), Y=(0.0, "roller"))
 SIZES = {2: (22, 20), 3: (9, 8, 9)}
