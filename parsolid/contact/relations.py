@@ -1,4 +1,4 @@
-"""How the bodies of a scene meet, in words: bonded, in contact, or apart; and which fly into one another unnoticed."""
+"""How the bodies of a scene meet, in words: bonded, in contact, apart, and what flies or lies in another unnoticed."""
 
 from itertools import combinations
 from typing import Any
@@ -25,9 +25,10 @@ def relations(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[st
     pairs = {one[:2]: one.contact for one in contact_pairs(scene.contact, [body.name for body in scene.bodies])}
     tied = {one[:2] for one in tied_pairs(scene)}
     lower, upper, velocity, spacing = body_motions(comm, len(names), systems)
-    alone = {body for system in systems if not system.settings.bodies_meet for body in system.bodies}
-    told: dict[str, list[str]] = {"in contact": [], "tied": [], "bonded where they touch": [], "apart": []}
-    blind = []
+    home = {body: system for system in systems for body in system.bodies}
+    words = dict.fromkeys(system.settings.touching() for system in systems)
+    told: dict[str, list[str]] = {how: [] for how in ("in contact", "tied", *words, "apart")}
+    blind, idle = [], []
     for i, contact in ((one[0], contact) for one, contact in pairs.items() if one[0] == one[1]):
         told["in contact"].append(f"{names[i]} with itself{_words(contact)}")
     for i, j in combinations(range(len(names)), 2):
@@ -38,13 +39,18 @@ def relations(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[st
         elif (i, j) in tied:
             told["tied"].append(both)
         elif gap <= _TOUCHING * max(spacing[i], spacing[j]):
-            told["bonded where they touch"].append(both)
+            (told[home[i].settings.touching()] if home[i] is home[j] else idle).append(both)
         else:
             told["apart"].append(both)
             when = meeting((lower[i], upper[i], velocity[i]), (lower[j], upper[j], velocity[j]), 0.0)
-            if {i, j} <= alone and when < scene.end_time:
+            if (home[i] is not home[j] or not home[i].settings.bodies_meet) and when < scene.end_time:
                 blind.append(f"{both} (at about t = {when:.3g} s)")
     notes = [f"bodies {how}: {_listed(which)}" for how, which in told.items() if which]
+    if idle:
+        near = _listed(idle)
+        notes.append(
+            f"warning: close together without [[contact]] or [[tie]], so that nothing acts between them: {near}"
+        )
     if blind:
         told_of = _listed(blind)
         notes.append(

@@ -113,9 +113,10 @@ class Progress:
     def _words(self, first: Told, told: Told, step_size: float, row: dict[str, float]) -> list[str]:
         (began, _, first_time), (now, step, time) = first, told
         rate = self._particles * (step - self._last[1]) / max(now - self._last[0], 1e-9)
-        gone = max(time - first_time, 1e-300)
-        left = (now - began) * max(self._end_time - time, 0.0) / gone
-        parts = [f"dt {step_size:.2e} s", f"ETA {_duration(left)}"]
+        parts = [f"dt {step_size:.2e} s"]
+        # after the first step nothing is known of what is left
+        if (gone := time - first_time) > 0.0:
+            parts.append(f"ETA {_duration((now - began) * max(self._end_time - time, 0.0) / gone)}")
         if row:
             parts += [f"{name} {value:.3e} J" for name, value in self._energies(row).items()]
             parts += _failed(row)

@@ -27,14 +27,12 @@ class FilledShape(SceneModel):
     """A shape and the particles that fill it.
 
     particles   number of particles along each of the shape's own directions: X, Y, Z of a box and of the bounding box
-    of a
-                cylinder or sphere; hoop, axial, radial of a shell (hoop, radial in 2-D)
+                of a cylinder or sphere; hoop, axial, radial of a shell (hoop, radial in 2-D)
     spacing     distance of particles [m] along the same directions, or one for all; rounded so that whole numbers fit
     placement   "nodes": on the boundary too, with trapezoid volumes (of a perforated box at the corners of its cells);
                 "cells": in the middle of equal cells
     jitter      random offset of each particle as a fraction of the spacing, the same on any number of ranks; particles
-    on
-                the boundary stay
+                on the boundary stay
     """
 
     at_most_one: ClassVar = (("particles", "spacing"),)

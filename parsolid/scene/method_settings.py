@@ -89,6 +89,10 @@ class MethodSettings(SceneModel):
         """What a scene asks for of the method's bodies that costs accuracy where it need not, in words."""
         return []
 
+    def touching(self) -> str:
+        """What bodies of the method do that touch and that no contact names, in words."""
+        return "bonded where they touch"
+
     def contact_refused(self, scene: Any) -> str | None:
         """Why bodies of the method cannot be in contact, None where they can."""
         return "with this method"

@@ -24,7 +24,7 @@ from parsolid.scene.named_regions import Region, all_regions, region_details, us
 from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, Output, Reference, solution_faults
 from parsolid.scene.probes import Probe, ProbeTable
 from parsolid.scene.substeps import substep_faults
-from parsolid.scene.systems import SystemOfScene, faults_of_systems, part_of, systems_of
+from parsolid.scene.systems import SystemOfScene, carriers_of, faults_of_systems, part_of, systems_of
 from parsolid.scene.tie import TIE_TERMS, Tie, tie_faults
 from parsolid.scene.tools import Tool, still_faults, tool_faults
 from parsolid.scene.validation_errors import NOTHING, SceneError, fault, key_path, suggestion
@@ -97,7 +97,7 @@ class Scene(SceneModel):
         elif exact:
             details += solution_faults(exact, self.bodies[0].material)
         details += region_details(self) + initial_details(self)
-        details += reaction_details(self.boundaries, [probe.name for probe in self.probes], self.systems)
+        details += reaction_details(self.boundaries, [probe.name for probe in self.probes], carriers_of(self))
         reject(*details)
         return self
 

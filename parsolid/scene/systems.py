@@ -97,6 +97,17 @@ def boundaries_of(scene: "Scene", system: SystemOfScene) -> list[int]:
     return result
 
 
+def carriers_of(scene: "Scene") -> list[list[MethodSettings]]:
+    """Settings of the methods that carry each boundary of a scene."""
+    every = range(len(scene.boundaries))
+    alone = len(scene.systems) == 1
+    carried = [(system.settings, every if alone else boundaries_of(scene, system)) for system in scene.systems]
+    return [
+        [settings for settings, numbers in carried if number in numbers and one.kind in settings.boundaries]
+        for number, one in enumerate(scene.boundaries)
+    ]
+
+
 def meets(scene: "Scene", boundary: Any, number: int) -> bool:
     """Whether a body may be in a boundary's region at the start; a mesh, which is not read for this, always may."""
     body = scene.bodies[number]

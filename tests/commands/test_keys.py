@@ -1,6 +1,7 @@
 """`parsolid keys`, `schema` and `init`: every key is told, as it is; editors accept what the reader accepts."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,8 @@ from parsolid.scene.methods import method_kinds
 from parsolid.scene.schema import Scene
 
 ROOT = Path(__file__).parents[2]
+# tables that have a friction
+HELD = ("contact", "tools")
 
 
 def tables_of(model=Scene, place=(), seen=None):
@@ -50,6 +53,24 @@ def test_a_listing_of_one_key_one_table_and_all_kinds():
     everything = listing()
     for words in ("end_time: a number > 0; needed", "method.mpm.cell: ", "output.fields_interval: ", "probes.name: "):
         assert words in everything
+
+
+def test_what_a_key_means_is_told_to_its_end():
+    """A line of a table in a docstring that begins neither a key nor further in would end the meaning before it."""
+    broken = [
+        f"{owner.__name__}: {line.strip()}"
+        for model in tables_of()
+        for owner in model.__mro__
+        for before, line, after in zip(*(((owner.__doc__ or "").splitlines() + ["", ""])[k:] for k in range(3)))
+        if re.match(r" {4}\S+( \S+)*$", line) and re.match(r" {10}|.*\S {2,}\S", before) and re.match(" {10}", after)
+    ]
+    assert not broken
+
+
+def test_a_word_alone_is_looked_for_in_all_tables():
+    assert listing("friction").splitlines()[::3] == [f"{table}.friction: a number >= 0; default 0" for table in HELD]
+    assert listing("steinberg-cochran-guinan").startswith("[bodies.material.elastic-plastic.")
+    assert "bodies.material.neo-hookean.zeta: 0; default 0" in listing("zeta")
 
 
 def test_the_page_of_keys_is_what_the_command_prints():
@@ -106,6 +127,9 @@ def test_a_scene_to_start_from_is_sound_and_says_what_each_key_is(method, tmp_pa
     assert scene.method.kind == method and scene.probes and scene.title
     stated = [line for line in text.splitlines() if " = " in line and line[0] != "#"]
     assert sum("  # " in line for line in stated) >= len(stated) - 2
+    for kind, said in (("roller", "A support on a plane"), ("wall", "A rigid plane that moves")):
+        told = [line for line in stated if line.startswith(f'kind = "{kind}"')]
+        assert all(line.partition("  # ")[2].startswith(said) for line in told)
     offered = {line[2:].partition(" = ")[0] for line in text.splitlines() if line.startswith("# ") and " = " in line}
     fields = set(type(scene.method).model_fields)
     assert offered <= fields and fields - offered == set(tomllib.loads(text)["method"])

@@ -50,6 +50,36 @@ def test_relations_are_told_and_a_collision_course_is_warned_of(comm):
     assert "collision course" in told[2] and "a and b (at about t = 1 s)" in told[2] and "b and c" not in told[2]
 
 
+@pytest.mark.parametrize("contact, words", [("compression", "pressing on one another"), ("welded", "bonded")])
+def test_bodies_of_rebuilt_neighbours_press_on_one_another_unless_they_are_welded(comm, contact, words):
+    ends = [(0, 1), (1, 2), (5, 6)]
+    copper = {"kind": "elastic-plastic", "library": "OFHC copper, Johnson-Cook"}
+    boxes = [block(name, (a, 0), (b, 1), [5, 5], "cells", material=copper) for name, (a, b) in zip("abc", ends)]
+    sim = simulated(tables(*boxes, contact=[], method={"kind": "ulsph", "contact": contact}, end_time=2.0), comm)
+    told = relations(comm, sim.scene, sim.systems)
+    assert told == [f"bodies {words} where they touch: a and b", "bodies apart: a and c, b and c"]
+
+
+def test_bodies_of_two_methods_that_nothing_joins_are_warned_of(comm):
+    """They are no bodies of one system, which would bond them: nothing acts between them."""
+    ends = {"a": (0, 1), "b": (1, 2), "c": (2, 3), "d": (5, 6)}
+    velocities = {"d": {"velocity": [-2.0, 0.0]}}
+    methods = [SPH | {"name": "one"}, BONDS | {"name": "two"}]
+    owners = {"a": "one", "b": "one", "c": "two", "d": "two"}
+    bodies = [
+        block(name, (a, 0), (b, 1), [5, 5], "cells", method=owners[name], **velocities.get(name, {}))
+        for name, (a, b) in ends.items()
+    ]
+    data = tables(*bodies, contact=[], end_time=2.0, methods=methods)
+    del data["method"]
+    sim = simulated(data, comm)
+    told = relations(comm, sim.scene, sim.systems)
+    assert told[0] == "bodies bonded where they touch: a and b"
+    assert told[2].startswith("warning: close together without [[contact]] or [[tie]], so that nothing acts between")
+    assert told[2].endswith("them: b and c")
+    assert "collision course" in told[3] and "b and d (at about t = 1.6 s)" in told[3] and "c and d" in told[3]
+
+
 def test_colours_of_lattices():
     found = [lattice_colour(0.5, 1.0, nodal, 2.7, d) for d in (2, 3) for nodal in (False, True)]
     wanted = [(0.1892, 0.484), (0.2677, 0.424), (0.1839, 0.487), (0.2661, 0.428)]

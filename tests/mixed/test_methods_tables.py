@@ -70,6 +70,19 @@ def test_a_boundary_is_for_the_bodies_in_its_region():
     assert note == "boundaries.0: bodies.0 know nothing of this wall, as their methods have none"
 
 
+def test_a_support_tells_its_force_where_its_own_method_can():
+    """A plane of a grid cannot; another method's body does not concern it."""
+    held = {"plane": "X = 0", "kind": "fixed", "mirror": False, "name": "foot", "reaction": True}
+    scene = parse_scene(tables(PAIR, boundaries=[held]))
+    assert scene.boundaries[0].reports == "foot"
+    assert parse_scene(tables(PAIR, boundaries=[held | {"body": "soft"}])).boundaries[0].reports == "foot"
+    told = faults(lambda data: data["boundaries"].append(held | {"plane": "X = 7", "mirror": True, "body": "metal"}))
+    assert told == [
+        "boundaries.1.reaction: expected one of the kinds 'velocity', 'wall', 'traction', 'pressure', 'spring', "
+        "whose force mpm can tell, found 'fixed'"
+    ]
+
+
 ANTISYMMETRIC = {"plane": "X = 6", "kind": "antisymmetric"}
 POINT = {"point": [0.0, 0.0], "kind": "velocity", "velocity": ["1", "0"]}
 REFUSED = {

@@ -92,7 +92,7 @@ def _either(parts: list[Value]) -> Value:
 
 
 def _one_of(choices: tuple[Any, ...]) -> Value:
-    return Value(" or ".join(as_toml(one) for one in choices), {"enum": list(choices)})
+    return Value(" or ".join(dict.fromkeys(map(as_toml, choices))), {"enum": list(choices)})
 
 
 def _list_of(parts: tuple[Any, ...], metadata: list[Any]) -> Value:

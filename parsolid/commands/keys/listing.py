@@ -2,6 +2,7 @@
 
 import textwrap
 from collections.abc import Collection, Iterator
+from typing import Any
 
 from parsolid.collective import SolverError
 from parsolid.commands.keys.description import Key, keys_of, meaning_of
@@ -13,13 +14,16 @@ _WIDTH = 100
 
 
 def listing(path: str = "") -> str:
-    """All keys, or those at a path. A path names keys and, where a table has kinds, one of them or none.
+    """All keys, or those at a path. A path names keys and, where a table has kinds, one of them or none; one word that
+    no path begins with is looked for in all tables.
 
     Raises SolverError for a path that leads nowhere, with what there is.
     """
     model: type[SceneModel] = Scene
     words = [word for word in path.split(".") if word and not word.isdigit()]
     place = ""
+    if len(words) == 1 and words[0] not in Scene.model_fields and (found := list(_named(words[0], Scene, "", set()))):
+        return "\n\n".join(found)
     while words:
         known = {one.name: one for one in keys_of(model)}
         key = known[_among(known, words.pop(0), place, path)]
@@ -41,6 +45,20 @@ def page() -> str:
     """All keys as a page of docs."""
     head = "# Every key of a scene\n\nWhat `parsolid keys` prints; `parsolid keys method.mpm` prints a part of it.\n"
     return f"{head}\n```text\n{listing()}\n```\n"
+
+
+def _named(word: str, model: type[SceneModel], place: str, seen: set[Any]) -> Iterator[str]:
+    """Every key of a name, and every kind of a table, in a table and those within; of a table that is in several, where
+    it is first. seen: tables that were looked through."""
+    for key in keys_of(model):
+        here = f"{place}.{key.name}".lstrip(".")
+        if key.name == word:
+            yield _one(key, here)
+        for kind, table in key.value.tables.items():
+            if table not in seen:
+                seen.add(table)
+                there = f"{here}.{kind}" if kind else here
+                yield from _table(table, there, False) if kind == word else _named(word, table, there, seen)
 
 
 def _among(known: Collection[str], word: str, place: str, path: str) -> str:

@@ -2,6 +2,8 @@
 
 import re
 import sys
+from collections import Counter
+from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -56,6 +58,8 @@ def starting_scene(method: str) -> str:
     model: type[SceneModel] = Scene
     open_keys: dict[str, Key] = {key.name: key for key in keys_of(Scene)}
     place: list[str] = []
+    # how many tables of each list have begun
+    begun: Counter[str] = Counter()
     for line in text.splitlines():
         header, key = _HEADER.match(line), _KEY.match(line)
         if (header or not line) and place == ["method"]:
@@ -63,7 +67,8 @@ def starting_scene(method: str) -> str:
             place = []
         if header:
             place = header[1].split(".")
-            model = _model_at(place, tables)
+            begun[header[1]] += 1
+            model = _model_at(place, tables, begun)
             open_keys = {one.name: one for one in keys_of(model)}
         if key and key[1] in open_keys:
             line = _commented(line, open_keys.pop(key[1]).meaning)
@@ -71,11 +76,12 @@ def starting_scene(method: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _model_at(place: list[str], tables: Any) -> type[SceneModel]:
-    """The model of a table, by the kinds that the scene states."""
+def _model_at(place: list[str], tables: Any, begun: Mapping[str, int]) -> type[SceneModel]:
+    """The model of a table, by the kinds that the scene states; of a list, of the last table that has begun."""
     model: type[SceneModel] = Scene
-    for word in place:
-        tables = tables[word][-1] if isinstance(tables[word], list) else tables[word]
+    for depth, word in enumerate(place, 1):
+        listed = isinstance(tables[word], list)
+        tables = tables[word][begun[".".join(place[:depth])] - 1] if listed else tables[word]
         kinds = next(key for key in keys_of(model) if key.name == word).value.tables
         model = kinds[""] if "" in kinds else kinds[tables["kind"]]
     return model

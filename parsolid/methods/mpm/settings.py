@@ -41,11 +41,9 @@ class MaterialPoint(MethodSettings):
     cell            spacing h [m] of the background grid, of which only cells near particles exist
     origin          a point [m] of the grid; walls are exact where they lie on its planes
     formulation     "updated": weights of the current positions; "total-lagrangian": those of the reference positions,
-    for
-                    moderate strain
+                    for moderate strain
     geometry        of a 2-D scene: plane strain per metre of thickness, or axisymmetric with X the radius and Y the
-    axis,
-                    per radian
+                    axis, per radian
     transfer        of velocities: "flip"; "apic", which keeps angular momentum; "aflip", FLIP with the slopes of APIC,
                     which keeps it nearly and loses no energy; "tpic", APIC with gradients for slopes
     mass_terms      of the series for the inverse of the consistent mass matrix; 1: lumped masses

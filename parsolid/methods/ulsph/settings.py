@@ -103,6 +103,10 @@ class UpdatedLagrangianSPH(MethodSettings):
     rebalance: float = Field(1.1, gt=1, description="growth of the busiest rank's work beyond which particles move")
     balance: Literal["particles", "measured"] = Field("particles", description="what ranks share evenly")
 
+    def touching(self) -> str:
+        """They press on one another, unless they are welded."""
+        return super().touching() if self.contact == "welded" else "pressing on one another where they touch"
+
     def contact_refused(self, scene: Any) -> str | None:
         """It can."""
         return None

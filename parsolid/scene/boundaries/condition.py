@@ -93,19 +93,20 @@ class Reporting(SceneModel):
         return self
 
 
-def reaction_details(conditions: list[Any], probes: list[str], systems: Any) -> list[Detail]:
-    """Faults of conditions that tell their force: (place, expected, found)."""
+def reaction_details(conditions: list[Any], probes: list[str], carriers: list[list[Any]]) -> list[Detail]:
+    """Faults of conditions that tell their force: (place, expected, found).
+
+    carriers: settings of the methods that carry each condition.
+    """
     told = [(i, one.reports) for i, one in enumerate(conditions) if one.reports is not None]
     names = [name for _, name in told] + probes
     details: list[Detail] = []
     for i, name in told:
-        carrying = [one.settings for one in systems if conditions[i].kind in one.settings.boundaries]
-        telling = [settings.reactions for settings in carrying if conditions[i].kind not in settings.reactions]
-        if telling:
-            known = ", ".join(map(repr, telling[0])) or "none"
-            details.append(
-                (("boundaries", i, "reaction"), f"one of the kinds {known} with this method", conditions[i].kind)
-            )
+        silent = [settings for settings in carriers[i] if conditions[i].kind not in settings.reactions]
+        if silent:
+            known = ", ".join(map(repr, silent[0].reactions)) or "none"
+            expected = f"one of the kinds {known}, whose force {silent[0].kind} can tell"
+            details.append((("boundaries", i, "reaction"), expected, conditions[i].kind))
         elif getattr(conditions[i], "mirror", False):
             expected = "mirror = false, or a region with a name (the force of images is on no particle)"
             details.append((("boundaries", i, "reaction"), expected, True))
