@@ -28,7 +28,8 @@ def relations(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[st
     home = {body: system for system in systems for body in system.bodies}
     words = dict.fromkeys(system.settings.touching() for system in systems)
     told: dict[str, list[str]] = {how: [] for how in ("in contact", "tied", *words, "apart")}
-    blind, idle = [], []
+    blind: list[str] = []
+    idle: list[str] = []
     for i, contact in ((one[0], contact) for one, contact in pairs.items() if one[0] == one[1]):
         told["in contact"].append(f"{names[i]} with itself{_words(contact)}")
     for i, j in combinations(range(len(names)), 2):

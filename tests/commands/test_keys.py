@@ -61,7 +61,7 @@ def test_what_a_key_means_is_told_to_its_end():
         f"{owner.__name__}: {line.strip()}"
         for model in tables_of()
         for owner in model.__mro__
-        for before, line, after in zip(*(((owner.__doc__ or "").splitlines() + ["", ""])[k:] for k in range(3)))
+        for before, line, after in zip(*((owner.__doc__ or "").splitlines()[k:] for k in range(3)))
         if re.match(r" {4}\S+( \S+)*$", line) and re.match(r" {10}|.*\S {2,}\S", before) and re.match(" {10}", after)
     ]
     assert not broken

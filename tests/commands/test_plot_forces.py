@@ -1,4 +1,4 @@
-"""The picture of forces against displacements: which columns belong together, and that it is drawn."""
+"""Pictures of forces against displacements, and of what contact and supports write to a history."""
 
 from types import SimpleNamespace
 
@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 pytest.importorskip("matplotlib")
+from matplotlib.figure import Figure
+
+from parsolid.commands.plot.curves import write_energies, write_probes
 from parsolid.commands.plot.forces import pairs, write_forces
+from parsolid.commands.plot.results import Results
 
 TOLD = {"kind": "velocity", "where": "top", "name": "pull", "reaction": True}
 MOVED = {"name": "grip", "where": "top", "fields": ["stress", "displacement"]}
@@ -27,5 +31,51 @@ def test_a_force_goes_with_the_displacement_of_its_region(boundary, probe, found
     wanted = {"pull": [(f"grip.displacement_{a}", f"pull.force_{a}") for a in found]} if found else {}
     assert pairs(tables, COLUMNS) == wanted
     history = {name: np.linspace(0.0, 1.0, 5) for name in COLUMNS}
-    results = SimpleNamespace(history=history, tables=tables, title="pulled", dimension=2)
+    results = SimpleNamespace(history=history, tables=tables, title="pulled", dimension=2, per=lambda name: "/m")
     assert write_forces(results, tmp_path / "forces.png") == bool(found) == (tmp_path / "forces.png").is_file()
+
+
+@pytest.fixture
+def drawn(tmp_path, monkeypatch):
+    """Panels of the pictures of a run with contact: (drawing function, more of the scene) -> label -> legends."""
+
+    def draw(write, scene="dimension = 2"):
+        rows = {
+            "step": 2,
+            "time": 1.0,
+            "dt": 0.5,
+            "kinetic": 90.0,
+            "stored": 60.0,
+            "dissipation_internal": 9.0,
+        } | dict.fromkeys(("dissipation_numerical", "work_external"), 0.0)
+        rows |= {"contact_energy": 5.0, "viscous_work": 1e-3, "friction_dissipation": 0.2, "balance": 0.0}
+        rows |= {"foot.work": 0.0, "foot.force_x": 2.5e4, "foot.force_y": 1e4, "foot.moment": 7.0, "ball.force_x": 3.0}
+        lines = [",".join(rows)] + [",".join(f"{value * k:g}" for value in rows.values()) for k in (0, 0.5, 1)]
+        (tmp_path / "history.csv").write_text("\n".join(lines) + "\n")
+        (tmp_path / "scene.toml").write_text(scene)
+        figures = []
+        monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: figures.append(figure))
+        write(Results(tmp_path), tmp_path / "picture.png")
+        return {
+            f"{axes.get_title()} {axes.get_ylabel()}".strip(): axes.get_legend_handles_labels()[1]
+            for axes in figures[0].axes
+            if axes.get_visible()
+        }
+
+    return draw
+
+
+def test_what_contact_stores_is_not_drawn_as_dissipated_and_nothing_as_a_line_of_zeros(drawn):
+    assert drawn(write_energies) == {
+        "energy [J]": ["kinetic", "stored", "kinetic + stored", "stored in contact"],
+        "dissipated [J]": ["internal", "friction dissipation"],
+        "balance / largest energy": [],
+    }
+
+
+def test_forces_of_supports_and_tools_have_units_and_idle_supports_no_work(drawn):
+    assert list(drawn(write_probes)) == ["foot force [kN/m]", "foot moment [N m/m]", "ball force [kN/m]"]
+    assert list(drawn(write_probes, "dimension = 3"))[:2] == ["foot force [kN]", "foot moment [N m]"]
+    around = 'dimension = 2\n[method]\ngeometry = "axisymmetric"\n[[tools]]\nname = "ball"'
+    told = ["foot force [kN/rad]", "foot moment [N m/rad]", "ball force [kN]"]
+    assert list(drawn(write_probes, around)) == told

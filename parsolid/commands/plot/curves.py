@@ -34,8 +34,14 @@ _COLOURS = {
 }
 _PALETTE = ("#1f77b4", "#d95f02", "#1b9e77", "#7570b3", "#e7298a", "#a6761d", "#66a61e", "#666666", "#17becf")
 _MARKERS = "osD^vPX*<"
-# curves of a panel; a term is told where it is more than this share of the largest
-_MOST, _NOTHING = 8, 1e-6
+# parts of what is stored
+_WITHIN = {
+    "contact_energy": "stored in contact",
+    "stick_energy": "stored in friction's springs",
+    "tie_energy": "stored in ties",
+}
+# curves of a panel; a term is told where it is more than this share of the largest energy, and than this of its panel
+_MOST, _NOTHING, _FLAT = 8, 1e-6, 5e-3
 _REFERENCE = {"linestyle": (0, (4, 3)), "linewidth": 1.2, "color": "black", "alpha": 0.75}
 _PANEL = (460, 330)
 
@@ -56,8 +62,10 @@ def write_energies(results: Results, path: Path, size: tuple[int, int] | None = 
     total = terms["kinetic"] + terms["stored"]
     if {"kinetic", "stored"} <= set(told):
         energies.plot(time, total / unit, color=_COLOURS["total"], label="kinetic + stored", linewidth=1.0)
+    for name in (name for name in _WITHIN if name in told and _largest(terms[name]) > _FLAT * largest):
+        energies.plot(time, terms[name] / unit, color=_COLOURS[name], label=_WITHIN[name], linewidth=1.0)
     words = {"dissipation_internal": "internal", "dissipation_numerical": "numerical"}
-    others = [name for name in (*words, *_method_terms(history)) if name in told]
+    others = _seen([name for name in (*words, *_method_terms(history)) if name in told and name not in _WITHIN], terms)
     spare = iter(_PALETTE[5:])
     for name in _most(others, terms):
         colour = _COLOURS.get(name) or next(spare)
@@ -84,7 +92,8 @@ def _method_terms(history: dict[str, Any]) -> dict[str, Any]:
 def write_probes(results: Results, path: Path, size: tuple[int, int] | None = None) -> bool:
     """One panel for each field of each probe; False, and no file, when the scene has none."""
     history = results.history
-    panels = _probe_panels(list(history))
+    idle = {name for name in history if name.endswith(".work") and _largest(history[name]) == 0.0}
+    panels = _probe_panels([name for name in history if name not in idle])
     if not panels:
         return False
     time, factor = _time_axis(history["time"])
@@ -105,7 +114,8 @@ def write_probes(results: Results, path: Path, size: tuple[int, int] | None = No
         _add_references(axes, results, names, factor, unit)
         _add_bands(axes, results, names, time, unit)
         axes.set_title(probe, fontsize=10)
-        axes.set_ylabel(words_of(field) + (f" [{label}]" if label else ""))
+        per = results.per(probe) if field in ("force", "moment") else ""
+        axes.set_ylabel(words_of(field) + (f" [{label}{per}]" if label else ""))
     for axes in grid[len(panels) :]:
         axes.set_visible(False)
     _finish(figure, grid[: len(panels)], prefixed("s", _last(history["time"]))[1])
@@ -115,6 +125,12 @@ def write_probes(results: Results, path: Path, size: tuple[int, int] | None = No
 
 def _largest(values: np.ndarray) -> float:
     return float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
+
+
+def _seen(names: list[str], columns: dict[str, Any]) -> list[str]:
+    """Those of columns that are no line of zeros in a panel of all of them."""
+    largest = max((_largest(columns[name]) for name in names), default=0.0)
+    return [name for name in names if _largest(columns[name]) > _FLAT * largest]
 
 
 def _most(names: list[str], columns: dict[str, Any]) -> list[str]:

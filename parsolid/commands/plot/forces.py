@@ -46,7 +46,7 @@ def write_forces(results: Results, path: Path) -> bool:
                 axes.plot(history[along] / length, history[across] / unit, color=_COLOURS[axis], label=axis.upper())
         axes.set_title(name, fontsize=10)
         axes.set_xlabel(f"mean displacement [{metres}]")
-        axes.set_ylabel(f"force on the body [{newtons}{'/m' if results.dimension == 2 else ''}]")
+        axes.set_ylabel(f"force on the body [{newtons}{results.per(name)}]")
         axes.grid(alpha=0.25, linewidth=0.6)
         axes.spines[["top", "right"]].set_visible(False)
         axes.legend(fontsize=9, frameon=False)

@@ -73,6 +73,15 @@ class Results:
         """The class of the settings of the scene's method, or what several know together."""
         return context_of(self._tables, self.directory)["method"]
 
+    def per(self, name: str) -> str:
+        """What a force of the tool or boundary of a name is per, behind its unit: a thickness, a radian, nothing."""
+        if self.dimension != 2:
+            return ""
+        methods = [self._tables.get("method"), *self._tables.get("methods", [])]
+        if not any(isinstance(one, dict) and one.get("geometry") == "axisymmetric" for one in methods):
+            return "/m"
+        return "" if any(tool.get("name") == name for tool in self._tables.get("tools", [])) else "/rad"
+
     @cached_property
     def history(self) -> dict[str, np.ndarray]:
         """Column -> values. Raises SceneError when there is none."""

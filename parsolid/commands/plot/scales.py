@@ -26,9 +26,19 @@ UNITS = {
     "angular_momentum": "kg m²/s",
     "centre_of_mass": "m",
     "maximum_speed": "m/s",
+    "plastic_strain_rate": "1/s",
+    "entropy": "J/K",
+    "failed_mass": "kg",
+    "deleted_mass": "kg",
+    "deleted_momentum": "kg m/s",
+    "force": "N",
+    "moment": "N m",
+    "work": "J",
+    "place": "m",
+    "rotation": "rad",
 }
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
-_PREFIXED = ("Pa", "m", "m/s", "J", "s", "W")
+_PREFIXED = ("Pa", "m", "m/s", "J", "s", "W", "N", "N m")
 _POWERS = {-3: "10⁻³", -6: "10⁻⁶", -9: "10⁻⁹"}
 _SIGNED, _UNSIGNED = "RdBu_r", "viridis"
 # one quantity, one map, on all pictures: name -> map, and whether it starts at 0 (True), is centred on it (False), or
