@@ -13,7 +13,7 @@ for _library in ("OPENBLAS", "MKL", "BLIS", "OMP"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 
 # what is loaded when it is first asked for: `import parsolid` itself costs nothing
-_OFFERED = ("load", "run", "set_up", "material")
+_OFFERED = ("load", "run", "set_up", "material", "OutputError", "RunFailed", "SceneError", "SolverError")
 
 
 def __getattr__(name: str) -> Any:

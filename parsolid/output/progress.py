@@ -95,6 +95,8 @@ class Progress:
         if (balance := summary.get("energy_balance")) is not None:
             text += f", energy balance {balance:.1e}"
         self._say(text)
+        if summary.get("status") == "interrupted":
+            self._say("to go on from here: the same command with --restart, on any number of ranks")
         if "phases" in summary:
             self._say(_shares(summary))
         if "trust" in summary:

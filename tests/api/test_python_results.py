@@ -79,6 +79,8 @@ def test_pictures(results):
 
 
 def test_what_is_wrong_is_told_as_on_the_command_line(tmp_path):
+    assert parsolid.SceneError is SceneError and parsolid.SolverError is SolverError
+    assert parsolid.RunFailed is RunFailed and issubclass(parsolid.OutputError, Exception)
     for ranks in (None, 2):
         with pytest.raises((SceneError, SolverError), match="end_time: expected a number > 0, found -1"):
             parsolid.run(SCENE | {"end_time": -1}, output=tmp_path / "none", ranks=ranks)

@@ -56,6 +56,9 @@ def test_a_restarted_run_tells_its_own_steps_beside_its_seconds():
     log = io.StringIO()
     Progress("Glass", 0.5, 10, NORMAL, log).close(SUMMARY | {"steps_of_this_call": 40})
     assert "finished: 99 steps to t = 0.5 s, 40 of them since the restart in 12.0 s, energy" in log.getvalue()
+    assert "--restart" not in log.getvalue()
+    Progress("Glass", 0.5, 10, NORMAL, log).close(SUMMARY | {"status": "interrupted"})
+    assert "to go on from here: the same command with --restart" in log.getvalue()
 
 
 def test_a_run_of_some_seconds_tells_every_tenth(passing_time):
