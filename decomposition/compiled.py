@@ -97,15 +97,18 @@ def _compile(dispatcher: Any, as_numba: Callable[[Any], Any], signature: Any) ->
             del _RESERVED[before:]
 
 
-@functools.cache
-def folder() -> Path:
-    """Where compiled kernels are kept: $NUMBA_CACHE_DIR, else parsolid/kernels in the user's cache folder, else a
-    temporary one.
-    """
+def wanted_folder() -> Path:
+    """Where compiled kernels are to be kept: $NUMBA_CACHE_DIR, else parsolid/kernels in the user's cache folder."""
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     usual = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "parsolid" / "kernels"
+    return Path(chosen) if chosen else usual
+
+
+@functools.cache
+def folder() -> Path:
+    """Where compiled kernels are kept: where they are wanted, else in a temporary folder."""
     # one for all ranks and runs of a user on this machine
-    for path in (Path(chosen) if chosen else usual, Path(tempfile.gettempdir()) / f"parsolid-kernels-{os.getuid()}"):
+    for path in (wanted_folder(), Path(tempfile.gettempdir()) / f"parsolid-kernels-{os.getuid()}"):
         with suppress(OSError):
             path.mkdir(parents=True, exist_ok=True)
             if os.access(path, os.W_OK):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from decomposition.compiled import LISTENERS, folder
+from decomposition.compiled import LISTENERS, folder, wanted_folder
 from parsolid.collective import SolverError, anywhere
 from parsolid.commands.check_advice import advice, cost_advice, scene_advice, size_advice
 from parsolid.commands.error_bars import run_with_bars, wanted
@@ -112,7 +112,7 @@ def run_alone(comm: MPI.Intracomm, scene: Scene, options: Namespace, began: floa
     """The same without anything beside the run. Collective."""
     with ExitStack() as kept:
         if comm.rank == 0 and not options.quiet:
-            tell = Compilations(folder())
+            tell = Compilations(folder(), wanted_folder())
             LISTENERS.append(tell)
             kept.callback(LISTENERS.remove, tell)
         try:
@@ -173,8 +173,11 @@ def _set_up(
         restart = Restart(comm, path, tuple(options.allow_change))
     elif options.allow_change:
         raise SolverError(f"--allow-change {options.allow_change[0]}: expected --restart with it, found none")
+    started = clock.perf_counter()
     warm_up(comm, scene)
     simulation = Simulation(comm, scene, restart)
+    # whoever waits waits for the kernels, too
+    simulation.clock.began = started
     files = OutputFiles(comm, scene, directory, restart, _inputs(options, scene, restart), lock)
     kept.callback(files.close)
     with together(comm, f"cannot write {directory / 'scene.toml'}"):

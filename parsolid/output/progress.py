@@ -201,18 +201,21 @@ def _failed(row: dict[str, float]) -> list[str]:
 class Compilations:
     """Tells that kernels are being compiled, which takes a minute before the first step; called with each one's name.
 
-    Parameters: folder, where they are kept; stream, standard output by default.
+    Parameters: folder, where they are kept; wanted, where they were to be kept; stream, standard output by default.
     """
 
-    def __init__(self, folder: Path, stream: TextIO | None = None):
-        self._folder, self._stream = folder, stream or sys.stdout
+    def __init__(self, folder: Path, wanted: Path | None = None, stream: TextIO | None = None):
+        self._stream = stream or sys.stdout
+        self._kept = f"kept in {folder}"
+        if wanted not in (None, folder):
+            self._kept += f", as {wanted} cannot be written"
         self._count, self._began, self._last = 0, 0.0, 0.0
 
     def __call__(self, name: str) -> None:
         now = clock.perf_counter()
         if self._count == 0:
             self._began = self._last = now
-            self._say(f"compiling kernels, once for such scenes; they are kept in {self._folder}")
+            self._say(f"compiling kernels, once for such scenes; they are {self._kept}")
         self._count += 1
         if now - self._last >= _COMPILING_SECONDS:
             self._last = now

@@ -128,7 +128,7 @@ def test_a_closed_stream_does_not_stop_the_run(passing_time):
 
 def test_compilation_is_told_at_once_and_then_every_five_seconds(passing_time):
     log = io.StringIO()
-    tell = Compilations("/kernels", log)
+    tell = Compilations("/kernels", "/kernels", log)
     assert log.getvalue() == ""
     for number in range(13):
         tell(f"kernel_{number}")
@@ -138,6 +138,8 @@ def test_compilation_is_told_at_once_and_then_every_five_seconds(passing_time):
         "compiling kernel 6, kernel_5, after 5 s",
         "compiling kernel 11, kernel_10, after 10 s",
     ]
+    Compilations("/tmp/kernels", "/home/kernels", log)("kernel")
+    assert log.getvalue().endswith("they are kept in /tmp/kernels, as /home/kernels cannot be written\n")
 
 
 def test_the_first_step_says_nothing_of_the_time_left(passing_time):
