@@ -269,3 +269,12 @@ def test_explicit_runs_do_not_depend_on_ranks(comm, law):
 @pytest.mark.parametrize("law", LAWS)
 def test_a_state_put_back_goes_on_with_the_same_bits(law):
     goes_on_with_the_same_bits(moving(2, law), 12, 5)
+
+
+@pytest.mark.parametrize("growth", [np.inf, np.nan, 1e308])
+def test_a_body_that_is_crushed_beyond_bounds_has_no_stable_step(growth):
+    """The run then ends with its time and place, not with an error of the program."""
+    solver = simulation(scene(2, "fixed", jitter=0.0)).systems[0].solver
+    assert solver.stable_step() > 0.0
+    solver.body.engine.growth = growth
+    assert solver.stable_step() == 0.0

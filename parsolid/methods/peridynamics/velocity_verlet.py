@@ -17,6 +17,8 @@ from parsolid.particles.declaration import Field
 from parsolid.solvers import largest_eigenvalue, start_vector
 
 _STAIR = 1.1
+# a body that is so much stiffer than at rest is crushed
+_LOST = 1e100
 
 
 class VelocityVerlet(TimeSolver):
@@ -52,8 +54,11 @@ class VelocityVerlet(TimeSolver):
         """Safety times 2/sqrt(lambda_max) [s] of the last settled state; the first call is collective."""
         if self.largest_eigenvalue is None:
             self.largest_eigenvalue = self._power_iteration()
+        growth = self.body.engine.growth
+        if not growth < _LOST:
+            return 0.0
         # leapfrog likes steps of one length: the bound is followed in stairs
-        growth = _STAIR ** ceil(log(self.body.engine.growth) / log(_STAIR) - 1e-3)
+        growth = _STAIR ** ceil(log(growth) / log(_STAIR) - 1e-3)
         return self.body.fracture.safety(self.settings) * 2.0 / sqrt(self.largest_eigenvalue * growth)
 
     def _power_iteration(self) -> float:
