@@ -115,8 +115,10 @@ class TotalLagrangianSPH(MethodSettings):
         return self
 
     def energy_terms(self, scene: Any, bodies: Iterable[int]) -> dict[str, int]:
-        """Also what fixed planes give to bodies that have images there."""
+        """Also what fixed planes give to bodies that have images there, and what leapfrog swings where bodies meet."""
         terms, planes = super().energy_terms(scene, bodies), [one for one in scene.boundaries if one.kind == "fixed"]
+        if self.integrator == "leapfrog" and (scene.contact or scene.tie or scene.tools):
+            terms["leapfrog_oscillation"] = -1
         images = self.pair_weights not in ON_LATTICES and any(one.plane is not None for one in planes)
         return terms | ({FIXED_WALLS: -1} if images else {})
 

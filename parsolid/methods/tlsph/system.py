@@ -279,6 +279,16 @@ class TotalLagrangianSPH(PairMethod):
             self.carried.end()
         return dissipation, held + power
 
+    def expect_kicks(self) -> None:
+        """Swings of its own forces are told beside those of contact."""
+        if self.leapfrog is not None:
+            self.leapfrog.swings = True
+
+    @property
+    def verlet(self) -> str:
+        """See `ParticleSystem.verlet`."""
+        return "all" if self.leapfrog is None or self.leapfrog.swings is None else "others"
+
     def kick_before(self, impulse: np.ndarray, rows: np.ndarray) -> None:
         """See `ParticleSystem.kick_before` and, for stages, `CarriedImpulses`."""
         (self.carried.take if self.leapfrog is None else self.kick)(impulse, rows)
