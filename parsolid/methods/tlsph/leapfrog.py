@@ -27,6 +27,7 @@ from parsolid.methods.tlsph.leapfrog_kernels import (
     greatest_signal,
 )
 from parsolid.pairs.axis_waves import wave_forms
+from parsolid.scene.method_settings import SWINGS
 
 # Of c_p and c_s in the speed that takes a particle spacing in the largest stable step. The lagged dissipation bounds
 # it: w^2 dt^2 + 2 b dt = 4 where a wave has the frequency w and the damping b. They bound all waves of square and
@@ -49,12 +50,13 @@ class Leapfrog:
     swings: True where the ledger has what kinetic energy swings within a step, else None.
     """
 
-    def __init__(self, system: Any) -> None:
+    def __init__(self, system: Any, scene: Any) -> None:
         """system: `system.TotalLagrangianSPH`, whose particles have the fields of a step without stages."""
         self.system = system
+        system.swings_told = SWINGS in system.settings.energy_terms(scene, ())
+        self.swings = system.swings_told or None
         system.boundaries.declare_free()
         self.forces_of: int | None = None
-        self.swings: bool | None = None
         self.weights, self.safety = self._bounds()
         self._advance_strain = RecalledEach(advance_strain, free=(6, 7))
         self._kick = Recalled(motion.kick, free=(2, 3))
