@@ -1,8 +1,8 @@
 """Balances of the scenes of runs/ with contact, ties or tools: python docs/contact_balances.py [words of a name]
 [until=.5].
 
-Each runs to its end, or to a share of it; told are the largest imbalance, that at the end, and what the
-scheme gave (by how much its dissipation fell below the most that it had taken) over the largest energy.
+Each runs to its end, or to a share of it; told are the largest imbalance, that at the end, and the most that the
+scheme has given (numerical dissipation below none) over the largest energy.
 """
 
 import sys

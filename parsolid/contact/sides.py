@@ -16,7 +16,7 @@ from parsolid.scene.contact import contact_pairs, of_model
 SKIN = 0.5
 # step over the limit of a contact's frequency: what is exchanged in a step grows with its square; the power of a
 # stiffness above 1 by which it is less, for then particles of a face meet and part many times; by how much it is less
-# where neither body damps that, or either moves in stages, which take from what a contact shakes
+# where a body does not damp that, or moves in stages, which take from what a contact shakes
 _SAFETY, _STIFF, _LESS = 0.5, -0.125, 2.0 / 3.0
 # entries of the tables of colour against depth
 _TABLE = 65
@@ -124,9 +124,9 @@ def _side(
     softer = min((A, B), key=lambda body: body.modulus / body.spacing)
     depth, colour, slope = _table(A.spacing, B.spacing, B.nodal, reach, dimension)
     own_colour, _ = lattice_colour(0.5 * A.spacing, A.spacing, A.nodal, reach, dimension)
-    rattling = A.undamped and B.undamped
+    shaken = any(body.undamped or body.staged for body in (A, B))
     frequency = np.sqrt(2.0 * contact.stiffness) * softer.speed / softer.spacing
-    safety = _SAFETY * max(contact.stiffness, 1.0) ** _STIFF * (_LESS if rattling or A.staged or B.staged else 1.0)
+    safety = _SAFETY * max(contact.stiffness, 1.0) ** _STIFF * (_LESS if shaken else 1.0)
     return Side(
         own,
         other,
