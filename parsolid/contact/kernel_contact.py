@@ -12,13 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.collective import raise_together
+from parsolid.collective import minimum, raise_together
 from parsolid.contact import passes
 from parsolid.contact.boxes import Boxes
+from parsolid.contact.closing import closing_step, meeting_step, step_ahead
 from parsolid.contact.depth import fill_depths
 from parsolid.contact.heat_kernels import others_heat, own_heat
-from parsolid.contact.list_kernels import give_to_rows, longest_step, take_from_rows
-from parsolid.contact.lists import SEEN, Entries, Segment
+from parsolid.contact.list_kernels import give_to_rows, take_from_rows
+from parsolid.contact.lists import Entries, Segment
 from parsolid.contact.recipients import Recipient
 from parsolid.contact.sides import sides_of, slots_of
 from parsolid.contact.within import WithinBodies
@@ -31,8 +32,6 @@ from parsolid.scene.contact import CONTACT_TERMS, OSCILLATION, of_model
 # steps between looks at how far particles have moved, at least and at most, where bodies are near and where all are
 # apart; lists are asked for when they may not hold until twice the next look, and for as many steps more
 _LEAST_STEPS, _MOST_STEPS, _AHEAD = 4, {True: 16, False: 256}, 4
-# of R, by what a particle may come nearer or go in a step: its force is taken to change evenly in it
-_MOST_CLOSED = 0.02
 # penetration at the start that is refused, in the smaller spacing
 _TOO_DEEP = 1.0
 
@@ -77,7 +76,7 @@ class KernelContact(Interaction):
         self._kept: float | None = None
         self._placed: tuple[int | None, ...] = ()
         self._until_look, self._nearest = 0, np.inf
-        self._step = min(side.longest for side in self.sides.sides)
+        self._step = self._soon = min(side.longest for side in self.sides.sides)
         self.recipients: list[Recipient] = []
 
     def begin(self, time: float) -> None:
@@ -85,13 +84,18 @@ class KernelContact(Interaction):
         one another, or are one layer of particles."""
         if not self.restarted:
             fill_depths(self.comm, self.sides, self.systems, self.names)
+        self._step = max(self._soon, minimum(self.comm, min(system.stable_step() for system in self.systems)))
         self.rebuild(time)
         # found anew, forces of friction differ from those that made them in the last bits
         kept = [one.forces[1].copy() for one in self.recipients] if self.restarted else []
-        self._colours(anew=True, ahead=self._step)
+        self._colours(anew=True, ahead=2.0 * self._step)
         ahead = self.level.copy()
         deepest = self.evaluate(None, held=True)
-        self._bound_step(self.level, ahead)
+        self._bound_step(self.level, ahead, 2.0 * self._step)
+        # of two steps: that of the second is agreed on before contact looks at the first one's end
+        both = meeting_step(self.entries.constants, self.level, ahead, 2.0 * self._step)
+        apart = np.inf if self.restarted else max(0.5 * (self.boxes.expires - time), self._soon)
+        self._nearest = min(self._nearest, 0.5 * both, apart)
         if self._kept is not None and self.entries.segments:
             self._nearest = self._kept
         for one, force in zip(self.recipients, kept):
@@ -207,7 +211,7 @@ class KernelContact(Interaction):
         self._nearest = self._nearest if self.entries.segments else np.inf
         entries, d = self.entries, self.systems[0].dimension
         owned, whole = entries.owned, entries.owned + entries.halo.ghosts
-        self.place, self.moved = np.zeros((whole, d)), np.zeros((whole, d) if self.rubs else (0, d))
+        self.place, self.moved = np.zeros((whole, d)), np.zeros((whole, d))
         self.record = np.zeros((whole, 3 + 3 * d + self.warms if self.rubs else 2))
         self.force, self.extra = np.zeros((owned, d)), np.zeros((owned, d))
         self.colour, self.lost, self.heat = np.zeros(owned), np.zeros(owned), np.zeros(owned)
@@ -218,8 +222,8 @@ class KernelContact(Interaction):
         self.friction = np.repeat([side.friction for side in sides], [one.last - one.first for one in entries.segments])
         self.longest = np.repeat([side.longest for side in sides], [one.last - one.first for one in entries.segments])
         self.matter = passes.Matter(self.place, entries.volume, entries.share, entries.constants)
-        told = [self.place, self.moved] if self.rubs else [self.place]
-        self.first, self.second = entries.halo.exchange(told), entries.halo.exchange([self.record])
+        told = [self.place, self.moved], [self.record]
+        self.first, self.second = map(entries.halo.exchange, told)
         self.recipients = [Recipient(system, i, entries.segments) for i, system in enumerate(self.systems)]
 
     def _constants(self, segments: list[Segment], volume: np.ndarray) -> np.ndarray:
@@ -259,14 +263,16 @@ class KernelContact(Interaction):
         held: nothing has moved since the last evaluation, or it is the first; the stick history stays as it is.
         """
         entries, owned = self.entries, self.entries.owned
-        if self.rubs:
-            for one in entries.segments:
-                start = self.systems[one.system].particles.owned_rows("contact_start")
-                take_from_rows(start[:, : self.moved.shape[1]], one.rows, one.first, self.moved)
+        for one in entries.segments:
+            start = self.systems[one.system].particles.owned_rows("contact_start")
+            take_from_rows(start[:, : self.moved.shape[1]], one.rows, one.first, self.moved)
         before = self.level.copy()
         deepest = self._colours(anew=held)
         if not held:
-            self._bound_step(before, self.level)
+            soon = max(self._step, self._soon)
+            going_on = self.matter, entries.lists, self.moved, self._step, min(self._nearest, soon), soon
+            self._bound_step(before, self.level, self._step)
+            self._nearest = min(self._nearest, step_ahead(*going_on))
         self.stuck = 0.0
         if self.rubs:
             self._rub(ledger, True if held else None)
@@ -283,10 +289,10 @@ class KernelContact(Interaction):
             ledger.add(1.0, 0.0, 0.0, work)
         return deepest
 
-    def _bound_step(self, before: np.ndarray, after: np.ndarray) -> None:
-        """What contact allows of the next step; before, after (entries,) [m]: penetrations, a step apart."""
-        arrays = self.colour, self.entries.constants, self.longest, SEEN, after, before
-        self._nearest = longest_step(*arrays, self._step, _MOST_CLOSED)
+    def _bound_step(self, before: np.ndarray, after: np.ndarray, time: float) -> None:
+        """What contact allows of the next step; before, after (entries,) [m]: penetrations, a time [s] apart."""
+        arrays = self.colour, self.entries.constants, self.longest, after, before
+        self._nearest = closing_step(*arrays, time)
 
     def _colours(self, anew: bool, ahead: float = 0.0) -> tuple[float, int]:
         """Places, colours, penetrations and energy; the deepest and of which entry; collective among neighbours.
@@ -300,8 +306,7 @@ class KernelContact(Interaction):
             take_from_rows(rows("position"), one.rows, one.first, self.place)
             if ahead:
                 self.place[one.first : one.last] += ahead * rows("velocity")[one.rows]
-        if self.rubs:
-            self.moved[:owned] = self.place[:owned] - self.moved[:owned]
+        self.moved[:owned] = self.place[:owned] - self.moved[:owned]
         self._exchange(self.first)
         arrays = True if anew else None, self.colour, self.level, self.record
         self.energy, deepest, where = passes.colours(owned, self.matter, entries.lists, *arrays)

@@ -203,3 +203,16 @@ def longest_step(colour, constants, longest, share, level, before, step, most):
             if before[a] > (share - 1.0) * constants[a, 0] * constants[a, 1]:
                 least = min(least, step * most * reach / max(abs(level[a] - before[a]), 1e-300))
     return least
+
+
+@compiled
+def time_until_pressed(constants, now, ahead, time, most):
+    """The least of the times in which penetrations of owned entries reach a part `most` of R, or grow by as much; inf
+    where they do not within a time [s]; now, ahead (owned,) [m]: at its start and its end."""
+    least = math.inf
+    for a in range(len(now)):
+        if ahead[a] > 0.0:
+            change, allowed = ahead[a] - now[a], most / constants[a, 3] + max(-now[a], 0.0)
+            if change > allowed:
+                least = min(least, time * allowed / change)
+    return least

@@ -16,21 +16,22 @@ from parsolid.scene.contact import contact_pairs, of_model
 SKIN = 0.5
 # step over the limit of a contact's frequency: what is exchanged in a step grows with its square; the power of a
 # stiffness above 1 by which it is less, for then particles of a face meet and part many times; by how much it is less
-# where neither body damps that
-_SAFETY, _STIFF, _RATTLING = 0.5, -0.125, 2.0 / 3.0
+# where a body does not damp that, or moves in stages, which take from what a contact shakes
+_SAFETY, _STIFF, _LESS = 0.5, -0.125, 2.0 / 3.0
 # entries of the tables of colour against depth
 _TABLE = 65
 
 
 class BodyFacts(NamedTuple):
-    """Spacing [m], modulus lambda + 2 mu [Pa] and wave speed [m/s] of a body; nodal: particles on its faces; undamped:
-    its method, see `ParticleSystem`."""
+    """Spacing [m], modulus lambda + 2 mu [Pa] and wave speed [m/s] of a body; nodal: particles on its faces; undamped,
+    staged: its method, see `ParticleSystem`."""
 
     spacing: float
     modulus: float
     speed: float
     nodal: bool
     undamped: bool
+    staged: bool
 
 
 class Side(NamedTuple):
@@ -123,8 +124,9 @@ def _side(
     softer = min((A, B), key=lambda body: body.modulus / body.spacing)
     depth, colour, slope = _table(A.spacing, B.spacing, B.nodal, reach, dimension)
     own_colour, _ = lattice_colour(0.5 * A.spacing, A.spacing, A.nodal, reach, dimension)
+    shaken = any(body.undamped or body.staged for body in (A, B))
     frequency = np.sqrt(2.0 * contact.stiffness) * softer.speed / softer.spacing
-    safety = _SAFETY * max(contact.stiffness, 1.0) ** _STIFF * (_RATTLING if A.undamped and B.undamped else 1.0)
+    safety = _SAFETY * max(contact.stiffness, 1.0) ** _STIFF * (_LESS if shaken else 1.0)
     return Side(
         own,
         other,
@@ -167,7 +169,8 @@ def _facts(comm: Any, scene: Scene, systems: list[ParticleSystem], used: list[in
             stated = scene.bodies[body]
             # one row of nodes lies in the middle of its layer
             nodal = stated.placed_on == "nodes" and 1 not in (stated.particles or ())
-            result[body] = BodyFacts(coarsest, modulus, float(np.sqrt(modulus / density)), nodal, system.undamped)
+            damping = system.undamped, system.staged
+            result[body] = BodyFacts(coarsest, modulus, float(np.sqrt(modulus / density)), nodal, *damping)
     return result
 
 

@@ -13,6 +13,7 @@ from parsolid.particles.container import Particles
 from parsolid.particles.distribution import sort_for_speed
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene
+from parsolid.scene.method_settings import SWINGS
 
 # what a file of fields has in any case
 ALWAYS_WRITTEN = ("identifier", "body", "volume")
@@ -51,7 +52,8 @@ class ParticleSystem:
     landings: times [s] at which a step must end; even_steps: whether steps between two of them have one length
     (leapfrog near its limit gains energy where they change).
     takes_heat: whether any of its laws has a temperature, see `take_heat`; undamped: whether nothing takes from waves
-    of a few spacings, so that faces in contact rattle on.
+    of a few spacings, so that faces in contact rattle on; staged: whether a step has stages of its own;
+    swings_told: whether the ledger has leapfrog's swings of its own forces although its settings do not say so.
     substep, substeps: number of its step in the present one of all systems, and how many those are.
     evaluations: force evaluations a step; directed_pairs: interactions counted once a particle.
     energy_scale: an energy [J], the same on all ranks, of which the balance has the round-off even where kinetic and
@@ -77,6 +79,8 @@ class ParticleSystem:
     energy_scale: float = 0.0
     takes_heat: bool = False
     undamped: bool = False
+    staged: bool = False
+    swings_told: bool = False
     substep: int = 0
     substeps: int = 1
     evaluations: int = 1
@@ -114,7 +118,7 @@ class ParticleSystem:
 
         "all" where none is in a ledger, "others" where that of its own forces is.
         """
-        if "leapfrog_oscillation" in self.settings.ledger_terms:
+        if self.swings_told or SWINGS in self.settings.ledger_terms:
             return "others"
         return None if getattr(self.settings, "integrator", None) is None else "all"
 

@@ -8,6 +8,8 @@ from pydantic import Field, model_validator
 from parsolid.particles import declaration as particles
 from parsolid.scene.base_model import Positive, SceneModel, reject
 
+# what leapfrog's kinetic energy has at the end of a step beyond that in its middle, of a method's own forces
+SWINGS = "leapfrog_oscillation"
 # place, what was expected, what was found
 Detail = tuple[tuple[str | int, ...], str, object]
 

@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-# of the methods' energy scale, what rounding leaves
-_ROUND_OFF = 1e-12
+# of the methods' energy scale, what rounding leaves; of the largest energy, what is worth a word
+_ROUND_OFF, _TOLD = 1e-12, 1e-5
 # what a load does in one step is as large as what the step leaves out of the balance: energies are taken to grow for
 # so many steps as in the one in which they have grown most, which a limit of 5 % makes 1.6 steps, and which is
 # forgotten in as many
@@ -44,7 +44,7 @@ class EnergyBalance:
     def __init__(self, limits: EnergyLimits, viscous_terms: Sequence[str] = ()) -> None:
         """viscous_terms: entries of a row that the artificial viscosity fills."""
         self.limits, self.viscous_terms = limits, viscous_terms
-        self.largest = self.worst = self.entered = self.lost = self.viscous = self.growth = 0.0
+        self.largest = self.worst = self.entered = self.lost = self.viscous = self.growth = self.gained = 0.0
         self.broken: float | None = None
 
     def judge(
@@ -63,6 +63,8 @@ class EnergyBalance:
         # an equilibrium that was not reached may close the balance all the same: conjugate gradients always do
         self.worst = max(abs(row["balance"]), row.get("residual_work", 0.0), self.worst)
         self.lost, self.viscous = row["dissipation_numerical"], sum(row[name] for name in self.viscous_terms)
+        # where numerical dissipation is what closes the balance, that is all there is to see of what comes from nowhere
+        self.gained = max(self.gained, -self.lost)
         self.entered = max(self.entered, initial + row["work_external"])
         measure = self.largest + _STEPS_TO_COME * self.growth
         allowed = self.limits.balance_limit * measure + _ROUND_OFF * scale + np.finfo(float).tiny
@@ -88,11 +90,13 @@ class EnergyBalance:
         share, viscous = (
             energy / self.entered if self.entered > _ROUND_OFF * scale else 0.0 for energy in (self.lost, self.viscous)
         )
-        limits = self.limits
+        limits, gained = self.limits, self.relative(self.gained, scale) or 0.0
         word, reason = (
             "resolved",
             f"at most {balance:.2g} of the energy unaccounted for, {share:.2g} lost in the scheme",
         )
+        if gained > _TOLD:
+            reason += f", {gained:.2g} given by it"
         if viscous:
             # in a shock that is what heats matter, elsewhere it is a loss: told, not judged
             reason += f", {viscous:.2g} in artificial viscosity"
@@ -106,8 +110,13 @@ class EnergyBalance:
             word = "unbalanced"
             reason = f"{balance:.2g} of the largest energy is not accounted for"
             reason += f" (method.balance_warning = {limits.balance_warning:g})"
+        elif gained > limits.balance_warning:
+            word = "unbalanced"
+            reason = f"the scheme gave {gained:.2g} of the largest energy, {self.gained:.3g} J"
+            reason += f" (method.balance_warning = {limits.balance_warning:g})"
         return {
             "energy_balance_largest": balance,
+            "energy_given_by_scheme": gained,
             "dissipation_numerical": self.lost,
             "dissipation_numerical_share": share,
             **({"artificial_viscosity_share": viscous} if self.viscous_terms else {}),

@@ -126,6 +126,7 @@ class Restart:
         balance.largest = header["largest_energy"]
         balance.worst, balance.entered = header.get("largest_balance", 0.0), header.get("energy_entered", 0.0)
         balance.growth = header.get("largest_growth", 0.0)
+        balance.gained = header.get("given_by_scheme", 0.0)
         balance.lost = float(self.rows[:, 1].sum())
         simulation.time_steps.jumped = header["jumped"]
         simulation.clock.time, simulation.clock.step = header["time"], header["step"]
@@ -186,6 +187,7 @@ def header_of(
         "largest_energy": simulation.balance.largest,
         "largest_balance": simulation.balance.worst,
         "largest_growth": simulation.balance.growth,
+        "given_by_scheme": simulation.balance.gained,
         "judged_step": simulation.judged,
         "energy_entered": simulation.balance.entered,
         "balance": simulation.ledger.row(simulation.comm, *simulation.energies())["balance"],

@@ -28,6 +28,7 @@ SUMMARY = (
     "communication_share",
     "energy_balance",
     "energy_balance_largest",
+    "energy_given_by_scheme",
     "dissipation_numerical",
     "dissipation_numerical_share",
     "trust",

@@ -132,7 +132,14 @@ def test_the_tightest_of_several_methods_counts():
         ([row(4.5e-5, kinetic=0.3, lost=0.68)], "dissipative", "took 0.68 of the energy"),
         ([row(0.0, lost=0.15, work=1.0)], "resolved", "0.075 lost"),
         ([row(0.0, lost=0.15, work=-0.5)], "dissipative", "took 0.15"),
-        ([row(0.0, lost=-0.15)], "dissipative", "took -0.15"),
+        ([row(0.0, lost=-0.15)], "unbalanced", "the scheme gave 0.15 of the largest energy"),
+        (
+            [row(0.0, lost=-0.02), row(0.0, lost=0.03)],
+            "unbalanced",
+            "the scheme gave 0.02 of the largest energy, 0.02 J",
+        ),
+        ([row(0.0, lost=-0.009), row(0.0, lost=0.04)], "resolved", "0.04 lost in the scheme, 0.009 given by it"),
+        ([row(0.0, lost=-1e-6)], "resolved", "-1e-06 lost in the scheme"),
         ([row(0.009, lost=0.09)], "resolved", "0.009 of the energy unaccounted for, 0.09"),
         ([row(float("nan"))], "unbalanced", "nan of the largest energy"),
     ],
@@ -144,6 +151,13 @@ def test_a_word_of_trust_by_the_largest_balance_and_by_the_energy_that_went_in(r
     said = judge.verdict(0.0)
     assert said["trust"] == word and reason in said["trust_reason"]
     assert said["dissipation_numerical"] == rows[-1]["dissipation_numerical"]
+
+
+def test_what_the_scheme_has_given_is_kept():
+    judge = EnergyBalance(LIMITS)
+    for lost in (0.0, 0.3, -0.05, 0.4):
+        judge.judge(row(0.0, kinetic=2.0, lost=lost), 0.0)
+    assert judge.gained == 0.05 and judge.verdict(0.0)["energy_given_by_scheme"] == 0.025
 
 
 def test_what_artificial_viscosity_took_is_told():

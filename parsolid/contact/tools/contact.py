@@ -21,6 +21,8 @@ from parsolid.scene.previous_results import tools_at
 
 # of a spacing, what a body may reach into a tool at the start
 _OVERLAP = 0.5
+# by what squares of frequencies count more where nothing damps what a contact shakes, or stages do: half the step
+_SHAKEN = 4.0
 
 
 class Tool:
@@ -244,14 +246,15 @@ class RigidTools(Interaction):
 
     def stable_step(self) -> float:
         """Half the limit of the stiffest contact on this rank: what a body that bounces gains in a step grows with its
-        square."""
+        square; a quarter where nothing damps that, or stages do."""
         square = 0.0
         for tool in self.tools:
             for touch in tool.touches:
                 own = touch.greatest_square
                 if own > 0.0 and isinstance(tool.body, FreeBody):
                     own += tool.body.square_of(tool.total[forces.STIFFNESS], tool.total[forces.TURNING])
-                square = max(square, own)
+                shaken = touch.system.undamped or touch.system.staged
+                square = max(square, _SHAKEN * own if shaken else own)
         return np.inf if square == 0.0 else float(1.0 / np.sqrt(square))
 
     def _energies(self) -> np.ndarray:

@@ -27,6 +27,7 @@ from parsolid.methods.tlsph.leapfrog_kernels import (
     greatest_signal,
 )
 from parsolid.pairs.axis_waves import wave_forms
+from parsolid.scene.method_settings import SWINGS
 
 # Of c_p and c_s in the speed that takes a particle spacing in the largest stable step. The lagged dissipation bounds
 # it: w^2 dt^2 + 2 b dt = 4 where a wave has the frequency w and the damping b. They bound all waves of square and
@@ -45,12 +46,15 @@ def wave_weights(dimension: int, smoothing: float) -> WaveWeights:
 class Leapfrog:
     """Moves one rank's particles.
 
-    forces_of: how often the reference had been moved when the forces of the state were found, None before that.
+    forces_of: how often the reference had been moved when the forces of the state were found, None before that;
+    swings: True where the ledger has what kinetic energy swings within a step, else None.
     """
 
-    def __init__(self, system: Any) -> None:
+    def __init__(self, system: Any, scene: Any) -> None:
         """system: `system.TotalLagrangianSPH`, whose particles have the fields of a step without stages."""
         self.system = system
+        system.swings_told = SWINGS in system.settings.energy_terms(scene, ())
+        self.swings = system.swings_told or None
         system.boundaries.declare_free()
         self.forces_of: int | None = None
         self.weights, self.safety = self._bounds()
@@ -87,14 +91,16 @@ class Leapfrog:
         if self.forces_of != self._reference_updates:
             self.evaluate()
         boundaries.prescribe_mean(time, step, system.kinematics)
-        taken, work = self._half_kick(True, time, step)
+        taken, work, swing = self._half_kick(True, time, step)
         system.pairs.gradient("motion")
         sound, internal, stable = self._advance_strain_of_all(step)
         announce(sound, stable)
         system.pairs.divergence(system.pairs.terms)
-        more, done = self._half_kick(False, time + step, step)
+        more, done, swings = self._half_kick(False, time + step, step)
         boundaries.prescribe(time + step, system.kinematics)
         ledger.add(1.0, internal, taken + more, work + done + system.prescribed_energy_gain())
+        if self.swings:
+            ledger.add_term("leapfrog_oscillation", swings - swing)
         return sound
 
     def evaluate(self) -> None:
@@ -134,21 +140,22 @@ class Leapfrog:
             system.initial_stress.add()
         return sound, dissipation, stable
 
-    def _half_kick(self, opening: bool, time: float, step: float) -> tuple[float, float]:
-        """Half a step [s] of the forces at a time [s]; numerical dissipation and external work [J]."""
+    def _half_kick(self, opening: bool, time: float, step: float) -> tuple[float, float, float]:
+        """Half a step [s] of the forces at a time [s]; numerical dissipation, external work and, where the ledger has
+        it, leapfrog's oscillation [J]."""
         system, boundaries = self.system, self.system.boundaries
         kinematics, force = map(system.particles.storage, ("kinematics", "pair_force"))
         boundaries.look()
         loads, supports = boundaries.meet(time, not opening, force, system.mass, system.share)
         weights = (system.mass, system.share, loads)
         held = boundaries.prescribed_power(kinematics, force, *weights)
-        arrays = (kinematics, force, *weights, boundaries.free)
+        arrays = (kinematics, force, *weights, boundaries.free, self.swings)
         if boundaries.reactions is not None and not opening:
             boundaries.reactions.book(0.5, 0.5 * step)
-        dissipation, work = self._kick(system.space, system.owned, opening, step, *arrays)
+        dissipation, work, swing = self._kick(system.space, system.owned, opening, step, *arrays)
         if boundaries.reactions is not None and opening:
             boundaries.reactions.book(0.5, 0.5 * step)
         if boundaries.surfaces is not None and not opening:
             # the forces that stay are those of the pairs
             boundaries.surfaces.release(force, supports)
-        return dissipation, work + 0.5 * step * held
+        return dissipation, work + 0.5 * step * held, swing

@@ -115,20 +115,31 @@ def advance_motion(space, owned, update, kinematics, start, force, sums, mass, s
     return dissipation, power
 
 
+@register_jitable
+def _swing(swings, mass, rate):
+    # by its argument, for numba to leave out what a scene lacks
+    if swings is None:
+        return 0.0
+    return mass * total(rate * rate)
+
+
 @compiled(fastmath={"contract"}, error_model="numpy")
-def kick(space, owned, opening, step, kinematics, force, mass, share, loads, free):
+def kick(space, owned, opening, step, kinematics, force, mass, share, loads, free, swings):
     """v after half a step [s]; the opening half of a step also moves x by its v and sets the pair forces to zero.
 
     free (n, 4): 0 for components that forces do not change, else 1, or None; otherwise as in `advance_motion`.
-    Returns numerical dissipation and work of the loads [J], both with the velocity in the middle of the step.
+    Returns numerical dissipation and work of the loads, both with the velocity in the middle of the step, and, where
+    `swings` is not None, leapfrog's oscillation, the kinetic energy of the change of v [J].
     """
-    dissipation, work, half = 0.0, 0.0, 0.5 * step
+    dissipation, work, swing, half = 0.0, 0.0, 0.0, 0.5 * step
     zero = broadcast(0.0)
     for a in range(owned):
         v, x = split_motion(space, kinematics, a)
         D = _within(space, load(force, a, 4))
         rate = _loaded(loads, a, (_within(space, load(force, a, 0)) + D) * (1.0 / mass[a]))
-        new = v + half * _clamped(free, a, rate)
+        rate = _clamped(free, a, rate)
+        new = v + half * rate
+        swing += _swing(swings, mass[a] * share[a], rate)
         middle = new if opening else v
         dissipation -= share[a] * total(D * middle)
         work += _load_power(loads, a, mass[a] * share[a], middle)
@@ -138,7 +149,7 @@ def kick(space, owned, opening, step, kinematics, force, mass, share, loads, fre
             store(force, a, 4, zero)
         else:
             join_motion(space, kinematics, a, new, x)
-    return half * dissipation, half * work
+    return half * dissipation, half * work, 0.5 * half * half * swing
 
 
 @register_jitable

@@ -9,7 +9,7 @@ from parsolid.materials.declaration import Phrase
 from parsolid.methods.tlsph.body_weights import ON_LATTICES, lattice_faults, weights_of_bodies
 from parsolid.pairs.smoothing import kernel_names
 from parsolid.scene.base_model import NotNegative, Positive, reject
-from parsolid.scene.method_settings import Detail, MethodSettings
+from parsolid.scene.method_settings import SWINGS, Detail, MethodSettings
 
 # what images at fixed planes do beyond what is adjoint, see `fixed_walls`
 FIXED_WALLS = "work_fixed_walls"
@@ -115,8 +115,10 @@ class TotalLagrangianSPH(MethodSettings):
         return self
 
     def energy_terms(self, scene: Any, bodies: Iterable[int]) -> dict[str, int]:
-        """Also what fixed planes give to bodies that have images there."""
+        """Also what fixed planes give to bodies that have images there, and what leapfrog swings where bodies meet."""
         terms, planes = super().energy_terms(scene, bodies), [one for one in scene.boundaries if one.kind == "fixed"]
+        if self.integrator == "leapfrog" and (scene.contact or scene.tie or scene.tools):
+            terms[SWINGS] = -1
         images = self.pair_weights not in ON_LATTICES and any(one.plane is not None for one in planes)
         return terms | ({FIXED_WALLS: -1} if images else {})
 

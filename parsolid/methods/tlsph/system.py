@@ -65,12 +65,12 @@ class TotalLagrangianSPH(PairMethod):
         self.branches = maximum(comm, max((block.branches for block in self.blocks), default=0))
         self.pairs = self._pair_system(particle_set, weights_are_tabled(scene))
         self.pairs.unbonded = scene.unbonded
-        fixed, staged = self.settings.reference == "fixed", self.settings.integrator == "ssp-rk3"
-        self.leapfrog = None if staged else Leapfrog(self)
+        fixed = self.settings.reference == "fixed"
+        self.staged = staged = self.settings.integrator == "ssp-rk3"
+        self.leapfrog = None if staged else Leapfrog(self, scene)
         self.carried = CarriedImpulses(self)
         watch_fixed_walls(self)
-        self.evaluations = len(self.stages) if staged else 1
-        self.landings = () if staged else self.boundaries.jump_times
+        self.evaluations, self.landings = (len(self.stages), ()) if staged else (1, self.boundaries.jump_times)
         state.declare_motion(self.particles, particle_set, fixed, staged)
         state.declare_strain(self.particles, self.dimension, self.branches, staged)
         share = self.boundaries.share
