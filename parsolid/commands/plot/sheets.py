@@ -125,7 +125,8 @@ class Sheet:
     def _seams(self) -> list[tuple[int, float]]:
         """Axes of the mirror planes, and how near to them a point [m] lies on the seam of the images."""
         least = float(self.volume.min()) ** (1.0 / int(self.results.dimension or 3)) if len(self.volume) else 0.0
-        return [(axis, 0.05 * least) for axis in self.look.mirror]
+        # corners are continued from particles, and beyond the plane by a part of a spacing
+        return [(axis, 0.3 * least) for axis in self.look.mirror]
 
     def figure(self, numbers: list[int]) -> Figure:
         """A figure of the frames with these numbers."""
@@ -212,7 +213,7 @@ class Sheet:
         bar = figure.colorbar(colours, cax=axes, extend=scale.extend)
         bar.set_label(scale.label, fontsize=11)
         bar.ax.tick_params(labelsize=10)
-        bar.locator = matplotlib.ticker.MaxNLocator(7)
+        bar.locator = matplotlib.ticker.MaxNLocator(7, steps=[1, 2, 5, 10])
         bar.update_ticks()
 
 
@@ -243,8 +244,12 @@ def write_singles(sheet: Sheet, directory: Path, small: bool = False) -> list[Pa
 
 
 def _palette(image: Image.Image) -> Image.Image:
-    """256 colours that reach everywhere: those of the colour bar too, however few pixels have them."""
-    return image.quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    """256 colours that reach everywhere: those of the colour bar too, however few pixels have them, and the paper's
+    white, which dithering would else speckle."""
+    found = image.quantize(255, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    colours = found.getpalette() or []
+    found.putpalette(colours[: 3 * 255] + [255, 255, 255] * (256 - len(colours[: 3 * 255]) // 3))
+    return found
 
 
 def _save(figure: Figure, path: Path, small: bool) -> None:
