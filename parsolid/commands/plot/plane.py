@@ -21,8 +21,9 @@ _NO_COLOUR = "#b8b8b8"
 _OUTLINE: dict[str, Any] = {"colors": "#202020", "linewidths": 0.9, "snap": False, "capstyle": "round"}
 
 # of a particle alone: half a square's side over the spacing, a little more lest there be gaps; how near three particles
-# are where matter is between them: nearer than beside a straight face; pixels of the image over those of the picture
-_SQUARE, _NEAR, _FINER = 0.51, 1.05, 2.0
+# are where matter is between them: nearer than beside a straight face; pixels of the image over those of the picture,
+# and across the least particle
+_SQUARE, _NEAR, _FINER, _LEAST = 0.51, 1.05, 2.0, 5.0
 
 
 class PlaneView:
@@ -140,9 +141,9 @@ def _particles(axes: Any, position: Any, values: np.ndarray, volume: Any, limits
     across = left + (np.arange(columns) + 0.5) * (right - left) / columns
     up = lower + (np.arange(rows) + 0.5) * (upper - lower) / rows
     pixels = np.stack(np.meshgrid(across, up), axis=-1)
-    side = np.sqrt(volume)
-    reach = max(_NEAR * side.max(), (right - left) / columns)
-    away, who = cKDTree(position).query(pixels, k=3, distance_upper_bound=reach)
+    # one that flies alone is seen
+    side = np.maximum(np.sqrt(volume), _LEAST * (right - left) / columns)
+    away, who = cKDTree(position).query(pixels, k=3, distance_upper_bound=_NEAR * side.max())
     there = who[..., 0] < len(position)
     first = np.where(there, who[..., 0], 0)
     squares = np.abs(pixels - position[first]).max(axis=-1) <= _SQUARE * side[first]
