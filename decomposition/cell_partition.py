@@ -10,6 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 from decomposition.compiled import compiled
+from decomposition.talking import TALKING
 
 # bounds of parts that reach to infinity
 _FAR = np.int64(1) << 40
@@ -193,7 +194,8 @@ def _cut_level(
     for p in range(parts):
         if (part == p).any():
             bounds[p] = cells[part == p].min(axis=0), -cells[part == p].max(axis=0)
-    comm.Allreduce(MPI.IN_PLACE, bounds, MPI.MIN)
+    with TALKING:
+        comm.Allreduce(MPI.IN_PLACE, bounds, MPI.MIN)
     lower, extent = bounds[:, 0], np.maximum(-bounds[:, 1] - bounds[:, 0] + 1, 1)
     order = np.argsort(-extent, axis=1, kind="stable")
     cut, tied = np.zeros((parts, d), np.int64), part >= 0
@@ -205,7 +207,8 @@ def _cut_level(
         rows, owner = np.flatnonzero(tied), part[tied]
         histogram = np.zeros(first[-1], np.int64)
         np.add.at(histogram, first[owner] + cells[rows, axis[owner]] - lower[owner, axis[owner]], weights[rows])
-        comm.Allreduce(MPI.IN_PLACE, histogram, MPI.SUM)
+        with TALKING:
+            comm.Allreduce(MPI.IN_PLACE, histogram, MPI.SUM)
         pieces = [histogram[first[q] : first[q + 1]] for q in range(parts)]
         if turn == 0:
             target = np.array([round(share * int(piece.sum())) for share, piece in zip(wanted, pieces)])

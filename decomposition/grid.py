@@ -15,6 +15,7 @@ from .migration import migrate
 from .node_sum import CellSum, NodeSum, Sharing
 from .occupied import FARTHEST, Mirror, OccupiedCells, indices_of, reflected, words
 from .swap import swap
+from .talking import TALKING
 
 _PARTICLES_TAG, _OFFER_TAG, _SUM_TAG = 21, 22, 23
 # cells without particles are forgotten when they are this many times as many as the others
@@ -94,7 +95,8 @@ class RankGrid:
 
     def imbalance(self, owned: int) -> float:
         """Largest over mean number of particles on a rank."""
-        counts = np.array(self.comm.allgather(owned))
+        with TALKING:
+            counts = np.array(self.comm.allgather(owned))
         return float(counts.max() / max(counts.mean(), 1e-300))
 
     def settle(self, particles: Any, release: bool = True) -> bool:
@@ -150,16 +152,17 @@ class RankGrid:
 
         Returns the cells of all particles, and whether none was left between ranks that are no neighbours.
         """
-        at = bases[strays].astype(np.int64)
-        owner = self.partition.owners(at)
-        sound = bool(np.isin(owner, [self.comm.rank, *self.neighbours]).all())
-        leaving = [strays[owner == rank] for rank in self.neighbours]
-        staying = ~np.isin(owner, self.neighbours)
+        at, leaving, sound = bases[strays].astype(np.int64), [strays] * len(self.neighbours), True
+        if len(strays):
+            owner = self.partition.owners(at)
+            sound = bool(np.isin(owner, [self.comm.rank, *self.neighbours]).all())
+            leaving = [strays[owner == rank] for rank in self.neighbours]
+            at = at[~np.isin(owner, self.neighbours)]
         arrived = np.concatenate(
             swap(self.comm, self.neighbours, [particles.packed(rows) for rows in leaving], _PARTICLES_TAG)
         )
         gone = np.concatenate(leaving)
-        self.cells.add(at[staying])
+        self.cells.add(at)
         if len(gone):
             particles.remove(gone)
             self.migrated += len(gone)

@@ -8,6 +8,7 @@ from decomposition.compiled import compiled
 from .cells import bounds, checked_points, within_reach
 from .exchange import _TAGS, Exchange
 from .swap import swap
+from .talking import TALKING
 
 _PLAN_TAG = _TAGS
 _KEEP_TAG = _TAGS + 1
@@ -20,7 +21,8 @@ def _boxes(comm: MPI.Comm, points: np.ndarray, reach: float) -> np.ndarray:
     mine[:d], mine[3 : 3 + d] = bounds(points)
     mine[6:] = d, reach if 0.0 < reach < np.inf else np.nan
     boxes = np.empty((comm.size, 8))
-    comm.Allgather(mine, boxes)
+    with TALKING:
+        comm.Allgather(mine, boxes)
     for rank in range(comm.size):
         if np.isnan(boxes[rank, 7]):
             raise ValueError(f"reach: expected a positive finite length, found another on rank {rank}; here {reach!r}")

@@ -4,6 +4,8 @@ from typing import Any
 
 import numpy as np
 
+from decomposition.talking import TALKING
+
 # a new partition must be able to bring the busiest rank so much nearer to the mean
 _WORTH = 0.03
 
@@ -30,7 +32,8 @@ class MeasuredLoad:
         its price; collective, the same on all ranks."""
         now = np.array(self.work)
         spent, self._seen = now - self._seen, now
-        table = np.array(self.comm.allgather((spent[self.number], spent.sum(), owned)), float)
+        with TALKING:
+            table = np.array(self.comm.allgather((spent[self.number], spent.sum(), owned)), float)
         own, total, count = table.T
         if not total.sum() > 0.0 or not count.sum() > 0.0:
             return None

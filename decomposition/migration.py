@@ -6,6 +6,7 @@ import numpy as np
 from mpi4py import MPI
 
 from decomposition.compiled import compiled
+from decomposition.talking import TALKING
 
 
 @compiled
@@ -42,7 +43,8 @@ def _counts(comm: MPI.Comm, owner: np.ndarray, arrays: dict[str, np.ndarray]) ->
     if fault is None:
         outgoing[:, 0] = np.bincount(owner, minlength=comm.size)
     incoming = np.empty_like(outgoing)
-    comm.Alltoall(outgoing, incoming)
+    with TALKING:
+        comm.Alltoall(outgoing, incoming)
     if fault:
         raise ValueError(fault)
     for rank in np.flatnonzero(incoming[:, 1] != outgoing[:, 1]):
@@ -94,7 +96,8 @@ def _move(
     row = MPI.BYTE.Create_contiguous(array.dtype.itemsize * int(np.prod(array.shape[1:]))).Commit()
     try:
         sent_at = np.cumsum(to) - to
-        comm.Alltoallv([packed, (to, sent_at), row], [result, (incoming, received_before[:-1]), row])
+        with TALKING:
+            comm.Alltoallv([packed, (to, sent_at), row], [result, (incoming, received_before[:-1]), row])
     finally:
         row.Free()
     return result

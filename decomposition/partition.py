@@ -12,6 +12,7 @@ from mpi4py import MPI
 from decomposition.compiled import compiled
 
 from .cells import bounds, checked_points
+from .talking import TALKING
 
 # histogram entries of a level, shared by its parts, and the most and fewest bins of a part
 _ENTRIES, _MOST_BITS, _FEWEST_BITS = 1 << 16, 8, 2
@@ -114,7 +115,8 @@ def _descend(part: np.ndarray, side: np.ndarray, child: np.ndarray) -> None:
 
 
 def _reduced(comm: MPI.Intracomm, local: np.ndarray, operation: MPI.Op) -> np.ndarray:
-    comm.Allreduce(MPI.IN_PLACE, local, operation)
+    with TALKING:
+        comm.Allreduce(MPI.IN_PLACE, local, operation)
     return local
 
 

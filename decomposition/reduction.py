@@ -96,7 +96,8 @@ def ordered_sum(comm: MPI.Comm, values: np.ndarray) -> float | np.ndarray:
     limbs = np.zeros((columns.shape[1], _LIMBS + 3), np.int64)
     for column, total in zip(columns.T, limbs):
         _accumulate(np.ascontiguousarray(column), total)
-    comm.Allreduce(MPI.IN_PLACE, limbs, MPI.SUM)
+    with TALKING:
+        comm.Allreduce(MPI.IN_PLACE, limbs, MPI.SUM)
     result = np.array([_rounded(total) for total in limbs])
     return float(result[0]) if values.ndim == 1 else result
 

@@ -1,8 +1,9 @@
 """python docs/forecasts.py [WORD]: what `parsolid check --ranks N` says beside what runs on N ranks then take.
 
 Makes the table of docs/cluster.md: each scene is checked on one rank, and run on 1, 2 and 4 for 200 steps, three times
-in turn, since a machine that others share changes its pace within minutes. Medians, of the times the spread of the
-three. Times are the mean of the ranks; how much more the busiest has to do stands apart, as no check knows it.
+in turn, since a machine that others share changes its pace within minutes. Medians, in brackets that of the turns'
+ratios, of the times the spread of the three. Times are the mean of the ranks; how much more the busiest has to do
+stands apart, as no check knows it.
 """
 
 import json
@@ -87,7 +88,9 @@ def main() -> None:
             said, took = (
                 {key: statistics.median(one[side][key] for one in turns) for key in turns[0][side]} for side in (0, 1)
             )
-            cells = [f"{said[key]:.3g} / {took[key]:.3g} ({said[key] / took[key] - 1.0:+.0%})" for key in said]
+            # of each turn, whose two halves see the same machine
+            off = {key: statistics.median(one[0][key] / one[1][key] for one in turns) - 1.0 for key in said}
+            cells = [f"{said[key]:.3g} / {took[key]:.3g} ({off[key]:+.0%})" for key in said]
             spreads = [
                 f"{min(of):.3g} to {max(of):.3g}" for of in ([one[side]["work"] for one in turns] for side in (0, 1))
             ]

@@ -6,6 +6,7 @@ padding at the end.
 """
 
 from collections.abc import Callable, Iterable
+from math import prod
 from typing import Any, TypeVar
 
 import numpy as np
@@ -221,6 +222,9 @@ class Particles:
 
     def packed(self, rows: np.ndarray) -> np.ndarray:
         """All that some particles carry, (n, c) float64; whole numbers keep their bits."""
+        if not len(rows):
+            # the usual case: gathering nothing from every field costs more than a message
+            return np.zeros((0, sum(prod(self._by_particle(name).shape[1:]) for name in self._carried())))
         pieces = []
         for name in self._carried():
             values = np.ascontiguousarray(self._by_particle(name)[rows]).view(np.float64)

@@ -67,7 +67,7 @@ def drawn(tmp_path, monkeypatch):
 
 def test_what_contact_stores_is_not_drawn_as_dissipated_and_nothing_as_a_line_of_zeros(drawn):
     assert drawn(write_energies) == {
-        "energy [J]": ["kinetic", "stored", "kinetic + stored", "stored in contact"],
+        "energy [J]": ["kinetic energy", "stored energy", "kinetic + stored", "stored in contact"],
         "dissipated [J]": ["internal", "friction dissipation"],
         "balance / largest energy": [],
     }

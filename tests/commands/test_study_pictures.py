@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from parsolid.commands.pareto.picture import _told_apart
-from parsolid.commands.plot.scales import words_of
+from parsolid.commands.plot.names import labelled, unit_of, words_of
 from parsolid.commands.study.pictures import MOST_CURVES, _looks, _panels
 
 TIMES = ["velocity@0.1", "velocity@0.2"]
@@ -25,8 +25,8 @@ def test_no_two_curves_of_a_panel_look_alike_and_none_has_too_many():
     lines += [line("plate", **plate), line("bar", **{PROBES[0]: 0.2, PROBES[1]: 0.2, "kinetic": 0.0})]
     panels = _panels(lines, ["kinetic", *TIMES, *PROBES, AGREES])
     assert [(title, len(curves)) for title, curves in panels] == [
-        ("kinetic (1 of 2)", 5),
-        ("kinetic (2 of 2)", 6),
+        ("kinetic energy (1 of 2)", 5),
+        ("kinetic energy (2 of 2)", 6),
         ("velocity", 2),
         ("probe", 3),
     ]
@@ -34,7 +34,7 @@ def test_no_two_curves_of_a_panel_look_alike_and_none_has_too_many():
     for _, curves in panels:
         assert len({tuple(looks[curve.text].values()) for curve in curves}) == len(curves) <= MOST_CURVES
     names = [curve.text for curve in panels[-1][1]]
-    assert names == ["plate, corner.displacement x", "plate, corner.displacement y", "bar"]
+    assert names == ["plate, displacement x, corner", "plate, displacement y, corner", "bar"]
 
 
 def test_the_scene_and_the_envelope_are_among_the_choices_that_are_named():
@@ -47,12 +47,16 @@ def test_the_scene_and_the_envelope_are_among_the_choices_that_are_named():
 
 
 @pytest.mark.parametrize(
-    ("name", "words"),
+    ("name", "label"),
     [
-        ("von_mises_stress", "von Mises stress"),
-        ("first_piola_kirchhoff_stress", "first Piola Kirchhoff stress"),
-        ("stress_xy", "stress xy"),
+        ("von_mises_stress", "von Mises stress [Pa]"),
+        ("first_piola_kirchhoff_stress_xx", "first Piola-Kirchhoff stress xx [Pa]"),
+        ("stress_xy", "stress xy [Pa]"),
+        ("dissipation_internal", "internal dissipation"),
+        ("mode_1.displacement_x", "displacement x, mode 1 [m]"),
+        ("rod.upper_bounds_y", "upper bounds y, rod [m]"),
+        ("damage", "damage"),
     ],
 )
-def test_people_are_written_with_a_capital(name, words):
-    assert words_of(name) == words
+def test_one_way_to_write_a_quantity(name, label):
+    assert labelled(words_of(name), unit_of(name.rpartition(".")[2])) == label

@@ -5,6 +5,7 @@ from typing import Any
 
 from parsolid.commands.pareto.measure import Truth, envelope
 from parsolid.commands.pareto.plan import Candidate, Plan
+from parsolid.commands.plot.names import words_of
 from parsolid.commands.study.pictures import MARKERS, MOST_CURVES, label_decades
 
 _ENVELOPE: dict[str, Any] = {"color": "0.8", "linewidth": 7.0, "solid_joinstyle": "round", "zorder": 0}
@@ -32,7 +33,7 @@ def draw(plan: Plan, truth: Truth, path: Path) -> Path:
     if truth.uncertain:
         axes.axhspan(0.0, truth.uncertain, color="0.93", zorder=-1, label="not known better than this")
     axes.set(xscale="log", yscale="log", xlabel="processor seconds of the time loop, all ranks")
-    axes.set(ylabel=f"error of {plan.column}", title=plan.scene.title)
+    axes.set(ylabel=f"error of {words_of(plan.column)}", title=plan.scene.title)
     label_decades(axes.xaxis)
     axes.grid(True, which="both", alpha=0.25)
     figure.legend(loc="outside right upper", fontsize=8, frameon=False)

@@ -8,8 +8,9 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from parsolid.commands.plot.names import labelled, unit_of, words_of
 from parsolid.commands.plot.results import Results
-from parsolid.commands.plot.scales import prefixed, unit_of, words_of
+from parsolid.commands.plot.scales import prefixed
 from parsolid.scene.observation import HISTORY_COLUMNS
 
 DOTS_PER_INCH = 100
@@ -97,7 +98,8 @@ def write_probes(results: Results, path: Path, size: tuple[int, int] | None = No
     if not panels:
         return False
     time, factor = _time_axis(history["time"])
-    columns = min(len(panels), 3)
+    # four are a square
+    columns = 2 if len(panels) == 4 else min(len(panels), 3)
     rows = -(-len(panels) // columns)
     figure = _figure(size or (columns * _PANEL[0], rows * (_PANEL[1] - 30) + 60), results.title)
     grid = np.atleast_1d(figure.subplots(rows, columns)).ravel()
@@ -113,9 +115,9 @@ def write_probes(results: Results, path: Path, size: tuple[int, int] | None = No
             axes.plot(time, history[name] / unit, color=_PALETTE[k], label=part or None, **marks)
         _add_references(axes, results, names, factor, unit)
         _add_bands(axes, results, names, time, unit)
-        axes.set_title(probe, fontsize=10)
+        axes.set_title(words_of(probe), fontsize=10)
         per = results.per(probe) if field in ("force", "moment") else ""
-        axes.set_ylabel(words_of(field) + (f" [{label}{per}]" if label else ""))
+        axes.set_ylabel(labelled(words_of(field), label and f"{label}{per}"))
     for axes in grid[len(panels) :]:
         axes.set_visible(False)
     _finish(figure, grid[: len(panels)], prefixed("s", _last(history["time"]))[1])

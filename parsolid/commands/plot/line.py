@@ -7,8 +7,9 @@ from matplotlib import colormaps
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from parsolid.commands.plot.names import labelled, unit_of, words_of
 from parsolid.commands.plot.results import Results
-from parsolid.commands.plot.scales import prefixed, time_labels, unit_of, words_of
+from parsolid.commands.plot.scales import prefixed, time_labels
 
 _SIZE, _DOTS_PER_INCH = (640, 420), 100
 
@@ -21,6 +22,8 @@ def write_lines(
     labels = time_labels([frame.time for frame in frames])
     largest = max((np.nanmax(np.abs(frame.values)) for frame in frames), default=0.0)
     unit, label = prefixed(unit_of(field), largest)
+    farthest = max((np.abs(frame.position[:, axis]).max() for frame in frames), default=0.0)
+    length, metres = prefixed("m", float(farthest))
     width, height = size or _SIZE
     figure = Figure(figsize=(width / _DOTS_PER_INCH, height / _DOTS_PER_INCH), layout="constrained")
     FigureCanvasAgg(figure)
@@ -29,9 +32,11 @@ def write_lines(
         place = frame.position[:, axis]
         order = np.argsort(place)
         colour = colormaps["viridis"](0.9 * number / max(1, len(frames) - 1))
-        axes.plot(place[order], frame.values[order] / unit, color=colour, linewidth=1.1, label=text)
-    axes.set_xlabel(f"{'xyz'[axis]} [m]")
-    axes.set_ylabel(f"{words_of(field)} [{label}]" if label else words_of(field))
-    axes.set_title(results.title, fontsize=10)
-    axes.legend(fontsize=7)
+        axes.plot(place[order] / length, frame.values[order] / unit, color=colour, linewidth=1.1, label=text)
+    axes.set_xlabel(labelled("xyz"[axis], metres))
+    axes.set_ylabel(labelled(words_of(field), label))
+    axes.set_title(results.title, fontsize=12)
+    axes.grid(alpha=0.25, linewidth=0.6)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(fontsize=9, frameon=False)
     figure.savefig(path, dpi=_DOTS_PER_INCH)

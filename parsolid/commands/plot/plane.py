@@ -5,18 +5,25 @@ from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.collections import LineCollection
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.tri import Triangulation
+from scipy.spatial import cKDTree
 
 from parsolid.commands.plot.results import Frame
 from parsolid.commands.plot.scales import Scale
 from parsolid.commands.plot.skins import Skin
 
-_EDGES: dict[str, Any] = {"colors": "#202020", "linewidths": 0.4, "alpha": 0.3}
+# not snapped to pixels: short lines of one edge would be moved apart
+_EDGES: dict[str, Any] = {"colors": "#202020", "linewidths": 0.4, "alpha": 0.3, "snap": False}
 # as in space
 _NO_COLOUR = "#b8b8b8"
-_OUTLINE: dict[str, Any] = {"colors": "#202020", "linewidths": 0.9}
+_OUTLINE: dict[str, Any] = {"colors": "#202020", "linewidths": 0.9, "snap": False, "capstyle": "round"}
+
+# of a particle alone: half a square's side over the spacing, a little more lest there be gaps; how near three particles
+# are where matter is between them: nearer than beside a straight face; pixels of the image over those of the picture,
+# and across the least particle
+_SQUARE, _NEAR, _FINER, _LEAST = 0.51, 1.05, 2.0, 5.0
 
 
 class PlaneView:
@@ -74,7 +81,7 @@ def draw_plane(
         size, along = volume[rows], np.empty(0) if frame.along is None else frame.along[rows]
         if skin.patches is None:
             left = slice(None) if cut is None else cut.keeps(along, 0.0 * size)
-            _discs(axes, position[left], values[left], size[left], limits, scale)
+            _particles(axes, position[left], values[left], size[left], limits, scale)
             continue
         points, shown = skin.points(position, linear=True), skin.points(values, linear=False)
         patches = skin.patches
@@ -123,19 +130,24 @@ def _edges(axes: Any, points: Any, patches: list[np.ndarray], seams: Sequence[tu
     axes.add_collection(LineCollection(outline, **_OUTLINE))
 
 
-def _discs(axes: Any, position: Any, values: np.ndarray, volume: Any, limits: Any, scale: Any) -> None:
-    """A disc for each particle, so large that those of a square lattice leave no gaps."""
-    diameter = 1.42 * np.sqrt(volume)
-    discs = EllipseCollection(
-        diameter,
-        diameter,
-        np.zeros(len(diameter)),
-        units="xy",
-        offsets=position,
-        offset_transform=axes.transData,
-        array=values,
-        cmap=colormaps[scale.colours].with_extremes(bad=_NO_COLOUR),
-        norm=limits,
-        linewidths=0,
-    )
-    axes.add_collection(discs)
+def _particles(axes: Any, position: Any, values: np.ndarray, volume: Any, limits: Any, scale: Any) -> None:
+    """Every pixel in the colour of the particle next to it: where a particle's square is, or where its neighbours
+    have been drawn apart and three are near.
+    """
+    if not len(position):
+        return
+    box, (left, right), (lower, upper) = axes.get_window_extent(), axes.get_xlim(), axes.get_ylim()
+    columns, rows = (max(2, round(_FINER * length)) for length in (box.width, box.height))
+    across = left + (np.arange(columns) + 0.5) * (right - left) / columns
+    up = lower + (np.arange(rows) + 0.5) * (upper - lower) / rows
+    pixels = np.stack(np.meshgrid(across, up), axis=-1)
+    # one that flies alone is seen
+    side = np.maximum(np.sqrt(volume), _LEAST * (right - left) / columns)
+    away, who = cKDTree(position).query(pixels, k=3, distance_upper_bound=_NEAR * side.max())
+    there = who[..., 0] < len(position)
+    first = np.where(there, who[..., 0], 0)
+    squares = np.abs(pixels - position[first]).max(axis=-1) <= _SQUARE * side[first]
+    shown = there & (squares | (away[..., 2] <= _NEAR * side[first]))
+    colours = colormaps[scale.colours].with_extremes(bad=_NO_COLOUR)(limits(np.ma.masked_invalid(values)))
+    image = np.where(shown[..., None], colours[first], 0.0)
+    axes.imshow(image, extent=(left, right, lower, upper), origin="lower", interpolation="antialiased", aspect="equal")

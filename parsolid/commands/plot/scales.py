@@ -1,42 +1,11 @@
-"""Units, prefixes, colour maps and ranges of pictures."""
+"""Prefixes of units, colour maps and ranges of pictures."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-UNITS = {
-    "displacement": "m",
-    "position": "m",
-    "velocity": "m/s",
-    "pressure": "Pa",
-    "von_mises_stress": "Pa",
-    "stress": "Pa",
-    "first_piola_kirchhoff_stress": "Pa",
-    "volume": "m³",
-    "temperature": "K",
-    "maximum_temperature": "K",
-    "density": "kg/m³",
-    "internal_energy": "J/m³",
-    "plastic_work": "J",
-    "heat": "J",
-    "lower_bounds": "m",
-    "upper_bounds": "m",
-    "twist": "rad",
-    "linear_momentum": "kg m/s",
-    "angular_momentum": "kg m²/s",
-    "centre_of_mass": "m",
-    "maximum_speed": "m/s",
-    "plastic_strain_rate": "1/s",
-    "entropy": "J/K",
-    "failed_mass": "kg",
-    "deleted_mass": "kg",
-    "deleted_momentum": "kg m/s",
-    "force": "N",
-    "moment": "N m",
-    "work": "J",
-    "place": "m",
-    "rotation": "rad",
-}
+from parsolid.commands.plot.names import labelled, unit_of, words_of
+
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 _PREFIXED = ("Pa", "m", "m/s", "J", "s", "W", "N", "N m")
 _POWERS = {-3: "10⁻³", -6: "10⁻⁶", -9: "10⁻⁹"}
@@ -57,7 +26,6 @@ _COLOURS: dict[str, tuple[str, bool | None]] = {
     "jacobian": ("BrBG", None),
 }
 _WHOLE = {"damage": 1.0}
-_PERSONS = ("Mises", "Piola", "Kirchhoff")
 
 
 @dataclass(frozen=True)
@@ -74,14 +42,6 @@ class Scale:
     extend: str
 
 
-def unit_of(name: str) -> str:
-    """Unit of a field, of one of its components, or of a quantity; empty when it has none or it is not known."""
-    if name in UNITS:
-        return UNITS[name]
-    field, _, part = name.rpartition("_")
-    return UNITS.get(field, "") if part and set(part) <= set("xyz") else ""
-
-
 def prefixed(unit: str, largest: float) -> tuple[float, str]:
     """(value of one prefixed unit in SI, prefixed unit) in which the largest value is 1 or more."""
     if unit not in _PREFIXED or not np.isfinite(largest) or largest <= 0.0:
@@ -96,17 +56,6 @@ def prefixed(unit: str, largest: float) -> tuple[float, str]:
     if unit in ("m", "m/s") and factor > 1.0:
         factor, letter = 1.0, ""
     return factor, letter + unit
-
-
-def words_of(name: str) -> str:
-    """A field's name as a label."""
-    field, _, part = name.rpartition("_")
-    if field and part and set(part) <= set("xyz"):
-        return f"{field.replace('_', ' ')} {part}"
-    words = name.replace("_", " ")
-    for person in _PERSONS:
-        words = words.replace(person.lower(), person)
-    return words
 
 
 def scale_of(
@@ -137,7 +86,7 @@ def scale_of(
     beyond = (least < lower - tolerance, most > upper + tolerance)
     extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[beyond]
     factor, unit = prefixed(unit_of(name), max(abs(lower), abs(upper)))
-    label = words_of(name) + (f" [{unit}]" if unit else "")
+    label = labelled(words_of(name), unit)
     return Scale(lower, upper, label, factor, colours or chosen or (_SIGNED if signed else _UNSIGNED), extend)
 
 

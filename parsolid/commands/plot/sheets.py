@@ -28,6 +28,8 @@ DOTS_PER_INCH = 100
 _MARGIN, _LABEL, _BAR, _TITLE = 14, 24, 104, 30
 _PANEL_AREA, _SINGLE_AREA = 300 * 300, 640 * 640
 _LARGEST = 8000
+# of a palette of 256 colours
+_WHITE = 255
 # a body with a larger share of failed particles has parted: drawn particle by particle
 _TORN = 0.005
 
@@ -125,7 +127,8 @@ class Sheet:
     def _seams(self) -> list[tuple[int, float]]:
         """Axes of the mirror planes, and how near to them a point [m] lies on the seam of the images."""
         least = float(self.volume.min()) ** (1.0 / int(self.results.dimension or 3)) if len(self.volume) else 0.0
-        return [(axis, 0.05 * least) for axis in self.look.mirror]
+        # corners are continued from particles, and beyond the plane by a part of a spacing
+        return [(axis, 0.3 * least) for axis in self.look.mirror]
 
     def figure(self, numbers: list[int]) -> Figure:
         """A figure of the frames with these numbers."""
@@ -212,7 +215,7 @@ class Sheet:
         bar = figure.colorbar(colours, cax=axes, extend=scale.extend)
         bar.set_label(scale.label, fontsize=11)
         bar.ax.tick_params(labelsize=10)
-        bar.locator = matplotlib.ticker.MaxNLocator(7)
+        bar.locator = matplotlib.ticker.MaxNLocator(7, steps=[1, 2, 5, 10])
         bar.update_ticks()
 
 
@@ -243,14 +246,22 @@ def write_singles(sheet: Sheet, directory: Path, small: bool = False) -> list[Pa
 
 
 def _palette(image: Image.Image) -> Image.Image:
-    """256 colours that reach everywhere: those of the colour bar too, however few pixels have them."""
-    return image.quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    """256 colours that reach everywhere: those of the colour bar too, however few pixels have them, and the paper's
+    white last."""
+    found = image.quantize(255, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    colours = found.getpalette() or []
+    found.putpalette(colours[: 3 * 255] + [255] * 3 * (256 - len(colours[: 3 * 255]) // 3))
+    return found
 
 
 def _save(figure: Figure, path: Path, small: bool) -> None:
     if small and path.suffix.lower() == ".png":
         image = Image.fromarray(_pixels(figure))
-        image.quantize(palette=_palette(image), dither=Image.Dither.FLOYDSTEINBERG).save(path, optimize=True)
+        drawn = image.quantize(palette=_palette(image), dither=Image.Dither.FLOYDSTEINBERG)
+        # the nearest colour is looked for in coarse boxes: the paper is white, whatever else is in its own
+        paper = (np.asarray(image) == 255).all(axis=-1)
+        drawn.paste(_WHITE, mask=Image.fromarray(paper))
+        drawn.save(path, optimize=True)
     else:
         figure.savefig(path, dpi=DOTS_PER_INCH)
 

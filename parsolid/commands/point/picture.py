@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from parsolid.commands.plot.names import labelled, words_of
 from parsolid.output.errors import OutputError, words
 from parsolid.scene.probes import component_names
 
@@ -19,9 +20,9 @@ def draw(path: Path, title: str, columns: dict[str, np.ndarray]) -> None:
     figure.suptitle(title or "material point")
     _components(panels[0, 0], columns, "deformation_gradient", "deformation gradient")
     _components(panels[0, 1], columns, "stress", "Cauchy stress [Pa]")
-    panels[0, 1].plot(columns["time"], columns["von_mises_stress"], "k--", linewidth=1.0, label="von Mises")
-    if "flow_stress" in columns:
-        panels[0, 1].plot(columns["time"], columns["flow_stress"], "k:", linewidth=1.0, label="flow stress")
+    for name, style in (("von_mises_stress", "k--"), ("flow_stress", "k:")):
+        if name in columns:
+            panels[0, 1].plot(columns["time"], columns[name], style, linewidth=1.0, label=words_of(name))
     panels[0, 1].legend(fontsize=7)
     _loop(panels[0, 2], columns)
     _series(panels[1, 0], columns, "energy density [J/m$^3$]", ("work", "stored", "dissipation", "equilibrium"))
@@ -37,7 +38,7 @@ def draw(path: Path, title: str, columns: dict[str, np.ndarray]) -> None:
 def _series(panel: Any, columns: dict[str, Any], label: str, names: Iterable[str], labels: Any = None) -> None:
     for name, text in zip(names, labels or names):
         if name in columns:
-            panel.plot(columns["time"], columns[name], label=text.replace("_", " "), linewidth=1.2)
+            panel.plot(columns["time"], columns[name], label=words_of(text), linewidth=1.2)
     panel.set_xlabel("time [s]")
     panel.set_ylabel(label)
     panel.legend(fontsize=7)
@@ -73,8 +74,8 @@ def _loop(panel: Any, columns: dict[str, Any]) -> None:
     moved = max(names, key=lambda name: np.ptp(columns[name]))
     stress = moved.replace("deformation_gradient", "first_piola_kirchhoff_stress")
     panel.plot(columns[moved], columns[stress], linewidth=1.2)
-    panel.set_xlabel(moved.replace("_", " "))
-    panel.set_ylabel(f"{stress.replace('_', ' ')} [Pa]")
+    panel.set_xlabel(words_of(moved))
+    panel.set_ylabel(labelled(words_of(stress), "Pa"))
 
 
 def _branches(panel: Any, columns: dict[str, Any]) -> None:

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.commands.plot.scales import words_of
+from parsolid.commands.plot.names import words_of
 from parsolid.commands.study.cases import Case
 from parsolid.commands.study.judging import lines_of
 from parsolid.commands.study.schema import Study
-from parsolid.commands.study.tables import shown_errors, spaced
+from parsolid.commands.study.tables import shown_errors
 
 MARKERS = "osD^vPX*<>hd"
 # of a panel
@@ -126,7 +126,7 @@ def _curves(line: list[Case], errors: list[str]) -> list[Curve]:
         if "@" in error:
             words.append(f"t = {error.split('@')[1]} s")
         elif "." in error and len(had) > 1:
-            words.append(spaced(error))
+            words.append(words_of(error))
         result.append(Curve(line, error, ", ".join(words)))
     return result
 

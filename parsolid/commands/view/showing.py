@@ -12,6 +12,7 @@ from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 
 from parsolid.commands.plot import missing
 from parsolid.commands.plot.command import bodies_named, cut_of, first_field
@@ -72,7 +73,7 @@ def write_page(sheet: Sheet, path: Path) -> None:
     page = {
         "title": sheet.results.title,
         "label": scale.label,
-        "numbers": [f"{value / scale.factor:.3g}" for value in np.linspace(scale.upper, scale.lower, 5)],
+        "numbers": _numbers(scale.lower / scale.factor, scale.upper / scale.factor),
         "palette": _text((255.0 * colours).round().astype(np.uint8)),
         "centre": (0.5 * (lower + upper)).tolist(),
         "radius": float(0.55 * np.linalg.norm(upper - lower)) or 1.0,
@@ -85,6 +86,12 @@ def write_page(sheet: Sheet, path: Path) -> None:
     data = json.dumps(page).replace("</", "<\\/")
     text = text.replace("@TITLE@", html.escape(sheet.results.title)).replace("@DATA@", data)
     path.write_text(text, encoding="utf-8")
+
+
+def _numbers(lower: float, upper: float) -> list[tuple[str, float]]:
+    """Round numbers from lower to upper, and how far below the upper one each stands, as a share of the bar."""
+    told = MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(lower, upper)
+    return [(f"{value:.6g}", float((upper - value) / (upper - lower))) for value in told if lower <= value <= upper]
 
 
 def _pieces(sheet: Sheet, frame: Frame) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray | None, float]]:
