@@ -8,9 +8,9 @@ import llvmlite.binding as llvm
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.core.imputils import lower_builtin
-from numba.core.typing.templates import AbstractTemplate, infer_global
 from numba.extending import intrinsic, models, register_model
+
+from parsolid.numerics.lanes import let_apply
 
 WIDE = 8 if llvm.get_host_cpu_features().get("avx512f") else 4
 
@@ -43,24 +43,7 @@ def _to_vector(context, builder, value, numba_type):
 
 
 def _direct(function, emit):
-    """Let compiled functions apply a Python function or operator to lanes, or to lanes and numbers."""
-
-    class Template(AbstractTemplate):
-        key = function
-
-        def generic(self, arguments, keywords):
-            known = (WideLanesType, types.Float, types.Integer)
-            fits = any(isinstance(a, WideLanesType) for a in arguments) and all(isinstance(a, known) for a in arguments)
-            return wide_lanes(*arguments) if fits and not keywords else None
-
-        def get_impl_key(self, sig):
-            return emit
-
-    infer_global(function)(Template)
-
-    @lower_builtin(emit, types.VarArg(types.Any))
-    def lower(context, builder, sig, arguments):
-        return emit(context, builder, *(_to_vector(context, builder, a, t) for a, t in zip(arguments, sig.args)))
+    let_apply(wide_lanes, _to_vector, function, emit)
 
 
 def _binary(python_operator, instruction):

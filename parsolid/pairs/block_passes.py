@@ -82,8 +82,17 @@ def _give(window, row, c, array, i, column, count):
 
 
 @register_jitable
-def _moved_back(window, rows, origin, i, filled):
-    """The window from particle i on at its start."""
+def _reached(pairs, block):
+    """The first particle that a block does not reach."""
+    return min(WIDE * block + pairs.ahead[0], WIDE * pairs.block.shape[0])
+
+
+@register_jitable
+def _turned(pairs, rows, origin, i, filled, reached):
+    """The particle at the start of the window; i where the end was near and the window from there on was moved."""
+    window, ahead = pairs.window, pairs.ahead[0]
+    if reached - origin <= min(STRIDE, ahead + _TURN * max(ahead, _LEAST)):
+        return origin
     for row in range(rows):
         for c in range(filled - i):
             window[row * STRIDE + c] = window[row * STRIDE + c + i - origin]
@@ -147,13 +156,10 @@ def _gradients_of_block(pairs, pattern, c):
 @compiled(fastmath={"contract"}, error_model="numpy")
 def add_gradients_by_blocks(space, pairs, fields, kinematics, sums):
     """`passes.add_gradients`; fields: the vector in the first columns."""
-    window, n, ahead = pairs.window, pairs.others.start.shape[0] - 1, pairs.ahead[0]
-    origin, filled, room = 0, 0, min(STRIDE, ahead + _TURN * max(ahead, _LEAST))
+    window, n, origin, filled = pairs.window, pairs.others.start.shape[0] - 1, 0, 0
     for block in range(pairs.block.shape[0]):
-        i = WIDE * block
-        reached = min(i + ahead, WIDE * pairs.block.shape[0])
-        if reached - origin > room:
-            origin = _moved_back(window, _SUMS + 9, origin, i, filled)
+        i, reached = WIDE * block, _reached(pairs, block)
+        origin = _turned(pairs, _SUMS + 9, origin, i, filled, reached)
         while filled < reached:
             _enter(window, filled - origin, kinematics, filled)
             filled += WIDTH
@@ -261,13 +267,10 @@ def _dissipation_of_block(pairs, pattern, c):
 @compiled(fastmath={"contract"}, error_model="numpy")
 def add_forces_by_blocks(space, pairs, terms, kinematics, record, force):
     """`passes.add_forces`; terms: `MeanRiemann` with reconstruction."""
-    window, n, ahead = pairs.window, pairs.others.start.shape[0] - 1, pairs.ahead[0]
-    origin, filled, room = 0, 0, min(STRIDE, ahead + _TURN * max(ahead, _LEAST))
+    window, n, origin, filled = pairs.window, pairs.others.start.shape[0] - 1, 0, 0
     for block in range(pairs.block.shape[0]):
-        i = WIDE * block
-        reached = min(i + ahead, WIDE * pairs.block.shape[0])
-        if reached - origin > room:
-            origin = _moved_back(window, _D + 3, origin, i, filled)
+        i, reached = WIDE * block, _reached(pairs, block)
+        origin = _turned(pairs, _D + 3, origin, i, filled, reached)
         while filled < reached:
             _enter_all(window, filled - origin, kinematics, record, filled)
             filled += WIDTH

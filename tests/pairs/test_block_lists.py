@@ -15,8 +15,6 @@ from parsolid.pairs.pair_system import FIELD
 from parsolid.pairs.passes import add_gradients
 from parsolid.pairs.table_passes import add_forces_by_table
 
-pytestmark = pytest.mark.mpi
-
 ROLLERS = supports(X=(0.0, "roller"), Y=(0.0, "roller"))
 
 
@@ -41,7 +39,7 @@ def without_blocks(data, comm, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(smoothed_weights, "in_blocks", lambda inner: None)
         sim = simulation(data, comm)
-    assert isinstance(sim.systems[0].pairs.inner, InnerTable)
+    assert not is_in_blocks(sim.systems[0].pairs.inner)
     return sim
 
 
@@ -50,7 +48,8 @@ def without_blocks(data, comm, monkeypatch):
 def test_blocks_have_the_forces_of_tables(size, smoothing, comm, monkeypatch):
     data = leap(size, ROLLERS, smoothing=smoothing)
     blocks = simulation(data, comm)
-    assert is_in_blocks(blocks.systems[0].pairs.inner)
+    # a rank with few particles has no tables
+    assert comm.allreduce(is_in_blocks(blocks.systems[0].pairs.inner), MPI.LOR)
     tabled = without_blocks(data, comm, monkeypatch)
     assert blocks.systems[0].directed_pairs == tabled.systems[0].directed_pairs
     pairs = [sim.systems[0].pairs for sim in (blocks, tabled)]
@@ -63,7 +62,7 @@ def test_blocks_have_the_forces_of_tables(size, smoothing, comm, monkeypatch):
 def some_left(inner):
     """By blocks, but for every third one, whose pairs stay in the list."""
     whole = in_blocks(inner)
-    left = np.arange(len(whole.block)) % 3 == 1
+    left = (whole.block < 0) | (np.arange(len(whole.block)) % 3 == 1)
     degree = np.diff(inner.start)
     of_particle = np.repeat(left, WIDE)[: len(degree)]
     of_pair = np.repeat(of_particle, degree)
@@ -95,7 +94,7 @@ def test_blocks_that_are_left_to_the_list(comm, monkeypatch):
 
 def test_there_are_few_patterns_in_a_box_and_no_blocks_of_other_lists(comm):
     inner = simulation(leap((18, 19, 20)), comm).systems[0].pairs.inner
-    assert (inner.block >= 0).all() and len(inner.patterns.shapes) == 9
+    assert (inner.block >= 0).mean() > 0.95 and len(inner.patterns.shapes) == 9
     assert len(inner.patterns.first) - 1 < 0.8 * len(inner.block)
     for other in (leap(reconstruction=False), leap(dissipation=0.0), leap(integrator="ssp-rk3")):
         assert not is_in_blocks(simulation(other, comm).systems[0].pairs.inner)
