@@ -53,21 +53,20 @@ def _to_vector(context, builder, value, numba_type):
     return _splat(builder, context.cast(builder, value, numba_type, types.float64))
 
 
-def _is_operand(numba_type):
-    return isinstance(numba_type, (LanesType, types.Float, types.Integer))
+def let_apply(kind, to_vector, function, emit):
+    """Let compiled functions apply a Python function or operator to lanes of a kind, and to numbers beside them: one
+    instruction, with nothing to compile for it.
 
-
-def _direct(function, emit):
-    """Let compiled functions apply a Python function or operator to lanes: one instruction, with nothing to compile for
-    it.
+    to_vector: `_to_vector` of the kind; emit: adds the instruction.
     """
 
     class Template(AbstractTemplate):
         key = function
 
         def generic(self, arguments, keywords):
-            fits = any(isinstance(a, LanesType) for a in arguments) and all(map(_is_operand, arguments))
-            return lanes(*arguments) if fits and not keywords else None
+            known = (type(kind), types.Float, types.Integer)
+            fits = any(isinstance(a, type(kind)) for a in arguments) and all(isinstance(a, known) for a in arguments)
+            return kind(*arguments) if fits and not keywords else None
 
         def get_impl_key(self, sig):
             return emit
@@ -76,7 +75,11 @@ def _direct(function, emit):
 
     @lower_builtin(emit, types.VarArg(types.Any))
     def lower(context, builder, sig, arguments):
-        return emit(context, builder, *(_to_vector(context, builder, a, t) for a, t in zip(arguments, sig.args)))
+        return emit(context, builder, *(to_vector(context, builder, a, t) for a, t in zip(arguments, sig.args)))
+
+
+def _direct(function, emit):
+    let_apply(lanes, _to_vector, function, emit)
 
 
 def _binary(python_operator, instruction):

@@ -12,6 +12,7 @@ import numpy as np
 
 from decomposition.compiled import compiled
 from parsolid.numerics.lanes import WIDTH, aligned_zeros
+from parsolid.pairs.block_lists import InnerBlocks, neighbours_in_blocks, pairs_in_blocks
 from parsolid.pairs.lattice_pairs import Lattices, lattice_place
 from parsolid.pairs.lists import InnerList, OneSidedList
 
@@ -62,11 +63,15 @@ def pairs_in(pairs: Any) -> int:
     """How many pairs a list of any kind has."""
     if isinstance(pairs, InnerAxes):
         return int(np.sum(pairs.neighbour != np.arange(len(pairs.neighbour))[:, None])) + len(pairs.others.first)
+    if isinstance(pairs, InnerBlocks):
+        return pairs_in_blocks(pairs)
     return len(pairs.edges.first if isinstance(pairs, OneSidedAxes) else pairs.neighbour)
 
 
 def neighbours_in(pairs: Any, owned: int) -> np.ndarray:
     """How many neighbours (owned,) particles have in a list of any kind of pairs of owned ones."""
+    if isinstance(pairs, InnerBlocks):
+        return neighbours_in_blocks(pairs, owned)
     if not isinstance(pairs, InnerAxes):
         return np.diff(pairs.start) + np.bincount(pairs.neighbour, minlength=owned)
     there = pairs.neighbour != np.arange(owned)[:, None]
@@ -78,6 +83,8 @@ def arrays_of(pairs: Any) -> list[np.ndarray]:
     """The arrays of a list of any kind, but those of images."""
     if isinstance(pairs, InnerAxes):
         return [*pairs[:3], *pairs.others]
+    if isinstance(pairs, InnerBlocks):
+        return [pairs.block, *pairs.patterns, *pairs.others[:3]]
     return list(pairs.edges if isinstance(pairs, OneSidedAxes) else pairs[:3])
 
 

@@ -11,6 +11,8 @@ from decomposition.recalled import RecalledEach
 from parsolid.collective import maximum, raise_together
 from parsolid.pairs.axis_lists import is_along_axes, no_ghosts
 from parsolid.pairs.axis_passes import add_forces_along_axes, add_gradients_along_axes
+from parsolid.pairs.block_lists import is_in_blocks
+from parsolid.pairs.block_passes import add_forces_by_blocks, add_gradients_by_blocks
 from parsolid.pairs.candidates import (
     bonded_only,
     coincident,
@@ -71,19 +73,20 @@ class PairSystem(PairLists):
         """
         self.comm, self.particles, self.space = comm, particles, space
         self.weights, self.terms, self.codes = weights, terms, codes
-        # of lists as `passes` has them, of those along axes and of those with tables
-        gradients = (add_gradients, add_gradients_along_axes, add_gradients)
+        # of lists as `passes` has them, of those along axes, of those with tables and of those by blocks
+        gradients = (add_gradients, add_gradients_along_axes, add_gradients, add_gradients_by_blocks)
+        forces = (add_forces, add_forces_along_axes, add_forces_by_table, add_forces_by_blocks)
         self._add_gradients = [RecalledEach(kernel) for kernel in gradients]
-        self._add_forces = [RecalledEach(kernel) for kernel in (add_forces, add_forces_along_axes, add_forces_by_table)]
+        self._add_forces = [RecalledEach(kernel) for kernel in forces]
         d, record = space.dimension, record_columns(space, terms)
         # whoever moves particles by smoothed weights reads what dissipates apart, also where nothing does
-        forces = 8 if isinstance(weights, SmoothedWeights) else 4
+        columns = 8 if isinstance(weights, SmoothedWeights) else 4
         particles.declare(Field("kinematics", KINEMATICS[d].width, ""))
         particles.declare(Field("record", record.width, "", carried=False))
         told = getattr(record, "changing", record.width)
         particles.declare(Field("told", told, "", ghosts="forward", message="record", layout=Within("record", 0)))
         particles.declare(Field("pair_sums", sum_columns(d, fields), "", layout=Rows(), carried=False))
-        particles.declare(Field("pair_force", forces, "N", layout=Rows(), carried=False))
+        particles.declare(Field("pair_force", columns, "N", layout=Rows(), carried=False))
         particles.declare(Field("correction", d * d, "", layout=Columns(), carried=False))
         particles.declare(Field("pair_volume", 1, "m^3", layout=Columns(), padding=(1.0,), carried=False), 1.0)
 
@@ -217,7 +220,9 @@ class PairSystem(PairLists):
 
     def warm(self) -> None:
         """Compile the passes over lists of ghosts, which one rank alone does not have."""
-        storage, way, inner = self.particles.storage, self.ways[True], cast(Any, self.inner)
+        storage, inner = self.particles.storage, cast(Any, self.inner)
+        inner = inner.others if is_in_blocks(inner) else inner
+        way = _way(inner)
         pairs: Any = (empty_list, lambda like: no_ghosts(), no_tabled_ghosts)[way](inner)
         gradients, forces = self._add_gradients[way].kernel, self._add_forces[way].kernel
         gradients(self.space, pairs, FIELD, storage("kinematics"), storage("pair_sums"))
@@ -225,5 +230,5 @@ class PairSystem(PairLists):
 
 
 def _way(pairs: Any) -> int:
-    """Which of the kernels walk a list: of lists as `passes` has them, along axes, or with tables."""
-    return 1 if is_along_axes(pairs) else 2 if is_tabled(pairs) else 0
+    """Which of the kernels walk a list: of lists as `passes` has them, along axes, with tables, or by blocks."""
+    return 1 if is_along_axes(pairs) else 2 if is_tabled(pairs) else 3 if is_in_blocks(pairs) else 0

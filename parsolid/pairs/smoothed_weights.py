@@ -8,6 +8,7 @@ from parsolid.collective import raise_together
 from parsolid.numerics.lanes import WIDTH, aligned_zeros
 from parsolid.pairs import weights
 from parsolid.pairs.axis_lists import along_axes
+from parsolid.pairs.block_lists import in_blocks
 from parsolid.pairs.closure import close
 from parsolid.pairs.lattice_pairs import Lattices, fill_lattice_weights, keep_lattice_pairs, keep_near_jumps
 from parsolid.pairs.mean_impedance import whole_jump_factors
@@ -81,7 +82,8 @@ class SmoothedWeights(PairWeights):
         return correction[: system.owned]
 
     def walked(self, system: Any) -> tuple[Any, Any]:
-        """Along axes where all pairs are on lattices in space; with tables where few weights differ."""
+        """Along axes where all pairs are on lattices in space; with tables where few weights differ, by blocks where
+        particles in space lie in rows, too."""
         plain, found = (system.inner, system.rim), None
         dissipates = isinstance(system.terms, MeanRiemann) or system.terms is None
         if self.lattices is not None and system.space.dimension == 3 and dissipates:
@@ -91,7 +93,14 @@ class SmoothedWeights(PairWeights):
                 # any k_ab will do that both particles have
                 pairs.weight[:, system.space.dimension] = pairs.weight[:, system.space.dimension].astype(np.float32)
             found = by_tables(*plain, system.positions)
+            blocks = in_blocks(found[0]) if found and _reconstructed_in_space(system) else None
+            found = (blocks, found[1]) if found and blocks is not None else found
         return found or plain
+
+
+def _reconstructed_in_space(system: Any) -> bool:
+    terms = system.terms
+    return system.space.dimension == 3 and isinstance(terms, MeanRiemann) and terms.reconstruction is not None
 
 
 def corrections(system: Any) -> np.ndarray:
