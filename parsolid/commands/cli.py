@@ -10,6 +10,7 @@ import os
 import sys
 from contextlib import suppress
 from importlib import import_module
+from pathlib import Path
 from typing import NoReturn
 
 from mpi4py import MPI
@@ -21,7 +22,7 @@ from parsolid.commands.launched import refuse_strangers
 from parsolid.output.errors import OutputError
 from parsolid.output.log import LOG
 from parsolid.output.whereabouts import HERE, report
-from parsolid.scene.validation_errors import SceneError
+from parsolid.scene.validation_errors import SceneError, suggestion
 from parsolid.start import loaded
 
 DONE, FAILED, BAD_INPUT, WENT_WRONG, INTERRUPTED, UNREAD = 0, 1, 2, 3, 130, 141
@@ -114,8 +115,12 @@ COMMANDS = ("run", "check", "bench", *_MODULES)
 
 
 def parse(arguments: list[str]) -> argparse.Namespace:
-    """Parsed arguments; `run` is the command where none is named."""
+    """Parsed arguments; `run` is the command where a scene is named in its place, or nothing is."""
     if not arguments or (arguments[0] not in COMMANDS and arguments[0] not in ("-h", "--help", "--version")):
+        word = arguments[0] if arguments else "-"
+        if word[0:1] != "-" and not word.endswith(".toml") and not Path(word).exists():
+            known = f"expected a scene or one of {', '.join(COMMANDS)}"
+            raise _BadArguments(f"{known}, found {word!r}{suggestion(word, COMMANDS)}")
         arguments = ["run", *arguments]
     return build_parser(arguments[0]).parse_args(arguments)
 

@@ -246,7 +246,8 @@ class Simulation:
         self.clock.time, self.clock.step_size = arrival, step
         self.clock.step += 1
         now = clock.perf_counter()
-        self.phases.contact += before - began + now - after
+        if self.interactions:
+            self.phases.contact += before - began + now - after
         self.phases.sent_processor += TALKING.processor_seconds - sent_processor
         self._count(now - began, clock.process_time() - processor_began)
 

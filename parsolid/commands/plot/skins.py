@@ -1,6 +1,7 @@
 """The surface that particles stand for: faces between them where their lattice or mesh is known."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,7 +20,8 @@ class Skin:
 
     patches: smooth pieces, each faces (m, 3 or 4) of point numbers counted within the body; None: no faces are known,
     the particles are drawn one by one. shape: the lattice whose points are extrapolated from cells, None where
-    particles are themselves the points; lines: number of points and closedness along each direction of a lattice.
+    particles are themselves the points; lines: number of points and closedness along each direction of a lattice;
+    elements: kind and point numbers (m, k) of the elements of a mesh in space.
     """
 
     first: int
@@ -27,6 +29,12 @@ class Skin:
     patches: list[np.ndarray] | None
     cells: tuple[tuple[int, bool], ...] | None = None
     lines: tuple[tuple[int, bool], ...] | None = None
+    elements: tuple[tuple[str, np.ndarray], ...] | None = None
+
+    @property
+    def solid(self) -> bool:
+        """Whether what is between the particles is known, so that a cut through it can be drawn."""
+        return self.lines is not None or self.elements is not None
 
     @property
     def reaches(self) -> bool:
@@ -39,7 +47,7 @@ class Skin:
 
     def torn(self) -> "Skin":
         """The same body drawn particle by particle."""
-        return replace(self, patches=None, cells=None)
+        return replace(self, patches=None, cells=None, lines=None, elements=None)
 
     def points(self, values: np.ndarray, linear: bool) -> np.ndarray:
         """Values (n, ...) of the body's particles at the points of the faces.
@@ -76,39 +84,41 @@ def skins_of(bodies: Mapping[int, Any], dimension: int, body: np.ndarray) -> lis
     for place in np.unique(body):
         # identifiers run body by body
         first, last = np.searchsorted(body, [place, place + 1])
-        patches = cells = None
+        known: tuple[Any, ...] = (None, None, None, None)
         if int(place) in bodies:
-            try:
-                patches, cells, lines = _patches(bodies[int(place)], dimension, int(last - first))
-            except SceneError:
-                patches = None  # its mesh has gone since the run: drawn particle by particle
-        skins.append(Skin(int(first), int(last), patches, cells, lines))
+            # a mesh that has gone since the run is drawn particle by particle
+            with suppress(SceneError):
+                known = _patches(bodies[int(place)], dimension, int(last - first))
+        skins.append(Skin(int(first), int(last), *known))
     return skins
 
 
-def _patches(filled: Any, dimension: int, count: int) -> tuple[list[np.ndarray] | None, Any, Any]:
-    """Faces, cells and lines of a `Skin`."""
+def _patches(filled: Any, dimension: int, count: int) -> tuple[list[np.ndarray] | None, Any, Any, Any]:
+    """Faces, cells, lines and elements of a `Skin`."""
     if filled.shape.kind == "mesh":
         if filled.placed_on == "cells":
-            return None, None, None
+            return None, None, None, None
         mesh = filled.shape.model
         points, blocks, _ = read_mesh(mesh.file, mesh.scale, dimension)
         used = np.unique(np.concatenate([cells.ravel() for _, cells in blocks]))
         number = np.zeros(len(points), np.int64)
         number[used] = np.arange(len(used))
+        if len(used) != count:
+            return None, None, None, None
         blocks = [(kind, number[cells]) for kind, cells in blocks]
-        known = [cells for _, cells in blocks] if dimension == 2 else _outer_facets(blocks)
-        return (known if len(used) == count else None), None, None
+        if dimension == 2:
+            return [cells for _, cells in blocks], None, None, None
+        return _outer_facets(blocks), None, None, tuple(blocks)
     filling = filling_of(filled, dimension)
     if not isinstance(filling, Lattice) or filling.count != count:
-        return None, None, None
+        return None, None, None, None
     lines = [(line.count, line.closed) for line in filling.lines]
     cells = None
     if filled.placed_on == "cells":
         cells = tuple(lines)
         lines = [(count + (count > 1 and not closed), closed) for count, closed in lines]
     faces = lattice_faces(lines, dimension)
-    return (faces, cells, tuple(lines)) if faces else (None, None, None)
+    return (faces, cells, tuple(lines), None) if faces else (None, None, None, None)
 
 
 def lattice_faces(lines: list[tuple[int, bool]], dimension: int) -> list[np.ndarray]:

@@ -144,7 +144,7 @@ class Renderer:
             if self.cut is not None:
                 assert frame.along is not None
                 along = frame.along[rows]
-                if skin.lines is not None:
+                if skin.solid:
                     left = cut_body(skin, position, values, along, self.cut)
                     if left is not None:
                         self._add(left, edges=False)

@@ -103,7 +103,7 @@ def _pieces(sheet: Sheet, frame: Frame) -> Iterator[tuple[np.ndarray, np.ndarray
         position, values, volume = frame.position[rows], frame.values[rows], sheet.volume[rows]
         if sheet.cut is not None:
             assert frame.along is not None
-            if skin.lines is not None and sheet.results.dimension == 3:
+            if skin.solid and sheet.results.dimension == 3:
                 yield from _cut_piece(sheet, skin, position, values, frame.along[rows])
                 continue
             there = sheet.cut.keeps(frame.along[rows], 0.55 * np.cbrt(volume) * (sheet.cut.above is None))
