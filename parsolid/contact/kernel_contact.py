@@ -15,7 +15,7 @@ import numpy as np
 from parsolid.collective import minimum, raise_together
 from parsolid.contact import passes
 from parsolid.contact.boxes import Boxes
-from parsolid.contact.closing import closing_step, meeting_step, step_ahead
+from parsolid.contact.closing import Seen, closing_step, first_steps, step_ahead
 from parsolid.contact.depth import fill_depths
 from parsolid.contact.heat_kernels import others_heat, own_heat
 from parsolid.contact.list_kernels import give_to_rows, take_from_rows
@@ -84,18 +84,16 @@ class KernelContact(Interaction):
         one another, or are one layer of particles."""
         if not self.restarted:
             fill_depths(self.comm, self.sides, self.systems, self.names)
-        self._step = max(self._soon, minimum(self.comm, min(system.stable_step() for system in self.systems)))
+            stable = minimum(self.comm, min(system.stable_step() for system in self.systems))
+            self._step = max(self._soon, stable)
         self.rebuild(time)
         # found anew, forces of friction differ from those that made them in the last bits
         kept = [one.forces[1].copy() for one in self.recipients] if self.restarted else []
         self._colours(anew=True, ahead=2.0 * self._step)
         ahead = self.level.copy()
         deepest = self.evaluate(None, held=True)
-        self._bound_step(self.level, ahead, 2.0 * self._step)
-        # of two steps: that of the second is agreed on before contact looks at the first one's end
-        both = meeting_step(self.entries.constants, self.level, ahead, 2.0 * self._step)
         apart = np.inf if self.restarted else max(0.5 * (self.boxes.expires - time), self._soon)
-        self._nearest = min(self._nearest, 0.5 * both, apart)
+        self._nearest = min(apart, first_steps(self._seen(), ahead, 2.0 * self._step))
         if self._kept is not None and self.entries.segments:
             self._nearest = self._kept
         for one, force in zip(self.recipients, kept):
@@ -271,8 +269,7 @@ class KernelContact(Interaction):
         if not held:
             soon = max(self._step, self._soon)
             going_on = self.matter, entries.lists, self.moved, self._step, min(self._nearest, soon), soon
-            self._bound_step(before, self.level, self._step)
-            self._nearest = min(self._nearest, step_ahead(*going_on))
+            self._nearest = min(closing_step(self._seen(), before, self._step), step_ahead(*going_on))
         self.stuck = 0.0
         if self.rubs:
             self._rub(ledger, True if held else None)
@@ -289,10 +286,8 @@ class KernelContact(Interaction):
             ledger.add(1.0, 0.0, 0.0, work)
         return deepest
 
-    def _bound_step(self, before: np.ndarray, after: np.ndarray, time: float) -> None:
-        """What contact allows of the next step; before, after (entries,) [m]: penetrations, a time [s] apart."""
-        arrays = self.colour, self.entries.constants, self.longest, after, before
-        self._nearest = closing_step(*arrays, time)
+    def _seen(self) -> Seen:
+        return Seen(self.colour, self.entries.constants, self.longest, self.level)
 
     def _colours(self, anew: bool, ahead: float = 0.0) -> tuple[float, int]:
         """Places, colours, penetrations and energy; the deepest and of which entry; collective among neighbours.
