@@ -11,7 +11,9 @@ from parsolid.contact.lists import SEEN
 # of R and of its penetration, by what a particle may come nearer or go in a step: its force is taken to change evenly
 # in it, and stiffens most where it begins
 MOST_CLOSED = (0.007, 0.15)
-# of that, by what the entries of a rank may move against one another before it looks ahead
+# of R, by what a particle comes nearer in a step where contact looks ahead: what is slower has been seen before
+FAST = 0.05
+# of that, by what the entries of a rank move against one another before it looks
 _SLOW = 0.5
 
 
@@ -41,7 +43,7 @@ def first_steps(seen: Seen, ahead: np.ndarray, time: float) -> float:
 def meeting_step(constants: np.ndarray, now: np.ndarray, ahead: np.ndarray, time: float) -> float:
     """The step [s] in which no owned entry goes deeper than it may that does not press yet; now, ahead (owned,) [m]:
     penetrations in the present places and in those after a time [s]."""
-    return float(time_until_pressed(constants, now, ahead, time, MOST_CLOSED))
+    return float(time_until_pressed(constants, now, ahead, time, (*MOST_CLOSED, FAST)))
 
 
 def step_ahead(
@@ -57,7 +59,7 @@ def step_ahead(
         return float(np.inf)
     # of what an image moves, too
     span = np.ptp(moved, axis=0) if lists.code is None else 2.0 * np.abs(moved).max(axis=0)
-    most = _SLOW * MOST_CLOSED[0] / float(matter.constants[:, 3].max())
+    most = _SLOW * FAST / float(matter.constants[:, 3].max())
     if time / step * float(np.sqrt(span @ span)) <= most:
         return float(np.inf)
     first, last = (levels_at(matter, lists, matter.place + when / step * moved) for when in (coming, coming + time))

@@ -15,7 +15,7 @@ import numpy as np
 from parsolid.collective import minimum, raise_together
 from parsolid.contact import passes
 from parsolid.contact.boxes import Boxes
-from parsolid.contact.closing import Seen, closing_step, first_steps, step_ahead
+from parsolid.contact.closing import FAST, Seen, closing_step, first_steps, step_ahead
 from parsolid.contact.depth import fill_depths
 from parsolid.contact.heat_kernels import others_heat, own_heat
 from parsolid.contact.list_kernels import give_to_rows, take_from_rows
@@ -84,8 +84,7 @@ class KernelContact(Interaction):
         one another, or are one layer of particles."""
         if not self.restarted:
             fill_depths(self.comm, self.sides, self.systems, self.names)
-            stable = minimum(self.comm, min(system.stable_step() for system in self.systems))
-            self._step = max(self._soon, stable)
+            self._step = max(self._soon, minimum(self.comm, min(one.stable_step() for one in self.systems)))
         self.rebuild(time)
         # found anew, forces of friction differ from those that made them in the last bits
         kept = [one.forces[1].copy() for one in self.recipients] if self.restarted else []
@@ -119,11 +118,12 @@ class KernelContact(Interaction):
     def state(self) -> dict[str, Any]:
         """That there is one, its energies on each rank, and the steps that these allow; collective."""
         energies, step = self.comm.allgather((self.energy, self.stuck)), min(1e300, self._nearest)
-        return {"rebuilds": self.rebuilds, "energies": energies, "steps": self.comm.allgather(step)}
+        steps = {"steps": self.comm.allgather(step), "step": self._step}
+        return {"rebuilds": self.rebuilds, "energies": energies} | steps
 
     def set_state(self, state: dict[str, Any]) -> None:
         """The thresholds are those of the checkpoint."""
-        self.restarted, self.rebuilds = True, state["rebuilds"]
+        self.restarted, self.rebuilds, self._step = True, state["rebuilds"], state.get("step", self._step)
         steps, same = state.get("steps"), len(state["energies"]) == self.comm.size
         self._kept = steps and (steps[self.comm.rank] if same else min(steps))
         if same:
@@ -202,10 +202,12 @@ class KernelContact(Interaction):
             if self.rebuilds == 0 or self.restarted:
                 rows("contact_start")[:, : system.dimension] = rows("position")
         # particles so fast that they use up their lists before they can be made anew may all press
-        prune = self.boxes.time_left(time, 2 * _AHEAD * self._step) >= _AHEAD * self._step
+        fast = self.boxes.fastest() * max(self._step, self._soon) > FAST * self.boxes.reach.min()
+        prune = not fast and self.boxes.time_left(time, 2 * _AHEAD * self._step) >= _AHEAD * self._step
         self.entries.build(self.boxes, self.within.excluded if self.within.any else None, self._constants, prune)
         self.rebuilds += 1
-        self.news, self._until_look = False, 1
+        # what contact sees ahead of those must not depend on when lists were made
+        self.news, self._until_look = fast, 1
         self._nearest = self._nearest if self.entries.segments else np.inf
         entries, d = self.entries, self.systems[0].dimension
         owned, whole = entries.owned, entries.owned + entries.halo.ghosts
@@ -220,8 +222,7 @@ class KernelContact(Interaction):
         self.friction = np.repeat([side.friction for side in sides], [one.last - one.first for one in entries.segments])
         self.longest = np.repeat([side.longest for side in sides], [one.last - one.first for one in entries.segments])
         self.matter = passes.Matter(self.place, entries.volume, entries.share, entries.constants)
-        told = [self.place, self.moved], [self.record]
-        self.first, self.second = map(entries.halo.exchange, told)
+        self.first, self.second = map(entries.halo.exchange, ([self.place, self.moved], [self.record]))
         self.recipients = [Recipient(system, i, entries.segments) for i, system in enumerate(self.systems)]
 
     def _constants(self, segments: list[Segment], volume: np.ndarray) -> np.ndarray:

@@ -208,11 +208,12 @@ def longest_step(colour, constants, longest, share, level, before, step, most):
 @compiled
 def time_until_pressed(constants, now, ahead, time, most):
     """The least of the times in which penetrations of owned entries reach most[0] of R, or grow by as much and most[1]
-    of themselves; inf where they do not within a time [s]; now, ahead (owned,) [m]: at its start and its end."""
+    of themselves, of those that change by more than most[2] of R in a time [s]; inf where none does; now, ahead
+    (owned,) [m]: at its start and its end."""
     least = math.inf
     for a in range(len(now)):
         if ahead[a] > 0.0:
             change, allowed = ahead[a] - now[a], most[0] / constants[a, 3] + max(-now[a], most[1] * now[a])
-            if change > allowed:
+            if change > max(allowed, most[2] / constants[a, 3]):
                 least = min(least, time * allowed / change)
     return least
