@@ -10,7 +10,7 @@ from parsolid.contact.lists import SEEN
 
 # of R and of its penetration, by what a particle may come nearer or go in a step: its force is taken to change evenly
 # in it, and stiffens most where it begins
-MOST_CLOSED = (0.007, 0.15)
+MOST_CLOSED = (0.007, 0.1)
 # of R, by what a particle comes nearer in a step where contact looks ahead: what is slower has been seen before
 FAST = 0.05
 # of that, by what the entries of a rank move against one another before it looks

@@ -69,8 +69,7 @@ class KernelContact(Interaction):
         self.entries, self.within = Entries(comm, self.sides, systems), WithinBodies(self.sides, systems)
         self.rubs = any(side.friction for side in self.sides.sides)
         self.warms = self.rubs and any(system.takes_heat for system in systems)
-        self.restarted = False
-        self.rebuilds, self.energy, self.stuck = 0, 0.0, 0.0
+        self.restarted, self.rebuilds, self.energy, self.stuck = False, 0, 0.0, 0.0
         # of a checkpoint of as many ranks; the step that it allows, but for those of earlier versions
         self._energies: tuple[float, float] | None = None
         self._kept: float | None = None
@@ -118,8 +117,8 @@ class KernelContact(Interaction):
     def state(self) -> dict[str, Any]:
         """That there is one, its energies on each rank, and the steps that these allow; collective."""
         energies, step = self.comm.allgather((self.energy, self.stuck)), min(1e300, self._nearest)
-        steps = {"steps": self.comm.allgather(step), "step": self._step}
-        return {"rebuilds": self.rebuilds, "energies": energies} | steps
+        steps = {"steps": self.comm.allgather(step), "step": self._step, "rebuilds": self.rebuilds}
+        return {"energies": energies} | steps
 
     def set_state(self, state: dict[str, Any]) -> None:
         """The thresholds are those of the checkpoint."""
