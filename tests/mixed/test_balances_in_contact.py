@@ -134,6 +134,13 @@ def test_stages_and_what_damps_nothing_take_two_thirds_of_a_contacts_step():
     assert longest["stages"] == pytest.approx(2.0 / 3.0 * longest["one"])
 
 
+def test_check_says_what_stages_do_not_keep():
+    for method, number in ((LEAPFROG, 0), ({"kind": "tlsph"}, 1)):
+        scene = parse_scene(blocks(method, 4.0, 1e-4, RUBBER))
+        said = [note for note in scene.method.notes(scene, [0, 1]) if "angular momentum" in note]
+        assert len(said) == number
+
+
 def test_a_restart_before_bodies_that_close_fast_touch_has_the_same_bits(tmp_path):
     scene, comm = (
         parse_scene(apart(1.4e-3, 120.0) | {"output": {"history_steps": 1, "fields_times": []}}),
