@@ -129,10 +129,8 @@ class TotalLagrangianSPH(MethodSettings):
     def _notes_of_contact(self, scene: Any) -> list[str]:
         if self.integrator == "leapfrog" or not scene.contact:
             return []
-        said = (
-            "stages keep the angular momentum of bodies in contact to 1e-6 of what they bring, and damp what it shakes"
-        )
-        return [f"{said}; method.integrator = 'leapfrog' keeps it to round-off in a third of the time a step"]
+        said = "stages keep angular momentum of bodies in contact to 1e-6 of what they bring, at best, and damp what"
+        return [f"{said} it shakes; method.integrator = 'leapfrog' without dissipation keeps it to round-off"]
 
     def _notes_of_weights(self, scene: Any, bodies: Iterable[int]) -> list[str]:
         loaded = any(one.kind in ("traction", "pressure") for one in scene.boundaries)
