@@ -111,7 +111,7 @@ def cases() -> dict[str, Tables]:
     pairs += [(kind, kind) for kind in alone]
     result = {f"oblique discs, {one} and {other}": oblique(one, other) for one, other in pairs}
     result |= {f"fold on itself, {kind}": fold(KINDS[kind]) for kind in ("leapfrog", "stages")}
-    towers = (["leapfrog", "mpm", "peridynamics"], ["stages", "ulsph", "stages"])
+    towers = [["leapfrog", "mpm", "peridynamics"], ["stages", "ulsph", "stages"], ["peridynamics"] * 2, ["stages"] * 2]
     result |= {f"stack, {', '.join(kinds)}": stack(kinds) for kinds in towers}
     result |= {f"stroke of a tool, {kind}": stroke(kind) for kind in alone}
     cubes = (["leapfrog", "ulsph", "mpm"], ["stages", "peridynamics", "leapfrog"])

@@ -77,6 +77,20 @@ class Boxes:
                 left = time_left(*fields, now[number], self._partners(number, elapsed), left)
         return left
 
+    def fastest(self) -> float:
+        """The greatest speed [m/s] of this rank's particles of bodies that are near another one, or themselves, against
+        the mean of that, when boxes were agreed on."""
+        most = 0.0
+        for system, numbers in zip(self.systems, self.numbers):
+            for local, number in enumerate(numbers):
+                others = {self.sides.sides[near].other for near in self._near_of_body.get(int(number), ())}
+                rows = system.particles.owned_rows
+                velocity = rows("velocity")[rows("body") == local] if others else None
+                for other in others if velocity is not None and len(velocity) else ():
+                    square = ((velocity - self.velocity[other]) ** 2).sum(axis=1)
+                    most = max(most, float(square.max()) ** 0.5)
+        return most
+
     def _partners(self, numbers: np.ndarray, elapsed: float) -> tuple[np.ndarray, np.ndarray]:
         """Near bodies of each of some bodies, as `list_kernels.time_left` takes them."""
         d, start, rows = self.velocity.shape[1], [0], []

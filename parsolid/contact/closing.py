@@ -1,6 +1,6 @@
 """What contact allows of the next step: of its stiffness, and by how far bodies may come nearer in one."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -8,24 +8,42 @@ from parsolid.contact import passes
 from parsolid.contact.list_kernels import longest_step, time_until_pressed
 from parsolid.contact.lists import SEEN
 
-# of R, by what a particle may come nearer or go in a step: its force is taken to change evenly in it
-MOST_CLOSED = 0.02
-# of that, by what the entries of a rank may move against one another before it looks ahead
+# of R and of its penetration, by what a particle may come nearer or go in a step: its force is taken to change evenly
+# in it, and stiffens most where it begins
+MOST_CLOSED = (0.007, 0.1)
+# of R, by what a particle comes nearer in a step where contact looks ahead: what is slower has been seen before
+FAST = 0.05
+# of that, by what the entries of a rank move against one another before it looks
 _SLOW = 0.5
 
 
-def closing_step(
-    colour: np.ndarray, constants: np.ndarray, longest: np.ndarray, after: np.ndarray, before: np.ndarray, step: float
-) -> float:
-    """The step [s] that owned entries allow which see the other body; after, before (owned,) [m]: their penetrations, a
-    step [s] apart."""
-    return float(longest_step(colour, constants, longest, SEEN, after, before, step, MOST_CLOSED))
+class Seen(NamedTuple):
+    """What `longest_step` takes of owned entries: colours (owned,), constants (owned, 5), steps (owned,) [s] that the
+    stiffness allows, and penetrations (owned,) [m]."""
+
+    colour: np.ndarray
+    constants: np.ndarray
+    longest: np.ndarray
+    level: np.ndarray
+
+
+def closing_step(seen: Seen, before: np.ndarray, step: float) -> float:
+    """The step [s] that owned entries allow which see the other body; before (owned,) [m]: their penetrations a
+    step [s] away."""
+    arrays = seen.colour, seen.constants, seen.longest, SEEN, seen.level, before
+    return float(longest_step(*arrays, step, MOST_CLOSED))
+
+
+def first_steps(seen: Seen, ahead: np.ndarray, time: float) -> float:
+    """Each of two steps [s] from a start; ahead (owned,) [m]: penetrations after a time [s]. That of the second one is
+    agreed on before contact looks at the end of the first."""
+    return min(closing_step(seen, ahead, time), 0.5 * meeting_step(seen.constants, seen.level, ahead, time))
 
 
 def meeting_step(constants: np.ndarray, now: np.ndarray, ahead: np.ndarray, time: float) -> float:
     """The step [s] in which no owned entry goes deeper than it may that does not press yet; now, ahead (owned,) [m]:
     penetrations in the present places and in those after a time [s]."""
-    return float(time_until_pressed(constants, now, ahead, time, MOST_CLOSED))
+    return float(time_until_pressed(constants, now, ahead, time, (*MOST_CLOSED, FAST)))
 
 
 def step_ahead(
@@ -41,7 +59,7 @@ def step_ahead(
         return float(np.inf)
     # of what an image moves, too
     span = np.ptp(moved, axis=0) if lists.code is None else 2.0 * np.abs(moved).max(axis=0)
-    most = _SLOW * MOST_CLOSED / float(matter.constants[:, 3].max())
+    most = _SLOW * FAST / float(matter.constants[:, 3].max())
     if time / step * float(np.sqrt(span @ span)) <= most:
         return float(np.inf)
     first, last = (levels_at(matter, lists, matter.place + when / step * moved) for when in (coming, coming + time))

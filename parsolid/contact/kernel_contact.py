@@ -15,7 +15,7 @@ import numpy as np
 from parsolid.collective import minimum, raise_together
 from parsolid.contact import passes
 from parsolid.contact.boxes import Boxes
-from parsolid.contact.closing import closing_step, meeting_step, step_ahead
+from parsolid.contact.closing import FAST, Seen, closing_step, first_steps, step_ahead
 from parsolid.contact.depth import fill_depths
 from parsolid.contact.heat_kernels import others_heat, own_heat
 from parsolid.contact.list_kernels import give_to_rows, take_from_rows
@@ -69,8 +69,7 @@ class KernelContact(Interaction):
         self.entries, self.within = Entries(comm, self.sides, systems), WithinBodies(self.sides, systems)
         self.rubs = any(side.friction for side in self.sides.sides)
         self.warms = self.rubs and any(system.takes_heat for system in systems)
-        self.restarted = False
-        self.rebuilds, self.energy, self.stuck = 0, 0.0, 0.0
+        self.restarted, self.rebuilds, self.energy, self.stuck = False, 0, 0.0, 0.0
         # of a checkpoint of as many ranks; the step that it allows, but for those of earlier versions
         self._energies: tuple[float, float] | None = None
         self._kept: float | None = None
@@ -84,18 +83,15 @@ class KernelContact(Interaction):
         one another, or are one layer of particles."""
         if not self.restarted:
             fill_depths(self.comm, self.sides, self.systems, self.names)
-        self._step = max(self._soon, minimum(self.comm, min(system.stable_step() for system in self.systems)))
+            self._step = max(self._soon, minimum(self.comm, min(one.stable_step() for one in self.systems)))
         self.rebuild(time)
         # found anew, forces of friction differ from those that made them in the last bits
         kept = [one.forces[1].copy() for one in self.recipients] if self.restarted else []
         self._colours(anew=True, ahead=2.0 * self._step)
         ahead = self.level.copy()
         deepest = self.evaluate(None, held=True)
-        self._bound_step(self.level, ahead, 2.0 * self._step)
-        # of two steps: that of the second is agreed on before contact looks at the first one's end
-        both = meeting_step(self.entries.constants, self.level, ahead, 2.0 * self._step)
         apart = np.inf if self.restarted else max(0.5 * (self.boxes.expires - time), self._soon)
-        self._nearest = min(self._nearest, 0.5 * both, apart)
+        self._nearest = min(apart, first_steps(self._seen(), ahead, 2.0 * self._step))
         if self._kept is not None and self.entries.segments:
             self._nearest = self._kept
         for one, force in zip(self.recipients, kept):
@@ -121,11 +117,12 @@ class KernelContact(Interaction):
     def state(self) -> dict[str, Any]:
         """That there is one, its energies on each rank, and the steps that these allow; collective."""
         energies, step = self.comm.allgather((self.energy, self.stuck)), min(1e300, self._nearest)
-        return {"rebuilds": self.rebuilds, "energies": energies, "steps": self.comm.allgather(step)}
+        steps = {"steps": self.comm.allgather(step), "step": self._step, "rebuilds": self.rebuilds}
+        return {"energies": energies} | steps
 
     def set_state(self, state: dict[str, Any]) -> None:
         """The thresholds are those of the checkpoint."""
-        self.restarted, self.rebuilds = True, state["rebuilds"]
+        self.restarted, self.rebuilds, self._step = True, state["rebuilds"], state.get("step", self._step)
         steps, same = state.get("steps"), len(state["energies"]) == self.comm.size
         self._kept = steps and (steps[self.comm.rank] if same else min(steps))
         if same:
@@ -204,10 +201,12 @@ class KernelContact(Interaction):
             if self.rebuilds == 0 or self.restarted:
                 rows("contact_start")[:, : system.dimension] = rows("position")
         # particles so fast that they use up their lists before they can be made anew may all press
-        prune = self.boxes.time_left(time, 2 * _AHEAD * self._step) >= _AHEAD * self._step
+        fast = self.boxes.fastest() * max(self._step, self._soon) > FAST * self.boxes.reach.min()
+        prune = not fast and self.boxes.time_left(time, 2 * _AHEAD * self._step) >= _AHEAD * self._step
         self.entries.build(self.boxes, self.within.excluded if self.within.any else None, self._constants, prune)
         self.rebuilds += 1
-        self.news, self._until_look = False, 1
+        # what contact sees ahead of those must not depend on when lists were made
+        self.news, self._until_look = fast, 1
         self._nearest = self._nearest if self.entries.segments else np.inf
         entries, d = self.entries, self.systems[0].dimension
         owned, whole = entries.owned, entries.owned + entries.halo.ghosts
@@ -222,8 +221,7 @@ class KernelContact(Interaction):
         self.friction = np.repeat([side.friction for side in sides], [one.last - one.first for one in entries.segments])
         self.longest = np.repeat([side.longest for side in sides], [one.last - one.first for one in entries.segments])
         self.matter = passes.Matter(self.place, entries.volume, entries.share, entries.constants)
-        told = [self.place, self.moved], [self.record]
-        self.first, self.second = map(entries.halo.exchange, told)
+        self.first, self.second = map(entries.halo.exchange, ([self.place, self.moved], [self.record]))
         self.recipients = [Recipient(system, i, entries.segments) for i, system in enumerate(self.systems)]
 
     def _constants(self, segments: list[Segment], volume: np.ndarray) -> np.ndarray:
@@ -271,8 +269,7 @@ class KernelContact(Interaction):
         if not held:
             soon = max(self._step, self._soon)
             going_on = self.matter, entries.lists, self.moved, self._step, min(self._nearest, soon), soon
-            self._bound_step(before, self.level, self._step)
-            self._nearest = min(self._nearest, step_ahead(*going_on))
+            self._nearest = min(closing_step(self._seen(), before, self._step), step_ahead(*going_on))
         self.stuck = 0.0
         if self.rubs:
             self._rub(ledger, True if held else None)
@@ -289,10 +286,8 @@ class KernelContact(Interaction):
             ledger.add(1.0, 0.0, 0.0, work)
         return deepest
 
-    def _bound_step(self, before: np.ndarray, after: np.ndarray, time: float) -> None:
-        """What contact allows of the next step; before, after (entries,) [m]: penetrations, a time [s] apart."""
-        arrays = self.colour, self.entries.constants, self.longest, after, before
-        self._nearest = closing_step(*arrays, time)
+    def _seen(self) -> Seen:
+        return Seen(self.colour, self.entries.constants, self.longest, self.level)
 
     def _colours(self, anew: bool, ahead: float = 0.0) -> tuple[float, int]:
         """Places, colours, penetrations and energy; the deepest and of which entry; collective among neighbours.

@@ -192,27 +192,28 @@ def oscillation(rows, step, every, forces, mass, share, held, start, velocity, p
 @compiled
 def longest_step(colour, constants, longest, share, level, before, step, most):
     """The least of the steps `longest` (owned,) [s] that those entries allow that see more than a share of their
-    threshold, and of those in which their penetrations change by a part `most` of R as they did in the last one;
-    before (owned,) [m]: the penetrations at its start, step [s]; inf where none does."""
+    threshold, and of those in which their penetrations change as in the last one by no more than most[0] of R and
+    most[1] of themselves; before (owned,) [m]: the penetrations at its start, step [s]; inf where none does."""
     least = math.inf
     for a in range(len(colour)):
         if colour[a] > share * constants[a, 0]:
-            reach = 1.0 / constants[a, 3]
+            allowed = most[0] / constants[a, 3] + most[1] * max(level[a], 0.0)
             least = min(least, longest[a])
             # what saw less before has no rate yet: whether it had a colour then depends on when lists were made
             if before[a] > (share - 1.0) * constants[a, 0] * constants[a, 1]:
-                least = min(least, step * most * reach / max(abs(level[a] - before[a]), 1e-300))
+                least = min(least, step * allowed / max(abs(level[a] - before[a]), 1e-300))
     return least
 
 
 @compiled
 def time_until_pressed(constants, now, ahead, time, most):
-    """The least of the times in which penetrations of owned entries reach a part `most` of R, or grow by as much; inf
-    where they do not within a time [s]; now, ahead (owned,) [m]: at its start and its end."""
+    """The least of the times in which penetrations of owned entries reach most[0] of R, or grow by as much and most[1]
+    of themselves, of those that change by more than most[2] of R in a time [s]; inf where none does; now, ahead
+    (owned,) [m]: at its start and its end."""
     least = math.inf
     for a in range(len(now)):
         if ahead[a] > 0.0:
-            change, allowed = ahead[a] - now[a], most / constants[a, 3] + max(-now[a], 0.0)
-            if change > allowed:
+            change, allowed = ahead[a] - now[a], most[0] / constants[a, 3] + max(-now[a], most[1] * now[a])
+            if change > max(allowed, most[2] / constants[a, 3]):
                 least = min(least, time * allowed / change)
     return least

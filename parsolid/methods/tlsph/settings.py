@@ -123,7 +123,16 @@ class TotalLagrangianSPH(MethodSettings):
         return terms | ({FIXED_WALLS: -1} if images else {})
 
     def notes(self, scene: Any, bodies: Iterable[int]) -> list[str]:
-        """Faces that are loaded through weights which do not close, where others would."""
+        """Faces that are loaded through weights which do not close, where others would; contact between stages."""
+        return self._notes_of_weights(scene, bodies) + self._notes_of_contact(scene)
+
+    def _notes_of_contact(self, scene: Any) -> list[str]:
+        if self.integrator == "leapfrog" or not scene.contact:
+            return []
+        said = "stages keep angular momentum of bodies in contact to 1e-6 of what they bring, at best, and damp what"
+        return [f"{said} it shakes; method.integrator = 'leapfrog' without dissipation keeps it to round-off"]
+
+    def _notes_of_weights(self, scene: Any, bodies: Iterable[int]) -> list[str]:
         loaded = any(one.kind in ("traction", "pressure") for one in scene.boundaries)
         if not loaded or self.pair_weights != "kernel" or self.reference == "updated" or scene.methods is not None:
             return []
