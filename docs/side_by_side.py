@@ -28,6 +28,7 @@ _CASES = {
     ),
     "column, leapfrog after stages": ({"kind": "tlsph"}, {**_RUBBER, **_BRANCH}, {"integrator": "leapfrog"}),
     "tlsph, leapfrog": ({"kind": "tlsph", "integrator": "leapfrog"}, {**_RUBBER, **_BRANCH}),
+    "tlsph, h/dx 1.2, leapfrog": ({"kind": "tlsph", "smoothing": 1.2, "integrator": "leapfrog"}, _RUBBER),
     "tlsph, h/dx 1.2": ({"kind": "tlsph", "smoothing": 1.2}, _RUBBER),
     "tlsph, leapfrog, fourth-order": ({"kind": "tlsph", "integrator": "leapfrog", "weights": "fourth-order"}, _RUBBER),
     "peridynamics": (
