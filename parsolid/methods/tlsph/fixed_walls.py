@@ -39,6 +39,17 @@ def add_excess_forces(
                     force[a, i] += factors[code[k], i, j] * stress[neighbour[k], j, i] * weight[k, j]
 
 
+@compiled
+def power_of_excess(start: np.ndarray, force: np.ndarray, kinematics: np.ndarray, share: np.ndarray) -> float:
+    """Power [W] of forces (n, d) [N] on the tributary parts of the particles that have images."""
+    power = 0.0
+    for a in range(start.shape[0] - 1):
+        if start[a] < start[a + 1]:
+            for i in range(force.shape[1]):
+                power += share[a] * force[a, i] * kinematics[a, i]
+    return power
+
+
 class FixedWalls:
     """The work [J] of one rank's images at fixed planes in a step, as `reactions.Reactions` ask for it."""
 
@@ -71,8 +82,8 @@ class FixedWalls:
 
     def book(self, duration: float) -> None:
         """Count their work over a duration [s] with the present velocities."""
-        rows = self.particles.owned_rows
-        power = np.add.reduce(rows("excess_wall_force") * rows("velocity"), axis=1) @ rows("share")
+        rows, velocity = self.particles.owned_rows, self.particles.storage("kinematics")
+        power = power_of_excess(self.pairs.mirror.start, rows("excess_wall_force"), velocity, rows("share"))
         self.work += duration * float(power)
 
 
