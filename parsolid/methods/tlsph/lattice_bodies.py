@@ -100,6 +100,8 @@ def put_on_lattices(
             fault = fault or str(error)
             continue
         stencils = _stencils(filling, index, axes, wide)
+        if scene.bodies[body].shape.kind == "box":
+            stencils.volume[on_clamp_edges(axes, index)] *= 1.0 - scene.method.clamp_edges
         if even is not None:
             even[rows] = np.stack([line.coordinate(i) for line, i in zip(filling.lines, index)], axis=1)
         lattices.number[rows], weight[rows] = body, stencils.weight
@@ -122,6 +124,17 @@ def _with_held_ends(comm: Any, axes: list[Axis], index: list[np.ndarray], clamp:
     ends = [(i == end) & free for axis, i in zip(axes, index) for end in (0, axis.nodes - 1)]
     moves = maximum(comm, np.array([float(end.any()) for end in ends])).reshape(-1, 2)
     return [axis._replace(held=(not low, not high)) for axis, (low, high) in zip(axes, moves)]
+
+
+def on_clamp_edges(axes: list[Axis], index: list[np.ndarray]) -> np.ndarray:
+    """Which nodes (n,) of a box are where an end that stands still meets a free one; index: d arrays (n,)."""
+    held, free = np.zeros(len(index[0]), bool), np.zeros(len(index[0]), bool)
+    for axis, i in zip(axes, index):
+        for end in (0, 1):
+            there = i == (axis.nodes - 1) * end
+            held |= there & axis.held[end]
+            free |= there & (not axis.held[end] and not axis.mirrored[end])
+    return held & free
 
 
 def _signal(axes: list[Axis], wide: bool, box: bool, settings: Any) -> Callable[[float, float], float]:
