@@ -99,9 +99,7 @@ def put_on_lattices(
             # on all ranks
             fault = fault or str(error)
             continue
-        stencils = _stencils(filling, index, axes, wide)
-        if scene.bodies[body].shape.kind == "box":
-            stencils.volume[on_clamp_edges(axes, index)] *= 1.0 - scene.method.clamp_edges
+        stencils = _stencils(filling, index, axes, wide, scene.method.clamp_edges)
         if even is not None:
             even[rows] = np.stack([line.coordinate(i) for line, i in zip(filling.lines, index)], axis=1)
         lattices.number[rows], weight[rows] = body, stencils.weight
@@ -195,11 +193,16 @@ def speed_ratio(law: Any) -> float:
     return float(shear / (lame + 2.0 * shear))
 
 
-def _stencils(filling: Any, index: list[np.ndarray], axes: list[Axis], wide: bool) -> Stencils:
-    """index: d arrays (n,)."""
+def _stencils(filling: Any, index: list[np.ndarray], axes: list[Axis], wide: bool, part: float) -> Stencils:
+    """index: d arrays (n,); part: of their volume that nodes on the edges of a clamp of a box do without. Corrections
+    L_a follow the volume, so that gradients stay exact and the force of the stress there is less by that part."""
     if wide or any(axis.places for axis in axes):
-        return box_stencils(index, axes, wide)
-    return cell_stencils(index, axes, filling.holds_cells)
+        result = box_stencils(index, axes, wide)
+    else:
+        result = cell_stencils(index, axes, filling.holds_cells)
+    if filling.body.shape.kind == "box":
+        result.volume[on_clamp_edges(axes, index)] *= 1.0 - part
+    return result
 
 
 def _axes(filling: Any, planes: list[Any]) -> list[Axis]:

@@ -76,8 +76,8 @@ class TotalLagrangianSPH(MethodSettings):
         0.0,
         ge=0,
         lt=1,
-        description="part of their volume that nodes of boxes do without where a fixed plane meets a free face: 0.6 there "
-        "takes the error of the singular stress away",
+        description="part of their volume that nodes of boxes with weights in closed form do without where a fixed "
+        "plane meets a free face, for the singular stress there (docs/weights.md)",
     )
     pair_correction: Literal["none", "closure"] = Field(
         "none", description='"closure": the former way to say weights = "closure"'
