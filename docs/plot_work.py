@@ -26,7 +26,7 @@ PANELS = {
         },
     ),
     "small bending": (
-        ("bending, even", "bending, graded"),
+        ("bending, even", "bending, graded", "bending, edges"),
         {
             "kernel, SSP-RK3": ((0.68, 5), (6.2, 2), (40, 1.1)),
             "SPHinXsys": ((28, 5),),

@@ -99,7 +99,7 @@ def put_on_lattices(
             # on all ranks
             fault = fault or str(error)
             continue
-        stencils = _stencils(filling, index, axes, wide)
+        stencils = _stencils(filling, index, axes, wide, scene.method.clamp_edges)
         if even is not None:
             even[rows] = np.stack([line.coordinate(i) for line, i in zip(filling.lines, index)], axis=1)
         lattices.number[rows], weight[rows] = body, stencils.weight
@@ -122,6 +122,17 @@ def _with_held_ends(comm: Any, axes: list[Axis], index: list[np.ndarray], clamp:
     ends = [(i == end) & free for axis, i in zip(axes, index) for end in (0, axis.nodes - 1)]
     moves = maximum(comm, np.array([float(end.any()) for end in ends])).reshape(-1, 2)
     return [axis._replace(held=(not low, not high)) for axis, (low, high) in zip(axes, moves)]
+
+
+def on_clamp_edges(axes: list[Axis], index: list[np.ndarray]) -> np.ndarray:
+    """Which nodes (n,) of a box are where an end that stands still meets a free one; index: d arrays (n,)."""
+    held, free = np.zeros(len(index[0]), bool), np.zeros(len(index[0]), bool)
+    for axis, i in zip(axes, index):
+        for end in (0, 1):
+            there = i == (axis.nodes - 1) * end
+            held |= there & axis.held[end]
+            free |= there & (not axis.held[end] and not axis.mirrored[end])
+    return held & free
 
 
 def _signal(axes: list[Axis], wide: bool, box: bool, settings: Any) -> Callable[[float, float], float]:
@@ -182,11 +193,16 @@ def speed_ratio(law: Any) -> float:
     return float(shear / (lame + 2.0 * shear))
 
 
-def _stencils(filling: Any, index: list[np.ndarray], axes: list[Axis], wide: bool) -> Stencils:
-    """index: d arrays (n,)."""
+def _stencils(filling: Any, index: list[np.ndarray], axes: list[Axis], wide: bool, part: float) -> Stencils:
+    """index: d arrays (n,); part: of their volume that nodes on the edges of a clamp of a box do without. Corrections
+    L_a follow the volume, so that gradients stay exact and the force of the stress there is less by that part."""
     if wide or any(axis.places for axis in axes):
-        return box_stencils(index, axes, wide)
-    return cell_stencils(index, axes, filling.holds_cells)
+        result = box_stencils(index, axes, wide)
+    else:
+        result = cell_stencils(index, axes, filling.holds_cells)
+    if filling.body.shape.kind == "box":
+        result.volume[on_clamp_edges(axes, index)] *= 1.0 - part
+    return result
 
 
 def _axes(filling: Any, planes: list[Any]) -> list[Axis]:

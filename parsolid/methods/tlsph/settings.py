@@ -72,6 +72,13 @@ class TotalLagrangianSPH(MethodSettings):
         description='pair weights: "kernel" unless given; "closure" for irregular particles; "cells" and '
         '"fourth-order" in closed form for nodes of lattices; "best": for each body what fits it',
     )
+    clamp_edges: float = Field(
+        0.0,
+        ge=0,
+        lt=1,
+        description="part of their volume that nodes of boxes with weights in closed form do without where a fixed "
+        "plane meets a free face, for the singular stress there (docs/weights.md)",
+    )
     pair_correction: Literal["none", "closure"] = Field(
         "none", description='"closure": the former way to say weights = "closure"'
     )
@@ -154,7 +161,17 @@ class TotalLagrangianSPH(MethodSettings):
         faults: list[Detail] = [
             (("boundaries", i, "kind"), expected, kind) for i, kind in kinds if kind == "antisymmetric"
         ]
-        return faults + lattice_faults(self.pair_weights, scene) + self._grading_faults(scene)
+        faults += lattice_faults(self.pair_weights, scene) + self._grading_faults(scene)
+        return faults + self._edge_faults(scene)
+
+    def _edge_faults(self, scene: Any) -> list[Detail]:
+        """Edges of clamps where no box has weights in closed form."""
+        kinds = weights_of_bodies(self.pair_weights, scene)
+        boxes = [kind in ON_LATTICES and body.shape.kind == "box" for kind, body in zip(kinds, scene.bodies)]
+        if not self.clamp_edges or any(boxes):
+            return []
+        expected = "0 unless a box has weights in closed form"
+        return [(("method", "clamp_edges"), expected, self.clamp_edges)]
 
     def _grading_faults(self, scene: Any) -> list[Detail]:
         """Graded bodies without weights in closed form, with a step that knows one spacing only, or in contact, which

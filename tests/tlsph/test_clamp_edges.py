@@ -1,0 +1,91 @@
+"""`method.clamp_edges`: what nodes on the edges of a clamp do without, and what it is good for."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomllib
+from solids import gathered, run_steps, run_to_end, simulation, supports, tables
+
+from parsolid.methods.tlsph.displacement import displacement_gradient
+from parsolid.scene import SceneError
+
+PART = 0.6
+SCENES = Path(__file__).parents[2] / "runs" / "tlsph"
+
+
+def block(particles, *, part=PART, weights="fourth-order", boundaries=None, **body) -> dict:
+    method = {"weights": weights, "integrator": "leapfrog", "clamp_edges": part}
+    held = supports(Y=(0.0, "fixed")) if boundaries is None else boundaries
+    velocity = {"velocity": ["Y*Y", "0", "X*Y"][: len(particles)]}
+    return tables(list(particles), method=method, boundaries=held, body=velocity | body)
+
+
+# blocks, and where X, Z meet the clamp at a free face
+BLOCKS = {
+    "2-D": (block((9, 12)), ((0.0, 1.0),)),
+    "3-D": (block((9, 8, 5)), ((0.0, 1.0), (0.0, 1.0))),
+    "cells": (block((5, 6, 4), weights="cells"), ((0.0, 1.0), (0.0, 1.0))),
+    "graded": (block((9, 10, 8), grading=[[1, 1.5, 1], [1, 2], [1]]), ((0.0, 1.0), (0.0, 1.0))),
+    "mirror": (block((9, 8, 8), boundaries=supports(Y=(0.0, "fixed"), Z=(0.0, "roller"))), ((0.0, 1.0), (1.0,))),
+}
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_only_nodes_on_edges_have_less_and_linear_fields_are_exact(name, comm):
+    data, free = BLOCKS[name]
+    sim = simulation(data, comm)
+    plain = simulation(data | {"method": data["method"] | {"clamp_edges": 0.0}}, comm)
+    place, volume = gathered(sim, "reference_position", "pair_volume")
+    there = np.zeros(len(place), bool)
+    for axis, places in zip((0, 2), free):
+        there |= np.isin(place[:, axis], places)
+    there &= place[:, 1] == 0.0
+    wanted = np.where(there, 1.0 - PART, 1.0)
+    assert 0 < there.sum() < len(place)
+    assert volume.ravel() == pytest.approx(wanted * gathered(plain, "pair_volume")[0].ravel(), rel=1e-14)
+    d = place.shape[1]
+    correction = gathered(sim, "correction")[0].reshape(-1, d, d)
+    assert np.abs(correction - wanted[:, None, None] * np.eye(d)).max() < 1e-13
+    particles, matrix = sim.systems[0].particles, np.arange(1.0, 1.0 + d * d).reshape(d, d)
+    if name == "mirror":
+        matrix[2, :2] = matrix[:2, 2] = 0.0
+    particles.owned_rows("position")[:] += particles.owned_rows("reference_position") @ matrix.T
+    particles.send("motion")
+    particles.receive("motion")
+    assert np.abs(displacement_gradient(sim.systems[0]) - matrix.ravel()).max(initial=0.0) < 1e-12
+
+
+@pytest.mark.parametrize("integrator", ["leapfrog", "ssp-rk3"])
+def test_energy_closes(integrator, comm):
+    data = block((9, 9, 8))
+    data["method"]["integrator"] = integrator
+    _, rows = run_steps(data, 80, comm)
+    assert rows["stored"].max() > 0.1 * rows["kinetic"][0]
+    assert np.abs(rows["balance"]).max() < 1e-3 * rows["kinetic"][0]
+
+
+def error_of_bending(part: float) -> float:
+    """Largest error of the kinetic energy in runs/tlsph/bending.toml over that at the start."""
+    data = tomllib.loads((SCENES / "bending.toml").read_text())
+    data["method"] |= {"weights": "fourth-order", "integrator": "leapfrog", "dissipation": 0.1, "clamp_edges": part}
+    data["bodies"][0]["particles"] = [8, 22, 8]
+    _, rows = run_to_end({key: value for key, value in data.items() if key not in ("reference", "probes", "output")})
+    true = json.loads((SCENES / "reference" / "bending.json").read_text())
+    kinetic = np.interp(true["t"], rows["time"], rows["kinetic"])
+    return float(np.abs(kinetic - true["series"]["K"]).max() / true["E0"])
+
+
+@pytest.mark.serial
+def test_the_error_of_bending_falls_to_a_third():
+    assert error_of_bending(PART) < 0.02
+    assert error_of_bending(0.0) > 0.05
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("method", [{}, {"weights": "closure"}])
+def test_it_is_refused_without_weights_in_closed_form(method):
+    data = tables([9, 9], method=method | {"clamp_edges": 0.5})
+    with pytest.raises(SceneError, match="method.clamp_edges: expected 0 unless a box has weights in closed form"):
+        simulation(data)
