@@ -46,8 +46,9 @@ class MaterialPoint(MethodSettings):
     geometry        of a 2-D scene: plane strain per metre of thickness, or axisymmetric with X the radius and Y the
     axis,
                     per radian
-    transfer        of velocities: "flip", in contact without this key "aflip" with flip_fraction 0.99; "apic", which keeps angular momentum; "aflip", FLIP with the slopes of APIC,
-                    which keeps it nearly and loses no energy; "tpic", APIC with gradients for slopes
+    transfer        of velocities: "flip"; "apic", which keeps angular momentum; "aflip", FLIP with the slopes of APIC,
+                    which keeps it nearly and loses no energy; "tpic", APIC with gradients for slopes. In contact
+                    "aflip" with flip_fraction 0.99, where neither is stated
     mass_terms      of the series for the inverse of the consistent mass matrix; 1: lumped masses
     order           stress update last with particle velocities mapped again ("musl") or with the new grid velocity
                     ("usl", which loses energy in contact)
