@@ -1,6 +1,6 @@
 """Two blocks pressed by 1 % between rollers, each of any method: python docs/contact_patch.py mpm mpm, tlsph mpm, and
 so on, the methods of the lower and of the upper block, with words such as 1:1.3 for some of the cases, and of a method
-(mpm.basis=ugimp).
+(mpm.basis=ugimp); spacings=24: of the lower block's side, 12 unless said.
 
 Told is the mean stress across the face over the contact's pressure in the layers of particles from the face on, of the
 lower block and of the upper one, and in brackets its spread along the face; see contact.md.
@@ -13,17 +13,18 @@ import numpy as np
 from contact_tables import MODULUS, SPEED, Tables, block, material, run
 from hertz_in_plane import HELD, METHODS, of_method, stated
 
-SPACING, RAMP, END = 1.0 / 12, 40.0, 48.0
+RAMP, END = 40.0, 48.0
 # spacing of the upper block over that of the lower one, and its modulus and density over those
 CASES = {"1:1": (1.0, 1.0), "1:1.3": (4 / 3, 1.0), "1:2": (2.0, 1.0), "x100": (1.0, 100.0)}
 
 
 def tables(kinds: list[str], ratio: float, stiffer: float, words: dict[str, Any]) -> Tables:
     """The scene, with a grid for each block of material points."""
+    spacing = 1.0 / words.get("spacings", 12.0)
     x = f"(t/{RAMP / SPEED})"
     rate = f"{0.02 * SPEED / RAMP}*30*{x}**2*(1 - {x})**2*where({x} < 1, 1, 0)"
     bodies, methods = [], []
-    places = (("low", -1.0, SPACING, 1.0), ("top", 0.0, SPACING * ratio, stiffer))
+    places = (("low", -1.0, spacing, 1.0), ("top", 0.0, spacing * ratio, stiffer))
     for kind, (name, lower, h, factor) in zip(kinds, places):
         law = "linear-elastic" if kind == "peridynamics" else "neo-hookean"
         solid = material(factor, factor, law)
@@ -31,7 +32,7 @@ def tables(kinds: list[str], ratio: float, stiffer: float, words: dict[str, Any]
         grid = {"cell": 2.0 * h} if kind == "mpm" else {}
         methods.append({"name": name, "balance_limit": 10.0, "balance_warning": 9.0} | METHODS[kind] | grid)
         methods[-1] |= of_method(kind, words)
-    depth = HELD[kinds[1]] * SPACING * ratio
+    depth = HELD[kinds[1]] * spacing * ratio
     driven = {"kind": "velocity", "box": {"lower": [-1, 1 - depth], "upper": [2, 2]}, "body": "top"}
     sides: list[Tables] = [{"plane": plane, "kind": "roller"} for plane in ("X = 0", "X = 1")]
     sides += [{"plane": "Y = -1", "kind": "roller", "body": "low"}, driven | {"velocity": ["free", f"-{rate}"]}]

@@ -87,6 +87,10 @@ class MethodSettings(SceneModel):
         """What the method cannot make of a scene's other tables: (location, expected, found)."""
         return []
 
+    def usual(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
+        """Values of keys that a scene leaves out, where they are other than elsewhere for what it asks of bodies."""
+        return {}
+
     def notes(self, scene: Any, bodies: Iterable[int]) -> list[str]:
         """What a scene asks for of the method's bodies that costs accuracy where it need not, in words."""
         return []

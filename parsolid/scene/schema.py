@@ -24,7 +24,7 @@ from parsolid.scene.named_regions import Region, all_regions, region_details, us
 from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, Output, Reference, solution_faults
 from parsolid.scene.probes import Probe, ProbeTable
 from parsolid.scene.substeps import substep_faults
-from parsolid.scene.systems import SystemOfScene, carriers_of, faults_of_systems, part_of, systems_of
+from parsolid.scene.systems import SystemOfScene, carriers_of, complete, faults_of_systems, part_of, systems_of
 from parsolid.scene.tie import TIE_TERMS, Tie, tie_faults
 from parsolid.scene.tools import Tool, still_faults, tool_faults
 from parsolid.scene.validation_errors import NOTHING, SceneError, fault, key_path, suggestion
@@ -84,6 +84,7 @@ class Scene(SceneModel):
 
     @model_validator(mode="after")
     def _fits_method(self) -> "Scene":
+        complete(self)
         details = faults_of_systems(self) + still_faults(self) + tie_faults(self) + substep_faults(self)
         details += grid_faults(self)
         exact = None if self.reference is None else self.reference.exact

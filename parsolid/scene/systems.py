@@ -46,6 +46,12 @@ def systems_of(scene: "Scene") -> tuple[SystemOfScene, ...]:
     return tuple(result)
 
 
+def complete(scene: "Scene") -> None:
+    """Give methods the values of keys that are left out, where those depend on what is asked of their bodies."""
+    for system in systems_of(scene):
+        vars(system.settings).update(system.settings.usual(scene, system.bodies))
+
+
 def fields_of(bodies: tuple[int, ...], apart: frozenset[frozenset[int]]) -> list[tuple[int, ...]]:
     """Bodies in groups, each with a field of its own: the first that has none from which a body must be apart."""
     groups: list[list[int]] = []

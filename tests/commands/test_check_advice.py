@@ -93,10 +93,10 @@ def test_a_part_between_two_held_regions_is_told_what_its_control_does():
     "method, stated, told",
     [
         ({"kind": "peridynamics"}, {"stabilisation": {"coefficient": 0.35}}, "coefficient = 0.125"),
-        ({"kind": "mpm", "cell": 0.2}, {"transfer": "apic"}, "transfer = 'apic'"),
+        ({"kind": "mpm", "cell": 0.2}, {"transfer": "apic"}, "transfer = 'aflip', method.flip_fraction = 0.99"),
     ],
 )
-def test_faces_in_contact_are_told_what_makes_them_stiff_or_soft(method, stated, told):
+def test_bodies_in_contact_are_told_what_their_methods_do_for_it(method, stated, told):
     box = {"particles": [10, 10], "placement": "cells"}
     box["material"] = {"kind": "linear-elastic", "density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3}
     if method["kind"] == "mpm":

@@ -54,7 +54,7 @@ def test_what_transfers_take_is_booked_in_every_order(more):
 
 def test_particles_gain_what_forces_do_at_the_nodes():
     """MUSL's two maps are each other's transpose: m v^2/2 of particles grows by sum m_i a_i . (u_i + u'_i)/2."""
-    sim = Simulation(MPI.COMM_SELF, parse_scene(blocks(POINTS, 200.0, 4e-6)))
+    sim = Simulation(MPI.COMM_SELF, parse_scene(blocks(POINTS | {"transfer": "flip"}, 200.0, 4e-6)))
 
     def kinetic() -> float:
         return sum(system.energies()[0] - system.waiting.energy() for system in sim.systems)

@@ -45,7 +45,8 @@ class MaterialPoint(MethodSettings):
     geometry        of a 2-D scene: plane strain per metre of thickness, or axisymmetric with X the radius and Y the
                     axis, per radian
     transfer        of velocities: "flip"; "apic", which keeps angular momentum; "aflip", FLIP with the slopes of APIC,
-                    which keeps it nearly and loses no energy; "tpic", APIC with gradients for slopes
+                    which keeps it nearly and loses no energy; "tpic", APIC with gradients for slopes. In contact
+                    "aflip" with flip_fraction 0.99, where neither is stated
     mass_terms      of the series for the inverse of the consistent mass matrix; 1: lumped masses
     order           stress update last with particle velocities mapped again ("musl") or with the new grid velocity
                     ("usl", which loses energy in contact)
@@ -133,21 +134,25 @@ class MaterialPoint(MethodSettings):
         """Particles add all of the nodes' changes to the velocities that they have, and forget nothing."""
         return self.transfer in ("flip", "aflip") and self.flip_fraction == 1.0
 
+    def usual(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
+        """In contact AFLIP with 1 % of APIC, unless transfers are stated: nodes beyond a face move slowly against what
+        presses on it, in FLIP for ever."""
+        stated = {"transfer", "flip_fraction", "mass_terms"} & self.model_fields_set
+        return {} if stated or not in_contact(scene, bodies) else {"transfer": "aflip", "flip_fraction": 0.99}
+
     def contact_refused(self, scene: Any) -> str | None:
         """Between bodies with grids of their own; nothing of one body could part on its grid."""
         alone = any(len(one.bodies) == 1 and one.bodies[0] in {b.name for b in scene.bodies} for one in scene.contact)
         return "within one body of this method" if alone else None
 
     def notes(self, scene: Any, bodies: Iterable[int]) -> list[str]:
-        """Bodies in contact by FLIP on splines that nobody has asked for: their nodes beyond a face make it soft."""
+        """Bodies in contact whose transfer nobody has asked for: it is not that of others."""
         # with a grid for each body one tells for all
         alike = [i for one in scene.systems if one.settings is self for i in one.bodies]
-        names = in_contact(scene, alike) if alike[0] in bodies else []
-        if not names or self.transfer != "flip" or {"basis", "transfer"} & self.model_fields_set:
-            return []
-        face = "a cylinder pressed on a block has it 7 % too wide and its peak 10 % too low, with 4 spacings in it"
-        remedy = "1 and 2 % with method.transfer = 'apic' or method.basis = 'ugimp'"
-        return [f"{', '.join(names)} in contact: the half width of {face}; {remedy}"]
+        usual = self.usual(scene, alike) if alike[0] in bodies else {}
+        names = ", ".join(in_contact(scene, alike) if usual else ())
+        told = ", ".join(f"method.{key} = {value!r}" for key, value in usual.items())
+        return [f"{names} in contact: {told}, unless stated; without contact {self.kind} has 'flip'"] if usual else []
 
     def scene_faults(self, scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
         """Particles on the surface; Maxwell branches; bodies beyond the axis; heat without conductivity; fields that no
