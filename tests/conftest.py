@@ -23,9 +23,6 @@ import pytest
 # ranks that wait give the processor away, for there are often more of them than processors; before MPI starts (MPICH)
 os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE", "1")
 os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT", "256")
-# no threads for linear algebra, as in a job: beside other tests they spin; before numpy, which most tests import first
-for _library in ("OPENBLAS", "MKL", "BLIS", "OMP"):
-    os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 # files of tests in memory where there is room: runs make sure that theirs are on the disk, which all ranks wait for
 if os.path.isdir("/dev/shm") and shutil.disk_usage("/dev/shm").free > 4e9:
     os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", "/dev/shm")
@@ -33,6 +30,9 @@ if os.path.isdir("/dev/shm") and shutil.disk_usage("/dev/shm").free > 4e9:
 from chessboard import white_fields
 from mpi4py import MPI
 from properties import list_of_properties
+
+# before numpy, which most tests import first: no threads for linear algebra, which spin beside other tests
+import parsolid  # noqa: F401
 
 WORLD = MPI.COMM_WORLD
 # a rank that failed waits this long for the others, and every phase of a test may take that long, in seconds
