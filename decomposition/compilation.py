@@ -150,7 +150,7 @@ class _Passes(PassManager):  # type: ignore[misc]
             step.analysis = self._analysis
             try:
                 step.run_initialization(state)
-                step.run_pass(state)
+                _run(step, state)
                 step.run_finalizer(state)
                 if kind is typed_passes.NopythonTypeInference and not state.flags.nrt:
                     _refuse_owned_arrays(state)
@@ -158,6 +158,19 @@ class _Passes(PassManager):  # type: ignore[misc]
                 where = f"Failed in {self.pipeline_name} mode pipeline (step: {description})"
                 raise self._patch_error(where, error) from None
             self.exec_times[f"{index}_{step.name()}"] = pass_timings(0.0, 0.0, 0.0)
+
+
+def _run(step: Any, state: Any) -> None:
+    """Run a pass; without counts of references what a kernel calls may give it an array out of its arguments' tuples,
+    which numba, looking at the arguments alone, takes for one just made. What makes one is refused when it is lowered.
+    """
+    try:
+        step.run_pass(state)
+    except errors.NumbaTypeError as error:
+        inferred = isinstance(step, typed_passes.NopythonTypeInference) and isinstance(state.return_type, types.Array)
+        callee = state.flags.no_cpython_wrapper and not state.flags.nrt
+        if not (inferred and callee and "returning of array" in str(error)):
+            raise
 
 
 class _AsNumba:

@@ -42,7 +42,7 @@ config.reload_config()
 
 # how kernels are compiled: numba's own way, or a number that goes up where the machine code of `compilation` changes
 PLAIN = compile_short is None or bool(os.environ.get("PARSOLID_PLAIN_COMPILER"))
-_WAY = "numba" if PLAIN else 4
+_WAY = "numba" if PLAIN else 5
 # nobody calls these kernels, or what they call, from C: without those entry points compilation takes a seventh less
 getattr(extending, "_overload_default_jit_options", {}).setdefault("no_cfunc_wrapper", True)
 # files that nothing has asked for in so many seconds are removed; a use is noted once a day

@@ -31,6 +31,9 @@ from chessboard import white_fields
 from mpi4py import MPI
 from properties import list_of_properties
 
+# before numpy, which most tests import first: no threads for linear algebra, which spin beside other tests
+import parsolid  # noqa: F401
+
 WORLD = MPI.COMM_WORLD
 # a rank that failed waits this long for the others, and every phase of a test may take that long, in seconds
 GRACE, LONGEST = 60.0, 600.0

@@ -6,6 +6,7 @@ import gc
 import subprocess
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -119,6 +120,50 @@ def test_an_array_that_a_kernel_gives_back_is_the_one_and_kept():
     assert read_after(3) == 7.0
     tail, whole = parts(np.arange(3.0))
     assert tail.tolist() == [1.0, 2.0] and whole.tolist() == [0.0, 1.0, 2.0]
+
+
+class _Row(NamedTuple):
+    values: np.ndarray
+
+
+def test_a_helper_may_give_an_array_out_of_a_tuple():
+    @register_jitable
+    def values_of(row):
+        return row.values
+
+    @compiled
+    def total(row):
+        values, result = values_of(row), 0.0
+        for k in range(len(values)):
+            result += values[k]
+        return result
+
+    row = _Row(np.arange(4.0))
+    counts = sys.getrefcount(row.values)
+    assert total(row) == 6.0 and not compilation.FALLEN_BACK
+    (text,) = total.inspect_llvm().values()
+    assert "NRT_incref" not in text and "NRT_decref" not in text
+    after = sys.getrefcount(row.values)
+    assert after == counts
+
+
+def test_an_array_that_a_helper_makes_is_freed():
+    @register_jitable
+    def made(row):
+        return row.values + 1.0
+
+    @compiled
+    def used(row):
+        return made(row)[1]
+
+    row = _Row(np.arange(4.0))
+    assert used(row) == 2.0 and compilation.FALLEN_BACK == ["used"]
+    _nrt_python.memsys_enable_stats()
+    before = rtsys.get_allocation_stats()
+    for _ in range(10):
+        used(row)
+    after = rtsys.get_allocation_stats()
+    assert after.alloc - before.alloc == after.free - before.free >= 10
 
 
 def test_helpers_of_kernels_within_one_that_counts_references_count_them():
