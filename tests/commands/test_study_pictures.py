@@ -2,10 +2,18 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from PIL import Image
 
 from parsolid.commands.pareto.picture import _told_apart
 from parsolid.commands.plot.names import labelled, unit_of, words_of
+from parsolid.commands.plot.plane import _particles
+from parsolid.commands.plot.scales import scale_of
+from parsolid.commands.plot.sheets import _save
 from parsolid.commands.study.pictures import MOST_CURVES, _looks, _panels
 
 TIMES = ["velocity@0.1", "velocity@0.2"]
@@ -60,3 +68,22 @@ def test_the_scene_and_the_envelope_are_among_the_choices_that_are_named():
 )
 def test_one_way_to_write_a_quantity(name, label):
     assert labelled(words_of(name), unit_of(name.rpartition(".")[2])) == label
+
+
+def test_particles_are_squares_that_meet_whatever_their_order_and_the_paper_is_white(tmp_path):
+    values, position = np.array([0.0, 1.0]), np.array([[0.5, 0.5], [1.5, 0.5]])
+    images = []
+    for order in ([0, 1], [1, 0]):
+        figure = Figure(figsize=(4.0, 2.0), dpi=50)
+        FigureCanvasAgg(figure)
+        axes = figure.add_axes((0, 0, 1, 1), xlim=(-1.0, 3.0), ylim=(-0.5, 1.5))
+        axes.set_axis_off()
+        scale, limits = scale_of("damage", [values], None), Normalize(0.0, 1.0)
+        _particles(axes, position[order], values[order], np.ones(2), limits, scale)
+        _save(figure, tmp_path / "small.png", small=True)
+        images.append(np.asarray(Image.open(tmp_path / "small.png").convert("RGB")).astype(int))
+    assert (images[0] == images[1]).all()
+    row = images[0][50]
+    # half of the width is theirs, and beside them is nothing
+    assert (row[[5, 45, 155, 195]] == 255).all() and (row[60:140] < 255).any(axis=1).all()
+    assert row[70, 1] > 200 > row[130, 1]
