@@ -5,6 +5,8 @@ Nothing is imported before a scene asks for it: laws of this package are found b
 `@law("role", "kind")`, those of other packages by entry points of the group "parsolid.laws" named "role.kind".
 """
 
+import builtins
+import dis
 import hashlib
 import re
 import sys
@@ -12,7 +14,7 @@ from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, ModuleType
 from typing import Any
 
 from parsolid.materials.declaration import Declared, declared_as
@@ -122,7 +124,9 @@ def from_text(path: str, name: str, text: str) -> Declared:
         new.__file__ = path
         sys.modules[module] = new
         try:
-            exec(compile(text, path, "exec"), new.__dict__)
+            code = compile(text, path, "exec")
+            exec(code, new.__dict__)
+            _check_names(code, new)
         except Exception as error:
             del sys.modules[module]
             raise LawError(f"a file that can be run ({type(error).__name__}: {error})") from error
@@ -135,6 +139,21 @@ def from_text(path: str, name: str, text: str) -> Declared:
     _of_files[path, name] = result
     result.source = (path, name, text)
     return result
+
+
+def _check_names(code: CodeType, module: ModuleType) -> None:
+    """Raise NameError where a function of a file uses a name that the file does not have.
+
+    Compiled in a kernel it would be told in a compiler's words.
+    """
+    for inner in (one for one in code.co_consts if isinstance(one, CodeType)):
+        line = inner.co_firstlineno
+        for step in dis.get_instructions(inner):
+            line = getattr(getattr(step, "positions", None), "lineno", None) or step.starts_line or line
+            name = step.argval
+            if step.opname == "LOAD_GLOBAL" and not (hasattr(module, name) or hasattr(builtins, name)):
+                raise NameError(f"{name!r} is not known, in {inner.co_name}, line {line}")
+        _check_names(inner, module)
 
 
 def _name_apart(module: ModuleType) -> None:

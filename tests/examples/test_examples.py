@@ -76,6 +76,17 @@ def test_code_is_run_only_where_it_is_trusted(tmp_path):
     assert ran_at.exists()
 
 
+def test_a_misspelt_name_is_told_with_its_line_before_anything_is_compiled(tmp_path):
+    text = (EXAMPLES / "gent.py").read_text()
+    wrong = text.replace("return stiffness * F", "return stifness * F")
+    (tmp_path / "gent.py").write_text(wrong)
+    (tmp_path / "scene.toml").write_text(BLOCK.read_text())
+    line = 1 + next(k for k, one in enumerate(wrong.splitlines()) if "stifness" in one)
+    told = rf"law: expected a file that can be run \(NameError: 'stifness' is not known, in \w+, line {line}\)"
+    with pytest.raises(SceneError, match=told):
+        load_scene(tmp_path / "scene.toml", trust_code=True)
+
+
 def test_trust_is_for_the_call_that_gives_it_and_for_what_is_made_of_its_scene(tmp_path):
     (tmp_path / "gent.py").write_text((EXAMPLES / "gent.py").read_text())
     path = tmp_path / "scene.toml"
