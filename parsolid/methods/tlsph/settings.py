@@ -124,7 +124,8 @@ class TotalLagrangianSPH(MethodSettings):
     def energy_terms(self, scene: Any, bodies: Iterable[int]) -> dict[str, int]:
         """Also what fixed planes give to bodies that have images there, and what leapfrog swings where bodies meet."""
         terms, planes = super().energy_terms(scene, bodies), [one for one in scene.boundaries if one.kind == "fixed"]
-        if self.integrator == "leapfrog" and (scene.contact or scene.tie or scene.tools):
+        # ties tell none of theirs, which would be missing beside those
+        if self.integrator == "leapfrog" and (scene.contact or scene.tools) and not scene.tie:
             terms[SWINGS] = -1
         images = self.pair_weights not in ON_LATTICES and any(one.plane is not None for one in planes)
         return terms | ({FIXED_WALLS: -1} if images else {})
