@@ -80,7 +80,7 @@ _MARKERS = (
     "mpi: ranks talk to each other; runs on any number of them (set for all tests that use comm or shared_path)",
     "serial: runs on one rank only, for no rank talks to another in what it checks",
     "ranks(*numbers): runs on these numbers of ranks only",
-    "slow: more than two seconds on one processor with warm kernels; the fast set is -m 'not slow'",
+    "slow: about a second of the processor or more with warm kernels; the fast set is -m 'not slow'",
     "every_other: each parameter set takes seconds or kernels, and every other one will do; with --long all",
     "verification: against exact solutions, other codes or published results (set in verification and exact)",
     "long: takes minutes; runs only with --long",

@@ -35,6 +35,7 @@ def results(tmp_path_factory):
     return parsolid.run(SCENE, output=tmp_path_factory.mktemp("run") / "here")
 
 
+@pytest.mark.slow
 def test_a_job_of_its_own_leaves_what_a_run_in_this_process_leaves(tmp_path):
     """With the same options, which act in both."""
     options = ("-q", "--set", "bodies.0.particles=[8,8]", "--end-time", "5e-4")

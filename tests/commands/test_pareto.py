@@ -88,6 +88,7 @@ def test_without_a_reference_the_limit_of_the_best_is_the_truth(monkeypatch):
     assert np.allclose(truth.values, np.sin(3.0 * truth.times), atol=2e-4)
 
 
+@pytest.mark.slow
 def test_choices_are_run_within_the_budget_kept_and_reported(comm, shared_path, capsys):
     words = ["--pareto", "stored", "--axis", "integrator"]
     assert run_study(comm, options(shared_path, *words)) == 0

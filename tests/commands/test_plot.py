@@ -249,6 +249,7 @@ def lit(path):
     return np.count_nonzero(image.min(axis=2) < 250)
 
 
+@pytest.mark.slow
 def test_bodies_cut_open_show_a_part(comm, folders):
     """A half of a lattice, of a plane body, of particles drawn as spheres; a section."""
     whole = {}

@@ -54,6 +54,7 @@ def test_compression_as_tabled():
     assert run.von_mises_stress == pytest.approx(np.sqrt(1.5) * run.deviator_norm, rel=1e-10, abs=1.0)
 
 
+@pytest.mark.slow
 def test_load_hold_reverse():
     """While held |S| rings about pi, which relaxes; sheared back gamma goes on growing and S12 changes its sign."""
     run = followed(load_point(EXAMPLES / "micro_inertia_reversed.toml", ["time_step=5e-8"]))

@@ -172,6 +172,7 @@ print(float(evaluation.equilibrium_energy(law, F, evaluation.cofactor(F), 1.1)))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_an_edited_law_is_compiled_anew_and_an_unchanged_one_is_not(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))

@@ -68,6 +68,7 @@ def test_a_checksum_does_not_depend_on_who_has_which_rows():
         assert sum_of_rows(changed, 0) != sum_of_rows(rows, 0)
 
 
+@pytest.mark.slow
 def test_a_flipped_bit_anywhere_changes_nothing_or_is_refused(comm, whole):
     """Of many single bits in all of the file some change nothing (gaps, HDF5's own marks); none changes a number."""
     expected, chance, refused = content(comm, whole), random.Random(3), 0

@@ -33,6 +33,7 @@ def test_creep_bar(shared_path):
     assert history["time"][1] == 0.0 and history["tip.displacement_x"][1] == pytest.approx(0.01 * place, rel=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.every_other
 @pytest.mark.parametrize("scene", ("plate.toml", "plate_elastic_bulk.toml"))
 @pytest.mark.parametrize("solver", ("conjugate-gradients", "dynamic-relaxation"))

@@ -120,6 +120,7 @@ def test_plain_jumps_feed_no_waves_and_have_all_their_pairs():
     assert abs(rates[0]) < 1e-12 and rates[1] > 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 @pytest.mark.parametrize(("most", "ratio", "grows"), [(4.0, 0.02, True), (1.5, 0.02, False)])
 def test_what_keeps_the_volume_may_feed_waves_in_a_box(most, ratio, grows):

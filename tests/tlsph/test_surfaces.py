@@ -141,6 +141,7 @@ SHEAR, INNER, OUTER = 3e6 / 2.9, 0.01, 0.02
 END = 20 * (OUTER - INNER) / np.sqrt(SHEAR / 1000.0)
 
 
+@pytest.mark.slow
 def test_the_torque_of_a_bushing_is_the_exact_one_at_small_angles(tmp_path):
     """In-plane torsion of a ring between rigid walls: M = 4 pi mu angle / (1/a^2 - 1/b^2) per thickness."""
     angle = 0.01

@@ -73,6 +73,7 @@ def test_momentum_is_kept_while_lists_are_made_anew(comm):
     assert comm.allreduce(system.pairs.late) == 0
 
 
+@pytest.mark.slow
 def test_restart_is_bitwise(comm, shared_path):
     """Stopped between two lists and continued, with migration before and after: the last rows have the same digits."""
     data = spinning() | {"end_time": 4e-6}
