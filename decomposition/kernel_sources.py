@@ -9,14 +9,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from numba.core.types import BaseNamedTuple, BaseTuple, Optional  # type: ignore[attr-defined]
-
 _IMPORT = re.compile(
     r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)|import[ \t]+([\w., \t]+))", re.MULTILINE
 )
 _OURS = ("parsolid", "decomposition")
 # how kernels are kept says nothing of what they do
-_KEEPER = "decomposition.compiled"
+_KEEPERS = ("decomposition.compiled", "decomposition.deferred")
 
 
 @functools.cache
@@ -72,7 +70,7 @@ def reached(module: str) -> frozenset[str]:
     found, waiting = set(), [module]
     while waiting:
         name = waiting.pop()
-        if name not in found and name != _KEEPER:
+        if name not in found and name not in _KEEPERS:
             found.add(name)
             waiting += _text(name)[1]
     return frozenset(found)
@@ -93,7 +91,9 @@ def _digest_of_text(module: str) -> bytes:
 
 
 def modules_of(kind: Any) -> set[str]:
-    """Modules of the classes in an argument type, whose functions a kernel may have compiled in."""
+    """Modules of the classes in an argument type of numba's, whose functions a kernel may have compiled in."""
+    from numba.core.types import BaseNamedTuple, BaseTuple, Optional  # type: ignore[attr-defined]
+
     if isinstance(kind, BaseNamedTuple):
         inner = set().union(*map(modules_of, kind.types)) if kind.types else set()
         return {kind.instance_class.__module__} | inner

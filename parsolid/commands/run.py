@@ -6,9 +6,9 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
+from decomposition.compiled import LISTENERS, folder
 from mpi4py import MPI
 
-from decomposition.compiled import LISTENERS, folder
 from parsolid.collective import SolverError, anywhere
 from parsolid.commands.check_advice import advice, cost_advice, scene_advice, size_advice
 from parsolid.commands.error_bars import run_with_bars, wanted

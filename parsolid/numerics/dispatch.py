@@ -12,16 +12,16 @@ import functools
 import inspect
 
 import numpy as np
-from numba import types
-from numba.core.errors import TypingError
-from numba.extending import overload
 
+from decomposition.deferred import overload
+from parsolid.numerics.lanes import LANES
 from parsolid.numerics.tensors import Tensor, as_tensor
-from parsolid.numerics.tracing import is_tensor, tensor_class
 
 
 def is_instance(numba_type, named_tuple_class) -> bool:
     """True when a numba type is that of the given NamedTuple class."""
+    from numba import types
+
     return isinstance(numba_type, types.BaseNamedTuple) and numba_type.instance_class is named_tuple_class
 
 
@@ -46,6 +46,8 @@ def constant(function):
 
 
 def _told_by(numba_type):
+    from numba import types
+
     if isinstance(numba_type, types.NoneType):
         return None
     if isinstance(numba_type, types.BaseNamedTuple):
@@ -94,6 +96,10 @@ class Generic:
 
     def compiled_choice(self, arguments):
         """What numba compiles for argument types."""
+        from numba.core.errors import TypingError
+
+        from parsolid.numerics.tracing_lowering import is_tensor, tensor_class
+
         plain = [i for i in self.tensors if not is_tensor(arguments[i]) and tensor_class(arguments[i])]
         if plain:
             given = ", ".join(f"as_tensor({name})" if i in plain else name for i, name in enumerate(self.parameters))
@@ -137,6 +143,10 @@ def generic(stub=None, *, on: str | None = None):
 
 
 def _key_of_type(numba_type):
+    from numba import types
+
+    if numba_type.name == LANES:
+        return LANES
     if isinstance(numba_type, types.NoneType | types.Omitted):
         return None
     if isinstance(numba_type, types.BaseNamedTuple):
@@ -172,6 +182,8 @@ def none_without(argument: str, returns: str | None = None):
 
         @overload(called, strict=False)
         def choose(*arguments):
+            from numba import types
+
             if isinstance(arguments[position], types.NoneType):
                 return (lambda *arguments: None) if instead is None else (lambda *arguments: arguments[instead])
             return function

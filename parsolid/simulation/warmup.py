@@ -8,9 +8,9 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+from decomposition.compiled import folder
 from mpi4py import MPI
 
-from decomposition.compiled import folder
 from parsolid.materials.registry import loaded_texts
 from parsolid.methods.small_scene import Tables, small_scene
 from parsolid.observables.declared import field_of

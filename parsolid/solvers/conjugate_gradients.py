@@ -3,9 +3,9 @@
 from collections.abc import Callable
 
 import numpy as np
+from decomposition.compiled import compiled
 from mpi4py import MPI
 
-from decomposition.compiled import compiled
 from decomposition.reduction import sums
 from parsolid.solvers.solution import Solution
 

@@ -7,9 +7,9 @@ theory", Theoretical and Applied Fracture Mechanics 53 (2010) 194; the fictitiou
 from collections.abc import Callable
 
 import numpy as np
+from decomposition.compiled import compiled
 from mpi4py import MPI
 
-from decomposition.compiled import compiled
 from decomposition.reduction import sums
 from parsolid.solvers.solution import Solution
 

@@ -10,8 +10,8 @@ is bounded, not that of the scene.
 from typing import Any
 
 import numpy as np
-
 from decomposition.compiled import compiled
+
 from decomposition.reduction import sums
 from parsolid.collective import anywhere
 from parsolid.solvers.node_grid import Functions, Grid, add_moments, shape_values, stiffness_of_moments

@@ -7,8 +7,8 @@ must be evaluated anew.
 """
 
 import numpy as np
-
 from decomposition.compiled import compiled
+
 from decomposition.recalled import RecalledEach
 from parsolid.materials.hyperelastic.law import elastic_moduli
 from parsolid.materials.viscoelastic.hyperelastic_series import HyperelasticSeries
