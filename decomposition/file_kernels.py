@@ -41,20 +41,23 @@ class FileKernel(_IN_C.dispatcher.Dispatcher):  # type: ignore[misc, name-define
 
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
         """options: of `numba.njit`."""
-        parameters = inspect.signature(function).parameters
+        code = function.__code__
+        names = code.co_varnames[: code.co_argcount + bool(code.co_flags & inspect.CO_VARARGS)]
         omitted = tuple(map(_Omitted, function.__defaults__ or ()))
         super().__init__(
             _IN_C.conversions.get_pointer(_CONVERSIONS),
-            len(parameters),
+            len(names),
             True,
-            tuple(parameters),
+            names,
             omitted,
             False,
-            any(it.kind == it.VAR_POSITIONAL for it in parameters.values()),
+            len(names) > code.co_argcount,
             False,
         )
         functools.update_wrapper(self, function)
         self.py_func, self._options = function, options
+        # what profilers ask for
+        self.__code__ = code
         self.entry_points: dict[tuple[int, ...], Any] = {}
 
     def typeof_pyval(self, value: Any) -> Any:

@@ -4,6 +4,7 @@ import of the same project.
 
 import functools
 import hashlib
+import os
 import re
 import sys
 from pathlib import Path
@@ -37,10 +38,10 @@ def _source(module: str) -> Path | None:
     top, *rest = module.split(".")
     package = sys.modules.get(top)
     for root in getattr(package, "__path__", ()):
-        path = Path(root, *rest)
-        for candidate in (path.with_suffix(".py"), path / "__init__.py"):
-            if rest and candidate.is_file():
-                return candidate
+        path = os.path.join(root, *rest)
+        for candidate in (f"{path}.py", os.path.join(path, "__init__.py")):
+            if rest and os.path.isfile(candidate):
+                return Path(candidate)
     return None
 
 
@@ -58,6 +59,8 @@ def _imported(module: str, text: str) -> set[str]:
 
 
 def _is_ours(name: str, importer: str) -> bool:
+    if importer.partition(".")[0] in _OURS:
+        return name.partition(".")[0] in _OURS and _source(name) is not None
     source, here = _source(name), _source(importer)
     return source is not None and (
         name.partition(".")[0] in _OURS or (here is not None and source.parent == here.parent)

@@ -9,7 +9,6 @@ def _johnson_cook(model, plastic_strain, rate): return model.yield_stress + ...
 """
 
 import functools
-import inspect
 
 import numpy as np
 
@@ -31,12 +30,17 @@ def _written(parameters, expression: str, **names):
     return names["written"]
 
 
+def _parameters(function):
+    """Names of the arguments of a function that takes them by position."""
+    return function.__code__.co_varnames[: function.__code__.co_argcount]
+
+
 def constant(function):
     """Decorator of a function of its arguments' types alone, a constant in kernels.
 
     There it is given of each argument what the type tells: NamedTuples of such, None, else the numba type.
     """
-    parameters = inspect.signature(function).parameters
+    parameters = _parameters(function)
 
     @overload(function, strict=False)
     def choose(*arguments):
@@ -59,10 +63,9 @@ class Generic:
     """The implementations of a documented stub, see `generic`."""
 
     def __init__(self, stub, on: str | None):
-        self.stub, self.parameters = stub, list(inspect.signature(stub).parameters)
+        self.stub, self.parameters = stub, list(_parameters(stub))
         self.position = self.parameters.index(on) if on else 0
-        hints = inspect.signature(stub).parameters.values()
-        self.tensors = [i for i, hint in enumerate(hints) if hint.annotation is Tensor]
+        self.tensors = [i for i, name in enumerate(self.parameters) if stub.__annotations__.get(name) is Tensor]
         self.implementations, self.default = {}, None
 
     def of(self, *kinds):
@@ -170,7 +173,7 @@ def none_without(argument: str, returns: str | None = None):
     """
 
     def decorate(function):
-        names = list(inspect.signature(function).parameters)
+        names = _parameters(function)
         position = names.index(argument)
         instead = None if returns is None else names.index(returns)
 
