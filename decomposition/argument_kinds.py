@@ -78,7 +78,7 @@ def _array(value: np.ndarray) -> Kind:
 def _tuple(cls: type, inner: tuple[Kind, ...]) -> Kind:
     names = [kind.name for kind in inner]
     known = [name for name in names if name is not None]
-    is_named = cls is not tuple and hasattr(cls, "_fields") and cls.__len__ is tuple.__len__
+    is_named = cls is not tuple and hasattr(cls, "_fields")
     if len(known) < len(names) or not (cls is tuple or is_named):
         return Kind(None)
     modules = frozenset().union(*(kind.modules for kind in inner))

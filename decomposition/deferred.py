@@ -63,7 +63,7 @@ class _Watcher(MetaPathFinder, Loader):
 
     def create_module(self, spec: ModuleSpec) -> ModuleType | None:
         """As it is made without this."""
-        return self._loader.create_module(spec)  # type: ignore[no-any-return]
+        return self._loader.create_module(spec)
 
     def exec_module(self, module: ModuleType) -> None:
         """Load it; then do what waits."""
@@ -134,7 +134,7 @@ class Elsewhere:
     def __init__(self, module: str) -> None:
         self._module = module
 
-    def __getattr__(self, name: str) -> Deferred:
+    def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
             raise AttributeError(name)
         return Deferred(lambda: getattr(importlib.import_module(self._module), name))

@@ -38,8 +38,8 @@ def _source(module: str) -> Path | None:
     top, *rest = module.split(".")
     package = sys.modules.get(top)
     for root in getattr(package, "__path__", ()):
-        path = os.path.join(root, *rest)
-        for candidate in (f"{path}.py", os.path.join(path, "__init__.py")):
+        place = os.path.join(root, *rest)
+        for candidate in (f"{place}.py", os.path.join(place, "__init__.py")):
             if rest and os.path.isfile(candidate):
                 return Path(candidate)
     return None

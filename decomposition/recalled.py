@@ -13,14 +13,14 @@ def entry_point(kernel: Any, arguments: tuple[Any, ...]) -> Callable[..., Any] |
     """The machine code for the types of arguments, which a kernel has been called with; None where there is none."""
     ask = getattr(type(kernel), "entry_point", None)
     if ask is not None:
-        return ask(kernel, arguments)  # type: ignore[no-any-return]
+        return ask(kernel, arguments)
     known: dict[Any, Any] = getattr(kernel, "overloads", {})
     if not known:
         return None
     from numba import typeof
 
     found = known.get(tuple(typeof(argument) for argument in arguments))
-    return None if found is None else found.entry_point  # type: ignore[no-any-return]
+    return None if found is None else found.entry_point
 
 
 class Recalled:

@@ -2,8 +2,8 @@
 weights of the colour; what is left of it when a contact opens goes to its own."""
 
 import numpy as np
-from decomposition.compiled import compiled
 
+from decomposition.compiled import compiled
 from parsolid.contact.kernel import shape
 from parsolid.contact.passes import distance
 

@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
-from decomposition.compiled import compiled
 
+from decomposition.compiled import compiled
 from parsolid.contact.kernel import shape
 
 

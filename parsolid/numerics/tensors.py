@@ -15,7 +15,6 @@ import math
 from collections import namedtuple
 
 from decomposition.compiled import compiled
-
 from parsolid.numerics.lanes import lane  # noqa: F401
 from parsolid.numerics.tracing import BY_SIZE, Traceable, Unknown, traced
 

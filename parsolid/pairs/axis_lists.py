@@ -9,8 +9,8 @@ pair (three spacings, ghosts) stands in a list of its own.
 from typing import Any, NamedTuple
 
 import numpy as np
-from decomposition.compiled import compiled
 
+from decomposition.compiled import compiled
 from parsolid.numerics.lanes import WIDTH, aligned_zeros
 from parsolid.pairs.lattice_pairs import Lattices, lattice_place
 from parsolid.pairs.lists import InnerList, OneSidedList

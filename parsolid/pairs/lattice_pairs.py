@@ -4,8 +4,8 @@ support."""
 from typing import NamedTuple
 
 import numpy as np
-from decomposition.compiled import compiled
 
+from decomposition.compiled import compiled
 from parsolid.pairs.lattice_stencils import WIDEST
 from parsolid.pairs.weights import image_point, point
 

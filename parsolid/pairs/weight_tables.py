@@ -7,8 +7,8 @@ the corrections are found: without rounding, places differ in their last bits. A
 from typing import Any
 
 import numpy as np
-from decomposition.compiled import compiled
 
+from decomposition.compiled import compiled
 from parsolid.numerics.lanes import WIDTH, aligned_zeros
 from parsolid.pairs.lists import InnerList, InnerTable, OneSidedList, OneSidedTable
 

@@ -8,8 +8,8 @@ from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
-from decomposition.compiled import compiled
 
+from decomposition.compiled import compiled
 from parsolid.collective import maximum, minimum
 
 # nodes of the grid are as many at most, in so many dimensions: factors fill up faster in space

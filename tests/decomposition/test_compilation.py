@@ -16,8 +16,7 @@ from numba.core.errors import TypingError
 from numba.core.runtime import _nrt_python, rtsys
 from numba.extending import register_jitable
 
-from decomposition import compilation
-from decomposition import kernel_cache, kernel_places
+from decomposition import compilation, kernel_cache, kernel_places
 from decomposition.compiled import compiled
 
 pytestmark = pytest.mark.skipif(kernel_cache.PLAIN, reason="kernels are compiled by numba as it is")

@@ -15,8 +15,8 @@ whatever zeta.
 import math
 
 import numpy as np
-from decomposition.compiled import compiled
 
+from decomposition.compiled import compiled
 from parsolid.materials.hyperelastic import evaluation
 from parsolid.materials.hyperelastic.conjugates import PolyconvexState, branch_sum, right_cauchy_green
 from parsolid.materials.hyperelastic.hessians import branch_hessian, equilibrium_hessian

@@ -1,8 +1,8 @@
 """The functions of an elastic-plastic law over arrays; all of one shape (n,), SI units."""
 
 import numpy as np
-from decomposition.compiled import compiled
 
+from decomposition.compiled import compiled
 from parsolid.materials.plastic import plasticity
 
 

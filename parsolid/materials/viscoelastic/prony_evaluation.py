@@ -1,8 +1,8 @@
 """A Prony law's numba functions over batches of numpy tensors in space; rows (n, 6) hold 11, 22, 33, 12, 13, 23."""
 
 import numpy as np
-from decomposition.compiled import compiled
 
+from decomposition.compiled import compiled
 from parsolid.materials.hyperelastic.evaluation import six
 from parsolid.materials.viscoelastic import prony
 

@@ -10,8 +10,8 @@ layer.
 import math
 
 import numpy as np
-from decomposition.compiled import compiled
 
+from decomposition.compiled import compiled
 from parsolid.materials.hyperelastic.evaluation import six
 from parsolid.materials.viscoelastic.maxwell import relaxation_weights, relaxed
 from parsolid.numerics.tensors import SymmetricSpace, contract, expand, inverse_symmetric

@@ -16,7 +16,6 @@ them at every step, whatever the spacing.
 import math
 
 from decomposition.compiled import compiled
-
 from parsolid.materials.plastic.specific_heat import specific_heat, temperature_rise
 from parsolid.methods.mpm.gather import sum_nodes
 from parsolid.methods.mpm.grid import clear_cell, weigh

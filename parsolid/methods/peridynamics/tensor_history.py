@@ -5,8 +5,8 @@ hyperelastic Maxwell solids of the foundation; see `tensor_states` for what they
 """
 
 import numpy as np
-from decomposition.compiled import compiled
 
+from decomposition.compiled import compiled
 from parsolid.materials.hyperelastic.law import elastic_moduli, total_modulus
 from parsolid.materials.viscoelastic.hyperelastic_series import HyperelasticSeries
 from parsolid.materials.viscoelastic.maxwell import relaxation_weights

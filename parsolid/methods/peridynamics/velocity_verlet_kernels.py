@@ -1,7 +1,6 @@
 """Kernels of `velocity_verlet`: velocities and displacements of a rank's particles."""
 
 from decomposition.compiled import compiled
-
 from parsolid.numerics.optional import free_of, load_of
 
 

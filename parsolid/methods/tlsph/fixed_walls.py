@@ -9,8 +9,8 @@ on the particles beside the plane; at rollers and antisymmetric planes they are 
 from typing import Any
 
 import numpy as np
-from decomposition.compiled import compiled
 
+from decomposition.compiled import compiled
 from parsolid.methods.tlsph.reactions import Reactions
 from parsolid.pairs.terms import matrix_columns, record_columns
 from parsolid.particles.declaration import Field

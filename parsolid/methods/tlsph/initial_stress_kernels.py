@@ -1,7 +1,6 @@
 """Particle kernel of a stress at time 0 that no deformation has made."""
 
 from decomposition.compiled import compiled
-
 from parsolid.methods.tlsph.strain import load_strain
 from parsolid.numerics.lanes import WIDTH
 from parsolid.numerics.layout import load_correction, store_matrix

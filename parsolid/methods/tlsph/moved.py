@@ -13,8 +13,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from decomposition.compiled import compiled
 
+from decomposition.compiled import compiled
 from parsolid.numerics.dispatch import none_without
 from parsolid.numerics.lanes import WIDTH, lane
 from parsolid.numerics.layout import load_deformation_gradient

@@ -1,7 +1,6 @@
 """Sums over pairs that a new reference is made of; slow and plain, for they are taken once an update."""
 
 from decomposition.compiled import compiled
-
 from parsolid.pairs.lists import mutual
 from parsolid.pairs.weights import distance_in_support
 

@@ -1,8 +1,8 @@
 """Stresses of the stored state, for output and probes."""
 
 import numpy as np
-from decomposition.compiled import compiled
 
+from decomposition.compiled import compiled
 from parsolid.materials.hyperelastic.law import first_piola_kirchhoff_stress
 from parsolid.methods.tlsph.deformation import current_branches
 from parsolid.methods.tlsph.strain import load_strain

@@ -3,8 +3,8 @@
 from typing import Any
 
 import numpy as np
-from decomposition.compiled import compiled
 
+from decomposition.compiled import compiled
 from parsolid.pairs.lists import Images, images_of
 
 

@@ -10,7 +10,6 @@ so that what stresses and fluxes do to velocities is what gradients see of them,
 """
 
 from decomposition.compiled import compiled
-
 from parsolid.methods.ulsph.pair_primitives import (
     flux_of,
     flux_terms,
