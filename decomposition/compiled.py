@@ -5,50 +5,29 @@ processes that save at once can mix up its index. Here a file is named by a dige
 the processor, and the text of every module of the function's own project that it can reach: those it imports, and those
 of the argument types (a law given as an argument), with all that they import. So an edited law recompiles what calls
 that law and nothing else; ranks, processes and checkouts share one folder.
+
+What is in a file is called without numba (`file_kernels`), which is imported when something has to be compiled
+(`kernel_cache`).
 """
 
-import fcntl
 import functools
-import hashlib
 import os
-import sys
-import tempfile
-import time
 from collections.abc import Callable
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
-from numba import __version__ as numba_version
-from numba import njit
-from numba.core import config, extending
-from numba.core.caching import _Cache
-from numba.core.compiler_lock import global_compiler_lock
-from numba.core.dispatcher import OmittedArg
-from numba.core.serialize import dumps
-from numba.core.types import Omitted  # type: ignore[attr-defined]
+from decomposition.deferred import numba_is_there
+from decomposition.kernel_places import folder
 
-from decomposition.kernel_files import UNREADABLE, LoadedKernel, content
-from decomposition.kernel_sources import digest_of, modules_of
+__all__ = ["LISTENERS", "PLAIN_ASKED", "WAY", "compiled", "folder", "ordered"]
 
-try:
-    from decomposition.compilation import FALLEN_BACK, compile_short
-except (ImportError, AttributeError):
-    # a numba that is built otherwise
-    FALLEN_BACK, compile_short = [], None  # type: ignore[assignment]
-
-# numba may have been imported before what NUMBA_... says was set
-config.reload_config()
-
-# how kernels are compiled: numba's own way, or a number that goes up where the machine code of `compilation` changes
-PLAIN = compile_short is None or bool(os.environ.get("PARSOLID_PLAIN_COMPILER"))
-_WAY = "numba" if PLAIN else 5
-# nobody calls these kernels, or what they call, from C: without those entry points compilation takes a seventh less
-getattr(extending, "_overload_default_jit_options", {}).setdefault("no_cfunc_wrapper", True)
-# files that nothing has asked for in so many seconds are removed; a use is noted once a day
-_KEPT, _NOTED = 90 * 86400.0, 86400.0
-# how long a process waits for another that compiles the same function, and how often it looks, in seconds
-_PATIENCE, _GLANCE = 600.0, 0.02
+# told the name of every kernel that this process begins to compile
+LISTENERS: list[Callable[[str], object]] = []
+# a number that goes up where the machine code of `compilation` changes
+WAY = 5
+PLAIN_ASKED = bool(os.environ.get("PARSOLID_PLAIN_COMPILER"))
+# what of numba's settings changes no machine code; NUMBA_SLP_VECTORIZE is looked at
+_HARMLESS = frozenset(("NUMBA_CACHE_DIR", "NUMBA_SLP_VECTORIZE", "NUMBA_NUM_THREADS", "NUMBA_THREADING_LAYER"))
 
 
 def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
@@ -58,214 +37,27 @@ def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     if function is None:
         return functools.partial(compiled, **options)
     options = {"no_cfunc_wrapper": True, **options}
-    dispatcher = njit(**options)(function)
-    if not config.DISABLE_JIT:
-        dispatcher._cache = KernelCache(function, options)
-        dispatcher._can_cache = True
-        # numba calls nothing of a cache when a compilation fails
-        dispatcher.compile = functools.partial(_compile, dispatcher, dispatcher.compile)
-        dispatcher._compile_for_args = functools.partial(_first_call, dispatcher, dispatcher._compile_for_args)
-    return dispatcher
+    kernel = None if numba_is_there() else _file_kernel()
+    if kernel is not None:
+        return kernel(function, options)
+    from decomposition.kernel_cache import numba_kernel
 
-
-def _first_call(dispatcher: Any, as_numba: Callable[..., Any], *arguments: Any, **keywords: Any) -> Any:
-    """What Python calls for arguments of these types: from a file, without a part of numba's compiler being loaded, or
-    as numba finds it.
-    """
-    kinds = tuple(Omitted(it.value) if isinstance(it, OmittedArg) else dispatcher.typeof_pyval(it) for it in arguments)
-    with global_compiler_lock:
-        known = kinds in dispatcher.overloads
-        found = None if known or keywords else dispatcher._cache.load_overload(kinds, dispatcher.targetctx, wait=False)
-        if found is None:
-            return as_numba(*arguments, **keywords)
-        dispatcher._types_active_call.clear()
-        dispatcher._cache_hits[kinds] += 1
-        dispatcher._insert([kind._code for kind in kinds], found.entry_point, False)
-        dispatcher.overloads[kinds] = found
-        return found.entry_point
-
-
-def _compile(dispatcher: Any, as_numba: Callable[[Any], Any], signature: Any) -> Any:
-    """Compile, or wait for the process that does; what was reserved is free again afterwards, also after an error."""
-    with global_compiler_lock:
-        before = len(_RESERVED)
-        try:
-            return as_numba(signature) if PLAIN else compile_short(dispatcher, as_numba, signature)
-        finally:
-            for place in _RESERVED[before:]:
-                _release(place)
-            del _RESERVED[before:]
-
-
-def wanted_folder() -> Path:
-    """Where compiled kernels are to be kept: $NUMBA_CACHE_DIR, else parsolid/kernels in the user's cache folder."""
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    usual = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "parsolid" / "kernels"
-    return Path(chosen) if chosen else usual
+    return numba_kernel(function, options)
 
 
 @functools.cache
-def folder() -> Path:
-    """Where compiled kernels are kept: where they are wanted, else in a temporary folder."""
-    # one for all ranks and runs of a user on this machine
-    for path in (wanted_folder(), Path(tempfile.gettempdir()) / f"parsolid-kernels-{os.getuid()}"):
-        with suppress(OSError):
-            path.mkdir(parents=True, exist_ok=True)
-            if os.access(path, os.W_OK):
-                return path
-    return Path(tempfile.mkdtemp(prefix="parsolid-kernels-"))
+def _file_kernel() -> Any:
+    """The class of kernels that need no numba; None where numba is set, or built, in another way than usual."""
+    set_otherwise = any(name.startswith("NUMBA_") and name not in _HARMLESS for name in os.environ)
+    if set_otherwise or PLAIN_ASKED or os.path.exists(".numba_config.yaml"):
+        return None
+    with suppress(Exception):
+        from decomposition.file_kernels import FileKernel
 
-
-# places in the lock file that this process holds, in the order of the compilations that stand within each other
-_RESERVED: list[int] = []
-
-
-@functools.cache
-def _lock_file(where: Path) -> int | None:
-    """The one file whose bytes stand for the kernels of a folder; None where it cannot be had."""
-    with suppress(OSError):
-        return os.open(where / "lock", os.O_RDWR | os.O_CREAT, 0o666)
+        return FileKernel
     return None
 
 
-def _reserve(path: Path) -> bool:
-    """Reserve a kernel for this process to compile; True where another process had it, so that its file may be there by
-    now.
-
-    A process that dies frees what it had, for these are locks of the system. A kernel never calls one that calls it, so
-    no two processes wait for each other; were it so all the same, they go on after a while and compile both.
-    """
-    place, file = int(path.stem[-32:][:12], 16), _lock_file(path.parent)
-    if file is None or place in _RESERVED:
-        return False
-    waited, end = False, time.monotonic() + _PATIENCE
-    while time.monotonic() < end:
-        try:
-            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, place)
-        except (BlockingIOError, PermissionError):
-            waited = True
-            time.sleep(_GLANCE)
-        except OSError:
-            # a file system without locks
-            return waited
-        else:
-            _RESERVED.append(place)
-            return waited
-    return waited
-
-
-def _release(place: int) -> None:
-    file = _lock_file(folder())
-    if file is not None:
-        with suppress(OSError):
-            fcntl.lockf(file, fcntl.LOCK_UN, 1, place)
-
-
-# told the name of every kernel that this process begins to compile
-LISTENERS: list[Callable[[str], object]] = []
-
-
-class KernelCache(_Cache):  # type: ignore[misc]
-    """The files of one function's machine code, one for each signature."""
-
-    def __init__(self, function: Any, options: dict[str, Any]) -> None:
-        self.function, self.enabled, self._stated = function, True, options
-        # sets of words have another order in another process
-        self.options = [
-            (name, sorted(it) if isinstance(it, set | frozenset) else it) for name, it in sorted(options.items())
-        ]
-
-    @property
-    def cache_path(self) -> str:
-        """The folder that all kernels share."""
-        return str(folder())
-
-    def enable(self) -> None:
-        """Use the files."""
-        self.enabled = True
-
-    def disable(self) -> None:
-        """Compile anew."""
-        self.enabled = False
-
-    def flush(self) -> None:
-        """Nothing: a file never becomes wrong."""
-
-    def load_overload(self, sig: Any, target_context: Any, wait: bool = True) -> LoadedKernel | None:
-        """The compiled function of a signature, waiting for a process that compiles it unless told not to; None for
-        this one to compile it.
-        """
-        if not self.enabled:
-            return None
-        path = self.path(sig, target_context.codegen())
-        found = self._load(path, sig, target_context)
-        if not wait:
-            return found
-        # the file may have come between the look and the reservation
-        if found is None and (_reserve(path) or path.exists()):
-            found = self._load(path, sig, target_context)
-        for listener in LISTENERS if found is None else ():
-            listener(self.function.__name__)
-        return found
-
-    def _load(self, path: Path, sig: Any, target_context: Any) -> LoadedKernel | None:
-        # a file that cannot be read is as good as none
-        with suppress(*UNREADABLE):
-            if time.time() - path.stat().st_mtime > _NOTED:
-                os.utime(path)
-            return LoadedKernel(path, target_context, functools.partial(self._compile_again, sig))
-        return None
-
-    def _compile_again(self, sig: Any) -> Any:
-        dispatcher = compiled(self.function, **self._stated)
-        dispatcher._cache.disable()
-        dispatcher.compile(sig)
-        return dispatcher.overloads[tuple(sig)]
-
-    def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep what was compiled; a folder that is full or not writable only costs time."""
-        if not self.enabled or data.lifted or data.library.has_dynamic_globals:
-            return
-        path = self.path(sig, data.codegen)
-        with suppress(*UNREADABLE):
-            payload = content(data)
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".new-", delete=False) as file:
-                file.write(payload)
-            os.replace(file.name, path)
-            _forget_unused(path.parent)
-
-    def path(self, sig: Any, codegen: Any) -> Path:
-        """The file of a signature."""
-        function = self.function
-        code, digest = function.__code__, hashlib.sha256()
-        modules = {function.__module__}.union(*map(modules_of, sig))
-        cells = tuple(cell.cell_contents for cell in function.__closure__ or ())
-        what = (
-            function.__qualname__,
-            code.co_firstlineno,
-            code.co_code,
-            str(sig),
-            codegen.magic_tuple(),
-            self.options,
-            numba_version,
-            _WAY,
-        )
-        numbas = config.SLP_VECTORIZE, config.OPT, config.BOUNDSCHECK
-        digest.update(repr((*what, sys.version_info[:2], *numbas)).encode())
-        digest.update(dumps(cells) if cells else b"")
-        for module in sorted(modules):
-            digest.update(digest_of(module))
-        return (
-            folder() / f"{function.__module__.rpartition('.')[2]}.{function.__name__}-{digest.hexdigest()[:32]}.kernel"
-        )
-
-
-@functools.cache
-def _forget_unused(where: Path) -> None:
-    """Remove old files, once in a process."""
-    now = time.time()
-    for path in where.glob("*.kernel"):
-        with suppress(OSError):
-            if now - path.stat().st_mtime > _KEPT:
-                path.unlink()
+def ordered(options: dict[str, Any]) -> list[tuple[str, Any]]:
+    """Options of a kernel in an order that is the same in every process; sets of words have none."""
+    return [(name, sorted(it) if isinstance(it, set | frozenset) else it) for name, it in sorted(options.items())]

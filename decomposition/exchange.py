@@ -9,53 +9,25 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
 from mpi4py import MPI
-from numba import types
-from numba.extending import intrinsic
 
 from decomposition.compiled import compiled
+from decomposition.deferred import Elsewhere
 
 # MPI promises tags up to 32767
 _TAGS = 1 << 14
 _HEADER = 4
 
 
-def _pointer(builder: Any, address: Any, kind: Any) -> Any:
-    return builder.inttoptr(address, kind.as_pointer())
+def _addresses() -> Any:
+    """Imported with numba; kernels are compiled from its text."""
+    from decomposition import addresses
+
+    return addresses
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def _load(typingctx: Any, address: Any) -> Any:
-    """The 8 bytes at an address, as an integer."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.load(_pointer(builder, arguments[0], ir.IntType(64)))
-
-    return types.int64(types.int64), generate
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def _store(typingctx: Any, address: Any, value: Any) -> Any:
-    """Put 8 bytes at an address."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        builder.store(arguments[1], _pointer(builder, arguments[0], ir.IntType(64)))
-        return context.get_dummy_value()
-
-    return types.void(types.int64, types.int64), generate
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def _add(typingctx: Any, address: Any, source: Any) -> Any:
-    """Add the float64 at address `source` to that at `address`."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        target, source = (_pointer(builder, argument, ir.DoubleType()) for argument in arguments)
-        builder.store(builder.fadd(builder.load(target), builder.load(source)), target)
-        return context.get_dummy_value()
-
-    return types.void(types.int64, types.int64), generate
+_there = Elsewhere("decomposition.addresses")
+_load, _store, _add = _there.load, _there.store, _there.add
 
 
 @compiled

@@ -4,19 +4,18 @@ import of the same project.
 
 import functools
 import hashlib
+import os
 import re
 import sys
 from pathlib import Path
 from typing import Any
-
-from numba.core.types import BaseNamedTuple, BaseTuple, Optional  # type: ignore[attr-defined]
 
 _IMPORT = re.compile(
     r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)|import[ \t]+([\w., \t]+))", re.MULTILINE
 )
 _OURS = ("parsolid", "decomposition")
 # how kernels are kept says nothing of what they do
-_KEEPER = "decomposition.compiled"
+_KEEPERS = ("decomposition.compiled", "decomposition.deferred")
 
 
 @functools.cache
@@ -39,10 +38,10 @@ def _source(module: str) -> Path | None:
     top, *rest = module.split(".")
     package = sys.modules.get(top)
     for root in getattr(package, "__path__", ()):
-        path = Path(root, *rest)
-        for candidate in (path.with_suffix(".py"), path / "__init__.py"):
-            if rest and candidate.is_file():
-                return candidate
+        place = os.path.join(root, *rest)
+        for candidate in (f"{place}.py", os.path.join(place, "__init__.py")):
+            if rest and os.path.isfile(candidate):
+                return Path(candidate)
     return None
 
 
@@ -60,6 +59,8 @@ def _imported(module: str, text: str) -> set[str]:
 
 
 def _is_ours(name: str, importer: str) -> bool:
+    if importer.partition(".")[0] in _OURS:
+        return name.partition(".")[0] in _OURS and _source(name) is not None
     source, here = _source(name), _source(importer)
     return source is not None and (
         name.partition(".")[0] in _OURS or (here is not None and source.parent == here.parent)
@@ -72,7 +73,7 @@ def reached(module: str) -> frozenset[str]:
     found, waiting = set(), [module]
     while waiting:
         name = waiting.pop()
-        if name not in found and name != _KEEPER:
+        if name not in found and name not in _KEEPERS:
             found.add(name)
             waiting += _text(name)[1]
     return frozenset(found)
@@ -93,7 +94,9 @@ def _digest_of_text(module: str) -> bytes:
 
 
 def modules_of(kind: Any) -> set[str]:
-    """Modules of the classes in an argument type, whose functions a kernel may have compiled in."""
+    """Modules of the classes in an argument type of numba's, whose functions a kernel may have compiled in."""
+    from numba.core.types import BaseNamedTuple, BaseTuple, Optional  # type: ignore[attr-defined]
+
     if isinstance(kind, BaseNamedTuple):
         inner = set().union(*map(modules_of, kind.types)) if kind.types else set()
         return {kind.instance_class.__module__} | inner

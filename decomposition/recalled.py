@@ -8,7 +8,19 @@ from collections.abc import Callable
 from operator import is_not, itemgetter
 from typing import Any
 
-from numba import typeof
+
+def entry_point(kernel: Any, arguments: tuple[Any, ...]) -> Callable[..., Any] | None:
+    """The machine code for the types of arguments, which a kernel has been called with; None where there is none."""
+    ask = getattr(type(kernel), "entry_point", None)
+    if ask is not None:
+        return ask(kernel, arguments)
+    known: dict[Any, Any] = getattr(kernel, "overloads", {})
+    if not known:
+        return None
+    from numba import typeof
+
+    found = known.get(tuple(typeof(argument) for argument in arguments))
+    return None if found is None else found.entry_point
 
 
 class Recalled:
@@ -37,9 +49,7 @@ class Recalled:
 
     def _look_up(self, arguments: tuple[Any, ...]) -> Callable[..., Any]:
         """The machine code for the types of the arguments, which the kernel has been called with."""
-        known: dict[Any, Any] = getattr(self.kernel, "overloads", {})
-        found = known.get(tuple(typeof(argument) for argument in arguments))
-        self._code = self.kernel if found is None else found.entry_point
+        self._code = entry_point(self.kernel, arguments) or self.kernel
         return self._code
 
 

@@ -3,14 +3,16 @@
 from collections.abc import Iterable
 from math import inf, isnan
 from struct import Struct
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from mpi4py import MPI
-from numpy.typing import ArrayLike
 
 from decomposition.compiled import compiled
 from decomposition.talking import TALKING
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 # a double is an integer of 53 bits times 2**(exponent - 1074): 2098 bits in limbs of 32, and room for carries
 _LIMB_BITS = 32
@@ -21,7 +23,7 @@ _BETWEEN_CARRIES = 1 << 29
 _NAN, _POSITIVE, _NEGATIVE = _LIMBS, _LIMBS + 1, _LIMBS + 2
 
 
-def sums(comm: MPI.Comm, values: ArrayLike) -> np.ndarray:
+def sums(comm: MPI.Comm, values: "ArrayLike") -> np.ndarray:
     """Sum of each value over all ranks, the same on all, in an array of the same shape; one Allreduce. Collective."""
     values = np.array(values)
     if comm.size == 1:

@@ -3,6 +3,7 @@ loaded and again when the job ends, takes a fifth of a small job.
 """
 
 import gc
+import os
 
 # whether this process is a job that has begun so and is not loaded yet
 _begun: list[bool] = []
@@ -11,6 +12,8 @@ _begun: list[bool] = []
 def begin() -> None:
     """Look for no garbage until `loaded`."""
     gc.disable()
+    # those of other people's have nothing to do with scenes, and every package that is installed is asked for them
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     _begun.append(True)
 
 

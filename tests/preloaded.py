@@ -128,11 +128,11 @@ class _Kernels:
     """The kernels that ranks have loaded so far, in a file to which every rank adds."""
 
     def __init__(self, path: str) -> None:
-        from decomposition import compiled
+        from decomposition import kernel_cache
 
         self.path, self.read = path, 0
         self.known: set[str] = set()
-        self.compile, compiled._compile = compiled._compile, self._noted
+        self.compile, kernel_cache._compile = kernel_cache._compile, self._noted
 
     def _noted(self, dispatcher, as_numba, signature):
         function = dispatcher.py_func

@@ -104,11 +104,6 @@ def extra_time(folder: Path, done: list[Done]) -> float | None:
     return sum(one.processor_seconds for one in done) / own if own > 0.0 else None
 
 
-def wanted(scene: Scene, options: Namespace) -> bool:
-    """Whether bars were asked for, on the command line or in the scene."""
-    return bool(getattr(options, "error_bars", False)) or scene.errors is not None
-
-
 def now() -> float:
     """Reading of the performance counter [s]."""
     return clock.perf_counter()

@@ -1,8 +1,5 @@
 """`parsolid run --profile`: which functions take the time of each rank."""
 
-import cProfile
-import io
-import pstats
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,6 +21,10 @@ def profiled(comm: Any, folder: Path | None) -> Iterator[None]:
     if folder is None:
         yield
         return
+    import cProfile
+    import io
+    import pstats
+
     profile = cProfile.Profile()
     profile.enable()
     try:

@@ -8,13 +8,13 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from decomposition.compiled import LISTENERS, folder, wanted_folder
+from decomposition.compiled import LISTENERS
+from decomposition.kernel_places import folder, wanted_folder
 from parsolid.collective import SolverError, anywhere
+from parsolid.commands.asked import bars_asked, targets
 from parsolid.commands.check_advice import advice, cost_advice, scene_advice, size_advice
-from parsolid.commands.error_bars import run_with_bars, wanted
 from parsolid.commands.profiling import profiled
 from parsolid.commands.standard_pictures import draw
-from parsolid.commands.target import run_to_targets, targets
 from parsolid.contact.relations import relations
 from parsolid.output.checkpoint import find_checkpoint
 from parsolid.output.directory import occupy
@@ -102,8 +102,12 @@ def run_scene(comm: MPI.Intracomm, scene: Scene, options: Namespace, began: floa
     """Run a scene with the options of a command line; began: reading of the performance counter [s]. Collective."""
     loaded()
     if targets(scene, options):
+        from parsolid.commands.target import run_to_targets
+
         return run_to_targets(comm, scene, options, began, run_alone)
-    if wanted(scene, options):
+    if bars_asked(scene, options):
+        from parsolid.commands.error_bars import run_with_bars
+
         return run_with_bars(comm, scene, options, began, run_alone)
     return run_alone(comm, scene, options, began)
 
@@ -211,7 +215,7 @@ def _follow(comm: MPI.Intracomm, simulation: Simulation, watch: Recorder, limits
         watch.progress.close(summary)
     if failure is not None:
         raise failure
-    if status == FINISHED and simulation.scene.output.pictures and not wanted(simulation.scene, options):
+    if status == FINISHED and simulation.scene.output.pictures and not bars_asked(simulation.scene, options):
         draw(comm, watch.files.directory)
     return TO_BE_CONTINUED if status == INTERRUPTED else 0
 

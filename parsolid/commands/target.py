@@ -7,6 +7,7 @@ from pathlib import Path
 from mpi4py import MPI
 
 from parsolid.collective import SolverError
+from parsolid.commands.asked import targets
 from parsolid.commands.error_bars import Alone, companions_done, speaker, without_checkpoint, write_bars
 from parsolid.errors.bars import ErrorTable, told
 from parsolid.errors.coarsening import NotCoarsened, coarser, lattice_words, parsed, unasked
@@ -52,11 +53,6 @@ class Search:
     def rebased(self, ratio: float) -> list[Done]:
         """What has been run, with ratios over that of a level."""
         return [replace(one, companion=replace(one.companion, ratio=one.ratio / ratio)) for one in self.done]
-
-
-def targets(scene: Scene, options: Namespace) -> list[str]:
-    """What was asked for, on the command line or in the scene."""
-    return list(getattr(options, "target", [])) or (scene.run.target if scene.run else [])
 
 
 def run_to_targets(comm: MPI.Intracomm, scene: Scene, options: Namespace, began: float, alone: Alone) -> int:

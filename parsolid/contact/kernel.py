@@ -7,9 +7,9 @@ import math
 from functools import cache, lru_cache
 
 import numpy as np
-from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 
 _POINTS = 96
 

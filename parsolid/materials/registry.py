@@ -12,12 +12,12 @@ import re
 import sys
 from functools import cache
 from importlib import import_module
-from importlib.metadata import entry_points
 from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any
 
 from parsolid.materials.declaration import Declared, declared_as
+from parsolid.materials.installed import entry_points
 
 _LINE = re.compile(r'^@law\("([a-z-]+)", "([a-z0-9-]+)"\)', re.MULTILINE)
 # where the functions are that kernels ask of the laws of a role; one of each group is enough

@@ -9,19 +9,18 @@ def _johnson_cook(model, plastic_strain, rate): return model.yield_stress + ...
 """
 
 import functools
-import inspect
 
 import numpy as np
-from numba import types
-from numba.core.errors import TypingError
-from numba.extending import overload
 
+from decomposition.deferred import overload
+from parsolid.numerics.lanes import LANES
 from parsolid.numerics.tensors import Tensor, as_tensor
-from parsolid.numerics.tracing import is_tensor, tensor_class
 
 
 def is_instance(numba_type, named_tuple_class) -> bool:
     """True when a numba type is that of the given NamedTuple class."""
+    from numba import types
+
     return isinstance(numba_type, types.BaseNamedTuple) and numba_type.instance_class is named_tuple_class
 
 
@@ -31,12 +30,17 @@ def _written(parameters, expression: str, **names):
     return names["written"]
 
 
+def _parameters(function):
+    """Names of the arguments of a function that takes them by position."""
+    return function.__code__.co_varnames[: function.__code__.co_argcount]
+
+
 def constant(function):
     """Decorator of a function of its arguments' types alone, a constant in kernels.
 
     There it is given of each argument what the type tells: NamedTuples of such, None, else the numba type.
     """
-    parameters = inspect.signature(function).parameters
+    parameters = _parameters(function)
 
     @overload(function, strict=False)
     def choose(*arguments):
@@ -46,6 +50,8 @@ def constant(function):
 
 
 def _told_by(numba_type):
+    from numba import types
+
     if isinstance(numba_type, types.NoneType):
         return None
     if isinstance(numba_type, types.BaseNamedTuple):
@@ -57,10 +63,9 @@ class Generic:
     """The implementations of a documented stub, see `generic`."""
 
     def __init__(self, stub, on: str | None):
-        self.stub, self.parameters = stub, list(inspect.signature(stub).parameters)
+        self.stub, self.parameters = stub, list(_parameters(stub))
         self.position = self.parameters.index(on) if on else 0
-        hints = inspect.signature(stub).parameters.values()
-        self.tensors = [i for i, hint in enumerate(hints) if hint.annotation is Tensor]
+        self.tensors = [i for i, name in enumerate(self.parameters) if stub.__annotations__.get(name) is Tensor]
         self.implementations, self.default = {}, None
 
     def of(self, *kinds):
@@ -94,6 +99,10 @@ class Generic:
 
     def compiled_choice(self, arguments):
         """What numba compiles for argument types."""
+        from numba.core.errors import TypingError
+
+        from parsolid.numerics.tracing_lowering import is_tensor, tensor_class
+
         plain = [i for i in self.tensors if not is_tensor(arguments[i]) and tensor_class(arguments[i])]
         if plain:
             given = ", ".join(f"as_tensor({name})" if i in plain else name for i, name in enumerate(self.parameters))
@@ -137,6 +146,10 @@ def generic(stub=None, *, on: str | None = None):
 
 
 def _key_of_type(numba_type):
+    from numba import types
+
+    if numba_type.name == LANES:
+        return LANES
     if isinstance(numba_type, types.NoneType | types.Omitted):
         return None
     if isinstance(numba_type, types.BaseNamedTuple):
@@ -160,7 +173,7 @@ def none_without(argument: str, returns: str | None = None):
     """
 
     def decorate(function):
-        names = list(inspect.signature(function).parameters)
+        names = _parameters(function)
         position = names.index(argument)
         instead = None if returns is None else names.index(returns)
 
@@ -172,6 +185,8 @@ def none_without(argument: str, returns: str | None = None):
 
         @overload(called, strict=False)
         def choose(*arguments):
+            from numba import types
+
             if isinstance(arguments[position], types.NoneType):
                 return (lambda *arguments: None) if instead is None else (lambda *arguments: arguments[instead])
             return function

@@ -7,8 +7,7 @@ A12, A13, A23 or A11, A22, A12 of each Maxwell branch. `correction` holds L, (9 
 
 from typing import NamedTuple
 
-from numba.extending import register_jitable
-
+from decomposition.deferred import register_jitable
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import broadcast, load, store, store_first, transpose
 from parsolid.numerics.tensors import GeneralPlane, GeneralSpace, SymmetricPlane, SymmetricSpace

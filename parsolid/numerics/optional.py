@@ -1,6 +1,6 @@
 """Entries of arrays that a scene may lack."""
 
-from numba.extending import register_jitable
+from decomposition.deferred import register_jitable
 
 
 @register_jitable

@@ -2,8 +2,7 @@
 
 import math
 
-from numba.extending import register_jitable
-
+from decomposition.deferred import register_jitable
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.elementary import choose, some_positive
 from parsolid.numerics.tensors import (

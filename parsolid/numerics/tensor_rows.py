@@ -5,8 +5,7 @@ General ones: 11 12 21 22 33 in the plane, nine in space; symmetric ones: 11 22 
 
 import math
 
-from numba.extending import register_jitable
-
+from decomposition.deferred import register_jitable
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import lane, load, store_first
 from parsolid.numerics.layout import Plane, Space, load_nine, load_six, store_nine

@@ -16,7 +16,7 @@ from collections import namedtuple
 
 from decomposition.compiled import compiled
 from parsolid.numerics.lanes import lane  # noqa: F401
-from parsolid.numerics.tracing import BY_SIZE, Symbol, Traceable, traced
+from parsolid.numerics.tracing import BY_SIZE, Traceable, Unknown, traced
 
 PLANE, SPACE, SYMMETRIC_PLANE, SYMMETRIC_SPACE = 5, 9, 4, 6
 
@@ -315,7 +315,7 @@ contract_symmetric, determinant_symmetric, trace_symmetric = contract, determina
 
 
 def _lane(x, k):
-    return x.lane(k) if isinstance(x, Symbol) else x
+    return x.lane(k) if isinstance(x, Unknown) else x
 
 
 @functools.partial(traced, with_index=True)

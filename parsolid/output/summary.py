@@ -17,6 +17,7 @@ import numpy as np
 from mpi4py import MPI
 
 import parsolid
+from decomposition.kernel_places import numba_version
 from parsolid.output.errors import OutputError, words
 
 
@@ -67,13 +68,11 @@ def git_hash() -> str | None:
 
 def versions() -> dict[str, str]:
     """Versions of everything that the numbers may depend on."""
-    import numba
-
     return {
         "parsolid": parsolid.__version__,
         "python": platform.python_version(),
         "numpy": np.__version__,
-        "numba": numba.__version__,
+        "numba": numba_version(),
         "h5py": h5py.__version__,
         "hdf5": h5py.version.hdf5_version,
         "parallel_hdf5": str(h5py.get_config().mpi).lower(),

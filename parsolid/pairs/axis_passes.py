@@ -1,8 +1,7 @@
 """The two passes over lists along the axes of lattices, in space; arrays are as `pairs.passes` says."""
 
-from numba.extending import register_jitable
-
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.numerics.dispatch import generic, none_without
 from parsolid.numerics.lanes import WIDTH, broadcast, from_floats, fused, horizontal_sums, lane, load, total
 from parsolid.pairs.axis_lists import AXES, JUMP, NEXT, SECOND, STEP, InnerAxes, OneSidedAxes

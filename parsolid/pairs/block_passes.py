@@ -5,9 +5,8 @@ Particles pass through a window, a row for each number of theirs, as far as the 
 need of them is loaded from there, what they add is gathered there, and goes to the particles with their own block.
 """
 
-from numba.extending import register_jitable
-
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.numerics.lanes import WIDTH, broadcast, load, store, transpose
 from parsolid.numerics.wide_lanes import WIDE, broadcast_wide, fused_wide, load_wide, store_wide
 from parsolid.pairs.block_lists import STRIDE

@@ -6,9 +6,8 @@ Corrections L are (n, d, d); the image of a neighbour has R L_b R.
 
 import math
 
-from numba.extending import register_jitable
-
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.pairs.lists import mutual
 
 

@@ -10,9 +10,9 @@ own.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 
 
 class BodyMotions(NamedTuple):

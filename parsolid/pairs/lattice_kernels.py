@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.numerics.lanes import WIDTH, broadcast, fused, load, store
 from parsolid.pairs.lane_tuples import add_lanes
 from parsolid.pairs.terms import dimension_of

@@ -8,9 +8,8 @@ with u and n as in `pairs.passes`. Errors are those of the impedance along C_ske
 
 import math
 
-from numba.extending import register_jitable
-
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import broadcast, fused
 from parsolid.numerics.layout import Plane, store_matrix, store_rows

@@ -6,8 +6,7 @@ dissipates.
 
 import math
 
-from numba.extending import register_jitable
-
+from decomposition.deferred import register_jitable
 from parsolid.numerics.dispatch import generic, none_without
 from parsolid.numerics.lanes import broadcast, fused, horizontal_sums, lane, last_two_roots, load
 from parsolid.pairs.primitives import (

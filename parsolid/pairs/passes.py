@@ -25,9 +25,8 @@ stress and stabiliser, their records hold (S = P K^{-1}) M and what the stabilis
 
 from typing import NamedTuple
 
-from numba.extending import register_jitable
-
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.numerics.dispatch import constant, generic
 from parsolid.numerics.lanes import WIDTH, broadcast, load
 from parsolid.pairs.lane_tuples import add_lanes, opposite, plus, store_lanes

@@ -5,8 +5,7 @@ another; in space a matrix has three values, its columns. Matrices are tuples of
 neighbour: the particle in row b, or the image of it that the pair k has; see `lists.Images`.
 """
 
-from numba.extending import register_jitable
-
+from decomposition.deferred import register_jitable
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import (
     WIDTH,

@@ -8,9 +8,9 @@ K11 alone.
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.collective import raise_together
 from parsolid.numerics.dispatch import generic
 from parsolid.pairs.lists import mutual

@@ -4,8 +4,7 @@ A tensor lies in lanes as its columns do in the record (see `pairs.terms`); a dy
 part twice.
 """
 
-from numba.extending import register_jitable
-
+from decomposition.deferred import register_jitable
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import WIDTH, from_floats, fused, lane, load, swizzle, without_fourth
 from parsolid.numerics.layout import Plane

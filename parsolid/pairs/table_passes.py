@@ -1,9 +1,9 @@
 """Forces of pairs whose weights stand in a table, four side by side in space; arrays are as `pairs.passes` says."""
 
 import numpy as np
-from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import WIDTH, broadcast, from_floats, fused, horizontal_sums, lane, load, store
 from parsolid.numerics.layout import Plane

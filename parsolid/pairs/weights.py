@@ -10,9 +10,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.pairs.lists import mutual
 from parsolid.pairs.smoothing.gradient import gradient_factor
 

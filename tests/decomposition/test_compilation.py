@@ -17,17 +17,16 @@ from numba.core.errors import TypingError
 from numba.core.runtime import _nrt_python, rtsys
 from numba.extending import register_jitable
 
-from decomposition import compilation
-from decomposition import compiled as kernels
+from decomposition import compilation, kernel_cache, kernel_places
 from decomposition.compiled import compiled
 
-pytestmark = pytest.mark.skipif(kernels.PLAIN, reason="kernels are compiled by numba as it is")
+pytestmark = pytest.mark.skipif(kernel_cache.PLAIN, reason="kernels are compiled by numba as it is")
 
 
 @pytest.fixture(autouse=True)
 def _fresh(tmp_path, monkeypatch):
     """Nothing comes from files, and the list of those that fell back is this test's."""
-    monkeypatch.setattr(kernels, "folder", lambda: tmp_path)
+    monkeypatch.setattr(kernel_places, "folder", lambda: tmp_path)
     monkeypatch.setattr(compilation, "FALLEN_BACK", [])
 
 
@@ -284,7 +283,7 @@ def test_constraints_are_applied_again_only_where_a_type_has_changed(monkeypatch
 def test_without_the_short_way_there_is_numbas():
     program = (
         "import sys\nsys.modules['decomposition.economies'] = None\n"
-        "from decomposition import compiled as kernels\nassert kernels.PLAIN\n"
+        "from decomposition import compiled as kernels, kernel_cache\nassert kernel_cache.PLAIN\n"
         "print(kernels.compiled(lambda x: 2.0 * x)(1.5))"
     )
     result = subprocess.run(

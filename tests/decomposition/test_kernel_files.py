@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 from numba.core.runtime import _nrt_python, rtsys
 
-from decomposition import compiled as kernels
-from decomposition import kernel_files
+from decomposition import kernel_places, loaded_kernels
 from decomposition.compiled import compiled
-from decomposition.kernel_files import LoadedKernel
+from decomposition.loaded_kernels import LoadedKernel
 
 
 @pytest.fixture(autouse=True)
 def files(tmp_path, monkeypatch):
     """The folder of a test's kernels."""
-    monkeypatch.setattr(kernels, "folder", lambda: tmp_path)
+    monkeypatch.setattr(kernel_places, "folder", lambda: tmp_path)
     return tmp_path
 
 
@@ -80,7 +79,7 @@ def test_arrays_that_a_loaded_kernel_makes_are_freed():
 
 @pytest.mark.parametrize("name", ["_dynfunc", "_counts_references"])
 def test_with_another_numba_inside_kernels_are_compiled_each_time(name, monkeypatch):
-    monkeypatch.setattr(kernel_files, name, None)
+    monkeypatch.setattr(loaded_kernels, name, None)
     for _ in range(2):
         kernel = compiled(_total)
         assert kernel(np.arange(3.0)) == 3.0 and not kernel.stats.cache_hits

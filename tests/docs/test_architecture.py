@@ -13,7 +13,6 @@ from pathlib import Path
 
 import pytest
 from mpi4py import MPI
-from numba.core.dispatcher import Dispatcher
 
 from parsolid.scene import load_scene
 from parsolid.simulation.loop import Simulation
@@ -81,7 +80,7 @@ def files_of_a_step(path: Path) -> set[str]:
         values = [names.get(name) for name in code.co_names]
         modules = [value for value in values if isinstance(value, types.ModuleType)]
         values += [getattr(module, name, None) for module in modules for name in code.co_names]
-        files |= {value.py_func.__code__.co_filename for value in values if isinstance(value, Dispatcher)}
+        files |= {value.py_func.__code__.co_filename for value in values if hasattr(value, "py_func")}
     places = (Path(file).relative_to(ROOT) for file in files if file.startswith(str(ROOT / "parsolid")))
     return {str(place) for place in places if place.parts[1] not in SHARED}
 

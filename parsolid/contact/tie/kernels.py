@@ -7,9 +7,9 @@ of the second body. Lists: start (points + 1,) and rows of particles.
 import math
 
 import numpy as np
-from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.contact.kernel import shape, slope
 from parsolid.contact.passes import inverse_of
 

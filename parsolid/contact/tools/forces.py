@@ -11,9 +11,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.contact.passes import crossing
 from parsolid.contact.tools.shapes import distance
 

@@ -6,8 +6,7 @@ A shape is a NamedTuple; places are three numbers in any dimension, those beyond
 import math
 from typing import NamedTuple
 
-from numba.extending import register_jitable
-
+from decomposition.deferred import register_jitable
 from parsolid.numerics.dispatch import generic
 
 

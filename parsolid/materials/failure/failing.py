@@ -9,8 +9,7 @@ and then nothing in here costs anything; `present` is positive where matter was 
 import math
 from typing import NamedTuple
 
-from numba.extending import register_jitable
-
+from decomposition.deferred import register_jitable
 from parsolid.materials.failure import johnson_cook_damage, maximum_tension, plastic_strain  # noqa: F401  (overloads)
 from parsolid.materials.failure.failure import Criteria, damage_after
 from parsolid.materials.plastic.plasticity import isentropic_bulk_modulus

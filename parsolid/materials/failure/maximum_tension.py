@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 from parsolid.materials.declaration import Parameter, law
 from parsolid.materials.failure.failure import damage_after
 from parsolid.numerics.dispatch import generic
-from parsolid.numerics.lanes import LanesType, from_floats
+from parsolid.numerics.lanes import LANES, from_floats
 from parsolid.numerics.tensors import lane_of_symmetric, largest_eigenvalue
 
 
@@ -28,7 +28,7 @@ def _largest_principal(deviator, pressure):
     """The largest principal stress [Pa]."""
 
 
-@_largest_principal.of(LanesType)
+@_largest_principal.of(LANES)
 def _of_four(deviator, pressure):
     a, b = largest_eigenvalue(lane_of_symmetric(deviator, 0)), largest_eigenvalue(lane_of_symmetric(deviator, 1))
     c, d = largest_eigenvalue(lane_of_symmetric(deviator, 2)), largest_eigenvalue(lane_of_symmetric(deviator, 3))

@@ -4,9 +4,9 @@ Tensors are arrays (..., 3, 3) of float64; the leading shape is any, and empty f
 """
 
 import numpy as np
-from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.materials.hyperelastic import law as laws
 from parsolid.numerics import tensors as tensor
 from parsolid.numerics.dispatch import none_without

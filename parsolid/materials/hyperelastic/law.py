@@ -9,8 +9,7 @@ branches included. Tensors are those of `numerics.tensors`, scalars floats or fo
 or None without branches.
 """
 
-from numba.extending import register_jitable
-
+from decomposition.deferred import register_jitable
 from parsolid.numerics.dispatch import generic, none_without
 from parsolid.numerics.tensors import I, Tensor, gram, zero_like_gram
 

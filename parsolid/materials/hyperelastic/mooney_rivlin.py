@@ -7,8 +7,7 @@ W = xi (F:F - 3) + zeta (H:H - 3) - 2 (xi + 2 zeta) ln J + lambda_hat/2 (J - 1)^
 import math
 from typing import Annotated, ClassVar, NamedTuple
 
-from numba.extending import register_jitable
-
+from decomposition.deferred import register_jitable
 from parsolid.materials.declaration import Density, Parameter, Phrase, law
 from parsolid.materials.hyperelastic.law import (
     elastic_moduli,

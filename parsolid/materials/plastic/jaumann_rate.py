@@ -6,8 +6,7 @@ is that of the middle of the step.
 
 import math
 
-from numba.extending import register_jitable
-
+from decomposition.deferred import register_jitable
 from parsolid.numerics.elementary import choose
 from parsolid.numerics.polar import congruence, symmetric_part
 from parsolid.numerics.tensors import I, contract, formula, trace

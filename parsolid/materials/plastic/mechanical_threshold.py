@@ -5,8 +5,7 @@
 import math
 from typing import Annotated, NamedTuple
 
-from numba.extending import register_jitable
-
+from decomposition.deferred import register_jitable
 from parsolid.materials.declaration import Parameter, law
 from parsolid.materials.plastic.plasticity import flow_stress
 from parsolid.numerics.elementary import choose, power, some_positive

@@ -13,8 +13,7 @@ once; densities of energy are per present volume unless said otherwise.
 import math
 from typing import NamedTuple
 
-from numba.extending import register_jitable
-
+from decomposition.deferred import register_jitable
 from parsolid.numerics.dispatch import generic, none_without
 from parsolid.numerics.elementary import choose, power
 from parsolid.numerics.tensors import expand, formula

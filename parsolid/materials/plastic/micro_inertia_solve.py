@@ -13,8 +13,7 @@ G and its derivatives share one exp and one log.
 import math
 from typing import Any, NamedTuple
 
-from numba.extending import register_jitable
-
+from decomposition.deferred import register_jitable
 from parsolid.materials.plastic.micro_inertia import (
     MicroInertia,
     flow_strength,

@@ -2,8 +2,7 @@
 
 import math
 
-from numba.extending import register_jitable
-
+from decomposition.deferred import register_jitable
 from parsolid.materials.plastic.plasticity import SLOWEST_RATE, deviator_update, flow_stress, plastic_increment
 from parsolid.numerics.elementary import choose, some_positive
 from parsolid.numerics.tensors import contract

@@ -2,7 +2,7 @@
 
 import math
 
-from numba.extending import register_jitable
+from decomposition.deferred import register_jitable
 
 
 @register_jitable

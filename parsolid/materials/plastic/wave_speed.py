@@ -2,8 +2,7 @@
 
 import math
 
-from numba.extending import register_jitable
-
+from decomposition.deferred import register_jitable
 from parsolid.materials.plastic.plasticity import isentropic_bulk_modulus
 
 

@@ -16,8 +16,7 @@ past C, so that it stays positive definite.
 import math
 from typing import NamedTuple
 
-from numba.extending import register_jitable
-
+from decomposition.deferred import register_jitable
 from parsolid.materials.hyperelastic.mooney_rivlin import MooneyRivlin
 from parsolid.numerics.dispatch import none_without
 from parsolid.numerics.tensors import I, contract, determinant, expand, inverse_symmetric, trace

@@ -7,9 +7,8 @@ which is second order, unlike (78) that freezes C^{-1} over the step.
 
 import math
 
-from numba.extending import register_jitable
-
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.numerics.tensors import contract, determinant, formula, gram, inverse_symmetric
 
 

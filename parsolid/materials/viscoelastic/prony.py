@@ -20,9 +20,8 @@ zero.
 import math
 from typing import NamedTuple
 
-from numba.extending import register_jitable
-
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.materials.viscoelastic.interconversion import shear_relaxation
 from parsolid.numerics.dispatch import generic, none_without
 from parsolid.numerics.polar import symmetric_part

@@ -9,10 +9,8 @@ TPIC  v_p as APIC, C_p <- sum_i v_i (x) grad w_ip
 all   x_p <- x_p + dt sum_i w_ip v_i,   l_p = sum_i v_i (x) grad w_ip
 """
 
-from numba import types
-from numba.extending import overload, register_jitable
-
 from decomposition.compiled import compiled
+from decomposition.deferred import overload, register_jitable
 from parsolid.methods.mpm.grid import AffineFlip, Apic, Flip, Taylor, weigh
 from parsolid.methods.mpm.weights import nodes_across, store_derivatives, store_distances
 from parsolid.numerics.dispatch import generic, is_instance
@@ -162,6 +160,8 @@ def sum_nodes(space, basis, scratch, transfer, rate, remapped):
 
 @overload(sum_nodes)
 def _choose_sums(space, basis, scratch, transfer, rate, remapped):
+    from numba import types
+
     # constants of the compiled code, which drops what the transfer, the rate or remapped momentum does not need
     source = 0 if isinstance(remapped, types.NoneType) else 4
     with_second = source == 4 or is_instance(transfer, Flip) or is_instance(transfer, AffineFlip)

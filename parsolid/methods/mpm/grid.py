@@ -16,9 +16,9 @@ radian, with x = r and y along the axis.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.methods.mpm.weights import nodes_across, store_weights
 from parsolid.numerics.lanes import aligned_zeros, broadcast, fused, load, store, swizzle
 

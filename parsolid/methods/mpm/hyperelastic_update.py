@@ -4,9 +4,8 @@ follows from it.
 
 import math
 
-from numba.extending import register_jitable
-
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.materials.hyperelastic.law import equilibrium_energy, first_piola_kirchhoff_stress, pressure_wave_tensor
 from parsolid.methods.mpm.layout import load_rate, store_stress
 from parsolid.numerics.elementary import choose

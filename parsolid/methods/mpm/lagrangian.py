@@ -15,9 +15,9 @@ what it is:
 import math
 
 import numpy as np
-from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.methods.mpm.layout import load_rate
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import WIDTH, broadcast, load

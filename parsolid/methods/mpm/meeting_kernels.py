@@ -8,9 +8,9 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 
 # coefficients of a fit: a number and a vector, and of its quadratic form the upper triangle
 FIT, FORM = 4, 10

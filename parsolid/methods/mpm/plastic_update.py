@@ -9,9 +9,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.materials.failure.failing import (
     Elasticity,
     borne,

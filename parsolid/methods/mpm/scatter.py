@@ -9,9 +9,8 @@ its factors of the other directions once: of sigma grad w, w' of the last direct
 `across`.
 """
 
-from numba.extending import register_jitable
-
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.methods.mpm.grid import (
     AffineFlip,
     Apic,

@@ -16,9 +16,9 @@ splines.
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.numerics.dispatch import constant, generic
 from parsolid.numerics.lanes import broadcast, fused, load, store
 

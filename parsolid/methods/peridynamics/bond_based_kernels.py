@@ -7,9 +7,8 @@ Source: Silling and Askari, 2005, eqs (8) to (10).
 
 import math
 
-from numba.extending import register_jitable
-
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.methods.peridynamics.bonds import field_jump, reference_bond
 from parsolid.numerics.dispatch import generic
 from parsolid.pairs.lists import images_of, mutual

@@ -9,9 +9,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.methods.peridynamics.bonds import field_jump, place, reference_bond
 from parsolid.numerics.dispatch import generic
 from parsolid.pairs.lists import images_of, mutual

@@ -5,9 +5,9 @@ Only particles that have broken bonds are looked at: `slot` (n,) holds their row
 """
 
 import numpy as np
-from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.pairs.lists import images_of, mutual
 
 BITS = 63

@@ -6,8 +6,7 @@ from its two ends differ by their sign alone, to the bit, so that two ranks deci
 border. That does not hold for a bond with a mirror image; whoever decides about one looks at both, (a, b') and (b, a').
 """
 
-from numba.extending import register_jitable
-
+from decomposition.deferred import register_jitable
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.layout import Plane
 from parsolid.pairs.terms import kinematic_columns

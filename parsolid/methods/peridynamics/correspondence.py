@@ -8,9 +8,9 @@ sums of the gradient pass,
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import register_jitable
 
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.materials.viscoelastic.prony import small_strain, stress
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import WIDTH, broadcast, load

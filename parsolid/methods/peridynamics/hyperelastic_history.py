@@ -1,7 +1,6 @@
 """Prony series on hyperelastic solids: C and the branches' C_j as histories."""
 
-from numba.extending import register_jitable
-
+from decomposition.deferred import register_jitable
 from parsolid.materials.hyperelastic.law import first_piola_kirchhoff_stress, pressure_wave_tensor
 from parsolid.materials.viscoelastic.hyperelastic_series import (
     HyperelasticSeries,

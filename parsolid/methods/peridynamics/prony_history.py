@@ -1,7 +1,6 @@
 """Prony solids with an elastic bulk, or of finite strain: strains as histories."""
 
-from numba.extending import register_jitable
-
+from decomposition.deferred import register_jitable
 from parsolid.materials.viscoelastic.prony import (
     Prony,
     branch_form,

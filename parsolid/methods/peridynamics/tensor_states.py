@@ -7,8 +7,7 @@ branches' e_j, or A_j.
 
 import math
 
-from numba.extending import register_jitable
-
+from decomposition.deferred import register_jitable
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import load, store_first
 from parsolid.numerics.layout import Plane, load_six

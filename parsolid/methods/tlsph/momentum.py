@@ -1,8 +1,7 @@
 """Kernels of the momentum equation (72a) and the energy sums."""
 
-from numba.extending import register_jitable
-
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.materials.hyperelastic.law import equilibrium_energy
 from parsolid.materials.viscoelastic.maxwell import branch_energy
 from parsolid.methods.tlsph.strain import load_strain

@@ -1,7 +1,6 @@
 """F, H, J of particles, evolved apart by the stages of a step, or H and J those of F."""
 
-from numba.extending import register_jitable
-
+from decomposition.deferred import register_jitable
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.layout import load_deformation, load_deformation_gradient
 from parsolid.numerics.tensors import cofactor, determinant

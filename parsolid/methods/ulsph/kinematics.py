@@ -2,9 +2,8 @@
 
 import math
 
-from numba.extending import register_jitable
-
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.numerics.optional import free_of, load_of
 
 

@@ -6,9 +6,8 @@ stresses, micro-velocity and temperature see fluxes of the step's start, fluxes 
 
 import math
 
-from numba.extending import register_jitable
-
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.materials.plastic.jaumann_rate import elastic_increment, jaumann_turn, returned_deviator
 from parsolid.materials.plastic.micro_inertia import (
     advance_fluxes,

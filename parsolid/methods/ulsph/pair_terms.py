@@ -1,7 +1,6 @@
 """Contact and artificial viscosity of a pair of particles, by type; pairs of one body have the contact None."""
 
-from numba.extending import register_jitable
-
+from decomposition.deferred import register_jitable
 from parsolid.methods.ulsph.terms import ArtificialViscosity, CompressionOnly
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import lane

@@ -7,9 +7,8 @@ method, but that viscous heat comes from the sums of the second pass.
 
 import math
 
-from numba.extending import register_jitable
-
 from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
 from parsolid.materials.failure.failing import (
     Elasticity,
     borne,

@@ -1,7 +1,6 @@
 """Divergences of fluxes and gradients of numbers of four particles, from the sums of the passes."""
 
-from numba.extending import register_jitable
-
+from decomposition.deferred import register_jitable
 from parsolid.methods.ulsph.terms import COLUMNS, HeatFlux, MicroAndHeatFlux, MicroFlux, flux_places
 from parsolid.numerics.dispatch import constant, generic, none_without
 from parsolid.numerics.lanes import broadcast

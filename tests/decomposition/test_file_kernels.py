@@ -1,0 +1,187 @@
+"""Kernels from files in a process without numba: what they give, and what happens when numba comes."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numba import typeof
+
+from decomposition.argument_kinds import kind_of
+from decomposition.kernel_files import symbols_of
+
+ROOT = Path(__file__).parents[2]
+KERNELS = """import sys
+from typing import NamedTuple
+import numpy as np
+from decomposition.compiled import compiled, LISTENERS
+from decomposition.recalled import Recalled
+from decomposition.deferred import register_jitable
+
+told = []
+LISTENERS.append(told.append)
+
+
+class Pair(NamedTuple):
+    first: np.ndarray
+    second: float
+
+
+@register_jitable
+def twice(x):
+    return 2.0 * x
+
+
+@compiled
+def doubled(pair, offset=0.5):
+    if offset < 0.0:
+        raise ValueError("an offset is negative")
+    total = pair.second + offset
+    for k in range(len(pair.first)):
+        total += twice(pair.first[k])
+    return total
+
+
+@compiled(error_model="numpy")
+def split(values, k):
+    return Pair(values[:k].copy(), values[k] / 2)
+
+
+def show(*results):
+    print(*results, told, "numba" in sys.modules)
+"""
+
+
+@pytest.fixture
+def run(tmp_path):
+    """What a program prints, in a process of its own with the kernels of a folder of its own."""
+    (tmp_path / "kernels.py").write_text(KERNELS)
+    values = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
+    values |= {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(ROOT), "NUMBA_SLP_VECTORIZE": "1"}
+
+    def printed(program: str, **more: str) -> str:
+        command = [sys.executable, "-c", f"from kernels import *\n{program}"]
+        done = subprocess.run(command, cwd=tmp_path, env=values | more, text=True, capture_output=True, check=False)
+        assert done.returncode == 0, done.stderr
+        return done.stdout.strip()
+
+    return printed
+
+
+class Two(NamedTuple):
+    a: object
+    b: object
+
+
+class Empty(NamedTuple):
+    pass
+
+
+def _read_only():
+    values = np.zeros(3)
+    values.flags.writeable = False
+    return values
+
+
+_VALUES = [
+    *(1, -1, 1.0, True, None, np.float64(1.0), np.float32(1.0), np.int64(1), np.uint8(1), np.bool_(True)),
+    *(np.zeros((3, 4)), np.zeros((3, 4)).T, np.zeros((3, 4))[:, ::2], np.zeros(()), np.zeros((1, 1)), _read_only()),
+    *(np.zeros(3, np.int32), np.zeros(3, bool), np.zeros(3, np.uint8), np.zeros(2, complex), np.zeros((0, 3))),
+    *((1, 2), (1, 2.0), (), ((1,), (2,)), Two(1, 2), Two(1.0, None), Two(np.zeros((2, 2)), (1, 2)), Empty()),
+    (Two(1, (None, True)),),
+]
+
+
+@pytest.mark.parametrize("value", _VALUES, ids=lambda value: str(typeof(value)))
+def test_types_are_named_as_numba_names_them(value):
+    assert kind_of(value).name == str(typeof(value))
+
+
+@pytest.mark.parametrize("value", [1 << 63, "text", [1.0], np.zeros(2, "S3"), np.zeros(2, ">f8"), (1, "text"), print])
+def test_what_is_not_known_is_numbas_affair(value):
+    assert kind_of(value).name is None
+
+
+def test_classes_of_one_name_are_told_apart():
+    def made():
+        class Pair(NamedTuple):
+            a: float
+
+        return Pair
+
+    first, second = made(), made()
+    assert kind_of(first(1.0)) is kind_of(first(2.0)) is not kind_of(second(1.0))
+    assert kind_of(first(1.0)).code != kind_of(second(1.0)).code
+    assert __name__ in kind_of((first(1.0), 2)).modules
+
+
+@pytest.mark.slow
+def test_a_file_is_called_without_numba(run):
+    program = "show(doubled(Pair(np.arange(2.0), 1.0), 0.5), split(np.arange(3.0), 2))"
+    values = "3.5 Pair(first=array([0., 1.]), second=1.0)"
+    assert run(program) == f"{values} ['doubled', 'split'] True"
+    assert run(program) == f"{values} [] False"
+    # other types of the same kernel are compiled, and what was there before is called on
+    more = "show(doubled(Pair(np.arange(2), 1.0), 0.5), doubled(Pair(np.arange(2.0), 1.0), 0.5))"
+    assert run(f"{program}; {more}; {program}").splitlines() == [
+        f"{values} [] False",
+        "3.5 3.5 ['doubled'] True",
+        f"{values} ['doubled'] True",
+    ]
+
+
+@pytest.mark.slow
+def test_what_numba_decides_is_left_to_it(run):
+    plain = "show(doubled(Pair(np.arange(2.0), 1.0), 0.5))"
+    assert run(plain) == "3.5 ['doubled'] True"
+    assert run("show(doubled(Pair(np.arange(2.0), 1.0)))").startswith("3.5")
+    assert run(f"doubled(Pair(np.arange(2.0), 1.0), offset=0.5); {plain}").startswith("3.5")
+    # settings of numba's that change machine code are seen
+    assert run(plain, NUMBA_OPT="1") == "3.5 ['doubled'] True"
+    assert run(plain, PARSOLID_PLAIN_COMPILER="1").endswith("True")
+    assert run(plain, NUMBA_SLP_VECTORIZE="0") == "3.5 ['doubled'] True"
+    assert run(plain) == "3.5 [] False"
+
+
+@pytest.mark.slow
+def test_errors_are_raised_without_numba(run):
+    program = """
+try:
+    doubled(Pair(np.arange(2.0), 1.0), -1.0)
+except ValueError as error:
+    show(error)
+"""
+    assert run(program) == "an offset is negative ['doubled'] True"
+    assert run(program).startswith("an offset is negative []")
+
+
+@pytest.mark.slow
+def test_numba_may_come_at_any_time(run):
+    call = "show(doubled(Pair(np.arange(2.0), 1.0), 0.5))"
+    run(call)
+    program = f"""
+{call}
+import numba
+{call}
+
+@numba.njit
+def both(pair):
+    return doubled(pair, 0.5) + twice(pair.second)
+
+print(both(Pair(np.arange(2.0), 1.0)))
+recalled, pair, offset = Recalled(doubled), Pair(np.arange(2.0), 1.0), 0.5
+print([recalled(pair, offset) for _ in range(3)])
+"""
+    assert run(program).splitlines() == [
+        "3.5 [] False",
+        "3.5 [] True",
+        "5.5",
+        "[3.5, 3.5, 3.5]",
+    ]
+
+
+def test_symbols_of_another_format_are_not_known():
+    assert symbols_of(b"\xcf\xfa\xed\xfe" + bytes(64)) is None
