@@ -4,10 +4,13 @@
 the other's for one of its own when numba is imported later.
 """
 
+from collections.abc import Iterable
 from itertools import count
 from typing import Any
 
 import numpy as np
+
+from decomposition.kernel_sources import ClassName, named
 
 # numba counts from zero
 _CODES = count(1 << 30)
@@ -17,12 +20,12 @@ _SCALARS = frozenset((*_NUMBERS, "bool"))
 
 
 class Kind:
-    """A type: numba's name of it, None of what is numba's affair, and the modules of the classes in it."""
+    """A type: numba's name of it, None of what is numba's affair, and the classes in it, as `kernel_sources.named`."""
 
-    __slots__ = ("_code", "modules", "name")
+    __slots__ = ("_code", "classes", "name")
 
-    def __init__(self, name: str | None, modules: frozenset[str] = frozenset()) -> None:
-        self.name, self.modules, self._code = name, modules, next(_CODES)
+    def __init__(self, name: str | None, classes: tuple[ClassName, ...] = ()) -> None:
+        self.name, self.classes, self._code = name, classes, next(_CODES)
 
     @property
     def code(self) -> int:
@@ -81,9 +84,14 @@ def _tuple(cls: type, inner: tuple[Kind, ...]) -> Kind:
     is_named = cls is not tuple and hasattr(cls, "_fields")
     if len(known) < len(names) or not (cls is tuple or is_named):
         return Kind(None)
-    modules = frozenset().union(*(kind.modules for kind in inner))
+    classes = classes_in(inner)
     alike = len(known) > 0 and len(set(known)) == 1
     content = f"{known[0]} x {len(known)}" if alike else ", ".join(known)
     if cls is tuple:
-        return Kind(f"{'UniTuple' if alike else 'Tuple'}({content})", modules)
-    return Kind(f"{cls.__name__}({content})", modules | {cls.__module__})
+        return Kind(f"{'UniTuple' if alike else 'Tuple'}({content})", classes)
+    return Kind(f"{cls.__name__}({content})", (named(cls), *classes))
+
+
+def classes_in(kinds: Iterable[Kind]) -> tuple[ClassName, ...]:
+    """The classes in types, in order."""
+    return tuple(it for kind in kinds for it in kind.classes)

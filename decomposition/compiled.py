@@ -52,8 +52,11 @@ def _file_kernel() -> Any:
     if set_otherwise or PLAIN_ASKED or os.path.exists(".numba_config.yaml"):
         return None
     with suppress(Exception):
+        int(os.environ.get("NUMBA_SLP_VECTORIZE", "0"))
         from decomposition.file_kernels import FileKernel
 
+        # as every other is made; a numba that is built otherwise may want it in another way
+        FileKernel(ordered, {})
         return FileKernel
     return None
 

@@ -6,10 +6,11 @@ Where there is no file, or arguments are numba's affair, numba is imported and d
 import functools
 import inspect
 import os
+import threading
 from collections.abc import Callable
 from typing import Any
 
-from decomposition.argument_kinds import kind_of, number_codes
+from decomposition.argument_kinds import classes_in, kind_of, number_codes
 from decomposition.compiled import WAY, ordered
 from decomposition.deferred import numba_is_there
 from decomposition.kernel_places import note_use, path_of
@@ -26,11 +27,14 @@ class _Omitted:
 _IN_C = in_c()
 _IN_C.dispatcher.typeof_init(_Omitted, number_codes())
 _CONVERSIONS = _IN_C.conversions.new_type_manager()
+# between a file's being linked and its machine code's being told where its objects are no other is linked
+_LINKING = threading.RLock()
 
 
 @functools.cache
 def _way() -> tuple[Any, ...]:
     """The processor, and how numba is set where nobody has said anything."""
+    # `compiled` sees to it that this is a number
     return (*way(), WAY, int(os.environ.get("NUMBA_SLP_VECTORIZE", "0")), 3, None)
 
 
@@ -74,15 +78,18 @@ class FileKernel(_IN_C.dispatcher.Dispatcher):  # type: ignore[misc, name-define
         names = [kind.name for kind in kinds if kind.name is not None]
         if len(names) < len(kinds):
             return None
-        modules = set().union(*(kind.modules for kind in kinds))
-        path = path_of(self.py_func, ordered(self._options), names, modules, _way())
-        try:
-            note_use(path)
-        except OSError:
-            return None
-        found = function_of(path)
-        if found is not None:
-            self._keep([kind.code for kind in kinds], found)
+        codes = [kind.code for kind in kinds]
+        path = path_of(self.py_func, ordered(self._options), names, classes_in(kinds), _way())
+        with _LINKING:
+            if tuple(codes) in self.entry_points:
+                return self.entry_points[tuple(codes)]
+            try:
+                note_use(path)
+            except OSError:
+                return None
+            found = function_of(path)
+            if found is not None:
+                self._keep(codes, found)
         return found
 
     def _by_numba(self, arguments: tuple[Any, ...], keywords: dict[str, Any]) -> Any:

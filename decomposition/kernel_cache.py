@@ -20,7 +20,7 @@ from numba.core.types import Omitted  # type: ignore[attr-defined]
 from decomposition import kernel_places
 from decomposition.compiled import LISTENERS, PLAIN_ASKED, WAY, ordered
 from decomposition.kernel_files import UNREADABLE
-from decomposition.kernel_sources import modules_of
+from decomposition.kernel_sources import classes_of
 from decomposition.loaded_kernels import LoadedKernel, content
 
 try:
@@ -196,9 +196,9 @@ class KernelCache(_Cache):  # type: ignore[misc]
     def path(self, sig: Any, codegen: Any) -> Path:
         """The file of a signature."""
         numbas = int(config.SLP_VECTORIZE), int(config.OPT), config.BOUNDSCHECK
-        modules = set().union(*map(modules_of, sig))
+        classes = tuple(it for kind in sig for it in classes_of(kind))
         way = (*codegen.magic_tuple(), _WAY, *numbas)
-        return kernel_places.path_of(self.function, self.options, [str(kind) for kind in sig], modules, way)
+        return kernel_places.path_of(self.function, self.options, [str(kind) for kind in sig], classes, way)
 
 
 @functools.cache

@@ -10,13 +10,13 @@ import runpy
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
 from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any
 
-from decomposition.kernel_sources import digest_of
+from decomposition.kernel_sources import ClassName, digest_of
 
 # a use of a file is noted once a day, in seconds
 _NOTED = 86400.0
@@ -68,20 +68,31 @@ def path_of(
     function: Callable[..., Any],
     options: list[tuple[str, Any]],
     types: list[str],
-    modules: Iterable[str],
+    classes: tuple[ClassName, ...],
     way: tuple[Any, ...],
 ) -> Path:
     """The file of a function's machine code for the named types of arguments.
 
-    modules: those of the classes in the types; way: the processor and how numba is set.
+    classes: those in the types, in order; way: the processor and how numba is set.
     """
     code, digest = function.__code__, hashlib.sha256()
     cells = tuple(cell.cell_contents for cell in function.__closure__ or ())
-    what = (function.__qualname__, code.co_firstlineno, code.co_code, types, options, way, sys.version_info[:2])
+    what = (
+        function.__qualname__,
+        code.co_firstlineno,
+        code.co_code,
+        types,
+        classes,
+        options,
+        way,
+        sys.version_info[:2],
+    )
     digest.update(repr(what).encode())
     digest.update(numba_version().encode())
     digest.update(_pickled(cells) if cells else b"")
-    for module in sorted({function.__module__, *modules}):
+    # functions in a closure are pickled by their names alone
+    held = {str(cell.__module__) for cell in cells if callable(cell) and cell.__module__}
+    for module in sorted({function.__module__, *held, *(it[0] for it in classes)}):
         digest.update(digest_of(module))
     return folder() / f"{function.__module__.rpartition('.')[2]}.{function.__name__}-{digest.hexdigest()[:32]}.kernel"
 

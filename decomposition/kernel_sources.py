@@ -13,6 +13,8 @@ from typing import Any
 _IMPORT = re.compile(
     r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)|import[ \t]+([\w., \t]+))", re.MULTILINE
 )
+# module, name and fields of a class
+ClassName = tuple[str, str, tuple[str, ...]]
 _OURS = ("parsolid", "decomposition")
 # how kernels are kept says nothing of what they do
 _KEEPERS = ("decomposition.compiled", "decomposition.deferred")
@@ -93,15 +95,25 @@ def _digest_of_text(module: str) -> bytes:
     return hashlib.sha256(_text(module)[0]).digest()
 
 
-def modules_of(kind: Any) -> set[str]:
-    """Modules of the classes in an argument type of numba's, whose functions a kernel may have compiled in."""
+def named(cls: Any) -> ClassName:
+    """The module, the name and the fields of a class of named tuples: numba names types by the class's name alone, and
+    one machine code takes the fields of one class in their order.
+    """
+    return cls.__module__, cls.__qualname__, cls._fields
+
+
+def classes_of(kind: Any) -> tuple[ClassName, ...]:
+    """The classes in an argument type of numba's, in order; a kernel may have functions of theirs compiled in."""
     from numba.core.types import BaseNamedTuple, BaseTuple, Optional  # type: ignore[attr-defined]
 
     if isinstance(kind, BaseNamedTuple):
-        inner = set().union(*map(modules_of, kind.types)) if kind.types else set()
-        return {kind.instance_class.__module__} | inner
+        return named(kind.instance_class), *_in_all(kind.types)
     if isinstance(kind, BaseTuple):
-        return set().union(*map(modules_of, kind)) if len(kind) else set()
+        return _in_all(kind)
     if isinstance(kind, Optional):
-        return modules_of(kind.type)
-    return set()
+        return classes_of(kind.type)
+    return ()
+
+
+def _in_all(kinds: Any) -> tuple[ClassName, ...]:
+    return tuple(it for kind in kinds for it in classes_of(kind))

@@ -8,8 +8,10 @@ import builtins
 import ctypes
 import functools
 import hashlib
+import os
 import pickle
 import sys
+from contextlib import suppress
 from importlib import import_module
 from importlib.machinery import EXTENSION_SUFFIXES, ExtensionFileLoader, ModuleSpec
 from importlib.util import module_from_spec
@@ -75,10 +77,28 @@ def _read_once(address: int, content: bytes, digest: bytes) -> Any:
     return _READ[key]
 
 
+def _features_of_host() -> str:
+    """What the processor can do, as numba tells LLVM; nothing where LLVM does not know."""
+    with suppress(RuntimeError):
+        return str(llvm.get_host_cpu_features().flatten())
+    return ""
+
+
+def features() -> frozenset[str]:
+    """Names of what kernels are compiled for, by which their files are named: not more than the processor can, and less
+    where numba is set to compile for others, too.
+    """
+    generic = os.environ.get("NUMBA_CPU_NAME", "").lower() == "generic"
+    set_so = os.environ.get("NUMBA_CPU_FEATURES") or ("" if generic or "NUMBA_CPU_FEATURES" in os.environ else None)
+    told = (_features_of_host() if set_so is None else set_so).split(",")
+    without_avx = set_so is None and os.environ.get("NUMBA_ENABLE_AVX") == "0"
+    return frozenset(it[1:] for it in told if it[:1] == "+" and not (without_avx and it[1:4] == "avx"))
+
+
 @functools.cache
 def way() -> tuple[Any, ...]:
     """The processor, as numba names it."""
-    return llvm.get_process_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+    return llvm.get_process_triple(), llvm.get_host_cpu_name(), _features_of_host()
 
 
 @functools.cache

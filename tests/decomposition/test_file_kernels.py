@@ -20,6 +20,7 @@ import numpy as np
 from decomposition.compiled import compiled, LISTENERS
 from decomposition.recalled import Recalled
 from decomposition.deferred import register_jitable
+from parsolid.numerics.wide_lanes import WIDE
 
 told = []
 LISTENERS.append(told.append)
@@ -50,6 +51,24 @@ def split(values, k):
     return Pair(values[:k].copy(), values[k] / 2)
 
 
+def closed_over(kernel):
+    @compiled
+    def outer(x):
+        return kernel(x) + 1.0
+
+    return outer
+
+
+@compiled
+def seconds(one, other):
+    return one.second + 10.0 * other.second
+
+
+@compiled
+def eight_or_four(values):
+    return WIDE
+
+
 def show(*results):
     print(*results, told, "numba" in sys.modules)
 """
@@ -62,8 +81,8 @@ def run(tmp_path):
     values = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
     values |= {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(ROOT), "NUMBA_SLP_VECTORIZE": "1"}
 
-    def printed(program: str, **more: str) -> str:
-        command = [sys.executable, "-c", f"from kernels import *\n{program}"]
+    def printed(program: str, before: str = "", **more: str) -> str:
+        command = [sys.executable, "-c", f"{before}\nfrom kernels import *\n{program}"]
         done = subprocess.run(command, cwd=tmp_path, env=values | more, text=True, capture_output=True, check=False)
         assert done.returncode == 0, done.stderr
         return done.stdout.strip()
@@ -115,7 +134,7 @@ def test_classes_of_one_name_are_told_apart():
     first, second = made(), made()
     assert kind_of(first(1.0)) is kind_of(first(2.0)) is not kind_of(second(1.0))
     assert kind_of(first(1.0)).code != kind_of(second(1.0)).code
-    assert __name__ in kind_of((first(1.0), 2)).modules
+    assert kind_of((first(1.0), 2)).classes == ((__name__, first.__qualname__, ("a",)),)
 
 
 @pytest.mark.slow
@@ -181,6 +200,99 @@ print([recalled(pair, offset) for _ in range(3)])
         "5.5",
         "[3.5, 3.5, 3.5]",
     ]
+
+
+@pytest.mark.slow
+def test_threads_may_call_a_file_at_once(run):
+    program = """
+import threading
+
+def work():
+    ready.wait()
+    for kernel, arguments in ((doubled, (pair, 0.5)), (split, (pair.first, 1)), (seconds, (pair, pair))):
+        kernel(*arguments)
+    try:
+        doubled(pair, -1.0)
+    except ValueError:
+        raised.append(1)
+
+sys.setswitchinterval(1e-6)
+pair, ready, raised = Pair(np.arange(2.0), 1.0), threading.Barrier(8), []
+threads = [threading.Thread(target=work) for _ in range(8)]
+for one in threads:
+    one.start()
+for one in threads:
+    one.join()
+show(len(raised))
+"""
+    run(program)
+    # six of ten such processes ended by a signal
+    assert {run(program) for _ in range(6)} == {"8 [] False"}
+
+
+@pytest.mark.slow
+def test_classes_of_one_name_have_files_of_their_own(run, tmp_path):
+    (tmp_path / "others.py").write_text(
+        "from typing import NamedTuple\nclass Pair(NamedTuple):\n    second: float\n    first: object\n"
+    )
+    program = "import others; mine, other = Pair(1.0, 2.0), others.Pair(first=1.0, second=2.0); show(seconds({}))"
+    assert run(program.format("mine, other")) == "22.0 ['seconds'] True"
+    assert run(program.format("other, mine")) == "22.0 ['seconds'] True"
+    assert run(program.format("other, mine")) == "22.0 [] False"
+
+
+@pytest.mark.slow
+def test_a_kernel_in_a_closure_is_read_anew(run, tmp_path):
+    inner = "from decomposition.compiled import compiled\n@compiled\ndef inner(x):\n    return {} * x\n"
+    program = "from inner import inner; show(closed_over(inner)(1.0))"
+    (tmp_path / "inner.py").write_text(inner.format(2.0))
+    run(program)
+    assert run(program) == "3.0 [] False"
+    (tmp_path / "inner.py").write_text(inner.format(7.125))
+    assert run(program).startswith("8.125")
+
+
+_NARROWER = """
+import llvmlite.binding as llvm
+
+can = llvm.get_host_cpu_features()
+can["avx512f"] = False
+llvm.get_host_cpu_features = lambda: can
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "setting", [{"NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": "+avx2"}, {"NUMBA_CPU_NAME": "generic"}, {}], ids=str
+)
+def test_a_folder_of_two_processors_has_lanes_for_both(run, setting):
+    program = "show(WIDE == eight_or_four(np.zeros(1)))"
+    assert run(program, **setting).startswith("True")
+    assert run(program, _NARROWER, **setting).startswith("True")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", ["", "yes"])
+def test_a_setting_that_is_no_number_is_numbas_affair(run, words):
+    assert run("show(doubled(Pair(np.arange(2.0), 1.0), 0.5))", NUMBA_SLP_VECTORIZE=words).startswith("3.5")
+
+
+@pytest.mark.slow
+def test_a_dispatcher_that_is_made_otherwise_is_left_to_numba(run):
+    before = """
+from decomposition import machine_code
+
+class Otherwise(machine_code.in_c().dispatcher.Dispatcher):
+    def __init__(self, *arguments):
+        raise TypeError("expected other arguments")
+
+parts = machine_code.in_c()
+class Parts:
+    Dispatcher, typeof_init = Otherwise, parts.dispatcher.typeof_init
+
+machine_code.in_c = lambda: parts._replace(dispatcher=Parts)
+"""
+    assert run("show(doubled(Pair(np.arange(2.0), 1.0), 0.5))", before) == "3.5 ['doubled'] True"
 
 
 def test_symbols_of_another_format_are_not_known():
