@@ -115,6 +115,10 @@ class Deferred:
         """make: gives what numba knows."""
         self._make = make
 
+    def __call__(self, *arguments: Any) -> Any:
+        """Plain Python, as with NUMBA_DISABLE_JIT, has none."""
+        raise NotImplementedError("this is for compiled kernels alone, found a call of it from plain Python")
+
     @property
     def _numba_type_(self) -> Any:
         """What numba asks of things that it does not know."""

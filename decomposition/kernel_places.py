@@ -24,16 +24,23 @@ _NOTED = 86400.0
 
 def wanted_folder() -> Path:
     """Where compiled kernels are to be kept: $NUMBA_CACHE_DIR, else parsolid/kernels in the user's cache folder."""
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    usual = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "parsolid" / "kernels"
-    return Path(chosen) if chosen else usual
+    if chosen := os.environ.get("NUMBA_CACHE_DIR"):
+        return Path(chosen)
+    # in a container a user may have no home
+    with suppress(RuntimeError):
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "parsolid" / "kernels"
+    return _temporary()
+
+
+def _temporary() -> Path:
+    return Path(tempfile.gettempdir()) / f"parsolid-kernels-{os.getuid()}"
 
 
 @functools.cache
 def folder() -> Path:
     """Where compiled kernels are kept: where they are wanted, else in a temporary folder."""
     # one for all ranks and runs of a user on this machine
-    for path in (wanted_folder(), Path(tempfile.gettempdir()) / f"parsolid-kernels-{os.getuid()}"):
+    for path in (wanted_folder(), _temporary()):
         with suppress(OSError):
             path.mkdir(parents=True, exist_ok=True)
             if os.access(path, os.W_OK):

@@ -126,7 +126,7 @@ def from_text(path: str, name: str, text: str) -> Declared:
         try:
             code = compile(text, path, "exec")
             exec(code, new.__dict__)
-            _check_names(code, new)
+            _check_names(code, {*vars(new), *vars(builtins), *_set_by_functions(code)})
         except Exception as error:
             del sys.modules[module]
             raise LawError(f"a file that can be run ({type(error).__name__}: {error})") from error
@@ -141,8 +141,14 @@ def from_text(path: str, name: str, text: str) -> Declared:
     return result
 
 
-def _check_names(code: CodeType, module: ModuleType) -> None:
-    """Raise NameError where a function of a file uses a name that the file does not have.
+def _set_by_functions(code: CodeType) -> set[str]:
+    """Names that functions of a file declare `global` and set when they are called."""
+    own = {str(step.argval) for step in dis.get_instructions(code) if step.opname == "STORE_GLOBAL"}
+    return own.union(*(_set_by_functions(one) for one in code.co_consts if isinstance(one, CodeType)))
+
+
+def _check_names(code: CodeType, known: set[str]) -> None:
+    """Raise NameError where a function of a file uses a name that is not known there.
 
     Compiled in a kernel it would be told in a compiler's words.
     """
@@ -151,9 +157,9 @@ def _check_names(code: CodeType, module: ModuleType) -> None:
         for step in dis.get_instructions(inner):
             line = getattr(getattr(step, "positions", None), "lineno", None) or step.starts_line or line
             name = step.argval
-            if step.opname == "LOAD_GLOBAL" and not (hasattr(module, name) or hasattr(builtins, name)):
+            if step.opname == "LOAD_GLOBAL" and name not in known:
                 raise NameError(f"{name!r} is not known, in {inner.co_name}, line {line}")
-        _check_names(inner, module)
+        _check_names(inner, known)
 
 
 def _name_apart(module: ModuleType) -> None:

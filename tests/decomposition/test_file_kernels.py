@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,8 +11,10 @@ import numpy as np
 import pytest
 from numba import typeof
 
+from decomposition import kernel_places
 from decomposition.argument_kinds import kind_of
 from decomposition.kernel_files import symbols_of
+from parsolid.numerics.lanes import load
 
 ROOT = Path(__file__).parents[2]
 KERNELS = """import sys
@@ -293,6 +296,23 @@ class Parts:
 machine_code.in_c = lambda: parts._replace(dispatcher=Parts)
 """
     assert run("show(doubled(Pair(np.arange(2.0), 1.0), 0.5))", before) == "3.5 ['doubled'] True"
+
+
+def test_a_user_without_a_home_has_kernels_in_a_temporary_folder(monkeypatch):
+    def none():
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "home", none)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    assert kernel_places.wanted_folder().parent == Path(tempfile.gettempdir())
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "chosen")
+    assert kernel_places.wanted_folder() == Path("chosen")
+
+
+def test_what_is_for_kernels_alone_says_so():
+    with pytest.raises(NotImplementedError, match="compiled kernels alone"):
+        load(np.zeros(4), 0)
 
 
 def test_symbols_of_another_format_are_not_known():
