@@ -7,6 +7,7 @@ import hashlib
 import os
 import pickle
 import runpy
+import stat
 import sys
 import tempfile
 import time
@@ -32,6 +33,11 @@ def wanted_folder() -> Path:
     return _temporary()
 
 
+def _is_own(path: Path) -> bool:
+    about = path.lstat()
+    return stat.S_ISDIR(about.st_mode) and about.st_uid == os.getuid() and not about.st_mode & stat.S_IWOTH
+
+
 def _temporary() -> Path:
     return Path(tempfile.gettempdir()) / f"parsolid-kernels-{os.getuid()}"
 
@@ -43,7 +49,8 @@ def folder() -> Path:
     for path in (wanted_folder(), _temporary()):
         with suppress(OSError):
             path.mkdir(parents=True, exist_ok=True)
-            if os.access(path, os.W_OK):
+            # what is in a file is run: not what anybody has put where all may write
+            if os.access(path, os.W_OK) and (path != _temporary() or _is_own(path)):
                 return path
     return Path(tempfile.mkdtemp(prefix="parsolid-kernels-"))
 

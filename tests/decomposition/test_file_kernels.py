@@ -310,6 +310,21 @@ def test_a_user_without_a_home_has_kernels_in_a_temporary_folder(monkeypatch):
     assert kernel_places.wanted_folder() == Path("chosen")
 
 
+def test_kernels_of_others_are_not_run(monkeypatch, tmp_path):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
+    found = kernel_places.folder.__wrapped__
+    own = tmp_path / f"parsolid-kernels-{os.getuid()}"
+    assert found() == own
+    own.chmod(0o777)
+    assert found() != own
+    own.rename(tmp_path / "another")
+    own.symlink_to(tmp_path / "another")
+    (tmp_path / "another").chmod(0o700)
+    assert found() != own
+
+
 def test_what_is_for_kernels_alone_says_so():
     with pytest.raises(NotImplementedError, match="compiled kernels alone"):
         load(np.zeros(4), 0)
