@@ -8,6 +8,7 @@ import pytest
 import tomllib
 from solids import gathered, run_steps, run_to_end, simulation, supports, tables
 
+from parsolid.collective import SolverError
 from parsolid.methods.tlsph.displacement import displacement_gradient
 from parsolid.scene import SceneError
 
@@ -89,3 +90,16 @@ def test_it_is_refused_without_weights_in_closed_form(method):
     data = tables([9, 9], method=method | {"clamp_edges": 0.5})
     with pytest.raises(SceneError, match="method.clamp_edges: expected 0 unless a box has weights in closed form"):
         simulation(data)
+
+
+FREE = {
+    "none": {},
+    "roller": {"Y": (0.0, "roller")},
+    "no free face": {"Y": (0.0, "fixed"), "X0": (0.0, "roller"), "X1": (1.0, "roller")},
+}
+
+
+@pytest.mark.parametrize("name", FREE)
+def test_it_is_refused_where_no_fixed_plane_meets_a_free_face(name, comm):
+    with pytest.raises(SolverError, match="method.clamp_edges: expected 0 unless a fixed plane meets a free face"):
+        simulation(block((9, 9), boundaries=supports(**FREE[name])), comm)
