@@ -109,6 +109,15 @@ def test_no_lane_goes_beyond_the_window():
     assert np.signbit(room[ROWS * STRIDE :]).all()
 
 
+@pytest.mark.serial
+def test_memory_counts_what_is_touched_of_a_window():
+    sim = simulation(leap())
+    sim.take_step(1e-3)
+    pairs = sim.systems[0].pairs
+    assert max(array.nbytes for array in pairs.arrays()) < ROWS * WIDE * (len(pairs.inner.block) + 1) * 8
+    assert any(array.shape == (ROWS, WIDE * len(pairs.inner.block)) for array in pairs.arrays())
+
+
 def test_there_are_few_patterns_in_a_box_and_no_blocks_of_other_lists(comm):
     inner = simulation(leap((18, 19, 20)), comm).systems[0].pairs.inner
     assert (inner.block >= 0).mean() > 0.95 and len(inner.patterns.shapes) == 9
