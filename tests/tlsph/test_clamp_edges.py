@@ -10,7 +10,7 @@ from solids import gathered, run_steps, run_to_end, simulation, supports, tables
 
 from parsolid.collective import SolverError
 from parsolid.methods.tlsph.displacement import displacement_gradient
-from parsolid.scene import SceneError
+from parsolid.scene import SceneError, parse_scene
 
 PART = 0.6
 SCENES = Path(__file__).parents[2] / "runs" / "tlsph"
@@ -56,6 +56,11 @@ def test_only_nodes_on_edges_have_less_and_linear_fields_are_exact(name, comm):
     particles.send("motion")
     particles.receive("motion")
     assert np.abs(displacement_gradient(sim.systems[0]) - matrix.ravel()).max(initial=0.0) < 1e-12
+
+
+def test_check_says_that_mass_is_less():
+    scene = parse_scene(block((9, 9)))
+    assert any("are told without 0.6 of that of these edges" in note for note in scene.method.notes(scene, (0,)))
 
 
 @pytest.mark.parametrize("integrator", ["leapfrog", "ssp-rk3"])
