@@ -1,5 +1,6 @@
 """What a scene asks for that costs accuracy where it need not, told before it is run."""
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ BENDING = {
     ("peridynamics", "cells"): {2: 5.5, 3: 3.0, 4: 1.7, 5: 1.33, 6: 1.18, 7: 1.11},
     ("mpm", "cells"): {1: 205.0, 2: 0.81},
 }
+_METHOD = re.compile(r"\bmethod(?=\.[a-z])")
 # particles across that are too few where no figure is known
 _FEW = 3
 # sides of a mesh [m] from which it may be one in millimetres
@@ -37,7 +39,9 @@ def scene_advice(scene: Scene) -> list[str]:
     """What follows from the scene alone."""
     result = notes_of(scene) + list(_of_other_methods(scene))
     for system in scene.systems:
-        result += system.settings.notes(scene, system.bodies)
+        place = ".".join(map(str, system.place))
+        # settings do not know where they stand; bodies have the scene's numbers already
+        result += [_METHOD.sub(place, note) for note in system.settings.notes(scene, system.bodies)]
     names = [
         f"bodies.{i}"
         for system in scene.systems

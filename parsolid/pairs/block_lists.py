@@ -60,6 +60,12 @@ def is_in_blocks(pairs: Any) -> bool:
     return isinstance(pairs, InnerBlocks)
 
 
+def touched(pairs: InnerBlocks) -> np.ndarray:
+    """The columns of the window that passes have come to, a copy: only they take memory."""
+    window = pairs.window.reshape(ROWS, STRIDE)
+    return window[:, window.any(axis=0)]
+
+
 def pairs_in_blocks(pairs: InnerBlocks) -> int:
     """How many pairs a list has."""
     return int(neighbours_in_blocks(pairs, len(pairs.others.start) - 1).sum()) // 2

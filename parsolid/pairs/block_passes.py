@@ -90,7 +90,8 @@ def _reached(pairs, block):
 def _turned(pairs, rows, origin, i, filled, reached):
     """The particle at the start of the window; i where the end was near and the window from there on was moved."""
     window, ahead = pairs.window, pairs.ahead[0]
-    if reached - origin <= min(STRIDE, ahead + _TURN * max(ahead, _LEAST)):
+    # the last block's lanes without a pair go on beyond its last particle
+    if reached - origin <= min(STRIDE - WIDE, ahead + _TURN * max(ahead, _LEAST)):
         return origin
     for row in range(rows):
         for c in range(filled - i):

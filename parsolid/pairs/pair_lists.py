@@ -10,7 +10,7 @@ import numpy as np
 
 from decomposition.halo import Halo
 from parsolid.pairs.axis_lists import arrays_of, pairs_in
-from parsolid.pairs.block_lists import is_in_blocks
+from parsolid.pairs.block_lists import is_in_blocks, touched
 from parsolid.pairs.lists import InnerList, OneSidedList
 from parsolid.pairs.weight_tables import is_tabled
 
@@ -42,7 +42,7 @@ class PairLists:
         """Arrays of the lists, for what counts memory."""
         arrays = [array for pairs in self._all() for array in arrays_of(pairs)]
         arrays += [pairs.table for pairs in self._all() if is_tabled(pairs)]
-        arrays += [pairs.window for pairs in self._all() if is_in_blocks(pairs)]
+        arrays += [touched(pairs) for pairs in self._all() if is_in_blocks(pairs)]
         return arrays + ([*(self.mirror.images or ())] if self.mirror is not None else [])
 
     def sweep(self, apply: Callable[[Any], None], message: str | None = None) -> None:

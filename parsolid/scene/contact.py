@@ -64,9 +64,12 @@ def energy_terms(contacts: Any, tools: Any, materials: list[Any]) -> dict[str, i
 
 
 def contact_pairs(contacts: list[Contact], names: list[str | None]) -> list[BodyPair]:
-    """Every pair of bodies in contact, by the names of the scene's bodies."""
+    """Every pair of bodies in contact, by the names of the scene's bodies; none of a contact that names another, which
+    is told where it does."""
     result = []
     for one in contacts:
+        if not set(one.bodies) <= set(names):
+            continue
         numbers = [names.index(name) for name in one.bodies]
         pairs = [(numbers[0], numbers[0])] if len(numbers) == 1 else list(combinations(sorted(numbers), 2))
         result += [BodyPair(i, j, one) for i, j in pairs]

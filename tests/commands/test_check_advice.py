@@ -108,6 +108,8 @@ def test_bodies_in_contact_are_told_what_their_methods_do_for_it(method, stated,
     assert note.startswith("a, b in contact") and told in note
     assert scene_advice(parse_scene(data | {"method": method | stated})) == []
     assert scene_advice(parse_scene(data | {"method": method, "contact": []})) == []
+    (same,) = scene_advice(parse_scene(data | {"methods": [method | {"name": "only"}]}))
+    assert same == note.replace("method.", "methods.0.")
 
 
 def test_a_mesh_in_millimetres_is_told_how_large_it_is_and_how_slow_its_waves_are(tmp_path, comm):

@@ -20,10 +20,18 @@ def faults(**change) -> str:
     return str(error.value)
 
 
+def test_only_bodies_in_contact_are_told_what_stages_do():
+    data = bars(method=SPH | {"integrator": "ssp-rk3"})
+    far = data["bodies"][1] | {"name": "far", "shape": {"box": {"lower": [8.0, 0.0], "upper": [9.0, 1.0]}}}
+    scene = parse_scene(data | {"bodies": [*data["bodies"], far], "contact": [{"bodies": ["left", "right"]}]})
+    assert "stages keep angular momentum" in scene.method.notes(scene, (0, 1))[0]
+    assert not scene.method.notes(scene, (2,))
+
+
 def test_nonsense_is_refused_by_its_key():
-    assert "contact.0.bodies: expected the name of a body (did you mean 'right'?)" in faults(
-        contact=[{"bodies": ["left", "rigth"]}]
-    )
+    unknown = faults(contact=[{"bodies": ["left", "rigth"]}])
+    assert "contact.0.bodies: expected the name of a body (did you mean 'right'?)" in unknown
+    assert "not in list" not in unknown
     assert "contact.0.bodies: expected each body once" in faults(contact=[{"bodies": ["left", "left"]}])
     twice = [{"bodies": ["left", "right"]}, {"bodies": ["right", "left"]}]
     assert "contact.1.bodies: expected pairs that contact.0 does not name" in faults(contact=twice)

@@ -5,10 +5,11 @@ import pytest
 from mpi4py import MPI
 from solids import SOFT, simulation, supports, tables
 
+from parsolid.numerics.lanes import aligned_zeros
 from parsolid.numerics.wide_lanes import WIDE
 from parsolid.pairs import smoothed_weights
 from parsolid.pairs.axis_lists import neighbours_in
-from parsolid.pairs.block_lists import in_blocks, is_in_blocks
+from parsolid.pairs.block_lists import ROWS, STRIDE, in_blocks, is_in_blocks
 from parsolid.pairs.block_passes import add_forces_by_blocks, add_gradients_by_blocks
 from parsolid.pairs.lists import InnerTable
 from parsolid.pairs.pair_system import FIELD
@@ -90,6 +91,31 @@ def test_blocks_that_are_left_to_the_list(comm, monkeypatch):
         # pads of the forces are nobody's
         one, other = (array[:owned].reshape(owned, -1, 4)[..., :3] for array in (found, expected))
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-13 * np.abs(other).max())
+
+
+@pytest.mark.serial
+def test_no_lane_goes_beyond_the_window():
+    sim = simulation(leap((5, 81, 81)))
+    sim.take_step(1e-3)
+    pairs, storage = sim.systems[0].pairs, sim.systems[0].particles.storage
+    assert WIDE * len(pairs.inner.block) == STRIDE
+    room = aligned_zeros(ROWS * STRIDE + WIDE)
+    # of which a store of 0 leaves another sign
+    room[ROWS * STRIDE :] = -0.0
+    # as if a block reached so far that it is the window's end that bounds it
+    inner = pairs.inner._replace(ahead=np.array([7000]), window=room[: ROWS * STRIDE])
+    found = np.zeros_like(storage("pair_force"))
+    add_forces_by_blocks(pairs.space, inner, pairs.terms, storage("kinematics"), storage("record"), found)
+    assert np.signbit(room[ROWS * STRIDE :]).all()
+
+
+@pytest.mark.serial
+def test_memory_counts_what_is_touched_of_a_window():
+    sim = simulation(leap())
+    sim.take_step(1e-3)
+    pairs = sim.systems[0].pairs
+    assert max(array.nbytes for array in pairs.arrays()) < ROWS * WIDE * (len(pairs.inner.block) + 1) * 8
+    assert any(array.shape == (ROWS, WIDE * len(pairs.inner.block)) for array in pairs.arrays())
 
 
 def test_there_are_few_patterns_in_a_box_and_no_blocks_of_other_lists(comm):

@@ -8,8 +8,9 @@ import pytest
 import tomllib
 from solids import gathered, run_steps, run_to_end, simulation, supports, tables
 
+from parsolid.collective import SolverError
 from parsolid.methods.tlsph.displacement import displacement_gradient
-from parsolid.scene import SceneError
+from parsolid.scene import SceneError, parse_scene
 
 PART = 0.6
 SCENES = Path(__file__).parents[2] / "runs" / "tlsph"
@@ -57,6 +58,11 @@ def test_only_nodes_on_edges_have_less_and_linear_fields_are_exact(name, comm):
     assert np.abs(displacement_gradient(sim.systems[0]) - matrix.ravel()).max(initial=0.0) < 1e-12
 
 
+def test_check_says_that_mass_is_less():
+    scene = parse_scene(block((9, 9)))
+    assert any("are told without 0.6 of that of these edges" in note for note in scene.method.notes(scene, (0,)))
+
+
 @pytest.mark.parametrize("integrator", ["leapfrog", "ssp-rk3"])
 def test_energy_closes(integrator, comm):
     data = block((9, 9, 8))
@@ -89,3 +95,16 @@ def test_it_is_refused_without_weights_in_closed_form(method):
     data = tables([9, 9], method=method | {"clamp_edges": 0.5})
     with pytest.raises(SceneError, match="method.clamp_edges: expected 0 unless a box has weights in closed form"):
         simulation(data)
+
+
+FREE = {
+    "none": {},
+    "roller": {"Y": (0.0, "roller")},
+    "no free face": {"Y": (0.0, "fixed"), "X0": (0.0, "roller"), "X1": (1.0, "roller")},
+}
+
+
+@pytest.mark.parametrize("name", FREE)
+def test_it_is_refused_where_no_fixed_plane_meets_a_free_face(name, comm):
+    with pytest.raises(SolverError, match="method.clamp_edges: expected 0 unless a fixed plane meets a free face"):
+        simulation(block((9, 9), boundaries=supports(**FREE[name])), comm)

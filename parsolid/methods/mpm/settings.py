@@ -46,7 +46,7 @@ class MaterialPoint(MethodSettings):
                     axis, per radian
     transfer        of velocities: "flip"; "apic", which keeps angular momentum; "aflip", FLIP with the slopes of APIC,
                     which keeps it nearly and loses no energy; "tpic", APIC with gradients for slopes. In contact
-                    "aflip" with flip_fraction 0.99, where neither is stated
+                    "aflip" with flip_fraction 0.99, where neither is stated and the basis is not "linear"
     mass_terms      of the series for the inverse of the consistent mass matrix; 1: lumped masses
     order           stress update last with particle velocities mapped again ("musl") or with the new grid velocity
                     ("usl", which loses energy in contact)
@@ -136,9 +136,10 @@ class MaterialPoint(MethodSettings):
 
     def usual(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
         """In contact AFLIP with 1 % of APIC, unless transfers are stated: nodes beyond a face move slowly against what
-        presses on it, in FLIP for ever."""
+        presses on it, in FLIP for ever. Slopes on linear weights turn matter inside out there."""
         stated = {"transfer", "flip_fraction", "mass_terms"} & self.model_fields_set
-        return {} if stated or not in_contact(scene, bodies) else {"transfer": "aflip", "flip_fraction": 0.99}
+        as_ever = stated or self.basis == "linear" or not in_contact(scene, bodies)
+        return {} if as_ever else {"transfer": "aflip", "flip_fraction": 0.99}
 
     def contact_refused(self, scene: Any) -> str | None:
         """Between bodies with grids of their own; nothing of one body could part on its grid."""

@@ -31,6 +31,7 @@ _DAMPING = {"cells": 1.0, "fourth-order": 4.0 / 3.0}
 _THINNEST = 0.2
 # of axes of fourth order, which alone have it
 _FED = "with them method.dissipation would feed waves; more particles change slower, or less of it"
+_NO_EDGES = "method.clamp_edges: expected 0 unless a fixed plane meets a free face of a box on a lattice, found {:g}"
 # a hair more than the offset of the farthest neighbour
 _HAIR = 1.02
 
@@ -69,7 +70,8 @@ def put_on_lattices(
 
     boundaries: those with planes that have images, and with what is held; laws: of the bodies. Sets volume and
     area of the bodies' particles in the particle_set.
-    Raises SolverError on all ranks where a mirror plane lies beside the nodes, and for boxes without room.
+    Raises SolverError on all ranks where a mirror plane lies beside the nodes, for boxes without room, and
+    for `clamp_edges` without any.
     """
     if not set(kinds) & set(ON_LATTICES):
         return None
@@ -78,10 +80,8 @@ def put_on_lattices(
     lattices = Lattices(np.full(n, -1), particle_set.spacing.copy(), weight, undamped)
     reach, frequency, damping, signals = np.zeros(n), 0.0, 0.0, []
     even = particle_set.position.copy() if any(body.grading is not None for body in scene.bodies) else None
-    first = np.full(len(kinds), np.inf)
-    np.minimum.at(first, particle_set.body, particle_set.identifier)
-    first = minimum(comm, first)
-    fault = None
+    first = _first_identifiers(comm, len(kinds), particle_set)
+    fault, edges = None, scene.method.clamp_edges == 0.0
     for body, kind in enumerate(kinds):
         if kind not in ON_LATTICES:
             continue
@@ -107,11 +107,18 @@ def put_on_lattices(
         particle_set.volume[rows], particle_set.area[rows] = stencils.volume, stencils.area
         reach[rows] = _HAIR * (WIDEST if wide else 1)
         box, most = scene.bodies[body].shape.kind == "box", _DAMPING["fourth-order" if wide else "cells"]
+        edges = edges or (box and _have_clamp_edges(axes))
         frequency, damping = max(frequency, _frequency(axes, wide, box)), max(damping, most)
         signals.append(_signal(axes, wide, box, scene.method))
-    raise_together(comm, fault)
+    raise_together(comm, fault or (None if edges else _NO_EDGES.format(scene.method.clamp_edges)))
     lattices = lattices._replace(graded=even is not None)
     return LatticeBodies(lattices, reach, frequency, damping, signals, even)
+
+
+def _first_identifiers(comm: Any, bodies: int, particle_set: ParticleSet) -> np.ndarray:
+    first = np.full(bodies, np.inf)
+    np.minimum.at(first, particle_set.body, particle_set.identifier)
+    return minimum(comm, first)
 
 
 def _with_held_ends(comm: Any, axes: list[Axis], index: list[np.ndarray], clamp: Any, rows: np.ndarray) -> list[Axis]:
@@ -133,6 +140,13 @@ def on_clamp_edges(axes: list[Axis], index: list[np.ndarray]) -> np.ndarray:
             held |= there & axis.held[end]
             free |= there & (not axis.held[end] and not axis.mirrored[end])
     return held & free
+
+
+def _have_clamp_edges(axes: list[Axis]) -> bool:
+    """Whether any node of a box is on such an edge."""
+    held = [any(axis.held) for axis in axes]
+    free = [any(not still and not image for still, image in zip(axis.held, axis.mirrored)) for axis in axes]
+    return any(held[i] and free[j] for i in range(len(axes)) for j in range(len(axes)) if i != j)
 
 
 def _signal(axes: list[Axis], wide: bool, box: bool, settings: Any) -> Callable[[float, float], float]:

@@ -9,6 +9,7 @@ from parsolid.materials.declaration import Phrase
 from parsolid.methods.tlsph.body_weights import ON_LATTICES, lattice_faults, weights_of_bodies
 from parsolid.pairs.smoothing import kernel_names
 from parsolid.scene.base_model import NotNegative, Positive, reject
+from parsolid.scene.contact import of_model
 from parsolid.scene.method_settings import SWINGS, Detail, MethodSettings
 
 # what images at fixed planes do beyond what is adjoint, see `fixed_walls`
@@ -131,11 +132,15 @@ class TotalLagrangianSPH(MethodSettings):
         return terms | ({FIXED_WALLS: -1} if images else {})
 
     def notes(self, scene: Any, bodies: Iterable[int]) -> list[str]:
-        """Faces that are loaded through weights which do not close, where others would; contact between stages."""
-        return self._notes_of_weights(scene, bodies) + self._notes_of_contact(scene)
+        """Faces that are loaded through weights which do not close, where others would; contact between stages; mass
+        that is not told."""
+        told = f"mass, and the weight that clamps bear, are told without {self.clamp_edges:g} of that of these edges"
+        less = [f"method.clamp_edges: {told}"] if self.clamp_edges else []
+        return self._notes_of_weights(scene, bodies) + self._notes_of_contact(scene, bodies) + less
 
-    def _notes_of_contact(self, scene: Any) -> list[str]:
-        if self.integrator == "leapfrog" or not scene.contact:
+    def _notes_of_contact(self, scene: Any, bodies: Iterable[int]) -> list[str]:
+        named = {name for one in of_model(scene.contact, "kernel") for name in one.bodies}
+        if self.integrator == "leapfrog" or not named.intersection(scene.bodies[i].name for i in bodies):
             return []
         said = "stages keep angular momentum of bodies in contact to 1e-6 of what they bring, at best, and damp what"
         return [f"{said} it shakes; method.integrator = 'leapfrog' without dissipation keeps it to round-off"]
