@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.collective import minimum, raise_together
+from parsolid.collective import maximum, minimum, raise_together
 from parsolid.contact import passes
 from parsolid.contact.boxes import Boxes
 from parsolid.contact.closing import FAST, Seen, closing_step, first_steps, step_ahead
@@ -75,6 +75,8 @@ class KernelContact(Interaction):
         self._kept: float | None = None
         self._placed: tuple[int | None, ...] = ()
         self._until_look, self._nearest = 0, np.inf
+        # the least of all ranks, where lists were made in this step
+        self._agreed: float | None = None
         # what bodies that are apart allow of a step [s] from the start, and of how many steps yet
         self._starting = np.inf, 0
         self._step = self._soon = min(side.longest for side in self.sides.sides)
@@ -101,7 +103,7 @@ class KernelContact(Interaction):
             one.resume(force)
         if self._energies is not None:
             self.energy, self.stuck = self._energies
-        first, self.restarted = not self.restarted, False
+        first, self.restarted, self._agreed = not self.restarted, False, None
         depth, where = deepest if first and self.rebuilds == 1 else (0.0, -1)
         side = next((self.sides.sides[one.side] for one in self.entries.segments if where < one.last), None)
         raise_together(self.comm, overlap(depth, side, self.sides, self.names) if side and where >= 0 else None)
@@ -197,7 +199,8 @@ class KernelContact(Interaction):
                 rows("contact_start")[:, : system.dimension] = rows("position")
         # particles so fast that they use up their lists before they can be made anew may all press
         soon = max(self._step, self._soon)
-        fast = self.boxes.fastest(_AHEAD * soon) * soon > FAST * self.boxes.reach.min()
+        fastest, agreed = maximum(self.comm, np.array([self.boxes.fastest(_AHEAD * soon), -self._nearest]))
+        fast, self._agreed = bool(fastest * soon > FAST * self.boxes.reach.min()), -float(agreed)
         prune = not fast and self.boxes.time_left(time, 2 * _AHEAD * self._step) >= _AHEAD * self._step
         self.entries.build(self.boxes, self.within.excluded if self.within.any else None, self._constants, prune)
         self.rebuilds += 1
@@ -264,7 +267,8 @@ class KernelContact(Interaction):
         deepest = self._colours(anew=held)
         if not held:
             soon = max(self._step, self._soon)
-            going_on = self.matter, entries.lists, self.moved, self._step, min(self._nearest, soon), soon
+            coming, self._agreed = min(self._nearest if self._agreed is None else self._agreed, soon), None
+            going_on = self.matter, entries.lists, self.moved, self._step, coming, soon
             self._nearest = min(closing_step(self._seen(), before, self._step), step_ahead(*going_on))
         self.stuck = 0.0
         if self.rubs:
