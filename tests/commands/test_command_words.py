@@ -5,7 +5,9 @@ import pytest
 from parsolid.commands.cli import main, parse
 
 
-@pytest.mark.parametrize("word, meant", [("runn", " (did you mean 'run'?)"), ("simulate", ""), ("./block", ""), ("", "")])
+@pytest.mark.parametrize(
+    "word, meant", [("runn", " (did you mean 'run'?)"), ("simulate", ""), ("./block", ""), ("", "")]
+)
 def test_a_word_that_is_no_command_and_no_scene(word, meant, capsys):
     assert main([word, "block.toml"]) == 2
     said = capsys.readouterr().err

@@ -66,8 +66,8 @@ def write_energies(results: Results, path: Path, size: tuple[int, int] | None = 
     for name in (name for name in _WITHIN if name in told and _largest(terms[name]) > _FLAT * largest):
         # columns begin at 0, also where bodies press at the start
         below = np.nanmin(terms[name]) < -_FLAT * largest
-        label = _WITHIN[name].replace("stored", "gained") if below else _WITHIN[name]
-        energies.plot(time, terms[name] / unit, color=_COLOURS[name], label=label, linewidth=1.0)
+        what = _WITHIN[name].replace("stored", "gained") if below else _WITHIN[name]
+        energies.plot(time, terms[name] / unit, color=_COLOURS[name], label=what, linewidth=1.0)
     words = {"dissipation_internal": "internal", "dissipation_numerical": "numerical"}
     others = _seen([name for name in (*words, *_method_terms(history)) if name in told and name not in _WITHIN], terms)
     spare = iter(_PALETTE[5:])
