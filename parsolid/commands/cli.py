@@ -10,7 +10,6 @@ import os
 import sys
 from contextlib import suppress
 from importlib import import_module
-from pathlib import Path
 from typing import NoReturn
 
 from mpi4py import MPI
@@ -118,7 +117,7 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     """Parsed arguments; `run` is the command where a scene is named in its place, or nothing is."""
     if not arguments or (arguments[0] not in COMMANDS and arguments[0] not in ("-h", "--help", "--version")):
         word = arguments[0] if arguments else "-"
-        if word[0:1] != "-" and not word.endswith(".toml") and not Path(word).exists():
+        if word[0:1] != "-" and not word.endswith(".toml") and not os.path.exists(word):
             known = f"expected a scene or one of {', '.join(COMMANDS)}"
             raise _BadArguments(f"{known}, found {word!r}{suggestion(word, COMMANDS)}")
         arguments = ["run", *arguments]

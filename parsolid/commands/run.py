@@ -74,7 +74,7 @@ def _stated_scene(options: Namespace) -> Path | str:
         folder = Path(restart).parent if restart else Path(options.output)
         options.output = options.output or str(folder)
         return folder / "scene.toml"
-    return options.scene or packaged_scene()
+    return packaged_scene() if options.scene is None else options.scene
 
 
 def _load(path: Path | str, overrides: list[str], options: Namespace) -> Scene:

@@ -27,7 +27,7 @@ class Boxes:
     """Boxes (bodies, d) [m] of the scene's bodies when they were agreed on, mean velocities [m/s], and margins [m].
 
     near: whether lists are needed for each side, any_near: for one at least; expires: the time [s] at which bodies that
-    are apart may meet.
+    are apart may meet; until (sides,) [s]: how long after the agreement those of each may at first, 0 where near.
     """
 
     def __init__(self, comm: Any, bodies: int, sides: Sides, systems: list[ParticleSystem]) -> None:
@@ -59,8 +59,9 @@ class Boxes:
         apart = ~self.near
         # until moving boxes with their margins are within reach of one another
         one, two = ((self.lower[i], self.upper[i], self.velocity[i]) for i in (own[apart], other[apart]))
-        until = meetings(one, two, self.margin[own[apart]] + self.margin[other[apart]] + self.reach[apart])
-        self.expires = time + float(until.min(initial=np.inf))
+        self.until = np.zeros(len(own))
+        self.until[apart] = meetings(one, two, self.margin[own[apart]] + self.margin[other[apart]] + self.reach[apart])
+        self.expires = time + float(self.until[apart].min(initial=np.inf))
 
     def time_left(self, time: float, ahead: float) -> float:
         """How long [s] after a time [s] this rank's lists hold, at most a time ahead [s]."""
@@ -77,16 +78,16 @@ class Boxes:
                 left = time_left(*fields, now[number], self._partners(number, elapsed), left)
         return left
 
-    def fastest(self) -> float:
-        """The greatest speed [m/s] of this rank's particles of bodies that are near another one, or themselves, against
-        the mean of that, when boxes were agreed on."""
-        most = 0.0
+    def fastest(self, ahead: float) -> float:
+        """The greatest speed [m/s] of this rank's particles of bodies that are near another one, or themselves, or may
+        be in a time [s], against the mean of that, when boxes were agreed on."""
+        most, coming = 0.0, self.until <= ahead
         for system, numbers in zip(self.systems, self.numbers):
             for local, number in enumerate(numbers):
-                others = {self.sides.sides[near].other for near in self._near_of_body.get(int(number), ())}
+                others = self.other[coming & (self.own == number)]
                 rows = system.particles.owned_rows
-                velocity = rows("velocity")[rows("body") == local] if others else None
-                for other in others if velocity is not None and len(velocity) else ():
+                velocity = rows("velocity")[rows("body") == local] if len(others) else np.zeros((0, 0))
+                for other in others if len(velocity) else ():
                     square = ((velocity - self.velocity[other]) ** 2).sum(axis=1)
                     most = max(most, float(square.max()) ** 0.5)
         return most

@@ -12,6 +12,9 @@ from parsolid.contact.list_kernels import add_colours, add_images
 from parsolid.contact.sides import Side, Sides, reflections
 from parsolid.methods.protocol import ParticleSystem
 
+# penetration at the start that is refused, in the smaller spacing
+_TOO_DEEP = 1.0
+
 
 def fill_depths(comm: Any, sides: Sides, systems: list[ParticleSystem], names: list[str]) -> None:
     """Set "contact_depth" of every particle in contact, 0 at h/2 within the face of its body to 1 on it; collective.
@@ -38,6 +41,17 @@ def fill_depths(comm: Any, sides: Sides, systems: list[ParticleSystem], names: l
                         f"(with contact.radius it fills {fullest:.2g} of its own kernel)"
                     )
     raise_together(comm, fault)
+
+
+def overlap(depth: float, side: Side, sides: Sides, names: list[str]) -> str | None:
+    """What is wrong with a body's particle so deep [m] in another at the start, or None."""
+    least = min(sides.facts[body].spacing for body in (side.own, side.other))
+    if depth <= _TOO_DEEP * least:
+        return None
+    return (
+        f"contact: expected bodies that do not lie in one another at the start, found {names[side.own]} "
+        f"{depth / least:.2g} spacings deep in {names[side.other]}"
+    )
 
 
 def least_colour(side: Side, sides: Sides, dimension: int) -> float:

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.collective import minimum, raise_together
+from parsolid.collective import maximum, minimum, raise_together
 from parsolid.contact import passes
 from parsolid.contact.boxes import Boxes
 from parsolid.contact.closing import FAST, Seen, closing_step, first_steps, step_ahead
-from parsolid.contact.depth import fill_depths
+from parsolid.contact.depth import fill_depths, overlap
 from parsolid.contact.heat_kernels import others_heat, own_heat
 from parsolid.contact.list_kernels import give_to_rows, take_from_rows
 from parsolid.contact.lists import Entries, Segment
@@ -32,8 +32,8 @@ from parsolid.scene.contact import CONTACT_TERMS, OSCILLATION, of_model
 # steps between looks at how far particles have moved, at least and at most, where bodies are near and where all are
 # apart; lists are asked for when they may not hold until twice the next look, and for as many steps more
 _LEAST_STEPS, _MOST_STEPS, _AHEAD = 4, {True: 16, False: 256}, 4
-# penetration at the start that is refused, in the smaller spacing
-_TOO_DEEP = 1.0
+# ends of steps until contact has seen what was apart at the start and met within two steps
+_STARTING = 3
 
 
 def declare_fields(scene: Scene, system: ParticleSystem) -> None:
@@ -75,6 +75,10 @@ class KernelContact(Interaction):
         self._kept: float | None = None
         self._placed: tuple[int | None, ...] = ()
         self._until_look, self._nearest = 0, np.inf
+        # the least of all ranks, where lists were made in this step
+        self._agreed: float | None = None
+        # what bodies that are apart allow of a step [s] from the start, and of how many steps yet
+        self._starting = np.inf, 0
         self._step = self._soon = min(side.longest for side in self.sides.sides)
         self.recipients: list[Recipient] = []
 
@@ -90,39 +94,30 @@ class KernelContact(Interaction):
         self._colours(anew=True, ahead=2.0 * self._step)
         ahead = self.level.copy()
         deepest = self.evaluate(None, held=True)
-        apart = np.inf if self.restarted else max(0.5 * (self.boxes.expires - time), self._soon)
-        self._nearest = min(apart, first_steps(self._seen(), ahead, 2.0 * self._step))
+        if not self.restarted:
+            self._starting = max(0.5 * (self.boxes.expires - time), self._soon), _STARTING
+        self._nearest = first_steps(self._seen(), ahead, 2.0 * self._step)
         if self._kept is not None and self.entries.segments:
             self._nearest = self._kept
         for one, force in zip(self.recipients, kept):
             one.resume(force)
         if self._energies is not None:
             self.energy, self.stuck = self._energies
-        first, self.restarted = not self.restarted, False
-        raise_together(self.comm, self._overlap(deepest) if first and self.rebuilds == 1 else None)
-
-    def _overlap(self, deepest: tuple[float, int]) -> str | None:
-        depth, where = deepest
-        if where < 0:
-            return None
-        side = next(self.sides.sides[one.side] for one in self.entries.segments if where < one.last)
-        least = min(self.sides.facts[body].spacing for body in (side.own, side.other))
-        if depth <= _TOO_DEEP * least:
-            return None
-        return (
-            f"contact: expected bodies that do not lie in one another at the start, found {self.names[side.own]} "
-            f"{depth / least:.2g} spacings deep in {self.names[side.other]}"
-        )
+        first, self.restarted, self._agreed = not self.restarted, False, None
+        depth, where = deepest if first and self.rebuilds == 1 else (0.0, -1)
+        side = next((self.sides.sides[one.side] for one in self.entries.segments if where < one.last), None)
+        raise_together(self.comm, overlap(depth, side, self.sides, self.names) if side and where >= 0 else None)
 
     def state(self) -> dict[str, Any]:
         """That there is one, its energies on each rank, and the steps that these allow; collective."""
         energies, step = self.comm.allgather((self.energy, self.stuck)), min(1e300, self._nearest)
         steps = {"steps": self.comm.allgather(step), "step": self._step, "rebuilds": self.rebuilds}
-        return {"energies": energies} | steps
+        return {"energies": energies, "starting": [min(1e300, self._starting[0]), self._starting[1]]} | steps
 
     def set_state(self, state: dict[str, Any]) -> None:
         """The thresholds are those of the checkpoint."""
         self.restarted, self.rebuilds, self._step = True, state["rebuilds"], state.get("step", self._step)
+        self._starting = tuple(state.get("starting", (np.inf, 0)))
         steps, same = state.get("steps"), len(state["energies"]) == self.comm.size
         self._kept = steps and (steps[self.comm.rank] if same else min(steps))
         if same:
@@ -163,6 +158,7 @@ class KernelContact(Interaction):
             ledger.add_term("contact_energy", self.energy - energy)
             ledger.add_term("stick_energy", self.stuck - stuck)
             ledger.add_term("contact_oscillation", sum(one.kick(step, opening=False) for one in self.recipients))
+        self._starting = self._starting[0], max(self._starting[1] - (step > 0.0), 0)
         self._until_look -= 1
         if self._until_look <= 0 and not self.news:
             self._look(time, step)
@@ -182,7 +178,8 @@ class KernelContact(Interaction):
     def stable_step(self) -> float:
         """Of the stiffest contact whose bodies see one another on this rank, by the present places alone, so that it
         does not depend on when lists were made."""
-        return self._nearest
+        apart, steps = self._starting
+        return min(self._nearest, apart) if steps else self._nearest
 
     def energies(self) -> tuple[float, float]:
         """What contact and sticking store."""
@@ -201,7 +198,9 @@ class KernelContact(Interaction):
             if self.rebuilds == 0 or self.restarted:
                 rows("contact_start")[:, : system.dimension] = rows("position")
         # particles so fast that they use up their lists before they can be made anew may all press
-        fast = self.boxes.fastest() * max(self._step, self._soon) > FAST * self.boxes.reach.min()
+        soon = max(self._step, self._soon)
+        fastest, agreed = maximum(self.comm, np.array([self.boxes.fastest(_AHEAD * soon), -self._nearest]))
+        fast, self._agreed = bool(fastest * soon > FAST * self.boxes.reach.min()), -float(agreed)
         prune = not fast and self.boxes.time_left(time, 2 * _AHEAD * self._step) >= _AHEAD * self._step
         self.entries.build(self.boxes, self.within.excluded if self.within.any else None, self._constants, prune)
         self.rebuilds += 1
@@ -268,7 +267,8 @@ class KernelContact(Interaction):
         deepest = self._colours(anew=held)
         if not held:
             soon = max(self._step, self._soon)
-            going_on = self.matter, entries.lists, self.moved, self._step, min(self._nearest, soon), soon
+            coming, self._agreed = min(self._nearest if self._agreed is None else self._agreed, soon), None
+            going_on = self.matter, entries.lists, self.moved, self._step, coming, soon
             self._nearest = min(closing_step(self._seen(), before, self._step), step_ahead(*going_on))
         self.stuck = 0.0
         if self.rubs:

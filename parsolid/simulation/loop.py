@@ -208,7 +208,7 @@ class Simulation:
         alone: the stable step is one that takes interactions into account.
         """
         news = [-float(one.news) for one in self.parts]
-        told = self.subcycling.told(stable)
+        told = self.subcycling.told(self.subcycling.stable if alone else stable)
         self.minimum.begin((min(stable), inf if alone else self._allowed(), -wishes[0], -wishes[1], *news, *told))
         self._alone = alone
 

@@ -39,7 +39,7 @@ def test_a_force_goes_with_the_displacement_of_its_region(boundary, probe, found
 def drawn(tmp_path, monkeypatch):
     """Panels of the pictures of a run with contact: (drawing function, more of the scene) -> label -> legends."""
 
-    def draw(write, scene="dimension = 2"):
+    def draw(write, scene="dimension = 2", **more):
         rows = {
             "step": 2,
             "time": 1.0,
@@ -50,6 +50,7 @@ def drawn(tmp_path, monkeypatch):
         } | dict.fromkeys(("dissipation_numerical", "work_external"), 0.0)
         rows |= {"contact_energy": 5.0, "viscous_work": 1e-3, "friction_dissipation": 0.2, "balance": 0.0}
         rows |= {"foot.work": 0.0, "foot.force_x": 2.5e4, "foot.force_y": 1e4, "foot.moment": 7.0, "ball.force_x": 3.0}
+        rows |= more
         lines = [",".join(rows)] + [",".join(f"{value * k:g}" for value in rows.values()) for k in (0, 0.5, 1)]
         (tmp_path / "history.csv").write_text("\n".join(lines) + "\n")
         (tmp_path / "scene.toml").write_text(scene)
@@ -71,6 +72,10 @@ def test_what_contact_stores_is_not_drawn_as_dissipated_and_nothing_as_a_line_of
         "dissipated [J]": ["internal", "friction dissipation"],
         "balance / largest energy": [],
     }
+
+
+def test_bodies_that_press_at_the_start_and_part_have_stored_no_less_than_nothing(drawn):
+    assert drawn(write_energies, contact_energy=-5.0)["energy [J]"][-1] == "gained in contact"
 
 
 def test_forces_of_supports_and_tools_have_units_and_idle_supports_no_work(drawn):

@@ -81,6 +81,15 @@ def test_ranks_do_not_matter(comm, data):
         np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-11 * np.abs(wanted).max())
 
 
+@pytest.mark.ranks(2)
+def test_contact_looks_ahead_from_the_step_on_which_ranks_agree(comm):
+    left = block("left", (-1.125, 0.1), (-0.125, 0.6), (16, 8), "cells", velocity=[0.4 * SPEED, 0.1 * SPEED])
+    data = tables(left, block("right", (0.0, 0.0), (0.5, 1.0), (8, 16), "cells"))
+    found, wanted = (run(simulated(data, one), 25) for one in (comm, MPI.COMM_SELF))
+    assert wanted["contact_energy"][-1] > 1e-3 * wanted["kinetic"][0]
+    np.testing.assert_allclose(found["time"], wanted["time"], rtol=1e-12)
+
+
 @pytest.mark.parametrize(
     "data, steps, placements",
     [(discs(friction=0.4), 10, 0), (discs(friction=0.4), 18, None), (far_apart(), 4, 0)],

@@ -141,11 +141,21 @@ def test_check_says_what_stages_do_not_keep():
         assert len(said) == number
 
 
-def test_a_restart_before_bodies_that_close_fast_touch_has_the_same_bits(tmp_path):
-    scene, comm = (
-        parse_scene(apart(1.4e-3, 120.0) | {"output": {"history_steps": 1, "fields_times": []}}),
-        MPI.COMM_SELF,
-    )
+BONDS = {"kind": "peridynamics"}
+LINEAR = {"kind": "linear-elastic", "density": 1100.0, "youngs_modulus": 17e6, "poissons_ratio": 0.3}
+
+
+@pytest.mark.parametrize(
+    ("method", "law", "gap", "speed"),
+    [(LEAPFROG, RUBBER, 1.4e-3, 120.0), (LEAPFROG, RUBBER, 3e-3, 120.0), (BONDS, LINEAR, 3e-3, 60.0)],
+    ids=["in sight", "leapfrog", "peridynamics"],
+)
+def test_a_restart_before_bodies_that_close_fast_touch_has_the_same_bits(method, law, gap, speed, tmp_path):
+    """Nor does it matter when lists were made of bodies that are not in sight of one another yet."""
+    data = apart(gap, speed) | {"method": method, "output": {"history_steps": 1, "fields_times": []}}
+    for body in data["bodies"]:
+        body["material"] = law
+    scene, comm = parse_scene(data), MPI.COMM_SELF
     whole = run_into(tmp_path / "whole", comm, scene, steps=14).simulation
     assert whole.interactions[0].energy > 0.0
     for stopped in range(1, 6):

@@ -6,6 +6,7 @@ from mpi4py import MPI
 from solids import Record, follow, run_into
 from tied_blocks import blocks, motion
 
+from parsolid.api import set_up
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.restart import Restart
@@ -60,6 +61,15 @@ def test_on_any_ranks_and_after_a_restart_systems_take_the_same_steps(comm, shar
         # the stored energy is a difference of numbers of the size of E V, in steps of their last place
         rounding = np.finfo(float).eps * STIFF * VOLUME if name in ("stored", "balance") else 0.0
         np.testing.assert_allclose(rows[name], whole[name], rtol=0.0, atol=1e-12 * scale + rounding, err_msg=name)
+
+
+def test_a_script_may_go_on_after_any_step(comm):
+    """The second call begins with the common step alone, which said nothing of the systems': an error of packing."""
+    stopping, whole = (set_up(tables("auto"), comm) for _ in range(2))
+    for count in (1, 2, 3):
+        stopping.step(count)
+    whole.step(6)
+    assert stopping.time == whole.time and stopping.simulation.energy_row() == whole.simulation.energy_row()
 
 
 @pytest.mark.parametrize(

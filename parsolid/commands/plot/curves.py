@@ -64,7 +64,10 @@ def write_energies(results: Results, path: Path, size: tuple[int, int] | None = 
     if {"kinetic", "stored"} <= set(told):
         energies.plot(time, total / unit, color=_COLOURS["total"], label="kinetic + stored", linewidth=1.0)
     for name in (name for name in _WITHIN if name in told and _largest(terms[name]) > _FLAT * largest):
-        energies.plot(time, terms[name] / unit, color=_COLOURS[name], label=_WITHIN[name], linewidth=1.0)
+        # columns begin at 0, also where bodies press at the start
+        below = np.nanmin(terms[name]) < -_FLAT * largest
+        what = _WITHIN[name].replace("stored", "gained") if below else _WITHIN[name]
+        energies.plot(time, terms[name] / unit, color=_COLOURS[name], label=what, linewidth=1.0)
     words = {"dissipation_internal": "internal", "dissipation_numerical": "numerical"}
     others = _seen([name for name in (*words, *_method_terms(history)) if name in told and name not in _WITHIN], terms)
     spare = iter(_PALETTE[5:])
