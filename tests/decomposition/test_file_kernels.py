@@ -1,5 +1,6 @@
 """Kernels from files in a process without numba: what they give, and what happens when numba comes."""
 
+import ast
 import os
 import subprocess
 import sys
@@ -328,6 +329,16 @@ def test_kernels_of_others_are_not_run(monkeypatch, tmp_path):
 def test_what_is_for_kernels_alone_says_so():
     with pytest.raises(NotImplementedError, match="compiled kernels alone"):
         load(np.zeros(4), 0)
+
+
+def test_no_kernel_leaves_arguments_to_numba():
+    """Arguments that are not given are numba's affair, which a job would import for them at every start."""
+    found = []
+    for path in (*ROOT.glob("parsolid/**/*.py"), *ROOT.glob("decomposition/*.py")):
+        for one in ast.walk(ast.parse(path.read_text())):
+            if isinstance(one, ast.FunctionDef) and any("compiled" in ast.unparse(it) for it in one.decorator_list):
+                found += [f"{path}: {one.name}"] if one.args.defaults else []
+    assert not found
 
 
 def test_symbols_of_another_format_are_not_known():

@@ -21,6 +21,9 @@ from parsolid.materials.hyperelastic import evaluation
 from parsolid.materials.hyperelastic.conjugates import PolyconvexState, branch_sum, right_cauchy_green
 from parsolid.materials.hyperelastic.hessians import branch_hessian, equilibrium_hessian
 
+# turns of a frame at the most
+_ROUNDS = 1000
+
 
 def acoustic_tensor(law, state: PolyconvexState, N) -> np.ndarray:
     """Q(N) [Pa] (..., 3, 3) of (54), with eigenvalues rho c^2."""
@@ -121,12 +124,12 @@ def _least_pair(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 @compiled
-def _turn_to_least(first, second, result, rounds=1000):
+def _turn_to_least(first, second, result):
     """Turn each frame, in which the forms are given, until first_11 + second_33 is least; forms are overwritten."""
     for k in range(len(first)):
         a, b = first[k], second[k]
         value = np.inf
-        for _ in range(rounds):
+        for _ in range(_ROUNDS):
             _turn(a, b, 0, 1, a[0, 0], a[1, 1], a[0, 1])
             _turn(a, b, 2, 1, b[2, 2], b[1, 1], b[2, 1])
             _turn(a, b, 0, 2, a[0, 0] + b[2, 2], a[2, 2] + b[0, 0], a[0, 2] - b[0, 2])
