@@ -70,7 +70,8 @@ FIXED = (
     "initial*",
     "output.where",
 )
-
+# keys that checkpoints of earlier versions do not have, with the value that changes nothing
+ADDED = dict.fromkeys(_of_methods("clamp_edges"), 0.0)
 
 # of a formula
 _TABLE = re.compile(r"""table\((["'])(/.*?)\1""")
@@ -163,6 +164,8 @@ def judged(found: list[Change], allowed: tuple[str, ...], source: Path, time: fl
     """Faults, and notes on what was accepted; allowed: keys that the user allows to change, and all within them."""
     faults, notes = [], []
     for change in found:
+        if change.before is NOTHING and any(change.of((key,)) and change.now == same for key, same in ADDED.items()):
+            continue
         fixed = change.of(FIXED)
         if change.later or (change.of(FREE) and not fixed) or (not fixed and change.of(allowed)):
             if not change.of(SILENT):
