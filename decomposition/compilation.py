@@ -55,7 +55,7 @@ _begun: list[Any] = []
 _numbas: list[tuple[Any, str, Any]] = []
 # what numba has compiled of its own without counts of references, which nothing that counts may take
 _UNCOUNTED: dict[Any, Any] = {}
-# names of kernels that this process has compiled as numba does, for one that failed here
+# kernels that this process has compiled as numba does, by module and name, for what failed here
 FALLEN_BACK: list[str] = []
 
 
@@ -77,7 +77,7 @@ def compile_short(dispatcher: Any, as_numba: Callable[[Any], Any], signature: An
     except Exception:
         if _within:
             raise
-        FALLEN_BACK.append(dispatcher.py_func.__name__)
+        FALLEN_BACK.append(f"{dispatcher.py_func.__module__}.{dispatcher.py_func.__name__}")
         for one in _begun:
             # numba keeps what has failed once
             one._compiler._failed_cache.clear()

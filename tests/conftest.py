@@ -13,6 +13,7 @@ them waiting for ever; then, after a grace, it shows its failure and ends the wh
 import faulthandler
 import os
 import shutil
+import sys
 import time
 import zlib
 from collections import Counter, defaultdict
@@ -230,6 +231,16 @@ def pytest_runtest_makereport(item, call):
     report.outcome = "failed"
     report.longrepr = "\n".join([", ".join(summary), *parts])
     return report
+
+
+@pytest.fixture(autouse=True)
+def _no_kernel_of_the_package_falls_back():
+    """None is compiled numba's own way, which takes longer and would not be seen. Of use where kernels are compiled."""
+    fallen = getattr(sys.modules.get("decomposition.compilation"), "FALLEN_BACK", [])
+    before = len(fallen)
+    yield
+    fallen = getattr(sys.modules.get("decomposition.compilation"), "FALLEN_BACK", [])
+    assert not [name for name in fallen[before:] if name.startswith(("parsolid.", "decomposition."))]
 
 
 @pytest.fixture(scope="session")
