@@ -64,13 +64,11 @@ def distance(matter, near, a, k, x):
 
 
 @register_jitable
-def columns_of(place):
-    """Places (n, d) as columns (3, n), zero beyond the dimension."""
-    result = np.zeros((3, len(place)))
+def fill_columns(place, columns):
+    """Places (n, d) into columns (3, n), which are zero beyond the dimension."""
     for a in range(len(place)):
         for i in range(place.shape[1]):
-            result[i, a] = place[a, i]
-    return result
+            columns[i, a] = place[a, i]
 
 
 @register_jitable
@@ -134,7 +132,8 @@ def colours(owned, matter, near, new, colour, level, record):
     Returns the stored energy [J], the deepest penetration [m] and whose that is.
     """
     energy, deepest, where, constants = 0.0, 0.0, -1, matter.constants
-    columns = columns_of(matter.place)
+    columns = np.zeros((3, len(matter.place)))
+    fill_columns(matter.place, columns)
     for a in range(owned):
         record[a, 0] = record[a, 1] = colour[a] = 0.0
         if not near.feels[a]:
@@ -322,7 +321,8 @@ def forces(owned, matter, near, record, column, rubbing, force):
     """Forces (owned, d) [N] on the owned entries: the gradient of the energy, and friction where `rubbing` is not None;
     of the particle as a whole where a symmetry plane cuts it. column: of the record, that of q."""
     d, pull, x = matter.place.shape[1], record[:, column].copy(), np.empty(3)
-    columns = columns_of(matter.place)
+    columns = np.zeros((3, len(matter.place)))
+    fill_columns(matter.place, columns)
     for a in range(owned):
         for i in range(d):
             force[a, i] = 0.0 if rubbing is None else record[a, 3 + i]

@@ -126,7 +126,8 @@ def _put_in_slots(
     count = 0
     for a in range(neighbour.shape[0]):
         neighbour[a] = a
-        rows[a, STEP : STEP + AXES] = lattices.spacing[a]
+        for axis in range(AXES):
+            rows[a, STEP + axis] = lattices.spacing[a, axis]
     for a in range(pairs.start.shape[0] - 1):
         for k in range(pairs.start[a], pairs.start[a + 1]):
             b = pairs.neighbour[k]
