@@ -33,25 +33,32 @@ class _LanesModel(models.PrimitiveModel):
         super().__init__(manager, numba_type, _VECTOR)
 
 
-def _splat(builder, value):
-    vector = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), value, _INT(0))
-    return builder.shuffle_vector(
-        vector, ir.Constant(_VECTOR, ir.Undefined), ir.Constant(ir.VectorType(_INT, WIDTH), [0] * WIDTH)
-    )
+def splat(builder, value, vector=_VECTOR):
+    """A double in every lane of an LLVM vector."""
+    none = ir.Constant(vector, ir.Undefined)
+    everywhere = ir.Constant(ir.VectorType(_INT, vector.count), [0] * vector.count)
+    return builder.shuffle_vector(builder.insert_element(none, value, _INT(0)), none, everywhere)
 
 
-def _to_vector(context, builder, value, numba_type):
-    """Lanes as they are; numbers repeated in every lane."""
-    if isinstance(numba_type, LanesType):
-        return value
-    return _splat(builder, context.cast(builder, value, numba_type, types.float64))
+def to_vector_of(kind, vector):
+    """What turns a value into lanes of a kind, an LLVM vector: lanes as they are, numbers repeated in every lane."""
+
+    def to_vector(context, builder, value, numba_type):
+        if isinstance(numba_type, type(kind)):
+            return value
+        return splat(builder, context.cast(builder, value, numba_type, types.float64), vector)
+
+    return to_vector
+
+
+_to_vector = to_vector_of(lanes, _VECTOR)
 
 
 def let_apply(kind, to_vector, function, emit):
     """Let compiled functions apply a Python function or operator to lanes of a kind, and to numbers beside them: one
     instruction, with nothing to compile for it.
 
-    to_vector: `_to_vector` of the kind; emit: adds the instruction.
+    to_vector: `to_vector_of` the kind; emit: adds the instruction.
     """
 
     class Template(AbstractTemplate):
@@ -76,19 +83,29 @@ def _direct(function, emit):
     let_apply(lanes, _to_vector, function, emit)
 
 
-def _binary(python_operator, instruction):
-    _direct(python_operator, lambda context, builder, x, y: getattr(builder, instruction)(x, y))
+def let_calculate(kind, to_vector):
+    """Let compiled functions add, subtract, multiply and divide lanes of a kind, and take the lesser and the greater,
+    lane by lane; the second argument where either is NaN.
+    """
+
+    def instruction(name):
+        return lambda context, builder, x, y: getattr(builder, name)(x, y)
+
+    def choice(comparison):
+        return lambda context, builder, x, y: builder.select(builder.fcmp_ordered(comparison, x, y), x, y)
+
+    for function, emit in (
+        (operator.add, instruction("fadd")),
+        (operator.sub, instruction("fsub")),
+        (operator.mul, instruction("fmul")),
+        (operator.truediv, instruction("fdiv")),
+        (min, choice("<")),
+        (max, choice(">")),
+    ):
+        let_apply(kind, to_vector, function, emit)
 
 
-for _operator, _instruction in (
-    (operator.add, "fadd"),
-    (operator.sub, "fsub"),
-    (operator.mul, "fmul"),
-    (operator.truediv, "fdiv"),
-):
-    _binary(_operator, _instruction)
-
-
+let_calculate(lanes, _to_vector)
 _direct(operator.neg, lambda context, builder, x: builder.fneg(x))
 
 
@@ -100,37 +117,34 @@ def _llvm_call(context, builder, name, result, arguments):
 _direct(math.sqrt, lambda context, builder, x: _llvm_call(context, builder, "llvm.sqrt.v4f64", _VECTOR, [x]))
 
 
-def _choice(python_function, comparison):
-    _direct(
-        python_function,
-        lambda context, builder, x, y: builder.select(builder.fcmp_ordered(comparison, x, y), x, y),
-    )
+def fused_of(kind, vector, to_vector):
+    """An intrinsic that gives x * y + z in lanes of a kind, rounded once; numbers are repeated in every lane."""
+
+    @intrinsic
+    def fused(typing_context, x, y, z):
+        def generate(context, builder, signature, arguments):
+            vectors = [to_vector(context, builder, a, t) for a, t in zip(arguments, signature.args)]
+            return _llvm_call(context, builder, f"llvm.fma.v{vector.count}f64", vector, vectors)
+
+        return kind(x, y, z), generate
+
+    return fused
 
 
-# lane by lane; the second argument where either is NaN
-_choice(min, "<")
-_choice(max, ">")
+def broadcast_of(kind, to_vector):
+    """An intrinsic that puts a number in every lane of a kind."""
+
+    @intrinsic
+    def broadcast(typing_context, value):
+        def generate(context, builder, signature, arguments):
+            return to_vector(context, builder, arguments[0], signature.args[0])
+
+        return kind(value), generate
+
+    return broadcast
 
 
-@intrinsic
-def fused(typing_context, x, y, z):
-    """x * y + z, rounded once; numbers are repeated in every lane."""
-
-    def generate(context, builder, signature, arguments):
-        vectors = [_to_vector(context, builder, a, t) for a, t in zip(arguments, signature.args)]
-        return _llvm_call(context, builder, "llvm.fma.v4f64", _VECTOR, vectors)
-
-    return lanes(x, y, z), generate
-
-
-@intrinsic
-def broadcast(typing_context, value):
-    """A number in every lane."""
-
-    def generate(context, builder, signature, arguments):
-        return _to_vector(context, builder, arguments[0], signature.args[0])
-
-    return lanes(value), generate
+fused, broadcast = fused_of(lanes, _VECTOR, _to_vector), broadcast_of(lanes, _to_vector)
 
 
 def _element_pointer(context, builder, array_type, array, row, column):

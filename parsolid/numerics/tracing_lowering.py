@@ -9,7 +9,7 @@ from numba.core.imputils import lower_builtin
 from numba.core.typing.templates import AbstractTemplate, AttributeTemplate, infer_getattr, infer_global, signature
 from numba.extending import lower_getattr
 
-from parsolid.numerics.lanes_lowering import LanesType, _splat, lanes
+from parsolid.numerics.lanes_lowering import LanesType, lanes, splat
 from parsolid.numerics.tracing import BY_SIZE, Traceable, Unknown
 
 _DOUBLE = ir.DoubleType()
@@ -24,7 +24,7 @@ class Symbol(Unknown):
         self.is_vector, self.builder, self.value = is_vector, builder, value
 
     def _vector(self):
-        return self.value if self.is_vector else _splat(self.builder, self.value)
+        return self.value if self.is_vector else splat(self.builder, self.value)
 
     def _emitted(self, instruction: str, first, second):
         pair = [self.number(x, self.builder) for x in (first, second)]
