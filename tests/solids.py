@@ -37,7 +37,8 @@ def tables(particles, upper=None, lower=None, *, material=SOFT, method=None, end
     data = {
         "dimension": dimension,
         "end_time": end_time,
-        "method": {"kind": "tlsph", **(method or {})},
+        # its kernel is stated: what is usual without does not depend on the number of particles, then
+        "method": {"kind": "tlsph", "kernel": "wendland-c2", **(method or {})},
         "bodies": [{"shape": {"box": box}, "particles": list(particles), "material": material, **(body or {})}],
         **rest,
     }

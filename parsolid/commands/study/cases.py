@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from parsolid.commands.study.measures import MEASURES
-from parsolid.commands.study.schema import Series, Setting, Study
+from parsolid.commands.study.schema import Series, Setting, Study, toml_value
 from parsolid.exact import SOLUTIONS
 from parsolid.scene import Scene, SceneError, load_scene
 from parsolid.scene.declared import law_files
@@ -75,6 +75,8 @@ def cases_of(study: Study, trust_code: bool = False) -> list[Case]:
             case.trust_code = trust_code
             faults += _complete(case)
             cases.append(case)
+    for line in dict.fromkeys(case.line for case in cases if case.resolution_axis is not None):
+        faults += _alike([case for case in cases if case.line == line and case.scene is not None])
     faults += _unknown_names(study, cases)
     first = {case.digest: case.title for case in reversed(cases) if case.digest}
     faults += [
@@ -122,6 +124,24 @@ def _complete(case: Case) -> list[str]:
         # steps become as many more as particles come closer, and as the simulated time is longer
         case.work = float(case.particles) ** (1.0 + 1.0 / dimension) * case.scene.end_time
     return []
+
+
+def _alike(line: list[Case]) -> list[str]:
+    """Have runs that differ in resolution alone leave out the same: usual values may depend on how fine a scene is, and
+    those of the finest are for all. The faults of scenes with them."""
+    faults: list[str] = []
+    finest: Any = max(line, key=lambda case: case.particles).scene if line else None
+    for case in line:
+        scene: Any = case.scene
+        stated: list[str] = []
+        for own, fine in zip(scene.systems, finest.systems):
+            one, other = own.settings.usual(scene, own.bodies), fine.settings.usual(finest, fine.bodies)
+            values = {key: getattr(fine.settings, key) for key in one | other} if one != other else {}
+            place = ".".join(map(str, own.place))
+            stated += [f"{place}.{key}={toml_value(value)}" for key, value in values.items() if value is not None]
+        case.overrides += stated
+        faults += _complete(case) if stated else []
+    return faults
 
 
 def _unknown_names(study: Study, cases: list[Case]) -> list[str]:

@@ -1,6 +1,6 @@
 """Which pair weights each body of a scene has, and which it cannot have; known before any particle is made."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,8 @@ from parsolid.scene.validation_errors import SceneError
 _UNEVEN = ("mesh", "cylindrical_shell")
 # weights in closed form, see `pairs.lattice_stencils`, and the shapes whose nodes have them
 ON_LATTICES = {"cells": ("box", "perforated_box"), "fourth-order": ("box",)}
+# nodes along an axis from which weights in closed form are nowhere worse than the kernel's (docs/weights.md)
+RESOLVED = 8
 
 
 def weights_of_bodies(wanted: str, scene: Any) -> list[str]:
@@ -31,6 +33,18 @@ def weights_of_bodies(wanted: str, scene: Any) -> list[str]:
         if others and not all(result[j] == "closure" for j in _reached(i, bonded)):
             result[i] = "kernel"
     return result
+
+
+def all_resolved_boxes(scene: Any, bodies: Iterable[int]) -> bool:
+    """Whether all of these bodies are nodes of boxes that touch no other, with `RESOLVED` or more along every axis."""
+    try:
+        if any(kind != "fourth-order" for kind in weights_of_bodies("best", scene)):
+            return False
+        lines = [line for i in bodies for line in filling_of(scene.bodies[i], scene.dimension).lines]  # type: ignore[attr-defined]
+    except SceneError:
+        # told where the body is
+        return False
+    return min(line.count for line in lines) >= RESOLVED
 
 
 def weights_are_tabled(scene: Any) -> bool:

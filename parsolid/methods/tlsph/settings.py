@@ -6,12 +6,20 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.methods.tlsph.body_weights import ON_LATTICES, lattice_faults, weights_of_bodies
+from parsolid.methods.tlsph.body_weights import (
+    ON_LATTICES,
+    RESOLVED,
+    all_resolved_boxes,
+    lattice_faults,
+    weights_of_bodies,
+)
 from parsolid.pairs.smoothing import kernel_names
 from parsolid.scene.base_model import NotNegative, Positive, reject
 from parsolid.scene.contact import of_model
 from parsolid.scene.method_settings import SWINGS, Detail, MethodSettings
 
+# keys of which a scene that states one has chosen for itself
+_CHOSEN = {"kernel", "smoothing", "weights", "pair_correction", "integrator", "cfl", "safety"}
 # what images at fixed planes do beyond what is adjoint, see `fixed_walls`
 FIXED_WALLS = "work_fixed_walls"
 
@@ -89,19 +97,14 @@ class TotalLagrangianSPH(MethodSettings):
         """What `weights` or the former `pair_correction` asks for."""
         return "closure" if self.pair_correction == "closure" else self.weights or "kernel"
 
-    @model_validator(mode="before")
-    @classmethod
-    def _usual_step(cls, table: Any) -> Any:
-        if not isinstance(table, dict):
-            return table
-        key, usual = ("safety", 0.9) if table.get("integrator") == "leapfrog" else ("cfl", 0.7)
-        return {key: usual} | table
-
     @model_validator(mode="after")
     def _one_way_to_step(self) -> "TotalLagrangianSPH":
-        other = "cfl" if self.integrator == "leapfrog" else "safety"
+        key, other, usual = ("safety", "cfl", 0.9) if self.integrator == "leapfrog" else ("cfl", "safety", 0.7)
         if getattr(self, other) is not None:
             reject(((other,), f"no such key with the integrator {self.integrator!r}", getattr(self, other)))
+        if getattr(self, key) is None:
+            # past the validation of an assignment, and not among what the scene states
+            vars(self)[key] = usual
         return self
 
     @model_validator(mode="after")
@@ -131,11 +134,24 @@ class TotalLagrangianSPH(MethodSettings):
         images = self.pair_weights not in ON_LATTICES and any(one.plane is not None for one in planes)
         return terms | ({FIXED_WALLS: -1} if images else {})
 
+    def usual(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
+        """Weights that close with one evaluation a step where every example of the tables confirms them: boxes of eight
+        nodes or more along each axis that touch nothing, in scenes that state no kernel, weights or integrator."""
+        meets = scene.contact or scene.tie or scene.tools or scene.methods is not None
+        own = _CHOSEN & self.model_fields_set or self.reference == "updated"
+        if own or meets or not all_resolved_boxes(scene, bodies):
+            return {}
+        return {"weights": "best", "integrator": "leapfrog", "cfl": None, "safety": 0.9}
+
     def notes(self, scene: Any, bodies: Iterable[int]) -> list[str]:
         """Faces that are loaded through weights which do not close, where others would; contact between stages; mass
         that is not told."""
         told = f"mass, and the weight that clamps bear, are told without {self.clamp_edges:g} of that of these edges"
         less = [f"method.clamp_edges: {told}"] if self.clamp_edges else []
+        usual = self.usual(scene, bodies)
+        told = " and ".join(f"method.{key} = {usual[key]!r}" for key in ("weights", "integrator") if usual)
+        chosen = [f"{told} unless stated, as all bodies are boxes of {RESOLVED} nodes or more along each axis"]
+        less += chosen if usual else []
         return self._notes_of_weights(scene, bodies) + self._notes_of_contact(scene, bodies) + less
 
     def _notes_of_contact(self, scene: Any, bodies: Iterable[int]) -> list[str]:

@@ -1,0 +1,99 @@
+"""Weights and integrator of scenes that state none: those that every table confirms, and nowhere else."""
+
+import json
+
+import pytest
+from solids import SOFT
+
+from parsolid.commands.study.cases import cases_of
+from parsolid.commands.study.schema import load_study
+from parsolid.errors.variants import companions_of
+from parsolid.scene import parse_scene
+
+pytestmark = pytest.mark.serial
+
+
+def tables(particles=(8, 9), body=None, method=None, **rest):
+    shape = {"box": {"lower": [0.0] * len(particles), "upper": [1.0] * len(particles)}}
+    one = {"name": "one", "shape": shape, "particles": list(particles), "material": SOFT, **(body or {})}
+    kind = {"kind": "tlsph", **(method or {})}
+    return {"dimension": len(particles), "end_time": 1e-3, "method": kind, "bodies": [one], **rest}
+
+
+def choice(data):
+    settings = parse_scene(data).systems[0].settings
+    return settings.pair_weights, settings.integrator, settings.cfl, settings.safety
+
+
+def test_resolved_boxes_that_state_nothing_close_and_take_one_evaluation_a_step():
+    assert choice(tables()) == ("best", "leapfrog", None, 0.9)
+    assert choice(tables((8, 8, 8), method={"dissipation": 0.5, "maximum_step": 1e-4})) == (
+        "best",
+        "leapfrog",
+        None,
+        0.9,
+    )
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        tables((7, 9)),
+        tables((9, 9, 3)),
+        tables(body={"placement": "cells"}),
+        tables(body={"jitter": 0.1}),
+        tables(body={"shape": {"sphere": {"centre": [0, 0], "radius": 1}}, "particles": None, "spacing": 0.1}),
+        tables(method={"reference": "updated", "update_every": 5}),
+        tables(method={"kernel": "wendland-c2"}),
+        tables(method={"smoothing": 0.85}),
+        tables(method={"weights": "kernel"}),
+        tables(method={"integrator": "ssp-rk3"}),
+        tables(method={"cfl": 0.7}),
+        tables(tools=[{"name": "floor", "shape": {"plane": {"point": [0, -1], "normal": [0, 1]}}}]),
+    ],
+    ids=lambda data: str({key: data[key] for key in ("method", "bodies", "tools") if key in data})[:120],
+)
+def test_elsewhere_the_kernel_and_stages_stay(data):
+    data["bodies"] = [{key: value for key, value in body.items() if value is not None} for body in data["bodies"]]
+    assert choice(data) == ("kernel", "ssp-rk3", 0.7, None)
+
+
+def test_bodies_that_touch_keep_the_kernel_and_those_apart_do_not():
+    def pair(gap):
+        data = tables()
+        other = json.loads(json.dumps(data["bodies"][0])) | {"name": "other"}
+        other["shape"]["box"] = {"lower": [1.0 + gap, 0.0], "upper": [2.0 + gap, 1.0]}
+        return choice(data | {"bodies": [*data["bodies"], other]})
+
+    assert pair(0.0)[0] == "kernel" and pair(3.0)[0] == "best"
+
+
+def test_what_is_written_states_it_so_that_companions_and_restarts_have_the_same():
+    scene = parse_scene(tables((13, 13)))
+    again = parse_scene(scene.resolved())
+    assert again.resolved() == scene.resolved() and again.resolved()["method"]["weights"] == "best"
+    coarse = [one.scene for one in companions_of(scene, False)[0]]
+    assert min(one.bodies[0].particles[0] for one in coarse) < 8
+    assert {one.systems[0].settings.pair_weights for one in coarse} == {"best"}
+
+
+def test_check_says_so():
+    scene = parse_scene(tables())
+    notes = scene.systems[0].settings.notes(scene, (0,))
+    assert any("method.weights = 'best' and method.integrator = 'leapfrog' unless stated" in note for note in notes)
+    stated = parse_scene(tables(method={"weights": "best", "integrator": "leapfrog"}))
+    assert not any("unless stated" in note for note in stated.systems[0].settings.notes(stated, (0,)))
+
+
+def test_a_study_does_not_change_its_method_between_two_resolutions(tmp_path):
+    lines = ["dimension = 2", "end_time = 1e-3", 'method = { kind = "tlsph" }', "[[bodies]]", "particles = [5, 5]"]
+    lines += ["shape = { box = { lower = [0, 0], upper = [1, 1] } }", "[bodies.material]"]
+    lines += [f"{key} = {json.dumps(value)}" for key, value in SOFT.items()]
+    (tmp_path / "block.toml").write_text("\n".join(lines))
+    settings = [f'{{ label = "{n}", spacing = {1 / n}, set = ["bodies.0.particles=[{n}, {n}]"] }},' for n in (5, 7, 9)]
+    axis = ["[[series.axes]]", 'name = "particles"', "settings = [", *settings, "]"]
+    (tmp_path / "study.toml").write_text(
+        "\n".join(['title = "B"', "[[series]]", 'name = "b"', 'scene = "block.toml"', *axis])
+    )
+    found = [case.scene.systems[0].settings for case in cases_of(load_study(tmp_path / "study.toml"))]
+    assert {(one.pair_weights, one.integrator) for one in found} == {("best", "leapfrog")}
