@@ -37,12 +37,17 @@ def tables(particles, upper=None, lower=None, *, material=SOFT, method=None, end
     data = {
         "dimension": dimension,
         "end_time": end_time,
-        # its kernel is stated: what is usual without does not depend on the number of particles, then
-        "method": {"kind": "tlsph", "kernel": "wendland-c2", **(method or {})},
+        "method": _stated(method or {}),
         "bodies": [{"shape": {"box": box}, "particles": list(particles), "material": material, **(body or {})}],
         **rest,
     }
     return copy.deepcopy(data)
+
+
+def _stated(method: dict) -> dict:
+    """A method's table; a kernel in it, for what is usual without depends on the number of particles."""
+    table = {"kind": "tlsph", **method}
+    return {"kernel": "wendland-c2", **table} if table["kind"] == "tlsph" else table
 
 
 def simulation(data: dict, comm=MPI.COMM_SELF) -> Simulation:

@@ -138,8 +138,8 @@ def test_the_faults_of_a_scene_name_the_run(folder):
 
 
 def test_two_runs_that_are_the_same_are_refused(folder):
-    text = faults(write(folder, more="[[series]]\nname = 'again'\nscene = 'block.toml'"))
-    assert text == "again: expected a run that differs from the others, found the scene and ranks of block, 5"
+    text = faults(write(folder, more="[[series]]\nname = 'again'\nscene = 'block.toml'\nset = ['bodies.0.particles=[9, 9]']"))
+    assert text == "again: expected a run that differs from the others, found the scene and ranks of block, 9"
 
 
 @pytest.mark.parametrize("value", [1, 0.5, 1e-12, True, 'a "b" \\c', [1, [2.5, "x"]], [{"beta": 1.0, "tau": 0.02}], []])

@@ -59,7 +59,9 @@ class TotalLagrangianSPH(MethodSettings):
     )
     smoothing: float = Field(0.85, gt=0, le=30, description="smoothing length over particle spacing, h/dx, at most 30")
     integrator: Literal["ssp-rk3", "leapfrog"] = Field(
-        "ssp-rk3", description='"ssp-rk3": three force evaluations a step, order 3; "leapfrog": one, order 2'
+        "ssp-rk3",
+        description='"ssp-rk3": three force evaluations a step, order 3; "leapfrog": one, order 2, usual for boxes of '
+        "8 nodes or more along each axis that touch nothing, where no kernel, weights or integrator is stated",
     )
     cfl: Positive | None = Field(
         None, description="time step over (particle spacing / largest wave speed), 0.7 unless given; of ssp-rk3"
@@ -78,7 +80,7 @@ class TotalLagrangianSPH(MethodSettings):
     )
     weights: Literal["kernel", "closure", "cells", "fourth-order", "best"] | None = Field(
         None,
-        description='pair weights: "kernel" unless given; "closure" for irregular particles; "cells" and '
+        description='pair weights: "kernel" unless given, "best" with the usual leapfrog; "closure" for irregular particles; "cells" and '
         '"fourth-order" in closed form for nodes of lattices; "best": for each body what fits it',
     )
     clamp_edges: float = Field(
@@ -126,10 +128,10 @@ class TotalLagrangianSPH(MethodSettings):
         return self
 
     def energy_terms(self, scene: Any, bodies: Iterable[int]) -> dict[str, int]:
-        """Also what fixed planes give to bodies that have images there, and what leapfrog swings where bodies meet."""
+        """Also what fixed planes give to bodies that have images there, and what leapfrog swings within a step."""
         terms, planes = super().energy_terms(scene, bodies), [one for one in scene.boundaries if one.kind == "fixed"]
         # ties tell none of theirs, which would be missing beside those
-        if self.integrator == "leapfrog" and (scene.contact or scene.tools) and not scene.tie:
+        if self.integrator == "leapfrog" and not scene.tie:
             terms[SWINGS] = -1
         images = self.pair_weights not in ON_LATTICES and any(one.plane is not None for one in planes)
         return terms | ({FIXED_WALLS: -1} if images else {})
