@@ -138,7 +138,8 @@ def test_the_faults_of_a_scene_name_the_run(folder):
 
 
 def test_two_runs_that_are_the_same_are_refused(folder):
-    text = faults(write(folder, more="[[series]]\nname = 'again'\nscene = 'block.toml'\nset = ['bodies.0.particles=[9, 9]']"))
+    again = "[[series]]\nname = 'again'\nscene = 'block.toml'\nset = ['bodies.0.particles=[9, 9]']"
+    text = faults(write(folder, more=again))
     assert text == "again: expected a run that differs from the others, found the scene and ranks of block, 9"
 
 

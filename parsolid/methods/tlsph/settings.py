@@ -81,7 +81,7 @@ class TotalLagrangianSPH(MethodSettings):
     weights: Literal["kernel", "closure", "cells", "fourth-order", "best"] | None = Field(
         None,
         description='pair weights: "kernel" unless given, "best" with the usual leapfrog; "closure" for irregular '
-        'particles; "cells" and "fourth-order" in closed form for nodes of lattices; "best": for each body what fits it',
+        'particles; "cells" and "fourth-order" in closed form for lattices; "best": for each body what fits it',
     )
     clamp_edges: float = Field(
         0.0,
