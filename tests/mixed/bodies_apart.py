@@ -8,7 +8,8 @@ COPPER = {"kind": "elastic-plastic", "library": "OFHC copper, Johnson-Cook"}
 # one step for all
 STEP = {"maximum_step": 2e-6}
 METHODS = {
-    "soft": {"kind": "tlsph"},
+    # alone it would have other weights, if no kernel were stated
+    "soft": {"kind": "tlsph", "kernel": "wendland-c2"},
     "bonds": {"kind": "peridynamics", "horizon_ratio": 2.0},
     "metal": {"kind": "mpm", "cell": 0.25},
     "flow": {"kind": "ulsph"},

@@ -5,7 +5,8 @@ from parsolid.scene.systems import SystemOfScene
 
 SOFT = {"kind": "neo-hookean", "density": 1100.0, "youngs_modulus": 17e6, "poissons_ratio": 0.4}
 STIFF = SOFT | {"density": 1500.0, "youngs_modulus": 60e6}
-SPH = {"kind": "tlsph"}
+# with its kernel stated particles have the volumes of other methods
+SPH = {"kind": "tlsph", "kernel": "wendland-c2"}
 BONDS = {"kind": "peridynamics", "horizon_ratio": 2.0, "solution": {"kind": "explicit"}}
 
 

@@ -40,11 +40,11 @@ def all_resolved_boxes(scene: Any, bodies: Iterable[int]) -> bool:
     try:
         if any(kind != "fourth-order" for kind in weights_of_bodies("best", scene)):
             return False
-        lines = [line for i in bodies for line in filling_of(scene.bodies[i], scene.dimension).lines]  # type: ignore[attr-defined]
+        fillings: list[Any] = [filling_of(scene.bodies[i], scene.dimension) for i in bodies]
     except SceneError:
         # told where the body is
         return False
-    return min(line.count for line in lines) >= RESOLVED
+    return min(line.count for one in fillings for line in one.lines) >= RESOLVED
 
 
 def weights_are_tabled(scene: Any) -> bool:
