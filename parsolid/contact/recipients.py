@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from parsolid.contact.list_kernels import give_to_rows, hand_over, impulses, oscillation, take_from_rows
+from parsolid.contact.list_kernels import give_to_rows, hand_over, impulses, take_from_rows
 from parsolid.contact.lists import Segment
-from parsolid.methods.protocol import ParticleSystem
+from parsolid.contact.swings import book_swings
+from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 
 
 class Recipient:
@@ -36,26 +37,24 @@ class Recipient:
         self.forces[1] = force
         give_to_rows(force, self.rows, self.system.particles.owned_rows("contact_force"))
 
-    def kick(self, step: float, opening: bool) -> float:
-        """Half a step [s] of the forces; at its end what leapfrog's oscillation has gained in it [J]."""
+    def kick(self, step: float, ledger: EnergyLedger | None) -> None:
+        """Half a step [s] of the forces; at its end with the ledger, for what steps do to energies by themselves."""
         if not len(self.rows):
-            return 0.0
-        system = self.system
+            return
+        system, opening = self.system, ledger is None
         owned = system.particles.owned_rows
         if opening and self.opened is not None:
             take_from_rows(owned("velocity"), self.rows, 0, self.opened)
             give_to_rows(self.opened, self.rows, owned("contact_start")[:, self.forces.shape[2] :])
         if step == 0.0:
-            return 0.0
+            return
         force = self.forces[1] if opening or not self.crossing else self.forces[1] + self.forces[2]
         rows, impulse = impulses(self.rows, force, self.share, 0.5 * step)
         if len(rows):
             (system.kick_before if opening else system.kick)(impulse, rows)
-        if opening or self.opened is None or system.substeps > 1:
-            # of several steps of its own in one of all, the middle velocity is none that it had
-            return 0.0
-        arrays = system.mass, system.share, self.held, self.started, owned("velocity"), owned("position")
-        return float(oscillation(self.rows, step, system.verlet == "all", self.forces, *arrays))
+        # of several steps of its own in one of all, the middle velocity is none that it had
+        if ledger is not None and self.opened is not None and system.substeps == 1:
+            book_swings(ledger, system, self.rows, step, self.forces, self.held, self.started)
 
     def warm(self, heat: np.ndarray) -> float:
         """Give the particles what their entries (entries,) have of heat [J]; what of it the stored energy holds [J]."""

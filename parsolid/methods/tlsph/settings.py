@@ -125,11 +125,15 @@ class TotalLagrangianSPH(MethodSettings):
     def energy_terms(self, scene: Any, bodies: Iterable[int]) -> dict[str, int]:
         """Also what fixed planes give to bodies that have images there, and what leapfrog swings where bodies meet."""
         terms, planes = super().energy_terms(scene, bodies), [one for one in scene.boundaries if one.kind == "fixed"]
-        # ties tell none of theirs, which would be missing beside those
-        if self.integrator == "leapfrog" and (scene.contact or scene.tools) and not scene.tie:
+        if self.integrator == "leapfrog" and self.tells_of_steps(scene):
             terms[SWINGS] = -1
         images = self.pair_weights not in ON_LATTICES and any(one.plane is not None for one in planes)
         return terms | ({FIXED_WALLS: -1} if images else {})
+
+    def tells_of_steps(self, scene: Any) -> bool:
+        """Whether the ledger has what steps do to energies by themselves: where bodies meet, without ties, which tell
+        none of theirs."""
+        return bool(scene.contact or scene.tools) and not scene.tie
 
     def notes(self, scene: Any, bodies: Iterable[int]) -> list[str]:
         """Faces that are loaded through weights which do not close, where others would; contact between stages; mass
