@@ -221,7 +221,7 @@ class KernelContact(Interaction):
         self.longest = np.repeat([side.longest for side in sides], [one.last - one.first for one in entries.segments])
         self.matter = passes.Matter(self.place, entries.volume, entries.share, entries.constants)
         self.first, self.second = map(entries.halo.exchange, ([self.place, self.moved], [self.record]))
-        self.recipients = [Recipient(system, i, entries.segments) for i, system in enumerate(self.systems)]
+        self.recipients = [Recipient(system, i, entries) for i, system in enumerate(self.systems)]
 
     def _constants(self, segments: list[Segment], volume: np.ndarray) -> np.ndarray:
         """Of `passes`, (n, 5), of the entries of segments with volumes (n,) [m^3]."""
@@ -243,7 +243,7 @@ class KernelContact(Interaction):
         spacing = np.prod(rows("spacing")[one.rows], axis=1) ** (1.0 / system.dimension)
         result = volume / spacing
         if facts.nodal and "area" in system.particles:
-            area = np.abs(rows("area")[one.rows]) / system.share[: system.owned][one.rows, None]
+            area = np.abs(rows("area")[one.rows]) / self.entries.share[one.first : one.last, None]
             result = np.maximum(result, area.max(axis=1))
         return np.asarray(result)
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from parsolid.contact.list_kernels import give_to_rows, hand_over, impulses, take_from_rows
-from parsolid.contact.lists import Segment
+from parsolid.contact.lists import Entries
 from parsolid.contact.swings import book_swings
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 
@@ -12,9 +12,9 @@ class Recipient:
     """Rows (k,) of a system's particles that have entries; forces (3, k, d) [N]: at the start and at the end of the
     step under way, and what the impulse at its end has besides, where `crossing`."""
 
-    def __init__(self, system: ParticleSystem, number: int, segments: list[Segment]) -> None:
-        """number: of the system in the segments."""
-        here = [one for one in segments if one.system == number]
+    def __init__(self, system: ParticleSystem, number: int, entries: Entries) -> None:
+        """number: of the system in the entries' segments."""
+        here = [one for one in entries.segments if one.system == number]
         owned, empty = system.particles.owned_rows, np.zeros(0, np.int64)
         self.system = system
         self.rows, number_of = np.unique(np.concatenate([empty, *(one.rows for one in here)]), return_inverse=True)
@@ -27,6 +27,9 @@ class Recipient:
         self.opened = None if system.verlet is None else np.zeros((len(self.rows), d))
         self.started, self.place = np.zeros((len(self.rows), 2 * d)), np.zeros((len(self.rows), d))
         self.share = np.ascontiguousarray(system.share[: system.owned][self.rows])
+        part = entries.share[self.entry] / self.share[self.recipient]
+        # of entries, what they feel over what counts of their particles, where planes are not those of both bodies
+        self.part = part[:, None] if (part != 1.0).any() else None
         held = system.held_components()
         self.held = None if held is None or not held[self.rows].any() else held[self.rows]
         # rows of earlier lists may still show a force
@@ -58,7 +61,8 @@ class Recipient:
 
     def warm(self, heat: np.ndarray) -> float:
         """Give the particles what their entries (entries,) have of heat [J]; what of it the stored energy holds [J]."""
-        taken = np.bincount(self.recipient, heat[self.entry], minlength=len(self.rows))
+        mine = heat[self.entry] if self.part is None else heat[self.entry] * self.part[:, 0]
+        taken = np.bincount(self.recipient, mine, minlength=len(self.rows))
         warmed = np.flatnonzero(taken)
         return self.system.take_heat(taken[warmed], self.rows[warmed])
 
@@ -69,12 +73,12 @@ class Recipient:
         if not self._clean:
             shown[:], self._clean = 0.0, True
         forces[0] = forces[1]
-        hand_over(self.entry, self.recipient, force, forces[1])
+        self._hand_over(force, forces[1])
         self.crossing = extra is not None
         if extra is None:
             forces[2] = 0.0
         else:
-            hand_over(self.entry, self.recipient, extra, forces[2])
+            self._hand_over(extra, forces[2])
         give_to_rows(forces[1], self.rows, shown)
         work, d = 0.0, position.shape[1]
         if self.held is not None:
@@ -84,3 +88,10 @@ class Recipient:
         take_from_rows(position, self.rows, 0, self.place)
         give_to_rows(self.place, self.rows, start)
         return work
+
+    def _hand_over(self, force: np.ndarray, result: np.ndarray) -> None:
+        """Sums (k, d) [N] of what entries (entries, d) have, on whole particles."""
+        if self.part is not None:
+            force = force.copy()
+            force[self.entry] *= self.part
+        hand_over(self.entry, self.recipient, force, result)
