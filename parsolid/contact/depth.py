@@ -9,7 +9,7 @@ from decomposition.halo import Halo
 from parsolid.collective import maximum, raise_together
 from parsolid.contact.kernel import norm, over_planes, shape
 from parsolid.contact.list_kernels import add_colours, add_images
-from parsolid.contact.sides import Side, Sides, reflections
+from parsolid.contact.sides import Side, Sides, reflections, shares_of
 from parsolid.methods.protocol import ParticleSystem
 
 # penetration at the start that is refused, in the smaller spacing
@@ -70,7 +70,7 @@ def own_colours(comm: Any, system: ParticleSystem, local: int, side: Side) -> tu
     place = np.ascontiguousarray(read("reference_position")[rows])
     halo = Halo.plan(comm, place, side.reach * (1.0 + 1e-9))
     whole = halo.with_ghosts(place)
-    volume = halo.with_ghosts(np.ascontiguousarray(read("volume")[rows] / system.share[: system.owned][rows]))
+    volume = halo.with_ghosts(np.ascontiguousarray(read("volume")[rows] / shares_of(system, rows, side)))
     d, inverse = place.shape[1], 1.0 / side.reach
     total = volume * shape(0.0)
     search = ClosePairs()

@@ -130,8 +130,7 @@ class KernelContact(Interaction):
 
     def before(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Half a kick with the forces of the last evaluation; new lists where a rank has asked for them."""
-        if step > 0.0:
-            self._step = step
+        self._step = step or self._step
         if self.news_anywhere:
             energy = self.energy
             self.rebuild(time)
@@ -143,7 +142,7 @@ class KernelContact(Interaction):
                 start, position = map(system.particles.owned_rows, ("contact_start", "position"))
                 start[:, : position.shape[1]] = position
         for one in self.recipients:
-            one.kick(step, opening=True)
+            one.kick(step, None)
 
     def after(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Forces in the new places, half a kick, and what went into the ledger."""
@@ -157,7 +156,8 @@ class KernelContact(Interaction):
             self.evaluate(ledger, held=step == 0.0)
             ledger.add_term("contact_energy", self.energy - energy)
             ledger.add_term("stick_energy", self.stuck - stuck)
-            ledger.add_term("contact_oscillation", sum(one.kick(step, opening=False) for one in self.recipients))
+            for one in self.recipients:
+                one.kick(step, ledger)
         self._starting = self._starting[0], max(self._starting[1] - (step > 0.0), 0)
         self._until_look -= 1
         if self._until_look <= 0 and not self.news:
@@ -221,7 +221,7 @@ class KernelContact(Interaction):
         self.longest = np.repeat([side.longest for side in sides], [one.last - one.first for one in entries.segments])
         self.matter = passes.Matter(self.place, entries.volume, entries.share, entries.constants)
         self.first, self.second = map(entries.halo.exchange, ([self.place, self.moved], [self.record]))
-        self.recipients = [Recipient(system, i, entries.segments) for i, system in enumerate(self.systems)]
+        self.recipients = [Recipient(system, i, entries) for i, system in enumerate(self.systems)]
 
     def _constants(self, segments: list[Segment], volume: np.ndarray) -> np.ndarray:
         """Of `passes`, (n, 5), of the entries of segments with volumes (n,) [m^3]."""
@@ -243,7 +243,7 @@ class KernelContact(Interaction):
         spacing = np.prod(rows("spacing")[one.rows], axis=1) ** (1.0 / system.dimension)
         result = volume / spacing
         if facts.nodal and "area" in system.particles:
-            area = np.abs(rows("area")[one.rows]) / system.share[: system.owned][one.rows, None]
+            area = np.abs(rows("area")[one.rows]) / self.entries.share[one.first : one.last, None]
             result = np.maximum(result, area.max(axis=1))
         return np.asarray(result)
 

@@ -190,6 +190,22 @@ def oscillation(rows, step, every, forces, mass, share, held, start, velocity, p
 
 
 @compiled
+def given_by_closing(rows, step, forces, mass, share, held, start, velocity, position):
+    """Kinetic energy [J] that rows (k,) have from forces F that act in all stages of a step [s] and (F' - F) step/2 at
+    its end, beyond (F + F')/2 along their way; arguments as in `oscillation`."""
+    total, d = 0.0, forces.shape[2]
+    for k in range(len(rows)):
+        a = rows[k]
+        for i in range(d):
+            if held is not None and held[k, i]:
+                continue
+            impulse = 0.5 * step * share[a] * (forces[1, k, i] + forces[2, k, i] - forces[0, k, i])
+            mean = velocity[a, i] - 0.5 * impulse / (mass[a] * share[a])
+            total += impulse * (mean - (position[a, i] - start[k, i]) / step)
+    return total
+
+
+@compiled
 def longest_step(colour, constants, longest, share, level, before, step, most):
     """The least of the steps `longest` (owned,) [s] that those entries allow that see more than a share of their
     threshold, and of those in which their penetrations change as in the last one by no more than most[0] of R and

@@ -10,7 +10,7 @@ from decomposition.halo import Halo
 from parsolid.contact import passes
 from parsolid.contact.boxes import Boxes
 from parsolid.contact.list_kernels import directed, sort_rows
-from parsolid.contact.sides import Sides, reflections
+from parsolid.contact.sides import Sides, reflections, shares_of
 from parsolid.methods.protocol import ParticleSystem
 
 _HAIR = 1.0 + 1e-9
@@ -31,7 +31,7 @@ class Segment(NamedTuple):
 class Entries:
     """Entries of one rank: segments, the halo of their ghosts, and lists; arrays with ghosts behind.
 
-    volume (with ghosts) [m^3], share, constants, lists: see `passes`.
+    volume (with ghosts) [m^3], share (of `sides.shares_of`), constants, lists: see `passes`.
     """
 
     def __init__(self, comm: Any, sides: Sides, systems: list[ParticleSystem]) -> None:
@@ -106,7 +106,7 @@ class Entries:
         self.owned = int(mine.sum())
 
     def _shares(self) -> np.ndarray:
-        pieces = [self.systems[one.system].share[: self.systems[one.system].owned][one.rows] for one in self.segments]
+        pieces = [shares_of(self.systems[one.system], one.rows, self.sides.sides[one.side]) for one in self.segments]
         return np.concatenate(pieces or [np.zeros(0)])
 
     def _segments(self, boxes: Boxes) -> list[Segment]:

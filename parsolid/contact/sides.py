@@ -184,6 +184,21 @@ def _planes(systems: list[ParticleSystem]) -> dict[int, tuple[tuple[int, float],
     return result
 
 
+def shares_of(system: ParticleSystem, rows: np.ndarray, side: Side) -> np.ndarray:
+    """The parts (k,) of a system's particles on this side of symmetry planes that both bodies have.
+
+    Behind a plane that the other body does not have there is nothing for it to feel: no image, and no second half of
+    what lies on it.
+    """
+    share = system.share[: system.owned][rows]
+    if not (share < 1.0).any():
+        return share
+    place, result = system.particles.owned_rows("reference_position")[rows], np.ones(len(rows))
+    for axis, coordinate in side.planes:
+        result[np.abs(place[:, axis] - coordinate) < 1e-6 * side.reach] *= 0.5
+    return np.maximum(share, result)
+
+
 def reflections(planes: tuple[tuple[int, float], ...], dimension: int) -> list[tuple[np.ndarray, np.ndarray]]:
     """R and T (d,) of every image: in one plane, or at the common edge or corner of several."""
     result = []

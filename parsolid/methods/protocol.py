@@ -53,7 +53,8 @@ class ParticleSystem:
     (leapfrog near its limit gains energy where they change).
     takes_heat: whether any of its laws has a temperature, see `take_heat`; undamped: whether nothing takes from waves
     of a few spacings, so that faces in contact rattle on; staged: whether a step has stages of its own;
-    swings_told: whether the ledger has leapfrog's swings of its own forces although its settings do not say so.
+    swings_told: whether the ledger has leapfrog's swings of its own forces although its settings do not say so;
+    losses_told: whether it has what stages of a step take.
     substep, substeps: number of its step in the present one of all systems, and how many those are.
     evaluations: force evaluations a step; directed_pairs: interactions counted once a particle.
     energy_scale: an energy [J], the same on all ranks, of which the balance has the round-off even where kinetic and
@@ -81,6 +82,7 @@ class ParticleSystem:
     undamped: bool = False
     staged: bool = False
     swings_told: bool = False
+    losses_told: bool = False
     substep: int = 0
     substeps: int = 1
     evaluations: int = 1
@@ -116,8 +118,11 @@ class ParticleSystem:
     def verlet(self) -> str | None:
         """Whose swings about the middle of a step contact books; None where velocities are not of the time of places.
 
-        "all" where none is in a ledger, "others" where that of its own forces is.
+        "all" where none is in a ledger, "others" where that of its own forces is; "stages": no swings, but what closing
+        impulses give beyond the mean of both.
         """
+        if self.losses_told:
+            return "stages"
         if self.swings_told or SWINGS in self.settings.ledger_terms:
             return "others"
         return None if getattr(self.settings, "integrator", None) is None else "all"

@@ -1,5 +1,7 @@
 """Momentum and centre of mass: sums over all particles."""
 
+from typing import Any
+
 import numpy as np
 
 from parsolid.observables.declared import Sampler, Watched, quantity
@@ -17,7 +19,8 @@ class LinearMomentum(Sampler):
 
 @quantity("angular_momentum", "rotation")
 class AngularMomentum(Sampler):
-    """sum m x cross v [kg m^2/s] about the origin: three components, or one in the plane."""
+    """sum m x cross v [kg m^2/s] about the origin, and what particles have about their own places where a method knows
+    it (`own_angular_momentum`): three components, or one in the plane."""
 
     def part(self, watched: Watched) -> np.ndarray:
         """This rank's share."""
@@ -25,8 +28,16 @@ class AngularMomentum(Sampler):
         if watched.dimension == 1:
             return np.zeros(1)
         if watched.dimension == 2:
-            return np.array([mass[:, 0] @ (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0])])
-        return np.asarray((mass * np.cross(x, v)).sum(axis=0))
+            return np.array([mass[:, 0] @ (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0])]) + self._own(watched)
+        return np.asarray((mass * np.cross(x, v)).sum(axis=0)) + self._own(watched)
+
+    @staticmethod
+    def _own(watched: Watched) -> Any:
+        """Of all particles about their own places [kg m^2/s]."""
+        try:
+            return np.nan_to_num(watched.field("own_angular_momentum")).sum(axis=0)
+        except KeyError:
+            return 0.0
 
 
 @quantity("centre_of_mass", "vector")

@@ -198,7 +198,8 @@ class RigidTools(Interaction):
             ledger.add_term(name, float(change))
         self._shown = stored
         self._kick(time, 0.5 * step, ledger, opening=False)
-        ledger.add_term("contact_oscillation", sum(swing.end(step) for swing in self.swings))
+        for swing in self.swings:
+            swing.end(step, ledger)
 
     def _evaluate(self, time: float, slipping: bool | None) -> None:
         """Forces of all tools at a time [s]; slipping: None where those that go on ask for what is recorded again."""

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.contact.list_kernels import oscillation
-from parsolid.methods.protocol import ParticleSystem
+from parsolid.contact.swings import book_swings
+from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.particles.declaration import Field
 
 # place [m] and velocity [m/s] at the start of a step and force of all tools [N], a row a particle
@@ -20,7 +20,7 @@ def declare_swing(system: ParticleSystem) -> None:
 
 
 class Swing:
-    """All tools on one system on this rank, see `list_kernels.oscillation`."""
+    """All tools on one system on this rank, see `contact.swings`."""
 
     def __init__(self, system: ParticleSystem, touches: Sequence[Any]) -> None:
         """touches: `touch.Touch` of the system."""
@@ -40,13 +40,13 @@ class Swing:
         for touch in self.touches:
             start[touch.rows, 2 * d :] += touch.forces[0]
 
-    def end(self, step: float) -> float:
-        """What there is more of them [J] than at the start of a step [s]; after all tools have kicked."""
+    def end(self, step: float, ledger: EnergyLedger) -> None:
+        """Into the ledger what there is more of them than at the start of a step [s]; after all tools have kicked."""
         system, d = self.system, self.system.dimension
         # what has come to a rank that none touches has its start with it
         here = self.begun or (system.verlet is not None and self._layout != system.particles.layout)
         if not here or system.substeps > 1:
-            return 0.0
+            return
         owned = system.particles.owned_rows
         start, now, more = owned(_START), np.zeros((system.owned, d)), np.zeros((system.owned, d))
         for touch in self.touches:
@@ -57,12 +57,11 @@ class Swing:
         # a rank to which a particle goes later shall not take this for a force of its step
         start[rows, 2 * d :] = 0.0
         if step == 0.0 or not len(rows):
-            return 0.0
+            return
         share = np.ascontiguousarray(system.share[: system.owned][rows])
         # the forces are those on parts of particles
         forces = np.stack((pressed, now[rows], more[rows])) / share[:, None]
         held = system.held_components()
         held = None if held is None or not held[rows].any() else held[rows]
         kept = np.ascontiguousarray(start[rows, : 2 * d])
-        arrays = system.mass, system.share, held, kept, owned("velocity"), owned("position")
-        return float(oscillation(rows, step, system.verlet == "all", forces, *arrays))
+        book_swings(ledger, system, rows, step, forces, held, kept)

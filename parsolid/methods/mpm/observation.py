@@ -5,6 +5,13 @@ import numpy as np
 from parsolid.materials.plastic.plastic_evaluation import melting_temperature
 from parsolid.methods.mpm.material_points import MaterialPoints
 
+# D in cells^2 by a particle's place in its cell, of which no spline but the hat function's depends on it
+_SPREADS = {
+    "quadratic-spline": lambda place: np.full_like(place, 0.25),
+    "cubic-spline": lambda place: np.full_like(place, 1.0 / 3.0),
+    "linear": lambda place: place * (1.0 - place),
+}
+
 
 def shown(points: MaterialPoints, name: str, first: int, last: int) -> np.ndarray | None:
     """See `protocol.ParticleSystem.shown`."""
@@ -13,6 +20,8 @@ def shown(points: MaterialPoints, name: str, first: int, last: int) -> np.ndarra
         return points.deformation_gradients(first, last)
     if name == "velocity_gradient":
         return points["velocity_gradient"][here].reshape(-1, 3, 4)[:, :, :3].copy()
+    if name == "own_angular_momentum":
+        return _own_angular_momentum(points, here)
     if name not in ("density", "stress"):
         return None
     mass, grid_volume = points["mass"][here], points.motion[here, 7]
@@ -27,6 +36,25 @@ def shown(points: MaterialPoints, name: str, first: int, last: int) -> np.ndarra
     xx, yy, zz, _, yz, xz, xy, _ = points["stress_and_volume"][here].T
     stress = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)
     return np.asarray(stress / volumes[:, None, None])
+
+
+def _own_angular_momentum(points: MaterialPoints, here: slice) -> np.ndarray | None:
+    """What slopes C carry [kg m^2/s], m eps : C D, (n,) or (n, 3); None where there are no slopes about present places.
+
+    D_j = sum_i w_i (x_i - x_p)_j^2 of the nodes of a spline, as in `weights.store_distances`; GIMP functions, of which
+    it follows the particle's domain, are left out.
+    """
+    settings = points.settings
+    known = settings.basis in _SPREADS and settings.formulation == "updated" and settings.geometry != "axisymmetric"
+    if "velocity_slope" not in points or not known:
+        return None
+    places = (points["position"][here] - points.origin[: points.dimension]) / settings.cell
+    spread = _SPREADS[settings.basis](places % 1.0) * settings.cell**2 * points["mass"][here][:, None]
+    slope = points["velocity_slope"][here].reshape(-1, 3, 4)
+    # of (C D)_ij = C_ij D_j
+    pairs = ((2, 1), (0, 2), (1, 0)) if points.dimension == 3 else ((1, 0),)
+    turning = [slope[:, i, j] * spread[:, j] - slope[:, j, i] * spread[:, i] for i, j in pairs]
+    return np.stack(turning, axis=1) if points.dimension == 3 else turning[0]
 
 
 def can_melt(points: MaterialPoints) -> bool:

@@ -18,6 +18,7 @@ from parsolid.materials.hyperelastic.law import (
 )
 from parsolid.materials.viscoelastic.maxwell import branch_dissipation, relaxed
 from parsolid.methods.tlsph.moved import gradient_in_reference, waves_in_reference
+from parsolid.methods.tlsph.stage_kernels import note_stage, strain_loss
 from parsolid.methods.tlsph.strain import load_strain
 from parsolid.numerics.dispatch import generic, none_without
 from parsolid.numerics.lanes import WIDTH, all_positive, lane, load
@@ -125,6 +126,12 @@ def current_branches(space, law, branches, i, F):
     return total
 
 
+@none_without("stages")
+def _stress_after(stages, law, F, H, J, branch_sum):
+    """P at the end of the step."""
+    return first_piola_kirchhoff_stress(law, F, H, J, branch_sum)
+
+
 @register_jitable
 def _shear_lane(isotropic, density):
     """Half the shear impedance 1/2 rho c_s where it does not depend on direction, else nothing."""
@@ -198,10 +205,11 @@ def advance_deformation(space, first, last, law, terms, update, relaxation, body
     records.
 
     update: `runge_kutta.Update`, in one sweep with the stress because a sweep of its own takes 2 to 19 % of a step.
-    Returns (sound, internal dissipation rate [W], greatest rho c_max^2 [Pa] of the state at the end of the last stage);
-    sound is False when a Jacobian is not positive, or not a number.
+    Returns (sound, internal dissipation rate [W], greatest rho c_max^2 [Pa] of the state at the end of the last stage,
+    energy [J] that the stages have taken from what is stored, see `stage_losses`); sound is False when a Jacobian is
+    not positive, or not a number.
     """
-    sound, largest, dissipation = True, 0.0, 0.0
+    sound, largest, dissipation, lost = True, 0.0, 0.0, 0.0
     for i in range(first, last, WIDTH):
         count = min(WIDTH, last - i)
         F, H, J = load_deformation(space, body.deformation, i)
@@ -220,6 +228,7 @@ def advance_deformation(space, first, last, law, terms, update, relaxation, body
         P = first_piola_kirchhoff_stress(law, F, H, J, branch_sum)
         store_matrix(space, body.record, i, record_columns(space, terms).stress, matmul(P, L))
         store_waves(terms, space, law, body, i, F, pressure_wave_tensor(law, F, H, J, branch_sum), branch_sum, G)
+        note_stage(body.stages, space, update, i, G, P, count)
         dJ = contract(H, G)
         H = add(scale(update.keep, H0), scale(update.take, add(H, scale(update.step, cross(F, G)))))
         F = add(scale(update.keep, F0), scale(update.take, add(F, scale(update.step, G))))
@@ -230,7 +239,9 @@ def advance_deformation(space, first, last, law, terms, update, relaxation, body
         if update.last:
             branch_sum = _relax_branches(body.branches, space, law, relaxation, i, old_inverse, F, count)
             largest = _largest_speed(largest, pressure_wave_tensor(law, F, H, J, branch_sum), i, i + count)
-    return sound, dissipation, largest
+            after = _stress_after(body.stages, law, F, H, J, branch_sum)
+            lost += strain_loss(body.stages, space, i, update.step, (G, P, after), load(body.tributary, 0, i), count)
+    return sound, dissipation, largest, lost
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")

@@ -4,6 +4,7 @@ from decomposition.compiled import compiled
 from decomposition.deferred import register_jitable
 from parsolid.materials.hyperelastic.law import equilibrium_energy
 from parsolid.materials.viscoelastic.maxwell import branch_energy
+from parsolid.methods.tlsph.stage_kernels import clamped, motion_loss
 from parsolid.methods.tlsph.strain import load_strain
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import WIDTH, broadcast, from_floats, lane, load, store, swizzle, total, without_fourth
@@ -68,13 +69,6 @@ def _loaded(loads, a, acceleration):
 
 
 @register_jitable
-def _clamped(clamp, a, v):
-    if clamp is None:
-        return v
-    return v * load(clamp, a, 0)
-
-
-@register_jitable
 def _load_power(loads, a, mass, v):
     if loads is None:
         return 0.0
@@ -82,14 +76,15 @@ def _load_power(loads, a, mass, v):
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
-def advance_motion(space, owned, update, kinematics, start, force, sums, mass, share, loads, clamp):
+def advance_motion(space, owned, update, kinematics, start, force, sums, mass, share, loads, clamp, free, rates):
     """One stage of v and x; sets the pair forces and pair sums to zero for the next.
 
     mass (n,): rho V [kg]; share (n,): tributary over pair volume; loads (n, 4): acceleration of body forces and
-    tractions [m/s^2] or None; clamp (n, 4): 0 for held components, else 1, or None.
-    Returns (numerical dissipation rate, power of the loads) [W].
+    tractions [m/s^2] or None; clamp (n, 4): 0 for held components, else 1, or None; free as in `kick`; rates (n, 8):
+    accelerations of stages, or None.
+    Returns (numerical dissipation rate, power of the loads) [W] and what the stages take of kinetic energy [J].
     """
-    dissipation, power = 0.0, 0.0
+    dissipation, power, lost = 0.0, 0.0, 0.0
     zero = broadcast(0.0)
     for a in range(owned):
         v, x = split_motion(space, kinematics, a)
@@ -104,14 +99,15 @@ def advance_motion(space, owned, update, kinematics, start, force, sums, mass, s
         power += _load_power(loads, a, mass[a] * share[a], v)
         rate = _within(space, load(force, a, 0) + D) * (1.0 / mass[a])
         rate = _loaded(loads, a, rate)
+        lost += motion_loss(rates, update, a, mass[a] * share[a], free, rate)
         new_v = update.keep * v0 + update.take * (v + update.step * rate)
         new_x = update.keep * x0 + update.take * (x + update.step * v)
-        join_motion(space, kinematics, a, _clamped(clamp, a, new_v), new_x)
+        join_motion(space, kinematics, a, clamped(clamp, a, new_v), new_x)
         store(force, a, 0, zero)
         store(force, a, 4, zero)
         for column in range(0, sums.shape[1], WIDTH):
             store(sums, a, column, zero)
-    return dissipation, power
+    return dissipation, power, lost
 
 
 @register_jitable
@@ -136,7 +132,7 @@ def kick(space, owned, opening, step, kinematics, force, mass, share, loads, fre
         v, x = split_motion(space, kinematics, a)
         D = _within(space, load(force, a, 4))
         rate = _loaded(loads, a, (_within(space, load(force, a, 0)) + D) * (1.0 / mass[a]))
-        rate = _clamped(free, a, rate)
+        rate = clamped(free, a, rate)
         new = v + half * rate
         swing += _swing(swings, mass[a] * share[a], rate)
         middle = new if opening else v

@@ -130,8 +130,7 @@ class TotalLagrangianSPH(MethodSettings):
     def energy_terms(self, scene: Any, bodies: Iterable[int]) -> dict[str, int]:
         """Also what fixed planes give to bodies that have images there, and what leapfrog swings within a step."""
         terms, planes = super().energy_terms(scene, bodies), [one for one in scene.boundaries if one.kind == "fixed"]
-        # ties tell none of theirs, which would be missing beside those
-        if self.integrator == "leapfrog" and not scene.tie:
+        if self.integrator == "leapfrog" and self.tells_of_steps(scene):
             terms[SWINGS] = -1
         images = self.pair_weights not in ON_LATTICES and any(one.plane is not None for one in planes)
         return terms | ({FIXED_WALLS: -1} if images else {})
@@ -144,6 +143,11 @@ class TotalLagrangianSPH(MethodSettings):
         if own or meets or not all_resolved_boxes(scene, bodies):
             return {}
         return {"weights": "best", "integrator": "leapfrog", "cfl": None, "safety": 0.9}
+
+    def tells_of_steps(self, scene: Any) -> bool:
+        """Whether the ledger has what steps do to energies by themselves: leapfrog's, those of stages where bodies meet;
+        none beside ties, which tell none of theirs."""
+        return bool(self.integrator == "leapfrog" or scene.contact or scene.tools) and not scene.tie
 
     def notes(self, scene: Any, bodies: Iterable[int]) -> list[str]:
         """Faces that are loaded through weights which do not close, where others would; contact between stages; mass

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parsolid.methods.tlsph.moved import Moved
+from parsolid.methods.tlsph.stage_losses import STRESSES, StageStresses
 from parsolid.numerics.layout import BRANCH_ROWS, DEFORMATION_ROWS, GRADIENT_ROWS
 from parsolid.pairs.terms import KINEMATICS
 from parsolid.particles.container import Particles
@@ -21,7 +22,7 @@ class Body(NamedTuple):
 
     start: F, H, J at the start of the step, None where H and J are not evolved but those of F, in every state.
     volume, tributary: (1, capacity), the particle's volume in the pair sums and its share of the body; sums, record:
-    `pairs.passes`; moved is None where the reference is fixed.
+    `pairs.passes`; moved is None where the reference is fixed, stages where nothing is told of what these lose.
     """
 
     deformation: np.ndarray
@@ -33,6 +34,7 @@ class Body(NamedTuple):
     sums: np.ndarray
     record: np.ndarray
     moved: Moved | None
+    stages: StageStresses | None
 
 
 def body_of(particles: Particles, branches: bool, moved: Moved | None = None) -> Body:
@@ -41,7 +43,8 @@ def body_of(particles: Particles, branches: bool, moved: Moved | None = None) ->
     absent = {name for name in ("strain_at_start", "branches") if name not in particles}
     absent |= set() if branches else {"branches"}
     storages: list[Any] = [None if name in absent else particles.storage(name) for name in names]
-    return Body(*storages, moved)  # type: ignore[call-arg]
+    stages = StageStresses(*map(particles.storage, STRESSES)) if STRESSES[0] in particles else None
+    return Body(*storages, moved, stages)  # type: ignore[call-arg]
 
 
 def declare_motion(particles: Particles, particle_set: Any, fixed: bool, staged: bool) -> None:

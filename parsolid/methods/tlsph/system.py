@@ -6,9 +6,9 @@ import numpy as np
 
 from decomposition.recalled import Recalled, RecalledEach
 from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
-from parsolid.collective import anywhere, maximum, minimum
+from parsolid.collective import maximum, minimum
 from parsolid.materials.blocks import MaterialBlock, block_numbers, material_blocks
-from parsolid.materials.hyperelastic.law import elastic_moduli, isotropic_shear_modulus, total_modulus
+from parsolid.materials.hyperelastic.law import elastic_moduli, total_modulus
 from parsolid.materials.registry import laws_of
 from parsolid.methods.pair_method import PairMethod
 from parsolid.methods.previous_state import take_forces, take_state
@@ -20,10 +20,12 @@ from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.methods.tlsph.carried_impulses import CarriedImpulses
 from parsolid.methods.tlsph.deformation import Relaxation, advance_deformation, largest_wave_modulus
 from parsolid.methods.tlsph.displacement import complete_strain
+from parsolid.methods.tlsph.dissipation import dissipation_of
 from parsolid.methods.tlsph.fixed_walls import watch_fixed_walls
 from parsolid.methods.tlsph.initial_stress import initial_stress_of
 from parsolid.methods.tlsph.lattice_bodies import put_on_lattices
 from parsolid.methods.tlsph.leapfrog import Leapfrog
+from parsolid.methods.tlsph.stage_losses import stage_accelerations, tell_stage_losses
 from parsolid.methods.tlsph.state import Body
 from parsolid.methods.tlsph.stresses import deformation_gradients, first_piola_kirchhoff_stresses
 from parsolid.methods.tlsph.updated_reference import UpdatedReference
@@ -33,7 +35,6 @@ from parsolid.pairs.closure import surface_area
 from parsolid.pairs.pair_system import PairSystem
 from parsolid.pairs.smoothed_weights import SmoothedWeights
 from parsolid.pairs.smoothing import smoothing_kernel
-from parsolid.pairs.terms import DirectionalShear, LinearReconstruction, MeanRiemann, RiemannDissipation
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Field
 from parsolid.scene import initial_deformation_gradient, initial_displacement, initial_velocity
@@ -41,10 +42,13 @@ from parsolid.solvers.runge_kutta import SSP_RK3, Stage
 
 
 class TotalLagrangianSPH(PairMethod):
-    """The method on one rank. Arrays are laid out as `numerics.layout` and `pairs.passes` say."""
+    """The method on one rank. Arrays are laid out as `numerics.layout` and `pairs.passes` say.
+
+    lost: what the stages of the step have taken [J], where that is told.
+    """
 
     pairs: PairSystem
-    stages = SSP_RK3
+    stages, lost = SSP_RK3, 0.0
 
     def __init__(self, comm: Any, scene: Any, particle_set: Any) -> None:
         """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when particles cannot be
@@ -77,6 +81,7 @@ class TotalLagrangianSPH(PairMethod):
         volume = particle_set.volume / share
         self.particles.declare(Field("mass", 1, "kg"), volume * density)
         self.particles.declare(Field("share", 1, "1"), share)
+        tell_stage_losses(self, scene)
         self.initial_stress = initial_stress_of(self, scene)
         metric = metrics(particle_set.spacing, particle_set.axes, self._smoothing())
         updated = (self.pairs, self.settings, particle_set.position, self.boundaries)
@@ -100,21 +105,8 @@ class TotalLagrangianSPH(PairMethod):
             surface = (surface_area(self.comm, particle_set, boundaries.planes, here), boundaries.share, here)
         more = surface, getattr(self.on_lattices, "lattices", None), tabled
         weights = SmoothedWeights(smoothing_kernel(settings.kernel), float(settings.dissipation), *more)
-        return PairSystem(self.comm, self.particles, self.space, weights, self._terms(), boundaries.codes)
-
-    def _terms(self) -> RiemannDissipation | MeanRiemann | None:
-        """The dissipation that the scene asks for and its laws need."""
-        # where the reference moves, shear that does not depend on the original direction depends on the moved one
-        moves = self.settings.reference == "updated"
-        directional = moves or anywhere(
-            self.comm, any(isotropic_shear_modulus(block.law) is None for block in self.blocks)
-        )
-        if not float(self.settings.dissipation) > 0.0:
-            return None
-        reconstruction = LinearReconstruction() if self.settings.reconstruction else None
-        if self.settings.integrator == "leapfrog":
-            return MeanRiemann(reconstruction)
-        return RiemannDissipation(reconstruction, DirectionalShear() if directional else None)
+        terms = dissipation_of(self.comm, settings, self.blocks)
+        return PairSystem(self.comm, self.particles, self.space, weights, terms, boundaries.codes)
 
     def begin(self, scene: Any, particle_set: Any) -> None:
         """Set velocity, displacement and deformation gradient at time 0 by the bodies' formulas; collective."""
@@ -227,7 +219,7 @@ class TotalLagrangianSPH(PairMethod):
 
     def advance_in_stages(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """One step, stage by stage of the integrator, as eqs (70)-(77) say."""
-        sound = True
+        sound, self.lost = True, 0.0
         for stage in self.stages:
             self.pairs.gradient("motion")
             positive, internal, stable = self.advance_deformation(stage, step)
@@ -237,7 +229,7 @@ class TotalLagrangianSPH(PairMethod):
             numerical, external = self.advance_motion(stage, time, step)
             ledger.add(stage.quadrature * step, internal, numerical, external)
             sound = sound and positive
-        ledger.add(1.0, 0.0, 0.0, self.prescribed_energy_gain())
+        ledger.add(1.0, 0.0, self.lost, self.prescribed_energy_gain())
         return sound
 
     def advance_deformation(self, stage: Stage, step: float) -> tuple[bool, float, float]:
@@ -251,10 +243,11 @@ class TotalLagrangianSPH(PairMethod):
             to_stage = block.relaxation(stage.time * step)
             to_end = block.relaxation(step) if stage.last else to_stage
             relaxation = Relaxation(to_stage, to_end, block.dissipation_factors(stage.time, step))
-            positive, rate, modulus = self._advance_strain(
+            positive, rate, modulus, lost = self._advance_strain(
                 block.first, *self.part(block), self.pairs.terms, stage.update(step), relaxation, self.body_of(block)
             )
             sound, dissipation = sound and positive, dissipation + rate
+            self.lost += lost
             stable = min(stable, self._group_step(block, modulus) if modulus > 0.0 else 0.0)
         if self.initial_stress.there:
             self.initial_stress.add()
@@ -271,9 +264,11 @@ class TotalLagrangianSPH(PairMethod):
             boundaries.reactions.book(stage.quadrature, stage.quadrature * step)
         held = boundaries.prescribed_power(kinematics, force, mass, share, loads)
         arrays = (kinematics, stored("motion_at_start"), force, stored("pair_sums"))
-        dissipation, power = self._advance_motion(
-            self.space, self.owned, stage.update(step), *arrays, mass, share, loads, boundaries.clamp
+        told = stage_accelerations(self) if self.losses_told else (None, None)
+        dissipation, power, lost = self._advance_motion(
+            self.space, self.owned, stage.update(step), *arrays, mass, share, loads, boundaries.clamp, *told
         )
+        self.lost += lost
         boundaries.prescribe(time + stage.next_time * step, kinematics, before=not stage.last)
         if stage.last and self.carried.waiting:
             self.carried.end()
