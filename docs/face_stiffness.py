@@ -6,8 +6,9 @@ is the stiffness over 2 k/E', that of a load on the face of a half plane; so `ex
 what lies deeper moves less. Modes are exact along the face (Bloch), layers go so deep that nothing is left; all of it
 is made here from the methods' definitions, and no line of the package takes part.
 
-peridynamics: correspondence with shear-scaled control of three coefficients; 0 is total-Lagrangian SPH but for the
-kernel. mpm: cells of two particles a direction, the face on nodes; `fine`: the same basis, with energies summed over 16
+peridynamics: correspondence with shear-scaled control of several coefficients; 0 is total-Lagrangian SPH but for the
+kernel. space: the same on a lattice in space; layers: with one coefficient in the first layers and that of beams below.
+mpm: cells of two particles a direction, the face on nodes; `fine`: the same basis, with energies summed over 16
 points a cell and direction in place of the two particles; `carried`: nodes beyond the face have no motion of their own.
 """
 
@@ -52,27 +53,35 @@ def exact(k: float) -> float:
     return answer(stiffness[:-2, :-2], load[:-2], k)
 
 
-def peridynamics(k: float, horizon: int, coefficient: float) -> float:
-    """Constant weight; the last layers are held."""
+def peridynamics(k: float, horizon: int, coefficient: float, dimension: int = 2, layers: int = 0) -> float:
+    """Constant weight; the last layers are held. layers: below so many the coefficient is that of beams; dimension 3:
+    the same waves on a lattice in space."""
     count, cut = int(DEEP / k), horizon + 0.015
     stiffness = np.zeros((2 * count, 2 * count), complex)
+    elastic = np.zeros((dimension,) * 4)
+    for i, j in np.ndindex(dimension, dimension):
+        elastic[i, i, j, j] += LAME
+        elastic[i, j, i, j] += SHEAR
+        elastic[i, j, j, i] += SHEAR
+    off = range(-horizon, horizon + 1)
     for layer in range(count):
         low, high = max(0, layer - horizon), min(count, layer + horizon + 1)
-        near = [(x, q) for x in range(-horizon, horizon + 1) for q in range(low, high)]
-        near = [(x, q) for x, q in near if 0 < np.hypot(x, q - layer) <= cut]
-        bond = np.array([(x, layer - q) for x, q in near], float)
+        near = [(x, q, z) for x in off for q in range(low, high) for z in (off if dimension == 3 else (0,))]
+        near = [(x, q, z) for x, q, z in near if 0 < x * x + (q - layer) ** 2 + z * z <= cut * cut]
+        bond = np.array([(x, layer - q, z) for x, q, z in near], float)[:, :dimension]
         inverse = np.linalg.inv(bond.T @ bond)
-        change = np.zeros((len(near), 2, 2 * (high - low)), complex)
-        for n, (x, q) in enumerate(near):
+        change = np.zeros((len(near), dimension, 2 * (high - low)), complex)
+        for n, (x, q, _) in enumerate(near):
             for axis in range(2):
                 change[n, axis, 2 * (q - low) + axis] += np.exp(1j * k * x)
                 change[n, axis, 2 * (layer - low) + axis] -= 1.0
         gradient = np.tensordot(change, bond @ inverse, axes=(0, 0)).transpose(0, 2, 1)
         left = change - np.tensordot(bond, gradient, axes=(1, 1))
-        control = coefficient * SHEAR * (np.trace(inverse) * np.eye(2) + 2.0 * inverse)
-        here, B = slice(2 * low, 2 * high), gradient.reshape(4, -1)
-        stiffness[here, here] += B.conj().T @ ELASTIC @ B
-        stiffness[here, here] += np.einsum("nau,ab,nbv->uv", left.conj(), control, left)
+        beams = layers and layer >= layers
+        control = (0.35 if beams else coefficient) * SHEAR * (np.trace(inverse) * np.eye(dimension) + 2.0 * inverse)
+        here, B = slice(2 * low, 2 * high), gradient.reshape(dimension**2, -1)
+        stiffness[here, here] += B.conj().T @ elastic.reshape(len(B), -1) @ B
+        stiffness[here, here] += np.einsum("nau,ab,nbv->uv", left.conj(), control, left, optimize=True)
     load = np.zeros(2 * count, complex)
     load[[1, 3]] = 0.5
     free = 2 * (count - horizon)
@@ -150,6 +159,13 @@ def rows(name: str) -> Iterator[tuple[str, Callable[[float], float]]]:
                     f"horizon {horizon} h, coefficient {coefficient}",
                     lambda k, m=horizon, c=coefficient: peridynamics(k, m, c),
                 )
+    elif name == "space":
+        for coefficient in (1.0 / 15.0, 0.1, 0.125, 0.15, 0.35):
+            line = f"in space, horizon 3 h, coefficient {coefficient:.3g}"
+            yield line, lambda k, c=coefficient: peridynamics(k, 3, c, 3)
+    elif name == "layers":
+        for count in (1, 2, 3, 4, 6, 8):
+            yield f"coefficient .125 in {count} layers, .35 below", lambda k, n=count: peridynamics(k, 3, 0.125, 2, n)
     else:
         for basis, width in (("quadratic splines", 1.0), ("uGIMP", 0.5), ("linear", 1e-3)):
             yield f"mpm, {basis}", lambda k, w=width: points(k, w, False)

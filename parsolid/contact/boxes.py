@@ -26,8 +26,9 @@ _FASTER = 0.01
 class Boxes:
     """Boxes (bodies, d) [m] of the scene's bodies when they were agreed on, mean velocities [m/s], and margins [m].
 
-    near: whether lists are needed for each side, any_near: for one at least; expires: the time [s] at which bodies that
-    are apart may meet; until (sides,) [s]: how long after the agreement those of each may at first, 0 where near.
+    near: whether lists are needed for each side, any_near: for one at least; beyond (sides,) [m]: by what they reach
+    farther than the kernel; expires: the time [s] at which bodies that are apart may meet; until (sides,) [s]: how long
+    after the agreement those of each may at first, 0 where near.
     """
 
     def __init__(self, comm: Any, bodies: int, sides: Sides, systems: list[ParticleSystem]) -> None:
@@ -46,22 +47,29 @@ class Boxes:
         self.lower, self.upper, self.velocity, _ = body_motions(self.comm, bodies, self.systems)
         own, other = self.own, self.other
         between = np.maximum(self.lower[own] - self.upper[other], self.lower[other] - self.upper[own])
-        gap = np.linalg.norm(np.maximum(between, 0.0), axis=1)
+        self.gap = gap = np.linalg.norm(np.maximum(between, 0.0), axis=1)
         gap[own == other] = 0.0
+        self.beyond = self.skin
         self.near = gap < self.reach + self.skin
         self.any_near = bool(self.near.any())
         self.margin = np.full(bodies, np.inf)
         np.minimum.at(self.margin, own, np.maximum(0.5 * self.skin, np.where(self.near, 0.0, _SHARE * gap)))
         self.margin[np.isinf(self.margin)] = -1.0
-        self._near_of_body: dict[int, list[int]] = {}
-        for number in np.flatnonzero(self.near):
-            self._near_of_body.setdefault(int(own[number]), []).append(int(number))
         apart = ~self.near
         # until moving boxes with their margins are within reach of one another
         one, two = ((self.lower[i], self.upper[i], self.velocity[i]) for i in (own[apart], other[apart]))
         self.until = np.zeros(len(own))
         self.until[apart] = meetings(one, two, self.margin[own[apart]] + self.margin[other[apart]] + self.reach[apart])
         self.expires = time + float(self.until[apart].min(initial=np.inf))
+
+    def reach_beyond(self, distance: float) -> None:
+        """Let lists reach farther than the kernel by a distance [m] where that is more than their skin: what comes so
+        fast is seen before it presses."""
+        self.beyond = np.maximum(self.skin, distance)
+        self.near = self.gap < self.reach + self.beyond
+        self.any_near = bool(self.near.any())
+        self.until[self.near] = 0.0
+        self.expires = self.time + float(self.until[~self.near].min(initial=np.inf))
 
     def time_left(self, time: float, ahead: float) -> float:
         """How long [s] after a time [s] this rank's lists hold, at most a time ahead [s]."""
@@ -96,7 +104,7 @@ class Boxes:
         """Near bodies of each of some bodies, as `list_kernels.time_left` takes them."""
         d, start, rows = self.velocity.shape[1], [0], []
         for body in numbers:
-            for number in self._near_of_body.get(int(body), ()):
+            for number in np.flatnonzero(self.near & (self.own == body)):
                 side = self.sides.sides[number]
                 other, frame = side.other, 0.5 * (self.velocity[side.own] + self.velocity[side.other])
                 row = np.zeros((5, d))

@@ -17,11 +17,12 @@ from parsolid.contact import passes
 from parsolid.contact.boxes import Boxes
 from parsolid.contact.closing import FAST, Seen, closing_step, first_steps, step_ahead
 from parsolid.contact.depth import fill_depths, overlap
+from parsolid.contact.friction_kernels import friction
 from parsolid.contact.heat_kernels import others_heat, own_heat
 from parsolid.contact.list_kernels import give_to_rows, take_from_rows
 from parsolid.contact.lists import Entries, Segment
 from parsolid.contact.recipients import Recipient
-from parsolid.contact.sides import sides_of, slots_of
+from parsolid.contact.sides import areas_of, sides_of, slots_of
 from parsolid.contact.within import WithinBodies
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
@@ -32,6 +33,8 @@ from parsolid.scene.contact import CONTACT_TERMS, OSCILLATION, of_model
 # steps between looks at how far particles have moved, at least and at most, where bodies are near and where all are
 # apart; lists are asked for when they may not hold until twice the next look, and for as many steps more
 _LEAST_STEPS, _MOST_STEPS, _AHEAD = 4, {True: 16, False: 256}, 4
+# steps from when lists are made to the end of the first that they bound
+_UNSEEN = 3.0
 # ends of steps until contact has seen what was apart at the start and met within two steps
 _STARTING = 3
 
@@ -79,6 +82,8 @@ class KernelContact(Interaction):
         self._agreed: float | None = None
         # what bodies that are apart allow of a step [s] from the start, and of how many steps yet
         self._starting = np.inf, 0
+        # what systems allow of a step [s] where bodies come so fast that contact looks ahead, else 0
+        self._free = 0.0
         self._step = self._soon = min(side.longest for side in self.sides.sides)
         self.recipients: list[Recipient] = []
 
@@ -201,6 +206,9 @@ class KernelContact(Interaction):
         soon = max(self._step, self._soon)
         fastest, agreed = maximum(self.comm, np.array([self.boxes.fastest(_AHEAD * soon), -self._nearest]))
         fast, self._agreed = bool(fastest * soon > FAST * self.boxes.reach.min()), -float(agreed)
+        # the step may get as long as systems allow before contact has a say
+        self._free = minimum(self.comm, min(one.stable_step() for one in self.systems)) if fast else 0.0
+        self.boxes.reach_beyond(_UNSEEN * fastest * max(soon, self._free) if fast else 0.0)
         prune = not fast and self.boxes.time_left(time, 2 * _AHEAD * self._step) >= _AHEAD * self._step
         self.entries.build(self.boxes, self.within.excluded if self.within.any else None, self._constants, prune)
         self.rebuilds += 1
@@ -232,20 +240,11 @@ class KernelContact(Interaction):
             least = self.within.least_thresholds(one.system, side, one.rows, self.systems[0].dimension)
             colour = colour if least is None else np.maximum(colour, least)
             result[here, 0], result[here, 1] = colour, 1.0 / steepness
-            result[here, 2] = 0.5 * side.stiffness * self._areas(one, volume[here])
+            system, nodal = self.systems[one.system], self.sides.facts[side.own].nodal
+            area = areas_of(system, one.rows, volume[here], self.entries.share[here] if nodal else None)
+            result[here, 2] = 0.5 * side.stiffness * area
             result[here, 3:] = 1.0 / side.reach, side.norm
         return result
-
-    def _areas(self, one: Segment, volume: np.ndarray) -> np.ndarray:
-        """Area [m^2] of a face that a particle stands for: its own where it lies on one, volume over spacing."""
-        system, side = self.systems[one.system], self.sides.sides[one.side]
-        rows, facts = system.particles.owned_rows, self.sides.facts[side.own]
-        spacing = np.prod(rows("spacing")[one.rows], axis=1) ** (1.0 / system.dimension)
-        result = volume / spacing
-        if facts.nodal and "area" in system.particles:
-            area = np.abs(rows("area")[one.rows]) / self.entries.share[one.first : one.last, None]
-            result = np.maximum(result, area.max(axis=1))
-        return np.asarray(result)
 
     def _of_slot(self, name: str, one: Segment, slot: int, width: int) -> np.ndarray:
         """Values (k, width) of a field in one slot of the particles of a segment."""
@@ -266,7 +265,7 @@ class KernelContact(Interaction):
         before = self.level.copy()
         deepest = self._colours(anew=held)
         if not held:
-            soon = max(self._step, self._soon)
+            soon = max(self._step, self._soon, self._free)
             coming, self._agreed = min(self._nearest if self._agreed is None else self._agreed, soon), None
             going_on = self.matter, entries.lists, self.moved, self._step, coming, soon
             self._nearest = min(closing_step(self._seen(), before, self._step), step_ahead(*going_on))
@@ -318,7 +317,7 @@ class KernelContact(Interaction):
             [np.zeros((0, d)), *(self._of_slot("contact_stick", one, slot, d) for one, slot in parts)]
         )
         arrays = self.moved, self.friction, self.colour, stick, self.record, self.lost
-        self.stuck = passes.friction(entries.owned, held, self.matter, entries.lists, *arrays)
+        self.stuck = friction(entries.owned, held, self.matter, entries.lists, *arrays)
         for one, slot in parts:
             field = self.systems[one.system].particles.storage("contact_stick")
             field[one.rows, slot * d : (slot + 1) * d] = stick[one.first : one.last]

@@ -38,7 +38,7 @@ class Entries:
         self.comm, self.sides, self.systems = comm, sides, systems
         self._search = ClosePairs()
         self.reverse = np.array([side.reverse for side in sides.sides], np.int64)
-        self.half = np.array([0.5 * (side.reach + side.skin) for side in sides.sides])
+        self.reach = np.array([side.reach for side in sides.sides])
         self.skin = np.array([side.skin for side in sides.sides])
 
     def build(
@@ -50,6 +50,7 @@ class Entries:
         do not touch although they are near. law: constants (owned, 5) of `passes` from the volumes (owned,) [m^3].
         prune: leave out entries that press on nothing and on which nothing presses, as long as the lists hold.
         """
+        self.half = 0.5 * (self.reach + boxes.beyond)
         self.segments = self._segments(boxes)
         self.owned = self.segments[-1].last if self.segments else 0
         side = np.concatenate([np.full(one.last - one.first, one.side) for one in self.segments] or [np.zeros(0, int)])
@@ -123,7 +124,7 @@ class Entries:
                     place = system.particles.owned_rows("position")[rows]
                     out = np.maximum(boxes.lower[side.other] - place, place - boxes.upper[side.other])
                     gap = np.maximum(out, 0.0)
-                    rows = rows[(gap * gap).sum(axis=1) < (side.reach + side.skin) ** 2]
+                    rows = rows[(gap * gap).sum(axis=1) < (2.0 * self.half[number]) ** 2]
                 if len(rows):
                     result.append(Segment(index, int(number), rows, first, first + len(rows)))
                     first += len(rows)

@@ -108,6 +108,18 @@ def sides_of(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> Sides:
     return Sides(sides, facts)
 
 
+def areas_of(system: ParticleSystem, rows: np.ndarray, volume: np.ndarray, share: np.ndarray | None) -> np.ndarray:
+    """Areas (k,) [m^2] of a face that particles (k,) of volumes (k,) [m^3] stand for: their own where they lie on one,
+    volume over spacing; share (k,) of nodes, of which this is on this side of mirror planes, None for cells."""
+    values = system.particles.owned_rows
+    spacing = np.prod(values("spacing")[rows], axis=1) ** (1.0 / system.dimension)
+    result = volume / spacing
+    if share is not None and "area" in system.particles:
+        area = np.abs(values("area")[rows]) / share[:, None]
+        result = np.maximum(result, area.max(axis=1))
+    return np.asarray(result)
+
+
 def _side(
     dimension: int,
     facts: dict[int, BodyFacts],

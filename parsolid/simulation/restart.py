@@ -12,7 +12,7 @@ from parsolid.output.errors import OutputError, together
 from parsolid.particles.distribution import distribute
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene, SceneError
-from parsolid.simulation.scene_changes import changes, contents, judged
+from parsolid.simulation.scene_changes import changes, completed, contents, judged
 
 if TYPE_CHECKING:
     from parsolid.simulation.loop import Simulation
@@ -63,7 +63,8 @@ class Restart:
             if self.comm.rank == 0:
                 tables = contents(scene)
         time = self.header["time"]
-        found = list(changes(self.header["scene"], self.comm.bcast(tables), time))
+        before, now = completed(self.header["scene"]), completed(self.comm.bcast(tables))
+        found = list(changes(before, now, time))
         faults, self.notes = judged(found, self.allowed, self.path, time)
         if scene.end_time < time:
             expected = f"at least {time:.6g} s, the time of the checkpoint {self.path}"

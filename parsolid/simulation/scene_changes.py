@@ -72,6 +72,11 @@ FIXED = (
 )
 # keys that checkpoints of earlier versions do not have, with the value that changes nothing
 ADDED = dict.fromkeys(_of_methods("clamp_edges"), 0.0)
+# keys within tables of a name that scenes may leave out, and what that means by the tables' kind: who states it changes
+# nothing, and where it means something else now that is a change
+LEFT_OUT: dict[str, dict[str, dict[str, Any]]] = {
+    "stabilisation": {"shear-scaled": {"coefficient": 0.35}, "paper": {"coefficient": 1.0}}
+}
 
 # of a formula
 _TABLE = re.compile(r"""table\((["'])(/.*?)\1""")
@@ -97,6 +102,18 @@ def contents(scene: Scene) -> dict[str, Any]:
     """
     tables: dict[str, Any] = json.loads(json.dumps(_contents(scene.resolved())))
     return tables
+
+
+def completed(value: Any) -> Any:
+    """The contents of a scene with the keys of `LEFT_OUT`."""
+    if isinstance(value, list):
+        return [completed(part) for part in value]
+    if not isinstance(value, dict):
+        return value
+    result = {key: completed(part) for key, part in value.items()}
+    for key in LEFT_OUT.keys() & result.keys():
+        result[key] = LEFT_OUT[key].get(result[key].get("kind"), {}) | result[key]
+    return result
 
 
 def _contents(value: Any) -> Any:

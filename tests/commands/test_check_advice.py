@@ -92,7 +92,12 @@ def test_a_part_between_two_held_regions_is_told_what_its_control_does():
 @pytest.mark.parametrize(
     "method, stated, told",
     [
-        ({"kind": "peridynamics"}, {"stabilisation": {"coefficient": 0.35}}, "coefficient = 0.125"),
+        ({"kind": "peridynamics"}, {"stabilisation": {"coefficient": 0.35}}, "coefficient = 0.125 for all bodies"),
+        (
+            {"kind": "peridynamics", "damage": {"fracture_energy": 1.0}},
+            {"stabilisation": {"coefficient": 0.35}},
+            "with bonds that break: method.stabilisation.coefficient = 0.35",
+        ),
         ({"kind": "mpm", "cell": 0.2}, {"transfer": "apic"}, "transfer = 'aflip', method.flip_fraction = 0.99"),
     ],
 )

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import pytest
+
 DOCS = Path(__file__).parents[2] / "docs"
 
 
@@ -15,3 +17,15 @@ def test_force_for_the_approach_in_space(monkeypatch):
     # spheres and faces of lattices meet late, by some hundredths of a spacing
     assert -0.14 < force[share == 1.0].mean() - 1.0 < 0.0
     assert abs(columns["balance"]).max() < 1e-3 * columns["stored"].max()
+
+
+@pytest.mark.slow
+def test_the_control_of_contact_has_the_force_in_space(monkeypatch):
+    """At a/h = 4, within 4 %; 11 % too much with the control of beams. Undamped, it swings about the mean."""
+    monkeypatch.syspath_prepend(str(DOCS))
+    import hertz_in_space
+
+    monkeypatch.setattr(hertz_in_space, "SLOW", 6.0)
+    share, force, columns = hertz_in_space.pressed("peridynamics", 4.0, {"stiffness": 4.0})
+    assert abs(force[share == 1.0].mean() - 1.0) < 0.04
+    assert abs(columns["balance"]).max() < 1e-4 * columns["stored"].max()

@@ -9,7 +9,7 @@ from parsolid.scene import parse_scene
 from parsolid.scene.base_model import SceneModel
 from parsolid.scene.bodies import Body
 from parsolid.scene.schema import Scene
-from parsolid.simulation.scene_changes import FIXED, FREE, _until, changes, contents, judged
+from parsolid.simulation.scene_changes import FIXED, FREE, _until, changes, completed, contents, judged
 
 TIME = 0.3
 
@@ -55,6 +55,46 @@ def test_a_key_that_earlier_versions_did_not_have_is_no_change_where_it_changes_
     before, now["method"]["clamp_edges"] = now | {"method": dict(now["method"])}, part
     del before["method"]["clamp_edges"]
     assert len(judged(list(changes(before, now, TIME)), (), "checkpoint.h5", TIME)[0]) == faults
+
+
+PAIR = [
+    {
+        "name": name,
+        "particles": [4, 4],
+        "placement": "cells",
+        "shape": {"box": {"lower": [0, low], "upper": [1, low + 1]}},
+    }
+    | {"material": {"kind": "linear-elastic", "density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3}}
+    for name, low in (("a", 0.0), ("b", 1.0))
+]
+
+
+def bonds(contact, **control):
+    """Two peridynamic blocks, bonded or in contact, with keys of a control."""
+    method = {"kind": "peridynamics", "stabilisation": control}
+    return {"dimension": 2, "end_time": 1.0, "method": method, "bodies": PAIR, "contact": contact}
+
+
+@pytest.mark.parametrize(
+    "contact, control, found",
+    [
+        ([{"bodies": ["a", "b"]}], {}, "0.35 as in the checkpoint checkpoint.h5, found 0.125"),
+        ([{"bodies": ["a", "b"]}], {"coefficient": 0.35}, None),
+        ([], {}, None),
+        ([], {"coefficient": 0.35}, None),
+        ([], {"kind": "paper"}, None),
+        ([], {"kind": "paper", "coefficient": 0.35}, "1.0 as in the checkpoint checkpoint.h5, found 0.35"),
+    ],
+    ids=["contact", "stated", "bonded", "bonded, stated", "paper", "paper, stated"],
+)
+def test_a_checkpoint_from_before_contact_had_a_control_of_its_own_names_the_key(contact, control, found):
+    """Bodies in contact had that of all others, which nobody had to state."""
+    now = contents(parse_scene(bonds(contact, **control)))
+    before = now | {"method": now["method"] | {"stabilisation": dict(now["method"]["stabilisation"])}}
+    before["method"]["stabilisation"].pop("coefficient", None)
+    faults = judged(list(changes(completed(before), completed(now), TIME)), (), "checkpoint.h5", TIME)[0]
+    assert len(faults) == (found is not None)
+    assert not faults or (faults[0].startswith("method.stabilisation.coefficient: expected") and found in faults[0])
 
 
 def _leaves(value, place=()):
