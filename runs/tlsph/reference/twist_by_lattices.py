@@ -1,6 +1,6 @@
-"""Reference series of the twist of the column without viscosity to .25 s: two lattices of fourth order, extrapolated.
+"""The twist of the column without viscosity to .25 s by two lattices of fourth order, extrapolated: beside twist.json.
 
-    python runs/tlsph/reference/twist_by_lattices.py RUNS 17 25 > runs/tlsph/reference/twist.json
+    python runs/tlsph/reference/twist_by_lattices.py RUNS 17 25 > LATTICES.json
 
 RUNS: folder of the runs, which are made where they are not there; then nodes across, of lattices that are 4 (n - 1) + 1
 long. Differences between the lattices fall with orders of 1 to 2 (waves as long as the spacing, of which the twist
