@@ -145,7 +145,7 @@ class TotalLagrangianSPH(MethodSettings):
         return {"weights": "best", "integrator": "leapfrog", "cfl": None, "safety": 0.9}
 
     def tells_of_steps(self, scene: Any) -> bool:
-        """Whether the ledger has what steps do to energies by themselves: leapfrog's, those of stages where bodies meet;
+        """Whether the ledger has what steps do to energies by themselves: leapfrog, and stages where bodies meet;
         none beside ties, which tell none of theirs."""
         return bool(self.integrator == "leapfrog" or scene.contact or scene.tools) and not scene.tie
 
