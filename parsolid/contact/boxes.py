@@ -49,18 +49,15 @@ class Boxes:
         between = np.maximum(self.lower[own] - self.upper[other], self.lower[other] - self.upper[own])
         self.gap = gap = np.linalg.norm(np.maximum(between, 0.0), axis=1)
         gap[own == other] = 0.0
-        self.beyond = self.skin
-        self.near = gap < self.reach + self.skin
-        self.any_near = bool(self.near.any())
+        apart = gap >= self.reach + self.skin
         self.margin = np.full(bodies, np.inf)
-        np.minimum.at(self.margin, own, np.maximum(0.5 * self.skin, np.where(self.near, 0.0, _SHARE * gap)))
+        np.minimum.at(self.margin, own, np.maximum(0.5 * self.skin, np.where(apart, _SHARE * gap, 0.0)))
         self.margin[np.isinf(self.margin)] = -1.0
-        apart = ~self.near
         # until moving boxes with their margins are within reach of one another
         one, two = ((self.lower[i], self.upper[i], self.velocity[i]) for i in (own[apart], other[apart]))
         self.until = np.zeros(len(own))
         self.until[apart] = meetings(one, two, self.margin[own[apart]] + self.margin[other[apart]] + self.reach[apart])
-        self.expires = time + float(self.until[apart].min(initial=np.inf))
+        self.reach_beyond(0.0)
 
     def reach_beyond(self, distance: float) -> None:
         """Let lists reach farther than the kernel by a distance [m] where that is more than their skin: what comes so
@@ -68,6 +65,9 @@ class Boxes:
         self.beyond = np.maximum(self.skin, distance)
         self.near = self.gap < self.reach + self.beyond
         self.any_near = bool(self.near.any())
+        self._near_of_body: dict[int, list[int]] = {}
+        for number in np.flatnonzero(self.near):
+            self._near_of_body.setdefault(int(self.own[number]), []).append(int(number))
         self.until[self.near] = 0.0
         self.expires = self.time + float(self.until[~self.near].min(initial=np.inf))
 
@@ -104,7 +104,7 @@ class Boxes:
         """Near bodies of each of some bodies, as `list_kernels.time_left` takes them."""
         d, start, rows = self.velocity.shape[1], [0], []
         for body in numbers:
-            for number in np.flatnonzero(self.near & (self.own == body)):
+            for number in self._near_of_body.get(int(body), ()):
                 side = self.sides.sides[number]
                 other, frame = side.other, 0.5 * (self.velocity[side.own] + self.velocity[side.other])
                 row = np.zeros((5, d))

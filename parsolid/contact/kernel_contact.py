@@ -208,7 +208,8 @@ class KernelContact(Interaction):
         fast, self._agreed = bool(fastest * soon > FAST * self.boxes.reach.min()), -float(agreed)
         # the step may get as long as systems allow before contact has a say
         self._free = minimum(self.comm, min(one.stable_step() for one in self.systems)) if fast else 0.0
-        self.boxes.reach_beyond(_UNSEEN * fastest * max(soon, self._free) if fast else 0.0)
+        if fast:
+            self.boxes.reach_beyond(_UNSEEN * fastest * max(soon, self._free))
         prune = not fast and self.boxes.time_left(time, 2 * _AHEAD * self._step) >= _AHEAD * self._step
         self.entries.build(self.boxes, self.within.excluded if self.within.any else None, self._constants, prune)
         self.rebuilds += 1
