@@ -64,5 +64,5 @@ def test_a_wrong_force_is_not_taken_for_what_stages_take(what, monkeypatch):
 
 def test_where_bodies_do_not_meet_nothing_is_told():
     simulation = ringing(contact=[])
-    assert "stage_accelerations" not in simulation.systems[0].particles
+    assert "first_stage_acceleration" not in simulation.systems[0].particles
     assert columns(simulation)["dissipation_numerical"][-1] == 0.0

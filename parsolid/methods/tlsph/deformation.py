@@ -229,6 +229,7 @@ def advance_deformation(space, first, last, law, terms, update, relaxation, body
         store_matrix(space, body.record, i, record_columns(space, terms).stress, matmul(P, L))
         store_waves(terms, space, law, body, i, F, pressure_wave_tensor(law, F, H, J, branch_sum), branch_sum, G)
         note_stage(body.stages, space, update, i, G, P, count)
+        F3 = F
         dJ = contract(H, G)
         H = add(scale(update.keep, H0), scale(update.take, add(H, scale(update.step, cross(F, G)))))
         F = add(scale(update.keep, F0), scale(update.take, add(F, scale(update.step, G))))
@@ -240,7 +241,9 @@ def advance_deformation(space, first, last, law, terms, update, relaxation, body
             branch_sum = _relax_branches(body.branches, space, law, relaxation, i, old_inverse, F, count)
             largest = _largest_speed(largest, pressure_wave_tensor(law, F, H, J, branch_sum), i, i + count)
             after = _stress_after(body.stages, law, F, H, J, branch_sum)
-            lost += strain_loss(body.stages, space, i, update.step, (G, P, after), load(body.tributary, 0, i), count)
+            lost += strain_loss(
+                body.stages, space, i, update.step, (F0, F3), (G, P, after), load(body.tributary, 0, i), count
+            )
     return sound, dissipation, largest, lost
 
 

@@ -80,8 +80,8 @@ def advance_motion(space, owned, update, kinematics, start, force, sums, mass, s
     """One stage of v and x; sets the pair forces and pair sums to zero for the next.
 
     mass (n,): rho V [kg]; share (n,): tributary over pair volume; loads (n, 4): acceleration of body forces and
-    tractions [m/s^2] or None; clamp (n, 4): 0 for held components, else 1, or None; free as in `kick`; rates (n, 8):
-    accelerations of stages, or None.
+    tractions [m/s^2] or None; clamp (n, 4): 0 for held components, else 1, or None; free as in `kick`; rates (n, 4):
+    accelerations of the first stage, or None.
     Returns (numerical dissipation rate, power of the loads) [W] and what the stages take of kinetic energy [J].
     """
     dissipation, power, lost = 0.0, 0.0, 0.0
@@ -99,7 +99,7 @@ def advance_motion(space, owned, update, kinematics, start, force, sums, mass, s
         power += _load_power(loads, a, mass[a] * share[a], v)
         rate = _within(space, load(force, a, 0) + D) * (1.0 / mass[a])
         rate = _loaded(loads, a, rate)
-        lost += motion_loss(rates, update, a, mass[a] * share[a], free, rate)
+        lost += motion_loss(rates, update, a, mass[a] * share[a], free, rate, v - v0)
         new_v = update.keep * v0 + update.take * (v + update.step * rate)
         new_x = update.keep * x0 + update.take * (x + update.step * v)
         join_motion(space, kinematics, a, clamped(clamp, a, new_v), new_x)

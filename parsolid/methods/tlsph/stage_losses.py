@@ -21,16 +21,15 @@ import numpy as np
 from parsolid.numerics.layout import GRADIENT_ROWS
 from parsolid.particles.declaration import Columns, Field, Rows
 
-STRESSES = ("first_stage_rate", "second_stage_rate", "first_stage_stress", "second_stage_stress")
+STRESSES = ("first_stage_rate", "first_stage_stress", "second_stage_stress")
 
 
 class StageStresses(NamedTuple):
-    """Velocity gradients and P of the first two stages, (5 or 10, capacity), the last row of no use."""
+    """The velocity gradient of the first stage, and P of the first two, (5 or 10, capacity), the last row of no use."""
 
-    first_rate: np.ndarray
-    second_rate: np.ndarray
-    first_stress: np.ndarray
-    second_stress: np.ndarray
+    rate: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
 
 
 def tell_stage_losses(system: Any, scene: Any) -> None:
@@ -42,12 +41,12 @@ def tell_stage_losses(system: Any, scene: Any) -> None:
     if not system.losses_told:
         return
     system.boundaries.declare_free()
-    system.particles.declare(Field("stage_accelerations", 8, "m/s^2", layout=Rows(), carried=False))
+    system.particles.declare(Field("first_stage_acceleration", 4, "m/s^2", layout=Rows(), carried=False))
     for name in STRESSES:
         rows = GRADIENT_ROWS[system.dimension]
         system.particles.declare(Field(name, rows, "", layout=Columns(), carried=False))
 
 
 def stage_accelerations(system: Any) -> tuple[np.ndarray | None, np.ndarray]:
-    """Multipliers (n, 4), 0 for components that are not free, or None; where stages keep accelerations (n, 8)."""
-    return system.boundaries.free, system.particles.storage("stage_accelerations")
+    """Multipliers (n, 4), 0 for components that are not free, or None; where accelerations (n, 4) are kept."""
+    return system.boundaries.free, system.particles.storage("first_stage_acceleration")
