@@ -42,3 +42,18 @@ def add(typingctx: Any, address: Any, source: Any) -> Any:
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64), generate
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def copy_four(typingctx: Any, address: Any, source: Any) -> Any:
+    """Copy the 32 bytes at address `source` to `address`."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        kind = ir.VectorType(ir.IntType(64), 4)
+        target, source = (_pointer(builder, argument, kind) for argument in arguments)
+        value = builder.load(source)
+        value.align = 8
+        builder.store(value, target, align=8)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64), generate

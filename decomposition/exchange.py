@@ -1,7 +1,8 @@
 """Messages between owners and ghosts: one a neighbour for any set of arrays, packed and unpacked by a numba call each.
 
-A transfer is described by one table of integers, made once: addresses and strides of every column of every array, the
-rows that go to or come from each neighbour, and the message buffer. A start is then one numba call with one argument.
+A transfer is described by one table of integers, made once: addresses, strides and lengths of the runs of columns that
+stand beside one another in memory, the rows that go to or come from each neighbour, and the message buffer, in which
+rows follow one another. A start is then one numba call with one argument.
 """
 
 import weakref
@@ -16,7 +17,7 @@ from decomposition.deferred import Elsewhere
 
 # MPI promises tags up to 32767
 _TAGS = 1 << 14
-_HEADER = 4
+_HEADER = 5
 
 
 def _addresses() -> Any:
@@ -27,45 +28,56 @@ def _addresses() -> Any:
 
 
 _there = Elsewhere("decomposition.addresses")
-_load, _store, _add = _there.load, _there.store, _there.add
+_load, _store, _add, _copy_four = _there.load, _there.store, _there.add, _there.copy_four
 
 
 @compiled
 def _copy(table: np.ndarray, received: bool | None, added: bool | None) -> None:
-    """Copy rows into the messages, column by column within a message; messages into rows where `received` is not None.
+    """Copy rows into the messages, row by row; messages into rows where `received` is not None.
 
     added: not None to add them to the rows, one neighbour after the other.
     """
-    columns, messages, row, message = table[0], table[1], table[2], table[3]
+    runs, messages, width, row, message = table[0], table[1], table[2], table[3], table[4]
     for m in range(messages):
-        rows = table[_HEADER + 2 * columns + m]
-        for c in range(columns):
-            base, stride = table[_HEADER + 2 * c], table[_HEADER + 2 * c + 1]
-            for i in range(rows):
-                place = base + stride * _load(row + 8 * i)
-                if received is None:
-                    _store(message + 8 * i, _load(place))
-                elif added is None:
-                    _store(place, _load(message + 8 * i))
-                else:
-                    _add(place, message + 8 * i)
-            message += 8 * rows
-        row += 8 * rows
+        for _ in range(table[_HEADER + 3 * runs + m]):
+            number, at = _load(row), message
+            for run in range(_HEADER, _HEADER + 3 * runs, 3):
+                place, last = table[run] + table[run + 1] * number, at + 8 * table[run + 2]
+                if added is None:
+                    while at + 32 <= last:
+                        if received is None:
+                            _copy_four(at, place)
+                        else:
+                            _copy_four(place, at)
+                        at, place = at + 32, place + 32
+                while at < last:
+                    if received is None:
+                        _store(at, _load(place))
+                    elif added is None:
+                        _store(place, _load(at))
+                    else:
+                        _add(place, at)
+                    at, place = at + 8, place + 8
+            row, message = row + 8, message + 8 * width
 
 
-def _columns(array: np.ndarray) -> list[int]:
-    """Address and row stride of each column of an array whose first axis counts rows."""
-    base, stride = array.ctypes.data, array.strides[0]
+def _runs(array: np.ndarray) -> list[int]:
+    """Address, row stride and length of each run of columns beside one another, of an array whose first axis counts
+    rows."""
     offsets = np.zeros(1, np.int64)
     for length, step in zip(array.shape[1:], array.strides[1:]):
         offsets = (offsets[:, None] + step * np.arange(length)).ravel()
-    return [number for offset in offsets for number in (base + int(offset), stride)]
+    first = np.flatnonzero(np.diff(offsets, prepend=-16) != 8)
+    lengths = np.diff(first, append=len(offsets))
+    found = zip((array.ctypes.data + offsets[first]).tolist(), lengths.tolist())
+    return [number for base, length in found for number in (base, array.strides[0], length)]
 
 
 def _table(arrays: list[np.ndarray], rows: np.ndarray, counts: Sequence[int], buffer: np.ndarray) -> np.ndarray:
-    columns = [number for array in arrays for number in _columns(array)]
-    header = [len(columns) // 2, len(counts), rows.ctypes.data, buffer.ctypes.data]
-    return np.array(header + columns + list(counts), np.int64)
+    runs = [number for array in arrays for number in _runs(array)]
+    width = sum(runs[2::3])
+    header = [len(runs) // 3, len(counts), width, rows.ctypes.data, buffer.ctypes.data]
+    return np.array(header + runs + list(counts), np.int64)
 
 
 def _release(requests: list[MPI.Prequest]) -> None:

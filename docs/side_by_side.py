@@ -5,8 +5,8 @@
 A tree is a folder with `parsolid/` and `decomposition/` in it, as `git worktree add` makes one. Each version is a
 process of its own that waits while the other one steps, so that both meet the same noise of the machine; the least
 of all turns and the median of the turns' ratios are told, and that times the ratio of the largest stable steps: what
-the same time of motion costs. Bodies are cubes in shear, or the twisting column, without output. A case may have
-another method for the new version, where the old one does not know what is compared.
+the same time of motion costs. Bodies are cubes and squares in shear, or the twisting column, without output. A case may
+have another method for the new version, where the old one does not know what is compared.
 """
 
 import argparse
@@ -29,6 +29,12 @@ _CASES = {
     "column, leapfrog after stages": ({"kind": "tlsph"}, {**_RUBBER, **_BRANCH}, {"integrator": "leapfrog"}),
     "tlsph, leapfrog": ({"kind": "tlsph", "integrator": "leapfrog"}, {**_RUBBER, **_BRANCH}),
     "tlsph, h/dx 1.2, leapfrog": ({"kind": "tlsph", "smoothing": 1.2, "integrator": "leapfrog"}, _RUBBER),
+    "plane, leapfrog": ({"kind": "tlsph", "integrator": "leapfrog"}, {**_RUBBER, **_BRANCH}),
+    "plane, h/dx 1.2, leapfrog": ({"kind": "tlsph", "smoothing": 1.2, "integrator": "leapfrog"}, _RUBBER),
+    "plane, leapfrog, fourth-order": (
+        {"kind": "tlsph", "integrator": "leapfrog", "weights": "fourth-order"},
+        _RUBBER,
+    ),
     "tlsph, h/dx 1.2": ({"kind": "tlsph", "smoothing": 1.2}, _RUBBER),
     "tlsph, leapfrog, fourth-order": ({"kind": "tlsph", "integrator": "leapfrog", "weights": "fourth-order"}, _RUBBER),
     "peridynamics": (
@@ -63,6 +69,9 @@ def _scene(case: str, across: int, new: bool) -> dict:
     if method["kind"] == "mpm":
         method, body = {**method, "cell": 2.0 / across}, {**body, "placement": "cells"}
     scene = {"title": case, "dimension": 3, "end_time": 1.0, "method": method, "bodies": [body]}
+    if case.startswith("plane"):
+        body.update(shape={"box": {"lower": [0, 0], "upper": [1, 1]}}, particles=[across] * 2, velocity=["1e-3*Y", "0"])
+        scene["dimension"] = 2
     if case.startswith("column"):
         body.update(_COLUMN, particles=[across, 6 * across - 5, across])
         scene["boundaries"] = [{"plane": "Y = 0", "kind": "fixed"}]
@@ -107,9 +116,9 @@ class _Version:
 
 
 def _compare(trees: list[str], case: str, particles: int, steps: int, turns: int) -> None:
-    slender = 6 if case.startswith("column") else 1
-    across = round((particles / slender) ** (1 / 3))
-    number = across**2 * (slender * (across - 1) + 1)
+    slender, flat = 6 if case.startswith("column") else 1, case.startswith("plane")
+    across = round(particles**0.5 if flat else (particles / slender) ** (1 / 3))
+    number = across**2 * (1 if flat else slender * (across - 1) + 1)
     versions = [_Version(tree, _scene(case, across, k == 1)) for k, tree in enumerate(trees)]
     # the first steps load or compile the kernels
     for version in versions:

@@ -22,6 +22,9 @@ ROWS = 32
 _MOST, _FILLED = 128, 0.4
 # most of the window that lies ahead of a block
 _AHEAD = STRIDE - 4096
+# of fewer pairs a particle tables are as fast, and faster with more particles than this, in the plane and in space,
+# whose records and the window do not stay in the caches (docs/performance.md)
+_FEW, _MANY = {2: 6, 3: 12}, {2: 80_000, 3: 50_000}
 # steps of pairs that differ by less than this part of the longest are the same
 _SAME = 1e-9
 
@@ -174,24 +177,26 @@ def _find_patterns(
     return number
 
 
-def _shapes(table: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _shapes(table: np.ndarray, dimension: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(row of each kind (kinds,) uint16, its power of two and k_ab (kinds, 2), shapes)."""
-    g, step = table[:, : WIDTH - 1], table[:, WIDTH:]
+    g, step = table[:, :dimension], table[:, WIDTH:]
     power = np.exp2(np.frexp(np.abs(g).max(axis=1, initial=0.0))[1])
     alike = np.round(step / (_SAME * max(np.abs(step).max(initial=0.0), 1e-300)))
     _, found, shape_of = np.unique(
         np.hstack((g / power[:, None], alike)), axis=0, return_index=True, return_inverse=True
     )
     shapes = aligned_zeros((len(found), 2 * WIDTH))
-    shapes[:, : WIDTH - 1], shapes[:, WIDTH:] = (g / power[:, None])[found], step[found]
-    return shape_of.ravel().astype(np.uint16), np.column_stack((power, table[:, WIDTH - 1])), shapes
+    shapes[:, :dimension], shapes[:, WIDTH:] = (g / power[:, None])[found], step[found]
+    return shape_of.ravel().astype(np.uint16), np.column_stack((power, table[:, dimension])), shapes
 
 
-def in_blocks(inner: InnerTable) -> InnerBlocks | None:
-    """A list by blocks, None where few particles are in such."""
+def in_blocks(inner: InnerTable, dimension: int) -> InnerBlocks | None:
+    """A list by blocks, None where few particles are in such, and where tables are faster."""
     n, pairs = len(inner.start) - 1, len(inner.neighbour)
+    if pairs < _FEW[dimension] * n and n > _MANY[dimension]:
+        return None
     blocks = -(-n // WIDE)
-    shape_of, told, shapes = _shapes(inner.table)
+    shape_of, told, shapes = _shapes(inner.table, dimension)
     room = int(pairs / (_FILLED * WIDE)) + 1
     whole = Patterns(
         np.zeros(blocks + 1, np.int64),

@@ -1,5 +1,5 @@
-"""The two passes over lists by blocks, in space, where the dissipation is reconstructed; arrays are as `pairs.passes`
-says.
+"""The two passes over lists by blocks where the dissipation is reconstructed, in space (in the plane: `block_plane`);
+arrays are as `pairs.passes` says.
 
 Particles pass through a window, a row for each number of theirs, as far as the block at hand reaches: what its pairs
 need of them is loaded from there, what they add is gathered there, and goes to the particles with their own block.
@@ -7,116 +7,91 @@ need of them is loaded from there, what they add is gathered there, and goes to 
 
 from decomposition.compiled import compiled
 from decomposition.deferred import register_jitable
-from parsolid.numerics.lanes import WIDTH, broadcast, load, store, transpose
-from parsolid.numerics.wide_lanes import WIDE, broadcast_wide, fused_wide, load_wide, store_wide
-from parsolid.pairs.block_lists import STRIDE
-from parsolid.pairs.lane_tuples import add_lanes
+from parsolid.numerics.dispatch import constant
+from parsolid.numerics.lanes import WIDTH, broadcast
+from parsolid.numerics.wide_lanes import WIDE, broadcast_wide, fused_wide, load_wide
+from parsolid.pairs import block_plane  # noqa: F401  (what it implements)
+from parsolid.pairs.block_window import (
+    NO_DISTANCE,
+    add,
+    at,
+    columns,
+    enter_all,
+    enter_velocity,
+    forces_of_block,
+    four,
+    give,
+    give_forces,
+    give_gradients,
+    gradients_of_block,
+    put,
+    reach,
+    take,
+    turned,
+)
 from parsolid.pairs.passes import add_gradients
 from parsolid.pairs.table_passes import add_forces_by_table
-from parsolid.pairs.terms import KINEMATICS
+from parsolid.pairs.terms import KINEMATICS, dimension_of
 
 _FIELD, _POSITION = KINEMATICS[3].field, KINEMATICS[3].position
 # first rows of the window: of v, then of the sums (column by column), or of x, P L (column by column), impedances,
 # 1/2 grad v (column by column), T and D
 _V, _SUMS = 0, 3
 _X, _P, _Z, _G, _T, _D = 3, 6, 15, 17, 26, 29
-# the window is put back to its start when a block has gone this far, in rows or so many times what a block reaches
-_TURN, _LEAST = 4, 1024
-# squared distance [m^2] in place of none, that of lanes without a pair
-_NO_DISTANCE = 1e-300
+# rows of the window that the passes have, in the plane and in space
+_ROWS = {2: (6, 18), 3: (_SUMS + 9, _D + 3)}
 
 
-@register_jitable
-def _at(window, row, c):
-    return load_wide(window, row * STRIDE + c)
+@constant
+def _rows_of_gradients(space):
+    return _ROWS[dimension_of(space)][0]
+
+
+@constant
+def _rows_of_forces(space):
+    return _ROWS[dimension_of(space)][1]
 
 
 @register_jitable
 def _three(window, row, c):
-    return _at(window, row, c), _at(window, row + 1, c), _at(window, row + 2, c)
-
-
-@register_jitable
-def _add(window, row, c, value):
-    store_wide(window, row * STRIDE + c, load_wide(window, row * STRIDE + c) + value)
-
-
-@register_jitable
-def _put(window, row, c, value):
-    """The same of four particles."""
-    store(window, row * STRIDE + c, 0, value)
-
-
-@register_jitable
-def _columns(array, i, column):
-    """Four numbers of four particles, particles in lanes."""
-    return transpose(
-        load(array, i, column), load(array, i + 1, column), load(array, i + 2, column), load(array, i + 3, column)
-    )
+    return at(window, row, c), at(window, row + 1, c), at(window, row + 2, c)
 
 
 @register_jitable
 def _put_vector(window, row, c, array, i, column):
     """A vector of four particles, and what stands in its pad."""
-    x, y, z, pad = _columns(array, i, column)
-    _put(window, row, c, x)
-    _put(window, row + 1, c, y)
-    _put(window, row + 2, c, z)
+    x, y, z, pad = columns(array, i, column)
+    put(window, row, c, x)
+    put(window, row + 1, c, y)
+    put(window, row + 2, c, z)
     return pad
 
 
 @register_jitable
 def _give(window, row, c, array, i, column, count):
     """Add three rows of the window to vectors of the first `count` of four particles."""
-    first, second, third = row * STRIDE + c, (row + 1) * STRIDE + c, (row + 2) * STRIDE + c
-    values = transpose(load(window, first, 0), load(window, second, 0), load(window, third, 0), broadcast(0.0))
-    if count > 0:
-        add_lanes(array, i, column, (values[0],))
-    if count > 1:
-        add_lanes(array, i + 1, column, (values[1],))
-    if count > 2:
-        add_lanes(array, i + 2, column, (values[2],))
-    if count > 3:
-        add_lanes(array, i + 3, column, (values[3],))
-
-
-@register_jitable
-def _reached(pairs, block):
-    """The first particle that a block does not reach."""
-    return min(WIDE * block + pairs.ahead[0], WIDE * pairs.block.shape[0])
-
-
-@register_jitable
-def _turned(pairs, rows, origin, i, filled, reached):
-    """The particle at the start of the window; i where the end was near and the window from there on was moved."""
-    window, ahead = pairs.window, pairs.ahead[0]
-    # the last block's lanes without a pair go on beyond its last particle
-    if reached - origin <= min(STRIDE - WIDE, ahead + _TURN * max(ahead, _LEAST)):
-        return origin
-    for row in range(rows):
-        for c in range(filled - i):
-            window[row * STRIDE + c] = window[row * STRIDE + c + i - origin]
-    return i
+    first, second, third = four(window, row, c), four(window, row + 1, c), four(window, row + 2, c)
+    give(array, i, column, count, first, second, third, broadcast(0.0))
 
 
 # --- gradients ---------------------------------------------------------------------------------------------------
 
 
-@register_jitable
-def _enter(window, c, kinematics, i):
+@enter_velocity.otherwise
+def _enter(space, window, c, kinematics, i):
     zero = broadcast(0.0)
     _put_vector(window, _V, c, kinematics, i, _FIELD)
     for row in range(_SUMS, _SUMS + 9):
-        _put(window, row, c, zero)
+        put(window, row, c, zero)
 
 
 @register_jitable
 def _outer(window, row, c, u, g):
     """Add u g to three rows and return it."""
     x, y, z = u[0] * g, u[1] * g, u[2] * g
-    _add(window, row, c, x)
-    _add(window, row + 1, c, y)
-    _add(window, row + 2, c, z)
+    add(window, row, c, x)
+    add(window, row + 1, c, y)
+    add(window, row + 2, c, z)
     return x, y, z
 
 
@@ -127,20 +102,20 @@ def _sum(first, second):
 
 @register_jitable
 def _add_all(window, row, c, values):
-    _add(window, row, c, values[0])
-    _add(window, row + 1, c, values[1])
-    _add(window, row + 2, c, values[2])
+    add(window, row, c, values[0])
+    add(window, row + 1, c, values[1])
+    add(window, row + 2, c, values[2])
 
 
-@register_jitable
-def _gradients_of_block(pairs, pattern, c):
+@gradients_of_block.otherwise
+def _gradients_of_block(space, pairs, pattern, c):
     window, patterns, zero = pairs.window, pairs.patterns, broadcast_wide(0.0)
-    v = _at(window, _V, c), _at(window, _V + 1, c), _at(window, _V + 2, c)
+    v = at(window, _V, c), at(window, _V + 1, c), at(window, _V + 2, c)
     first, second, third = (zero, zero, zero), (zero, zero, zero), (zero, zero, zero)
     for k in range(patterns.first[pattern], patterns.first[pattern + 1]):
         b, s = c + patterns.rows[k], patterns.shape[k]
         scale = load_wide(patterns.lanes, 2 * WIDE * k)
-        u = _at(window, _V, b) - v[0], _at(window, _V + 1, b) - v[1], _at(window, _V + 2, b) - v[2]
+        u = at(window, _V, b) - v[0], at(window, _V + 1, b) - v[1], at(window, _V + 2, b) - v[2]
         g = patterns.shapes[s, 0], patterns.shapes[s, 1], patterns.shapes[s, 2]
         if g[0] != 0.0:
             first = _sum(first, _outer(window, _SUMS, b, u, scale * g[0]))
@@ -153,49 +128,54 @@ def _gradients_of_block(pairs, pattern, c):
     _add_all(window, _SUMS + 6, c, third)
 
 
+@give_gradients.otherwise
+def _give_gradients(space, window, c, sums, i, count):
+    for axis in range(3):
+        _give(window, _SUMS + 3 * axis, c, sums, i, WIDTH * axis, count)
+
+
 @compiled(fastmath={"contract"}, error_model="numpy")
 def add_gradients_by_blocks(space, pairs, fields, kinematics, sums):
     """`passes.add_gradients`; fields: the vector in the first columns."""
     window, n, origin, filled = pairs.window, pairs.others.start.shape[0] - 1, 0, 0
     for block in range(pairs.block.shape[0]):
-        i, reached = WIDE * block, _reached(pairs, block)
-        origin = _turned(pairs, _SUMS + 9, origin, i, filled, reached)
+        i, reached = WIDE * block, reach(pairs, block)
+        origin = turned(pairs, _rows_of_gradients(space), origin, i, filled, reached)
         while filled < reached:
-            _enter(window, filled - origin, kinematics, filled)
+            enter_velocity(space, window, filled - origin, kinematics, filled)
             filled += WIDTH
         if pairs.block[block] >= 0:
-            _gradients_of_block(pairs, pairs.block[block], i - origin)
+            gradients_of_block(space, pairs, pairs.block[block], i - origin)
         for part in range(i, i + WIDE, WIDTH):
-            for axis in range(3):
-                _give(window, _SUMS + 3 * axis, part - origin, sums, part, WIDTH * axis, n - part)
+            give_gradients(space, window, part - origin, sums, part, n - part)
     add_gradients(space, pairs.others, fields, kinematics, sums)
 
 
 # --- forces ------------------------------------------------------------------------------------------------------
 
 
-@register_jitable
-def _enter_all(window, c, kinematics, record, i):
+@enter_all.otherwise
+def _enter_all(space, window, c, kinematics, record, i):
     zero = broadcast(0.0)
     _put_vector(window, _V, c, kinematics, i, _FIELD)
     _put_vector(window, _X, c, kinematics, i, _POSITION)
     # impedances stand in the pads of the stress
-    _put(window, _Z, c, _put_vector(window, _P, c, record, i, 0))
-    _put(window, _Z + 1, c, _put_vector(window, _P + 3, c, record, i, WIDTH))
+    put(window, _Z, c, _put_vector(window, _P, c, record, i, 0))
+    put(window, _Z + 1, c, _put_vector(window, _P + 3, c, record, i, WIDTH))
     _put_vector(window, _P + 6, c, record, i, 2 * WIDTH)
     for axis in range(3):
         _put_vector(window, _G + 3 * axis, c, record, i, (3 + axis) * WIDTH)
     for row in range(_T, _T + 6):
-        _put(window, row, c, zero)
+        put(window, row, c, zero)
 
 
 @register_jitable
 def _add_column(window, row, b, own, factor, result):
     """result + (own + that of b) factor."""
     return (
-        fused_wide(own[0] + _at(window, row, b), factor, result[0]),
-        fused_wide(own[1] + _at(window, row + 1, b), factor, result[1]),
-        fused_wide(own[2] + _at(window, row + 2, b), factor, result[2]),
+        fused_wide(own[0] + at(window, row, b), factor, result[0]),
+        fused_wide(own[1] + at(window, row + 1, b), factor, result[1]),
+        fused_wide(own[2] + at(window, row + 2, b), factor, result[2]),
     )
 
 
@@ -206,9 +186,9 @@ def _dot(u, v):
 
 @register_jitable
 def _take_all(window, row, b, values):
-    store_wide(window, row * STRIDE + b, _at(window, row, b) - values[0])
-    store_wide(window, (row + 1) * STRIDE + b, _at(window, row + 1, b) - values[1])
-    store_wide(window, (row + 2) * STRIDE + b, _at(window, row + 2, b) - values[2])
+    take(window, row, b, values[0])
+    take(window, row + 1, b, values[1])
+    take(window, row + 2, b, values[2])
 
 
 @register_jitable
@@ -236,23 +216,23 @@ def _stresses_of_block(pairs, pattern, c):
 def _dissipation_of_block(pairs, pattern, c):
     """D = k [Z_s u + (Z_p - Z_s)(u . x) x/|x|^2]."""
     window, patterns, zero = pairs.window, pairs.patterns, broadcast_wide(0.0)
-    v, x, fast, slow = _three(window, _V, c), _three(window, _X, c), _at(window, _Z, c), _at(window, _Z + 1, c)
+    v, x, fast, slow = _three(window, _V, c), _three(window, _X, c), at(window, _Z, c), at(window, _Z + 1, c)
     F, G, H = _three(window, _G, c), _three(window, _G + 3, c), _three(window, _G + 6, c)
     total = zero, zero, zero
     for k in range(patterns.first[pattern], patterns.first[pattern + 1]):
         b, s = c + patterns.rows[k], patterns.shape[k]
         step = patterns.shapes[s, 4], patterns.shapes[s, 5], patterns.shapes[s, 6]
-        u = _at(window, _V, b) - v[0], _at(window, _V + 1, b) - v[1], _at(window, _V + 2, b) - v[2]
+        u = at(window, _V, b) - v[0], at(window, _V + 1, b) - v[1], at(window, _V + 2, b) - v[2]
         if step[0] != 0.0:
             u = _add_column(window, _G, b, F, step[0], u)
         if step[1] != 0.0:
             u = _add_column(window, _G + 3, b, G, step[1], u)
         if step[2] != 0.0:
             u = _add_column(window, _G + 6, b, H, step[2], u)
-        y = _at(window, _X, b) - x[0], _at(window, _X + 1, b) - x[1], _at(window, _X + 2, b) - x[2]
-        shear, jump = slow + _at(window, _Z + 1, b), load_wide(patterns.lanes, 2 * WIDE * k + WIDE)
-        square = max(_dot(y, y), _NO_DISTANCE)
-        normal = jump * ((fast + _at(window, _Z, b)) - shear) * _dot(u, y) / square
+        y = at(window, _X, b) - x[0], at(window, _X + 1, b) - x[1], at(window, _X + 2, b) - x[2]
+        shear, jump = slow + at(window, _Z + 1, b), load_wide(patterns.lanes, 2 * WIDE * k + WIDE)
+        square = max(_dot(y, y), NO_DISTANCE)
+        normal = jump * ((fast + at(window, _Z, b)) - shear) * _dot(u, y) / square
         shear = jump * shear
         d = (
             fused_wide(shear, u[0], normal * y[0]),
@@ -264,20 +244,30 @@ def _dissipation_of_block(pairs, pattern, c):
     _add_all(window, _D, c, total)
 
 
+@forces_of_block.otherwise
+def _forces_of_block(space, pairs, pattern, c):
+    _stresses_of_block(pairs, pattern, c)
+    _dissipation_of_block(pairs, pattern, c)
+
+
+@give_forces.otherwise
+def _give_forces(space, window, c, force, i, count):
+    _give(window, _T, c, force, i, 0, count)
+    _give(window, _D, c, force, i, WIDTH, count)
+
+
 @compiled(fastmath={"contract"}, error_model="numpy")
 def add_forces_by_blocks(space, pairs, terms, kinematics, record, force):
     """`passes.add_forces`; terms: `MeanRiemann` with reconstruction."""
     window, n, origin, filled = pairs.window, pairs.others.start.shape[0] - 1, 0, 0
     for block in range(pairs.block.shape[0]):
-        i, reached = WIDE * block, _reached(pairs, block)
-        origin = _turned(pairs, _D + 3, origin, i, filled, reached)
+        i, reached = WIDE * block, reach(pairs, block)
+        origin = turned(pairs, _rows_of_forces(space), origin, i, filled, reached)
         while filled < reached:
-            _enter_all(window, filled - origin, kinematics, record, filled)
+            enter_all(space, window, filled - origin, kinematics, record, filled)
             filled += WIDTH
         if pairs.block[block] >= 0:
-            _stresses_of_block(pairs, pairs.block[block], i - origin)
-            _dissipation_of_block(pairs, pairs.block[block], i - origin)
+            forces_of_block(space, pairs, pairs.block[block], i - origin)
         for part in range(i, i + WIDE, WIDTH):
-            _give(window, _T, part - origin, force, part, 0, n - part)
-            _give(window, _D, part - origin, force, part, WIDTH, n - part)
+            give_forces(space, window, part - origin, force, part, n - part)
     add_forces_by_table(space, pairs.others, terms, kinematics, record, force)

@@ -83,7 +83,7 @@ class SmoothedWeights(PairWeights):
 
     def walked(self, system: Any) -> tuple[Any, Any]:
         """Along axes where all pairs are on lattices in space; with tables where few weights differ, by blocks where
-        particles in space lie in rows, too."""
+        particles lie in rows, too."""
         plain, found = (system.inner, system.rim), None
         dissipates = isinstance(system.terms, MeanRiemann) or system.terms is None
         if self.lattices is not None and system.space.dimension == 3 and dissipates:
@@ -93,14 +93,13 @@ class SmoothedWeights(PairWeights):
                 # any k_ab will do that both particles have
                 pairs.weight[:, system.space.dimension] = pairs.weight[:, system.space.dimension].astype(np.float32)
             found = by_tables(*plain, system.positions)
-            blocks = in_blocks(found[0]) if found and _reconstructed_in_space(system) else None
+            blocks = in_blocks(found[0], system.space.dimension) if found and _reconstructed(system.terms) else None
             found = (blocks, found[1]) if found and blocks is not None else found
         return found or plain
 
 
-def _reconstructed_in_space(system: Any) -> bool:
-    terms = system.terms
-    return system.space.dimension == 3 and isinstance(terms, MeanRiemann) and terms.reconstruction is not None
+def _reconstructed(terms: Any) -> bool:
+    return isinstance(terms, MeanRiemann) and terms.reconstruction is not None
 
 
 def corrections(system: Any) -> np.ndarray:

@@ -7,7 +7,7 @@ from solids import SOFT, simulation, supports, tables
 
 from parsolid.numerics.lanes import aligned_zeros
 from parsolid.numerics.wide_lanes import WIDE
-from parsolid.pairs import smoothed_weights
+from parsolid.pairs import block_lists, smoothed_weights
 from parsolid.pairs.axis_lists import neighbours_in
 from parsolid.pairs.block_lists import ROWS, STRIDE, in_blocks, is_in_blocks
 from parsolid.pairs.block_passes import add_forces_by_blocks, add_gradients_by_blocks
@@ -21,9 +21,9 @@ ROLLERS = supports(X=(0.0, "roller"), Y=(0.0, "roller"))
 
 def leap(size=(9, 8, 11), boundaries=(), **method) -> dict:
     """A box of unequal spacings that moves by one force evaluation a step."""
-    velocity = ["0.1*sin(X)*Y", "0.1*cos(X)", "0.1*X*Y"]
+    velocity = ["0.1*sin(X)*Y", "0.1*cos(X)", "0.1*X*Y"][: len(size)]
     method = {"integrator": "leapfrog"} | method
-    extent = [1.2, 0.9, 1.0], [0.0] * 3
+    extent = [1.2, 0.9, 1.0][: len(size)], [0.0] * len(size)
     more = {"material": SOFT, "method": method, "body": {"velocity": velocity}, "boundaries": list(boundaries)}
     return tables(size, *extent, **more)
 
@@ -38,14 +38,14 @@ def forces(sim) -> list[np.ndarray]:
 def without_blocks(data, comm, monkeypatch):
     """The same on lists with tables."""
     with monkeypatch.context() as patch:
-        patch.setattr(smoothed_weights, "in_blocks", lambda inner: None)
+        patch.setattr(smoothed_weights, "in_blocks", lambda inner, dimension: None)
         sim = simulation(data, comm)
     assert not is_in_blocks(sim.systems[0].pairs.inner)
     return sim
 
 
 @pytest.mark.parametrize("smoothing", [0.85, 1.2])
-@pytest.mark.parametrize("size", [(9, 8, 11), (6, 15, 9), (18, 19, 20)])
+@pytest.mark.parametrize("size", [(9, 8, 11), (6, 15, 9), (18, 19, 20), (21, 17), (45, 52)])
 def test_blocks_have_the_forces_of_tables(size, smoothing, comm, monkeypatch):
     data = leap(size, ROLLERS, smoothing=smoothing)
     blocks = simulation(data, comm)
@@ -60,9 +60,9 @@ def test_blocks_have_the_forces_of_tables(size, smoothing, comm, monkeypatch):
         assert np.abs(one - other).max(initial=0.0) < 1e-12 * scale
 
 
-def some_left(inner):
+def some_left(inner, dimension):
     """By blocks, but for every third one, whose pairs stay in the list."""
-    whole = in_blocks(inner)
+    whole = in_blocks(inner, dimension)
     left = (whole.block < 0) | (np.arange(len(whole.block)) % 3 == 1)
     degree = np.diff(inner.start)
     of_particle = np.repeat(left, WIDE)[: len(degree)]
@@ -72,11 +72,12 @@ def some_left(inner):
     return whole._replace(block=np.where(left, -1, whole.block).astype(np.int32), others=others)
 
 
-def test_blocks_that_are_left_to_the_list(comm, monkeypatch):
-    sim = without_blocks(leap(), comm, monkeypatch)
+@pytest.mark.parametrize("size", [(9, 8, 11), (31, 22)])
+def test_blocks_that_are_left_to_the_list(size, comm, monkeypatch):
+    sim = without_blocks(leap(size), comm, monkeypatch)
     sim.take_step(1e-3)
     pairs, storage = sim.systems[0].pairs, sim.systems[0].particles.storage
-    some = some_left(pairs.inner)
+    some = some_left(pairs.inner, len(size))
     owned = pairs.owned
     np.testing.assert_array_equal(neighbours_in(some, owned), neighbours_in(pairs.inner, owned))
     of_forces = pairs.terms, storage("kinematics"), storage("record")
@@ -89,7 +90,8 @@ def test_blocks_that_are_left_to_the_list(comm, monkeypatch):
         by_table(pairs.space, pairs.inner, *what, expected)
         by_blocks(pairs.space, some, *what, found)
         # pads of the forces are nobody's
-        one, other = (array[:owned].reshape(owned, -1, 4)[..., :3] for array in (found, expected))
+        counts = 4 if name == "pair_sums" else len(size)
+        one, other = (array[:owned].reshape(owned, -1, 4)[..., :counts] for array in (found, expected))
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-13 * np.abs(other).max())
 
 
@@ -124,3 +126,11 @@ def test_there_are_few_patterns_in_a_box_and_no_blocks_of_other_lists(comm):
     assert len(inner.patterns.first) - 1 < 0.8 * len(inner.block)
     for other in (leap(reconstruction=False), leap(dissipation=0.0), leap(integrator="ssp-rk3")):
         assert not is_in_blocks(simulation(other, comm).systems[0].pairs.inner)
+
+
+@pytest.mark.parametrize("size", [(9, 8, 11), (21, 17)])
+def test_many_particles_with_few_pairs_stay_in_tables(size, comm, monkeypatch):
+    monkeypatch.setattr(block_lists, "_MANY", {2: 0, 3: 0})
+    assert not is_in_blocks(simulation(leap(size), comm).systems[0].pairs.inner)
+    pairs = simulation(leap(size, smoothing=1.2), comm).systems[0].pairs.inner
+    assert comm.allreduce(is_in_blocks(pairs), MPI.LOR)

@@ -44,7 +44,7 @@ def difference(some, others, comm) -> float:
 )
 def test_lists_with_tables_have_the_forces_of_lists(dimension, method, comm, monkeypatch):
     data = leap(dimension, ROLLERS, **method)
-    monkeypatch.setattr(smoothed_weights, "in_blocks", lambda inner: None)
+    monkeypatch.setattr(smoothed_weights, "in_blocks", lambda inner, dimension: None)
     tabled = simulation(data, comm)
     pairs = tabled.systems[0].pairs
     assert isinstance(pairs.inner, InnerTable) and (pairs.rim is None or is_tabled(pairs.rim))
@@ -105,7 +105,9 @@ def test_no_rank_rounds_what_another_does_not(comm):
 
 
 def test_there_are_tables_where_few_weights_differ_and_one_evaluation_a_step(comm):
-    pairs = simulation(leap(2), comm).systems[0].pairs
+    # without blocks
+    plain = {"reconstruction": False}
+    pairs = simulation(leap(2, **plain), comm).systems[0].pairs
     neighbours, tabled = neighbours_in(pairs.inner, pairs.owned), is_tabled(pairs.inner)
     assert tabled and neighbours.max() == 8
     with pytest.raises(TypeError, match="with tables"):
@@ -113,8 +115,8 @@ def test_there_are_tables_where_few_weights_differ_and_one_evaluation_a_step(com
     with pytest.raises(TypeError, match="first columns"):
         pairs.gradient(None, (Vector(4),))
     for other in (
-        leap(2, body={"jitter": 0.2}),
-        leap(2, reference="updated", update_every=5),
-        leap(2, integrator="ssp-rk3"),
+        leap(2, body={"jitter": 0.2}, **plain),
+        leap(2, reference="updated", update_every=5, **plain),
+        leap(2, integrator="ssp-rk3", **plain),
     ):
         assert not is_tabled(simulation(other, comm).systems[0].pairs.inner)
