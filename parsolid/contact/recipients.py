@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from parsolid.contact.list_kernels import give_to_rows, hand_over, impulses, oscillation, take_from_rows
+from parsolid.contact.list_kernels import give_to_rows, hand_over, impulses, keep_velocities, oscillation, start_anew
 from parsolid.contact.lists import Segment
 from parsolid.methods.protocol import ParticleSystem
 
@@ -23,8 +23,7 @@ class Recipient:
         self.forces = np.zeros((3, len(self.rows), d))
         self.forces[1] = owned("contact_force")[self.rows]
         self.crossing = False
-        self.opened = None if system.verlet is None else np.zeros((len(self.rows), d))
-        self.started, self.place = np.zeros((len(self.rows), 2 * d)), np.zeros((len(self.rows), d))
+        self.started = np.zeros((len(self.rows), 2 * d))
         self.share = np.ascontiguousarray(system.share[: system.owned][self.rows])
         held = system.held_components()
         self.held = None if held is None or not held[self.rows].any() else held[self.rows]
@@ -42,16 +41,15 @@ class Recipient:
             return 0.0
         system = self.system
         owned = system.particles.owned_rows
-        if opening and self.opened is not None:
-            take_from_rows(owned("velocity"), self.rows, 0, self.opened)
-            give_to_rows(self.opened, self.rows, owned("contact_start")[:, self.forces.shape[2] :])
+        if opening and system.verlet is not None:
+            keep_velocities(self.rows, owned("velocity"), owned("contact_start"))
         if step == 0.0:
             return 0.0
-        force = self.forces[1] if opening or not self.crossing else self.forces[1] + self.forces[2]
-        rows, impulse = impulses(self.rows, force, self.share, 0.5 * step)
+        more = None if opening or not self.crossing else self.forces[2]
+        rows, impulse = impulses(self.rows, self.forces[1], more, self.share, 0.5 * step)
         if len(rows):
             (system.kick_before if opening else system.kick)(impulse, rows)
-        if opening or self.opened is None or system.substeps > 1:
+        if opening or system.verlet is None or system.substeps > 1:
             # of several steps of its own in one of all, the middle velocity is none that it had
             return 0.0
         arrays = system.mass, system.share, self.held, self.started, owned("velocity"), owned("position")
@@ -65,23 +63,15 @@ class Recipient:
 
     def take(self, force: np.ndarray, extra: np.ndarray | None) -> float:
         """Forces (entries, d) [N] in new places; the work [J] of those who guide particles since the last places."""
-        owned, forces = self.system.particles.owned_rows, self.forces
+        owned = self.system.particles.owned_rows
         shown, start, position = owned("contact_force"), owned("contact_start"), owned("position")
         if not self._clean:
             shown[:], self._clean = 0.0, True
-        forces[0] = forces[1]
-        hand_over(self.entry, self.recipient, force, forces[1])
         self.crossing = extra is not None
-        if extra is None:
-            forces[2] = 0.0
-        else:
-            hand_over(self.entry, self.recipient, extra, forces[2])
-        give_to_rows(forces[1], self.rows, shown)
-        work, d = 0.0, position.shape[1]
-        if self.held is not None:
-            moved = np.where(self.held, position[self.rows] - start[self.rows, :d], 0.0) * self.share[:, None]
-            work = -0.5 * float(np.sum(moved * forces.sum(axis=0)))
-        take_from_rows(start, self.rows, 0, self.started)
-        take_from_rows(position, self.rows, 0, self.place)
-        give_to_rows(self.place, self.rows, start)
-        return work
+        hand_over(self.entry, self.recipient, force, extra, self.forces)
+        start_anew(self.rows, self.forces[1], position, shown, start, self.started)
+        if self.held is None:
+            return 0.0
+        moved = position[self.rows] - self.started[:, : position.shape[1]]
+        moved = np.where(self.held, moved, 0.0) * self.share[:, None]
+        return -0.5 * float(np.sum(moved * self.forces.sum(axis=0)))
