@@ -4,8 +4,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parsolid.contact import passes
-from parsolid.contact.list_kernels import longest_step, time_until_pressed
+from parsolid.contact import passes, pressing
+from parsolid.contact.list_kernels import longest_step, spread, time_until_pressed
 from parsolid.contact.lists import SEEN
 
 # of R and of its penetration, by what a particle may come nearer or go in a step: its force is taken to change evenly
@@ -58,9 +58,9 @@ def step_ahead(
     if step == 0.0 or not len(moved):
         return float(np.inf)
     # of what an image moves, too
-    span = np.ptp(moved, axis=0) if lists.code is None else 2.0 * np.abs(moved).max(axis=0)
+    span = float(np.sqrt(spread(moved)[lists.code is not None]))
     most = _SLOW * FAST / float(matter.constants[:, 3].max())
-    if time / step * float(np.sqrt(span @ span)) <= most:
+    if time / step * span <= most:
         return float(np.inf)
     first, last = (levels_at(matter, lists, matter.place + when / step * moved) for when in (coming, coming + time))
     return meeting_step(matter.constants, first, last, time)
@@ -71,5 +71,5 @@ def levels_at(matter: passes.Matter, lists: passes.Lists, place: np.ndarray) -> 
     owned = len(lists.feels)
     colour, level, record = np.empty(owned), np.empty(owned), np.empty((owned, 2))
     arrays: Any = matter._replace(place=place), lists, True, colour, level, record
-    passes.colours(owned, *arrays)
+    pressing.colours(owned, *arrays)
     return level

@@ -5,6 +5,7 @@ W = N R^-d [(1 - q)^5 - 6 (2/3 - q)^5 + 15 (1/3 - q)^5], q = r/R, each bracket c
 
 import math
 from functools import cache, lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -15,17 +16,23 @@ _POINTS = 96
 
 
 @register_jitable
-def shape(q: float) -> float:
+def _fourth(x):
+    return (x * x) * (x * x)
+
+
+# of a float or of lanes
+@register_jitable
+def shape(q: Any) -> Any:
     """W over N R^-d at q = r/R."""
     third, second, first = max(0.0, 1.0 - q), max(0.0, 2.0 / 3.0 - q), max(0.0, 1.0 / 3.0 - q)
-    return third**5 - 6.0 * second**5 + 15.0 * first**5
+    return _fourth(third) * third - 6.0 * (_fourth(second) * second) + 15.0 * (_fourth(first) * first)
 
 
 @register_jitable
-def slope(q: float) -> float:
+def slope(q: Any) -> Any:
     """dW/dr over N R^-(d + 1) at q = r/R."""
     third, second, first = max(0.0, 1.0 - q), max(0.0, 2.0 / 3.0 - q), max(0.0, 1.0 / 3.0 - q)
-    return -5.0 * (third**4 - 6.0 * second**4 + 15.0 * first**4)
+    return -5.0 * (_fourth(third) - 6.0 * _fourth(second) + 15.0 * _fourth(first))
 
 
 @compiled

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from parsolid.collective import maximum, minimum, raise_together
-from parsolid.contact import passes
+from parsolid.contact import passes, pressing
 from parsolid.contact.boxes import Boxes
 from parsolid.contact.closing import FAST, Seen, closing_step, first_steps, step_ahead
 from parsolid.contact.depth import fill_depths, overlap
 from parsolid.contact.friction_kernels import friction
 from parsolid.contact.heat_kernels import others_heat, own_heat
-from parsolid.contact.list_kernels import give_to_rows, take_from_rows
+from parsolid.contact.list_kernels import give_levels, take_places
 from parsolid.contact.lists import Entries, Segment
 from parsolid.contact.recipients import Recipient
 from parsolid.contact.sides import areas_of, sides_of, slots_of
@@ -260,9 +260,6 @@ class KernelContact(Interaction):
         held: nothing has moved since the last evaluation, or it is the first; the stick history stays as it is.
         """
         entries, owned = self.entries, self.entries.owned
-        for one in entries.segments:
-            start = self.systems[one.system].particles.owned_rows("contact_start")
-            take_from_rows(start[:, : self.moved.shape[1]], one.rows, one.first, self.moved)
         before = self.level.copy()
         deepest = self._colours(anew=held)
         if not held:
@@ -275,10 +272,8 @@ class KernelContact(Interaction):
             self._rub(ledger, True if held else None)
         self._exchange(self.second)
         lists = entries.lists
-        passes.forces(owned, self.matter, lists, self.record, 0, True if self.rubs else None, self.force)
-        opens_or_closes = bool(self.record[:, 1].any())
-        if opens_or_closes:
-            passes.forces(owned, self.matter, lists, self.record, 1, None, self.extra)
+        pressing.forces(owned, self.matter, lists, self.record, 0, True if self.rubs else None, self.force)
+        opens_or_closes = pressing.forces(owned, self.matter, lists, self.record, 1, None, self.extra)
         if ledger is not None and self.warms:
             self._warm(ledger)
         work = sum(one.take(self.force, self.extra if opens_or_closes else None) for one in self.recipients)
@@ -298,16 +293,15 @@ class KernelContact(Interaction):
         entries, owned = self.entries, self.entries.owned
         for one in entries.segments:
             rows = self.systems[one.system].particles.owned_rows
-            take_from_rows(rows("position"), one.rows, one.first, self.place)
+            take_places(one.rows, one.first, rows("position"), rows("contact_start"), self.place, self.moved)
             if ahead:
                 self.place[one.first : one.last] += ahead * rows("velocity")[one.rows]
-        self.moved[:owned] = self.place[:owned] - self.moved[:owned]
         self._exchange(self.first)
         arrays = True if anew else None, self.colour, self.level, self.record
-        self.energy, deepest, where = passes.colours(owned, self.matter, entries.lists, *arrays)
+        self.energy, deepest, where = pressing.colours(owned, self.matter, entries.lists, *arrays)
         for one in entries.segments:
             field, slot = self.systems[one.system].particles.storage("contact_level"), self.sides.sides[one.side].slot
-            give_to_rows(self.level[one.first : one.last, None], one.rows, field[:, slot : slot + 1])
+            give_levels(self.level, one.first, one.rows, slot, field)
         return float(deepest), int(where)
 
     def _rub(self, ledger: EnergyLedger | None, held: Any) -> None:

@@ -83,11 +83,13 @@ def add_images(row, place, image, other, weight, inverse, total):
 
 
 @compiled
-def take_from_rows(source, rows, first, target):
-    """Rows (k,) of an array (n, d) into target[first:first + k]."""
+def take_places(rows, first, position, start, place, moved):
+    """Places of rows (k,) into place[first : first + k], and what they moved from the places with which rows of
+    `start` begin into moved[first : first + k]."""
     for k in range(len(rows)):
-        for i in range(source.shape[1]):
-            target[first + k, i] = source[rows[k], i]
+        for i in range(place.shape[1]):
+            place[first + k, i] = position[rows[k], i]
+            moved[first + k, i] = position[rows[k], i] - start[rows[k], i]
 
 
 @compiled
@@ -99,23 +101,72 @@ def give_to_rows(source, rows, target):
 
 
 @compiled
-def hand_over(entry, recipient, force, result):
-    """Sum the forces (n, d) of entries (m,) of each recipient into result (k, d)."""
-    result[:] = 0.0
-    for m in range(len(entry)):
-        for i in range(force.shape[1]):
-            result[recipient[m], i] += force[entry[m], i]
+def give_levels(level, first, rows, slot, target):
+    """Numbers level[first : first + k] into a column of rows (k,) of an array (n, slots)."""
+    for k in range(len(rows)):
+        target[rows[k], slot] = level[first + k]
 
 
 @compiled
-def impulses(rows, force, share, time):
-    """The rows on which a force (k, d) acts, and its impulse in a time [s] on the part `share` of each."""
+def hand_over(entry, recipient, part, force, extra, forces):
+    """Forces (3, k, d) of recipients in new places: those so far, the sums of the forces (n, d) of their entries (m,),
+    times the part (m,) that they are of whole particles' where not None, and of what these have besides, None without
+    any."""
+    for k in range(forces.shape[1]):
+        for i in range(forces.shape[2]):
+            forces[0, k, i], forces[1, k, i], forces[2, k, i] = forces[1, k, i], 0.0, 0.0
+    for m in range(len(entry)):
+        share = 1.0 if part is None else part[m]
+        for i in range(force.shape[1]):
+            forces[1, recipient[m], i] += share * force[entry[m], i]
+            if extra is not None:
+                forces[2, recipient[m], i] += share * extra[entry[m], i]
+
+
+@compiled
+def start_anew(rows, force, position, shown, start, started):
+    """Forces (k, d) and places of rows (k,) into those that are shown and that steps start from, (n, d) and (n, 2 d);
+    what stood there into started (k, 2 d)."""
+    d = force.shape[1]
+    for k in range(len(rows)):
+        a = rows[k]
+        for i in range(d):
+            started[k, i], started[k, d + i] = start[a, i], start[a, d + i]
+            shown[a, i], start[a, i] = force[k, i], position[a, i]
+
+
+@compiled
+def keep_velocities(rows, velocity, start):
+    """Velocities of rows (k,) behind the places (n, 2 d) from which a step starts."""
+    d = velocity.shape[1]
+    for k in range(len(rows)):
+        for i in range(d):
+            start[rows[k], d + i] = velocity[rows[k], i]
+
+
+@compiled
+def spread(moved):
+    """Square [m^2] of the diagonal of the box of displacements (n, d), and of the one that has their negatives, too."""
+    among, both = 0.0, 0.0
+    for i in range(moved.shape[1]):
+        low, high = math.inf, -math.inf
+        for a in range(len(moved)):
+            low, high = min(low, moved[a, i]), max(high, moved[a, i])
+        among += (high - low) ** 2
+        both += 4.0 * max(high, -low) ** 2
+    return among, both
+
+
+@compiled
+def impulses(rows, force, more, share, time):
+    """The rows (k,) on which a force (k, d) acts, and its impulse in a time [s] on the part `share` of each; more
+    (k, d): added to it where not None."""
     acting = np.empty(len(rows), np.int64)
     count = 0
     for k in range(len(rows)):
         some = False
         for i in range(force.shape[1]):
-            some = some or force[k, i] != 0.0
+            some = some or force[k, i] + (0.0 if more is None else more[k, i]) != 0.0
         acting[count] = k
         count += some
     result, chosen = np.empty((count, force.shape[1])), np.empty(count, np.int64)
@@ -123,7 +174,7 @@ def impulses(rows, force, share, time):
         k = acting[m]
         chosen[m] = rows[k]
         for i in range(force.shape[1]):
-            result[m, i] = time * share[k] * force[k, i]
+            result[m, i] = time * share[k] * (force[k, i] + (0.0 if more is None else more[k, i]))
     return chosen, result
 
 

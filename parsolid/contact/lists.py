@@ -164,7 +164,9 @@ class Entries:
                 neighbours.append(neighbour[chosen])
                 codes.append(np.full(len(chosen), len(tables), np.int8))
                 tables.append((R, T))
-        self.table = np.zeros((2, len(tables), 3))
+        self.table = np.zeros((2, len(tables), 4))
+        # of what lies beyond the dimension nothing changes
+        self.table[0] = 1.0
         self.table[:, :, :d] = np.array(tables).swapaxes(0, 1)
         row, neighbour, code = (np.concatenate(pieces) for pieces in (rows, neighbours, codes))
         order = np.argsort(row, kind="stable")

@@ -14,12 +14,12 @@ import numpy as np
 
 from decomposition.compiled import compiled
 from decomposition.deferred import register_jitable
-from parsolid.contact.kernel import shape, slope
+from parsolid.contact.kernel import shape
 
 
 class Lists(NamedTuple):
     """Neighbours of entry a are neighbour[start[a]] .. neighbour[start[a + 1] - 1]; code (0: none) and table
-    (2, codes, 3), R and T of images behind symmetry planes, are None without any; feels (owned,): whether a may press.
+    (2, codes, 4), R and T of images behind symmetry planes, are None without any; feels (owned,): whether a may press.
     """
 
     start: Any
@@ -63,36 +63,6 @@ def distance(matter, near, a, k, x):
     return math.sqrt(square) if square < 1.0 else 1.0
 
 
-@register_jitable
-def fill_columns(place, columns):
-    """Places (n, d) into columns (3, n), which are zero beyond the dimension."""
-    for a in range(len(place)):
-        for i in range(place.shape[1]):
-            columns[i, a] = place[a, i]
-
-
-@register_jitable
-def apart(near, a, k, columns):
-    """x_a - x_b of pair k of an entry, three components, and its square."""
-    b = near.neighbour[k]
-    u = columns[0, a] - _reflected(near.code, near.table, columns[0, b], k, 0, 1.0)
-    v = columns[1, a] - _reflected(near.code, near.table, columns[1, b], k, 1, 1.0)
-    w = columns[2, a] - _reflected(near.code, near.table, columns[2, b], k, 2, 1.0)
-    return u, v, w, u * u + v * v + w * w
-
-
-@register_jitable
-def colour_of(matter, near, a, columns):
-    """Colour of an entry."""
-    total, inverse = 0.0, matter.constants[a, 3]
-    limit = 1.0 / (inverse * inverse)
-    for k in range(near.start[a], near.start[a + 1]):
-        square = apart(near, a, k, columns)[3]
-        if square < limit:
-            total += matter.volume[near.neighbour[k]] * shape(math.sqrt(square) * inverse)
-    return total * matter.constants[a, 4]
-
-
 @compiled(error_model="numpy")
 def may_feel(owned, matter, near, skin, share):
     """1 for owned entries that may see more than a share of their threshold while pairs approach by a skin (owned,)
@@ -122,33 +92,6 @@ def crossing(before, now):
     if before > 0.0 >= now:
         return before * now / (before - now)
     return 0.0
-
-
-@compiled(fastmath={"contract"}, error_model="numpy")
-def colours(owned, matter, near, new, colour, level, record):
-    """Colours, penetrations (owned,) [m] less those at which nothing acts, and q of the owned entries.
-
-    near.feels (owned,): which those are; new: not None where `level` does not hold the penetrations before the step.
-    Returns the stored energy [J], the deepest penetration [m] and whose that is.
-    """
-    energy, deepest, where, constants = 0.0, 0.0, -1, matter.constants
-    columns = np.zeros((3, len(matter.place)))
-    fill_columns(matter.place, columns)
-    for a in range(owned):
-        record[a, 0] = record[a, 1] = colour[a] = 0.0
-        if not near.feels[a]:
-            level[a] = -1.0 / constants[a, 3]
-            continue
-        colour[a] = colour_of(matter, near, a, columns)
-        now = (colour[a] - constants[a, 0]) * constants[a, 1]
-        if new is None:
-            record[a, 1] = constants[a, 2] * constants[a, 1] * crossing(level[a], now)
-        level[a], depth = now, max(0.0, now)
-        record[a, 0] = constants[a, 2] * depth * constants[a, 1]
-        energy += 0.5 * matter.share[a] * constants[a, 2] * depth * depth
-        if depth > deepest:
-            deepest, where = depth, a
-    return energy, deepest, where
 
 
 @register_jitable
@@ -182,54 +125,3 @@ def reaction(matter, near, record, a, k, q, force):
     part *= matter.constants[a, 4] * matter.volume[a] * shape(q) * record[near.neighbour[k], 2]
     for i in range(d):
         force[a, i] -= part * put(record, 3, near, k, i, 0.0)
-
-
-@register_jitable
-def acts(near, a, pull):
-    """Whether any pair of an entry has a force."""
-    first, most = np.uintp(near.start[a]), abs(pull[a])
-    for j in range(np.uintp(near.start[a + 1]) - first):
-        most = max(most, abs(pull[np.uintp(near.neighbour[first + j])]))
-    return most > 0.0
-
-
-@register_jitable
-def push(matter, near, a, pull, columns):
-    """Force on an entry, three components [N], of the gradient of the energy."""
-    inverse, volume = matter.constants[a, 3], matter.volume
-    factor, mine, own, limit = -matter.constants[a, 4] * inverse, pull[a], volume[a], 1.0 / (inverse * inverse)
-    x, y, z = 0.0, 0.0, 0.0
-    for k in range(near.start[a], near.start[a + 1]):
-        b = near.neighbour[k]
-        if mine == 0.0 and pull[b] == 0.0:
-            continue
-        u, v, w, square = apart(near, a, k, columns)
-        # the slope is zero in the centre
-        if 0.0 < square < limit:
-            length = math.sqrt(square)
-            over = factor * slope(length * inverse) * (mine * volume[b] + pull[b] * own) / length
-            x, y, z = x + over * u, y + over * v, z + over * w
-    return x, y, z
-
-
-@compiled(fastmath={"contract"}, error_model="numpy")
-def forces(owned, matter, near, record, column, rubbing, force):
-    """Forces (owned, d) [N] on the owned entries: the gradient of the energy, and friction where `rubbing` is not None;
-    of the particle as a whole where a symmetry plane cuts it. column: of the record, that of q."""
-    d, pull, x = matter.place.shape[1], record[:, column].copy(), np.empty(3)
-    columns = np.zeros((3, len(matter.place)))
-    fill_columns(matter.place, columns)
-    for a in range(owned):
-        for i in range(d):
-            force[a, i] = 0.0 if rubbing is None else record[a, 3 + i]
-        if not acts(near, a, pull):
-            continue
-        x[0], x[1], x[2] = push(matter, near, a, pull, columns)
-        for i in range(d):
-            force[a, i] += x[i]
-        if rubbing is not None:
-            for k in range(near.start[a], near.start[a + 1]):
-                if record[near.neighbour[k], 2] > 0.0:
-                    q = distance(matter, near, a, k, x)
-                    if q < 1.0:
-                        reaction(matter, near, record, a, k, q, force)
