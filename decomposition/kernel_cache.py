@@ -37,6 +37,8 @@ PLAIN = compile_short is None or PLAIN_ASKED
 _WAY = "numba" if PLAIN else WAY
 # files that nothing has asked for in so many seconds are removed
 _KEPT = 90 * 86400.0
+# nobody is still writing a file that is so many seconds old
+_WRITTEN = 86400.0
 # how long a process waits for another that compiles the same function, and how often it looks, in seconds
 _PATIENCE, _GLANCE = 600.0, 0.02
 
@@ -203,9 +205,10 @@ class KernelCache(_Cache):  # type: ignore[misc]
 
 @functools.cache
 def _forget_unused(where: Path) -> None:
-    """Remove old files, once in a process."""
+    """Remove old files, and what a writer that was killed has left, once in a process."""
     now = time.time()
-    for path in where.glob("*.kernel"):
-        with suppress(OSError):
-            if now - path.stat().st_mtime > _KEPT:
-                path.unlink()
+    for pattern, kept in (("*.kernel", _KEPT), (".new-*", _WRITTEN)):
+        for path in where.glob(pattern):
+            with suppress(OSError):
+                if now - path.stat().st_mtime > kept:
+                    path.unlink()

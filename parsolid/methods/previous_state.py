@@ -94,7 +94,8 @@ def _taken(system: Any, velocity: PreviousField, here: np.ndarray, places: np.nd
         rows = two_axes(system.particles.owned_rows(name))
         steps = _steps_with(velocity, name, rows.shape[1])
         if not steps:
-            yield f"{key}: expected results with the state of this method, {_missing(velocity, name, rows.shape[1])}"
+            told = _missing(velocity, name, rows.shape[1])
+            yield f"{key}: expected results with the state of this method, {told}{settings.without_state(name)}"
             return
         source = PreviousField(steps, STATE + name, velocity.dimension, rows.shape[1])
         if any(fnmatchcase(name, one) for one in settings.evolved_of_particles):

@@ -95,6 +95,10 @@ class MethodSettings(SceneModel):
         """What a scene asks for of the method's bodies that costs accuracy where it need not, in words."""
         return []
 
+    def without_state(self, name: str) -> str:
+        """What a scene can state so that it does without a field of the method's state that results lack, in words."""
+        return ""
+
     def touching(self) -> str:
         """What bodies of the method do that touch and that no contact names, in words."""
         return "bonded where they touch"

@@ -114,7 +114,8 @@ class Restart:
         if self.rows.shape[1] != len(ledger.values):
             raise SolverError(
                 f"method: expected one with the {self.rows.shape[1]} energy terms of the checkpoint {self.path}, "
-                f"found {len(ledger.values)}"
+                f"found {len(ledger.values)}; an earlier version that has written it goes on with it, and "
+                'this one from results with output.fields = ["state"], which [[initial]] takes'
             )
         ledger.initial = header["initial_energy"]
         if self.same_ranks:

@@ -1,12 +1,14 @@
 """Kernels from files: a call needs their machine code alone, the compilation of a caller what stands behind it."""
 
 import gc
+import os
+import time
 
 import numpy as np
 import pytest
 from numba.core.runtime import _nrt_python, rtsys
 
-from decomposition import kernel_places, loaded_kernels
+from decomposition import kernel_cache, kernel_places, loaded_kernels
 from decomposition.compiled import compiled
 from decomposition.loaded_kernels import LoadedKernel
 
@@ -95,3 +97,11 @@ def test_a_file_that_is_cut_off_is_as_good_as_none(cut, files):
     again = compiled(_total)
     assert again(np.arange(3.0)) == 3.0 and not again.stats.cache_hits
     assert len(path.read_bytes()) == len(content)
+
+
+def test_what_a_killed_writer_has_left_is_removed_after_a_day(files):
+    for name, days in ((".new-old", 2.0), (".new-now", 0.0), ("used.kernel", 2.0)):
+        (files / name).touch()
+        os.utime(files / name, (time.time() - 86400.0 * days,) * 2)
+    kernel_cache._forget_unused.__wrapped__(files)
+    assert sorted(path.name for path in files.iterdir()) == [".new-now", "used.kernel"]

@@ -50,3 +50,14 @@ def test_linear_weights_with_slopes_turn_blocks_inside_out_and_the_usual_ones_do
     data["method"] |= {"transfer": "aflip", "flip_fraction": 0.99}
     with pytest.raises(RunFailed, match="the Jacobian is not positive"):
         run_to_end(data)
+
+
+@pytest.mark.serial
+def test_slopes_on_linear_weights_are_told_without_contact_too():
+    def told(method: dict) -> list[str]:
+        scene = parse_scene(blocks(method, None))
+        return scene.systems[0].settings.notes(scene, scene.systems[0].bodies)
+
+    (note,) = told({"basis": "linear", "transfer": "aflip"})
+    assert "on linear weights is unstable" in note
+    assert told({"basis": "linear"}) == told({"transfer": "aflip"}) == []

@@ -80,7 +80,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     section = "show a section of bodies in space, such as 'Y = 0'"
     parser.add_argument("--slice", type=cut_plane("="), metavar="PLANE", help=section)
     parser.add_argument("--only", metavar="NAMES", help="draw these bodies alone, by name or number: rod or 0,2")
-    parser.add_argument("--along", type=axes, default=(), metavar="AXIS", help="curves over one coordinate, no bodies")
+    parser.add_argument("--along", type=axes, default=(), metavar="AXIS", help="values over one coordinate, no bodies")
     parser.add_argument(
         "--follow", action="store_true", help="keep the middle of the bodies in the middle of the picture"
     )

@@ -1,4 +1,4 @@
-"""Fields as curves over one coordinate, one a time."""
+"""Fields over one coordinate, each time in its colour."""
 
 from pathlib import Path
 
@@ -17,7 +17,10 @@ _SIZE, _DOTS_PER_INCH = (640, 420), 100
 def write_lines(
     results: Results, field: str, steps: list[int], path: Path, size: tuple[int, int] | None = None, axis: int = 0
 ) -> None:
-    """Draw a field at some steps into one figure, over the present coordinate `axis` of all particles."""
+    """Draw a field at some steps into one figure, over the present coordinate `axis` of all particles: curves of a bar,
+    points of bodies in the plane and in space, where many particles have the same coordinate.
+    """
+    look = {"linewidth": 1.1} if results.dimension == 1 else {"linestyle": "none", "marker": ".", "markersize": 3.0}
     frames = list(results.frames(steps, field))
     labels = time_labels([frame.time for frame in frames])
     largest = max((np.nanmax(np.abs(frame.values)) for frame in frames), default=0.0)
@@ -32,7 +35,7 @@ def write_lines(
         place = frame.position[:, axis]
         order = np.argsort(place)
         colour = colormaps["viridis"](0.9 * number / max(1, len(frames) - 1))
-        axes.plot(place[order] / length, frame.values[order] / unit, color=colour, linewidth=1.1, label=text)
+        axes.plot(place[order] / length, frame.values[order] / unit, color=colour, label=text, **look)
     axes.set_xlabel(labelled("xyz"[axis], metres))
     axes.set_ylabel(labelled(words_of(field), label))
     axes.set_title(results.title, fontsize=12)

@@ -141,6 +141,11 @@ class MaterialPoint(MethodSettings):
         as_ever = stated or self.basis == "linear" or not in_contact(scene, bodies)
         return {} if as_ever else {"transfer": "aflip", "flip_fraction": 0.99}
 
+    def without_state(self, name: str) -> str:
+        """Slopes are of the transfer that bodies in contact have unless it is stated."""
+        told = "; bodies in contact have method.transfer = 'aflip' unless it is stated, 'flip' does without"
+        return told if name == "velocity_slope" else ""
+
     def contact_refused(self, scene: Any) -> str | None:
         """Between bodies with grids of their own; nothing of one body could part on its grid."""
         alone = any(len(one.bodies) == 1 and one.bodies[0] in {b.name for b in scene.bodies} for one in scene.contact)
@@ -148,6 +153,9 @@ class MaterialPoint(MethodSettings):
 
     def notes(self, scene: Any, bodies: Iterable[int]) -> list[str]:
         """Bodies in contact whose transfer nobody has asked for: it is not that of others."""
+        slopes = self.transfer == "aflip" and self.basis == "linear"
+        if slopes:
+            return [f"method.transfer = {self.transfer!r} on linear weights is unstable: 'flip', or basis = a spline"]
         # with a grid for each body one tells for all
         alike = [i for one in scene.systems if one.settings is self for i in one.bodies]
         usual = self.usual(scene, alike) if alike[0] in bodies else {}
