@@ -14,7 +14,8 @@ from decomposition.argument_kinds import classes_in, kind_of, number_codes
 from decomposition.compiled import WAY, ordered
 from decomposition.deferred import numba_is_there
 from decomposition.kernel_places import note_use, path_of
-from decomposition.machine_code import function_of, in_c, way
+from decomposition.machine_code import function_of, in_c
+from decomposition.processor import described
 
 
 class _Omitted:
@@ -35,7 +36,7 @@ _LINKING = threading.RLock()
 def _way() -> tuple[Any, ...]:
     """The processor, and how numba is set where nobody has said anything."""
     # `compiled` sees to it that this is a number
-    return (*way(), WAY, int(os.environ.get("NUMBA_SLP_VECTORIZE", "0")), 3, None)
+    return (*described(), WAY, int(os.environ.get("NUMBA_SLP_VECTORIZE", "0")), 3, None)
 
 
 class FileKernel(_IN_C.dispatcher.Dispatcher):  # type: ignore[misc, name-defined]

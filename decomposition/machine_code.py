@@ -1,4 +1,5 @@
-"""Machine code of kernels' files in memory, without numba: by LLVM's linker and those parts of numba that are in C.
+"""Machine code of kernels' files in memory, without numba: by addresses written (`direct_linking`) or by LLVM's linker,
+with those parts of numba that are in C.
 
 Those parts are loaded from their files, for importing them by their names would import all of numba; numba finds them
 as it would its own when it is imported later.
@@ -11,7 +12,6 @@ import hashlib
 import os
 import pickle
 import sys
-from contextlib import suppress
 from importlib import import_module
 from importlib.machinery import EXTENSION_SUFFIXES, ExtensionFileLoader, ModuleSpec
 from importlib.util import module_from_spec
@@ -19,10 +19,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
-import llvmlite.binding as llvm
-
+from decomposition import direct_linking
 from decomposition.kernel_files import UNREADABLE, called_part, constants_of
 from decomposition.kernel_places import numba_folder
+from decomposition.processor import described
 
 _PARTS = ("_dispatcher", "_dynfunc", "_helperlib", "core.typeconv._typeconv", "core.runtime._nrt_python")
 
@@ -77,36 +77,25 @@ def _read_once(address: int, content: bytes, digest: bytes) -> Any:
     return _READ[key]
 
 
-def _features_of_host() -> str:
-    """What the processor can do, as numba tells LLVM; nothing where LLVM does not know."""
-    with suppress(RuntimeError):
-        return str(llvm.get_host_cpu_features().flatten())
-    return ""
-
-
 def features() -> frozenset[str]:
     """Names of what kernels are compiled for, by which their files are named: not more than the processor can, and less
     where numba is set to compile for others, too.
     """
     generic = os.environ.get("NUMBA_CPU_NAME", "").lower() == "generic"
     set_so = os.environ.get("NUMBA_CPU_FEATURES") or ("" if generic or "NUMBA_CPU_FEATURES" in os.environ else None)
-    told = (_features_of_host() if set_so is None else set_so).split(",")
+    told = (described()[2] if set_so is None else set_so).split(",")
     without_avx = set_so is None and os.environ.get("NUMBA_ENABLE_AVX") == "0"
     return frozenset(it[1:] for it in told if it[:1] == "+" and not (without_avx and it[1:4] == "avx"))
 
 
 @functools.cache
-def way() -> tuple[Any, ...]:
-    """The processor, as numba names it."""
-    return llvm.get_process_triple(), llvm.get_host_cpu_name(), _features_of_host()
-
-
-@functools.cache
 def _engine() -> Any:
-    """Where machine code is linked, set as numba sets its own. As there, it stays to the end."""
+    """Where LLVM links machine code, set as numba sets its own. As there, it stays to the end."""
+    import llvmlite.binding as llvm
+
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    triple, processor, features = way()
+    triple, processor, features = described()
     target = llvm.Target.from_triple(triple)
     reloc = "static" if target.name.startswith("x86") else "default"
     machine = target.create_target_machine(
@@ -143,7 +132,9 @@ _KNOWN: set[str] = set()
 
 
 def _find(symbol: str) -> bool:
-    """Whether the linker knows what machine code calls; it would end the process otherwise."""
+    """Whether LLVM's linker knows what machine code calls; it would end the process otherwise."""
+    import llvmlite.binding as llvm
+
     if symbol not in _KNOWN:
         address = _offered().get(symbol)
         if address is not None:
@@ -167,29 +158,51 @@ def _environment(name: str, module: str | None, constants: list[Any]) -> Any:
     return _ENVIRONMENTS[name]
 
 
+def _address_of(symbol: str) -> int | None:
+    return _offered().get(symbol) or direct_linking.address_in_process(symbol)
+
+
+def _linked(code: bytes, needed: list[str], names: list[str]) -> dict[str, int] | None:
+    """Addresses of names in machine code, which is in memory from then on; None where something is not known."""
+    try:
+        found = direct_linking.linked(code, _address_of)
+    except OSError:
+        found = None
+    if found is not None and all(it in found for it in names):
+        return found
+    import llvmlite.binding as llvm
+
+    # symbols of this process are known to LLVM once there is one
+    engine = _engine()
+    if not all(map(_find, needed)):
+        return None
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    entry, *variables = names
+    return {entry: engine.get_function_address(entry)} | {it: engine.get_global_value_address(it) for it in variables}
+
+
 def function_of(path: Path) -> Any:
     """What Python calls, of a kernel's file; None where there is none or where it is numba's affair."""
     try:
         code, function, environments, needed, alone, *_ = called_part(path)
         module, qualified_name, symbol = function
-        # symbols of this process are known to LLVM once there is one
-        engine = _engine()
-        if not alone or needed is None or not all(map(_find, needed)):
+        if not alone or needed is None:
+            return None
+        at = _linked(code, needed, [symbol, *(name for name, _, _ in environments)])
+        if at is None:
             return None
         kept = [(name, _environment(name, place, constants_of(it))) for name, place, it in environments]
-        engine.add_object_file(llvm.ObjectFileRef.from_data(code))
-        engine.finalize_object()
-        address = engine.get_function_address(symbol)
         made = in_c().functions.make_function(
             sys.modules[module],
             qualified_name.rpartition(".")[2],
             f"compiled wrapper for {qualified_name!r}",
-            address,
+            at[symbol],
             kept[0][1],
             (),
         )
     except UNREADABLE:
         return None
     for name, environment in kept:
-        ctypes.c_void_p.from_address(engine.get_global_value_address(name)).value = id(environment)
+        ctypes.c_void_p.from_address(at[name]).value = id(environment)
     return made

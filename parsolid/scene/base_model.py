@@ -99,21 +99,30 @@ class SceneModel(BaseModel):
         return result
 
 
+def kinds_of(model: type[SceneModel]) -> tuple[str, ...]:
+    """What the key `kind` of a model's table may be."""
+    return get_args(model.model_fields["kind"].annotation)
+
+
 class ByKind:
     """Annotation of a field whose table's `kind` chooses one of several models.
 
-    known: the attribute of a method's settings that lists the kinds which the method knows, "" where all will do;
-    renamed: kinds that have another name now.
+    models: those, or them by kind; known: the attribute of a method's settings that lists the kinds which the method
+    knows, "" where all will do; renamed: kinds that have another name now.
     """
 
     renamed: Mapping[str, str] = MappingProxyType({})
 
     def __init__(
-        self, models: tuple[type[SceneModel], ...], known: str = "", renamed: Mapping[str, str] | None = None
+        self,
+        models: "tuple[type[SceneModel], ...] | Mapping[str, type[SceneModel]]",
+        known: str = "",
+        renamed: Mapping[str, str] | None = None,
     ) -> None:
         self.known = known
         self.renamed = renamed or self.renamed
-        self.models = {kind: model for model in models for kind in get_args(model.model_fields["kind"].annotation)}
+        by_kind = models if isinstance(models, Mapping) else {kind: one for one in models for kind in kinds_of(one)}
+        self.models: Any = by_kind
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         return core_schema.with_info_plain_validator_function(self._validate)
@@ -125,7 +134,7 @@ class ByKind:
 
     def tables(self) -> dict[str, type[SceneModel]]:
         """Every kind and its model, of any method."""
-        return self.models
+        return dict(self.models)
 
     def allowed(self, info: ValidationInfo, table: object = None) -> list[str]:
         """Kinds that the scene's method knows, or that of the body which a raw table names, in the method's order."""
@@ -134,7 +143,8 @@ class ByKind:
         return [kind for kind in stated if kind in self.models]
 
     def _validate(self, value: Any, info: ValidationInfo) -> Any:
-        if isinstance(value, self.instances):
+        # a raw table first: asking what else there may be imports all models
+        if not isinstance(value, dict) and isinstance(value, self.instances):
             return value
         if not isinstance(value, dict):
             raise mismatch("a table", value)
@@ -143,11 +153,13 @@ class ByKind:
 
     def chosen(self, value: dict[str, Any], info: ValidationInfo) -> type[SceneModel]:
         """The model for a raw table; raises ValidationError where it names none."""
+        model = self.choose(value)
+        if model is not None and not self.known:
+            return model
         allowed = self.allowed(info, value)
         kinds = ", ".join(map(repr, allowed))
         if "kind" not in value:
             reject((("kind",), f"one of {kinds}", NOTHING))
-        model = self.choose(value)
         if model is None and isinstance(value["kind"], str) and value["kind"] in self.renamed:
             new = self.renamed[value["kind"]]
             reject((("kind",), f"{new!r}, as this kind is called now", value["kind"]))
@@ -164,7 +176,8 @@ class ByKind:
     def choose(self, table: object) -> type[SceneModel] | None:
         """The model for a table's kind, None when there is no such kind."""
         kind = table.get("kind") if isinstance(table, dict) else None
-        return self.models.get(kind) if isinstance(kind, str) else None
+        found: type[SceneModel] | None = self.models.get(kind) if isinstance(kind, str) else None
+        return found
 
 
 class TableOr:

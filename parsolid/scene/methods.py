@@ -3,35 +3,61 @@
 A scene has one method for all bodies, `[method]`, or several with names, `[[methods]]`, of which each body names one.
 """
 
+import functools
 import os
+from collections.abc import Iterator, Mapping
 from importlib import import_module
 from pkgutil import iter_modules
 from typing import Annotated, Any
 
 from pydantic import Field, ValidationInfo, create_model, model_serializer
 
-from parsolid.scene.base_model import ByKind, SceneModel, by_kind, mismatch, reject
+from parsolid.scene.base_model import ByKind, SceneModel, kinds_of, mismatch, reject
 from parsolid.scene.bodies import Name, own_method
 from parsolid.scene.method_settings import MethodSettings
 from parsolid.scene.validation_errors import NOTHING
 
 
-def _settings_of_all_methods() -> tuple[type[MethodSettings], ...]:
-    """The class that each method's `settings` module defines; a new method is a new folder, found here."""
-    found = []
-    for room in iter_modules(import_module("parsolid.methods").__path__):
-        if room.ispkg:
-            module = import_module(f"parsolid.methods.{room.name}.settings")
-            found += [one for one in vars(module).values() if _is_defined_in(one, module.__name__)]
-    return tuple(found)
+class _Tables(Mapping[str, type[MethodSettings]]):
+    """Kind -> the class of settings of every method; a new method is a new folder, found here.
+
+    A method's `settings` module is imported when it is asked for by its kind, if that is the folder's name, and all are
+    when anything else is asked: a scene has one method, and tables of all are slow to make.
+    """
+
+    @functools.cached_property
+    def _rooms(self) -> list[str]:
+        return [room.name for room in iter_modules(import_module("parsolid.methods").__path__) if room.ispkg]
+
+    @functools.cached_property
+    def _all(self) -> dict[str, type[MethodSettings]]:
+        return {kind: model for room in self._rooms for kind, model in _settings_in(room).items()}
+
+    def __getitem__(self, kind: str) -> type[MethodSettings]:
+        own = _settings_in(kind) if kind in self._rooms else {}
+        return own[kind] if kind in own else self._all[kind]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._all)
+
+    def __len__(self) -> int:
+        return len(self._all)
+
+
+@functools.cache
+def _settings_in(room: str) -> dict[str, type[MethodSettings]]:
+    """Kind -> class of what the `settings` module of a method's folder defines."""
+    module = import_module(f"parsolid.methods.{room}.settings")
+    found = [one for one in vars(module).values() if _is_defined_in(one, module.__name__)]
+    return {kind: one for one in found for kind in kinds_of(one)}
 
 
 def _is_defined_in(thing: object, module: str) -> bool:
     return isinstance(thing, type) and issubclass(thing, MethodSettings) and thing.__module__ == module
 
 
-_SETTINGS = _settings_of_all_methods()
-Method: Any = by_kind(*_SETTINGS)
+_SETTINGS = _Tables()
+Method: Any = Annotated[Any, ByKind(_SETTINGS)]
 
 
 def method_kinds() -> tuple[str, ...]:

@@ -22,6 +22,19 @@ def test_what_every_run_imports_has_nothing_that_few_need():
     assert found.stdout.strip() == "[]"
 
 
+@pytest.mark.parametrize("kind", METHODS)
+def test_a_scene_of_one_method_imports_the_settings_of_no_other(kind):
+    program = f"""import sys
+from parsolid.scene.methods import method_kinds, settings_class
+import parsolid.commands.run
+found = settings_class({{"kind": {kind!r}}})
+named = [name.split(".")[2] for name in sys.modules if name.endswith(".settings") and "methods" in name]
+print(found.system.split(".")[2], *named)
+print(settings_class({{"kind": "none"}}), *sorted(method_kinds()))"""
+    found = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert found.stdout.splitlines() == [f"{kind} {kind}", f"None {' '.join(sorted(METHODS))}"]
+
+
 @pytest.fixture
 def collector():
     """Looks for garbage afterwards, in all that there is."""

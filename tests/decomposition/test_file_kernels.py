@@ -156,6 +156,24 @@ def test_a_file_is_called_without_numba(run):
     ]
 
 
+_LINKED_BY_LLVM = """
+from decomposition import direct_linking
+direct_linking.linked = lambda code, address_of: None
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.uname().machine != "x86_64", reason="LLVM links on other processors")
+def test_a_file_is_called_without_llvm(run):
+    call = "show(doubled(Pair(np.arange(2.0), 1.0), 0.5), split(np.arange(3.0), 2))"
+    program = f"{call}; print('llvmlite' in sys.modules)"
+    values = "3.5 Pair(first=array([0., 1.]), second=1.0)"
+    assert run(program).splitlines() == [f"{values} ['doubled', 'split'] True", "True"]
+    assert run(program).splitlines() == [f"{values} [] False", "False"]
+    # what is asked for in another way than usual LLVM links
+    assert run(program, _LINKED_BY_LLVM).splitlines() == [f"{values} [] False", "True"]
+
+
 @pytest.mark.slow
 def test_what_numba_decides_is_left_to_it(run):
     plain = "show(doubled(Pair(np.arange(2.0), 1.0), 0.5))"
