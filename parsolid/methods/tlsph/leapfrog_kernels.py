@@ -12,14 +12,13 @@ from parsolid.materials.viscoelastic.maxwell import branch_dissipation, relaxed
 from parsolid.methods.tlsph.deformation import (
     branch_sum_of,
     current_branches,
-    dissipation_of,
     largest_bound,
     propagating,
 )
 from parsolid.methods.tlsph.moved import gradient_in_reference, waves_in_reference
 from parsolid.methods.tlsph.strain import load_strain
 from parsolid.numerics.dispatch import generic, none_without
-from parsolid.numerics.lanes import WIDTH, all_positive, broadcast, lane, load, store
+from parsolid.numerics.lanes import WIDTH, all_positive, broadcast, from_floats, lane, load, store, total
 from parsolid.numerics.layout import (
     load_branch,
     load_correction,
@@ -83,7 +82,7 @@ def _greatest_form(weights, fast, slow):
     return max(greater, _weighted(weights.third, fast, slow))
 
 
-@none_without("branches")
+@none_without("branches", inlined=True)
 def _relax(branches, space, law, relaxation, i, F0, F, count):
     """Relax A over the step; sum mu_alpha A_alpha at its end, and the energy [J/m^3] that this takes."""
     C0, C = gram(F0), gram(F)
@@ -128,23 +127,48 @@ def _half_impedance(space, law, body, i, waves):
 
 @register_jitable
 def _greatest_signal(greatest, weights, pressure, shear, count):
-    """The greatest weighted sum of wave speeds [sqrt(Pa)], by bounds that are exact where two eigenvalues are equal:
-    the exact ones take as long as the stress."""
+    """In lanes the greatest weighted sum of wave speeds [sqrt(Pa)], by bounds that are exact where two eigenvalues are
+    equal: the exact ones take as long as the stress."""
     fast, slow = math.sqrt(largest_bound(propagating(pressure))), math.sqrt(largest_bound(propagating(shear)))
-    signal = _signal(weights, fast, slow)
-    for k in range(count):
-        if not lane(signal, k) <= greatest:
-            greatest = lane(signal, k)
-    return greatest
+    # max gives its second argument where either is not a number
+    return max(greatest, _first_lanes(broadcast(_signal(weights, fast, slow)), count))
+
+
+@register_jitable
+def _greatest_lane(value):
+    return max(max(lane(value, 0), lane(value, 1)), max(lane(value, 2), lane(value, 3)))
+
+
+@register_jitable
+def _first_lanes(value, count):
+    """A value that is not negative, with zeros beyond the first `count` lanes."""
+    if count < WIDTH:
+        first, second, third = lane(value, 0), lane(value, 1), lane(value, 2)
+        value = from_floats(first, second if count > 1 else 0.0, third if count > 2 else 0.0, 0.0)
+    return value
+
+
+@register_jitable
+def _lost(evolved, tributary):
+    """Internal dissipation [J] of four particles."""
+    if evolved is None:
+        return broadcast(0.0)
+    return evolved[1] * tributary
 
 
 @register_jitable
 def _clear(sums, i, count):
     """Set the pair sums of particles i..i+count-1 to zero, while they are in the cache."""
     zero = broadcast(0.0)
-    for a in range(i, i + count):
-        for column in range(0, sums.shape[1], WIDTH):
-            store(sums, a, column, zero)
+    for column in range(0, sums.shape[1], WIDTH):
+        # one after the other: a loop would become a call
+        store(sums, i, column, zero)
+        if count > 1:
+            store(sums, i + 1, column, zero)
+        if count > 2:
+            store(sums, i + 2, column, zero)
+        if count > 3:
+            store(sums, i + 3, column, zero)
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
@@ -155,7 +179,7 @@ def advance_strain(space, first, last, law, terms, weights, step, relaxation, bo
     Returns (sound, internal dissipation [J], greatest weighted sum of wave speeds times sqrt(rho) [sqrt(Pa)]); sound
     is False when a Jacobian is not positive, or not a number.
     """
-    sound, greatest, dissipation = True, 0.0, 0.0
+    sound, greatest, dissipation = True, broadcast(0.0), broadcast(0.0)
     for i in range(first, last, WIDTH):
         count = min(WIDTH, last - i)
         F0, _, _ = load_strain(space, body, i)
@@ -170,21 +194,21 @@ def advance_strain(space, first, last, law, terms, weights, step, relaxation, bo
             sound = False
         evolved = _relax(body.branches, space, law, relaxation, i, F0, F, count)
         branch_sum = branch_sum_of(evolved)
-        dissipation += dissipation_of(evolved, load(body.tributary, 0, i), count)
+        dissipation = dissipation + _first_lanes(_lost(evolved, load(body.tributary, 0, i)), count)
         P = first_piola_kirchhoff_stress(law, F, H, J, branch_sum)
         pressure, shear = pressure_wave_tensor(law, F, H, J, branch_sum), shear_wave_tensor(law, F, branch_sum)
         _store_record(terms, space, law, body, i, matmul(P, L), G, pressure, shear)
         greatest = _greatest_signal(greatest, weights, pressure, shear, count)
-    return sound, dissipation, greatest
+    return sound, total(dissipation), _greatest_lane(greatest)
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
 def greatest_signal(space, first, last, law, weights, body):
     """Greatest weighted sum of wave speeds times sqrt(rho) [sqrt(Pa)] of the current state, over all directions."""
-    greatest = 0.0
+    greatest = broadcast(0.0)
     for i in range(first, last, WIDTH):
         F, H, J = load_strain(space, body, i)
         branch_sum = current_branches(space, law, body.branches, i, F)
         pressure, shear = pressure_wave_tensor(law, F, H, J, branch_sum), shear_wave_tensor(law, F, branch_sum)
         greatest = _greatest_signal(greatest, weights, pressure, shear, min(WIDTH, last - i))
-    return greatest
+    return _greatest_lane(greatest)
