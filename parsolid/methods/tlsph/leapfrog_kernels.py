@@ -18,7 +18,6 @@ from parsolid.methods.tlsph.deformation import (
 from parsolid.methods.tlsph.moved import gradient_in_reference, waves_in_reference
 from parsolid.methods.tlsph.strain import load_strain
 from parsolid.numerics.dispatch import generic, none_without
-from parsolid.numerics.lanes import WIDTH, all_positive, broadcast, from_floats, lane, load, store, total
 from parsolid.numerics.layout import (
     load_branch,
     load_correction,
@@ -37,6 +36,16 @@ from parsolid.numerics.tensors import (
     matmul_transposed,
     scale,
     trace_symmetric,
+)
+from parsolid.numerics.wide_space import (
+    all_sound,
+    at_once,
+    clear_rows,
+    everywhere,
+    greatest_lane,
+    load_row,
+    only_first,
+    sum_of_lanes,
 )
 from parsolid.pairs.mean_impedance import store_with_impedances
 from parsolid.pairs.terms import MeanRiemann, record_columns
@@ -122,53 +131,23 @@ def _store_all(terms, space, law, body, i, stress, G, pressure, shear):
 def _half_impedance(space, law, body, i, waves):
     """Half the root of the mean over directions of rho^2 c^2."""
     mean = trace_symmetric(propagating(waves_in_reference(body.moved, space, i, waves))) * (1.0 / 3.0)
-    return 0.5 * math.sqrt(broadcast(law.density * mean))
+    return 0.5 * math.sqrt(everywhere(space, law.density * mean))
 
 
 @register_jitable
-def _greatest_signal(greatest, weights, pressure, shear, count):
-    """In lanes the greatest weighted sum of wave speeds [sqrt(Pa)], by bounds that are exact where two eigenvalues are
-    equal: the exact ones take as long as the stress."""
+def _signals(space, weights, pressure, shear):
+    """The weighted sum of wave speeds [sqrt(Pa)] of particles side by side, by bounds that are exact where two
+    eigenvalues are equal: the exact ones take as long as the stress."""
     fast, slow = math.sqrt(largest_bound(propagating(pressure))), math.sqrt(largest_bound(propagating(shear)))
-    # max gives its second argument where either is not a number
-    return max(greatest, _first_lanes(broadcast(_signal(weights, fast, slow)), count))
+    return everywhere(space, _signal(weights, fast, slow))
 
 
 @register_jitable
-def _greatest_lane(value):
-    return max(max(lane(value, 0), lane(value, 1)), max(lane(value, 2), lane(value, 3)))
-
-
-@register_jitable
-def _first_lanes(value, count):
-    """A value that is not negative, with zeros beyond the first `count` lanes."""
-    if count < WIDTH:
-        first, second, third = lane(value, 0), lane(value, 1), lane(value, 2)
-        value = from_floats(first, second if count > 1 else 0.0, third if count > 2 else 0.0, 0.0)
-    return value
-
-
-@register_jitable
-def _lost(evolved, tributary):
-    """Internal dissipation [J] of four particles."""
+def _lost(space, evolved, tributary):
+    """Internal dissipation [J] of particles side by side."""
     if evolved is None:
-        return broadcast(0.0)
+        return everywhere(space, 0.0)
     return evolved[1] * tributary
-
-
-@register_jitable
-def _clear(sums, i, count):
-    """Set the pair sums of particles i..i+count-1 to zero, while they are in the cache."""
-    zero = broadcast(0.0)
-    for column in range(0, sums.shape[1], WIDTH):
-        # one after the other: a loop would become a call
-        store(sums, i, column, zero)
-        if count > 1:
-            store(sums, i + 1, column, zero)
-        if count > 2:
-            store(sums, i + 2, column, zero)
-        if count > 3:
-            store(sums, i + 3, column, zero)
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
@@ -179,36 +158,40 @@ def advance_strain(space, first, last, law, terms, weights, step, relaxation, bo
     Returns (sound, internal dissipation [J], greatest weighted sum of wave speeds times sqrt(rho) [sqrt(Pa)]); sound
     is False when a Jacobian is not positive, or not a number.
     """
-    sound, greatest, dissipation = True, broadcast(0.0), broadcast(0.0)
-    for i in range(first, last, WIDTH):
-        count = min(WIDTH, last - i)
+    sound, greatest, dissipation = True, everywhere(space, 0.0), everywhere(space, 0.0)
+    width = at_once(space)
+    for i in range(first, last, width):
+        count = min(width, last - i)
         F0, _, _ = load_strain(space, body, i)
         L = load_correction(space, body.correction, i)
         # (70): C_ab = 2 L_a g_ab, and L is symmetric only where spacings are equal
-        G = scale(1.0 / load(body.volume, 0, i), matmul_transposed(load_gradient(space, body.sums, i), L))
-        _clear(body.sums, i, count)
+        G = scale(1.0 / load_row(space, body.volume, 0, i), matmul_transposed(load_gradient(space, body.sums, i), L))
+        # while they are in the cache
+        clear_rows(space, body.sums, i, count)
         F = add(F0, scale(step, G))
         H, J = cofactor(F), determinant(F)
         store_deformation_gradient(space, body.deformation, i, F, J, count)
-        if not all_positive(J):
+        if not all_sound(space, J):
             sound = False
         evolved = _relax(body.branches, space, law, relaxation, i, F0, F, count)
-        branch_sum = branch_sum_of(evolved)
-        dissipation = dissipation + _first_lanes(_lost(evolved, load(body.tributary, 0, i)), count)
+        branch_sum, lost = branch_sum_of(evolved), _lost(space, evolved, load_row(space, body.tributary, 0, i))
+        dissipation = dissipation + only_first(lost, count, width)
         P = first_piola_kirchhoff_stress(law, F, H, J, branch_sum)
         pressure, shear = pressure_wave_tensor(law, F, H, J, branch_sum), shear_wave_tensor(law, F, branch_sum)
         _store_record(terms, space, law, body, i, matmul(P, L), G, pressure, shear)
-        greatest = _greatest_signal(greatest, weights, pressure, shear, count)
-    return sound, total(dissipation), _greatest_lane(greatest)
+        # max gives its second argument where either is not a number
+        greatest = max(greatest, only_first(_signals(space, weights, pressure, shear), count, width))
+    return sound, sum_of_lanes(space, dissipation), greatest_lane(space, greatest)
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
 def greatest_signal(space, first, last, law, weights, body):
     """Greatest weighted sum of wave speeds times sqrt(rho) [sqrt(Pa)] of the current state, over all directions."""
-    greatest = broadcast(0.0)
-    for i in range(first, last, WIDTH):
+    greatest = everywhere(space, 0.0)
+    width = at_once(space)
+    for i in range(first, last, width):
         F, H, J = load_strain(space, body, i)
         branch_sum = current_branches(space, law, body.branches, i, F)
         pressure, shear = pressure_wave_tensor(law, F, H, J, branch_sum), shear_wave_tensor(law, F, branch_sum)
-        greatest = _greatest_signal(greatest, weights, pressure, shear, min(WIDTH, last - i))
-    return _greatest_lane(greatest)
+        greatest = max(greatest, only_first(_signals(space, weights, pressure, shear), min(width, last - i), width))
+    return greatest_lane(space, greatest)
