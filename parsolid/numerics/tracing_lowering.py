@@ -10,8 +10,8 @@ from numba.core.typing.templates import AbstractTemplate, AttributeTemplate, inf
 from numba.extending import lower_getattr
 
 from parsolid.numerics.lanes_lowering import LanesType, splat
-from parsolid.numerics.wide_lanes_lowering import WideLanesType
 from parsolid.numerics.tracing import BY_SIZE, Traceable, Unknown
+from parsolid.numerics.wide_lanes_lowering import WideLanesType
 
 _DOUBLE = ir.DoubleType()
 
@@ -126,7 +126,7 @@ def _type_of(result):
         return types.none
     if isinstance(result, Traceable):
         return types.BaseTuple.from_types(tuple(map(_type_of, result)), type(result))
-    return isinstance(result, Symbol) and result.lanes or types.float64
+    return (isinstance(result, Symbol) and result.lanes) or types.float64
 
 
 def _value_of(context, builder, result, numba_type):

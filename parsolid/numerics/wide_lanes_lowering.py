@@ -8,7 +8,16 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, register_model
 
-from parsolid.numerics.lanes_lowering import WIDTH, broadcast_of, fused_of, lanes, let_apply, let_calculate, opaque_pointers, to_vector_of
+from parsolid.numerics.lanes_lowering import (
+    WIDTH,
+    broadcast_of,
+    fused_of,
+    lanes,
+    let_apply,
+    let_calculate,
+    opaque_pointers,
+    to_vector_of,
+)
 from parsolid.numerics.wide_lanes import WIDE
 
 _VECTOR = ir.VectorType(ir.DoubleType(), WIDE)

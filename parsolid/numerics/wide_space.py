@@ -133,7 +133,7 @@ def _greatest_wide(space, value):
 @greatest_lane.otherwise
 @register_jitable
 def _greatest(space, value):
-    return max(max(lane(value, 0), lane(value, 1)), max(lane(value, 2), lane(value, 3)))
+    return max(lane(value, 0), lane(value, 1), lane(value, 2), lane(value, 3))
 
 
 @register_jitable
