@@ -36,11 +36,13 @@ def excess_forces(
     d = force.shape[1]
     for a in rows:
         for i in range(d):
-            force[a, i] = 0.0
-        for k in range(start[a], start[a + 1]):
-            for i in range(d):
+            component = 0.0
+            for k in range(start[a], start[a + 1]):
+                of_pair = 0.0
                 for j in range(d):
-                    force[a, i] += factors[code[k], i, j] * stress[neighbour[k], j, i] * weight[k, j]
+                    of_pair += factors[code[k], i, j] * stress[neighbour[k], j, i] * weight[k, j]
+                component += of_pair
+            force[a, i] = component
 
 
 @compiled

@@ -153,14 +153,19 @@ class Leapfrog:
         arithmetic = isinstance(law, MooneyRivlin) and system.reference is None
         return WIDE_SPACE if arithmetic and system.dimension == 3 and WIDE > WIDTH else system.space
 
+    def _kicked(self) -> tuple[np.ndarray, ...]:
+        """Arrays that kicks read and change."""
+        system = self.system
+        return system.kinematics, system.particles.storage("pair_force"), system.mass, system.share
+
     def _half_kick(self, opening: bool, time: float, step: float) -> tuple[float, float, float]:
         """Half a step [s] of the forces at a time [s]; numerical dissipation, external work and, where the ledger has
         it, leapfrog's oscillation [J]."""
         system, boundaries = self.system, self.system.boundaries
-        kinematics, force = map(system.particles.storage, ("kinematics", "pair_force"))
+        kinematics, force, mass, share = system.particles.kept(("kicked",), self._kicked)
         boundaries.look()
-        loads, supports = boundaries.meet(time, not opening, force, system.mass, system.share)
-        weights = (system.mass, system.share, loads)
+        loads, supports = boundaries.meet(time, not opening, force, mass, share)
+        weights = (mass, share, loads)
         held = boundaries.prescribed_power(kinematics, force, *weights)
         arrays = (kinematics, force, *weights, boundaries.free, self.swings)
         if boundaries.reactions is not None and not opening:
