@@ -63,6 +63,7 @@ class FixedWalls:
     def __init__(self, system: Any) -> None:
         """system: `system.TotalLagrangianSPH`, before its lists are made."""
         self.particles, self.pairs, d = system.particles, system.pairs, system.dimension
+        self.boundaries = system.boundaries
         codes = self.pairs.codes
         Q, R = codes.signs[:, :d], codes.reflections[:, :d]
         self.factors = codes.stress_signs[:, None, None] * Q[:, :, None] * Q[:, None] - Q[:, :, None] * R[:, None]
@@ -82,16 +83,20 @@ class FixedWalls:
 
     @property
     def rows(self) -> np.ndarray:
-        """Particles (k,) that have images."""
+        """Particles (k,) that have images and can move: on what is held no force does work."""
         images = self.pairs.mirror
         if images is not self._images:
-            self._images, self._rows = images, np.flatnonzero(np.diff(images.start))
+            rows, clamp = np.flatnonzero(np.diff(images.start)), self.boundaries.clamp
+            moving = slice(None) if clamp is None else clamp[rows, : len(self.factors[0])].any(axis=1)
+            self._images, self._rows = images, rows[moving]
             others = np.delete(np.arange(len(images.start) - 1), self._rows)
             self.particles.owned_rows("excess_wall_force")[others] = 0.0
         return self._rows
 
     def find(self) -> None:
         """The forces of the present records, after ghosts have sent theirs."""
+        if not len(self.rows):
+            return
         force, pairs = self.particles.owned_rows("excess_wall_force"), self.pairs.mirror
         stress = self.particles.kept(("wall stress",), self._stress)
         self._find(
@@ -104,6 +109,8 @@ class FixedWalls:
 
     def book(self, duration: float) -> None:
         """Count their work over a duration [s] with the present velocities."""
+        if not len(self.rows):
+            return
         of = self.particles.owned_rows
         power = self._power(self.rows, of("excess_wall_force"), self.particles.storage("kinematics"), of("share"))
         self.work += duration * float(power)
