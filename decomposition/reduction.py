@@ -118,7 +118,8 @@ class MinimumAhead:
         self._numbers = Struct(f"{length}d")
         # as MPI wants them, so that it does not ask the arrays each time
         self._buffers = [self._values, MPI.DOUBLE], [self._minima, MPI.DOUBLE]
-        self._request: MPI.Request | None = None
+        # alone, there is nobody to ask, and the values of a begin are what is there
+        self._request: MPI.Request | tuple[float, ...] | None = None
 
     @property
     def pending(self) -> bool:
@@ -132,6 +133,9 @@ class MinimumAhead:
         values = tuple(values)
         if isnan(sum(values)):
             values = tuple(-inf if isnan(value) else value for value in values)
+        if self._comm.size == 1:
+            self._request = values
+            return
         self._numbers.pack_into(self._values, 0, *values)
         self._request = self._comm.Iallreduce(*self._buffers, MPI.MIN)
 
@@ -139,6 +143,8 @@ class MinimumAhead:
         """Wait for the minima, as many as were begun."""
         if self._request is None:
             raise RuntimeError("MinimumAhead.result: expected a begin before it, found none pending")
-        self._request.Wait()
-        self._request = None
+        request, self._request = self._request, None
+        if isinstance(request, tuple):
+            return request
+        request.Wait()
         return self._numbers.unpack_from(self._minima)

@@ -165,8 +165,10 @@ def _key_of_value(value):
     return value.ndim if isinstance(value, np.ndarray) else None if value is None else type(value)
 
 
-def none_without(argument: str, returns: str | None = None):
+def none_without(argument: str, returns: str | None = None, *, inlined: bool = False):
     """Decorator: jitted where it is called; where the named argument is None it gives back another argument, or None.
+
+    inlined: LLVM never makes it a call, which would pass all lanes through memory.
 
     numba prunes `if x is None` only when x is None, so that a function with two kinds of result
     would have to unify their types.
@@ -183,7 +185,7 @@ def none_without(argument: str, returns: str | None = None):
                 return None if instead is None else arguments[instead]
             return function(*arguments)
 
-        @overload(called, strict=False)
+        @overload(called, strict=False, jit_options={"forceinline": inlined})
         def choose(*arguments):
             from numba import types
 

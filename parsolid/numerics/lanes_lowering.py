@@ -18,7 +18,9 @@ _INT = ir.IntType(32)
 
 
 class LanesType(types.Type):
-    """numba type of four float64 lanes."""
+    """numba type of four float64 lanes; vector: LLVM's."""
+
+    vector = _VECTOR
 
     def __init__(self):
         super().__init__(name=LANES)
@@ -195,7 +197,7 @@ def store_first(typing_context, array, row, column, value, count):
         mask = builder.icmp_signed("<", ir.Constant(integers, list(range(WIDTH))), counts)
         mask_type = ir.VectorType(ir.IntType(1), WIDTH)
         function_type = ir.FunctionType(ir.VoidType(), [_VECTOR, _VECTOR.as_pointer(), _INT, mask_type])
-        name = "llvm.masked.store.v4f64.p0" if _opaque_pointers() else "llvm.masked.store.v4f64.p0v4f64"
+        name = "llvm.masked.store.v4f64.p0" if opaque_pointers() else "llvm.masked.store.v4f64.p0v4f64"
         function = cgutils.get_or_insert_function(builder.module, function_type, name)
         builder.call(function, [arguments[3], pointer, _INT(8), mask])
         return context.get_dummy_value()
@@ -203,7 +205,8 @@ def store_first(typing_context, array, row, column, value, count):
     return _index_signature(types.none, array, row, column, lanes, types.int64), generate
 
 
-def _opaque_pointers():
+def opaque_pointers():
+    """Whether LLVM's pointers say nothing of what they point to."""
     import llvmlite.binding
 
     return llvmlite.binding.llvm_version_info[0] >= 16

@@ -9,32 +9,36 @@ from numba.core.imputils import lower_builtin
 from numba.core.typing.templates import AbstractTemplate, AttributeTemplate, infer_getattr, infer_global, signature
 from numba.extending import lower_getattr
 
-from parsolid.numerics.lanes_lowering import LanesType, lanes, splat
+from parsolid.numerics.lanes_lowering import LanesType, splat
 from parsolid.numerics.tracing import BY_SIZE, Traceable, Unknown
+from parsolid.numerics.wide_lanes_lowering import WideLanesType
 
 _DOUBLE = ir.DoubleType()
 
 
 class Symbol(Unknown):
-    """A float or four lanes whose value is known only to the compiler; without a builder only its type counts."""
+    """A float or lanes whose value is known only to the compiler; without a builder only its type counts.
 
-    __slots__ = ("builder", "is_vector", "value")
+    lanes: the numba type of lanes, None of a float.
+    """
 
-    def __init__(self, is_vector: bool, builder=None, value=None):
-        self.is_vector, self.builder, self.value = is_vector, builder, value
+    __slots__ = ("builder", "lanes", "value")
 
-    def _vector(self):
-        return self.value if self.is_vector else splat(self.builder, self.value)
+    def __init__(self, lanes, builder=None, value=None):
+        self.lanes, self.builder, self.value = lanes, builder, value
+
+    def _in_lanes(self, kind):
+        return self.value if self.lanes else splat(self.builder, self.value, kind.vector)
 
     def _emitted(self, instruction: str, first, second):
         pair = [self.number(x, self.builder) for x in (first, second)]
         if None in pair:
             return NotImplemented
-        is_vector = pair[0].is_vector or pair[1].is_vector
+        kind = pair[0].lanes or pair[1].lanes
         if self.builder is None:
-            return Symbol(is_vector)
-        values = [x._vector() if is_vector else x.value for x in pair]
-        return Symbol(is_vector, self.builder, getattr(self.builder, instruction)(*values))
+            return Symbol(kind)
+        values = [x._in_lanes(kind) if kind else x.value for x in pair]
+        return Symbol(kind, self.builder, getattr(self.builder, instruction)(*values))
 
     @staticmethod
     def number(value, builder) -> "Symbol | None":
@@ -43,7 +47,7 @@ class Symbol(Unknown):
             return value
         if not isinstance(value, int | float):
             return None
-        return Symbol(False, builder, None if builder is None else ir.Constant(_DOUBLE, float(value)))
+        return Symbol(None, builder, None if builder is None else ir.Constant(_DOUBLE, float(value)))
 
     def __add__(self, other):
         return self._emitted("fadd", self, other)
@@ -70,16 +74,16 @@ class Symbol(Unknown):
         return self._emitted("fdiv", other, self)
 
     def __neg__(self):
-        return Symbol(self.is_vector, self.builder, None if self.builder is None else self.builder.fneg(self.value))
+        return Symbol(self.lanes, self.builder, None if self.builder is None else self.builder.fneg(self.value))
 
     def lane(self, k):
         """Lane k, a raw index; a float is the same in all lanes."""
-        if not self.is_vector:
+        if not self.lanes:
             return self
         if self.builder is None:
-            return Symbol(False)
+            return Symbol(None)
         index = self.builder.trunc(k, ir.IntType(32))
-        return Symbol(False, self.builder, self.builder.extract_element(self.value, index))
+        return Symbol(None, self.builder, self.builder.extract_element(self.value, index))
 
 
 def is_tensor(numba_type) -> bool:
@@ -96,7 +100,7 @@ def tensor_class(numba_type) -> type | None:
 
 
 def _is_scalar(numba_type) -> bool:
-    return isinstance(numba_type, LanesType | types.Float | types.Integer)
+    return isinstance(numba_type, LanesType | WideLanesType | types.Float | types.Integer)
 
 
 def _symbols(numba_type, context=None, builder=None, value=None):
@@ -110,10 +114,10 @@ def _symbols(numba_type, context=None, builder=None, value=None):
         return symbols if kind is None else kind(*symbols)
     if not _is_scalar(numba_type):
         raise TypeError(f"a formula takes tensors and scalars, not {numba_type}")
-    is_vector = isinstance(numba_type, LanesType)
-    if builder is not None and not is_vector:
+    kind = numba_type if isinstance(numba_type, LanesType | WideLanesType) else None
+    if builder is not None and kind is None:
         value = context.cast(builder, value, numba_type, types.float64)
-    return Symbol(is_vector, builder, value)
+    return Symbol(kind, builder, value)
 
 
 def _type_of(result):
@@ -122,7 +126,7 @@ def _type_of(result):
         return types.none
     if isinstance(result, Traceable):
         return types.BaseTuple.from_types(tuple(map(_type_of, result)), type(result))
-    return lanes if isinstance(result, Symbol) and result.is_vector else types.float64
+    return (isinstance(result, Symbol) and result.lanes) or types.float64
 
 
 def _value_of(context, builder, result, numba_type):

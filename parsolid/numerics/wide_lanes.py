@@ -22,3 +22,6 @@ with_numba(_lowering)
 _there = Elsewhere("parsolid.numerics.wide_lanes_lowering")
 broadcast_wide, fused_wide = _there.broadcast_wide, _there.fused_wide
 load_wide, store_wide = _there.load_wide, _there.store_wide
+load_row_wide, store_first_wide = _there.load_row_wide, _there.store_first_wide
+all_positive_wide, halves, joined = _there.all_positive_wide, _there.halves, _there.joined
+first_lanes = _there.first_lanes

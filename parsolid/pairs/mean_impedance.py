@@ -13,6 +13,7 @@ from decomposition.deferred import register_jitable
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import broadcast, fused
 from parsolid.numerics.layout import Plane, store_matrix, store_rows
+from parsolid.numerics.wide_space import WideSpace, everywhere, store_columns_wide
 from parsolid.pairs.pair_terms import own_motion, own_side, pair_forces, reconstructed, stress_force
 from parsolid.pairs.primitives import dot, jump_factor, motion, steps, within
 from parsolid.pairs.terms import MeanRiemann, record_columns
@@ -42,6 +43,14 @@ def _store_plane(space, terms, record, i, stress, pressure, shear):
     at, zero = record_columns(space, terms), broadcast(0.0)
     store_matrix(space, record, i, at.stress, stress)
     store_rows(record, i, at.pressure, pressure, shear, zero, zero)
+
+
+@store_with_impedances.of(WideSpace)
+def _store_wide(space, terms, record, i, stress, pressure, shear):
+    column, zero = record_columns(space, terms).stress, everywhere(space, 0.0)
+    store_columns_wide(record, i, column, stress[0], stress[3], stress[6], pressure)
+    store_columns_wide(record, i, column + 4, stress[1], stress[4], stress[7], shear)
+    store_columns_wide(record, i, column + 8, stress[2], stress[5], stress[8], zero)
 
 
 @store_with_impedances.otherwise

@@ -12,13 +12,20 @@ from typing import Any, TypeVar
 import numpy as np
 
 from decomposition.talking import TALKING
-from parsolid.numerics.lanes import WIDTH, aligned_zeros, padded
+from parsolid.numerics.lanes import aligned_zeros
 from parsolid.particles.declaration import Columns, Field, Rows, Within
 from parsolid.particles.selection import Selection
 
 Kept = TypeVar("Kept")
+# particles that kernels handle side by side, at most
+_LANES = 8
 # selections a word of marks
 _BITS = 62
+
+
+def _room(rows: int) -> int:
+    """Rows of an array in which lanes may begin at each of so many."""
+    return -(-rows // _LANES) * _LANES + _LANES
 
 
 class Particles:
@@ -39,7 +46,7 @@ class Particles:
         law = self.law_of_body[body]
         self.bounds = np.searchsorted(law, np.arange(self.law_of_body.max(initial=0) + 2))
         self.ghosts = 0
-        self.capacity = padded(len(body)) + WIDTH
+        self.capacity = _room(len(body))
         self.fields: dict[str, Field] = {}
         self.layout, self.growths = 0, 0
         self._storage: dict[str, np.ndarray] = {}
@@ -83,7 +90,7 @@ class Particles:
 
     def _rows_of(self, field: Field) -> int:
         """Rows that the array of a field needs."""
-        ghosts = padded(self.owned + self.ghosts) + WIDTH if self._has_ghosts(field) else 0
+        ghosts = _room(self.owned + self.ghosts) if self._has_ghosts(field) else 0
         return max(self.capacity, ghosts)
 
     def _allocated(self, field: Field, rows: int) -> np.ndarray:
@@ -243,7 +250,7 @@ class Particles:
             at += width
         law = self.law_of_body[values["body"].ravel()]
         added = np.bincount(law, minlength=len(self.bounds) - 1)
-        if self.owned + len(packed) + WIDTH > self.capacity:
+        if _room(self.owned + len(packed)) > self.capacity:
             self._grow(self.owned + len(packed))
         places = self._make_room(law, added)
         for name, piece in values.items():
@@ -301,7 +308,7 @@ class Particles:
         self.layout += 1
 
     def _grow(self, owned: int) -> None:
-        self.capacity = padded(owned + owned // 4) + WIDTH
+        self.capacity = _room(owned + owned // 4)
         self._kept.clear()
         for name, array in self._storage.items():
             self._storage[name] = self._resized(self.fields[name], array)

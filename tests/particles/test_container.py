@@ -33,7 +33,7 @@ def agree(found: Particles) -> None:
 
 def test_rows_beyond_the_owned_hold_the_padding():
     found = particles()
-    assert found.storage("motion")[16:].tolist() == [[7.0] * 8] * 4
+    assert found.storage("motion")[16:].tolist() == [[7.0] * 8] * 8
 
 
 def test_particles_come_go_and_change_places():

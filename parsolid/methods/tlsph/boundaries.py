@@ -73,7 +73,8 @@ class BoundarySet:
     @property
     def clamp(self) -> np.ndarray | None:
         """Multipliers (n, 4) of velocities, None where no rank holds any."""
-        return None if self._clamp is None else self._clamp(slice(None))
+        # the same array at every call, for `Recalled`
+        return None if self._clamp is None else self.particles.owned_rows("clamp")
 
     @property
     def free(self) -> np.ndarray | None:

@@ -11,13 +11,15 @@ from typing import Any
 import numpy as np
 
 from decomposition.compiled import compiled
+from decomposition.recalled import Recalled
 from parsolid.methods.tlsph.reactions import Reactions
 from parsolid.pairs.terms import matrix_columns, record_columns
 from parsolid.particles.declaration import Field
 
 
 @compiled
-def add_excess_forces(
+def excess_forces(
+    rows: np.ndarray,
     start: np.ndarray,
     neighbour: np.ndarray,
     code: np.ndarray,
@@ -26,27 +28,30 @@ def add_excess_forces(
     stress: np.ndarray,
     force: np.ndarray,
 ) -> None:
-    """Add to force (n, d) [N] those of images beyond what is adjoint.
+    """Fill force (n, d) [N] of particles with images at rows (k,) with what is beyond the adjoint.
 
     start, neighbour, code, weight: of a list of pairs with images; factors (codes, d, d): s Q_i Q_j - Q_i R_j; stress
     (particles, d, width): P L column by column.
     """
     d = force.shape[1]
-    for a in range(start.shape[0] - 1):
-        for k in range(start[a], start[a + 1]):
-            for i in range(d):
+    for a in rows:
+        for i in range(d):
+            component = 0.0
+            for k in range(start[a], start[a + 1]):
+                of_pair = 0.0
                 for j in range(d):
-                    force[a, i] += factors[code[k], i, j] * stress[neighbour[k], j, i] * weight[k, j]
+                    of_pair += factors[code[k], i, j] * stress[neighbour[k], j, i] * weight[k, j]
+                component += of_pair
+            force[a, i] = component
 
 
 @compiled
-def power_of_excess(start: np.ndarray, force: np.ndarray, kinematics: np.ndarray, share: np.ndarray) -> float:
-    """Power [W] of forces (n, d) [N] on the tributary parts of the particles that have images."""
+def power_of_excess(rows: np.ndarray, force: np.ndarray, kinematics: np.ndarray, share: np.ndarray) -> float:
+    """Power [W] of forces (n, d) [N] on the tributary parts of particles at rows (k,)."""
     power = 0.0
-    for a in range(start.shape[0] - 1):
-        if start[a] < start[a + 1]:
-            for i in range(force.shape[1]):
-                power += share[a] * force[a, i] * kinematics[a, i]
+    for a in rows:
+        for i in range(force.shape[1]):
+            power += share[a] * force[a, i] * kinematics[a, i]
     return power
 
 
@@ -58,12 +63,16 @@ class FixedWalls:
     def __init__(self, system: Any) -> None:
         """system: `system.TotalLagrangianSPH`, before its lists are made."""
         self.particles, self.pairs, d = system.particles, system.pairs, system.dimension
+        self.boundaries = system.boundaries
         codes = self.pairs.codes
         Q, R = codes.signs[:, :d], codes.reflections[:, :d]
         self.factors = codes.stress_signs[:, None, None] * Q[:, :, None] * Q[:, None] - Q[:, :, None] * R[:, None]
         first, width = record_columns(system.space, self.pairs.terms).stress, matrix_columns(d)
         self.columns, self.width = slice(first, first + width), width // d
         self.staged = system.leapfrog is None
+        # the list of images for which the rows were looked up
+        self._images: Any = None
+        self._find, self._power = Recalled(excess_forces), Recalled(power_of_excess)
         # a step without stages begins with the force that the one before ended with
         self.particles.declare(Field("excess_wall_force", d, "N", checkpointed=not self.staged, mirror="vector"))
 
@@ -72,18 +81,38 @@ class FixedWalls:
         if self.staged or before:
             self.find()
 
+    @property
+    def rows(self) -> np.ndarray:
+        """Particles (k,) that have images and can move: on what is held no force does work."""
+        images = self.pairs.mirror
+        if images is not self._images:
+            rows, clamp = np.flatnonzero(np.diff(images.start)), self.boundaries.clamp
+            moving = slice(None) if clamp is None else clamp[rows, : len(self.factors[0])].any(axis=1)
+            self._images, self._rows = images, rows[moving]
+            others = np.delete(np.arange(len(images.start) - 1), self._rows)
+            self.particles.owned_rows("excess_wall_force")[others] = 0.0
+        return self._rows
+
     def find(self) -> None:
         """The forces of the present records, after ghosts have sent theirs."""
+        if not len(self.rows):
+            return
         force, pairs = self.particles.owned_rows("excess_wall_force"), self.pairs.mirror
-        force[:] = 0.0
-        stress = self.particles.storage("record")[:, self.columns].reshape(-1, force.shape[1], self.width)
-        lists = (pairs.start, pairs.neighbour, pairs.images.code, pairs.weight)
-        add_excess_forces(*lists, self.factors, stress, force)
+        stress = self.particles.kept(("wall stress",), self._stress)
+        self._find(
+            self.rows, pairs.start, pairs.neighbour, pairs.images.code, pairs.weight, self.factors, stress, force
+        )
+
+    def _stress(self) -> np.ndarray:
+        d = len(self.factors[0])
+        return self.particles.storage("record")[:, self.columns].reshape(-1, d, self.width)
 
     def book(self, duration: float) -> None:
         """Count their work over a duration [s] with the present velocities."""
-        rows, velocity = self.particles.owned_rows, self.particles.storage("kinematics")
-        power = power_of_excess(self.pairs.mirror.start, rows("excess_wall_force"), velocity, rows("share"))
+        if not len(self.rows):
+            return
+        of = self.particles.owned_rows
+        power = self._power(self.rows, of("excess_wall_force"), self.particles.storage("kinematics"), of("share"))
         self.work += duration * float(power)
 
 

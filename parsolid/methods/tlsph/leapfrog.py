@@ -16,6 +16,7 @@ import numpy as np
 
 from decomposition.recalled import Recalled, RecalledEach
 from parsolid.materials.blocks import MaterialBlock
+from parsolid.materials.hyperelastic.mooney_rivlin import MooneyRivlin
 from parsolid.methods.tlsph import momentum as motion
 from parsolid.methods.tlsph.body_weights import ON_LATTICES
 from parsolid.methods.tlsph.lattice_bodies import speed_ratio
@@ -26,6 +27,9 @@ from parsolid.methods.tlsph.leapfrog_kernels import (
     advance_strain,
     greatest_signal,
 )
+from parsolid.numerics.lanes import WIDTH
+from parsolid.numerics.wide_lanes import WIDE
+from parsolid.numerics.wide_space import WIDE_SPACE
 from parsolid.pairs.axis_waves import wave_forms
 from parsolid.scene.method_settings import SWINGS
 
@@ -126,7 +130,10 @@ class Leapfrog:
             relaxation = ExactRelaxation(block.relaxation(step), block.dissipation_weights(step))
             positive, lost, signal = self._advance_strain(
                 block.first,
-                *system.part(block),
+                self._space_of(block.law),
+                block.first,
+                block.last,
+                block.law,
                 system.pairs.terms,
                 self.weights,
                 step,
@@ -140,14 +147,25 @@ class Leapfrog:
             system.initial_stress.add()
         return sound, dissipation, stable
 
+    def _space_of(self, law: Any) -> Any:
+        """How many particles of a law are handled at once."""
+        system = self.system
+        arithmetic = isinstance(law, MooneyRivlin) and system.reference is None
+        return WIDE_SPACE if arithmetic and system.dimension == 3 and WIDE > WIDTH else system.space
+
+    def _kicked(self) -> tuple[np.ndarray, ...]:
+        """Arrays that kicks read and change."""
+        system = self.system
+        return system.kinematics, system.particles.storage("pair_force"), system.mass, system.share
+
     def _half_kick(self, opening: bool, time: float, step: float) -> tuple[float, float, float]:
         """Half a step [s] of the forces at a time [s]; numerical dissipation, external work and, where the ledger has
         it, leapfrog's oscillation [J]."""
         system, boundaries = self.system, self.system.boundaries
-        kinematics, force = map(system.particles.storage, ("kinematics", "pair_force"))
+        kinematics, force, mass, share = system.particles.kept(("kicked",), self._kicked)
         boundaries.look()
-        loads, supports = boundaries.meet(time, not opening, force, system.mass, system.share)
-        weights = (system.mass, system.share, loads)
+        loads, supports = boundaries.meet(time, not opening, force, mass, share)
+        weights = (mass, share, loads)
         held = boundaries.prescribed_power(kinematics, force, *weights)
         arrays = (kinematics, force, *weights, boundaries.free, self.swings)
         if boundaries.reactions is not None and not opening:

@@ -12,14 +12,12 @@ from parsolid.materials.viscoelastic.maxwell import branch_dissipation, relaxed
 from parsolid.methods.tlsph.deformation import (
     branch_sum_of,
     current_branches,
-    dissipation_of,
     largest_bound,
     propagating,
 )
 from parsolid.methods.tlsph.moved import gradient_in_reference, waves_in_reference
 from parsolid.methods.tlsph.strain import load_strain
 from parsolid.numerics.dispatch import generic, none_without
-from parsolid.numerics.lanes import WIDTH, all_positive, broadcast, lane, load, store
 from parsolid.numerics.layout import (
     load_branch,
     load_correction,
@@ -38,6 +36,16 @@ from parsolid.numerics.tensors import (
     matmul_transposed,
     scale,
     trace_symmetric,
+)
+from parsolid.numerics.wide_space import (
+    all_sound,
+    at_once,
+    clear_rows,
+    everywhere,
+    greatest_lane,
+    load_row,
+    only_first,
+    sum_of_lanes,
 )
 from parsolid.pairs.mean_impedance import store_with_impedances
 from parsolid.pairs.terms import MeanRiemann, record_columns
@@ -83,7 +91,7 @@ def _greatest_form(weights, fast, slow):
     return max(greater, _weighted(weights.third, fast, slow))
 
 
-@none_without("branches")
+@none_without("branches", inlined=True)
 def _relax(branches, space, law, relaxation, i, F0, F, count):
     """Relax A over the step; sum mu_alpha A_alpha at its end, and the energy [J/m^3] that this takes."""
     C0, C = gram(F0), gram(F)
@@ -123,28 +131,23 @@ def _store_all(terms, space, law, body, i, stress, G, pressure, shear):
 def _half_impedance(space, law, body, i, waves):
     """Half the root of the mean over directions of rho^2 c^2."""
     mean = trace_symmetric(propagating(waves_in_reference(body.moved, space, i, waves))) * (1.0 / 3.0)
-    return 0.5 * math.sqrt(broadcast(law.density * mean))
+    return 0.5 * math.sqrt(everywhere(space, law.density * mean))
 
 
 @register_jitable
-def _greatest_signal(greatest, weights, pressure, shear, count):
-    """The greatest weighted sum of wave speeds [sqrt(Pa)], by bounds that are exact where two eigenvalues are equal:
-    the exact ones take as long as the stress."""
+def _signals(space, weights, pressure, shear):
+    """The weighted sum of wave speeds [sqrt(Pa)] of particles side by side, by bounds that are exact where two
+    eigenvalues are equal: the exact ones take as long as the stress."""
     fast, slow = math.sqrt(largest_bound(propagating(pressure))), math.sqrt(largest_bound(propagating(shear)))
-    signal = _signal(weights, fast, slow)
-    for k in range(count):
-        if not lane(signal, k) <= greatest:
-            greatest = lane(signal, k)
-    return greatest
+    return everywhere(space, _signal(weights, fast, slow))
 
 
 @register_jitable
-def _clear(sums, i, count):
-    """Set the pair sums of particles i..i+count-1 to zero, while they are in the cache."""
-    zero = broadcast(0.0)
-    for a in range(i, i + count):
-        for column in range(0, sums.shape[1], WIDTH):
-            store(sums, a, column, zero)
+def _lost(space, evolved, tributary):
+    """Internal dissipation [J] of particles side by side."""
+    if evolved is None:
+        return everywhere(space, 0.0)
+    return evolved[1] * tributary
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
@@ -155,36 +158,40 @@ def advance_strain(space, first, last, law, terms, weights, step, relaxation, bo
     Returns (sound, internal dissipation [J], greatest weighted sum of wave speeds times sqrt(rho) [sqrt(Pa)]); sound
     is False when a Jacobian is not positive, or not a number.
     """
-    sound, greatest, dissipation = True, 0.0, 0.0
-    for i in range(first, last, WIDTH):
-        count = min(WIDTH, last - i)
+    sound, greatest, dissipation = True, everywhere(space, 0.0), everywhere(space, 0.0)
+    width = at_once(space)
+    for i in range(first, last, width):
+        count = min(width, last - i)
         F0, _, _ = load_strain(space, body, i)
         L = load_correction(space, body.correction, i)
         # (70): C_ab = 2 L_a g_ab, and L is symmetric only where spacings are equal
-        G = scale(1.0 / load(body.volume, 0, i), matmul_transposed(load_gradient(space, body.sums, i), L))
-        _clear(body.sums, i, count)
+        G = scale(1.0 / load_row(space, body.volume, 0, i), matmul_transposed(load_gradient(space, body.sums, i), L))
+        # while they are in the cache
+        clear_rows(space, body.sums, i, count)
         F = add(F0, scale(step, G))
         H, J = cofactor(F), determinant(F)
         store_deformation_gradient(space, body.deformation, i, F, J, count)
-        if not all_positive(J):
+        if not all_sound(space, J):
             sound = False
         evolved = _relax(body.branches, space, law, relaxation, i, F0, F, count)
-        branch_sum = branch_sum_of(evolved)
-        dissipation += dissipation_of(evolved, load(body.tributary, 0, i), count)
+        branch_sum, lost = branch_sum_of(evolved), _lost(space, evolved, load_row(space, body.tributary, 0, i))
+        dissipation = dissipation + only_first(lost, count, width)
         P = first_piola_kirchhoff_stress(law, F, H, J, branch_sum)
         pressure, shear = pressure_wave_tensor(law, F, H, J, branch_sum), shear_wave_tensor(law, F, branch_sum)
         _store_record(terms, space, law, body, i, matmul(P, L), G, pressure, shear)
-        greatest = _greatest_signal(greatest, weights, pressure, shear, count)
-    return sound, dissipation, greatest
+        # max gives its second argument where either is not a number
+        greatest = max(greatest, only_first(_signals(space, weights, pressure, shear), count, width))
+    return sound, sum_of_lanes(space, dissipation), greatest_lane(space, greatest)
 
 
 @compiled(fastmath={"contract"}, error_model="numpy")
 def greatest_signal(space, first, last, law, weights, body):
     """Greatest weighted sum of wave speeds times sqrt(rho) [sqrt(Pa)] of the current state, over all directions."""
-    greatest = 0.0
-    for i in range(first, last, WIDTH):
+    greatest = everywhere(space, 0.0)
+    width = at_once(space)
+    for i in range(first, last, width):
         F, H, J = load_strain(space, body, i)
         branch_sum = current_branches(space, law, body.branches, i, F)
         pressure, shear = pressure_wave_tensor(law, F, H, J, branch_sum), shear_wave_tensor(law, F, branch_sum)
-        greatest = _greatest_signal(greatest, weights, pressure, shear, min(WIDTH, last - i))
-    return greatest
+        greatest = max(greatest, only_first(_signals(space, weights, pressure, shear), min(width, last - i), width))
+    return greatest_lane(space, greatest)

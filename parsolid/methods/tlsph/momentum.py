@@ -126,8 +126,8 @@ def kick(space, owned, opening, step, kinematics, force, mass, share, loads, fre
     Returns numerical dissipation and work of the loads, both with the velocity in the middle of the step, and, where
     `swings` is not None, leapfrog's oscillation, the kinetic energy of the change of v [J].
     """
-    dissipation, work, swing, half = 0.0, 0.0, 0.0, 0.5 * step
-    zero = broadcast(0.0)
+    work, swing, half = 0.0, 0.0, 0.5 * step
+    dissipation = zero = broadcast(0.0)
     for a in range(owned):
         v, x = split_motion(space, kinematics, a)
         D = _within(space, load(force, a, 4))
@@ -136,7 +136,7 @@ def kick(space, owned, opening, step, kinematics, force, mass, share, loads, fre
         new = v + half * rate
         swing += _swing(swings, mass[a] * share[a], rate)
         middle = new if opening else v
-        dissipation -= share[a] * total(D * middle)
+        dissipation = dissipation - share[a] * (D * middle)
         work += _load_power(loads, a, mass[a] * share[a], middle)
         if opening:
             join_motion(space, kinematics, a, new, x + step * new)
@@ -144,7 +144,7 @@ def kick(space, owned, opening, step, kinematics, force, mass, share, loads, fre
             store(force, a, 4, zero)
         else:
             join_motion(space, kinematics, a, new, x)
-    return half * dissipation, half * work, 0.5 * half * half * swing
+    return half * total(dissipation), half * work, 0.5 * half * half * swing
 
 
 @register_jitable
