@@ -75,6 +75,7 @@ def advice(simulation: Simulation) -> list[str]:
     scene, result = simulation.scene, scene_advice(simulation.scene) + size_advice(simulation)
     result += cost_advice(simulation)
     for stated, system in zip(scene.systems, simulation.systems):
+        result += stated.settings.choices(scene, stated.bodies)
         # the figures are of the kernel's weights
         kind = stated.settings.kind if getattr(stated.settings, "pair_weights", "kernel") == "kernel" else ""
         for number, i in enumerate(stated.bodies):

@@ -99,6 +99,10 @@ class MethodSettings(SceneModel):
         """What a scene can state so that it does without a field of the method's state that results lack, in words."""
         return ""
 
+    def choices(self, scene: Any, bodies: Iterable[int]) -> list[str]:
+        """What the method chose for bodies where the scene states nothing, in words for `check`."""
+        return []
+
     def touching(self) -> str:
         """What bodies of the method do that touch and that no contact names, in words."""
         return "bonded where they touch"

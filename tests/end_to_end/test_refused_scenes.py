@@ -139,7 +139,9 @@ def test_bad_input_is_refused_in_one_message(results, name):
     assert all(word in message for word in words), message
     assert message.startswith("parsolid: ") and message.count("parsolid: ") == 1
     assert len(message.partition("usage:")[0].splitlines()) == 1, message
-    assert not any(rank.out for rank in ranks) and not any(rank.err for rank in ranks[1:])
+    # with no kernel in the cache the first rank says that it compiles
+    said = [line for line in ranks[0].out.splitlines() if not line.startswith("compiling kernel")]
+    assert not said and not any(rank.out or rank.err for rank in ranks[1:]), ranks
     assert [path.name for path in output.iterdir()] == ["history.csv"] and (
         output / "history.csv"
     ).read_text() == "kept"

@@ -79,10 +79,10 @@ def test_what_is_written_states_it_so_that_companions_and_restarts_have_the_same
 
 def test_check_says_so():
     scene = parse_scene(tables())
-    notes = scene.systems[0].settings.notes(scene, (0,))
+    notes = scene.systems[0].settings.choices(scene, (0,))
     assert any("method.weights = 'best' and method.integrator = 'leapfrog' unless stated" in note for note in notes)
     stated = parse_scene(tables(method={"weights": "best", "integrator": "leapfrog"}))
-    assert not any("unless stated" in note for note in stated.systems[0].settings.notes(stated, (0,)))
+    assert not any("unless stated" in note for note in stated.systems[0].settings.choices(stated, (0,)))
 
 
 def test_a_study_does_not_change_its_method_between_two_resolutions(tmp_path):

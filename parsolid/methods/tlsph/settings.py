@@ -154,11 +154,14 @@ class TotalLagrangianSPH(MethodSettings):
         that is not told."""
         told = f"mass, and the weight that clamps bear, are told without {self.clamp_edges:g} of that of these edges"
         less = [f"method.clamp_edges: {told}"] if self.clamp_edges else []
+        return self._notes_of_weights(scene, bodies) + self._notes_of_contact(scene, bodies) + less
+
+    def choices(self, scene: Any, bodies: Iterable[int]) -> list[str]:
+        """Weights and integrator, where the scene leaves both to its bodies."""
         usual = self.usual(scene, bodies)
         told = " and ".join(f"method.{key} = {usual[key]!r}" for key in ("weights", "integrator") if usual)
-        chosen = [f"{told} unless stated, as all bodies are boxes of {RESOLVED} nodes or more along each axis"]
-        less += chosen if usual else []
-        return self._notes_of_weights(scene, bodies) + self._notes_of_contact(scene, bodies) + less
+        why = f"unless stated, as all bodies are boxes of {RESOLVED} nodes or more along each axis"
+        return [f"{told} {why}"] if usual else []
 
     def _notes_of_contact(self, scene: Any, bodies: Iterable[int]) -> list[str]:
         named = {name for one in of_model(scene.contact, "kernel") for name in one.bodies}
