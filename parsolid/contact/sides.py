@@ -16,8 +16,8 @@ from parsolid.scene.contact import contact_pairs, of_model
 SKIN = 0.5
 # step over the limit of a contact's frequency: what is exchanged in a step grows with its square; the power of a
 # stiffness above 1 by which it is less, for then particles of a face meet and part many times; by how much it is less
-# where a body does not damp that, or moves in stages, which take from what a contact shakes
-_SAFETY, _STIFF, _LESS = 0.5, -0.125, 2.0 / 3.0
+# where a body does not damp that, or moves in stages, which take from what a contact shakes, and where neither body does
+_SAFETY, _STIFF, _LESS, _LEAST = 0.5, -0.125, 2.0 / 3.0, 0.36
 # entries of the tables of colour against depth
 _TABLE = 65
 
@@ -136,9 +136,10 @@ def _side(
     softer = min((A, B), key=lambda body: body.modulus / body.spacing)
     depth, colour, slope = _table(A.spacing, B.spacing, B.nodal, reach, dimension)
     own_colour, _ = lattice_colour(0.5 * A.spacing, A.spacing, A.nodal, reach, dimension)
-    shaken = any(body.undamped or body.staged for body in (A, B))
+    shaken = _LESS if any(body.undamped or body.staged for body in (A, B)) else 1.0
+    shaken = _LEAST if A.undamped and B.undamped else shaken
     frequency = np.sqrt(2.0 * contact.stiffness) * softer.speed / softer.spacing
-    safety = _SAFETY * max(contact.stiffness, 1.0) ** _STIFF * (_LESS if shaken else 1.0)
+    safety = _SAFETY * max(contact.stiffness, 1.0) ** _STIFF * shaken
     return Side(
         own,
         other,
