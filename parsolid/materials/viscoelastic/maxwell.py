@@ -98,8 +98,8 @@ def _difference(a, b):
 def relaxation_loss(modulus, relaxation_time, weights, C_0, C_0_inverse, A_0, C_1, C_1_inverse, A_1):
     """What one branch dissipates over a step [J/m^3], never negative; weights: `loss_weights` times tau [s].
 
-    The rate (28) is mu/(2 tau) Y : X, X = A - C^{-1}, Y = C - A^{-1}; Y is a positive linear function of X, by which the
-    mixed rate mu/(4 tau) (Y_0 : X_1 + Y_1 : X_0) would be at least minus the mean of both rates if it were constant.
+    The rate (28) is mu/(2 tau) Y : X, X = A - C^{-1}, Y = C - A^{-1} = C X A^{-1}. If C and A in it were constant, the
+    mixed rate mu/(4 tau) (Y_0 : X_1 + Y_1 : X_0) would be at least minus the mean of both rates.
     """
     X_0, Y_0 = _difference(A_0, C_0_inverse), _difference(C_0, inverse_symmetric(A_0))
     X_1, Y_1 = _difference(A_1, C_1_inverse), _difference(C_1, inverse_symmetric(A_1))
