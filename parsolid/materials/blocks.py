@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.materials.viscoelastic.maxwell import dissipation_factor, end_weights, relaxation_weights
+from parsolid.materials.viscoelastic.maxwell import dissipation_factor, loss_weights, relaxation_weights
 
-_NO_BRANCHES, _NO_WEIGHTS = np.zeros((0, 3)), np.zeros((0, 2))
+_NO_BRANCHES = np.zeros((0, 3))
 
 
 @dataclass
@@ -34,10 +34,10 @@ class MaterialBlock:
         return np.array([dissipation_factor(time, step, tau) for tau in self.law.relaxation_times or ()], float)
 
     def dissipation_weights(self, step: float) -> np.ndarray:
-        """Weights (branches, 2) [s] of the dissipation's rates at both ends of a step [s]."""
+        """Weights (branches, 3) [s] of the dissipation's rates at the start, mixed, and at the end of a step [s]."""
         if not self.branches:
-            return _NO_WEIGHTS
-        return step * np.array([end_weights(step, time) for time in self.law.relaxation_times])
+            return _NO_BRANCHES
+        return np.array([[time * w for w in loss_weights(step, time)] for time in self.law.relaxation_times])
 
 
 def material_blocks(laws: list[Any], body: np.ndarray) -> tuple[list[MaterialBlock], np.ndarray]:

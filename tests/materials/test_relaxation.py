@@ -9,7 +9,13 @@ from decomposition.compiled import compiled
 from parsolid.materials.hyperelastic.evaluation import symmetric_rows, symmetric_tensors
 from parsolid.materials.hyperelastic.hyperbolicity import dissipation_rates, energies, polyconvex_state
 from parsolid.materials.hyperelastic.mooney_rivlin import MooneyRivlin
-from parsolid.materials.viscoelastic.maxwell import branch_dissipation, branch_energy, relaxation_weights
+from parsolid.materials.viscoelastic.maxwell import (
+    branch_dissipation,
+    branch_energy,
+    loss_weights,
+    relaxation_loss,
+    relaxation_weights,
+)
 from parsolid.materials.viscoelastic.relaxation import dissipated_energy, relax_branches
 
 TIMES = np.array([0.5])
@@ -23,6 +29,24 @@ def _energy(modulus, C, J, A):
 @compiled
 def _dissipation(modulus, time, C, inverse, A):
     return branch_dissipation(modulus, time, C, inverse, A)
+
+
+@compiled
+def _loss(modulus, time, step, C_0, C_0_inverse, A_0, C_1, C_1_inverse, A_1):
+    first, mixed, last = loss_weights(step, time)
+    weights = (time * first, time * mixed, time * last)
+    return relaxation_loss(modulus, time, weights, C_0, C_0_inverse, A_0, C_1, C_1_inverse, A_1)
+
+
+def loss_of(start, old, new, step, tau):
+    """What a branch of modulus 2 loses by the rates of both ends."""
+    end = np.empty((1, 6))
+    relax_branches(start[None], old, new, step, np.array([tau]), end)
+    rows = []
+    for inverse, A in ((old, start), (new, end[0])):
+        C = symmetric_rows(np.linalg.inv(symmetric_tensors(inverse[None])[0]))[0]
+        rows += [tuple(C), tuple(inverse), tuple(A)]
+    return _loss(2.0, tau, step, *rows)
 
 
 def inverse_at(t):
@@ -139,3 +163,38 @@ def test_solver_branch_functions_say_the_same(random_deformation, random_branche
         assert _dissipation(2.0, 0.3, C_n, inverse_n, A_n) == pytest.approx(
             dissipation_rates(law, state)[n, 0], rel=1e-11
         )
+
+
+@pytest.mark.parametrize("x", [1e-6, 1e-3, 0.0999, 0.1001, 0.7, 3.0, 40.0])
+def test_weights_of_the_loss_are_integrals_over_the_step(x):
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    s, weights = 0.5 * x * (1.0 + nodes), 0.5 * x * weights
+    part = np.expm1(-s) / np.expm1(-x)
+    expected = [weights @ f for f in ((1.0 - part) ** 2, 2.0 * part * (1.0 - part), part**2)]
+    assert loss_weights(x, 1.0) == pytest.approx(expected, rel=1e-11)
+
+
+@pytest.mark.parametrize("tau", [1e-7, 1e-2, 0.05, 1.0, 1e3])
+def test_what_a_step_loses_is_exact_to_the_change_of_strain(tau):
+    # started as this motion leaves it, beside the exact energy of C^{-1} linear in time
+    errors, whole = [], []
+    for step in (0.04, 0.02, 0.01):
+        old, new = inverse_at(0.8), inverse_at(0.8 + step)
+        start = old - 0.3 * (-np.expm1(-0.8 / tau)) * min(tau, 0.5) * (new - old) / step
+        found = loss_of(start, old, new, step, tau)
+        exact = dissipated_energy(start[None], old, new, step, np.array([2.0]), np.array([tau]))
+        errors.append(abs(found - exact))
+        whole.append(exact)
+    assert errors[0] < 0.03 * whole[0], (errors, whole)
+    assert errors[-1] < 0.55 * errors[0] * whole[-1] / whole[0], (errors, whole)
+
+
+def test_a_step_never_gains_whatever_the_strain_does(random_deformation, random_branches):
+    F, A = random_deformation(400), random_branches(200, 1)
+    inverses = symmetric_rows(np.linalg.inv(np.swapaxes(F, 1, 2) @ F))
+    least = np.inf
+    for n in range(200):
+        start = symmetric_rows(A[n])[0]
+        for x in (1e-4, 0.3, 2.0, 1e3):
+            least = min(least, loss_of(start, inverses[2 * n], inverses[2 * n + 1], x, 1.0) / x)
+    assert least >= 0.0

@@ -136,8 +136,7 @@ def test_what_a_fixed_wall_gives_to_cells_is_booked(comm, dimension, integrator)
     material = {**SOFT, "branches": [{"beta": 1.0, "tau": 0.5}]}
     data = tables((7, 6, 5)[:dimension], material=material, body=body, boundaries=planes, method=method)
     rows = []
-    # of leapfrog the relaxation of branches is of second order
-    for steps in (15, 30) if integrator == "ssp-rk3" else (30, 60):
+    for steps in (15, 30):
         sim = simulation(data, comm)
         sim.ledger.row(comm, *sim.systems[0].energies())
         for _ in range(steps):

@@ -8,7 +8,7 @@ import numpy as np
 from decomposition.compiled import compiled
 from decomposition.deferred import register_jitable
 from parsolid.materials.hyperelastic.law import first_piola_kirchhoff_stress, pressure_wave_tensor, shear_wave_tensor
-from parsolid.materials.viscoelastic.maxwell import branch_dissipation, relaxed
+from parsolid.materials.viscoelastic.maxwell import relaxation_loss, relaxed
 from parsolid.methods.tlsph.deformation import (
     branch_sum_of,
     current_branches,
@@ -52,8 +52,8 @@ from parsolid.pairs.terms import MeanRiemann, record_columns
 
 
 class ExactRelaxation(NamedTuple):
-    """Of each branch: weights (branches, 3) of A_0, C_0^{-1}, C_1^{-1} over the step, and weights (branches, 2) [s] of
-    the dissipation's rates at its ends."""
+    """Of each branch: weights (branches, 3) of A_0, C_0^{-1}, C_1^{-1} over the step, and weights (branches, 3) [s] of
+    the dissipation's rates at its start, mixed and at its end."""
 
     weights: np.ndarray
     rates: np.ndarray
@@ -104,8 +104,8 @@ def _relax(branches, space, law, relaxation, i, F0, F, count):
         A = relaxed((w[alpha, 0], w[alpha, 1], w[alpha, 2]), before, old_inverse, inverse)
         store_branch(space, branches, alpha, i, A, count)
         total = add(total, scale(modulus, A))
-        lost = lost + rates[alpha, 0] * branch_dissipation(modulus, time, C0, old_inverse, before)
-        lost = lost + rates[alpha, 1] * branch_dissipation(modulus, time, C, inverse, A)
+        r = (rates[alpha, 0], rates[alpha, 1], rates[alpha, 2])
+        lost = lost + relaxation_loss(modulus, time, r, C0, old_inverse, before, C, inverse, A)
     return total, lost
 
 
