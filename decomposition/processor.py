@@ -64,8 +64,7 @@ def _file() -> Path | None:
     library = Path(spec.origin).with_name("binding") / "libllvmlite.so"
     with suppress(OSError):
         about = library.stat()
-        what = repr((str(library), about.st_size, about.st_mtime_ns, cpuid()))
-        return folder() / f"processor-{hashlib.sha256(what.encode()).hexdigest()[:32]}.json"
+        return folder() / f"processor-{_digest((str(library), about.st_size, about.st_mtime_ns, cpuid()))}.json"
     return None
 
 
@@ -75,12 +74,18 @@ def described() -> tuple[str, str, str]:
     path = None if "llvmlite.binding" in sys.modules else _file()
     if path is None:
         return _asked()
-    with suppress(OSError, ValueError):
-        triple, name, features = map(str, json.loads(path.read_bytes()))
-        return triple, name, features
+    # kernels are told apart by it, so that one of eight lanes would be called where four are meant if it were damaged
+    with suppress(OSError, ValueError, TypeError):
+        triple, name, features, digest = json.loads(path.read_bytes())
+        if digest == _digest((triple, name, features)):
+            return triple, name, features
     found = _asked()
     with suppress(OSError):
         with tempfile.NamedTemporaryFile("w", dir=path.parent, prefix=".new-", delete=False) as file:
-            json.dump(found, file)
+            json.dump([*found, _digest(found)], file)
         os.replace(file.name, path)
     return found
+
+
+def _digest(what: object) -> str:
+    return hashlib.sha256(repr(what).encode()).hexdigest()[:32]
