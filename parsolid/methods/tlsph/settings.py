@@ -139,7 +139,8 @@ class TotalLagrangianSPH(MethodSettings):
         """Weights that close with one evaluation a step where every example of the tables confirms them: boxes of eight
         nodes or more along each axis that touch nothing, in scenes that state no kernel, weights or integrator."""
         meets = scene.contact or scene.tie or scene.tools or scene.methods is not None
-        own = _CHOSEN & self.model_fields_set or self.reference == "updated"
+        # jumps that are not reconstructed take more of what is resolved with weights in closed form (docs/weights.md)
+        own = _CHOSEN & self.model_fields_set or self.reference == "updated" or not self.reconstruction
         if own or meets or not all_resolved_boxes(scene, bodies):
             return {}
         return {"weights": "best", "integrator": "leapfrog", "cfl": None, "safety": 0.9}
