@@ -157,6 +157,11 @@ class TotalLagrangianSPH(MethodSettings):
         less = [f"method.clamp_edges: {told}"] if self.clamp_edges else []
         return self._notes_of_weights(scene, bodies) + self._notes_of_contact(scene, bodies) + less
 
+    def unheard(self, scene: Any, bodies: Iterable[int]) -> frozenset[str]:
+        """What kernels are, where all weights are in closed form."""
+        kinds = weights_of_bodies(self.pair_weights, scene)
+        return frozenset({"kernel", "smoothing"} if all(kinds[i] in ON_LATTICES for i in bodies) else ())
+
     def choices(self, scene: Any, bodies: Iterable[int]) -> list[str]:
         """Weights and integrator, where the scene leaves both to its bodies."""
         usual = self.usual(scene, bodies)
