@@ -103,7 +103,11 @@ class TotalLagrangianSPH(MethodSettings):
     def _one_way_to_step(self) -> "TotalLagrangianSPH":
         key, other, usual = ("safety", "cfl", 0.9) if self.integrator == "leapfrog" else ("cfl", "safety", 0.7)
         if getattr(self, other) is not None:
-            reject(((other,), f"no such key with the integrator {self.integrator!r}", getattr(self, other)))
+            # who sees leapfrog where nothing is stated has to state what it comes with, too
+            left_out = not self.model_fields_set & {"integrator", "weights"}
+            beside = ", unless integrator = 'leapfrog' and weights = 'best', or others, are stated beside it"
+            expected = f"no such key with the integrator {self.integrator!r}{beside if left_out else ''}"
+            reject(((other,), expected, getattr(self, other)))
         if getattr(self, key) is None:
             # past the validation of an assignment, and not among what the scene states
             vars(self)[key] = usual
