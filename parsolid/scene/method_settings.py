@@ -99,6 +99,10 @@ class MethodSettings(SceneModel):
         """What a scene can state so that it does without a field of the method's state that results lack, in words."""
         return ""
 
+    def unheard(self, scene: Any, bodies: Iterable[int]) -> frozenset[str]:
+        """Keys of the method that say nothing to these bodies."""
+        return frozenset()
+
     def choices(self, scene: Any, bodies: Iterable[int]) -> list[str]:
         """What the method chose for bodies where the scene states nothing, in words for `check`."""
         return []

@@ -74,8 +74,11 @@ FIXED = (
 ADDED = dict.fromkeys(_of_methods("clamp_edges"), 0.0)
 # keys within tables of a name that scenes may leave out, and what that means by the tables' kind: who states it changes
 # nothing, and where it means something else now that is a change
+_WEIGHTS: dict[str, dict[str, Any]] = {"tlsph": {"weights": "kernel"}}
 LEFT_OUT: dict[str, dict[str, dict[str, Any]]] = {
-    "stabilisation": {"shear-scaled": {"coefficient": 0.35}, "paper": {"coefficient": 1.0}}
+    "stabilisation": {"shear-scaled": {"coefficient": 0.35}, "paper": {"coefficient": 1.0}},
+    "method": _WEIGHTS,
+    "methods": _WEIGHTS,
 }
 
 # of a formula
@@ -112,8 +115,15 @@ def completed(value: Any) -> Any:
         return value
     result = {key: completed(part) for key, part in value.items()}
     for key in LEFT_OUT.keys() & result.keys():
-        result[key] = LEFT_OUT[key].get(result[key].get("kind"), {}) | result[key]
+        result[key] = _completed_by_kind(LEFT_OUT[key], result[key])
     return result
+
+
+def _completed_by_kind(known: dict[str, dict[str, Any]], value: Any) -> Any:
+    if isinstance(value, list):
+        return [_completed_by_kind(known, part) for part in value]
+    # the method of a body is a name
+    return known.get(value.get("kind", ""), {}) | value if isinstance(value, dict) else value
 
 
 def _contents(value: Any) -> Any:

@@ -53,6 +53,17 @@ def test_changes_that_do_not_go_together_are_refused():
     assert add(plan, Choice((("kernel", "kernel", "wendland-c2"),))) is None and "changes nothing" in plan.refused[-1]
 
 
+def test_kernels_are_no_choice_where_all_weights_are_in_closed_form():
+    """Runs with them are the same to the last bit: the least error for its time would be chance's."""
+    best = ["method.weights=best", "method.integrator=leapfrog"]
+    plan = plan_of(load_scene(SCENE, [*SMALL, *best]), "stored", [], False)
+    assert not any(name.startswith(("kernel ", "h/dx ")) for name in names(plan))
+    assert "kernel quintic-spline: it changes nothing here" in plan.refused
+    assert {"weights kernel", "dissipation 0.3"} <= names(plan)
+    together = Choice((("weights", "weights", "kernel"), ("kernel", "kernel", "quintic-spline")))
+    assert add(plan, together) is not None
+
+
 def made(choice, levels, column="q"):
     """A candidate of runs with (ratio, seconds, error) each; its column swings with that error."""
     scene = SimpleNamespace(systems=[], end_time=1.0)

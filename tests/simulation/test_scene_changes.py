@@ -97,6 +97,17 @@ def test_a_checkpoint_from_before_contact_had_a_control_of_its_own_names_the_key
     assert not faults or (faults[0].startswith("method.stabilisation.coefficient: expected") and found in faults[0])
 
 
+@pytest.mark.parametrize("stated, faults", [("kernel", 0), (None, 0), ("best", 1)])
+def test_a_checkpoint_from_before_boxes_had_weights_of_their_own_goes_on_where_the_kernel_is_stated(stated, faults):
+    """Bodies had the kernel's weights, which nobody had to state."""
+    method = {"integrator": "ssp-rk3"} | ({"weights": stated} if stated else {})
+    now = contents(parse_scene(tables((4, 4), method={"kind": "tlsph", **method})))
+    before = now | {"method": {key: value for key, value in now["method"].items() if key != "weights"}}
+    told = judged(list(changes(completed(before), completed(now), TIME)), (), "checkpoint.h5", TIME)[0]
+    assert len(told) == faults
+    assert not told or told[0].startswith("method.weights: expected 'kernel' as in the checkpoint")
+
+
 def _leaves(value, place=()):
     entries = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, part in entries:

@@ -8,7 +8,7 @@ from solids import SOFT
 from parsolid.commands.study.cases import cases_of
 from parsolid.commands.study.schema import load_study
 from parsolid.errors.variants import companions_of
-from parsolid.scene import parse_scene
+from parsolid.scene import SceneError, parse_scene
 
 pytestmark = pytest.mark.serial
 
@@ -49,6 +49,7 @@ def test_resolved_boxes_that_state_nothing_close_and_take_one_evaluation_a_step(
         tables(method={"weights": "kernel"}),
         tables(method={"integrator": "ssp-rk3"}),
         tables(method={"cfl": 0.7}),
+        tables(method={"reconstruction": False}),
         tables(tools=[{"name": "floor", "shape": {"plane": {"point": [0, -1], "normal": [0, 1]}}}]),
     ],
     ids=lambda data: str({key: data[key] for key in ("method", "bodies", "tools") if key in data})[:120],
@@ -97,3 +98,11 @@ def test_a_study_does_not_change_its_method_between_two_resolutions(tmp_path):
     )
     found = [case.scene.systems[0].settings for case in cases_of(load_study(tmp_path / "study.toml"))]
     assert {(one.pair_weights, one.integrator) for one in found} == {("best", "leapfrog")}
+
+
+def test_a_safety_alone_is_told_what_to_state_beside_it():
+    with pytest.raises(SceneError, match=r"method\.safety: .*integrator = 'leapfrog' and weights = 'best'.*found 0\.5"):
+        parse_scene(tables(method={"safety": 0.5}))
+    assert choice(tables(method={"safety": 0.5, "integrator": "leapfrog", "weights": "best"}))[3] == 0.5
+    with pytest.raises(SceneError, match=r"integrator 'ssp-rk3', found 0\.5$"):
+        parse_scene(tables(method={"safety": 0.5, "integrator": "ssp-rk3"}))

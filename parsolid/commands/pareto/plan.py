@@ -97,7 +97,7 @@ def add(plan: Plan, choice: Choice) -> Candidate | None:
     """Take a choice into the plan; None, and words about it, where the scene cannot have it or it changes nothing."""
     try:
         scenes = [made(plan, choice, level) for level in (0, len(plan.levels) - 1)]
-        if choice.changes and scenes[0].resolved() == made(plan, Choice(), 0).resolved():
+        if choice.changes and _said(scenes[0]) == _said(made(plan, Choice(), 0)):
             raise SceneError(["it changes nothing here"])
     except SceneError as error:
         plan.refused.append(f"{choice.name}: {next(iter(error.faults))}")
@@ -107,6 +107,13 @@ def add(plan: Plan, choice: Choice) -> Candidate | None:
         return None
     plan.candidates.append(Candidate(choice))
     return plan.candidates[-1]
+
+
+def _said(scene: Scene) -> dict[str, Any]:
+    """What a scene of one method says to its bodies."""
+    (system,), tables = scene.systems, scene.resolved()
+    unheard = system.settings.unheard(scene, system.bodies)
+    return tables | {"method": {key: value for key, value in tables["method"].items() if key not in unheard}}
 
 
 def particles_of(scene: Scene) -> int:

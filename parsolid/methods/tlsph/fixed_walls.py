@@ -87,8 +87,11 @@ class FixedWalls:
         images = self.pairs.mirror
         if images is not self._images:
             rows, clamp = np.flatnonzero(np.diff(images.start)), self.boundaries.clamp
-            moving = slice(None) if clamp is None else clamp[rows, : len(self.factors[0])].any(axis=1)
-            self._images, self._rows = images, rows[moving]
+            if clamp is not None:
+                # a later condition moves what a plane holds
+                driven = np.isin(rows, self.boundaries.prescribed.entries[0])
+                rows = rows[driven | clamp[rows, : len(self.factors[0])].any(axis=1)]
+            self._images, self._rows = images, rows
             others = np.delete(np.arange(len(images.start) - 1), self._rows)
             self.particles.owned_rows("excess_wall_force")[others] = 0.0
         return self._rows

@@ -103,7 +103,11 @@ class TotalLagrangianSPH(MethodSettings):
     def _one_way_to_step(self) -> "TotalLagrangianSPH":
         key, other, usual = ("safety", "cfl", 0.9) if self.integrator == "leapfrog" else ("cfl", "safety", 0.7)
         if getattr(self, other) is not None:
-            reject(((other,), f"no such key with the integrator {self.integrator!r}", getattr(self, other)))
+            # who sees leapfrog where nothing is stated has to state what it comes with, too
+            left_out = not self.model_fields_set & {"integrator", "weights"}
+            beside = ", unless integrator = 'leapfrog' and weights = 'best', or others, are stated beside it"
+            expected = f"no such key with the integrator {self.integrator!r}{beside if left_out else ''}"
+            reject(((other,), expected, getattr(self, other)))
         if getattr(self, key) is None:
             # past the validation of an assignment, and not among what the scene states
             vars(self)[key] = usual
@@ -139,7 +143,8 @@ class TotalLagrangianSPH(MethodSettings):
         """Weights that close with one evaluation a step where every example of the tables confirms them: boxes of eight
         nodes or more along each axis that touch nothing, in scenes that state no kernel, weights or integrator."""
         meets = scene.contact or scene.tie or scene.tools or scene.methods is not None
-        own = _CHOSEN & self.model_fields_set or self.reference == "updated"
+        # jumps that are not reconstructed take more of what is resolved with weights in closed form (docs/weights.md)
+        own = _CHOSEN & self.model_fields_set or self.reference == "updated" or not self.reconstruction
         if own or meets or not all_resolved_boxes(scene, bodies):
             return {}
         return {"weights": "best", "integrator": "leapfrog", "cfl": None, "safety": 0.9}
@@ -155,6 +160,11 @@ class TotalLagrangianSPH(MethodSettings):
         told = f"mass, and the weight that clamps bear, are told without {self.clamp_edges:g} of that of these edges"
         less = [f"method.clamp_edges: {told}"] if self.clamp_edges else []
         return self._notes_of_weights(scene, bodies) + self._notes_of_contact(scene, bodies) + less
+
+    def unheard(self, scene: Any, bodies: Iterable[int]) -> frozenset[str]:
+        """What kernels are, where all weights are in closed form."""
+        kinds = weights_of_bodies(self.pair_weights, scene)
+        return frozenset({"kernel", "smoothing"} if all(kinds[i] in ON_LATTICES for i in bodies) else ())
 
     def choices(self, scene: Any, bodies: Iterable[int]) -> list[str]:
         """Weights and integrator, where the scene leaves both to its bodies."""
