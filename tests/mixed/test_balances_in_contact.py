@@ -210,6 +210,11 @@ def test_what_lies_half_a_spacing_deep_at_the_start_parts_gently(method, law):
     assert np.abs(found["balance"]).max() < 1e-3 * found["stored"][0]
 
 
+def test_what_touches_alone_may_start_with_the_steps_of_its_stiffness():
+    contact = Simulation(MPI.COMM_SELF, parse_scene(blocks(LEAPFROG, 4.0, 1e-4, RUBBER))).interactions[0]
+    assert contact.energy == 0.0 and contact.stable_step() > 0.9 * contact.longest.min()
+
+
 def test_a_step_of_no_length_leaves_the_bound_and_without_entries_there_is_none():
     sim = Simulation(MPI.COMM_SELF, parse_scene(blocks(POINTS, 800.0, 2e-6)))
     contact, system = sim.interactions[0], sim.systems[0]
