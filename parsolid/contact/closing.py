@@ -40,6 +40,14 @@ def first_steps(seen: Seen, ahead: np.ndarray, time: float) -> float:
     return min(closing_step(seen, ahead, time), 0.5 * meeting_step(seen.constants, seen.level, ahead, time))
 
 
+def step_from_rest(seen: Seen, pushed: np.ndarray, time: float) -> float:
+    """Each of the first four steps [s] from rest, in the last of which forces move entries by what they may, 7/2 a
+    step^2; pushed (owned,) [m]: penetrations when the forces have acted for a time [s], a time^2/2."""
+    # not of those that touch alone, for which the stiffness has its say later
+    free = seen._replace(longest=np.full_like(seen.longest, np.inf))
+    return float(np.sqrt(closing_step(free, pushed, time) * time / 7.0))
+
+
 def meeting_step(constants: np.ndarray, now: np.ndarray, ahead: np.ndarray, time: float) -> float:
     """The step [s] in which no owned entry goes deeper than it may that does not press yet; now, ahead (owned,) [m]:
     penetrations in the present places and in those after a time [s]."""

@@ -15,7 +15,7 @@ import numpy as np
 from parsolid.collective import maximum, minimum, raise_together
 from parsolid.contact import passes, pressing
 from parsolid.contact.boxes import Boxes
-from parsolid.contact.closing import FAST, Seen, closing_step, first_steps, step_ahead
+from parsolid.contact.closing import FAST, Seen, closing_step, first_steps, step_ahead, step_from_rest
 from parsolid.contact.depth import fill_depths, overlap
 from parsolid.contact.friction_kernels import friction
 from parsolid.contact.heat_kernels import others_heat, own_heat
@@ -100,7 +100,11 @@ class KernelContact(Interaction):
         ahead = self.level.copy()
         deepest = self.evaluate(None, held=True)
         if not self.restarted:
-            self._starting = max(0.5 * (self.boxes.expires - time), self._soon), _STARTING
+            # of no speed yet, what presses at the start is seen to go by its forces alone
+            self._colours(anew=True, ahead=self._soon, pushed=True)
+            pushed, _ = self.level.copy(), self.evaluate(None, held=True)
+            pressed = minimum(self.comm, step_from_rest(self._seen(), pushed, self._soon))
+            self._starting = min(max(0.5 * (self.boxes.expires - time), self._soon), pressed), _STARTING
         self._nearest = first_steps(self._seen(), ahead, 2.0 * self._step)
         if self._kept is not None and self.entries.segments:
             self._nearest = self._kept
@@ -284,18 +288,20 @@ class KernelContact(Interaction):
     def _seen(self) -> Seen:
         return Seen(self.colour, self.entries.constants, self.longest, self.level)
 
-    def _colours(self, anew: bool, ahead: float = 0.0) -> tuple[float, int]:
+    def _colours(self, anew: bool, ahead: float = 0.0, pushed: bool = False) -> tuple[float, int]:
         """Places, colours, penetrations and energy; the deepest and of which entry; collective among neighbours.
 
-        anew: the penetrations at the start of the step are not known, or nothing has moved in it; ahead: of the places
-        after a time [s].
+        anew: the penetrations at the start of the step are not known, or nothing has moved in it; ahead: of places in
+        a time [s], by velocities or pushed from rest.
         """
         entries, owned = self.entries, self.entries.owned
         for one in entries.segments:
             rows = self.systems[one.system].particles.owned_rows
             take_places(one.rows, one.first, rows("position"), rows("contact_start"), self.place, self.moved)
             if ahead:
-                self.place[one.first : one.last] += ahead * rows("velocity")[one.rows]
+                mass = self.systems[one.system].mass[one.rows, None]
+                speed = 0.5 * ahead * rows("contact_force")[one.rows] / mass if pushed else rows("velocity")[one.rows]
+                self.place[one.first : one.last] += ahead * speed
         self._exchange(self.first)
         arrays = True if anew else None, self.colour, self.level, self.record
         self.energy, deepest, where = pressing.colours(owned, self.matter, entries.lists, *arrays)

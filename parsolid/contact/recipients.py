@@ -53,8 +53,7 @@ class Recipient:
         rows, impulse = impulses(self.rows, self.forces[1], more, self.share, 0.5 * step)
         if len(rows):
             (system.kick_before if opening else system.kick)(impulse, rows)
-        # of several steps of its own in one of all, the middle velocity is none that it had
-        if ledger is not None and system.verlet is not None and system.substeps == 1:
+        if ledger is not None and system.verlet is not None:
             book_swings(ledger, system, self.rows, step, self.forces, self.held, self.started)
 
     def warm(self, heat: np.ndarray) -> float:

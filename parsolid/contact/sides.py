@@ -16,7 +16,7 @@ from parsolid.scene.contact import contact_pairs, of_model
 SKIN = 0.5
 # step over the limit of a contact's frequency: what is exchanged in a step grows with its square; the power of a
 # stiffness above 1 by which it is less, for then particles of a face meet and part many times; by how much it is less
-# where a body does not damp that, or moves in stages, which take from what a contact shakes, and where neither body does
+# where a body does not damp that, or moves in stages, which take from what a contact shakes, and where neither does
 _SAFETY, _STIFF, _LESS, _LEAST = 0.5, -0.125, 2.0 / 3.0, 0.36
 # entries of the tables of colour against depth
 _TABLE = 65

@@ -195,6 +195,26 @@ def test_a_restart_while_bodies_close_fast_has_the_same_bits(method, tmp_path):
     assert again.clock.time == whole.clock.time and again.energy_row() == whole.energy_row()
 
 
+@pytest.mark.parametrize(
+    ("method", "law"),
+    [(LEAPFROG, RUBBER), ({"kind": "tlsph"}, RUBBER), (BONDS, LINEAR)],
+    ids=["one", "stages", "bonds"],
+)
+def test_what_lies_half_a_spacing_deep_at_the_start_parts_gently(method, law):
+    """Nothing moves yet: steps as long as frequencies allow had 3.0e-3, 3.9e-3 and 1.5e-3 out of balance."""
+    data = apart(-0.5e-3, 0.0) | {"method": method, "end_time": 3e-5}
+    for body in data["bodies"]:
+        body["material"] = law
+    found = run(data)
+    assert found["kinetic"].max() > 0.5 * found["stored"][0]
+    assert np.abs(found["balance"]).max() < 1e-3 * found["stored"][0]
+
+
+def test_what_touches_alone_may_start_with_the_steps_of_its_stiffness():
+    contact = Simulation(MPI.COMM_SELF, parse_scene(blocks(LEAPFROG, 4.0, 1e-4, RUBBER))).interactions[0]
+    assert contact.energy == 0.0 and contact.stable_step() > 0.9 * contact.longest.min()
+
+
 def test_a_step_of_no_length_leaves_the_bound_and_without_entries_there_is_none():
     sim = Simulation(MPI.COMM_SELF, parse_scene(blocks(POINTS, 800.0, 2e-6)))
     contact, system = sim.interactions[0], sim.systems[0]

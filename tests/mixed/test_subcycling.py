@@ -63,6 +63,35 @@ def test_on_any_ranks_and_after_a_restart_systems_take_the_same_steps(comm, shar
         np.testing.assert_allclose(rows[name], whole[name], rtol=0.0, atol=1e-12 * scale + rounding, err_msg=name)
 
 
+LAW = {"density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3}
+
+
+@pytest.mark.parametrize("tool", [False, True])
+@pytest.mark.parametrize(
+    ("method", "law"),
+    [
+        ({"kind": "tlsph"}, "neo-hookean"),
+        ({"kind": "tlsph", "integrator": "leapfrog"}, "neo-hookean"),
+        ({"kind": "peridynamics"}, "linear-elastic"),
+    ],
+    ids=["stages", "leapfrog", "peridynamics"],
+)
+def test_what_impulses_of_contact_and_tools_give_to_several_steps_is_told(method, law, tool):
+    """Of the energy .17 (stages) and .27 (leapfrog) came from nowhere: waves that impulses make in a stiff body."""
+    bodies = []
+    for name, kind, low, v, young in (("soft", "neo-hookean", -1.0, 0.06, 1.0), ("stiff", law, 0.0, -0.04, 100.0)):
+        box = {"lower": [low, 0.0], "upper": [low + 0.995, 0.6]}
+        body = {"name": name, "method": name, "shape": {"box": box}, "particles": [10, 6], "placement": "cells"}
+        bodies.append(body | {"velocity": [v, 0.01], "material": LAW | {"kind": kind, "youngs_modulus": young}})
+    methods = [{"name": "soft", "kind": "mpm", "cell": 0.2}, method | {"name": "stiff", "substeps": 7}]
+    data = {"dimension": 2, "end_time": 1.0, "methods": methods, "bodies": bodies, "output": {"fields_times": []}}
+    wall = {"name": "wall", "shape": {"plane": {"point": [0.996, 0.0], "normal": [-1.0, 0.0]}}, "friction": 0.2}
+    data |= {"contact": [{"bodies": ["soft", "stiff"], "friction": 0.3}]} | ({"tools": [wall]} if tool else {})
+    found = follow(Simulation(MPI.COMM_SELF, parse_scene(data)), Record(), policy=TimeSteps)
+    assert found["contact_energy"].max() > 0.05 * found["kinetic"][0]
+    assert np.abs(found["balance"]).max() < 1e-3 * found["kinetic"][0]
+
+
 def test_a_script_may_go_on_after_any_step(comm):
     """The second call begins with the common step alone, which said nothing of the systems': an error of packing."""
     stopping, whole = (set_up(tables("auto"), comm) for _ in range(2))

@@ -137,6 +137,9 @@ def _alike(line: list[Case]) -> list[str]:
         for own, fine in zip(scene.systems, finest.systems):
             one, other = own.settings.usual(scene, own.bodies), fine.settings.usual(finest, fine.bodies)
             values = {key: getattr(fine.settings, key) for key in one | other} if one != other else {}
+            if values.keys() & own.settings.model_fields_set:
+                # this one has its own
+                continue
             place = ".".join(map(str, own.place))
             stated += [f"{place}.{key}={toml_value(value)}" for key, value in values.items() if value is not None]
         case.overrides += stated

@@ -45,7 +45,7 @@ class Swing:
         system, d = self.system, self.system.dimension
         # what has come to a rank that none touches has its start with it
         here = self.begun or (system.verlet is not None and self._layout != system.particles.layout)
-        if not here or system.substeps > 1:
+        if not here:
             return
         owned = system.particles.owned_rows
         start, now, more = owned(_START), np.zeros((system.owned, d)), np.zeros((system.owned, d))
