@@ -123,7 +123,10 @@ class FileKernel(_IN_C.dispatcher.Dispatcher):  # type: ignore[misc, name-define
 
     def entry_point(self, arguments: tuple[Any, ...]) -> Any:
         """What a call with such arguments comes to; None where there was no such call."""
-        return self.entry_points.get(tuple(self.typeof_pyval(it)._code for it in arguments))
+        # numba may have come since
+        return self.entry_points.get(tuple(self.typeof_pyval(it)._code for it in arguments)) or self.entry_points.get(
+            tuple(kind_of(it).code for it in arguments)
+        )
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__") or name == "_numba_type_":

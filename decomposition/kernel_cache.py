@@ -5,6 +5,7 @@ import functools
 import os
 import tempfile
 import time
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -20,7 +21,7 @@ from numba.core.types import Omitted  # type: ignore[attr-defined]
 from decomposition import kernel_places
 from decomposition.compiled import LISTENERS, PLAIN_ASKED, WAY, ordered
 from decomposition.kernel_files import UNREADABLE
-from decomposition.kernel_sources import classes_of
+from decomposition.kernel_sources import KEEPERS, classes_of, covered, is_followed
 from decomposition.loaded_kernels import LoadedKernel, content
 
 try:
@@ -187,6 +188,10 @@ class KernelCache(_Cache):  # type: ignore[misc]
         if not self.enabled or data.lifted or data.library.has_dynamic_globals:
             return
         path = self.path(sig, data.codegen)
+        if strangers := self._strangers(sig, data):
+            told = f"{self.function.__module__}.{self.function.__name__} is compiled at every start"
+            warnings.warn(f"{told}: its file would not follow {', '.join(strangers)}", stacklevel=2)
+            return
         with suppress(*UNREADABLE):
             payload = content(data)
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -194,6 +199,13 @@ class KernelCache(_Cache):  # type: ignore[misc]
                 file.write(payload)
             os.replace(file.name, path)
             _forget_unused(path.parent)
+
+    def _strangers(self, sig: Any, data: Any) -> list[str]:
+        """Modules with functions compiled in whose text the file would not be named by."""
+        classes = frozenset(it for kind in sig for it in classes_of(kind))
+        names = {environment.globals.get("__name__") for environment in data._find_referenced_environments()}
+        known = covered(kernel_places.modules_of(self.function), classes) | {None, *KEEPERS}
+        return sorted(it for it in names - known if is_followed(it))
 
     def path(self, sig: Any, codegen: Any) -> Path:
         """The file of a signature."""

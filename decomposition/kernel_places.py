@@ -78,6 +78,13 @@ def numba_version() -> str:
     return str(numba.__version__)
 
 
+def modules_of(function: Callable[..., Any]) -> frozenset[str]:
+    """The module of a function, and those of functions in its closure, which are pickled by their names alone."""
+    cells = [cell.cell_contents for cell in function.__closure__ or ()]
+    held = {str(cell.__module__) for cell in cells if callable(cell) and cell.__module__}
+    return frozenset({function.__module__, *held})
+
+
 def path_of(
     function: Callable[..., Any],
     options: list[tuple[str, Any]],
@@ -104,10 +111,7 @@ def path_of(
     digest.update(repr(what).encode())
     digest.update(numba_version().encode())
     digest.update(_pickled(cells) if cells else b"")
-    # functions in a closure are pickled by their names alone
-    held = {str(cell.__module__) for cell in cells if callable(cell) and cell.__module__}
-    for module in sorted({function.__module__, *held, *(it[0] for it in classes)}):
-        digest.update(digest_of(module))
+    digest.update(digest_of(modules_of(function), frozenset(classes)))
     return folder() / f"{function.__module__.rpartition('.')[2]}.{function.__name__}-{digest.hexdigest()[:32]}.kernel"
 
 

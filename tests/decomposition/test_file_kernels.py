@@ -206,6 +206,7 @@ def test_numba_may_come_at_any_time(run):
     program = f"""
 {call}
 import numba
+print(doubled.entry_point((Pair(np.arange(2.0), 1.0), 0.5)) is not None)
 {call}
 
 @numba.njit
@@ -218,6 +219,7 @@ print([recalled(pair, offset) for _ in range(3)])
 """
     assert run(program).splitlines() == [
         "3.5 [] False",
+        "True",
         "3.5 [] True",
         "5.5",
         "[3.5, 3.5, 3.5]",
