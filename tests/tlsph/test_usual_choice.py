@@ -106,3 +106,17 @@ def test_a_safety_alone_is_told_what_to_state_beside_it():
     assert choice(tables(method={"safety": 0.5, "integrator": "leapfrog", "weights": "best"}))[3] == 0.5
     with pytest.raises(SceneError, match=r"integrator 'ssp-rk3', found 0\.5$"):
         parse_scene(tables(method={"safety": 0.5, "integrator": "ssp-rk3"}))
+
+
+def test_a_resolution_of_a_study_that_states_its_step_keeps_what_it_has(tmp_path):
+    lines = ["dimension = 2", "end_time = 1e-3", 'method = { kind = "tlsph" }', "[[bodies]]", "particles = [5, 5]"]
+    lines += ["shape = { box = { lower = [0, 0], upper = [1, 1] } }", "[bodies.material]"]
+    (tmp_path / "block.toml").write_text("\n".join([*lines, *(f"{k} = {json.dumps(v)}" for k, v in SOFT.items())]))
+    own = {5: ', "method.cfl=0.3"', 9: ""}
+    settings = [
+        f'{{ label = "{n}", spacing = {1 / n}, set = ["bodies.0.particles=[{n}, {n}]"{own[n]}] }},' for n in own
+    ]
+    study = ['title = "B"', "[[series]]", 'name = "b"', 'scene = "block.toml"', "[[series.axes]]", 'name = "particles"']
+    (tmp_path / "study.toml").write_text("\n".join([*study, "settings = [", *settings, "]"]))
+    coarse, fine = (case.scene.systems[0].settings for case in cases_of(load_study(tmp_path / "study.toml")))
+    assert (coarse.integrator, coarse.cfl, fine.integrator) == ("ssp-rk3", 0.3, "leapfrog")

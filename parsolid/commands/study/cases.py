@@ -137,8 +137,8 @@ def _alike(line: list[Case]) -> list[str]:
         for own, fine in zip(scene.systems, finest.systems):
             one, other = own.settings.usual(scene, own.bodies), fine.settings.usual(finest, fine.bodies)
             values = {key: getattr(fine.settings, key) for key in one | other} if one != other else {}
-            if values.keys() & own.settings.model_fields_set:
-                # this one has its own
+            if values.keys() & (own.settings.model_fields_set | fine.settings.model_fields_set):
+                # one of them has its own
                 continue
             place = ".".join(map(str, own.place))
             stated += [f"{place}.{key}={toml_value(value)}" for key, value in values.items() if value is not None]
