@@ -9,6 +9,7 @@ from math import ceil, log2, pi
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.observables.in_region import OfRegion
@@ -53,8 +54,8 @@ def _load_of(comm: Any, system: ParticleSystem, ranks: int) -> Load:
         return Load(ceil(total / ranks), 0.0, ceil(total / ranks), 0.0 if ranks == 1 else 2.0)
     d, rows = system.dimension, system.particles.owned_rows
     volume = comm.allreduce(float(rows("volume").sum())) / total
-    # how far neighbours are, from how many there are
-    reach = (pairs / total * volume / _BALL[d]) ** (1.0 / d)
+    # how far neighbours are, from how many there are, unless they are known to be farther
+    reach = max((pairs / total * volume / _BALL[d]) ** (1.0 / d), comm.allreduce(system.farthest, MPI.MAX))
     here = np.random.default_rng(1).permutation(system.owned)[: ceil(SAMPLE * system.owned / total)]
     pieces = comm.gather(rows("reference_position")[here][:, :d])
     counts = _counted(np.concatenate(pieces), total, ranks, reach) if comm.rank == 0 else None

@@ -56,7 +56,8 @@ class ParticleSystem:
     swings_told: whether the ledger has leapfrog's swings of its own forces although its settings do not say so;
     losses_told: whether it has what stages of a step take.
     substep, substeps: number of its step in the present one of all systems, and how many those are.
-    evaluations: force evaluations a step; directed_pairs: interactions counted once a particle.
+    evaluations: force evaluations a step; directed_pairs: interactions counted once a particle; farthest: distance of
+    a neighbour of this rank's [m], where neighbours stand along lines and fill no ball.
     energy_scale: an energy [J], the same on all ranks, of which the balance has the round-off even where kinetic and
     stored vanish.
     news: whether this rank has found what all ranks must act on at the next step, as it is when a step is announced;
@@ -87,6 +88,7 @@ class ParticleSystem:
     substeps: int = 1
     evaluations: int = 1
     directed_pairs: int = 0
+    farthest: float = 0.0
     news: bool = False
     news_anywhere: bool = False
     placements: int | None = 0

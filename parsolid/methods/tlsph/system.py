@@ -66,6 +66,8 @@ class TotalLagrangianSPH(PairMethod):
         closed = frozenset(i for i, kind in enumerate(self.body_weights) if kind in ON_LATTICES)
         self.boundaries = build_boundaries(comm, scene, particle_set, self.particles, closed)
         self.on_lattices = put_on_lattices(comm, scene, particle_set, self.boundaries, self.body_weights, laws)
+        if self.on_lattices is not None:
+            self.farthest = float((self.on_lattices.reach * particle_set.spacing.T).max(initial=0.0))
         self.branches = maximum(comm, max((block.branches for block in self.blocks), default=0))
         self.pairs = self._pair_system(particle_set, weights_are_tabled(scene))
         self.pairs.unbonded = scene.unbonded
