@@ -30,7 +30,6 @@ if os.path.isdir("/dev/shm") and shutil.disk_usage("/dev/shm").free > 4e9:
 
 from chessboard import white_fields
 from mpi4py import MPI
-from properties import list_of_properties
 
 # before numpy, which most tests import first: no threads for linear algebra, which spin beside other tests
 import parsolid  # noqa: F401
@@ -74,7 +73,6 @@ def pytest_addoption(parser):
     parser.addoption(
         "--long", action="store_true", help="also run tests that take minutes, and all on 2 ranks and on 3"
     )
-    parser.addoption("--properties", metavar="FILE", help="write what the tests check and in which sets")
 
 
 _MARKERS = (
@@ -121,7 +119,7 @@ _LATER = {"docs": 1, "end_to_end": 1, "decomposition": 2, "numerics": 2, "scene"
 
 def pytest_ignore_collect(collection_path, config):
     """On three ranks rooms that have nothing for them are not read, half of all files."""
-    everything = config.getoption("long") or config.getoption("properties")
+    everything = config.getoption("long")
     named = collection_path.parent == Path(__file__).parent and collection_path.name in _NOT_ON[3]
     return True if WORLD.size == 3 and named and not everything else None
 
@@ -167,8 +165,6 @@ def _runs(config, item) -> bool:
     ranks = item.get_closest_marker("ranks")
     if ranks is not None and 3 in ranks.args and _room(item) in _NOT_ON[3]:
         raise pytest.UsageError(f"{item.nodeid}: its room is not read on three ranks")
-    if config.getoption("properties"):
-        return True
     if item.get_closest_marker("long") and not config.getoption("long"):
         return False
     if ranks is not None and WORLD.size not in ranks.args:
@@ -181,7 +177,7 @@ def _runs(config, item) -> bool:
 
 def _has_its_turn(config, item, white: bool) -> bool:
     """Whether a parameter set runs on this number of ranks, rather than on another or on one alone."""
-    if config.getoption("long") or config.getoption("properties"):
+    if config.getoption("long"):
         return True
     if item.get_closest_marker("every_other"):
         return not white
@@ -192,8 +188,6 @@ def _has_its_turn(config, item, white: bool) -> bool:
 
 
 def pytest_collection_finish(session):
-    if session.config.getoption("properties"):
-        Path(session.config.getoption("properties")).write_text(list_of_properties(session.items))
     if _step is None:
         return
     found = zlib.crc32("\n".join(item.nodeid for item in session.items).encode())

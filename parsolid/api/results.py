@@ -135,7 +135,7 @@ class FieldsOverTime(Mapping[float, "FieldsAtTime"]):
 class FieldsAtTime(Mapping[str, np.ndarray]):
     """Name -> values of all particles, in the order of their identifiers: (n,), vectors (n, 3), tensors (n, 3, 3).
 
-    position [m], and what the scene's output.fields names; units stand in docs/api. Plane vectors have a third
+    position [m], and what the scene's output.fields names. Plane vectors have a third
     component of zero. A field is read from the file each time it is asked for. Of a scene of several methods the
     particles of one system stand after those of another, with NaN where a system has no such field.
     """

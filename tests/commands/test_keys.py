@@ -11,7 +11,7 @@ from parsolid.collective import SolverError
 from parsolid.commands.cli import main
 from parsolid.commands.keys.description import keys_of
 from parsolid.commands.keys.json_schema import scene_schema
-from parsolid.commands.keys.listing import listing, page
+from parsolid.commands.keys.listing import listing
 from parsolid.commands.keys.starting import starting_scene
 from parsolid.scene import parse_scene
 from parsolid.scene.methods import method_kinds
@@ -73,19 +73,6 @@ def test_a_word_alone_is_looked_for_in_all_tables():
     assert "bodies.material.neo-hookean.zeta: 0; default 0" in listing("zeta")
 
 
-def test_the_page_of_keys_is_what_the_command_prints():
-    """docs/keys.md, made by `python docs/make_keys.py`."""
-    assert (ROOT / "docs" / "keys.md").read_text() == page()
-
-
-@pytest.mark.parametrize(
-    "path, said",
-    [
-        ("bodies.jiter", "expected one of .* after bodies, found 'jiter' .did you mean 'jitter'"),
-        ("method.tlsp.cfl", "expected one of .*tlsph.* after method, found 'tlsp' .did you mean 'tlsph'"),
-        ("end_time.more", "expected nothing after end_time, which is no table, found 'more'"),
-    ],
-)
 def test_a_path_that_leads_nowhere(path, said, capsys):
     with pytest.raises(SolverError, match=said):
         listing(path)
