@@ -9,11 +9,34 @@ that still contains calls. Write x**0.5 rather than math.sqrt(x) in such loops, 
 `log` and `power` from `parsolid.elementary`.
 """
 
+import hashlib
+import os
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
-from numba import njit
+from numba import config, njit
 from numba.extending import overload
+
+_ROOT = Path(__file__).parents[1]
+
+
+def source_digest() -> str:
+    """Digest of all Python files that kernels may be made of; numba alone looks at the file of the kernel only."""
+    digest = hashlib.sha256()
+    for package in ("decomposition", "parsolid"):
+        for path in sorted((_ROOT / package).rglob("*.py")):
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def cache_folder() -> Path:
+    """Where compiled kernels of these sources are kept."""
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(base) / "parsolid" / f"numba-{source_digest()}"
+
+
+config.CACHE_DIR = str(cache_folder())
 
 # "contract": fused multiply-adds and no other reordering, so that results are reproducible
 # error_model "numpy": no test for division by zero, whose branch would keep a loop from being vectorised
