@@ -28,6 +28,7 @@ there, that is all. A new load is a class in `boundary.forces`; a new constraint
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -90,18 +91,18 @@ class Conditions(Loads):
         """Those of supports that hold components of particles, and of prescribed motion."""
         result = []
         for _, one in self.all:
-            if one.reports is None:
+            reaction = self.reaction_of(one)
+            if reaction is None:
                 continue
             if any(component.condition is one for component in self.motion.components):
-                find = lambda one=one: self.motion.held_by(one)  # noqa: E731
-                result.append(_Holder(self.reaction_of(one), find, True))  # type: ignore[arg-type]
+                result.append(_Holder(reaction, partial(self.motion.held_by, one), True))
             elif isinstance(one, Support) and (one.plane is not None or one.kind == "fixed"):
                 axes = np.ones(self.dimension, bool)
                 if one.plane is not None:
                     axes = mirror_plane(self.scene, one).held(self.dimension)
                 selection = self.particles.selection(selected(self.scene, one, self.particle_set, self.comm))
-                find = lambda selection=selection, axes=axes: self._held_by_support(selection, axes)  # noqa: E731
-                result.append(_Holder(self.reaction_of(one), find, False))  # type: ignore[arg-type]
+                find = partial(self._held_by_support, selection, axes)
+                result.append(_Holder(reaction, find, False))
         return result
 
     def _held_by_support(self, selection: Any, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

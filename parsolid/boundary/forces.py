@@ -47,7 +47,9 @@ class Load(Protocol):
 class Course(Protocol):
     """Values of place and time, as of `scene.load_histories.LoadHistory`."""
 
-    depends_on_time: bool
+    @property
+    def depends_on_time(self) -> bool:
+        """Whether they change."""
 
     def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
         """Values (k, components) at reference positions (k, d) [m] and a time [s], at a jump after or before it."""

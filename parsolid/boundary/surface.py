@@ -30,6 +30,7 @@ class Surface:
         self.axis = None if condition.plane is None else condition.plane.axis
         here = selected(scene, condition, particle_set, comm)
         if self.axis is None:
+            assert condition.region_name is not None
             number, d = list(scene.named_regions).index(condition.region_name), scene.dimension
             # area vectors of a particle's surface, one vector after the other for each region with a name
             self._columns = slice(number * d, (number + 1) * d)
