@@ -57,7 +57,7 @@ def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     return function
 
 
-SCALAR_OPTIONS = {"fastmath": {"contract"}, "error_model": "numpy"}
+SCALAR_OPTIONS = {"fastmath": {"contract"}, "error_model": "numpy", "forceinline": True}
 
 
 def scalar(function: Callable[..., Any]) -> Callable[..., Any]:
