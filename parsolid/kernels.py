@@ -13,12 +13,14 @@ x**0.5 rather than math.sqrt(x) in such loops, for the same reason, and take `ex
 """
 
 import os
+import warnings
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Any
 
 from numba import config, njit
 from numba.core import event
+from numba.core.errors import NumbaIRAssumptionWarning
 from numba.extending import overload
 
 from parsolid import kernel_cache
@@ -27,6 +29,8 @@ kernel_cache.set_up()
 # worth 1.25x on sweeps over pairs
 if "NUMBA_SLP_VECTORIZE" not in os.environ:
     config.SLP_VECTORIZE = 1
+# numba doubts values of `a if condition else b` in functions that it has copied into others, without harm
+warnings.filterwarnings("ignore", category=NumbaIRAssumptionWarning)
 
 # "contract": fused multiply-adds and no other reordering, so that results are reproducible
 # error_model "numpy": no test for division by zero, whose branch would keep a loop from being vectorised
