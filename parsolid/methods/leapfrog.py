@@ -142,13 +142,9 @@ class Leapfrog:
         self.closing = self._half_kick(False, time, step)
         if EXTERNAL_IMPULSE in self.particles:
             impulse = self.particles.storage(EXTERNAL_IMPULSE)
-            add_impulse(
-                self.particles.owned,
-                self.particles.storage("velocity"),
-                impulse,
-                *self._inertia(),
-                self.conditions.free,
-            )
+            arrays = self.particles.storage("velocity"), impulse, *self._inertia(), self.conditions.free
+            add_impulse(self.particles.owned, *arrays)
+            impulse[:] = 0.0
         self.conditions.impose(time)
 
     def book(self, step: float, ledger: Any, internal: float, offset_term: str | None) -> None:

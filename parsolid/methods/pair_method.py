@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from parsolid.boundary.conditions import EXTERNAL_IMPULSE
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.pairs.pair_lists import PairLists
 
@@ -10,6 +11,14 @@ class PairMethod(ParticleSystem):
     """A method with pair lists, whose particles have the field "mass" [kg], and "share" where planes cut any."""
 
     pairs: PairLists
+
+    def add_external_impulse(self) -> None:
+        """Add the impulses of a step to the velocities, but for components that are held."""
+        impulse = self.particles.owned_rows(EXTERNAL_IMPULSE)
+        if impulse.any():
+            change, held = impulse / (self.mass * self.share)[:, None], self.held_components()
+            self.particles.owned_rows("velocity")[:] += change if held is None else np.where(held, 0.0, change)
+            impulse[:] = 0.0
 
     @property
     def directed_pairs(self) -> int:  # type: ignore[override]
