@@ -3,6 +3,7 @@
 import numpy as np
 
 from parsolid.boundary.conditions import EXTERNAL_IMPULSE
+from parsolid.methods.leapfrog import ImpulseAtEnd
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.pairs.pair_lists import PairLists
 
@@ -12,13 +13,11 @@ class PairMethod(ParticleSystem):
 
     pairs: PairLists
 
-    def add_external_impulse(self) -> None:
-        """Add the impulses of a step to the velocities, but for components that are held."""
-        impulse = self.particles.owned_rows(EXTERNAL_IMPULSE)
-        if impulse.any():
-            change, held = impulse / (self.mass * self.share)[:, None], self.held_components()
-            self.particles.owned_rows("velocity")[:] += change if held is None else np.where(held, 0.0, change)
-            impulse[:] = 0.0
+    def impulse_at_end(self, step: float) -> ImpulseAtEnd | None:
+        """Of the step [s] under way, before its closing kick."""
+        if EXTERNAL_IMPULSE not in self.particles:
+            return None
+        return ImpulseAtEnd(self.particles, self.substeps * step)
 
     @property
     def directed_pairs(self) -> int:  # type: ignore[override]

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
+from parsolid.boundary.conditions import COMMON_START, EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.boundary.mirror_planes import MirrorPlane
 from parsolid.boundary.reactions import Told, told_by
 from parsolid.materials.registry import laws_of
@@ -179,6 +179,8 @@ class ParticleSystem:
         for name, unit in ((EXTERNAL_FORCE, "N"), (EXTERNAL_IMPULSE, "N s")):
             field = Field(name, self.dimension, unit, checkpointed=True, mirror="vector", layout=Columns())
             self.particles.declare(field)
+        if self.settings.substeps not in (None, 1):
+            self.particles.declare(Field(COMMON_START, self.dimension, "m", mirror="vector", layout=Columns()))
 
     def follow_work(self, work: list[float], number: int) -> None:
         """Where the loop counts this rank's seconds in the steps of each system, of which this is a number."""

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from decomposition.reduction import MinimumAhead
 from decomposition.talking import TALKING
-from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
+from parsolid.boundary.conditions import COMMON_START, EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.contact.grid import build_grid_contact
 from parsolid.contact.kernel_contact import build_contact
 from parsolid.contact.tie import build_ties
@@ -268,6 +268,8 @@ class Simulation:
         """Positions of one system at the end of a step [s]; of several steps of its own all but the second part of the
         last, under the external forces that there are."""
         system, count = self.systems[number], self.subcycling.count(number, step)
+        if COMMON_START in system.particles:
+            system.particles.owned_rows(COMMON_START)[:] = system.particles.owned_rows("position")
         for k in range(count):
             system.substep, time = k, self.clock.time + k * (step / count)
             if k == count - 1:

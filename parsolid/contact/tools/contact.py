@@ -9,7 +9,7 @@ from decomposition.reduction import sums as over_ranks
 from parsolid.collective import SolverError, minimum, raise_together
 from parsolid.contact.tools import forces
 from parsolid.contact.tools.bodies import make_body, shaped
-from parsolid.contact.tools.rigid_body import FreeBody, GuidedBody, rotation_vector
+from parsolid.contact.tools.rigid_body import FreeBody, GuidedBody, Pose, rotation_vector
 from parsolid.contact.tools.touch import STIFFNESS, Touch, meant_by
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
@@ -224,7 +224,7 @@ class RigidTools(Interaction):
 
         A free tool is leapfrog's like particles, with their kinetic offset, see `methods.leapfrog`.
         """
-        work = 0.0
+        work = lost = 0.0
         for tool in self.tools:
             force, moment = tool.resultant(opening=True)
             if isinstance(tool.body, FreeBody):
@@ -234,11 +234,23 @@ class RigidTools(Interaction):
                 offset = tool.body.energy_of_change(*before) if self.comm.rank == 0 else 0.0
                 ledger.add_term(KINETIC_OFFSET, -offset if opening else offset)
                 if not opening:
-                    whole, turning = tool.resultant(opening=False)
-                    tool.body.kick(-step * (whole - force), -step * (turning - moment))
+                    lost += self._give_rest(tool, step, *before)
             else:
                 work += step * tool.body.pose.power(*tool.resultant(opening))
-        ledger.add(1.0, 0.0, 0.0, work)
+        ledger.add(1.0, 0.0, lost, work)
+
+    def _give_rest(self, tool: Tool, step: float, velocity: np.ndarray, angular: np.ndarray) -> float:
+        """What the impulse at the end of a step has besides, on a free tool; velocity, angular: in the middle of the
+        step. The energy [J] that this takes beyond its work in the middle, on one rank, see `methods.leapfrog`."""
+        body, (force, moment) = tool.body, tool.resultant(opening=True)
+        whole, turning = tool.resultant(opening=False)
+        impulse, twist = -step * (whole - force), -step * (turning - moment)
+        if not isinstance(body, FreeBody) or not (impulse.any() or twist.any()):
+            return 0.0
+        before, middle = body.kinetic, Pose(body.pose.place, body.pose.rotation, velocity, body.spin_of(angular))
+        body.kick(impulse, twist)
+        done = middle.power(body.free * impulse, twist if body.turns else np.zeros(3))
+        return done - (body.kinetic - before) if self.comm.rank == 0 else 0.0
 
     def _weigh(self, body: FreeBody, time: float, step: float) -> float:
         """Gravity's impulse over a step [s] from a time [s]; its work [J], on one rank."""

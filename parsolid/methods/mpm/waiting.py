@@ -28,6 +28,10 @@ class WaitingImpulses:
         # work [J] of the first halves of stresses, which velocities do not have yet; of all forces in a step
         self.behind, self.work = 0.0, 0.0
         points.declare(Field("moved", points.dimension, "m/s", checkpointed=True))
+        self.mean = "moved"
+        if points.settings.substeps not in (None, 1):
+            self.mean = "moved_in_common_step"
+            points.declare(Field(self.mean, points.dimension, "m/s", checkpointed=True))
         # number of the step in the common one and how many there are
         self.place = 0, 1
         self._ways = aligned_zeros((0, 4))
@@ -49,7 +53,8 @@ class WaitingImpulses:
         rows = self.points.owned_rows
         force, impulse, result = rows("external_force"), rows("external_impulse"), forces
         kicked = self.kicked(step)
-        self.work = self.behind + float(np.sum((impulse + (kicked - 0.5 * step) * force) * rows("moved")))
+        self.work = self.behind + float(np.sum((kicked - 0.5 * step) * force * rows("moved")))
+        self.work += float(np.sum(impulse * rows(self.mean)))
         if force.any() or impulse.any():
             result = aligned_zeros((self.points.capacity, 4)) if forces is None else forces.copy()
             result[: self.points.owned, : self.points.dimension] += force + impulse / kicked
@@ -69,6 +74,9 @@ class WaitingImpulses:
         now = self._ways[:owned, : self.points.dimension]
         self.work += 0.5 * step * float(np.sum(rows("external_force") * now))
         moved[:] = now
+        if self.mean != "moved":
+            number, count = self.place
+            rows(self.mean)[:] = now / count + (rows(self.mean) if number else 0.0)
         rate = storage("velocity_gradient")
         if "nominal_stress_and_volume" in self.points:
             # gradients by reference place
@@ -95,8 +103,8 @@ class WaitingImpulses:
     def energy(self) -> float:
         """What particles will have gained by the time of their places [J]: velocities are half a step behind."""
         rows = self.points.owned_rows
-        waiting = rows("external_impulse") + 0.5 * self.step * rows("external_force")
-        return float(np.sum(waiting * rows("moved"))) + self.behind
+        first_half = 0.5 * self.step * np.sum(rows("external_force") * rows("moved"))
+        return float(first_half + np.sum(rows("external_impulse") * rows(self.mean))) + self.behind
 
     def state(self, comm: MPI.Comm) -> dict[str, Any]:
         """What a restart needs besides fields; collective."""

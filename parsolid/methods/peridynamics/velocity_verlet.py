@@ -98,13 +98,14 @@ class VelocityVerlet(TimeSolver):
         history.internal_force(step)
         lost = history.settle(step)
         fracture.after_forces(report)
+        impulse, given = self.body.impulse_at_end(step), 0.0
         self._pull(1.0)
         more, swings = self.half_velocity(time + step, step, after_jump=False)
         guided = self.guided_velocity(before, time, step)
         self._pull(-1.0)
-        if "external_impulse" in self.body.particles:
-            self.body.add_external_impulse()
-        ledger.add(1.0, lost, 0.0, work + more + guided)
+        if impulse is not None:
+            given = impulse.act(self.body.held_components())
+        ledger.add(1.0, lost, -given, work + more + guided)
         ledger.add_term("kinetic_offset", swings - swing)
         return sound and self.body.engine.sound
 

@@ -111,11 +111,12 @@ class Leapfrog:
         sound, internal, stable = self._advance_strain_of_all(step)
         announce(sound, stable)
         system.pairs.divergence(system.pairs.terms)
+        impulse = system.impulse_at_end(step)
         self._pull(1.0)
         more, done, swings = self._half_kick(False, time + step, step)
         self._pull(-1.0)
-        if "external_impulse" in system.particles:
-            system.add_external_impulse()
+        if impulse is not None:
+            more -= impulse.act(system.held_components())
         boundaries.prescribe(time + step, system.kinematics)
         ledger.add(1.0, internal, taken + more, work + done + system.prescribed_energy_gain())
         ledger.add_term(KINETIC_OFFSET, swings - swing)

@@ -145,7 +145,7 @@ class UpdatedLagrangianSPH(PairMethod):
         self.advance_state(0.0, 0.0)
         self.sweeps.forces()
         self.advance_gradients(0.0)
-        self.halves.goes_on = previous_state.take_forces(self.comm, scene, self)
+        self.halves.goes_on = self.pulled = previous_state.take_forces(self.comm, scene, self)
 
     def resume(self) -> None:
         """Continue with the lists of the checkpoint; collective."""
@@ -193,14 +193,15 @@ class UpdatedLagrangianSPH(PairMethod):
         self.look_ahead(time + step, step)
         announce(sound, self.stable_step())
         self.sweeps.forces()
+        impulse = self.impulse_at_end(step)
         self._pull(1.0)
         self.pulled = True
         second = self.boundaries.half_kick(time + step, step, time + step)
         plastic += self.advance_gradients(step)
         self.book(ledger, step, (plastic, lost), (first, second))
-        if "external_impulse" in self.particles:
+        if impulse is not None:
             before = self.particles.owned_rows("velocity").copy()
-            self.add_external_impulse()
+            ledger.add(1.0, 0.0, -impulse.act(self.held_components()), 0.0)
             if self.heating is not None:
                 follow_kick(self, before, np.arange(self.owned))
         return sound
