@@ -14,7 +14,7 @@ import numpy as np
 from parsolid.collective import maximum, minimum, raise_together
 from parsolid.contact import passes, pressing
 from parsolid.contact.boxes import Boxes
-from parsolid.contact.closing import FAST, Seen, closing_step, first_steps, step_ahead, step_from_rest
+from parsolid.contact.closing import FAST, Seen, closing_step, first_step, step_ahead, step_from_rest
 from parsolid.contact.depth import fill_depths, overlap
 from parsolid.contact.friction_kernels import friction
 from parsolid.contact.heat_kernels import others_heat, own_heat
@@ -76,8 +76,6 @@ class KernelContact(Interaction):
         self._kept: float | None = None
         self._placed: tuple[int | None, ...] = ()
         self._until_look, self._nearest = 0, np.inf
-        # the least of all ranks, where lists were made in this step
-        self._agreed: float | None = None
         # what bodies that are apart allow of a step [s] from the start, and of how many steps yet
         self._starting = np.inf, 0
         # what systems allow of a step [s] where bodies come so fast that contact looks ahead, else 0
@@ -103,7 +101,7 @@ class KernelContact(Interaction):
             pushed, _ = self.level.copy(), self._find_forces(None, held=True)
             pressed = minimum(self.comm, step_from_rest(self._seen(), pushed, self._soon))
             self._starting = min(max(0.5 * (self.boxes.expires - time), self._soon), pressed), _STARTING
-        self._nearest = first_steps(self._seen(), ahead, 2.0 * self._step)
+        self._nearest = first_step(self._seen(), ahead, 2.0 * self._step)
         if self._kept is not None and self.entries.segments:
             self._nearest = self._kept
         for one, force in zip(self.recipients, kept):
@@ -112,7 +110,7 @@ class KernelContact(Interaction):
             self.energy, self.stuck = self._energies
         for one in self.recipients:
             one.give(0.0)
-        first, self.restarted, self._agreed = not self.restarted, False, None
+        first, self.restarted = not self.restarted, False
         depth, where = deepest if first and self.rebuilds == 1 else (0.0, -1)
         side = next((self.sides.sides[one.side] for one in self.entries.segments if where < one.last), None)
         raise_together(self.comm, overlap(depth, side, self.sides, self.names) if side and where >= 0 else None)
@@ -206,8 +204,8 @@ class KernelContact(Interaction):
                 rows("contact_start")[:] = rows("position")
         # particles so fast that they use up their lists before they can be made anew may all press
         soon = max(self._step, self._soon)
-        fastest, agreed = maximum(self.comm, np.array([self.boxes.fastest(_AHEAD * soon), -self._nearest]))
-        fast, self._agreed = bool(fastest * soon > FAST * self.boxes.reach.min()), -float(agreed)
+        fastest = maximum(self.comm, self.boxes.fastest(_AHEAD * soon))
+        fast = bool(fastest * soon > FAST * self.boxes.reach.min())
         # the step may get as long as systems allow before contact has a say
         self._free = minimum(self.comm, min(one.stable_step() for one in self.systems)) if fast else 0.0
         if fast:
@@ -266,8 +264,7 @@ class KernelContact(Interaction):
         deepest = self._colours(anew=held)
         if not held:
             soon = max(self._step, self._soon, self._free)
-            coming, self._agreed = min(self._nearest if self._agreed is None else self._agreed, soon), None
-            going_on = self.matter, entries.lists, self.moved, self._step, coming, soon
+            going_on = self.matter, entries.lists, self.level, self.moved, self._step, soon
             self._nearest = min(closing_step(self._seen(), before, self._step), step_ahead(*going_on))
         self.stuck = 0.0
         if self.rubs:

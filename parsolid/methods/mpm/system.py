@@ -213,6 +213,13 @@ class MaterialPoint(ParticleSystem):
             self.waiting = self.transfer.waiting = WaitingImpulses(self.points)
             self.materials.centre()
 
+    def late_impulse(self) -> np.ndarray:
+        """Velocities are of the middle of the last step."""
+        if self.waiting is None:
+            return super().late_impulse()
+        rows = self.points.owned_rows
+        return np.asarray(rows("external_impulse") + 0.5 * self.waiting.step * rows("external_force"))
+
     def follow_work(self, work: list[float], number: int) -> None:
         """See `Residence.follow_work`."""
         self.residence.follow_work(work, number)
