@@ -179,14 +179,33 @@ def _force(friction, frame, i, x, y, z, n, depth, k, heat, sums):
     return fx, fy, fz
 
 
+class Approach(NamedTuple):
+    """How far particles and tool may come nearer: a time [s], the greatest speed of the tool's points [m/s], and the
+    velocities (n, d) of the particles."""
+
+    time: float
+    speed: float
+    velocity: np.ndarray
+
+
+@register_jitable
+def _speed(velocity, i):
+    square = 0.0
+    for k in range(velocity.shape[1]):
+        square += velocity[i, k] * velocity[i, k]
+    return math.sqrt(square)
+
+
 @compiled(error_model="numpy")
-def press(shape, frame, friction, resistance, owned, places, body, meant, rows, forces, heat, level, new, sums, reach):
+def press(
+    shape, frame, friction, resistance, owned, places, body, meant, rows, forces, heat, level, new, sums, approach
+):
     """Forces (2, owned, d) [N] on the `rows` of particles that a shape touches, and their `sums` as named above: the
     force, and what the impulse at the end of the step has besides, see `passes.crossing`.
 
     meant (bodies,): bodies that it is for; heat (owned,): what friction takes of each [J], or None; level (owned,): how
     deep [m] each is, below zero where it is apart, of the last call unless `new`. Stiffnesses are those of all
-    particles within a distance `reach` [m] of the shape. Returns how many rows there are, the
+    particles that the shape may touch in the time of `approach`. Returns how many rows there are, the
     least distance [m] of any face of a particle from the shape (below zero where it touches).
     """
     count, clearance = 0, math.inf
@@ -200,6 +219,7 @@ def press(shape, frame, friction, resistance, owned, places, body, meant, rows, 
         radius = resistance.radius[i]
         u, v, w = _to_frame(frame, x, y, z)
         pressed = level[i] > 0.0 and not new
+        reach = approach.time * (approach.speed + _speed(approach.velocity, i))
         # of what has just parted the direction counts, too
         away, nx, ny, nz = distance(shape, u, v, w, math.inf if pressed else radius + reach)
         depth, k = radius - away, resistance.factor * resistance.stiffness[i]

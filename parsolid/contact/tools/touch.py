@@ -6,7 +6,7 @@ import numpy as np
 
 from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.contact.tools import forces
-from parsolid.contact.tools.forces import Frame, Friction, Resistance
+from parsolid.contact.tools.forces import Approach, Frame, Friction, Resistance
 from parsolid.contact.tools.resistance import radii, stiffnesses
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.declaration import Field
@@ -119,8 +119,7 @@ class Touch:
             particles.storage(level_of(tool.name)),
             not self._followed,
             self.sums,
-            # what it may touch in the next step
-            tool.longest * (tool.speed(time) + forces.fastest(particles.owned, particles["velocity"])),
+            Approach(tool.longest, tool.speed(time), particles["velocity"]),
         )
         self._followed = True
         self._look_ahead(time)
