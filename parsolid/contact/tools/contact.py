@@ -14,8 +14,9 @@ from parsolid.contact.tools.touch import STIFFNESS, Touch, meant_by
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.scene import Scene
-from parsolid.scene.contact import CONTACT_TERMS, KINETIC_OFFSET, TOOL_TERMS
+from parsolid.scene.contact import CONTACT_TERMS, TOOL_TERMS
 from parsolid.scene.load_histories import LoadHistory
+from parsolid.scene.method_settings import KINETIC_OFFSET
 from parsolid.scene.previous_results import tools_at
 
 # of a spacing, what a body may reach into a tool at the start
