@@ -172,6 +172,11 @@ def _complete(declared: Declared) -> None:
         raise LawError(f"a law with {' and '.join(lacking)} (see docs/laws.md)")
 
 
+def can_be_tried(declared: Declared) -> bool:
+    """Whether `try_out` has arguments for the functions of a law."""
+    return declared.role in _FUNCTIONS
+
+
 def try_out(role: str, law: Any) -> str | None:
     """Call the functions of a law in plain Python at a state like that at rest; what went wrong, with its place.
 
@@ -184,7 +189,7 @@ def try_out(role: str, law: Any) -> str | None:
             for function in (of.energy, of.stress, of.pressure_waves):
                 function(law, IDENTITY, IDENTITY, 1.0)
             of.elastic_moduli(law)
-        elif role in _FUNCTIONS:
+        else:
             module, names = _FUNCTIONS[role]
             for name in names:
                 getattr(import_module(module), name)(law, *_PROBES[name])

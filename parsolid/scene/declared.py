@@ -33,7 +33,7 @@ class DeclaredModel(SceneModel):
     def _sound(self) -> "DeclaredModel":
         declared = type(self).declared
         reject(*getattr(declared, "faults", lambda stated: ())(self))
-        if hasattr(declared, "source"):
+        if hasattr(declared, "source") and registry.can_be_tried(declared):
             law = self.build("space") if hasattr(self, "build") else self.part_of(density=1.0)
             wrong = registry.try_out(declared.role, law)
             if wrong is not None:

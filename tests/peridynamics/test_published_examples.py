@@ -8,7 +8,7 @@ import pytest
 
 from parsolid.commands.cli import main
 from parsolid.exact.bar_vibration import BarVibration
-from parsolid.exact.lattice_bar import fundamental_period
+from lattice_bar import fundamental_period
 from parsolid.exact.prony import PronySeries
 from parsolid.output.history import read_history
 
