@@ -93,18 +93,19 @@ class StepEnergies:
             lost = self.kinetic + self.impulses.work + supplied - self._kinetic_now()
         ledger.add(1.0, 0.0, lost, supplied)
         loads.report(duration, ledger)
-        for name, energy in (materials | self._delete(step)).items():
+        for name, energy in (materials | self._delete(step, loads)).items():
             ledger.add_term(name, energy)
 
-    def _delete(self, step: float) -> dict[str, float]:
+    def _delete(self, step: float, loads: Loads) -> dict[str, float]:
         """Terms [J] of what is deleted; after the step's balance, which would take it for a loss."""
-        if self.impulses is None:
-            return self.points.delete_failed()
-        self.impulses.follow(step)
+        if self.impulses is not None:
+            self.impulses.follow(step)
         gone = self.points.delete_failed()
         if gone:
-            # velocities that went with it were half a step behind, too
-            gone[DELETED_KINETIC] -= self.impulses.follow(step)
+            loads.forget_masses()
+            if self.impulses is not None:
+                # velocities that went with it were half a step behind, too
+                gone[DELETED_KINETIC] -= self.impulses.follow(step)
         return gone
 
     def _kinetic_now(self) -> float:
