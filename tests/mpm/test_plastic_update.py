@@ -14,8 +14,7 @@ from parsolid.materials.plastic.melting import ConstantMelting
 from parsolid.materials.plastic.rate_form import RateForm
 from parsolid.materials.plastic.shear_modulus import ConstantShearModulus
 from parsolid.materials.registry import law_of
-from parsolid.methods.mpm.plastic_update import BulkViscosity, advance_stress, new_state
-from parsolid.numerics.layout import LAYOUT
+from parsolid.methods.mpm.plastic_stress import BulkViscosity, advance_stress, new_state
 from parsolid.scene.plasticity import library
 
 COPPER = MieGrueneisen(8930.0, 3940.0, 1.489, 2.02)
@@ -51,7 +50,7 @@ class Particles:
         self.rate.reshape(-1, 3, 4)[first : first + self.count, :, :3] = gradient
         arrays = (self.state, self.motion, self.rate, self.record)
         last = first + self.count
-        outcome = advance_stress(LAYOUT[self.dimension], first, last, self.law, step, viscosity, *arrays)
+        outcome = advance_stress(self.dimension, first, last, self.law, step, viscosity, *arrays)
         return SimpleNamespace(sound=outcome[0], speed=outcome[1], plastic=outcome[2], viscous=outcome[3])
 
     def stress(self):
@@ -67,7 +66,7 @@ def sheared(law, rate, steps, shear=1.0, temperature=300.0, dimension=3):
     arrays = (particles.state, particles.motion, particles.rate, particles.record)
     # from Python: a loop of its own would compile the update once more for each law
     for _ in range(steps):
-        assert advance_stress(LAYOUT[dimension], 0, 1, law, shear / rate / steps, None, *arrays)[0]
+        assert advance_stress(dimension, 0, 1, law, shear / rate / steps, None, *arrays)[0]
     return particles
 
 

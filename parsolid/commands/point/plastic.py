@@ -9,9 +9,8 @@ from parsolid.materials.failure.failure import count_of
 from parsolid.materials.hyperelastic.evaluation import general_rows
 from parsolid.materials.plastic import plastic_evaluation
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
-from parsolid.methods.mpm.plastic_update import advance_stress, new_state
+from parsolid.methods.mpm.plastic_stress import advance_stress, new_state
 from parsolid.numerics.lanes import WIDTH
-from parsolid.numerics.layout import LAYOUT
 
 
 class PlasticState(NamedTuple):
@@ -74,7 +73,7 @@ class PlasticPoint:
         if arrays.damage is not None and arrays.criterion_damage is not None:
             arrays.damage[0, 0], arrays.criterion_damage[:, 0] = state.damage[0], state.damage[1:]
         self.rate.reshape(-1, 3, 4)[0, :, :3] = (F - state.F) @ np.linalg.inv(state.F) / step
-        outcome = advance_stress(LAYOUT[3], 0, 1, self.law, step, None, arrays, self.motion, self.rate, self.record)
+        outcome = advance_stress(3, 0, 1, self.law, step, None, arrays, self.motion, self.rate, self.record)
         sound, work = outcome[0], outcome[2]
         J = np.linalg.det(F)
         if not sound:

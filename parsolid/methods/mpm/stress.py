@@ -5,7 +5,7 @@ with nine components. LLVM sees that components do not overlap, without which it
 """
 
 from functools import partial
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -16,17 +16,9 @@ from parsolid.materials.hyperelastic.functions import energy, pressure_waves, st
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.methods.failed_matter import declare_failure
 from parsolid.methods.failure_fields import FAILURE_DISSIPATION
-from parsolid.methods.mpm.plastic_update import (
-    BulkViscosity,
-    CentredViscosity,
-    MaterialState,
-    advance_stress,
-    note_plastic_rise,
-)
+from parsolid.methods.mpm.plastic_stress import SYMMETRIC_ROWS, TENSOR_ROWS, BulkViscosity, PlasticState, advance_stress
 from parsolid.methods.mpm.points import MaterialPoints
 from parsolid.methods.mpm.settings import PLASTIC_STATE
-from parsolid.numerics.layout import LAYOUT
-from decomposition.recalled import RecalledEach
 from parsolid.particles.declaration import Columns, Field
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene, initial_plastic_strain, initial_temperature, initial_zero_energy_temperature
@@ -43,13 +35,11 @@ from parsolid.tensors import (
 )
 
 TILE = 32
-# fields of the container in the order of MaterialState
+# fields of the container in the order of PlasticState
 _STATE = (
     *("deformation_gradient", "unrotated_deviator", "plastic_strain", "internal_energy", "temperature"),
     *("damage", "criterion_damage", "strength_factor", "deleted_mass"),
 )
-# components, of nine, that the field "deformation_gradient" has
-_COMPONENTS = {2: np.array([0, 1, 3, 4, 8]), 3: np.arange(9)}
 
 
 @inlined
@@ -157,7 +147,7 @@ class HyperelasticUpdate:
         """Sound, largest c + |v| [m/s] and terms of the ledger [J] of one law's particles after a step [s]."""
         points, storage = self.points, self.points.storage
         arrays = storage("deformation_gradient"), points.motion, storage("velocity_gradient"), storage("stress_and_volume")
-        here = block.law, block.first, block.last, step, _COMPONENTS[points.dimension]
+        here = block.law, block.first, block.last, step, TENSOR_ROWS[points.dimension]
         sound, fastest = advance_hyperelastic(*here, *arrays)
         return sound, fastest, {}
 
@@ -171,13 +161,10 @@ class ElasticPlasticUpdate:
     """Laws with an equation of state, plastic flow and heat."""
 
     def __init__(self, scene: Scene, points: MaterialPoints, loads: Loads):
-        self.points, self._advance = points, RecalledEach(advance_stress, free=(1, 2, 4))
-        viscosity, cell = scene.method.viscosity, float(scene.method.cell)
-        self.viscosity: BulkViscosity | CentredViscosity = BulkViscosity(
-            float(viscosity.linear), float(viscosity.quadratic), cell
-        )
+        self.points, viscosity = points, scene.method.viscosity
+        self.viscosity = BulkViscosity(*map(float, (viscosity.linear, viscosity.quadratic, scene.method.cell)))
         kept = partial(Field, checkpointed=True, layout=Columns())
-        points.declare(kept("unrotated_deviator", {2: 4, 3: 6}[points.dimension], "Pa"))
+        points.declare(kept("unrotated_deviator", len(SYMMETRIC_ROWS[points.dimension]), "Pa"))
         for field in PLASTIC_STATE:
             points.declare(field)
         # planes at a temperature take up the plastic heat of the particles beside them, see `heat.Conduction`
@@ -187,7 +174,7 @@ class ElasticPlasticUpdate:
 
     def centre_viscosity(self) -> None:
         """See `StressUpdate.centre_viscosity`."""
-        self.viscosity = CentredViscosity(*self.viscosity)
+        self.viscosity = self.viscosity._replace(centred=True)
 
     def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
         """Temperatures of the bodies' formulas and the internal energy that belongs to them."""
@@ -207,17 +194,11 @@ class ElasticPlasticUpdate:
 
     def advance(self, block: MaterialBlock, step: float) -> tuple[bool, float, dict[str, float]]:
         """See `HyperelasticUpdate.advance`."""
-        points, storage, here = self.points, self.points.storage, (block.first, block.last)
-        space = LAYOUT[points.dimension]
-        state = points.kept(("material state",), lambda: MaterialState(*map(cast(Any, points.find), _STATE)))
-        rise = points.find("plastic_rise")
-        before = None if rise is None else state.plastic_strain[0].copy()
-        arrays = (points.motion, storage("velocity_gradient"), storage("stress_and_volume"))
-        sound, fastest, plastic, viscous, released = self._advance(
-            id(block.law), space, *here, block.law, step, self.viscosity, state, *arrays
-        )
-        if rise is not None:
-            note_plastic_rise(*here, space, block.law, state, before, rise)
+        points, storage = self.points, self.points.storage
+        state = PlasticState(*map(points.find, _STATE))  # type: ignore[arg-type]
+        here = points.dimension, block.first, block.last, block.law
+        arrays = points.motion, storage("velocity_gradient"), storage("stress_and_volume"), points.find("plastic_rise")
+        sound, fastest, plastic, viscous, released = advance_stress(*here, step, self.viscosity, state, *arrays)
         terms = {"plastic_work": plastic, "viscous_work": viscous}
         return sound, fastest, terms if block.law.failure is None else terms | {FAILURE_DISSIPATION: released}
 
