@@ -41,7 +41,9 @@ def step_of(
         patch.setattr(energies, "nodal_energies", _kept(energies.nodal_energies, counted))
         sim.ledger.values[:] = 0.0
         sim.run(Record(), Limits(steps=1), StopRequest())
-    return {"nodes": np.array(counted), "ledger": sim.ledger.values.copy()}, [told.values.copy() for told in system.told]
+    return {"nodes": np.array(counted), "ledger": sim.ledger.values.copy()}, [
+        told.values.copy() for told in system.told
+    ]
 
 
 def _kept(function, values: list[float]):
@@ -62,4 +64,6 @@ def test_cells_that_were_left_change_no_bit_of_a_sum(comm, name, monkeypatch):
     assert len(told) == len(PUSHED) - 1 and np.array_equal(told, expected)
     # conditions act, and something is counted, on some rank
     forces = comm.allreduce(np.array([np.abs(one).sum() for one in expected]))
-    assert (forces > 0.0).all() and comm.allreduce(float(np.abs(np.concatenate([one.ravel() for one in wanted.values()])).sum())) > 0.0
+    assert (forces > 0.0).all() and comm.allreduce(
+        float(np.abs(np.concatenate([one.ravel() for one in wanted.values()])).sum())
+    ) > 0.0

@@ -157,9 +157,7 @@ def test_two_conductivities_beside_a_heated_plane_lose_no_heat():
     planes = [{"kind": "heat_flux", "plane": "Y = 0", "heat_flux": "1e6*(1 + t)"}, {"kind": "roller", "plane": "Y = 0"}]
     method = {"motion": False}
     body = {"temperature": START}
-    tables = scene(
-        [0.0] * 2, [4e-3] * 2, 5e-4, 1e-3, material=MATERIAL, method=method, body=body, boundaries=planes
-    )
+    tables = scene([0.0] * 2, [4e-3] * 2, 5e-4, 1e-3, material=MATERIAL, method=method, body=body, boundaries=planes)
     beside = {"shape": {"box": {"lower": [4e-3, 0.0], "upper": [8e-3, 4e-3]}}}
     tables["bodies"].append(tables["bodies"][0] | beside | {"material": MATERIAL | {"conductivity": 50.0}})
     simulation = Simulation(WORLD, parse_scene(tables))

@@ -12,10 +12,10 @@ from parsolid.materials.plastic.linear_hardening import LinearHardening
 from parsolid.materials.plastic.shear_modulus import ConstantShearModulus
 from parsolid.materials.registry import law_of
 from parsolid.methods.mpm.plastic_stress import advance_stress, new_state
-from parsolid.numerics.layout import LAYOUT
 from parsolid.methods.ulsph.fields import Body
 from parsolid.methods.ulsph.plastic_update import advance_state
 from parsolid.methods.ulsph.terms import GradientCorrection
+from parsolid.numerics.layout import LAYOUT
 from parsolid.scene.plasticity import library
 
 COPPER = MieGrueneisen(8930.0, 3940.0, 1.489, 2.02)

@@ -14,7 +14,6 @@ from mpi4py import MPI
 from parsolid.collective import SolverError
 from parsolid.kernels import kernel
 from parsolid.methods.mpm.points import MaterialPoints
-from parsolid.particles.container import aligned_zeros
 from parsolid.particles.declaration import Field
 
 
@@ -65,7 +64,7 @@ class ContactImpulses:
         points.declare(Field("moved", points.dimension, "m/s", checkpointed=True))
         # number of the step in the common one and how many there are
         self.place = 0, 1
-        self._paths = aligned_zeros((0, 4))
+        self._paths = np.zeros((0, 4))
         if points.settings.substeps not in (None, 1):
             points.declare(Field("given_impulse", points.dimension, "N s"))
 
@@ -89,7 +88,7 @@ class ContactImpulses:
         if place[1] > 1 and place[0] == 0:
             rows("given_impulse")[:] = opening
         if impulse.any() or opening.any():
-            result = aligned_zeros((self.points.capacity, 4)) if forces is None else forces.copy()
+            result = np.zeros((self.points.capacity, 4)) if forces is None else forces.copy()
             result[: self.points.owned, : self.points.dimension] += (impulse + opening) / self.duration(step)
             impulse[:] = 0.0
         return result
@@ -97,7 +96,7 @@ class ContactImpulses:
     def paths(self) -> np.ndarray:
         """Where the step keeps the velocities by which places change (capacity, 4) [m/s]."""
         if len(self._paths) < self.points.capacity:
-            self._paths = aligned_zeros((self.points.capacity, 4))
+            self._paths = np.zeros((self.points.capacity, 4))
         return self._paths
 
     def note_work(self, step: float) -> None:

@@ -142,7 +142,9 @@ class ThermalPlane:
     """A plane at a temperature, course(X, t) [K], or a plane of symmetry (course None) through which fluxes [W/m^2] may
     enter matter of a conductivity [W/(m K)]. sign: of the image's temperatures, less those of the plane."""
 
-    def __init__(self, mirror: Mirror, plane: Plane, course: LoadHistory | None = None, fluxes: Any = (), k: float = 1.0):
+    def __init__(
+        self, mirror: Mirror, plane: Plane, course: LoadHistory | None = None, fluxes: Any = (), k: float = 1.0
+    ):
         """k: the conductivity."""
         self.mirror, self.axis, self.offset = mirror, plane.axis, float(plane.offset)
         self.course, self.fluxes, self.conductivity = course, tuple(fluxes), k

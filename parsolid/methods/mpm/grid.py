@@ -14,7 +14,6 @@ from parsolid.collective import minimum
 from parsolid.kernels import kernel
 from parsolid.methods.mpm.points import MaterialPoints
 from parsolid.methods.mpm.transfer import Cells
-from parsolid.particles.container import aligned_zeros
 
 # nodes lighter than this share of the lightest particle do not move
 _LEAST_MASS = 1e-9
@@ -97,7 +96,7 @@ class Nodes:
         self.grid, self.points, self.planes = grid, points, planes
         self.spacing = float(points.settings.cell)
         self._remaps, self._conducts = points.settings.order == "musl", conducts
-        self.motion = self.remapped = self.heat = aligned_zeros((0, 8))
+        self.motion = self.remapped = self.heat = np.zeros((0, 8))
         self.changes = 0
         self._seen: tuple[int, int] | None = None
 
@@ -121,9 +120,9 @@ class Nodes:
         cells, d = self.grid.cells, self.grid.dimension
         if len(self.motion) < self.count:
             room = self.count + self.count // 4
-            self.motion = aligned_zeros((room, 8))
-            self.remapped = aligned_zeros((room if self._remaps else 0, 8))
-            self.heat = aligned_zeros((room if self._conducts else 0, 8))
+            self.motion = np.zeros((room, 8))
+            self.remapped = np.zeros((room if self._remaps else 0, 8))
+            self.heat = np.zeros((room if self._conducts else 0, 8))
         self._base, self.places = np.zeros((len(cells.index), 4)), np.zeros((self.count, 4))
         self._base[:, :d] = cells.index
         self.places[:, :d] = self.points.origin[:d] + self.spacing * cells.nodes
@@ -144,9 +143,7 @@ class Nodes:
         for plane in self.planes:
             behind, images, on_plane = self.grid.cells.mirrored(plane.mirror)
             self.mirrored.append((plane.mirror.axis, behind, images, on_plane))
-            self._folds.append(
-                (np.concatenate((behind, on_plane)), np.concatenate((images, on_plane)), plane.signs)
-            )
+            self._folds.append((np.concatenate((behind, on_plane)), np.concatenate((images, on_plane)), plane.signs))
             self.share[behind] = 0.0
             self.share[on_plane] *= 0.5
         self._common = np.unique(np.concatenate([np.zeros(0, np.int32), *self.grid.sharing.shared]))

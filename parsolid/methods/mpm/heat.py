@@ -27,7 +27,6 @@ from parsolid.methods.mpm.points import MaterialPoints
 from parsolid.methods.mpm.shape_functions import nodes_across, shape_functions
 from parsolid.methods.mpm.stress import load_gradient
 from parsolid.methods.mpm.transfer import put_weights
-from parsolid.particles.container import aligned_zeros
 from parsolid.scene import Scene
 from parsolid.tensors import congruence, determinant, rotation
 
@@ -271,7 +270,7 @@ class Conduction:
         self.points, self.nodes, self.planes = points, nodes, planes
         self.conducting, self.moving = scene.method.conduction, scene.method.motion
         self.supply = HeatSupply(scene, points, points.axisymmetric)
-        self.thermal, self.tensors = aligned_zeros((0, 4)), aligned_zeros((0, 8))
+        self.thermal, self.tensors = np.zeros((0, 4)), np.zeros((0, 8))
         self.directed = any(getattr(law, "conductivity_tensor", None) for law in points.laws)
         self._feet, self._power = np.zeros((0, 4)), np.zeros(0)
         self._seen, self.diffusivity = -1, 0.0
@@ -282,8 +281,8 @@ class Conduction:
         """What particles have to conduct, in the present state."""
         points, storage = self.points, self.points.storage
         if len(self.thermal) < points.capacity:
-            self.thermal = aligned_zeros((points.capacity, 4))
-            self.tensors = aligned_zeros((points.capacity if self.directed else 0, 8))
+            self.thermal = np.zeros((points.capacity, 4))
+            self.tensors = np.zeros((points.capacity if self.directed else 0, 8))
             self._feet, self._power = np.zeros((points.capacity, 4)), np.zeros(points.capacity)
         self.thermal[: points.owned] = 0.0
         self.diffusivity = 0.0
@@ -406,7 +405,7 @@ class Conduction:
             if plane.course is None:
                 result.append(np.zeros(len(images)))
                 continue
-            n, depth = self.points.owned, aligned_zeros(self.thermal.shape)
+            n, depth = self.points.owned, np.zeros(self.thermal.shape)
             depth[:n] = self.thermal[:n]
             beyond = (self.points.motion[:n, plane.axis] - plane.offset) / self.points.settings.cell
             self._sum_capacities(self.thermal)

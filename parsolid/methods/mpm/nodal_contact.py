@@ -17,7 +17,6 @@ from parsolid.methods.mpm.contact_normals import FIT, MATRIX, FieldParticles, Se
 from parsolid.methods.mpm.grid import sum_in_order
 from parsolid.methods.mpm.transfer import grid_to_particles
 from parsolid.methods.protocol import EnergyLedger
-from parsolid.particles.container import aligned_zeros
 from parsolid.scene.contact import GRID_TERMS
 
 # of the square of the steepness of a fit a cell; steps of Newton's method at most, and its tolerance; the factor on
@@ -129,7 +128,7 @@ class FieldPair:
             return 0.0
         nodes, points = system.nodes, system.points
         # heat a mass at the nodes as if it were a change of velocity
-        heat_a_mass, probe = aligned_zeros(nodes.motion.shape), aligned_zeros(points.motion.shape)
+        heat_a_mass, probe = np.zeros(nodes.motion.shape), np.zeros(points.motion.shape)
         probe[:, :3] = points.motion[:, :3]
         heat_a_mass[self.slots[number][here], 4] = 0.5 * self.rubbed[here] / mass[here]
         for _, behind, images, _ in reversed(nodes.mirrored):

@@ -114,10 +114,10 @@ def load_rates(tile, rate, deleted, i, count):
     for p in range(count):
         for a in range(3):
             for b in range(3):
-                l = rate[i + p, 4 * a + b]
+                gradient = rate[i + p, 4 * a + b]
                 if deleted is not None:
-                    l = 0.0 if deleted[0, i + p] > 0.0 else l
-                tile[(VELOCITY_GRADIENT + 3 * a + b) * TILE + p] = l
+                    gradient = 0.0 if deleted[0, i + p] > 0.0 else gradient
+                tile[(VELOCITY_GRADIENT + 3 * a + b) * TILE + p] = gradient
 
 
 @kernel
@@ -153,7 +153,7 @@ def forget_shape(plane, tile):
             if plane is not None:
                 stretch = max(J / tile[first + 8 * TILE], 0.0) ** 0.5
             for c in range(8):
-                tile[first + c * TILE] = stretch if c == 0 or c == 4 else 0.0
+                tile[first + c * TILE] = stretch if c % 4 == 0 else 0.0
             if plane is None:
                 tile[first + 8 * TILE] = stretch
 
@@ -200,13 +200,16 @@ def advance_tiles(
             r, volume = i + p, motion[i + p, 7]
             s = congruence(load_general(tile, ROTATION, p), load_symmetric(tile, DEVIATOR, p))
             V, pressure = volume * tile[NEW_JACOBIAN * TILE + p], tile[PRESSURE * TILE + p] + q[p]
-            stress[r, 0], stress[r, 1], stress[r, 2] = V * (s[0] - pressure), V * (s[1] - pressure), V * (s[2] - pressure)
+            stress[r, 0], stress[r, 1], stress[r, 2] = (
+                V * (s[0] - pressure),
+                V * (s[1] - pressure),
+                V * (s[2] - pressure),
+            )
             stress[r, 3], stress[r, 4], stress[r, 5], stress[r, 6] = 0.0, V * s[5], V * s[4], V * s[3]
             speed = tile[SPEED * TILE + p] + (motion[r, 4] ** 2 + motion[r, 5] ** 2 + motion[r, 6] ** 2) ** 0.5
             stress[r, 7] = speed
-            if deleted is not None:
-                if deleted[0, r] > 0.0:
-                    continue
+            if deleted is not None and deleted[0, r] > 0.0:
+                continue
             fastest = max(fastest, speed)
             plastic += volume * tile[PLASTIC_WORK * TILE + p]
             viscous += volume * tile[HEAT * TILE + p]

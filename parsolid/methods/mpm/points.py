@@ -10,7 +10,7 @@ from parsolid.materials.registry import laws_of
 from parsolid.methods.failed_matter import failed_to_delete, note_deleted
 from parsolid.methods.failure_fields import DELETED_KINETIC, DELETED_STORED
 from parsolid.methods.mpm.shape_functions import find_base_nodes, make_basis
-from parsolid.particles.container import Particles, aligned_zeros
+from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field, Within
 from parsolid.particles.extents import domain_bounds
 from parsolid.particles.generated import declare_generated

@@ -31,7 +31,6 @@ from parsolid.tensors import (
     largest_eigenvalue_bound,
     matmul,
     matmul_transposed,
-    transpose,
 )
 
 TILE = 32
@@ -146,7 +145,12 @@ class HyperelasticUpdate:
     def advance(self, block: MaterialBlock, step: float) -> tuple[bool, float, dict[str, float]]:
         """Sound, largest c + |v| [m/s] and terms of the ledger [J] of one law's particles after a step [s]."""
         points, storage = self.points, self.points.storage
-        arrays = storage("deformation_gradient"), points.motion, storage("velocity_gradient"), storage("stress_and_volume")
+        arrays = (
+            storage("deformation_gradient"),
+            points.motion,
+            storage("velocity_gradient"),
+            storage("stress_and_volume"),
+        )
         here = block.law, block.first, block.last, step, TENSOR_ROWS[points.dimension]
         sound, fastest = advance_hyperelastic(*here, *arrays)
         return sound, fastest, {}

@@ -31,7 +31,6 @@ from parsolid.methods.mpm.stress import StressUpdate
 from parsolid.methods.mpm.transfer import grid_to_particles, particles_to_grid
 from parsolid.methods.previous_state import take_forces, take_state
 from parsolid.methods.protocol import Announce, EnergyLedger, ParticleSystem
-from parsolid.particles.container import aligned_zeros
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene
 
@@ -50,11 +49,12 @@ class MaterialPoint(ParticleSystem):
         self.points = self.particles = points = MaterialPoints(scene, particle_set)
         self.conditions = GridConditions(comm, scene, particle_set, points)
         self.loads = self.conditions.loads
-        self.landings, self.told = self.loads.times, self.loads.reactions
+        self.landings = self.loads.times
+        self.told = self.loads.reactions  # type: ignore[assignment]
         self.stress = StressUpdate(scene, points, self.loads)
         conducting = conducts(scene, points.laws)
         thermal = self.conditions.thermal_planes(common_conductivity(points.laws)) if conducting else []
-        mirrors = [plane.mirror for plane in (*self.conditions.planes, *thermal)]
+        mirrors = [plane.mirror for plane in self.conditions.planes] + [plane.mirror for plane in thermal]
         self.grid = RankGrid(comm, self.dimension, nodes_across(points.basis), tuple(dict.fromkeys(mirrors)))
         self.nodes = Nodes(self.grid, points, self.conditions.planes, conducting)
         self.conduction: Conduction | None = None
@@ -143,7 +143,7 @@ class MaterialPoint(ParticleSystem):
         if loads is None:
             return None
         self.loads.find_reported(time)
-        result = aligned_zeros((self.points.capacity, 4))
+        result = np.zeros((self.points.capacity, 4))
         result[: self.owned, : self.dimension] = loads.T
         return result
 

@@ -40,9 +40,10 @@ from parsolid.methods.mpm.shape_functions import nodes_across, put_moments, shap
 class Cells(NamedTuple):
     """The cells of a rank with their particles and nodes.
 
-    axes: (0, 1) or (0, 1, 2); axisymmetric: about the axis x = 0; origin (4,) [m]: a node; spacing h [m]; base (cells, 4):
-    indices of base nodes, unused columns 0; start (cells + 1,), order: particles order[start[c]]..order[start[c+1]-1]
-    lie in cell c; stencil (cells, K^d): slots of nodes, the last axis fastest.
+    axes: (0, 1) or (0, 1, 2), by which kernels are compiled for two or three dimensions; axisymmetric: about the axis
+    x = 0; origin (4,) [m]: a node; spacing h [m]; base (cells, 4): indices of base nodes, unused columns 0; start
+    (cells + 1,), order: particles order[start[c]]..order[start[c+1]-1] lie in cell c; stencil (cells, K^d): slots of
+    nodes, the last axis fastest.
     """
 
     axes: tuple[int, ...]
@@ -131,7 +132,11 @@ def particles_to_grid(basis, cells, motion, slope, stress, external, nodes):
             if stress is not None:
                 xx, yy, zz, o = load4(stress, p, 0)
                 yz, xz, xy, _ = load4(stress, p, 4)
-                sx, sy, sz = scale4(scale, (xx, xy, xz, o)), scale4(scale, (xy, yy, yz, o)), scale4(scale, (xz, yz, zz, o))
+                sx, sy, sz = (
+                    scale4(scale, (xx, xy, xz, o)),
+                    scale4(scale, (xy, yy, yz, o)),
+                    scale4(scale, (xz, yz, zz, o)),
+                )
                 if first:
                     sx, sy, sz = sz, sx, sy
                 if external is not None:
