@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from mpi4py import MPI
-
-from decomposition.compiled import compiled
+from numba import njit
 
 from .exchange import _release
 
@@ -29,7 +28,7 @@ class Sharing:
         return len(np.unique(np.concatenate([np.zeros(0, np.int32), *self.shared])))
 
 
-@compiled
+@njit(cache=True)
 def _pack(nodes: np.ndarray, first: int, last: int, slots: np.ndarray, buffer: np.ndarray) -> None:
     width = last - first
     for n in range(len(slots)):
@@ -37,7 +36,7 @@ def _pack(nodes: np.ndarray, first: int, last: int, slots: np.ndarray, buffer: n
             buffer[n * width + c] = nodes[slots[n], first + c]
 
 
-@compiled
+@njit(cache=True)
 def _add_in_rank_order(
     nodes: np.ndarray,
     first: int,

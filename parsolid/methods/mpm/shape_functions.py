@@ -106,8 +106,8 @@ def _cubic(basis, p, axis, xi):
 
 @law_function
 def put_moments(basis, table):
-    """Weights u_k of the slope sum_k u_k v_k of nodal velocities v into column 3 of table (K, 4), which has w_k, dw_k/dxi
-    and the distance k - xi (Jiang et al., ACM Trans. Graph. 34 (2015) 51, eq. 8).
+    """Weights u_k of the slope sum_k u_k v_k of nodal velocities v into column 3 of table (K, 4), whose others are w_k,
+    dw_k/dxi and the distance k - xi (Jiang et al., ACM Trans. Graph. 34 (2015) 51, eq. 8).
 
     u_k = w_k (k - xi)/D with D = sum_k w_k (k - xi)^2. D of hat functions vanishes at a node; u_k is dw_k/dxi for them.
     """

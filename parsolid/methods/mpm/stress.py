@@ -68,12 +68,12 @@ def store(t, p, A):
 
 
 @kernel
-def hyperelastic_tile(law, step, F, l, tau, speed):
-    """F after a step [s] with velocity gradients l [1/s], Kirchhoff stress tau = P F^T [Pa], nine components, and speed
+def hyperelastic_tile(law, step, F, rates, tau, speed):
+    """F after a step [s] with velocity gradients `rates` [1/s], Kirchhoff stress tau = P F^T [Pa], nine components, and speed
     of pressure waves in the present configuration [m/s]."""
     for p in range(TILE):
         new = load(F, p)
-        new = combine(1.0, new, step, matmul(load(l, p), new))
+        new = combine(1.0, new, step, matmul(load(rates, p), new))
         store(F, p, new)
         H, J = cofactor(new), determinant(new)
         store(tau, p, matmul_transposed(stress(law, new, H, J), new))
@@ -89,7 +89,7 @@ def advance_hyperelastic(law, first, last, step, components, deformation, motion
     components: of nine, that rows of deformation are; motion, rate, stress: see `transfer`. Returns (sound, largest
     c + |v| [m/s]); sound is False when a Jacobian is not positive.
     """
-    F, l, tau, speed = np.zeros(9 * TILE), np.zeros(9 * TILE), np.zeros(9 * TILE), np.zeros(TILE)
+    F, rates, tau, speed = np.zeros(9 * TILE), np.zeros(9 * TILE), np.zeros(9 * TILE), np.zeros(TILE)
     F[:TILE] = F[4 * TILE : 5 * TILE] = F[8 * TILE :] = 1.0
     sound, fastest = True, 0.0
     for i in range(first, last, TILE):
@@ -100,8 +100,8 @@ def advance_hyperelastic(law, first, last, step, components, deformation, motion
         for p in range(count):
             for a in range(3):
                 for b in range(3):
-                    l[(3 * a + b) * TILE + p] = rate[i + p, 4 * a + b]
-        hyperelastic_tile(law, step, F, l, tau, speed)
+                    rates[(3 * a + b) * TILE + p] = rate[i + p, 4 * a + b]
+        hyperelastic_tile(law, step, F, rates, tau, speed)
         for c in range(components.size):
             for p in range(count):
                 deformation[c, i + p] = F[components[c] * TILE + p]

@@ -211,7 +211,7 @@ class MaterialPoint(ParticleSystem):
         else:
             self.stress.plastic_work = sum(work) if self.comm.rank == 0 else 0.0
 
-    # --- contact, ties and tools between steps, see `between_steps` -----------------------------------------------------
+    # --- contact, ties and tools between steps, see `between_steps` ---------------------------------------------------
 
     def expect_kicks(self) -> None:
         """Declare what impulses between steps take."""
@@ -254,7 +254,7 @@ class MaterialPoint(ParticleSystem):
         """See `CellMigration.follow_work`."""
         self.migration.follow_work(work, number)
 
-    # --- what the loop and the reports ask ------------------------------------------------------------------------------
+    # --- what the loop and the reports ask ----------------------------------------------------------------------------
 
     @property
     def symmetry_planes(self) -> list[MirrorPlane]:

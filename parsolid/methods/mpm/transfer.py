@@ -6,7 +6,7 @@ velocity, which only some transfers have:
     m_i = sum_p w_ip m_p      p_i = sum_p w_ip m_p [v_p + C_p (x_i - x_p)]
     f_i = sum_p [w_ip f_p - V_p sigma_p grad w_ip]
 
-Grid to particles, a_i the change of a node's velocity in the step, u_ip the weights of `shape_functions.moment_weights`:
+Grid to particles, a_i the change of a node's velocity in the step, u_ip the weights of `shape_functions.put_moments`:
 
     FLIP    v_p <- fraction (v_p + sum_i w_ip a_i) + (1 - fraction) sum_i w_ip v_i
     APIC    v_p <- sum_i w_ip v_i,   C_p <- sum_i v_i (x) u_ip
