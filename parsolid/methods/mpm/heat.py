@@ -43,22 +43,35 @@ def heat_to_grid(basis, cells, motion, thermal, slopes, nodes):
     slopes (capacity, 4) [K/m]: of the particles' temperatures, with which they count at the nodes, or None.
     """
     across, first = nodes_across(basis), 3 - len(cells.axes)
-    table = np.zeros((3, across, 4))
+    planes = across if first == 0 else 1
+    table, near, slope = np.zeros((3, across, 4)), np.empty((across**3, 2)), np.zeros(3)
     table[0, 0, 0] = 1.0
     for c in range(len(cells.base)):
+        if cells.start[c] == cells.start[c + 1]:
+            continue
+        near[:] = 0.0
         for n in range(cells.start[c], cells.start[c + 1]):
-            p = cells.order[n]
+            p = np.uintp(cells.order[n])
             put_weights(basis, cells, c, p, motion, table)
-            for k in range(cells.stencil.shape[1]):
-                x, y, z = table[0, k // across**2], table[1, k // across % across], table[2, k % across]
-                temperature = thermal[p, 0]
-                if slopes is not None:
-                    for a in cells.axes:
-                        apart = x[2] if first + a == 0 else (y[2] if first + a == 1 else z[2])
-                        temperature += cells.spacing * slopes[p, a] * apart
-                capacity = x[0] * y[0] * z[0] * thermal[p, 1]
-                nodes[cells.stencil[c, k], 0] += capacity * temperature
-                nodes[cells.stencil[c, k], 1] += capacity
+            if slopes is not None:
+                for a in cells.axes:
+                    slope[first + a] = cells.spacing * slopes[p, a]
+            for i in range(planes):
+                for j in range(across):
+                    row, capacity = (i * across + j) * across, table[0, i, 0] * table[1, j, 0] * thermal[p, 1]
+                    temperature = thermal[p, 0]
+                    if slopes is not None:
+                        temperature += slope[0] * table[0, i, 2] + slope[1] * table[1, j, 2]
+                    for k in range(across):
+                        share, there = capacity * table[2, k, 0], temperature
+                        if slopes is not None:
+                            there += slope[2] * table[2, k, 2]
+                        near[row + k, 0] += share * there
+                        near[row + k, 1] += share
+        for k in range(cells.stencil.shape[1]):
+            node = np.uintp(cells.stencil[c, k])
+            nodes[node, 0] += near[k, 0]
+            nodes[node, 1] += near[k, 1]
 
 
 @kernel
@@ -77,36 +90,48 @@ def conduct(basis, cells, motion, thermal, tensors, slopes, nodes):
     (capacity, 4) [K/m] become the gradients, or None.
     """
     across, first = nodes_across(basis), 3 - len(cells.axes)
-    table = np.zeros((3, across, 4))
+    planes = across if first == 0 else 1
+    table, near, flow, inverse = np.zeros((3, across, 4)), np.empty(across**3), np.empty(across**3), 1.0 / cells.spacing
     table[0, 0, 0] = 1.0
-    inverse = 1.0 / cells.spacing
     for c in range(len(cells.base)):
+        if cells.start[c] == cells.start[c + 1]:
+            continue
+        for k in range(cells.stencil.shape[1]):
+            near[k], flow[k] = inverse * nodes[cells.stencil[c, k], 0], 0.0
         for n in range(cells.start[c], cells.start[c + 1]):
-            p = cells.order[n]
+            p = np.uintp(cells.order[n])
             put_weights(basis, cells, c, p, motion, table)
-            gx, gy, gz = 0.0, 0.0, 0.0
-            for k in range(cells.stencil.shape[1]):
-                x, y, z = table[0, k // across**2], table[1, k // across % across], table[2, k % across]
-                temperature = inverse * nodes[cells.stencil[c, k], 0]
-                gx += x[1] * y[0] * z[0] * temperature
-                gy += x[0] * y[1] * z[0] * temperature
-                gz += x[0] * y[0] * z[1] * temperature
+            x, y, z = 0.0, 0.0, 0.0
+            for i in range(planes):
+                for j in range(across):
+                    row, mean, along = (i * across + j) * across, 0.0, 0.0
+                    for k in range(across):
+                        mean += table[2, k, 0] * near[row + k]
+                        along += table[2, k, 1] * near[row + k]
+                    x += table[0, i, 1] * table[1, j, 0] * mean
+                    y += table[0, i, 0] * table[1, j, 1] * mean
+                    z += table[0, i, 0] * table[1, j, 0] * along
             if first:
-                gx, gy, gz = gy, gz, 0.0
+                x, y, z = y, z, 0.0
             if slopes is not None:
-                slopes[p, 0], slopes[p, 1], slopes[p, 2] = gx, gy, gz
+                slopes[p, 0], slopes[p, 1], slopes[p, 2] = x, y, z
             if tensors is None:
-                qx, qy, qz = thermal[p, 2] * gx, thermal[p, 2] * gy, thermal[p, 2] * gz
+                x, y, z = thermal[p, 2] * x, thermal[p, 2] * y, thermal[p, 2] * z
             else:
                 xx, yy, zz = tensors[p, 0], tensors[p, 1], tensors[p, 2]
                 yz, xz, xy = tensors[p, 4], tensors[p, 5], tensors[p, 6]
-                qx, qy, qz = xx * gx + xy * gy + xz * gz, xy * gx + yy * gy + yz * gz, xz * gx + yz * gy + zz * gz
+                x, y, z = xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
             if first:
-                qx, qy, qz = 0.0, qx, qy
-            for k in range(cells.stencil.shape[1]):
-                x, y, z = table[0, k // across**2], table[1, k // across % across], table[2, k % across]
-                flow = x[1] * y[0] * z[0] * qx + x[0] * y[1] * z[0] * qy + x[0] * y[0] * z[1] * qz
-                nodes[cells.stencil[c, k], 4] += x[0] * y[0] * z[0] * thermal[p, 3] - inverse * flow
+                x, y, z = 0.0, x, y
+            for i in range(planes):
+                for j in range(across):
+                    row, w = (i * across + j) * across, table[0, i, 0] * table[1, j, 0]
+                    side = table[0, i, 1] * table[1, j, 0] * x + table[0, i, 0] * table[1, j, 1] * y
+                    side, ahead = w * thermal[p, 3] - inverse * side, -inverse * w * z
+                    for k in range(across):
+                        flow[row + k] += table[2, k, 0] * side + table[2, k, 1] * ahead
+        for k in range(cells.stencil.shape[1]):
+            nodes[cells.stencil[c, k], 4] += flow[k]
 
 
 @kernel
@@ -144,15 +169,23 @@ def find_increments(count, nodes, step):
 def heat_to_particles(basis, cells, nodes, motion, thermal):
     """Add the nodal increments to the temperatures of all particles; the heat that they gained [J]."""
     across, gained = nodes_across(basis), 0.0
-    table = np.zeros((3, across, 4))
+    planes = across if len(cells.axes) == 3 else 1
+    table, near = np.zeros((3, across, 4)), np.empty(across**3)
     table[0, 0, 0] = 1.0
     for c in range(len(cells.base)):
+        if cells.start[c] == cells.start[c + 1]:
+            continue
+        for k in range(cells.stencil.shape[1]):
+            near[k] = nodes[cells.stencil[c, k], 4]
         for n in range(cells.start[c], cells.start[c + 1]):
-            p, change = cells.order[n], 0.0
+            p, change = np.uintp(cells.order[n]), 0.0
             put_weights(basis, cells, c, p, motion, table)
-            for k in range(cells.stencil.shape[1]):
-                x, y, z = table[0, k // across**2], table[1, k // across % across], table[2, k % across]
-                change += x[0] * y[0] * z[0] * nodes[cells.stencil[c, k], 4]
+            for i in range(planes):
+                for j in range(across):
+                    row, mean = (i * across + j) * across, 0.0
+                    for k in range(across):
+                        mean += table[2, k, 0] * near[row + k]
+                    change += table[0, i, 0] * table[1, j, 0] * mean
             thermal[p, 0] += change
             gained += thermal[p, 1] * change
     return gained
