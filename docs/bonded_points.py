@@ -12,7 +12,7 @@ import numpy as np
 from contact_extremes import copper
 from contact_tables import Tables, run, scene
 
-from parsolid.methods.mpm.between_steps import power, power_at_end
+from parsolid.methods.mpm.external_forces import power, power_at_end
 from parsolid.methods.mpm.stress import StressUpdate
 
 _ADVANCE = StressUpdate.advance

@@ -6,7 +6,7 @@ import numpy as np
 from points import COPPER, scene
 from solids import SOFT, tables
 
-from parsolid.methods.mpm.grid_conditions import GridConditions
+from parsolid.methods.mpm.conditions import GridConditions
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.methods.ulsph.boundaries import BoundarySet

@@ -15,7 +15,7 @@ from parsolid.boundary.prescribed import NotFree
 from parsolid.boundary.rows import Chosen
 from parsolid.boundary.surface_loads import Pressed, Pulled, Sprung
 from parsolid.exact import SOLUTIONS
-from parsolid.methods.mpm.grid_conditions import GridConditions
+from parsolid.methods.mpm.conditions import GridConditions
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.particles.container import Particles
 from parsolid.particles.generation import generate

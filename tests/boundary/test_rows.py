@@ -6,7 +6,7 @@ from kinds import table, tables_of
 
 from parsolid.boundary.heat import HeatSupply
 from parsolid.boundary.loads import InTime
-from parsolid.methods.mpm.grid_conditions import GridConditions
+from parsolid.methods.mpm.conditions import GridConditions
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.methods.tlsph.boundaries import build_boundaries

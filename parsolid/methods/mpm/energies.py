@@ -5,7 +5,7 @@ import numpy as np
 from parsolid.boundary.loads_on_particles import Loads
 from parsolid.kernels import kernel
 from parsolid.methods.failure_fields import DELETED_KINETIC
-from parsolid.methods.mpm.between_steps import ContactImpulses
+from parsolid.methods.mpm.external_forces import ExternalForces
 from parsolid.methods.mpm.grid import Nodes
 from parsolid.methods.mpm.points import MaterialPoints
 from parsolid.methods.protocol import EnergyLedger
@@ -58,15 +58,15 @@ class StepEnergies:
     """
 
     def __init__(
-        self, points: MaterialPoints, nodes: Nodes, forces: np.ndarray | None, impulses: ContactImpulses | None
+        self, points: MaterialPoints, nodes: Nodes, forces: np.ndarray | None, external: ExternalForces | None
     ):
-        """forces (capacity, 4) [N]: of the loads, or None; impulses: if anything acts on particles between steps."""
-        self.points, self.nodes, self.forces, self.impulses = points, nodes, forces, impulses
+        """forces (capacity, 4) [N]: of the loads, or None; external: where contact, ties or tools act."""
+        self.points, self.nodes, self.forces, self.external = points, nodes, forces, external
         settings = points.settings
         self.adds_changes, self.remaps = settings.adds_changes, settings.order == "musl"
-        self.loses = "velocity_slope" in points or not (self.adds_changes and self.remaps) or impulses is not None
+        self.loses = "velocity_slope" in points or not (self.adds_changes and self.remaps) or external is not None
         self.kinetic = kinetic_energy(points.owned, points.motion) if self.loses else 0.0
-        kept = forces is not None or (self.adds_changes and not self.remaps and impulses is None)
+        kept = forces is not None or (self.adds_changes and not self.remaps and external is None)
         self.before = points.motion[: points.owned].copy() if kept else None
 
     def book(
@@ -79,7 +79,7 @@ class StepEnergies:
     ) -> None:
         """boundaries: work of walls and driven regions and what is lost there [J]; materials: terms of the laws [J]."""
         supplied, caught = boundaries
-        duration = step if self.impulses is None else self.impulses.duration(step)
+        duration = step if self.external is None else self.external.duration(step)
         if self.forces is not None and self.before is not None and step > 0.0:
             # the nodal velocity in the middle of the step is the mean of the old and the new one
             after = self.points.motion[: self.points.owned]
@@ -87,10 +87,10 @@ class StepEnergies:
             mean = moved / step
             supplied += duration * float((self.forces[: len(mean), :3] * mean).sum())
             loads.observe(duration, mean[:, : self.points.dimension].T)
-        if self.impulses is None:
+        if self.external is None:
             lost = self._lost() + caught
         else:
-            lost = self.kinetic + self.impulses.work + supplied - self._kinetic_now()
+            lost = self.kinetic + self.external.work + supplied - self._kinetic_now()
         ledger.add(1.0, 0.0, lost, supplied)
         loads.report(duration, ledger)
         for name, energy in (materials | self._delete(step, loads)).items():
@@ -98,14 +98,14 @@ class StepEnergies:
 
     def _delete(self, step: float, loads: Loads) -> dict[str, float]:
         """Terms [J] of what is deleted; after the step's balance, which would take it for a loss."""
-        if self.impulses is not None:
-            self.impulses.follow(step)
+        if self.external is not None:
+            self.external.follow(step)
         gone = self.points.delete_failed()
         if gone:
             loads.forget_masses()
-            if self.impulses is not None:
+            if self.external is not None:
                 # velocities that went with it were half a step behind, too
-                gone[DELETED_KINETIC] -= self.impulses.follow(step)
+                gone[DELETED_KINETIC] -= self.external.follow(step)
         return gone
 
     def _kinetic_now(self) -> float:

@@ -45,7 +45,7 @@ class NodalContact(Interaction):
         self.systems = list({id(one): one for systems, _ in pairs for one in systems}.values())
         self.warms = any(friction and any(one.takes_heat for one in systems) for systems, friction in pairs)
 
-    def before(self, time: float, step: float, ledger: EnergyLedger) -> None:
+    def start_step(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Velocities of the nodes after the step's forces and contact."""
         if step == 0.0:
             return
@@ -55,7 +55,7 @@ class NodalContact(Interaction):
         if self.warms:
             ledger.add_term("friction_heat", sum(warmed))
 
-    def after(self, time: float, step: float, ledger: EnergyLedger) -> None:
+    def evaluate(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """What contact has taken."""
         if step == 0.0:
             return

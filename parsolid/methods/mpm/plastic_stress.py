@@ -71,7 +71,7 @@ class BulkViscosity(NamedTuple):
     """q = rho h |tr d| (quadratic h |tr d| + linear c) of compression, h the spacing of the grid [m].
 
     centred: whether the work of both q and the change of pressure since the last forces is heat, as it is where forces
-    of a time act for half of the steps before and after it (`between_steps`); else that of q.
+    of a time act for half of the steps before and after it (`external_forces`); else that of q.
     """
 
     linear: float

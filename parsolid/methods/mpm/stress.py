@@ -230,7 +230,7 @@ class StressUpdate:
         return self.updates[self._kinds[self.points.laws.index(block.law)]]
 
     def centre_viscosity(self) -> None:
-        """Let heat of the viscosity be what its forces do, where velocities of one time count, see `between_steps`."""
+        """Let heat of the viscosity be what its forces do, where velocities of one time count, see `external_forces`."""
         for update in self.updates.values():
             update.centre_viscosity()
 

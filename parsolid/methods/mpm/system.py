@@ -19,7 +19,7 @@ from parsolid.materials.plastic import plastic_evaluation
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.methods import failed_matter
 from parsolid.methods.mpm import output
-from parsolid.methods.mpm.between_steps import ContactImpulses
+from parsolid.methods.mpm.external_forces import ExternalForces
 from parsolid.methods.mpm.cells import CellMigration
 from parsolid.methods.mpm.conditions import GridConditions
 from parsolid.methods.mpm.energies import StepEnergies, kinetic_energy
@@ -61,35 +61,26 @@ class MaterialPoint(ParticleSystem):
         if conducting:
             self.conduction = Conduction(scene, self.conditions, points, self.nodes, thermal)
         self.migration = CellMigration(self.grid, points)
-        self.impulses: ContactImpulses | None = None
+        self.external: ExternalForces | None = None
         # of a step whose nodes have been accelerated already
         self._energies: StepEnergies | None = None
+        self._sound = True
         self._partition: CellPartition | None = None
 
     # --- a step -------------------------------------------------------------------------------------------------------
 
-    def advance(self, time: float, step: float, ledger: EnergyLedger, announce: Announce) -> bool:
-        """One step [s] from `time` [s]."""
-        if self.conduction is not None:
-            self.nodes.follow_cells()
-            ledger.add_term("heat_supplied", self.conduction.advance(time, step))
-        if not self.settings.motion:
-            announce(True, self.stable_step())
-            return True
-        if self._energies is None:
-            # where bodies touch on nodes, `nodal_contact` has done this for all of them and changed the velocities
-            self.accelerate_nodes(time, step)
-        return self.complete_step(time, step, ledger, announce)
-
     def accelerate_nodes(self, time: float, step: float) -> None:
-        """First part of a step: particles to grid, and the nodes' velocities after the forces, before boundaries."""
-        points, nodes, impulses = self.points, self.nodes, self.impulses
+        """Start of a step [s] from a time [s]: particles to grid, and the nodes' velocities after the forces.
+
+        Where bodies touch on nodes, `nodal_contact` does this for all of them and changes the velocities.
+        """
+        points, nodes, external = self.points, self.nodes, self.external
         nodes.follow_cells()
         forces, duration = self._load_forces(time), step
-        self._energies = StepEnergies(points, nodes, forces, impulses)
-        if impulses is not None:
-            forces = impulses.add_to(forces, step, (self.substep, self.substeps))
-            duration = impulses.duration(step)
+        self._energies = StepEnergies(points, nodes, forces, external)
+        if external is not None:
+            forces = external.add_to(forces, step, (self.substep, self.substeps))
+            duration = external.duration(step)
         self.conditions.keep_slopes_beside_driven(nodes)
         nodes.clear(nodes.motion)
         carried = points.motion, points.find("velocity_slope"), points.storage("stress_and_volume")
@@ -97,33 +88,49 @@ class MaterialPoint(ParticleSystem):
         nodes.exchange("motion")
         nodes.accelerate(duration)
 
-    def complete_step(self, time: float, step: float, ledger: EnergyLedger, announce: Announce) -> bool:
-        """Second part of a step: boundaries, grid to particles, stress."""
-        points, nodes, conditions, energies = self.points, self.nodes, self.conditions, self._energies
-        assert energies is not None
-        basis, cells, motion = points.basis, nodes.cells, points.motion
-        slope, rate, paths = points.find("velocity_slope"), points.storage("velocity_gradient"), None
-        if self.impulses is not None and step > 0.0:
-            paths = self.impulses.paths()
-        supplied, lost = conditions.impose(nodes, nodes.motion, time + step)
-        if self.settings.order == "usl":
-            grid_to_particles(basis, cells, nodes.motion, None, step, motion, points.fraction, slope, rate, paths)
-        else:
-            grid_to_particles(basis, cells, nodes.motion, None, step, motion, points.fraction, slope, None, None)
-            lost += self._remap(time + step)
-            # where something acts between steps, by places, and particles forget velocities that nodes do not see,
-            # places follow the velocities that strain matter: motion that strains nothing would give way to it for ever
-            if paths is None or self.settings.adds_changes:
-                grid_to_particles(basis, cells, nodes.motion, nodes.remapped, step, motion, None, None, rate, paths)
-            else:
-                grid_to_particles(basis, cells, nodes.remapped, None, step, motion, None, None, rate, paths)
-        if self.impulses is not None and step > 0.0:
-            self.impulses.note_work(step)
-        sound, terms = self.stress.advance(step)
-        energies.book(ledger, step, (supplied, lost), terms, self.loads)
+    def advance_positions(self, time: float, step: float, ledger: EnergyLedger) -> None:
+        """All of a step [s] from a time [s]: external forces of its end act in the next one."""
+        if self.conduction is not None:
+            self.nodes.follow_cells()
+            ledger.add_term("heat_supplied", self.conduction.advance(time, step))
+        if not self.settings.motion:
+            return
+        if self._energies is None:
+            self.accelerate_nodes(time, step)
+        assert self._energies is not None
+        boundaries = self._move_particles(time + step, step)
+        self._sound, materials = self.stress.advance(step)
+        self._energies.book(ledger, step, boundaries, materials, self.loads)
         self._energies = None
-        announce(sound, self.stable_step())
-        return self.migration.migrate() and sound
+        self._sound = self.migration.migrate() and self._sound
+
+    def complete_step(self, time: float, step: float, ledger: EnergyLedger, announce: Announce) -> bool:
+        """See `advance_positions`."""
+        announce(self._sound, self.stable_step())
+        return self._sound
+
+    def _move_particles(self, time: float, step: float) -> tuple[float, float]:
+        """Boundaries of the nodes at the end of a step [s] and grid to particles: velocities, places, velocity
+        gradients. Work of the boundaries and what is lost there [J]."""
+        points, nodes, conditions, external = self.points, self.nodes, self.conditions, self.external
+        slope, rate = points.find("velocity_slope"), points.storage("velocity_gradient")
+        paths = external.paths() if external is not None and step > 0.0 else None
+        grid, motion = (points.basis, nodes.cells), points.motion
+        supplied, lost = conditions.impose(nodes, nodes.motion, time)
+        if self.settings.order == "usl":
+            grid_to_particles(*grid, nodes.motion, None, step, motion, points.fraction, slope, rate, paths)
+        else:
+            grid_to_particles(*grid, nodes.motion, None, step, motion, points.fraction, slope, None, None)
+            lost += self._remap(time)
+            # where external forces act, by places, and particles forget velocities that nodes do not see, places follow
+            # the velocities that strain matter: motion that strains nothing would give way to them for ever
+            if paths is None or self.settings.adds_changes:
+                grid_to_particles(*grid, nodes.motion, nodes.remapped, step, motion, None, None, rate, paths)
+            else:
+                grid_to_particles(*grid, nodes.remapped, None, step, motion, None, None, rate, paths)
+        if external is not None and step > 0.0:
+            external.note_work(step)
+        return supplied, lost
 
     def _remap(self, time: float) -> float:
         """MUSL: velocities of nodes by the new momentum of particles, which strain matter; what the boundaries do to
@@ -172,8 +179,8 @@ class MaterialPoint(ParticleSystem):
         self.nodes.follow_cells()
         self.stress.advance(0.0)
         take_forces(self.comm, scene, self)
-        if taken and self.impulses is not None:
-            self.impulses.go_on(min(minimum(self.comm, self.stable_step()), self.settings.maximum_step or np.inf))
+        if taken and self.external is not None:
+            self.external.go_on(min(minimum(self.comm, self.stable_step()), self.settings.maximum_step or np.inf))
         self._look_at_heat()
 
     def resume(self) -> None:
@@ -192,7 +199,7 @@ class MaterialPoint(ParticleSystem):
     def state(self) -> dict[str, Any]:
         """Owners of cells, the step counter that times re-ordering, the largest speed; collective."""
         return {
-            "impulses": None if self.impulses is None else self.impulses.state(self.comm),
+            "external": None if self.external is None else self.external.state(self.comm),
             "partition": self.grid.partition.state(),
             "steps": self.migration.steps,
             "fastest": maximum(self.comm, self.stress.fastest),
@@ -204,30 +211,27 @@ class MaterialPoint(ParticleSystem):
         self.migration.steps, self.stress.fastest = state["steps"], state["fastest"]
         partition = CellPartition.from_state(state["partition"], self.dimension)
         work = state["plastic_work"]
-        if self.impulses is not None:
-            self.impulses.set_state(self.comm, state.get("impulses"))
+        if self.external is not None:
+            self.external.set_state(self.comm, state.get("external"))
         if partition.ranks == self.comm.size:
             self._partition, self.stress.plastic_work = partition, work[self.comm.rank]
         else:
             self.stress.plastic_work = sum(work) if self.comm.rank == 0 else 0.0
 
-    # --- contact, ties and tools between steps, see `between_steps` ---------------------------------------------------
+    # --- external forces of contact, ties and tools ------------------------------------------------------------------
 
-    def expect_kicks(self) -> None:
-        """Declare what impulses between steps take."""
-        if self.impulses is None:
-            self.impulses = ContactImpulses(self.points)
+    def take_external_forces(self, keep_rows: bool) -> None:
+        """See `ParticleSystem.take_external_forces` and `CellMigration.keep_rows`."""
+        super().take_external_forces(keep_rows)
+        if keep_rows:
+            self.migration.keep_rows()
+        if self.external is None:
+            self.external = ExternalForces(self.points)
             self.stress.centre_viscosity()
 
-    def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
-        """Impulses act in the next step by way of the nodes: what only particles had, no node would know of. None of
-        the energy is in the particles yet."""
-        self.points.owned_rows("impulse")[slice(None) if rows is None else rows] += impulse
-        return 0.0
-
-    def kick_before(self, impulse: np.ndarray, rows: np.ndarray) -> None:
-        """These do their work on the way that comes. See `ParticleSystem.kick_before`."""
-        self.points.owned_rows("opening")[rows] += impulse
+    def late_impulse(self) -> np.ndarray:
+        """Velocities are of the middle of the last step."""
+        return super().late_impulse() if self.external is None else self.external.late_impulse()
 
     @property
     def takes_heat(self) -> bool:  # type: ignore[override]
@@ -245,10 +249,6 @@ class MaterialPoint(ParticleSystem):
         if self.comm.size == 1:
             return self.points.layout
         return self.migration.layout_version if self.migration.keeps_rows else None
-
-    def expect_lists(self) -> None:
-        """See `CellMigration.keep_rows`."""
-        self.migration.keep_rows()
 
     def follow_work(self, work: list[float], number: int) -> None:
         """See `CellMigration.follow_work`."""
@@ -288,8 +288,8 @@ class MaterialPoint(ParticleSystem):
     def energies(self) -> tuple[float, float]:
         """Kinetic energy and internal energy [J] of this rank's particles, heat and plastic work included."""
         kinetic = float(kinetic_energy(self.owned, self.points.motion))
-        if self.impulses is not None:
-            kinetic += self.impulses.energy()
+        if self.external is not None:
+            kinetic += self.external.energy()
         return kinetic, self.stress.stored_energy()
 
     def shown(self, name: str, first: int, last: int) -> np.ndarray | None:

@@ -1,9 +1,9 @@
-"""What acts on particles between the steps of the method (contact, ties, tools) as impulses, and its energies.
+"""Forces of contact, ties and tools on material points, and the energies of particles at one time under them.
 
-Velocities are half a step behind places then: forces of a time act for half of the steps before and after it
-(`ContactImpulses.duration`), the same halves in which contact gives its impulses. Each half does its work along the way
-of matter in its step, of places for impulses, of strains for stresses; what particles gain less is lost in the
-transfers.
+These forces are found at the places of the end of a step and act in the next one. Velocities are half a step behind
+places: forces of a time act for half of the steps before and after it (`ExternalForces.duration`). Each half does its
+work along the way of matter in its step, of places for external forces, of strains for stresses; what particles gain
+less is lost in the transfers.
 """
 
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.collective import SolverError
 from parsolid.kernels import kernel
 from parsolid.methods.mpm.points import MaterialPoints
@@ -47,26 +48,26 @@ def power_at_end(owned, stress, rate, step):
     return total / step
 
 
-class ContactImpulses:
-    """Impulses that wait for the next step, and the energies of particles at one time.
+class ExternalForces:
+    """What external forces take of the particles' energies.
 
-    Fields: "impulse" of the way before the present places, "opening" of that after them, and "moved", the mean velocity
-    of places in the last common step [m/s]. step: the last one [s]; goes_on: whether the next one goes on from another
-    run's velocities, whose last step is taken to be as long; work [J]: of all forces in the present step; behind [J]:
-    of the first halves of stresses, which velocities do not have yet.
+    Fields besides those of `ParticleSystem.take_external_forces`: "moved", the mean velocity of places in the last step
+    [m/s], and, where several steps make a common one, the same of that. step: the last one [s]; goes_on: whether the
+    next one goes on from another run's velocities, whose last step is taken to be as long; work [J]: of all forces in
+    the present step; behind [J]: of the first halves of stresses, which velocities do not have yet.
     """
 
     def __init__(self, points: MaterialPoints) -> None:
         self.points, self.step, self.goes_on = points, 0.0, False
         self.behind, self.work = 0.0, 0.0
-        for name, kept in (("impulse", True), ("opening", False)):
-            points.declare(Field(name, points.dimension, "N s", checkpointed=kept))
         points.declare(Field("moved", points.dimension, "m/s", checkpointed=True))
-        # number of the step in the common one and how many there are
-        self.place = 0, 1
-        self._paths = np.zeros((0, 4))
+        self._mean = "moved"
         if points.settings.substeps not in (None, 1):
-            points.declare(Field("given_impulse", points.dimension, "N s"))
+            self._mean = "moved_in_common_step"
+            points.declare(Field(self._mean, points.dimension, "m/s", checkpointed=True))
+        # number of the step in the common one and how many there are
+        self._place = 0, 1
+        self._paths = np.zeros((0, 4))
 
     def duration(self, step: float) -> float:
         """For how long [s] forces of the present places act in a step [s]: half of it and of the last one."""
@@ -74,22 +75,20 @@ class ContactImpulses:
         return 0.5 * (last + step) if step > 0.0 else 0.0
 
     def add_to(self, forces: np.ndarray | None, step: float, place: tuple[int, int]) -> np.ndarray | None:
-        """Forces (capacity, 4) [N] of loads and of the impulses given since the last step [s]; of several steps in a
-        common one all impulses act in the first.
+        """Forces (capacity, 4) [N] of loads with the external ones of a step [s]; impulses are used up.
 
         place: number of the step among those of the common one, and how many those are.
         """
-        self.work, self.place = 0.0, place
+        self.work, self._place = 0.0, place
         if step == 0.0:
             return forces
-        rows = self.points.owned_rows
-        impulse, opening, result = rows("impulse"), rows("opening"), forces
-        self.work = self.behind + float(np.sum(impulse * rows("moved")))
-        if place[1] > 1 and place[0] == 0:
-            rows("given_impulse")[:] = opening
-        if impulse.any() or opening.any():
+        rows, duration, result = self.points.owned_rows, self.duration(step), forces
+        force, impulse = rows(EXTERNAL_FORCE), rows(EXTERNAL_IMPULSE)
+        self.work = self.behind + float(np.sum((duration - 0.5 * step) * force * rows("moved")))
+        self.work += float(np.sum(impulse * rows(self._mean)))
+        if force.any() or impulse.any():
             result = np.zeros((self.points.capacity, 4)) if forces is None else forces.copy()
-            result[: self.points.owned, : self.points.dimension] += (impulse + opening) / self.duration(step)
+            result[: self.points.owned, : self.points.dimension] += force + impulse / duration
             impulse[:] = 0.0
         return result
 
@@ -101,13 +100,13 @@ class ContactImpulses:
 
     def note_work(self, step: float) -> None:
         """Add what forces do [J] in a step [s] that has moved and strained particles, before stresses change."""
-        storage, rows, (number, count) = self.points.storage, self.points.owned_rows, self.place
-        moved, opening, owned = rows("moved"), rows("opening"), self.points.owned
+        storage, rows, owned = self.points.storage, self.points.owned_rows, self.points.owned
         now = self._paths[:owned, : self.points.dimension]
-        first = opening if count == 1 else rows("given_impulse")
-        self.work += float(np.sum(first * now)) / count
-        opening[:] = 0.0
-        moved[:] = now / count + (moved if number else 0.0)
+        self.work += 0.5 * step * float(np.sum(rows(EXTERNAL_FORCE) * now))
+        rows("moved")[:] = now
+        if self._mean != "moved":
+            number, count = self._place
+            rows(self._mean)[:] = now / count + (rows(self._mean) if number else 0.0)
         self.work -= 0.5 * step * power(owned, storage("stress_and_volume"), storage("velocity_gradient"))
 
     def follow(self, step: float) -> float:
@@ -125,10 +124,16 @@ class ContactImpulses:
         self.follow(step)
         self.goes_on = True
 
+    def late_impulse(self) -> np.ndarray:
+        """Impulses (owned, d) [N s] of external forces that velocities do not have yet."""
+        rows = self.points.owned_rows
+        return np.asarray(rows(EXTERNAL_IMPULSE) + 0.5 * self.step * rows(EXTERNAL_FORCE))
+
     def energy(self) -> float:
         """What particles will have gained by the time of their places [J]: velocities are half a step behind."""
         rows = self.points.owned_rows
-        return float(np.sum(rows("impulse") * rows("moved"))) + self.behind
+        first_half = 0.5 * self.step * np.sum(rows(EXTERNAL_FORCE) * rows("moved"))
+        return float(first_half + np.sum(rows(EXTERNAL_IMPULSE) * rows(self._mean))) + self.behind
 
     def state(self, comm: MPI.Comm) -> dict[str, Any]:
         """What a restart needs besides fields; collective."""
