@@ -69,8 +69,8 @@ def store(t, p, A):
 
 @kernel
 def hyperelastic_tile(law, step, F, rates, tau, speed):
-    """F after a step [s] with velocity gradients `rates` [1/s], Kirchhoff stress tau = P F^T [Pa], nine components, and speed
-    of pressure waves in the present configuration [m/s]."""
+    """F after a step [s] with velocity gradients `rates` [1/s], Kirchhoff stress tau = P F^T [Pa], nine components, and
+    speed of pressure waves in the present configuration [m/s]."""
     for p in range(TILE):
         new = load(F, p)
         new = combine(1.0, new, step, matmul(load(rates, p), new))
@@ -230,7 +230,7 @@ class StressUpdate:
         return self.updates[self._kinds[self.points.laws.index(block.law)]]
 
     def centre_viscosity(self) -> None:
-        """Let heat of the viscosity be what its forces do, where velocities of one time count, see `external_forces`."""
+        """Let heat of the viscosity be what its forces do where external forces act, see `external_forces`."""
         for update in self.updates.values():
             update.centre_viscosity()
 
