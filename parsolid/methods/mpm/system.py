@@ -19,10 +19,10 @@ from parsolid.materials.plastic import plastic_evaluation
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.methods import failed_matter
 from parsolid.methods.mpm import output
-from parsolid.methods.mpm.external_forces import ExternalForces
 from parsolid.methods.mpm.cells import CellMigration
 from parsolid.methods.mpm.conditions import GridConditions
 from parsolid.methods.mpm.energies import StepEnergies, kinetic_energy
+from parsolid.methods.mpm.external_forces import ExternalForces
 from parsolid.methods.mpm.grid import Nodes
 from parsolid.methods.mpm.heat import Conduction, common_conductivity, conducts
 from parsolid.methods.mpm.points import MaterialPoints
