@@ -177,7 +177,7 @@ def branches_at_stage(k, branches, F, F_start, A, branch_sum, rate):
 
 @kernel
 def stage_tile(
-    law, keep, take, step, plane, branches, F, H, J, F_start, H_start, J_start, G, A, branch_sum, push, P, fast, slow, rate
+    law, keep, take, step, branches, F, H, J, F_start, H_start, J_start, G, A, branch_sum, push, P, fast, slow, rate
 ):  # fmt: skip
     """SSP-RK3: one stage y <- keep y_start + take (y + step dy/dt) of F, H and J of a tile, eqs (72b)-(72d) of Lee et al.
 
