@@ -66,6 +66,9 @@ class ListWeights:
             jump_factors(pairs, everywhere, self.dissipation, self.directional)
             if self.lattices is not None:
                 keep_near_jumps(self.lattices, pairs, near.even)
+            if self.rounded:
+                d = correction.shape[1]
+                pairs.weight[:, d] = pairs.weight[:, d].astype(np.float32)
         return correction
 
 
