@@ -86,9 +86,10 @@ def make_tile(components):
 
 
 @inlined
-def in_directions(plane, Q):
-    """A wave tensor whose eigenvalues are those of directions in the plane, where `plane` is true."""
-    return (Q[0], Q[1], 0.5 * (Q[0] + Q[1]) if plane else Q[2], Q[3], Q[4], Q[5])
+def in_directions(third, Q):
+    """A wave tensor whose eigenvalues are those of directions in the plane for third = 0, of all for third = 1."""
+    # a factor, as numba warns of conditions in inlined functions
+    return (Q[0], Q[1], third * Q[2] + (1.0 - third) * 0.5 * (Q[0] + Q[1]), Q[3], Q[4], Q[5])
 
 
 @inlined
@@ -137,6 +138,7 @@ def update_tile(
             relax_branch(k, branches, step, F, G, A[6 * TILE * k : 6 * TILE * (k + 1)], branch_sum, lost)
             total += branches.moduli[k]
     p1, s1, p2, s2, p3, s3 = signals
+    third = 0.0 if plane else 1.0
     for p in range(TILE):
         F_new = combine(1.0, load(F, p), step, load(G, p))
         H = cofactor(F_new)
@@ -150,13 +152,13 @@ def update_tile(
         store(F, p, F_new)
         store(P, p, P_new)
         J[p] = J_new
-        fast, slow = in_directions(plane, fast), in_directions(plane, slow)
+        fast, slow = in_directions(third, fast), in_directions(third, slow)
         c_p, c_s = largest_eigenvalue_bound(fast) ** 0.5, largest_eigenvalue_bound(slow) ** 0.5
         signal[p] = max(p1 * c_p + s1 * c_s, max(p2 * c_p + s2 * c_s, p3 * c_p + s3 * c_s))
         if push is not None:
             # rho_r^2 c_r^2 of the moved reference: F_r Q F_r^T / J_r^2
             fast, slow = congruence(load(push, p), fast), congruence(load(push, p), slow)
-            fast, slow = in_directions(plane, fast), in_directions(plane, slow)
+            fast, slow = in_directions(third, fast), in_directions(third, slow)
         impedance[p], impedance[TILE + p] = 0.5 * mean_impedance(law.density, fast), 0.5 * mean_impedance(law.density, slow)
 
 
@@ -257,13 +259,14 @@ def waves_tile(law, plane, branches, F, H, J, A, branch_sum, fast, slow, bound):
     total = 0.0
     if A is not None:
         total = sum_branches(branches, A, branch_sum)
+    third = 0.0 if plane else 1.0
     for p in range(TILE):
         F_now, H_now, J_now = load(F, p), load(H, p), J[p]
         Q_p, Q_s = pressure_waves(law, F_now, H_now, J_now), shear_waves(law, F_now)
         if A is not None:
             S = load_symmetric(branch_sum, p)
             Q_p, Q_s = plus_symmetric(Q_p, branch_waves(total, S, H_now, J_now)), plus_symmetric(Q_s, S)
-        Q_p, Q_s = in_directions(plane, Q_p), in_directions(plane, Q_s)
+        Q_p, Q_s = in_directions(third, Q_p), in_directions(third, Q_s)
         store_symmetric(fast, p, Q_p)
         store_symmetric(slow, p, Q_s)
         bound[p], bound[TILE + p] = largest_eigenvalue_bound(Q_p), largest_eigenvalue_bound(Q_s)

@@ -35,7 +35,7 @@ from parsolid.scene import initial_deformation_gradient, initial_displacement, i
 class TotalLagrangianSPH(ParticleSystem):
     """The method on one rank.
 
-    blocks: ranges of particles that share a law. sweeps: what finds velocity gradients and forces, each for its bodies:
+    blocks: ranges of particles that share a law; branches: most of any law. sweeps: what finds velocity gradients and forces, each for its bodies:
     it has advance_step(step), advance_stage(stage, step), find_forces() and displacement_gradient(), see `ListBodies`.
     leapfrog or staged_step: the integrator, the other is None.
     """
@@ -49,8 +49,8 @@ class TotalLagrangianSPH(ParticleSystem):
         blocks, density = material_blocks(self.laws, particle_set.body)
         self.particles = Particles(particle_set.body, block_numbers(self.laws, np.arange(len(self.laws)))[1])
         self.staged = self.settings.integrator == "ssp-rk3"
-        branches = maximum(comm, max((len(one.law.branch_moduli or ()) for one in blocks), default=0))
-        declare_fields(self.particles, particle_set, branches, self.staged)
+        self.branches = maximum(comm, max((len(one.law.branch_moduli or ()) for one in blocks), default=0))
+        declare_fields(self.particles, particle_set, self.branches, self.staged)
         self.blocks = [LawBlock(self.particles, one.first, one.last, one.law) for one in blocks]
         self.body_weights = weights_of_bodies(self.settings.pair_weights, scene)
         closed = frozenset(i for i, kind in enumerate(self.body_weights) if kind in ON_LATTICES)
@@ -126,13 +126,13 @@ class TotalLagrangianSPH(ParticleSystem):
             derived &= ~where
         if self.initial_stress is not None:
             self.initial_stress.begin(*place)
-        self._complete_strain(derived)
+        self.complete_strain(derived)
         take_state(self.comm, scene, self, particle_set)
         self.conditions.hold(0.0)
         if take_forces(self.comm, scene, self) and self.leapfrog is not None:
             self.leapfrog.forces_of = 0
 
-    def _complete_strain(self, derived: np.ndarray) -> None:
+    def complete_strain(self, derived: np.ndarray) -> None:
         """H and J at time 0 from F; derived (n,): particles whose F is that of their displacement, by the scheme's own
         gradient. Collective."""
         rows, d, owned = self.particles.owned_rows, self.dimension, self.owned
