@@ -289,9 +289,10 @@ def test_ranks_share_what_one_computes(comm, dimension, mirrored):
         )
         sim = simulation(data, where)
         set_random_state(sim)
-        sim.systems[0].particles.owned_rows("velocity")[:] += random_of(
-            sim.systems[0].particles.owned_rows("identifier"), dimension, seed=99
-        ) * ~sim.systems[0].conditions.held
+        sim.systems[0].particles.owned_rows("velocity")[:] += (
+            random_of(sim.systems[0].particles.owned_rows("identifier"), dimension, seed=99)
+            * ~sim.systems[0].conditions.held
+        )
         found = evaluate(sim)
         order = np.argsort(np.concatenate(where.allgather(sim.particle_sets[0].identifier)))
         values = [np.concatenate(where.allgather(found[name]))[order] for name in ("gradient", "PL", "T", "D")]

@@ -14,9 +14,7 @@ STEP = 1e-2
 def moving(dimension, law, particles):
     """A body in motion, with one force evaluation a step."""
     velocity = ["0.5*X + 0.3*Y*Y", "0.2*X - 0.4*Y", "0.1*X*Y + 0.3*Z"][:dimension]
-    data = tables(
-        particles, material={**SOFT, **law}, method={"integrator": "leapfrog"}, body={"velocity": velocity}
-    )
+    data = tables(particles, material={**SOFT, **law}, method={"integrator": "leapfrog"}, body={"velocity": velocity})
     return simulation(data).systems[0]
 
 

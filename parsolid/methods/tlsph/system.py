@@ -94,7 +94,9 @@ class TotalLagrangianSPH(ParticleSystem):
         lattices = getattr(self.on_lattices, "lattices", None)
         rounded = weights_are_rounded(scene) and surface is None and lattices is None
         kernel, factor = smoothing_kernel(settings.kernel), float(settings.dissipation)
-        return ListBodies(self, ListWeights(kernel, factor, waves >= 2, surface, lattices, rounded), waves, scene.unbonded)
+        return ListBodies(
+            self, ListWeights(kernel, factor, waves >= 2, surface, lattices, rounded), waves, scene.unbonded
+        )
 
     def _smoothing(self) -> Any:
         """h/dx, (n, 1) where bodies on lattices have their own."""
@@ -264,9 +266,7 @@ class TotalLagrangianSPH(ParticleSystem):
         if settings.integrator == "leapfrog" and settings.safety > 1.0:
             hints.append(f"a smaller method.safety (it is {settings.safety:g}; 0.9 is stable)")
         if settings.integrator == "ssp-rk3" and settings.cfl > 0.9:
-            hints.append(
-                f"a smaller method.cfl (it is {settings.cfl:g}; 0.7 is stable for smoothing of 0.85 and more)"
-            )
+            hints.append(f"a smaller method.cfl (it is {settings.cfl:g}; 0.7 is stable for smoothing of 0.85 and more)")
         smaller = bool(hints)
         if settings.dissipation == 0.0:
             hints.append("method.dissipation = 1 (there is none)")
