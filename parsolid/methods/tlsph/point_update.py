@@ -1,9 +1,9 @@
 """Deformation, stress and wave speeds of single particles, on tiles of 32.
 
 A tile holds the tensors of TILE particles in flat arrays: component c of particle p stands at c * TILE + p, general
-tensors with nine components, symmetric ones with six (`parsolid.tensors`). Flat tiles stay in the first-level cache, and
-LLVM sees that their components do not overlap, without which it does not vectorise these loops. In plane strain the
-components out of the plane are those of F33 = 1; `plane` excludes that direction from wave speeds.
+tensors with nine components, symmetric ones with six (`parsolid.tensors`). Flat tiles stay in the first-level cache,
+and LLVM sees that their components do not overlap, without which it does not vectorise these loops. In plane strain
+the components out of the plane are those of F33 = 1; `plane` excludes that direction from wave speeds.
 
 Whatever sums over neighbours (pair lists, box sweeps) loads a tile, calls `update_tile` (leapfrog) or `stage_tile`
 (SSP-RK3), and stores what it needs. A tile that is only partly filled must hold sound values in the rest, as
@@ -160,7 +160,7 @@ def update_tile(
         J[p] = J_new
         fast, slow = in_directions(third, fast), in_directions(third, slow)
         c_p, c_s = largest_eigenvalue_bound(fast) ** 0.5, largest_eigenvalue_bound(slow) ** 0.5
-        signal[p] = max(p1 * c_p + s1 * c_s, max(p2 * c_p + s2 * c_s, p3 * c_p + s3 * c_s))
+        signal[p] = max(p1 * c_p + s1 * c_s, p2 * c_p + s2 * c_s, p3 * c_p + s3 * c_s)
         if push is not None:
             # rho_r^2 c_r^2 of the moved reference: F_r Q F_r^T / J_r^2
             fast, slow = congruence(load(push, p), fast), congruence(load(push, p), slow)
@@ -190,7 +190,7 @@ def branches_at_stage(k, branches, F, F_start, A, branch_sum, rate):
 def stage_tile(
     law, keep, take, step, branches, F, H, J, F_start, H_start, J_start, G, A, branch_sum, push, P, fast, slow, rate
 ):  # fmt: skip
-    """SSP-RK3: one stage y <- keep y_start + take (y + step dy/dt) of F, H and J of a tile, eqs (72b)-(72d) of Lee et al.
+    """SSP-RK3: one stage y <- keep y_start + take (y + step dy/dt) of F, H and J of a tile, eqs (72b) to (72d).
 
     Fills P [Pa] and, of the state before the stage, halves of rho^2 times the wave tensors of pressure (fast, 6 TILE)
     and shear (slow); rate: dissipation [W/m^3] of the branches, times its factor in the integral over the step.

@@ -35,9 +35,9 @@ from parsolid.scene import initial_deformation_gradient, initial_displacement, i
 class TotalLagrangianSPH(ParticleSystem):
     """The method on one rank.
 
-    blocks: ranges of particles that share a law; branches: most of any law. sweeps: what finds velocity gradients and forces, each for its bodies:
-    it has advance_step(step), advance_stage(stage, step), find_forces() and displacement_gradient(), see `ListBodies`.
-    leapfrog or staged_step: the integrator, the other is None.
+    blocks: ranges of particles that share a law; branches: most of any law. sweeps: what finds velocity gradients and
+    forces, each for its bodies: advance_step(step), advance_stage(stage, step), find_forces(), displacement_gradient(),
+    see `ListBodies`. leapfrog or staged_step: the integrator, the other is None.
     """
 
     def __init__(self, comm: Any, scene: Any, particle_set: Any) -> None:

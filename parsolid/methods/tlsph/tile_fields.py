@@ -38,8 +38,8 @@ PLACES = {
 
 
 class Tiles(NamedTuple):
-    """Scratch tiles of one law: deformation F, H, J, velocity gradient G, stress P, wave tensors and bounds, corrections
-    L and sums S of gradients, and those that an option needs; A and branch_sum are None without branches."""
+    """Scratch tiles of one law: deformation F, H, J, also at the start of a step, velocity gradient G, stress P, wave
+    tensors and their bounds, corrections L and sums S of gradients, and those that an option needs."""
 
     F: np.ndarray
     H: np.ndarray
@@ -189,5 +189,5 @@ def wave_speeds(
         largest = largest_modulus(largest, tiles.fast, tiles.bound, n)
         for p in range(n):
             c_p, c_s = tiles.bound[p] ** 0.5, tiles.bound[TILE + p] ** 0.5
-            greatest = max(greatest, max(p1 * c_p + s1 * c_s, max(p2 * c_p + s2 * c_s, p3 * c_p + s3 * c_s)))
+            greatest = max(greatest, p1 * c_p + s1 * c_s, p2 * c_p + s2 * c_s, p3 * c_p + s3 * c_s)
     return largest, greatest
