@@ -12,7 +12,7 @@ from parsolid.methods.tlsph.point_update import (
     update_tile,
     waves_tile,
 )
-from parsolid.methods.tlsph.tile_fields import copy_branches_in, copy_branches_out, copy_in, copy_out, load_deformation
+from parsolid.methods.tlsph.tile_fields import copy, copy_branches_in, copy_branches_out, copy_in, copy_out, load_deformation
 from parsolid.tensors import cofactor, matmul, matmul_transposed, plus, times
 
 
@@ -20,15 +20,21 @@ from parsolid.tensors import cofactor, matmul, matmul_transposed, plus, times
 def load_gradient(d, places, sums, correction, volume, i, n, tiles):
     """G = S L^T / V of n particles from row i on, eq (70): L is symmetric only where spacings are equal. Sets the rows
     of the sums to zero, while they are in the cache; L stays in its tile."""
-    stride = 4 if d == 3 else 2
-    for p in range(n):
-        row = sums[i + p]
-        for j in range(d):
-            for k in range(d):
-                tiles.S[(3 * k + j) * TILE + p] = row[stride * j + k]
-        for c in range(row.size):
-            row[c] = 0.0
-        tiles.volume[p] = volume[i + p]
+    S = tiles.S
+    if d == 3:
+        for p in range(n):
+            row = sums[i + p]
+            S[p], S[3 * TILE + p], S[6 * TILE + p] = row[0], row[1], row[2]
+            S[TILE + p], S[4 * TILE + p], S[7 * TILE + p] = row[4], row[5], row[6]
+            S[2 * TILE + p], S[5 * TILE + p], S[8 * TILE + p] = row[8], row[9], row[10]
+            row[0], row[1], row[2], row[3], row[4], row[5] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            row[6], row[7], row[8], row[9], row[10], row[11] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    else:
+        for p in range(n):
+            row = sums[i + p]
+            S[p], S[3 * TILE + p], S[TILE + p], S[4 * TILE + p] = row[0], row[1], row[2], row[3]
+            row[0], row[1], row[2], row[3] = 0.0, 0.0, 0.0, 0.0
+    copy(tiles.volume[:n], volume[i : i + n])
     copy_in(tiles.L, places.tensor, correction, i, n)
     for p in range(TILE):
         store(tiles.G, p, times(1.0 / tiles.volume[p], matmul_transposed(load(tiles.S, p), load(tiles.L, p))))
@@ -125,8 +131,8 @@ def advance_step(
             for p in range(n):
                 dissipated += tiles.lost[p] * volume[i + p]
         store_record(d, half, i, n, record, inverse_tile, tiles)
+        copy(jacobian[i : i + n], tiles.J[:n])
         for p in range(n):
-            jacobian[i + p] = tiles.J[p]
             sound = sound and tiles.J[p] > 0.0
             # max gives its second argument where either is not a number
             greatest = max(greatest, tiles.signal[p])
@@ -137,8 +143,7 @@ def advance_step(
 def load_start(tiles, places, gradient, cofactors, jacobian, i, n):
     """F, H and J at the start of the step of n particles from row i on, as `load_deformation` takes them."""
     copy_in(tiles.F_start, places.tensor, gradient, i, n)
-    for p in range(n):
-        tiles.J_start[p] = jacobian[i + p]
+    copy(tiles.J_start[:n], jacobian[i : i + n])
     if cofactors is not None:
         copy_in(tiles.H_start, places.tensor, cofactors, i, n)
     else:
@@ -153,8 +158,7 @@ def store_deformation(tiles, places, gradient, cofactors, jacobian, i, n):
     copy_out(gradient, i, n, tiles.F, places.tensor)
     if cofactors is not None:
         copy_out(cofactors, i, n, tiles.H, places.tensor)
-    for p in range(n):
-        jacobian[i + p] = tiles.J[p]
+    copy(jacobian[i : i + n], tiles.J[:n])
 
 
 @kernel

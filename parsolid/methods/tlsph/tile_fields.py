@@ -77,21 +77,26 @@ def make_branch_tiles(branches: int) -> tuple[Any, Any]:
 
 
 @kernel
+def copy(out, numbers):
+    """Of slices, in which LLVM sees that no index is negative, so that it vectorises the loop."""
+    for p in range(out.size):
+        out[p] = numbers[p]
+
+
+@kernel
 def copy_in(tile, places, field, i, n):
     """Components of n particles from row i on into a tile."""
     for c in range(places.size):
-        row, first = field[c], places[c] * TILE
-        for p in range(n):
-            tile[first + p] = row[i + p]
+        first = places[c] * TILE
+        copy(tile[first : first + n], field[c, i : i + n])
 
 
 @kernel
 def copy_out(field, i, n, tile, places):
     """Components of n particles of a tile into rows i .. i + n - 1."""
     for c in range(places.size):
-        row, first = field[c], places[c] * TILE
-        for p in range(n):
-            row[i + p] = tile[first + p]
+        first = places[c] * TILE
+        copy(field[c, i : i + n], tile[first : first + n])
 
 
 @kernel
@@ -124,11 +129,9 @@ def load_deformation(tiles, places, gradient, cofactors, jacobian, i, n):
         for p in range(TILE):
             store(tiles.H, p, cofactor(load(tiles.F, p)))
     if jacobian is not None:
-        for p in range(n):
-            tiles.J[p] = jacobian[i + p]
+        copy(tiles.J[:n], jacobian[i : i + n])
         if cofactors is None:
-            for p in range(n):
-                tiles.H[8 * TILE + p] = jacobian[i + p]
+            copy(tiles.H[8 * TILE : 8 * TILE + n], tiles.J[:n])
     else:
         for p in range(TILE):
             tiles.J[p] = (
