@@ -1,4 +1,4 @@
-"""The command line: run, check, bench, point, study, quadrature, keys, schema, init, plot, view.
+"""The command line: run, check, bench, point, study, keys, schema, init, plot, view.
 
 Exit status: 0 done, 2 bad input, 3 the run went wrong, 75 stopped with a checkpoint to continue from,
 130 interrupted from the keyboard at once, 141 nobody reads what is printed any more (`| head`; a run goes on),
@@ -22,7 +22,6 @@ from parsolid.output.errors import OutputError
 from parsolid.output.log import LOG
 from parsolid.output.whereabouts import HERE, report
 from parsolid.scene.validation_errors import SceneError, suggestion
-from parsolid.start import loaded
 
 DONE, FAILED, BAD_INPUT, WENT_WRONG, INTERRUPTED, UNREAD = 0, 1, 2, 3, 130, 141
 
@@ -100,10 +99,6 @@ _PLOTTING = ("pyvista", "vtkmodules", "matplotlib")
 _MODULES = {
     "point": ("parsolid.commands.point", "drive a material along a path of deformation, without particles"),
     "study": ("parsolid.commands.study", "run scenes over resolutions and options; error against run time"),
-    "quadrature": (
-        "parsolid.commands.quadrature",
-        "how much of the material point method's error is quadrature, by basis",
-    ),
     "keys": ("parsolid.commands.keys", "what a scene may say: every key with meaning, unit, default and bounds"),
     "schema": ("parsolid.commands.keys.json_schema", "JSON Schema of scenes, for editors that complete and check TOML"),
     "init": ("parsolid.commands.keys.starting", "write a commented scene of a method to start from"),
@@ -207,8 +202,6 @@ def _dispatch(comm: MPI.Intracomm, arguments: list[str]) -> int:
     if comm.rank > 0 and any(argument in ("-h", "--help", "--version") for argument in arguments):
         return DONE
     options = parse(arguments)
-    if options.command != "run":
-        loaded()
     if options.command in _MODULES:
         command = getattr(import_module(_MODULES[options.command][0]), f"run_{options.command}")
         return _printed(command(comm, options))

@@ -1,20 +1,15 @@
 """Entries of libraries of materials, as a table's key `library` names them."""
 
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
+import tomllib
 from pydantic import model_validator
 
 from parsolid.scene.base_model import reject
 from parsolid.scene.declared import DeclaredModel
 from parsolid.scene.validation_errors import suggestion
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 Entry = TypeVar("Entry")
 

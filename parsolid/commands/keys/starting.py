@@ -1,23 +1,19 @@
 """The command `init`: a small scene of a method, with comments, and with the method's other keys to choose from."""
 
 import re
-import sys
 from collections import Counter
 from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import tomllib
+
 from parsolid.collective import SolverError
 from parsolid.commands.keys.description import Key, keys_of
 from parsolid.scene.base_model import SceneModel
 from parsolid.scene.methods import method_kinds
 from parsolid.scene.schema import Scene
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 _HEADER = re.compile(r"^\[+([A-Za-z_.]+)\]+$")
 _KEY = re.compile(r"^([A-Za-z_]+) = ")

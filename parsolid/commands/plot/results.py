@@ -1,7 +1,6 @@
 """What a run left in its folder, as far as pictures need it."""
 
 import json
-import sys
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,6 +9,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+import tomllib
 
 from parsolid.output.errors import OutputError, words
 from parsolid.output.fields import DEFAULT_NAME
@@ -19,11 +19,6 @@ from parsolid.scene import SceneError
 from parsolid.scene.methods import context_of
 from parsolid.scene.schema import Parts
 from parsolid.scene.validation_errors import suggestion, told
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 _COMPONENTS = {"x": 0, "y": 1, "z": 2}
 _TENSOR = [f"{row}{column}" for row in "xyz" for column in "xyz"]
