@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
-
 from numba import njit
+
 from parsolid.commands.bench.timing import Steps, best_time
 from parsolid.commands.bench.tlsph import cube_scene
 from parsolid.pairs.axis_lists import arrays_of

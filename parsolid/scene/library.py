@@ -1,10 +1,10 @@
 """Entries of libraries of materials, as a table's key `library` names them."""
 
+import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-import tomllib
 from pydantic import model_validator
 
 from parsolid.scene.base_model import reject

@@ -1,6 +1,7 @@
 """From a TOML file to a scene, and back."""
 
 import os
+import tomllib
 from collections.abc import Iterator
 from importlib.resources import files
 from math import isfinite
@@ -8,7 +9,6 @@ from pathlib import Path
 from typing import Any, get_args
 
 import tomli_w
-import tomllib
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 

@@ -1,12 +1,12 @@
 """Fields of another run's results as initial ones: as they are where particles coincide, else interpolated."""
 
 import json
+import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tomllib
 
 # fields that an initial state may take, with their components in d dimensions
 TAKEN = ("velocity", "displacement", "deformation_gradient", "temperature", "plastic_strain", "stress", "state")

@@ -1,13 +1,12 @@
 """The command `init`: a small scene of a method, with comments, and with the method's other keys to choose from."""
 
 import re
+import tomllib
 from collections import Counter
 from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
-
-import tomllib
 
 from parsolid.collective import SolverError
 from parsolid.commands.keys.description import Key, keys_of

@@ -1,6 +1,7 @@
 """What a run left in its folder, as far as pictures need it."""
 
 import json
+import tomllib
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,7 +10,6 @@ from typing import Any
 
 import h5py
 import numpy as np
-import tomllib
 
 from parsolid.output.errors import OutputError, words
 from parsolid.output.fields import DEFAULT_NAME
