@@ -2,11 +2,11 @@
 
 import copy
 
-import numpy as np
 from points import COPPER, scene
 from solids import SOFT, tables
 
-from parsolid.methods.mpm.grid_conditions import GridConditions
+from parsolid.methods.mpm.conditions import GridConditions
+from parsolid.methods.mpm.points import MaterialPoints
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.methods.ulsph.boundaries import BoundarySet
@@ -72,4 +72,4 @@ def translated(comm, data: dict):
         declare_generated(particles, particle_set)
         declare_motion(particles, particle_set.position, None, None, False)
         return BoundarySet(comm, scene, particle_set, particles)
-    return GridConditions(comm, scene, particle_set.position, np.zeros(4))
+    return GridConditions(comm, scene, particle_set, MaterialPoints(scene, particle_set))
