@@ -1,6 +1,7 @@
 """Compiled functions: numba's decorators with the options of this package, and where its cache is kept.
 
     @kernel      a compiled function with loops over particles, kept in numba's cache on disk
+    @exact       the same without fused products and sums: two such kernels with one formula give the same bits
     @reduction   the same for sums that are reported and change no trajectory: they may be reordered, to be vectorised
     @inlined     a function that kernels call; it stays an ordinary Python function outside kernels
 
@@ -41,6 +42,7 @@ config.CACHE_DIR = str(cache_folder())
 # "contract": fused multiply-adds and no other reordering, so that results are reproducible
 # error_model "numpy": no test for division by zero, whose branch would keep a loop from being vectorised
 kernel = njit(cache=True, fastmath={"contract"}, error_model="numpy")
+exact = njit(cache=True, error_model="numpy")
 reduction = njit(cache=True, fastmath={"contract", "reassoc", "nsz"}, error_model="numpy")
 
 

@@ -83,9 +83,9 @@ class PeridynamicLoads:
         times = {0.0} if acting else set()
         return tuple(sorted(time for time in times.union(*acting) if time < self.scene.end_time))
 
-    def install_tractions(self, force: Any, horizon: np.ndarray) -> None:
-        """Find the forces of tractions; force: `BondForce` with all bonds whole; horizon (owned,) [m]; collective."""
-        found = self._tractions.forces(force, horizon)
+    def install_tractions(self, forces: Any) -> None:
+        """Find the forces of tractions; forces: of `forces.build_forces`, all bonds whole; collective."""
+        found = self._tractions.forces(forces)
         for key, load in found:
             self.loads_of.setdefault(key, []).append(load)
         parts = [*self._body_loads, *(load for _, load in found)]
@@ -97,11 +97,10 @@ class PeridynamicLoads:
         return self._held.mask
 
     def stop(self, velocity: np.ndarray) -> None:
-        """Take from velocities (owned, 4) [m/s] what is held."""
-        d = self.held.shape[1]
-        velocity[:, :d][self.held] = 0.0
+        """Take from velocities (owned, d) [m/s] what is held."""
+        velocity[self.held] = 0.0
         for slide in self.slides:
-            velocity[slide.rows, :d] -= slide.held(velocity[slide.rows, :d])
+            velocity[slide.rows] -= slide.held(velocity[slide.rows])
 
     @property
     def free(self) -> np.ndarray:

@@ -7,38 +7,44 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.methods.peridynamics.coarse_grid import coarse_grid
+from parsolid.methods.peridynamics.coarse_space import coarse_space
 from parsolid.methods.peridynamics.equilibrium import Balance, Equilibrium
-from parsolid.methods.peridynamics.operator import Work
-from parsolid.methods.peridynamics.time_solver import TimeSolver
-from parsolid.particles.declaration import Field
+from parsolid.methods.peridynamics.tangent import Work
+from parsolid.particles.declaration import Columns, Field
 
 
-class QuasiStatic(TimeSolver):
-    """Takes one rank's particles from balance to balance; all methods are collective."""
+class QuasiStatic:
+    """Takes one rank's particles from balance to balance; all methods are collective.
 
-    setting = "step"
+    jumps, landings, setting: see `velocity_verlet.VelocityVerlet`.
+    """
+
+    setting, landings = "step", ()
 
     def __init__(self, body: Any, settings: Any) -> None:
         """body: `system.Peridynamics`, set up but for its state; settings: `settings.QuasiStatic`."""
         self.body, self.operator, self.settings = body, body.operator, settings
         plain = settings.solver != "conjugate-gradients" or settings.preconditioner == "none"
-        coarse = None if plain else coarse_grid(body.operator, body.loads.planes)
+        coarse = None if plain else coarse_space(body.operator, body.loads.planes)
         self.equilibrium = Equilibrium(body.comm, body.operator, settings, coarse)
         # what has not moved yet meets its loads in a jump
         self.jumps = tuple(sorted({0.0, *body.loads.jumps}))
         self.balance: Balance | None = None
         # times [s] of the states that `earlier` holds, newest first, since loads jumped last
         self.times: list[float] = []
+        kept: dict[str, Any] = {"checkpointed": True, "mirror": "vector", "layout": Columns()}
         self.names = [f"earlier_displacement_{k + 1}" for k in range(settings.extrapolation + 1)]
         for name in self.names:
-            body.particles.declare(Field(name, body.operator.free.shape[1], "m", checkpointed=True, mirror="vector"))
+            body.particles.declare(Field(name, body.operator.free.shape[1], "m", **kept))
         self.steps = 0
 
     @property
     def earlier(self) -> list[np.ndarray]:
         """Displacements (owned, d) [m] of earlier states."""
         return [self.body.particles.owned_rows(name) for name in self.names]
+
+    def begin(self) -> None:
+        """The first balance moves what is guided."""
 
     def stable_step(self) -> float:
         """The material step [s]."""
@@ -54,11 +60,12 @@ class QuasiStatic(TimeSolver):
     def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """One material step [s] from a time [s]; False, with a `fault`, when balance was lost on the way."""
         sound = self.material_step(time, step, ledger, announce)
-        while sound and self.body.fracture.ranks_find():
-            self.body.fracture.break_bonds(ledger)
+        fracture = self.body.fracture
+        while sound and fracture is not None and fracture.ranks_find():
+            fracture.break_bonds(ledger)
             sound = self.balance_anew(time + step, ledger)
         self.body.place()
-        return sound and self.body.engine.sound
+        return sound and self.body.forces.sound
 
     def material_step(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """Balance at the end of a step, with the bonds as they are, and the histories through it."""

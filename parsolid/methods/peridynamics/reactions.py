@@ -34,17 +34,17 @@ class Reactions:
 
     def begin(self) -> None:
         """Keep the state at the start of an explicit step."""
-        body, d = self.body, self.body.dimension
-        force = body.engine.force[: body.owned, :d].copy()
-        self._start = Start(body.displacement.copy(), body.velocity[:, :d].copy(), force)
+        body = self.body
+        force = body.forces.force[:, : body.dimension].copy()
+        self._start = Start(body.displacement.copy(), body.velocity.copy(), force)
 
     def finish(self, time: float, step: float) -> None:
         """Impulses of an explicit step [s] from a time [s]: what comes to internal forces and loads."""
         assert self._start is not None
         body, start, d = self.body, self._start, self.body.dimension
-        share, now = body.share[:, None], body.velocity[:, :d]
+        share, now = body.share[:, None], body.velocity
         mass, change = share * body.mass[:, None], body.displacement - start.displacement
-        acting = 0.5 * share * (start.force + body.engine.force[: body.owned, :d])
+        acting = 0.5 * share * (start.force + body.forces.force[:, :d])
         acting = acting + 0.5 * (body.loads.external(time) + body.loads.external(time + step, True))
         places = body.particles.owned_rows("position")
         impulse = mass * (now - start.velocity) - step * acting
@@ -62,7 +62,7 @@ class Reactions:
             told.take(places, 0.5 * step * (first + last), float(done.sum()))
 
     def balance(self, start: Any, loads: tuple[np.ndarray, np.ndarray], time: float, step: float) -> None:
-        """Forces at the end of a quasi-static step [s] from a time [s] and its work; start: `operator.Settled`; loads
+        """Forces at the end of a quasi-static step [s] from a time [s] and its work; start: `tangent.Settled`; loads
         (owned, d) [N]: all of them at its start and end."""
         body, (before, after) = self.body, loads
         change, force = body.displacement - start.displacement, body.operator.settled_force()

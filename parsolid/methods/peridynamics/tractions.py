@@ -69,17 +69,17 @@ class Tractions:
         self.comm, self.declared, self.supports = comm, declared, supports
         self.particle_set, self.particles = particle_set, particles
 
-    def forces(self, engine: Any, horizon: np.ndarray) -> list[tuple[str, Load]]:
-        """Keys of conditions and forces [N] on the particles, several of one; engine: `BondForce` with all bonds whole;
-        horizon (owned,) [m]."""
-        return self._of_planes(engine, horizon) + self._pressures(engine)
+    def forces(self, forces: Any) -> list[tuple[str, Load]]:
+        """Keys of conditions and forces [N] on the particles, several of one; forces: of `forces.build_forces`, all
+        bonds whole."""
+        return self._of_planes(forces) + self._pressures(forces)
 
-    def _pressures(self, engine: Any) -> list[tuple[str, Load]]:
+    def _pressures(self, forces: Any) -> list[tuple[str, Load]]:
         """The forces that balance a uniform pressure, in the region of each pressure."""
         pressures, d, loads = self.declared.of(SurfacePressure), self.particle_set.position.shape[1], []
         if not pressures:
             return []
-        unit = self._unit(engine)
+        unit = self._unit(forces)
         # what is left inside a regular body is rounding
         least = 1e-12 * maximum(self.comm, float(np.abs(unit).max(initial=0.0)))
         known = self.declared.scene.named_regions
@@ -96,18 +96,18 @@ class Tractions:
                 loads.append((one.key, load))
         return loads
 
-    def _unit(self, engine: Any) -> np.ndarray:
+    def _unit(self, forces: Any) -> np.ndarray:
         """Force (owned, d) [m^2] of a uniform unit stress, 1."""
-        unit_stress = np.tile(np.eye(engine.dimension), (len(self.particle_set), 1, 1))
-        unit: np.ndarray = engine.of_stress(unit_stress) * self.supports.share[:, None]
+        unit_stress = np.tile(np.eye(forces.bonds.d), (len(self.particle_set), 1, 1))
+        unit: np.ndarray = forces.of_stress(unit_stress) * self.supports.share[:, None]
         return unit
 
-    def _of_planes(self, engine: Any, horizon: np.ndarray) -> list[tuple[str, Load]]:
+    def _of_planes(self, forces: Any) -> list[tuple[str, Load]]:
         tractions = self.declared.of(SurfaceTraction)
-        reach = maximum(self.comm, float(horizon.max(initial=0.0)))
+        reach = maximum(self.comm, float(forces.bonds.horizon.max(initial=0.0)))
         kind = self.declared.scene.method.traction
         there = [(one.key, self._in_region(one, kind)) for one in self.declared.of(RegionTraction)]
-        return [*self._on_planes(tractions, kind, reach, engine), *there]
+        return [*self._on_planes(tractions, kind, reach, forces), *there]
 
     def _in_region(self, one: RegionTraction, kind: str) -> Load:
         """Traction times area on the particles of a surface; raises SolverError on all ranks for the ways that spread
@@ -119,7 +119,7 @@ class Tractions:
         return Load(self.particles, surface.chosen, surface.areas, one.course)
 
     def _on_planes(
-        self, tractions: list[SurfaceTraction], kind: str, reach: float, engine: Any
+        self, tractions: list[SurfaceTraction], kind: str, reach: float, forces: Any
     ) -> list[tuple[str, Load]]:
         if kind == "horizon":
             return [(one.key, self._spread(one, reach)) for one in tractions]
@@ -127,7 +127,7 @@ class Tractions:
             return [(one.key, self._at_face(one, one.course)) for one in tractions]
         if not tractions:
             return []
-        unit = self._unit(engine)
+        unit = self._unit(forces)
         depth = 2.0 * reach if kind == "consistent" else np.inf
         means = [self._mean(one) for one in tractions]
         pairs, keys = list(zip(tractions, means)), [one.key for one in tractions]

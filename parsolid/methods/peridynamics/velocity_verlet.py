@@ -1,48 +1,41 @@
-"""Explicit motion of peridynamic particles: leapfrog with velocities at the ends of steps.
+"""Explicit motion of peridynamic particles: velocity Verlet.
 
 v_h = v + dt/2 a, u_new = u + dt v_h, v_new = v_h + dt/2 a_new: the displacements of symplectic Euler ((37) of Galadima
 et al.), whose velocities are the v_h.
 """
 
-from functools import partial
 from math import ceil, isfinite, log, sqrt
 from typing import Any
 
 import numpy as np
 
-from decomposition.recalled import Recalled
-from parsolid.methods.peridynamics import velocity_verlet_kernels as kernels
-from parsolid.methods.peridynamics.time_solver import TimeSolver
-from parsolid.particles.declaration import Field
+from parsolid.kernels import kernel, reduction
+from parsolid.particles.declaration import Columns, Field
 from parsolid.solvers import largest_eigenvalue, start_vector
 
+# leapfrog likes steps of one length: the bound of stiffness is followed in stairs
 _STAIR = 1.1
 # a body that is so much stiffer than at rest is crushed
 _LOST = 1e100
 
 
-class VelocityVerlet(TimeSolver):
+class VelocityVerlet:
     """Moves one rank's particles; the stable step is that of the instantaneous stiffness of the whole body at rest,
     less where finite strain stiffens it.
+
+    jumps, landings: see `methods.protocol.ParticleSystem`; setting: the key of method.solution whose smaller value
+    makes steps milder; unheld: whether no balance was found because nothing holds a piece of the bodies.
     """
 
-    setting = "safety"
+    setting, jumps, unheld = "safety", (), False
 
     def __init__(self, body: Any, settings: Any) -> None:
         """body: `system.Peridynamics`, set up but for its state; settings: `settings.Explicit`."""
         self.body, self.settings = body, settings
         self.landings = tuple(time for time in body.loads.jumps if time > 0.0)
-        clamp = np.ones((body.owned, 4))
-        clamp[:, : body.dimension] = body.loads.free
-        body.particles.declare(Field("clamp", 4, "1"), clamp)
-        body.fracture.late = body.engine.stiffens
+        free = body.loads.free.astype(float)
+        body.particles.declare(Field("free_components", body.dimension, "1", layout=Columns()), free)
         self.largest_eigenvalue: float | None = None
-        self._kick, self._drift = Recalled(kernels.kick, free=(1,)), Recalled(kernels.drift, free=(1,))
-
-    @property
-    def clamp(self) -> np.ndarray:
-        """Factors (owned, 4) of the velocity, 0 where it is not free."""
-        return self.body.particles.owned_rows("clamp")
 
     def begin(self) -> None:
         """What is guided is where, and as fast, as it is told at time 0."""
@@ -54,116 +47,93 @@ class VelocityVerlet(TimeSolver):
         """Safety times 2/sqrt(lambda_max) [s] of the last settled state; the first call is collective."""
         if self.largest_eigenvalue is None:
             self.largest_eigenvalue = self._power_iteration()
-        growth = self.body.engine.growth
+        growth, fracture = self.body.forces.growth, self.body.fracture
         if not growth < _LOST:
             return 0.0
-        # leapfrog likes steps of one length: the bound is followed in stairs
         growth = _STAIR ** ceil(log(growth) / log(_STAIR) - 1e-3)
-        return self.body.fracture.safety(self.settings) * 2.0 / sqrt(self.largest_eigenvalue * growth)
+        safety = self.settings.safety
+        if fracture is not None and fracture.settings is not None:
+            safety = min(safety, self.settings.damage_safety)
+        return safety * 2.0 / sqrt(self.largest_eigenvalue * growth)
 
     def _power_iteration(self) -> float:
         operator = self.body.operator
         start = start_vector(operator.identifier, self.body.dimension)
-        result = largest_eigenvalue(
+        return largest_eigenvalue(
             operator.comm, lambda x, y: operator.stiffness(x, y, 0.0), start, operator.mass, operator.free
         )
-        # the field and the forces of the state, which the iteration has used
-        self.body.history.resume()
-        return result
 
-    # --- a step ------------------------------------------------------------------------------------------------
+    # --- a step -----------------------------------------------------------------------------------------------
 
     def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """One step [s] from a time [s]; what broke in its state breaks at its start."""
-        fracture, history = self.body.fracture, self.body.history
-        fracture.break_what_ranks_found(ledger)
-        before = self.guided_motion()
-        work, swing = self.half_velocity(time, step, after_jump=True)
-        sound = self.new_positions(time, step)
-        report = partial(self._report, announce, sound)
-        fracture.before_forces(report)
-        history.internal_force(step)
-        lost = history.settle(step)
-        fracture.after_forces(report)
-        more, swings = self.half_velocity(time + step, step, after_jump=False)
-        guided = self.guided_velocity(before, time, step)
-        ledger.add(1.0, lost, 0.0, work + more + guided)
-        ledger.add_term("leapfrog_oscillation", swings - swing)
-        return sound and self.body.engine.sound
+        return self.complete_step(time, step, self.advance_positions(time, step, ledger), ledger, announce)
 
-    def _report(self, announce: Any, sound: bool) -> None:
-        announce(sound, self.stable_step())
-
-    def half_velocity(self, time: float, step: float, after_jump: bool) -> tuple[float, float]:
-        """v += dt/2 a under the loads at a time [s], of a jump just after or just before it; the loads' work and
-        leapfrog's oscillation [J].
-        """
+    def advance_positions(self, time: float, step: float, ledger: Any) -> "Start":
+        """Break bonds that ranks have found to fail, opening half kick, drift and prescribed motion."""
         body = self.body
-        motion = body.particles.kept(("kicked",), self._kicked)
-        loads = self._accelerations(time, not after_jump)
-        work, swing = self._kick(body.dimension, 0.5 * step, *motion, loads, self.clamp)
+        if body.fracture is not None:
+            body.fracture.break_what_ranks_found(ledger)
+        if body.reactions is not None:
+            body.reactions.begin()
+        start = Start(body)
+        start.work, start.offset = self.half_kick(time, step, after_jump=True)
+        total = drift(step, *map(body.particles.storage, ("velocity", "displacement")), body.owned)
+        body.loads.move(time, step, body.displacement)
+        body.place()
+        start.sound = isfinite(total)
+        return start
+
+    def complete_step(self, time: float, step: float, start: "Start", ledger: Any, announce: Any) -> bool:
+        """Forces at the new positions, closing half kick, and energies."""
+        body = self.body
+        looks = body.fracture is not None and body.fracture.settings is not None
+        early = not looks and not body.forces.stiffens
+        if early:
+            announce(start.sound, self.stable_step())
+        body.forces.internal_force(step)
+        dissipated = body.forces.settle(step)
+        if looks:
+            body.fracture.look()
+        if not early:
+            announce(start.sound, self.stable_step())
+        work, offset = self.half_kick(time + step, step, after_jump=False)
+        guided = start.guide(time, step)
+        if body.reactions is not None:
+            body.reactions.finish(time, step)
+        ledger.add(1.0, dissipated, 0.0, start.work + work + guided)
+        ledger.add_term("leapfrog_oscillation", offset - start.offset)
+        return bool(start.sound and body.forces.sound)
+
+    def half_kick(self, time: float, step: float, after_jump: bool) -> tuple[float, float]:
+        """v += dt/2 a under the loads at a time [s], of a jump just after or just before it; the loads' work and the
+        kinetic-energy offset of leapfrog [J]."""
+        body, loads = self.body, self._accelerations(time, not after_jump)
+        given = map(body.particles.storage, ("mass", "share", "free_components", "velocity"))
+        work, offset = kick(0.5 * step, body.owned, body.forces.force, loads, *given)
         for slide in body.loads.slides:
             # what holds a normal does no work, and keeps loads and forces from some
             rows, d = slide.rows, body.dimension
-            removed = slide.held(body.velocity[rows, :d])
-            body.velocity[rows, :d] -= removed
+            removed = slide.held(body.velocity[rows])
+            body.velocity[rows] -= removed
             removed *= 0.25 * step * body.share[rows, None]
-            swing -= float(np.sum(removed * body.engine.force[rows, :d]))
-            work -= float(np.sum(removed * body.mass[rows, None] * loads[rows, :d])) if loads is not None else 0.0
-        return work, swing
-
-    def _kicked(self) -> tuple[np.ndarray, ...]:
-        body = self.body
-        return body.particles.storage("velocity"), body.engine.force, body.mass, body.share
-
-    def new_positions(self, time: float, step: float) -> bool:
-        """u += dt v_h, or as guided; x = X + u; whether all velocities are numbers."""
-        body, rows = self.body, self.body.particles.owned_rows
-        moved = (rows("reference_position"), body.engine.displacement, rows("position"))
-        total: float = self._drift(body.dimension, step, body.particles.storage("velocity"), *moved)
-        if len(body.loads.entries[0]):
-            body.loads.move(time, step, body.displacement)
-            body.place()
-        return isfinite(total)
+            offset -= float(np.sum(removed * body.forces.force[rows, :d]))
+            work -= float(np.sum(removed * body.mass[rows, None] * loads[:, rows].T)) if loads is not None else 0.0
+        return work, offset
 
     def _accelerations(self, time: float, before: bool) -> np.ndarray | None:
-        """Loads over mass (owned, 4) [m/s^2] where components are free; None without loads."""
+        """Loads over mass (d, owned) [m/s^2] where components are free; None without loads."""
         body, loads = self.body, self.body.loads
         if not loads.acting:
             return None
-        result = np.zeros((body.owned, 4))
-        external = loads.external(time, before)
-        result[:, : body.dimension] = loads.free * external / (body.mass * body.share)[:, None]
-        return result
+        found = loads.free * loads.external(time, before) / (body.mass * body.share)[:, None]
+        return np.ascontiguousarray(found.T)
 
-    def guided_motion(self) -> tuple[Any, ...]:
-        """Displacement, velocity and force of guided components before a step."""
-        body, entries = self.body, self.body.loads.entries
-        if body.reactions is not None:
-            body.reactions.begin()
-        if not len(entries[0]):
-            return ()
-        return tuple(array[entries] for array in (body.engine.displacement, body.velocity, body.engine.force))
+    # --- what is asked of it ----------------------------------------------------------------------------------
 
-    def guided_velocity(self, before: tuple[Any, ...], time: float, step: float) -> float:
-        """Set the velocity of guided components after a step; the work [J] of what guides them and of their loads."""
-        body, entries, particles = self.body, self.body.loads.entries, self.body.loads.entries[0]
-        if not before:
-            self._tell(time, step)
-            return 0.0
-        displacement, velocity, force = before
-        change = body.engine.displacement[entries] - displacement
-        body.velocity[entries] = body.loads.guided_velocities(time, step, change)
-        self._tell(time, step)
-        share, mass = body.share[particles], body.mass[particles]
-        kinetic = 0.5 * mass * (body.velocity[entries] ** 2 - velocity**2)
-        return float(np.sum(share * (kinetic - 0.5 * (force + body.engine.force[entries]) * change)))
-
-    def _tell(self, time: float, step: float) -> None:
-        if self.body.reactions is not None:
-            self.body.reactions.finish(time, step)
-
-    # --- what is asked of it -----------------------------------------------------------------------------------
+    def cost_notes(self) -> list[str]:
+        """Nothing."""
+        return []
 
     def state(self) -> dict[str, Any]:
         """The largest eigenvalue, which decides on the step."""
@@ -175,5 +145,82 @@ class VelocityVerlet(TimeSolver):
 
     def unsound(self) -> tuple[int, str] | None:
         """The first particle whose velocity is not finite."""
-        bad = ~np.isfinite(self.body.velocity[:, : self.body.dimension]).all(axis=1)
+        bad = ~np.isfinite(self.body.velocity).all(axis=1)
         return (int(np.argmax(bad)), "a number is no longer finite") if bad.any() else None
+
+    def summary(self) -> dict[str, Any]:
+        """Nothing."""
+        return {}
+
+
+class Start:
+    """What the end of a step needs of its start: work of loads [J], offset [J], and guided components then."""
+
+    work, offset, sound = 0.0, 0.0, True
+
+    def __init__(self, body: Any) -> None:
+        """body: `system.Peridynamics` before a step."""
+        self.body, self.entries = body, body.loads.entries
+        self.displacement, self.velocity, self.force = self._guided()
+
+    def _guided(self) -> list[np.ndarray]:
+        """Displacement, velocity and force (k,) of guided components."""
+        return [array[self.entries] for array in (self.body.displacement, self.body.velocity, self.body.forces.force)]
+
+    def guide(self, time: float, step: float) -> float:
+        """Set the velocity of guided components after a step [s]; the work [J] of what guides them and of their
+        loads."""
+        body, particles = self.body, self.entries[0]
+        if not len(particles):
+            return 0.0
+        change = body.displacement[self.entries] - self.displacement
+        body.velocity[self.entries] = body.loads.guided_velocities(time, step, change)
+        _, velocity, force = self._guided()
+        kinetic = 0.5 * body.mass[particles] * (velocity**2 - self.velocity**2)
+        return float(np.sum(body.share[particles] * (kinetic - 0.5 * (self.force + force) * change)))
+
+
+@reduction
+def kick(time, count, force, loads, mass, share, free, velocity):
+    """v += time (F/m + load) = dv; on this side of mirror planes the work of the loads and time/2 sum F . dv [J].
+
+    The latter is what leapfrog, with this work, adds to kinetic and stored energy by the end of a step and takes by the
+    next, exactly where F is linear; without loads dt^2/8 sum m |a|^2, with time = dt/2 (Hairer, Lubich and Wanner,
+    Geometric Numerical Integration, 2006, section I.5).
+    force (owned, 4) [N]; loads (d, owned) [m/s^2] or None; mass (n,) [kg], of whole particles; free, velocity (d, n),
+    0 of components that are held.
+    """
+    work, offset = 0.0, 0.0
+    for i in range(velocity.shape[0]):
+        for a in range(count):
+            v, acceleration = velocity[i, a], force[a, i] / mass[a]
+            load = 0.0
+            if loads is not None:
+                load = loads[i, a]
+            new = (v + time * (acceleration + load)) * free[i, a]
+            velocity[i, a] = new
+            work += 0.5 * time * share[a] * mass[a] * load * (v + new)
+            # what is held is not kicked, whatever it is moved by
+            offset += 0.5 * time * share[a] * force[a, i] * free[i, a] * (new - v)
+    return work, offset
+
+
+@kernel
+def drift(step, velocity, displacement, count):
+    """u += step v of the owned particles; the sum of all components of v, a number if all of them are."""
+    total = 0.0
+    for i in range(velocity.shape[0]):
+        for a in range(count):
+            total += velocity[i, a]
+            displacement[i, a] += step * velocity[i, a]
+    return total
+
+
+@reduction
+def kinetic_energy(velocity, mass, share, count):
+    """Sum of 1/2 m v^2 [J] of the owned particles."""
+    energy = 0.0
+    for i in range(velocity.shape[0]):
+        for a in range(count):
+            energy += 0.5 * mass[a] * share[a] * velocity[i, a] * velocity[i, a]
+    return energy
