@@ -120,7 +120,7 @@ def add_bond_forces(bonds, images, receivers, linear, motion, micromodulus, forc
             b, Q, R, T = bonds.neighbour[k], ONE, ONE, ZERO
             if images is not None:
                 c = images.code[k]
-                Q, R, T = four(images.Q, c, 0), four(images.R, c, 0), four(images.T, c, 0)
+                Q, R, T = four(images.signs, c, 0), four(images.reflections, c, 0), four(images.shifts, c, 0)
             x, u = bond_vectors(motion, Q, R, T, a, b)
             reference = length(x)
             if linear:
@@ -148,7 +148,7 @@ def bond_energy(bonds, images, receivers, motion, micromodulus, share):
             b, Q, R, T = bonds.neighbour[k], ONE, ONE, ZERO
             if images is not None:
                 c = images.code[k]
-                Q, R, T = four(images.Q, c, 0), four(images.R, c, 0), four(images.T, c, 0)
+                Q, R, T = four(images.signs, c, 0), four(images.reflections, c, 0), four(images.shifts, c, 0)
             x, u = bond_vectors(motion, Q, R, T, a, b)
             reference = length(x)
             stretch = (length((x[0] + u[0], x[1] + u[1], x[2] + u[2])) - reference) / reference

@@ -258,7 +258,7 @@ def add_shapes(chosen, bonds, images, receivers, positions, shape):
                 continue
             x, y, z = positions[b, 0], positions[b, 1], positions[b, 2] if d == 3 else 0.0
             if images is not None:
-                R, T = images.R[images.code[k]], images.T[images.code[k]]
+                R, T = images.reflections[images.code[k]], images.shifts[images.code[k]]
                 x, y, z = R[0] * x + T[0], R[1] * y + T[1], R[2] * z + T[2]
             x, y, z = x - positions[a, 0], y - positions[a, 1], z - positions[a, 2] if d == 3 else 0.0
             terms = (w * x * x, w * y * y, w * z * z, w * x * y, w * x * z, w * y * z)

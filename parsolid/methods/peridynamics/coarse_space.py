@@ -180,7 +180,7 @@ def divergence_of_components(bonds: Bonds, dimension: int) -> Any:
         a, b = np.repeat(np.arange(len(pairs.start) - 1), np.diff(pairs.start)), pairs.neighbour.astype(np.int64)
         end, Q = X[b], np.ones((len(b), dimension))
         if images is not None:
-            R, T, Q = (array[images.code, :dimension] for array in (images.R, images.T, images.Q))
+            R, T, Q = (array[images.code, :dimension] for array in (images.reflections, images.shifts, images.signs))
             end = R * end + T
         g = pairs.weight[:, None] * (end - X[a])
         parts.append((a, b, np.einsum("kij,kj->ki", inverse[a], g), Q))

@@ -101,8 +101,8 @@ class CorrespondenceForces(BondForces):
     """
 
     def __init__(self, bonds: Bonds, blocks: list[Any], laws: list[Any], settings: Any, scale: Any, fixed: Any):
-        """laws: of all bodies of the scene, the same on all ranks; scale (owned,): coefficient times shear modulus [Pa] of
-        the control, or None; blocks, fixed: see `BondForces`. Collective.
+        """laws: of all bodies of the scene, the same on all ranks; scale (owned,): coefficient times shear modulus [Pa]
+        of the control, or None; blocks, fixed: see `BondForces`. Collective.
         """
         super().__init__(bonds, blocks, fixed)
         self.tensors = None

@@ -51,9 +51,12 @@ def distance(patch: Patch, positions: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def find_crossing(bonds, images, motion, patch, found):
+def find_crossing(bonds, images, positions, patch, found):
     """List the intact bonds that a crack crosses, see `damage.find_failed`; through a mirror plane its image counts
-    too."""
+    too.
+
+    positions (n, 3) [m].
+    """
     count = 0
     for a in range(bonds.start.shape[0] - 1):
         for k in range(bonds.start[a], bonds.start[a + 1]):
@@ -61,10 +64,10 @@ def find_crossing(bonds, images, motion, patch, found):
                 continue
             b, R, T = bonds.neighbour[k], ONE, ZERO
             if images is not None:
-                R, T = four(images.R, images.code[k], 0), four(images.T, images.code[k], 0)
-            crossed = crosses(place(motion, ONE, ZERO, a), place(motion, R, T, b), patch)
+                R, T = four(images.reflections, images.code[k], 0), four(images.shifts, images.code[k], 0)
+            crossed = crosses(place(positions, ONE, ZERO, a), place(positions, R, T, b), patch)
             if images is not None:
-                crossed = crossed or crosses(place(motion, ONE, ZERO, b), place(motion, R, T, a), patch)
+                crossed = crossed | crosses(place(positions, ONE, ZERO, b), place(positions, R, T, a), patch)
             if crossed:
                 if count < found.shape[0]:
                     found[count, 0], found[count, 1] = a, k
@@ -73,12 +76,9 @@ def find_crossing(bonds, images, motion, patch, found):
 
 
 @inlined
-def place(motion, R, T, b):
-    """X of a particle or of its image, in the plane with a third component 0."""
-    z = 0.0
-    if motion.shape[1] == 8:
-        z = R[2] * motion[b, 2] + T[2]
-    return (R[0] * motion[b, 0] + T[0], R[1] * motion[b, 1] + T[1], z)
+def place(positions, R, T, b):
+    """R X + T of a particle."""
+    return (R[0] * positions[b, 0] + T[0], R[1] * positions[b, 1] + T[1], R[2] * positions[b, 2] + T[2])
 
 
 @inlined
@@ -109,5 +109,5 @@ def crosses(A, B, patch):
     x = (to_A[0] + part * line[0], to_A[1] + part * line[1], to_A[2] + part * line[2])
     first, second = dot(cross(x, v), normal) / (area * area), dot(cross(u, x), normal) / (area * area)
     p, q = slack / dot(u, u) ** 0.5, slack / dot(v, v) ** 0.5
-    inside = -p <= first and first <= 1.0 + p and -q <= second and second <= 1.0 + q
-    return (before < -slack) != (after < -slack) and inside
+    inside = (-p <= first) & (first <= 1.0 + p) & (-q <= second) & (second <= 1.0 + q)
+    return ((before < -slack) != (after < -slack)) & inside

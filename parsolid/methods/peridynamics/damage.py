@@ -100,22 +100,23 @@ class BondDamage:
     def failing(self, energy: EnergyCriterion | None) -> Failing | None:
         """The bonds that fail by their stretch, or by an energy; None when there are none on this rank."""
         self.bonds.fill("displacement", 0, len(self.bonds.positions))
-        return self._collect(find_failed, self.limit, energy)
+        return self._collect(find_failed, self.bonds.motion_of("displacement"), self.limit, energy)
 
     def introduce(self, patches: list[Any]) -> None:
         """Break the bonds that cross some `cracks.Patch`."""
+        positions = np.pad(self.bonds.positions, ((0, 0), (0, 3 - self.bonds.d)))
         for patch in patches:
-            crossing = self._collect(find_crossing, patch)
+            crossing = self._collect(find_crossing, positions, patch)
             if crossing is not None:
                 self.cut(crossing)
 
     def _collect(self, find: Any, *what: Any) -> Failing | None:
-        rows, touched, motion = [], [], self.bonds.motion_of("displacement")
+        rows, touched = [], []
         for number, (pairs, images, receivers) in enumerate(self.bonds.lists):
-            count = find(pairs, images, motion, *what, self._room[number])
+            count = find(pairs, images, *what, self._room[number])
             if count > len(self._room[number]):
                 self._room[number] = np.empty((2 * count, 2), np.int64)
-                find(pairs, images, motion, *what, self._room[number])
+                find(pairs, images, *what, self._room[number])
             rows.append(self._room[number][:count])
             touched.append(rows[-1][:, 0])
             if receivers:
@@ -366,7 +367,7 @@ def find_failed(bonds, images, motion, limit, energy, found):
                 continue
             if images is not None:
                 c = images.code[k]
-                Q, R, T = four(images.Q, c, 0), four(images.R, c, 0), four(images.T, c, 0)
+                Q, R, T = four(images.signs, c, 0), four(images.reflections, c, 0), four(images.shifts, c, 0)
             least = min(limit[a], limit[b])
             # of a failed particle
             fails = least < 0.0

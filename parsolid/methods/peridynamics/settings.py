@@ -25,9 +25,7 @@ class Stabilisation(SceneModel):
     """
 
     kind: Literal["shear-scaled", "none"] = "shear-scaled"
-    coefficient: Positive | None = Field(
-        None, description="factor of the control: 0.35 unless given, 0.125 in contact"
-    )
+    coefficient: Positive | None = Field(None, description="factor of the control: 0.35 unless given, 0.125 in contact")
     relaxes: bool = Field(
         True, description="whether the control relaxes with the body; false keeps angular momentum to rounding"
     )

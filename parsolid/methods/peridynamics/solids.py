@@ -51,7 +51,7 @@ NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class LinearSolid(NamedTuple):
-    """sigma = bulk tr(e) 1 + first tr(r) 1 + 2 shear r of a strain e and a relaxing strain r = e + sum gamma_j e_j [Pa].
+    """sigma = (bulk tr e + first tr r) 1 + 2 shear r [Pa] of a strain e and a relaxing strain r = e + sum gamma_j e_j.
 
     bulk is 0 where everything relaxes, K where the bulk is elastic, and first is then -2/3 shear. free: directions
     without stress, 1 in plane stress and 2 in a bar, else 0; lateral: so many where the strain along them is history.
@@ -76,7 +76,14 @@ NO_STRESS = LinearSolid(0.0, 0.0, 0.0, 0.0, 0.0, False, 0.0)
 def tensor_at(history, number, a):
     """Symmetric tensor `number` of a particle."""
     r = 6 * number
-    return (history[r, a], history[r + 1, a], history[r + 2, a], history[r + 3, a], history[r + 4, a], history[r + 5, a])
+    return (
+        history[r, a],
+        history[r + 1, a],
+        history[r + 2, a],
+        history[r + 3, a],
+        history[r + 4, a],
+        history[r + 5, a],
+    )
 
 
 @inlined

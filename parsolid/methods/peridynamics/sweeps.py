@@ -38,12 +38,13 @@ class BondList(NamedTuple):
 
 
 class Images(NamedTuple):
-    """Mirror images of the neighbours: code (m,) int8 of each bond, a row of Q, R (+-1) and T [m], (codes, 4)."""
+    """Mirror images of the neighbours: code (m,) int8 of each bond, a row of signs Q, reflections R (+-1) and shifts T
+    [m], each (codes, 4)."""
 
     code: np.ndarray
-    Q: np.ndarray
-    R: np.ndarray
-    T: np.ndarray
+    signs: np.ndarray
+    reflections: np.ndarray
+    shifts: np.ndarray
 
 
 @inlined
@@ -128,8 +129,8 @@ def add_gradients_in_space(bonds, images, receivers, motion, sums):
             X_b, f_b = four(motion, b, 0), four(motion, b, 4)
             if images is not None:
                 c = images.code[k]
-                X_b = plus(product(four(images.R, c, 0), X_b), four(images.T, c, 0))
-                f_b = product(four(images.Q, c, 0), f_b)
+                X_b = plus(product(four(images.reflections, c, 0), X_b), four(images.shifts, c, 0))
+                f_b = product(four(images.signs, c, 0), f_b)
             xi, jump = minus(X_b, X), scaled(bonds.weight[k], minus(f_b, f))
             d0, d1, d2 = scaled(xi[0], jump), scaled(xi[1], jump), scaled(xi[2], jump)
             s0, s1, s2 = plus(s0, d0), plus(s1, d1), plus(s2, d2)
@@ -152,8 +153,8 @@ def add_gradients_in_plane(bonds, images, receivers, motion, sums):
             other = four(motion, b, 0)
             if images is not None:
                 c = images.code[k]
-                other = (images.R[c, 0] * other[0] + images.T[c, 0], images.R[c, 1] * other[1] + images.T[c, 1],
-                         images.Q[c, 0] * other[2], images.Q[c, 1] * other[3])  # fmt: skip
+                Q, R, T = four(images.signs, c, 0), four(images.reflections, c, 0), four(images.shifts, c, 0)
+                other = (R[0] * other[0] + T[0], R[1] * other[1] + T[1], Q[0] * other[2], Q[1] * other[3])
             step = minus(other, own)
             g0, g1 = bonds.weight[k] * step[0], bonds.weight[k] * step[1]
             d = (step[2] * g0, step[3] * g0, step[2] * g1, step[3] * g1)
@@ -175,8 +176,8 @@ def add_forces_in_space(bonds, images, receivers, motion, M, C, force):
             b, w = bonds.neighbour[k], bonds.weight[k]
             X_b, m0, m1, m2 = four(motion, b, 0), four(M, b, 0), four(M, b, 4), four(M, b, 8)
             if images is not None:
-                Q, R = four(images.Q, images.code[k], 0), four(images.R, images.code[k], 0)
-                X_b = plus(product(R, X_b), four(images.T, images.code[k], 0))
+                Q, R = four(images.signs, images.code[k], 0), four(images.reflections, images.code[k], 0)
+                X_b = plus(product(R, X_b), four(images.shifts, images.code[k], 0))
                 m0, m1, m2 = scaled(R[0], product(Q, m0)), scaled(R[1], product(Q, m1)), scaled(R[2], product(Q, m2))
             xi = scaled(w, minus(X_b, X))
             t = plus_scaled(scaled(xi[0], plus(M0, m0)), xi[1], plus(M1, m1))
@@ -207,8 +208,18 @@ def add_forces_in_plane(bonds, images, receivers, motion, M, C, force):
             other, M_b = four(motion, b, 0), four(M, b, 0)
             if images is not None:
                 c = images.code[k]
-                Q0, Q1, R0, R1 = images.Q[c, 0], images.Q[c, 1], images.R[c, 0], images.R[c, 1]
-                other = (R0 * other[0] + images.T[c, 0], R1 * other[1] + images.T[c, 1], Q0 * other[2], Q1 * other[3])
+                Q0, Q1, R0, R1 = (
+                    images.signs[c, 0],
+                    images.signs[c, 1],
+                    images.reflections[c, 0],
+                    images.reflections[c, 1],
+                )
+                other = (
+                    R0 * other[0] + images.shifts[c, 0],
+                    R1 * other[1] + images.shifts[c, 1],
+                    Q0 * other[2],
+                    Q1 * other[3],
+                )
                 M_b = product((Q0 * R0, Q1 * R0, Q0 * R1, Q1 * R1), M_b)
             step, m = scaled(w, minus(other, own)), plus(M_a, M_b)
             f0, f1 = m[0] * step[0] + m[2] * step[1], m[1] * step[0] + m[3] * step[1]
