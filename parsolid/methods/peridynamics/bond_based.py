@@ -13,7 +13,8 @@ from parsolid.kernels import inlined, kernel
 from parsolid.materials.damage.bond_based import POISSONS_RATIO, micromodulus
 from parsolid.methods.peridynamics.bonds import Bonds
 from parsolid.methods.peridynamics.correspondence import BondForces, pushed_forward
-from parsolid.methods.peridynamics.sweeps import ONE, ZERO, bond_vectors, four
+from parsolid.methods.peridynamics.sweeps import ONE, ZERO, bond_vectors
+from parsolid.pairs.rows_of_four import load_row
 from parsolid.particles.declaration import Field
 
 
@@ -33,17 +34,17 @@ class BondBasedForces(BondForces):
         self.particles.update("stiffness")
 
     def internal_force(self, step: float) -> np.ndarray:
-        """Force (owned, 4) [N] of the displacement of the particles, whatever the step [s]."""
-        return self._add_forces("displacement", "motion", False, self.force)
+        """Force (owned, d) [N] of the displacement of the particles, whatever the step [s]."""
+        return self.store(self._add_forces("displacement", "motion", False))
 
     def stiffness_force(self, laws: Any, change: np.ndarray, step: float) -> np.ndarray:
         """Force (owned, 4) [N] to first order in a displacement (owned, d) [m] of the undeformed body."""
         self.particles.owned_rows("trial_displacement")[:] = change
-        return self._add_forces("trial_displacement", "trial", True, np.zeros((self.owned, 4)))
+        return self._add_forces("trial_displacement", "trial", True)
 
-    def _add_forces(self, field: str, message: str, linear: bool, force: np.ndarray) -> np.ndarray:
+    def _add_forces(self, field: str, message: str, linear: bool) -> np.ndarray:
         self.evaluations += 1
-        bonds, micromodulus = self.bonds, self.particles["micromodulus"]
+        force, bonds, micromodulus = self.bonds.force, self.bonds, self.particles["micromodulus"]
         force[:] = 0.0
         bonds.fill(field, 0, self.owned)
         self.particles.send(message)
@@ -120,7 +121,11 @@ def add_bond_forces(bonds, images, receivers, linear, motion, micromodulus, forc
             b, Q, R, T = bonds.neighbour[k], ONE, ONE, ZERO
             if images is not None:
                 c = images.code[k]
-                Q, R, T = four(images.signs, c, 0), four(images.reflections, c, 0), four(images.shifts, c, 0)
+                Q, R, T = (
+                    load_row(images.signs, c, 0),
+                    load_row(images.reflections, c, 0),
+                    load_row(images.shifts, c, 0),
+                )
             x, u = bond_vectors(motion, Q, R, T, a, b)
             reference = length(x)
             if linear:
@@ -148,7 +153,11 @@ def bond_energy(bonds, images, receivers, motion, micromodulus, share):
             b, Q, R, T = bonds.neighbour[k], ONE, ONE, ZERO
             if images is not None:
                 c = images.code[k]
-                Q, R, T = four(images.signs, c, 0), four(images.reflections, c, 0), four(images.shifts, c, 0)
+                Q, R, T = (
+                    load_row(images.signs, c, 0),
+                    load_row(images.reflections, c, 0),
+                    load_row(images.shifts, c, 0),
+                )
             x, u = bond_vectors(motion, Q, R, T, a, b)
             reference = length(x)
             stretch = (length((x[0] + u[0], x[1] + u[1], x[2] + u[2])) - reference) / reference

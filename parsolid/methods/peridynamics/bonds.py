@@ -16,9 +16,8 @@ from parsolid.kernels import kernel
 from parsolid.methods.peridynamics import sweeps
 from parsolid.methods.peridynamics.sweeps import BondList, Images, fill_columns
 from parsolid.pairs.candidates import bonded_only, coincident, mirror_candidates, plain_candidates, reach_of
-from parsolid.pairs.lattice_convolution import lattice_convolution
+from parsolid.pairs.lattice_convolution import LatticeConvolution, aligned_zeros, lattice_convolution
 from parsolid.particles.declaration import Columns, Field, Rows
-from parsolid.particles.generated import declare_generated
 from parsolid.tensors import determinant_symmetric, inverse_symmetric
 
 # w(q), at most 1
@@ -44,21 +43,20 @@ class Bonds:
     and bond_stress, the rows of M, which ghosts have with the message "record".
     """
 
-    def __init__(self, comm: Any, particles: Any, settings: Any, particle_set: Any, share: np.ndarray, loads: Any):
-        """share (owned,): the part of a particle on this side of mirror planes, whose whole counts in the sums.
-
-        loads: with the scene and the codes of its mirror planes. Collective. Raises SolverError, on all ranks, for
+    def __init__(self, comm: Any, particles: Any, settings: Any, particle_set: Any, conditions: Any) -> None:
+        """conditions: with the reflections of mirror planes, and the part of each particle on this side of these, whose
+        whole counts in the sums. Collective. Raises SolverError, on all ranks, for
         coincident particles and for one whose bonds do not span space.
         """
-        self.comm, self.particles, self.codes = comm, particles, loads.codes
+        self.comm, self.particles, self.codes = comm, particles, conditions.codes
         self.bar, self.owned = particle_set.position.shape[1] == 1, len(particle_set)
         self.d = d = max(2, particle_set.position.shape[1])
-        self.influence, self.lattice = settings.influence, None
+        self.influence = settings.influence
+        self.lattice: LatticeConvolution | None = None
         self.horizon = horizons(settings, particle_set)
         columns: dict[str, Any] = {"layout": Columns()}
-        declare_generated(particles, particle_set, ("identifier",), reference_position=Columns())
         particles.declare(Field("inverse_shape", 6, "1/m^5", carried=False, **columns))
-        self._find(particle_set, share, loads.scene.unbonded)
+        self._find(particle_set, conditions.share, conditions.scene.unbonded)
         row = MATRIX_ROW[d]
         told: dict[str, Any] = {"ghosts": "forward", "message": "record"}
         particles.declare(Field("bond_stress", row, "", layout=Rows(row), carried=False, **told))
@@ -68,7 +66,7 @@ class Bonds:
         else:
             self._add_gradients, self._add_forces = sweeps.add_gradients_in_plane, sweeps.add_forces_in_plane
         self.motion: dict[str, np.ndarray] = {}
-        self.sums, self.force = rows_of_four(self.owned, row), rows_of_four(self.owned, 4)
+        self.sums, self.force = aligned_zeros(self.owned, row), aligned_zeros(self.owned, 4)
         self.determinant = np.zeros(self.owned)
         self.refresh_shapes(np.ones(self.owned, bool))
         raise_together(comm, self._unsupported())
@@ -165,16 +163,16 @@ class Bonds:
         place = ", ".join(f"{x:.6g}" for x in self.positions[np.argmax(flat)])
         return f"method.horizon_ratio: expected bonds in every direction at every particle, found too few at ({place})"
 
-    def use_convolution(self, control: bool) -> None:
-        """No bond ever breaks: on a lattice sums may do without the lists; control: whether forces have one."""
-        self.lattice = lattice_convolution(self, control)
+    def use_convolution(self) -> None:
+        """No bond ever breaks, and forces have one control at most: on a lattice sums may do without the lists."""
+        self.lattice = lattice_convolution(self)
 
     # --- sweeps -----------------------------------------------------------------------------------------------
 
     def motion_of(self, name: str) -> np.ndarray:
         """Rows of X and of a vector field of the particles, see `sweeps`; filled by `fill`."""
         if name not in self.motion:
-            rows = self.motion[name] = rows_of_four(len(self.positions), 4 * (self.d - 1))
+            rows = self.motion[name] = aligned_zeros(len(self.positions), 4 * (self.d - 1))
             rows[:, : self.d] = self.positions
         return self.motion[name]
 
@@ -195,7 +193,7 @@ class Bonds:
             self.particles.receive(message)
         self.fill(name, owned, local)
         if self.lattice is not None:
-            self.lattice.gradients(name, motion, self.sums)
+            self.lattice.gradients(motion, self.sums)
             return self.sums
         for bonds, images, receivers in self.lists[1:]:
             self._add_gradients(bonds, images, receivers, motion, self.sums)
@@ -211,7 +209,7 @@ class Bonds:
             self._add_forces(self.inner, None, self.owned, motion, M, control, self.force)
         self.particles.receive("record")
         if self.lattice is not None:
-            self.lattice.forces(name, motion, M, control, self.force)
+            self.lattice.forces(motion, M, control, self.force)
             return self.force
         for bonds, images, receivers in self.lists[1:]:
             self._add_forces(bonds, images, receivers, motion, M, control, self.force)
@@ -221,13 +219,6 @@ class Bonds:
 def horizons(settings: Any, particle_set: Any) -> np.ndarray:
     """Horizon (owned,) [m] of each particle."""
     return np.array([settings.horizon(spacing) for spacing in particle_set.spacing.max(axis=1)])
-
-
-def rows_of_four(rows: int, columns: int) -> np.ndarray:
-    """Zeros (rows, columns) at an address that is a multiple of 64 bytes, so that no row of four straddles lines."""
-    whole = np.zeros(rows * columns + 8)
-    first = -whole.ctypes.data // 8 % 8
-    return whole[first : first + rows * columns].reshape(rows, columns)
 
 
 def rows_in(array: np.ndarray, d: int) -> np.ndarray:

@@ -33,6 +33,7 @@ from parsolid.methods.peridynamics.solids import (
     stress_after,
     undeformed_wave_modulus,
 )
+from parsolid.methods.peridynamics.sweeps import copy_to_columns
 from parsolid.particles.declaration import Columns, Field, Rows
 from parsolid.tensors import IDENTITY, combine, determinant, general, matmul, plus, symmetric_part
 
@@ -40,11 +41,11 @@ from parsolid.tensors import IDENTITY, combine, determinant, general, matmul, pl
 class BondForces:
     """What forces of correspondence and bond-based laws have in common.
 
-    force (owned, 4) [N]: of the last evaluation, of the whole particle where it lies on a mirror plane; evaluations: so
-    many so far; laws: (first, last, law) of the rank's particles; plane: True in the plane, else None; d: dimension of
-    the scene, 1 of bars, that of `bonds` being 2; share (owned,): the part of a particle on this side of mirror planes.
-    sound: whether every settled Jacobian is positive; stiffens: whether stiffness depends on the state; growth: bound
-    of the largest to come over that at rest.
+    evaluations: of the forces so far; laws: (first, last, law) of the rank's particles; plane: True in the plane, else
+    None; d: dimension of the scene, 1 of bars, that of `bonds` being 2; share (owned,): the part of a particle on this
+    side of mirror planes. sound: whether every settled Jacobian is positive; stiffens: whether stiffness depends on the
+    state; growth: bound of the largest to come over that at rest. It declares internal_force (d, n) [N], that of the
+    last evaluation, of the whole particle where it lies on a mirror plane.
     """
 
     sound, stiffens, growth = True, False, 1.0
@@ -55,7 +56,7 @@ class BondForces:
         self.owned, self.plane = bonds.owned, True if bonds.d == 2 else None
         self.d = self.particles.fields["displacement"].components
         self.laws = [(block.first, block.last, block.law) for block in blocks]
-        self.evaluations, self.force = 0, np.zeros((self.owned, 4))
+        self.evaluations = 0
         self.projected = np.flatnonzero(fixed.any(axis=1))
         # factors of rows of M that leave (M + Q M R)/2, Q = -1, of particles on fixed planes
         factors = np.ones((len(self.projected), bonds.d))
@@ -64,6 +65,17 @@ class BondForces:
         self.projection = np.repeat(factors, MATRIX_ROW[bonds.d] // bonds.d, axis=1)
         told: dict[str, Any] = {"ghosts": "forward", "message": "trial", "layout": Columns(), "carried": False}
         self.particles.declare(Field("trial_displacement", self.d, "m", mirror="vector", **told))
+        self.particles.declare(Field("internal_force", self.d, "N", mirror="vector", layout=Columns()))
+
+    @property
+    def force(self) -> np.ndarray:
+        """Force (owned, d) [N] of the last evaluation, a view."""
+        return self.particles.owned_rows("internal_force")
+
+    def store(self, rows: np.ndarray) -> np.ndarray:
+        """Let rows (owned, 4) [N] be the force of the last evaluation, (owned, d)."""
+        copy_to_columns(rows, self.particles.storage("internal_force"))
+        return self.force
 
     @property
     def share(self) -> np.ndarray:
@@ -121,7 +133,7 @@ class CorrespondenceForces(BondForces):
         self.controls = [None] * len(self.memories) if scale is None else self._controls(scale)
         # sums over a lattice know one control
         if settings.damage is None and not settings.pre_cracks and len(self.memories) == 1:
-            bonds.use_convolution(control=scale is not None)
+            bonds.use_convolution()
 
     def _controls(self, scale: np.ndarray) -> list[np.ndarray]:
         """Rows of C (n, 12 or 4) for each series, 0 of particles that have another, ghosts behind.
@@ -151,27 +163,27 @@ class CorrespondenceForces(BondForces):
     # --- a step -----------------------------------------------------------------------------------------------
 
     def internal_force(self, step: float) -> np.ndarray:
-        """Force (owned, 4) [N] after a step [s] from the settled state to the displacement of the particles."""
+        """Force (owned, d) [N] after a step [s] from the settled state to the displacement of the particles."""
         for memory in self.memories:
             memory.propose(step)
         return self._evaluate(step)
 
     def _evaluate(self, step: float) -> np.ndarray:
-        """Force (owned, 4) [N] of the fields of the memories, and of the displacement at the end of a step [s]."""
+        """Force (owned, d) [N] of the fields of the memories, and of the displacement at the end of a step [s]."""
         self.evaluations += 1
         message: str | None = "motion"
         for memory in self.memories:
             if self.tensors is None or self.controls[0] is not None:
                 self._evaluate_memory(memory, message)
                 message = None
-        self.force[:] = self.memories[0].force
+        total = self.memories[0].force
         for memory in self.memories[1:]:
-            self.force += memory.force
+            total = total + memory.force
         if self.tensors is not None:
             sums = self.bonds.gradients("displacement", message)
             self.tensors.store_stresses(step, sums, self.particles.storage("bond_stress"))
-            self.force += self.divergence("displacement", None)
-        return self.force
+            total = total + self.divergence("displacement", None)
+        return self.store(total)
 
     def _evaluate_memory(self, memory: RelaxingDisplacement, message: str | None) -> np.ndarray:
         """What of the force (owned, 4) [N] is linear in the field of a memory: all of it, or the control's."""

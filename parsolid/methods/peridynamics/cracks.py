@@ -5,7 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parsolid.kernels import inlined, kernel
-from parsolid.methods.peridynamics.sweeps import ONE, ZERO, four
+from parsolid.methods.peridynamics.sweeps import ONE, ZERO
+from parsolid.pairs.rows_of_four import load_row
 
 # an unbounded patch reaches this many times the size of the body beyond it
 _BEYOND = 10.0
@@ -64,7 +65,7 @@ def find_crossing(bonds, images, positions, patch, found):
                 continue
             b, R, T = bonds.neighbour[k], ONE, ZERO
             if images is not None:
-                R, T = four(images.reflections, images.code[k], 0), four(images.shifts, images.code[k], 0)
+                R, T = load_row(images.reflections, images.code[k], 0), load_row(images.shifts, images.code[k], 0)
             crossed = crosses(place(positions, ONE, ZERO, a), place(positions, R, T, b), patch)
             if images is not None:
                 crossed = crossed | crosses(place(positions, ONE, ZERO, b), place(positions, R, T, a), patch)

@@ -18,8 +18,9 @@ from parsolid.collective import anywhere, maximum, minimum, raise_together
 from parsolid.kernels import exact, inlined, kernel
 from parsolid.materials.damage.fracture import breaking_limit
 from parsolid.methods.peridynamics.cracks import distance, find_crossing, patch_of
-from parsolid.methods.peridynamics.sweeps import ONE, ZERO, bond_vectors, four
+from parsolid.methods.peridynamics.sweeps import ONE, ZERO, bond_vectors
 from parsolid.methods.protocol import BrokenPairs
+from parsolid.pairs.rows_of_four import load_row
 from parsolid.particles.declaration import Field, Rows
 
 _FAILED = -1.0
@@ -367,7 +368,11 @@ def find_failed(bonds, images, motion, limit, energy, found):
                 continue
             if images is not None:
                 c = images.code[k]
-                Q, R, T = four(images.signs, c, 0), four(images.reflections, c, 0), four(images.shifts, c, 0)
+                Q, R, T = (
+                    load_row(images.signs, c, 0),
+                    load_row(images.reflections, c, 0),
+                    load_row(images.shifts, c, 0),
+                )
             least = min(limit[a], limit[b])
             # of a failed particle
             fails = least < 0.0

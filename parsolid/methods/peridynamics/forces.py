@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from parsolid.boundary.conditions import Conditions
 from parsolid.collective import raise_together
 from parsolid.materials.blocks import block_numbers, material_blocks
 from parsolid.materials.damage.bond_based import BondBased
@@ -16,31 +17,35 @@ from parsolid.methods.peridynamics.solids import has_tensor_history, is_small_st
 from parsolid.methods.peridynamics.tangent import algorithmic_law
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field
+from parsolid.particles.generated import declare_generated
 
 
 def particles_of(scene: Any, particle_set: Any) -> Particles:
-    """The container of a rank's particles, sorted by law, without any field."""
+    """The container of a rank's particles, sorted by law, with the fields of their generation."""
     laws = laws_of(scene)
-    return Particles(particle_set.body, block_numbers(laws, np.arange(len(laws)))[1])
+    particles = Particles(particle_set.body, block_numbers(laws, np.arange(len(laws)))[1])
+    declare_generated(particles, particle_set, ("identifier",), reference_position=Columns())
+    return particles
 
 
-def build_forces(comm: Any, scene: Any, particle_set: Any, loads: Any) -> CorrespondenceForces | BondBasedForces:
-    """Bonds of this rank's particle_set, sorted by law, and the forces of the scene's laws; loads: `PeridynamicLoads`.
-    Collective.
+def build_forces(
+    comm: Any, scene: Any, particle_set: Any, conditions: Conditions
+) -> CorrespondenceForces | BondBasedForces:
+    """Bonds of this rank's particle_set, sorted by law, and the forces of the scene's laws. Collective.
 
     Raises SolverError on all ranks when particles cannot be bonded or laws do not go together.
     """
     laws, settings = laws_of(scene), scene.method
     raise_together(comm, _faults(scene, laws))
     blocks, density = material_blocks(laws, particle_set.body)
-    particles, share, d = loads.particles, loads.share, particle_set.position.shape[1]
+    particles, share, d = conditions.particles, conditions.share, particle_set.position.shape[1]
     told: dict[str, Any] = {"checkpointed": True, "shown": True, "ghosts": "forward", "message": "motion"}
     particles.declare(Field("displacement", d, "m", mirror="vector", layout=Columns(), **told))
     particles.declare(Field("mass", 1, "kg"), density * particle_set.volume / share)
     particles.declare(Field("share", 1, "1"), share)
-    bonds = Bonds(comm, particles, settings, particle_set, share, loads)
+    bonds = Bonds(comm, particles, settings, particle_set, conditions)
     fixed = np.zeros((len(particle_set), bonds.d), bool)
-    for plane in loads.planes:
+    for plane in conditions.planes:
         if plane.kind == "fixed":
             fixed[:, plane.axis] |= plane.contains(particle_set)
     if isinstance(laws[0], BondBased):

@@ -23,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from parsolid.kernels import inlined, kernel
+from parsolid.pairs.rows_of_four import add, add_scaled, load_row, multiply, scale, store_row, subtract
 
 
 class BondList(NamedTuple):
@@ -48,54 +49,9 @@ class Images(NamedTuple):
 
 
 @inlined
-def four(A, i, j):
-    """Four numbers of row i from column j on."""
-    return (A[i, j], A[i, j + 1], A[i, j + 2], A[i, j + 3])
-
-
-@inlined
-def minus(a, b):
-    """a - b of four numbers."""
-    return (a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] - b[3])
-
-
-@inlined
-def plus(a, b):
-    """a + b of four numbers."""
-    return (a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3])
-
-
-@inlined
-def product(a, b):
-    """a b of four numbers each."""
-    return (a[0] * b[0], a[1] * b[1], a[2] * b[2], a[3] * b[3])
-
-
-@inlined
-def scaled(s, a):
-    """s a of four numbers."""
-    return (s * a[0], s * a[1], s * a[2], s * a[3])
-
-
-@inlined
-def plus_scaled(a, s, b):
-    """a + s b of four numbers."""
-    return (a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2], a[3] + s * b[3])
-
-
-@inlined
-def add_four(A, i, j, a):
-    """Add four numbers to row i from column j on."""
-    A[i, j] += a[0]
-    A[i, j + 1] += a[1]
-    A[i, j + 2] += a[2]
-    A[i, j + 3] += a[3]
-
-
-@inlined
-def store_four(A, i, j, a):
-    """Store four numbers in row i from column j on."""
-    A[i, j], A[i, j + 1], A[i, j + 2], A[i, j + 3] = a[0], a[1], a[2], a[3]
+def add_to_row(A, i, k, u):
+    """Add to numbers k .. k + 3 of row i."""
+    store_row(A, i, k, add(load_row(A, i, k), u))
 
 
 # what a particle itself is beside its images
@@ -122,90 +78,94 @@ def bond_vectors(motion, Q, R, T, a, b):
 def add_gradients_in_space(bonds, images, receivers, motion, sums):
     """Add sum_b w_ab (f_b - f_a) (x) xi to sums; neighbours below row `receivers` receive, too."""
     for a in range(bonds.start.shape[0] - 1):
-        X, f = four(motion, a, 0), four(motion, a, 4)
-        s0, s1, s2 = four(sums, a, 0), four(sums, a, 4), four(sums, a, 8)
+        X, f = load_row(motion, a, 0), load_row(motion, a, 4)
+        s0, s1, s2 = load_row(sums, a, 0), load_row(sums, a, 4), load_row(sums, a, 8)
         for k in range(bonds.start[a], bonds.start[a + 1]):
             b = bonds.neighbour[k]
-            X_b, f_b = four(motion, b, 0), four(motion, b, 4)
+            X_b, f_b = load_row(motion, b, 0), load_row(motion, b, 4)
             if images is not None:
                 c = images.code[k]
-                X_b = plus(product(four(images.reflections, c, 0), X_b), four(images.shifts, c, 0))
-                f_b = product(four(images.signs, c, 0), f_b)
-            xi, jump = minus(X_b, X), scaled(bonds.weight[k], minus(f_b, f))
-            d0, d1, d2 = scaled(xi[0], jump), scaled(xi[1], jump), scaled(xi[2], jump)
-            s0, s1, s2 = plus(s0, d0), plus(s1, d1), plus(s2, d2)
+                X_b = add(multiply(load_row(images.reflections, c, 0), X_b), load_row(images.shifts, c, 0))
+                f_b = multiply(load_row(images.signs, c, 0), f_b)
+            xi, jump = subtract(X_b, X), scale(bonds.weight[k], subtract(f_b, f))
+            d0, d1, d2 = scale(xi[0], jump), scale(xi[1], jump), scale(xi[2], jump)
+            s0, s1, s2 = add(s0, d0), add(s1, d1), add(s2, d2)
             if b < receivers:
-                add_four(sums, b, 0, d0)
-                add_four(sums, b, 4, d1)
-                add_four(sums, b, 8, d2)
-        store_four(sums, a, 0, s0)
-        store_four(sums, a, 4, s1)
-        store_four(sums, a, 8, s2)
+                add_to_row(sums, b, 0, d0)
+                add_to_row(sums, b, 4, d1)
+                add_to_row(sums, b, 8, d2)
+        store_row(sums, a, 0, s0)
+        store_row(sums, a, 4, s1)
+        store_row(sums, a, 8, s2)
 
 
 @kernel
 def add_gradients_in_plane(bonds, images, receivers, motion, sums):
     """As `add_gradients_in_space`."""
     for a in range(bonds.start.shape[0] - 1):
-        own, s = four(motion, a, 0), four(sums, a, 0)
+        own, s = load_row(motion, a, 0), load_row(sums, a, 0)
         for k in range(bonds.start[a], bonds.start[a + 1]):
             b = bonds.neighbour[k]
-            other = four(motion, b, 0)
+            other = load_row(motion, b, 0)
             if images is not None:
                 c = images.code[k]
-                Q, R, T = four(images.signs, c, 0), four(images.reflections, c, 0), four(images.shifts, c, 0)
+                Q, R, T = (
+                    load_row(images.signs, c, 0),
+                    load_row(images.reflections, c, 0),
+                    load_row(images.shifts, c, 0),
+                )
                 other = (R[0] * other[0] + T[0], R[1] * other[1] + T[1], Q[0] * other[2], Q[1] * other[3])
-            step = minus(other, own)
+            step = subtract(other, own)
             g0, g1 = bonds.weight[k] * step[0], bonds.weight[k] * step[1]
             d = (step[2] * g0, step[3] * g0, step[2] * g1, step[3] * g1)
-            s = plus(s, d)
+            s = add(s, d)
             if b < receivers:
-                add_four(sums, b, 0, d)
-        store_four(sums, a, 0, s)
+                add_to_row(sums, b, 0, d)
+        store_row(sums, a, 0, s)
 
 
 @kernel
 def add_forces_in_space(bonds, images, receivers, motion, M, C, force):
     """Add the forces of the bonds [N]; C None: without control; neighbours below row `receivers` receive, too."""
     for a in range(bonds.start.shape[0] - 1):
-        X, f, total = four(motion, a, 0), four(motion, a, 4), four(force, a, 0)
-        M0, M1, M2 = four(M, a, 0), four(M, a, 4), four(M, a, 8)
+        X, f, total = load_row(motion, a, 0), load_row(motion, a, 4), load_row(force, a, 0)
+        M0, M1, M2 = load_row(M, a, 0), load_row(M, a, 4), load_row(M, a, 8)
         if C is not None:
-            C0, C1, C2 = four(C, a, 0), four(C, a, 4), four(C, a, 8)
+            C0, C1, C2 = load_row(C, a, 0), load_row(C, a, 4), load_row(C, a, 8)
         for k in range(bonds.start[a], bonds.start[a + 1]):
             b, w = bonds.neighbour[k], bonds.weight[k]
-            X_b, m0, m1, m2 = four(motion, b, 0), four(M, b, 0), four(M, b, 4), four(M, b, 8)
+            X_b, m0, m1, m2 = load_row(motion, b, 0), load_row(M, b, 0), load_row(M, b, 4), load_row(M, b, 8)
             if images is not None:
-                Q, R = four(images.signs, images.code[k], 0), four(images.reflections, images.code[k], 0)
-                X_b = plus(product(R, X_b), four(images.shifts, images.code[k], 0))
-                m0, m1, m2 = scaled(R[0], product(Q, m0)), scaled(R[1], product(Q, m1)), scaled(R[2], product(Q, m2))
-            xi = scaled(w, minus(X_b, X))
-            t = plus_scaled(scaled(xi[0], plus(M0, m0)), xi[1], plus(M1, m1))
-            t = plus_scaled(t, xi[2], plus(M2, m2))
+                Q, R = load_row(images.signs, images.code[k], 0), load_row(images.reflections, images.code[k], 0)
+                X_b = add(multiply(R, X_b), load_row(images.shifts, images.code[k], 0))
+                m0, m1, m2 = scale(R[0], multiply(Q, m0)), scale(R[1], multiply(Q, m1)), scale(R[2], multiply(Q, m2))
+            xi = scale(w, subtract(X_b, X))
+            t = add_scaled(scale(xi[0], add(M0, m0)), xi[1], add(M1, m1))
+            t = add_scaled(t, xi[2], add(M2, m2))
             if C is not None:
-                f_b, c0, c1, c2 = four(motion, b, 4), four(C, b, 0), four(C, b, 4), four(C, b, 8)
+                f_b, c0, c1, c2 = load_row(motion, b, 4), load_row(C, b, 0), load_row(C, b, 4), load_row(C, b, 8)
                 if images is not None:
-                    f_b, c0 = product(Q, f_b), scaled(Q[0], product(Q, c0))
-                    c1, c2 = scaled(Q[1], product(Q, c1)), scaled(Q[2], product(Q, c2))
-                jump = scaled(w, minus(f_b, f))
-                t = plus_scaled(t, jump[0], plus(C0, c0))
-                t = plus_scaled(plus_scaled(t, jump[1], plus(C1, c1)), jump[2], plus(C2, c2))
-            total = plus(total, t)
+                    f_b, c0 = multiply(Q, f_b), scale(Q[0], multiply(Q, c0))
+                    c1, c2 = scale(Q[1], multiply(Q, c1)), scale(Q[2], multiply(Q, c2))
+                jump = scale(w, subtract(f_b, f))
+                t = add_scaled(t, jump[0], add(C0, c0))
+                t = add_scaled(add_scaled(t, jump[1], add(C1, c1)), jump[2], add(C2, c2))
+            total = add(total, t)
             if b < receivers:
-                add_four(force, b, 0, scaled(-1.0, t))
-        store_four(force, a, 0, total)
+                add_to_row(force, b, 0, scale(-1.0, t))
+        store_row(force, a, 0, total)
 
 
 @kernel
 def add_forces_in_plane(bonds, images, receivers, motion, M, C, force):
     """As `add_forces_in_space`."""
     for a in range(bonds.start.shape[0] - 1):
-        own, M_a, t0, t1 = four(motion, a, 0), four(M, a, 0), force[a, 0], force[a, 1]
+        own, M_a, t0, t1 = load_row(motion, a, 0), load_row(M, a, 0), force[a, 0], force[a, 1]
         if C is not None:
-            C_a = four(C, a, 0)
+            C_a = load_row(C, a, 0)
         for k in range(bonds.start[a], bonds.start[a + 1]):
             b, w = bonds.neighbour[k], bonds.weight[k]
-            other, M_b = four(motion, b, 0), four(M, b, 0)
+            other, M_b = load_row(motion, b, 0), load_row(M, b, 0)
             if images is not None:
                 c = images.code[k]
                 Q0, Q1, R0, R1 = (
@@ -220,14 +180,14 @@ def add_forces_in_plane(bonds, images, receivers, motion, M, C, force):
                     Q0 * other[2],
                     Q1 * other[3],
                 )
-                M_b = product((Q0 * R0, Q1 * R0, Q0 * R1, Q1 * R1), M_b)
-            step, m = scaled(w, minus(other, own)), plus(M_a, M_b)
+                M_b = multiply((Q0 * R0, Q1 * R0, Q0 * R1, Q1 * R1), M_b)
+            step, m = scale(w, subtract(other, own)), add(M_a, M_b)
             f0, f1 = m[0] * step[0] + m[2] * step[1], m[1] * step[0] + m[3] * step[1]
             if C is not None:
-                C_b = four(C, b, 0)
+                C_b = load_row(C, b, 0)
                 if images is not None:
-                    C_b = product((1.0, Q0 * Q1, Q0 * Q1, 1.0), C_b)
-                c = plus(C_a, C_b)
+                    C_b = multiply((1.0, Q0 * Q1, Q0 * Q1, 1.0), C_b)
+                c = add(C_a, C_b)
                 f0, f1 = f0 + (c[0] * step[2] + c[2] * step[3]), f1 + (c[1] * step[2] + c[3] * step[3])
             t0, t1 = t0 + f0, t1 + f1
             if b < receivers:
@@ -242,3 +202,11 @@ def fill_columns(first, last, vectors, column, rows):
     for i in range(vectors.shape[0]):
         for a in range(first, last):
             rows[a, column + i] = vectors[i, a]
+
+
+@kernel
+def copy_to_columns(rows, vectors):
+    """Copy rows (n, 4) into vectors (d, n or more)."""
+    for i in range(vectors.shape[0]):
+        for a in range(rows.shape[0]):
+            vectors[i, a] = rows[a, i]

@@ -11,27 +11,29 @@ from typing import Any
 import numpy as np
 
 from decomposition.reduction import sums
+from parsolid.boundary.conditions import Conditions
 from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.collective import SolverError, maximum
 from parsolid.materials.registry import laws_of
 from parsolid.materials.viscoelastic.prony import Prony
+from parsolid.methods.leapfrog import kinetic_energy
 from parsolid.methods.pair_method import PairMethod
 from parsolid.methods.peridynamics.damage import fracture_of
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
-from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.methods.peridynamics.quasi_static import QuasiStatic
-from parsolid.methods.peridynamics.reactions import reactions_of
 from parsolid.methods.peridynamics.solids import is_small_strain
 from parsolid.methods.peridynamics.tangent import Operator, instantaneous_wave_modulus
-from parsolid.methods.peridynamics.velocity_verlet import VelocityVerlet, kinetic_energy
+from parsolid.methods.peridynamics.tractions import Tractions
+from parsolid.methods.peridynamics.velocity_verlet import VelocityVerlet
 from parsolid.methods.previous_state import take_state
 from parsolid.methods.protocol import BrokenPairs
 from parsolid.particles.declaration import Columns, Field
 from parsolid.scene import initial_displacement, initial_velocity
+from parsolid.scene.boundaries.surface import Pressure
+from parsolid.scene.boundaries.traction import Traction
 
 # small strain takes a turn for a strain of half its square: 1 %; that of a few particles, of crumbs say, is no matter
 _TURN, _TURNED = 0.14, 0.05
-TIME_SOLVERS = {"explicit": VelocityVerlet, "quasi-static": QuasiStatic}
 
 
 class Peridynamics(PairMethod):
@@ -44,19 +46,24 @@ class Peridynamics(PairMethod):
         bonded. Collective.
         """
         self.comm, self.settings, self.laws_of_bodies = comm, scene.method, laws_of(scene)
-        self.loads = PeridynamicLoads(comm, scene, particle_set, particles_of(scene, particle_set))
-        self.forces = build_forces(comm, scene, particle_set, self.loads)
-        self.particles, self.pairs, self.laws = self.loads.particles, self.forces.bonds, self.forces.laws
         self.owned, self.dimension = particle_set.position.shape
-        self.loads.install_tractions(self.forces)
-        self.reactions = reactions_of(comm, self, particle_set)
-        self.told = () if self.reactions is None else self.reactions.told
+        self.particles = particles_of(scene, particle_set)
+        self.conditions = Conditions(comm, scene, particle_set, self.particles, others=(Traction, Pressure))
+        explicit = self.settings.solution.kind == "explicit"
+        if self.conditions.rollers and not explicit:
+            raise SolverError(
+                'method.solution.kind: expected "explicit" for a normal that is held, found "quasi-static"'
+            )
+        self.forces = build_forces(comm, scene, particle_set, self.conditions)
+        self.pairs, self.laws = self.forces.bonds, self.forces.laws
+        Tractions(self.conditions, self.forces)
+        self.told = self.conditions.reactions
         self.fracture = fracture_of(comm, scene, particle_set, self.forces)
-        self.operator = Operator(self.forces, self.loads)
+        self.operator = Operator(self.forces, self.conditions)
         columns: dict[str, Any] = {"mirror": "vector", "layout": Columns()}
         self.particles.declare(Field("position", self.dimension, "m", **columns), particle_set.position)
         self.particles.declare(Field("velocity", self.dimension, "m/s", checkpointed=True, shown=True, **columns))
-        self.solver = TIME_SOLVERS[self.settings.solution.kind](self, self.settings.solution)
+        self.solver: Any = (VelocityVerlet if explicit else QuasiStatic)(self, self.settings.solution)
         self.jumps, self.landings = self.solver.jumps, self.solver.landings
         self._shown: dict[str, np.ndarray] = {}
         self._evaluation = -1
@@ -82,8 +89,8 @@ class Peridynamics(PairMethod):
 
     def _hold(self) -> None:
         """Displacement and velocity at time 0 as supports and what is driven have them."""
-        self.loads.stop(self.velocity)
-        self.displacement[self.loads.held] = 0.0
+        self.velocity[self.conditions.held] = 0.0
+        self.displacement[self.conditions.held] = 0.0
         self.solver.begin()
         self.place()
 
@@ -148,10 +155,7 @@ class Peridynamics(PairMethod):
 
     def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """One step of the time solver."""
-        sound = self.solver.advance(time, step, ledger, announce)
-        for told in self.told:
-            told.finish(step, ledger)
-        return sound
+        return bool(self.solver.advance(time, step, ledger, announce))
 
     @property
     def placements(self) -> int:  # type: ignore[override]
@@ -165,7 +169,7 @@ class Peridynamics(PairMethod):
     @property
     def symmetry_planes(self) -> list[MirrorPlane]:
         """Rollers."""
-        return symmetry_planes(self.loads.planes)
+        return symmetry_planes(self.conditions.planes)
 
     def wave_modulus(self, body: int) -> tuple[float, float]:
         """Of the instantaneous solid."""
@@ -173,9 +177,8 @@ class Peridynamics(PairMethod):
         return instantaneous_wave_modulus(law), law.density
 
     def held_components(self) -> np.ndarray | None:
-        """Those of supports and of guided motion."""
-        free = self.loads.free
-        return None if free.all() else ~free
+        """Those of supports and of prescribed motion."""
+        return self.conditions.constrained
 
     def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
         """See `ParticleSystem.kick`; raises SolverError where there is no motion that an impulse could change."""
@@ -187,7 +190,8 @@ class Peridynamics(PairMethod):
 
     def energies(self) -> tuple[float, float]:
         """Kinetic and stored energy [J] of this rank's particles, the stabiliser's included."""
-        kinetic = kinetic_energy(*map(self.particles.storage, ("velocity", "mass", "share")), self.owned)
+        storage = self.particles.storage
+        kinetic = kinetic_energy(self.owned, storage("velocity"), storage("mass"), storage("share"))
         return kinetic, self.forces.stored_energy()
 
     # --- what the output and the reports ask -------------------------------------------------------------------

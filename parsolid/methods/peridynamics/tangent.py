@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from parsolid.boundary.conditions import Conditions
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.damage.bond_based import BondBased
 from parsolid.materials.hyperelastic.functions import elastic_moduli
@@ -78,19 +79,16 @@ class Operator:
     of the material step that starts at the last committed state, 0 of a jump.
     """
 
-    def __init__(self, forces: Any, loads: Any) -> None:
-        """forces: of `forces.build_forces`; loads: `loads.PeridynamicLoads`."""
-        self.forces, self.loads, self.particles = forces, loads, forces.particles
-        self.dimension, self.comm = loads.free.shape[1], forces.bonds.comm
+    def __init__(self, forces: Any, conditions: Conditions) -> None:
+        """forces: of `forces.build_forces`; `free` (owned, d) are their components that are not prescribed."""
+        self.forces, self.conditions, self.particles = forces, conditions, forces.particles
+        self.dimension, self.comm = forces.d, forces.bonds.comm
+        constrained = conditions.constrained
+        self.free = np.ones((forces.owned, forces.d), bool) if constrained is None else ~constrained
         linear = all(is_small_strain(law) for _, _, law in forces.laws)
         self.is_linear = not anywhere(self.comm, not linear)
         least = minimum(self.comm, float(np.min(forces.bonds.volume[: forces.owned], initial=np.inf)))
         self.length = least ** (1.0 / self.dimension)
-
-    @property
-    def free(self) -> np.ndarray:
-        """Components (owned, d) bool that are not prescribed."""
-        return self.loads.free
 
     @property
     def share(self) -> np.ndarray:
@@ -115,7 +113,7 @@ class Operator:
     def force(self, displacement: np.ndarray, out: np.ndarray, step: float) -> None:
         """Internal force [N] at a displacement [m] at the end of a step into out, the control's included."""
         self.displacement[:] = displacement
-        np.multiply(self.forces.internal_force(step)[:, : self.dimension], self.share[:, None], out=out)
+        np.multiply(self.forces.internal_force(step), self.share[:, None], out=out)
 
     def linear(self, displacement: np.ndarray, change: np.ndarray, out: np.ndarray, step: float) -> None:
         """K du [N] at a displacement at the end of a step: symmetric and positive semi-definite."""
@@ -141,13 +139,18 @@ class Operator:
         force = self.forces.stiffness_force(laws, change, step)
         np.multiply(force[:, : self.dimension], -self.share[:, None], out=out)
 
+    def external(self, time: float, before_jump: bool = False) -> np.ndarray:
+        """Forces (owned, d) [N] of all loads at a time [s], at a jump after or before it."""
+        found = self.conditions.loads(time, before_jump)
+        return np.zeros(self.free.shape) if found is None else np.ascontiguousarray(found.T)
+
     def settled_state(self) -> Settled:
         """The last committed state, as a copy."""
         return Settled(self.displacement.copy(), self.settled_force(), self.forces.stored_energy())
 
     def settled_force(self) -> np.ndarray:
         """Internal force (owned, d) [N] of the last committed state."""
-        return np.asarray(self.forces.force[:, : self.dimension] * self.share[:, None])
+        return np.asarray(self.forces.force * self.share[:, None])
 
     def work_since(self, start: Settled, before: np.ndarray, after: np.ndarray) -> Work:
         """What a step has done, by the trapezoidal rule, under loads (owned, d) [N] at its start and at its end."""
