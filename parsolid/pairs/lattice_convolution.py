@@ -8,18 +8,18 @@ over offsets o of the lattice, with h o for a bond,
         =  sum_o [V M(a + o) h o + V C f(a + o)]  +  M_a sum_o V(a + o) h o  +  C_a sum_b V_b (f_b - f_a)
            -  sum_o V C(a + o) f_a,
 
-with V = 0 where a place is empty. The offsets are rows of bonds along the fast axis, of some lengths: the sum over such
-a row about a place, and the sum of values times their distance, are found once for each length, and given to all places
-that see the row, 29 in place of 122 offsets with a horizon of three spacings. Four places side by side in memory are
-taken at once. Fields are less that of one particle, so that a body that is moved has the forces of one at rest.
+with V = 0 where a place is empty. The offsets are rows of bonds along the fast axis, of some lengths. Over such a row about every place, the even sum
+of values, and the odd sum of values times their distance, are found once for each length, and given to all places that
+see the row, 29 in place of 122 offsets with a horizon of three spacings. All places of a plane are one row of memory,
+with zeros between the lines of the lattice and beyond them, so that loops are long and need not look for ends. Fields
+are less that of one particle, so that a body that is moved has the forces of one at rest.
 """
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from parsolid.kernels import inlined, kernel
-from parsolid.pairs.rows_of_four import add, add_scaled, load_row, store_row, subtract
+from parsolid.kernels import kernel
 
 # fewer particles of a rank are done as fast by their lists
 _FEWEST = 1000
@@ -29,47 +29,45 @@ _FEWEST_BONDS = 60
 _FULLEST = 0.4
 # of the coordinates, how far a particle may stand beside its place: rounding
 _ASTRAY = 4e-15
-NOTHING = (0.0, 0.0, 0.0, 0.0)
 
 
 class Offsets(NamedTuple):
     """Offsets within the horizon as rows along the fast axis, by how far apart the planes of both places are: second
-    parts from -reach (apart,) to reach, int64; half (apart, ...) int64 of a row's length, second part 0 in the
-    middle."""
+    parts from -reach (apart,) to reach, int64; half (apart, second part) int64 of a row's length, the same for both
+    signs of the second part."""
 
     reach: np.ndarray
     half: np.ndarray
 
 
 class Box(NamedTuple):
-    """Places: rows (first, second) of `room` places, up to a multiple of four, with `lead` empty ones before and
-    behind; halves: of rows of offsets, from 0; wanted (rows,): those with particles that receive; planes: whether there
-    are several, so that offsets have a first part."""
+    """Places: planes (planes,) of `size` places, in which lines stand `pitch` apart; first, last: the places of a plane
+    that lines take, beyond which there are zeros; halves: of rows of offsets, from 0; wanted (planes,): planes with
+    particles that receive."""
 
+    planes: int
+    size: int
+    pitch: int
     first: int
-    second: int
-    room: int
-    lead: int
+    last: int
     halves: int
     wanted: np.ndarray
-    planes: bool
 
 
 class Placed(NamedTuple):
-    """Of particles, ghosts behind: place (n,) int64 among all of the box; volume (n,). Of owned ones: target (owned,)
-    int64 among places without leads, and sums over offsets, themselves among them: volumes (owned,), and moments
-    (owned, 3) of volumes along first, second and fast axis, in spacings.
+    """Of particles, ghosts behind: place (n,) int64 among all of the box; volume (n,). Of owned ones, sums over offsets,
+    themselves among them: volumes (owned,), and moments (owned, 3) of volumes along first, second and fast axis, in
+    spacings.
 
-    axis (d,) int64: which of these three an axis of space is; spacing (d,) [m].
+    axis: which of these three each axis of space is; spacing [m]: tuples of d, so that kernels know d.
     """
 
     place: np.ndarray
-    target: np.ndarray
     volume: np.ndarray
     volumes: np.ndarray
     moments: np.ndarray
-    axis: np.ndarray
-    spacing: np.ndarray
+    axis: tuple[int, ...]
+    spacing: tuple[float, ...]
 
 
 class PlacedImages(NamedTuple):
@@ -86,114 +84,139 @@ class PlacedImages(NamedTuple):
 # --- sums over rows of bonds ----------------------------------------------------------------------------------------
 
 
-@inlined
-def row_of_offsets(box, offsets, apart, y, step):
-    """Where the sums about row y + step stand that an offset of this second part takes."""
-    return (y + step) * box.halves + offsets.half[apart, step + offsets.half.shape[1] // 2]
+@kernel
+def add_even(before, behind, ahead, result):
+    """result = before + ahead + behind."""
+    for p in range(result.size):
+        result[p] = before[p] + (ahead[p] + behind[p])
 
 
 @kernel
-def receiver(box, x, y):
-    """The number of a row with particles that receive, else -1."""
-    row = x * box.second + y
-    if x < 0 or x >= box.first or not box.wanted[row]:
-        return -1
-    return row
+def add_odd(before, half, behind, ahead, result):
+    """result = before + half (ahead - behind)."""
+    for p in range(result.size):
+        result[p] = before[p] + half * (ahead[p] - behind[p])
 
 
 @kernel
-def sum_rows(box, values, row, sums, first):
-    """Sums of values of a row over rows of bonds of all lengths about each place, into rows of sums from the first."""
-    for z in range(0, box.room, 4):
-        total = load_row(values, row, box.lead + z)
-        store_row(sums, first, z, total)
-        for half in range(1, box.halves):
-            behind, ahead = load_row(values, row, box.lead + z - half), load_row(values, row, box.lead + z + half)
-            total = add(total, add(ahead, behind))
-            store_row(sums, first + half, z, total)
+def even_sums(box, values, sums):
+    """Fill sums (halves, size): of values (size,) over the rows of each length about the places of a plane."""
+    a, b = box.first, box.last
+    sums[0, a:b] = values[a:b]
+    for h in range(1, box.halves):
+        add_even(sums[h - 1, a:b], values[a - h : b - h], values[a + h : b + h], sums[h, a:b])
 
 
 @kernel
-def sum_tilted_rows(box, values, plain, row, sums, first):
-    """The same of values times how far they stand, and of plain values unless None."""
-    for z in range(0, box.room, 4):
-        total = NOTHING
+def odd_sums(box, values, sums):
+    """The same of values times how far they stand; sums[0] is given."""
+    a, b = box.first, box.last
+    for h in range(1, box.halves):
+        add_odd(sums[h - 1, a:b], float(h), values[a - h : b - h], values[a + h : b + h], sums[h, a:b])
+
+
+@kernel
+def add_lines(step, even_behind, even_ahead, odd_behind, odd_ahead, total, along, slope):
+    """Add the sums of two lines, a step behind and ahead."""
+    for p in range(total.size):
+        total[p] += even_ahead[p] + even_behind[p]
+        along[p] += step * (even_ahead[p] - even_behind[p])
+        slope[p] += odd_ahead[p] + odd_behind[p]
+
+
+@kernel
+def add_scaled_to(result, factor, values):
+    """result += factor values."""
+    for p in range(result.size):
+        result[p] += factor * values[p]
+
+
+@kernel
+def moments(box, offsets, values, result, work):
+    """Fill result (4, planes, size): sums over offsets of values (planes, size), and of values times each offset's
+    first, second and fast part. work (5, 3 or halves, size): zeros outside of the places of lines."""
+    result[:] = 0.0
+    a, b = box.first, box.last
+    even, odd = work[0], work[1]
+    total, along, slope = work[4, 0, a:b], work[4, 1, a:b], work[4, 2, a:b]
+    for x in range(box.planes):
+        even_sums(box, values[x], even)
+        odd[0, a:b] = 0.0
+        odd_sums(box, values[x], odd)
+        for apart in range(offsets.reach.shape[0]):
+            before, behind = receiver(box, x - apart), receiver(box, x + apart)
+            if max(before, behind) < 0:
+                continue
+            h = offsets.half[apart, 0]
+            total[:], along[:], slope[:] = even[h, a:b], 0.0, odd[h, a:b]
+            for step in range(1, offsets.reach[apart] + 1):
+                h, s = offsets.half[apart, step], step * box.pitch
+                c, d = a + s, b + s
+                add_lines(float(step), even[h, a - s : b - s], even[h, c:d], odd[h, a - s : b - s], odd[h, c:d],
+                          total, along, slope)  # fmt: skip
+            for side in range(2 if apart > 0 else 1):
+                t = behind if side == 1 else before
+                if t >= 0:
+                    add_scaled_to(result[0, t, a:b], 1.0, total)
+                    add_scaled_to(result[2, t, a:b], 1.0, along)
+                    add_scaled_to(result[3, t, a:b], 1.0, slope)
+                    if apart > 0:
+                        add_scaled_to(result[1, t, a:b], float(apart if side == 0 else -apart), total)
+
+
+@kernel
+def add_contracted(
+    step, first_behind, first_ahead, second_behind, second_ahead, slope_behind, slope_ahead, jump, total
+):
+    """Add the sums of two lines, a step behind and ahead."""
+    for p in range(total.size):
+        jump[p] += first_ahead[p] + first_behind[p]
+        total[p] += (slope_ahead[p] + slope_behind[p]) + step * (second_ahead[p] - second_behind[p])
+
+
+@kernel
+def contraction(box, offsets, values, plain, result, work):
+    """Fill result (planes, size): sums over offsets of values (4, planes, size), the last three of them times the
+    offset's first, second and fast part, and of plain (planes, size) unless None. work: see `moments`."""
+    result[:] = 0.0
+    a, b = box.first, box.last
+    firsts, seconds, slopes, total_of_plain = work[0], work[1], work[2], work[3]
+    total, jump = work[4, 0, a:b], work[4, 1, a:b]
+    for x in range(box.planes):
+        even_sums(box, values[1, x], firsts)
+        even_sums(box, values[2, x], seconds)
+        slopes[0, a:b] = 0.0
+        odd_sums(box, values[3, x], slopes)
         if plain is not None:
-            total = load_row(plain, row, box.lead + z)
-        store_row(sums, first, z, total)
-        for half in range(1, box.halves):
-            behind, ahead = load_row(values, row, box.lead + z - half), load_row(values, row, box.lead + z + half)
-            total = add_scaled(total, float(half), subtract(ahead, behind))
-            if plain is not None:
-                plain_behind = load_row(plain, row, box.lead + z - half)
-                total = add(total, add(load_row(plain, row, box.lead + z + half), plain_behind))
-            store_row(sums, first + half, z, total)
+            even_sums(box, plain[x], total_of_plain)
+            for h in range(box.halves):
+                add_scaled_to(slopes[h, a:b], 1.0, total_of_plain[h, a:b])
+        for apart in range(offsets.reach.shape[0]):
+            before, behind = receiver(box, x - apart), receiver(box, x + apart)
+            if max(before, behind) < 0:
+                continue
+            h = offsets.half[apart, 0]
+            total[:], jump[:] = slopes[h, a:b], firsts[h, a:b]
+            for step in range(1, offsets.reach[apart] + 1):
+                h, s = offsets.half[apart, step], step * box.pitch
+                c, d, e, f = a - s, b - s, a + s, b + s
+                add_contracted(float(step), firsts[h, c:d], firsts[h, e:f], seconds[h, c:d], seconds[h, e:f],
+                               slopes[h, c:d], slopes[h, e:f], jump, total)  # fmt: skip
+            if before >= 0:
+                add_scaled_to(result[before, a:b], 1.0, total)
+            if before >= 0 and apart > 0:
+                add_scaled_to(result[before, a:b], float(apart), jump)
+            if behind >= 0 and apart > 0:
+                add_scaled_to(result[behind, a:b], 1.0, total)
+                add_scaled_to(result[behind, a:b], -float(apart), jump)
 
 
 @kernel
-def moments(box, offsets, values, result, sums, slopes):
-    """Fill result (4, rows, room): sums over offsets of values (rows, places), and of values times each offset's first,
-    second and fast part. sums, slopes (second halves, room): to work in."""
-    result[:] = 0.0
-    plain, first, second, fast = result[0], result[1], result[2], result[3]
-    for x in range(box.first):
-        for y in range(box.second):
-            sum_rows(box, values, x * box.second + y, sums, y * box.halves)
-            sum_tilted_rows(box, values, None, x * box.second + y, slopes, y * box.halves)
-        for apart in range(offsets.reach.shape[0]):
-            reach = offsets.reach[apart]
-            for y in range(box.second):
-                low, high = max(-reach, -y), min(reach, box.second - 1 - y)
-                before, behind = receiver(box, x - apart, y), receiver(box, x + apart, y)
-                for z in range(0, box.room if max(before, behind) >= 0 else 0, 4):
-                    total, along, slope = NOTHING, NOTHING, NOTHING
-                    for step in range(low, high + 1):
-                        r = row_of_offsets(box, offsets, apart, y, step)
-                        term = load_row(sums, r, z)
-                        total, along = add(total, term), add_scaled(along, float(step), term)
-                        slope = add(slope, load_row(slopes, r, z))
-                    for side in range(2 if apart > 0 else 1):
-                        t = behind if side == 1 else before
-                        if t >= 0:
-                            store_row(plain, t, z, add(load_row(plain, t, z), total))
-                            store_row(second, t, z, add(load_row(second, t, z), along))
-                            store_row(fast, t, z, add(load_row(fast, t, z), slope))
-                            if box.planes:
-                                signed = float(apart if side == 0 else -apart)
-                                store_row(first, t, z, add_scaled(load_row(first, t, z), signed, total))
-
-
-@kernel
-def contraction(box, offsets, values, plain, result, sums, slopes):
-    """Fill result (rows, room): sums over offsets of values (4, rows, places), the last three of them times the
-    offset's first, second and fast part, and of plain (rows, places) unless None. sums (2, second halves, room),
-    slopes: to work in."""
-    result[:] = 0.0
-    firsts, seconds = sums[0], sums[1]
-    for x in range(box.first):
-        for y in range(box.second):
-            row = x * box.second + y
-            if box.planes:
-                sum_rows(box, values[1], row, firsts, y * box.halves)
-            sum_rows(box, values[2], row, seconds, y * box.halves)
-            sum_tilted_rows(box, values[3], plain, row, slopes, y * box.halves)
-        for apart in range(offsets.reach.shape[0]):
-            reach = offsets.reach[apart]
-            for y in range(box.second):
-                low, high = max(-reach, -y), min(reach, box.second - 1 - y)
-                before, behind = receiver(box, x - apart, y), receiver(box, x + apart, y)
-                for z in range(0, box.room if max(before, behind) >= 0 else 0, 4):
-                    total, jump = NOTHING, NOTHING
-                    for step in range(low, high + 1):
-                        r = row_of_offsets(box, offsets, apart, y, step)
-                        total = add(total, add_scaled(load_row(slopes, r, z), float(step), load_row(seconds, r, z)))
-                        jump = add(jump, load_row(firsts, r, z))
-                    if before >= 0:
-                        so_far = add(load_row(result, before, z), total)
-                        store_row(result, before, z, add_scaled(so_far, float(apart), jump))
-                    if behind >= 0 and apart > 0:
-                        so_far = add(load_row(result, behind, z), total)
-                        store_row(result, behind, z, add_scaled(so_far, -float(apart), jump))
+def receiver(box, x):
+    """A plane with particles that receive, else -1."""
+    if x < 0 or x >= box.planes or not box.wanted[x]:
+        return -1
+    return x
 
 
 # --- from particles to places and back ------------------------------------------------------------------------------
@@ -210,7 +233,7 @@ def reflect(images, signs, values):
 @kernel
 def spread(at, motion, base, values):
     """Fill V (f - base) into values (d, places)."""
-    d = base.shape[0]
+    d = len(at.spacing)
     f = 2 * (d - 1)
     for b in range(at.place.shape[0]):
         for i in range(d):
@@ -219,11 +242,11 @@ def spread(at, motion, base, values):
 
 @kernel
 def collect(at, motion, base, result, jumps, sums):
-    """Add the gradients' sums of result (d, 4, targets) to rows; jumps (owned, d): sum V_b (f_b - f_a)."""
-    d = base.shape[0]
-    f, width = 2 * (d - 1), sums.shape[1] // d
+    """Add the gradients' sums of result (d, 4, places) to rows; jumps (owned, d): sum V_b (f_b - f_a)."""
+    d = len(at.spacing)
+    f, width = 2 * (d - 1), 2 * (d - 1)
     for a in range(at.volumes.shape[0]):
-        z = at.target[a]
+        z = at.place[a]
         for i in range(d):
             value = motion[a, f + i] - base[i]
             jumps[a, i] = result[i, 0, z] - at.volumes[a] * value
@@ -236,8 +259,8 @@ def collect(at, motion, base, result, jumps, sums):
 @kernel
 def spread_stresses(at, C, motion, base, M, values):
     """Fill V M h, and V C f unless C is None, into values (d, 4, places)."""
-    d = base.shape[0]
-    f, width = 2 * (d - 1), M.shape[1] // d
+    d = len(at.spacing)
+    f, width = 2 * (d - 1), 2 * (d - 1)
     for b in range(at.place.shape[0]):
         place, volume = at.place[b], at.volume[b]
         for i in range(d):
@@ -252,12 +275,12 @@ def spread_stresses(at, C, motion, base, M, values):
 
 @kernel
 def collect_forces(at, C, sums_of_C, motion, base, M, result, jumps, force):
-    """Add forces of result (d, targets) to rows; sums_of_C (owned, d, d): sum V_b C_b."""
-    d = base.shape[0]
-    f, width = 2 * (d - 1), M.shape[1] // d
+    """Add forces of result (d, places) to rows; sums_of_C (owned, d, d): sum V_b C_b."""
+    d = len(at.spacing)
+    f, width = 2 * (d - 1), 2 * (d - 1)
     for a in range(at.volumes.shape[0]):
         for i in range(d):
-            total = result[i, at.target[a]]
+            total = result[i, at.place[a]]
             for j in range(d):
                 total += M[a, width * j + i] * at.spacing[j] * at.moments[a, at.axis[j]]
                 if C is not None:
@@ -271,19 +294,19 @@ class LatticeConvolution:
 
     def __init__(self, bonds: Any, box: Box, offsets: Offsets, at: Placed, images: PlacedImages | None) -> None:
         """bonds: `methods.peridynamics.bonds.Bonds`; at: without sums over offsets."""
-        d, rows, places = bonds.d, box.first * box.second, box.room + 2 * box.lead
+        d = bonds.d
         self.box, self.offsets, self.at, self.images, self.d = box, offsets, at, images, d
-        self.values, self.field = aligned_zeros(d, 4, rows, places), aligned_zeros(d, rows, places)
-        self.result, self.forces_found = aligned_zeros(d, 4, rows, box.room), aligned_zeros(d, rows, box.room)
-        work = box.second * box.halves
-        self.sums, self.slopes = aligned_zeros(2, work, box.room), aligned_zeros(work, box.room)
+        shape = box.planes, box.size
+        self.values, self.field = aligned_zeros(d, 4, *shape), aligned_zeros(d, *shape)
+        self.result, self.forces_found = aligned_zeros(d, 4, *shape), aligned_zeros(d, *shape)
+        self.work = aligned_zeros(5, max(3, box.halves), box.size)
         self.base, self.jumps = np.zeros(d), np.zeros((bonds.owned, d))
         self.sums_of_C: np.ndarray | None = None
         # what a plane turns round does not move as one
         self.moves = np.ones(d)
         if images is not None:
             Q, across = images.signs, np.ones((len(images.place), 4))
-            across[:, 1 + at.axis] = images.reflections
+            across[:, 1 + np.array(at.axis)] = images.reflections
             self.moves = (Q > 0.0).all(axis=0).astype(float)
             # of V C f and V M h, M' = Q M R
             self.stress_signs = np.ascontiguousarray((Q[:, :, None] * across[:, None]).reshape(len(Q), -1))
@@ -293,7 +316,7 @@ class LatticeConvolution:
 
     def arrays(self) -> list[np.ndarray]:
         """What counts as memory."""
-        kept = [self.values, self.field, self.result, self.forces_found, self.sums, self.slopes, self.jumps]
+        kept = [self.values, self.field, self.result, self.forces_found, self.work, self.jumps]
         return [*kept, *(array for array in (*self.at, *(self.images or ())) if isinstance(array, np.ndarray))]
 
     def over_offsets(self, values: np.ndarray, signs: np.ndarray | float = 1.0) -> np.ndarray:
@@ -303,8 +326,8 @@ class LatticeConvolution:
         field.ravel()[self.at.place] = values
         if self.images is not None:
             field.ravel()[self.images.place] = values[self.images.source] * signs
-        moments(self.box, self.offsets, field, result, self.sums[0], self.slopes)
-        return result.reshape(4, -1)[:, self.at.target].T
+        moments(self.box, self.offsets, field, result, self.work)
+        return result.reshape(4, -1)[:, self.at.place[: len(self.jumps)]].T
 
     def gradients(self, motion: np.ndarray, sums: np.ndarray) -> None:
         """Add the sums of the gradient sweep to rows, see `methods.peridynamics.sweeps`."""
@@ -314,7 +337,7 @@ class LatticeConvolution:
         if self.images is not None:
             reflect(self.images, self.images.signs, self.field.reshape(d, -1))
         for field, result in zip(self.field, self.result):
-            moments(self.box, self.offsets, field, result, self.sums[0], self.slopes)
+            moments(self.box, self.offsets, field, result, self.work)
         collect(self.at, motion, self.base, self.result.reshape(d, 4, -1), self.jumps, sums)
 
     def forces(self, motion: np.ndarray, M: np.ndarray, C: np.ndarray | None, force: np.ndarray) -> None:
@@ -329,7 +352,7 @@ class LatticeConvolution:
             reflect(self.images, self.stress_signs, self.values.reshape(4 * d, -1))
         for values, result in zip(self.values, self.forces_found):
             plain = None if C is None else values[0]
-            contraction(self.box, self.offsets, values, plain, result, self.sums, self.slopes)
+            contraction(self.box, self.offsets, values, plain, result, self.work)
         found, sums_of_C = self.forces_found.reshape(d, -1), None if C is None else self.sums_of_C
         collect_forces(self.at, C, sums_of_C, motion, self.base, M, found, self.jumps, force)
 
@@ -380,23 +403,28 @@ def lattice_convolution(bonds: Any) -> LatticeConvolution | None:
     offsets = _offsets(spacing[order] / horizon[0], d)
     if _count(offsets) <= _FEWEST_BONDS:
         return None
-    first, second = int(counts[slow[0]]) if d == 3 else 1, int(counts[slow[-1]])
-    room, lead = -(-int(counts[fast]) // 4) * 4, -(-int(offsets.half.max()) // 4) * 4
-    row = index[:, slow[-1]] + (second * index[:, slow[0]] if d == 3 else 0)
-    wanted, axis = np.zeros(first * second, bool), np.zeros(d, np.int64)
-    wanted[row[: bonds.owned]] = True
+    planes, lines = int(counts[slow[0]]) if d == 3 else 1, int(counts[slow[-1]])
+    # zeros between lines, and lines of zeros beyond the first and the last
+    lead, beyond = int(offsets.half.max()), int(offsets.reach.max())
+    pitch = int(counts[fast]) + lead
+    first = beyond * pitch + lead
+    last, size = first + lines * pitch, -(-(lines + 2 * beyond + 2) * pitch // 8) * 8
+    plane = index[:, slow[0]] if d == 3 else np.zeros(len(index), np.int64)
+    wanted, axis = np.zeros(planes, bool), np.zeros(d, np.int64)
+    wanted[plane[: bonds.owned]] = True
     axis[slow], axis[fast] = np.arange(3 - d, 2), 2
-    place, target = row * (room + 2 * lead) + lead + index[:, fast], row * room + index[:, fast]
+    place = plane * size + first + index[:, slow[-1]] * pitch + index[:, fast]
     # particles of bodies that are not bonded may stand at one place
     if len(np.unique(place)) < len(place):
         return None
     n, nothing = len(bonds.positions), np.zeros(0)
-    at = Placed(place[:n], target[: bonds.owned], bonds.volume.copy(), nothing, np.zeros((0, 3)), axis, spacing)
+    of_axes = tuple(map(int, axis)), tuple(map(float, spacing))
+    at = Placed(place[:n], bonds.volume.copy(), nothing, np.zeros((0, 3)), *of_axes)
     placed = None
     if images is not None:
         source, Q, R = images
         placed = PlacedImages(source, place[source], place[n:], np.ascontiguousarray(Q), np.ascontiguousarray(R))
-    box = Box(first, second, room, lead, int(offsets.half.max()) + 1, wanted, first > 1)
+    box = Box(planes, size, pitch, first, last, lead + 1, wanted)
     result = LatticeConvolution(bonds, box, offsets, at, placed)
     return result if np.array_equal(result.neighbours, _neighbours(bonds)) else None
 
@@ -421,22 +449,22 @@ def _places(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
 def _offsets(step: np.ndarray, d: int) -> Offsets:
     """Rows of the offsets within a horizon; step (3,): spacings over the horizon along first, second and fast axis, of
     which d count."""
-    reach, middle = [], int(1.0 / step[1])
-    half = np.zeros((int(1.0 / step[0]) + 1 if d == 3 else 1, 2 * middle + 1), np.int64)
+    reach = []
+    half = np.zeros((int(1.0 / step[0]) + 1 if d == 3 else 1, int(1.0 / step[1]) + 1), np.int64)
     for apart in range(len(half)):
         # of an offset on the horizon rounding leaves less than nothing
         left = max(1.0 - (apart * step[0] if d == 3 else 0.0) ** 2, 0.0)
         reach.append(int(np.sqrt(left) / step[1]))
-        for second in range(-reach[-1], reach[-1] + 1):
-            half[apart, middle + second] = int(np.sqrt(max(left - (second * step[1]) ** 2, 0.0)) / step[2])
+        for second in range(reach[-1] + 1):
+            half[apart, second] = int(np.sqrt(max(left - (second * step[1]) ** 2, 0.0)) / step[2])
     return Offsets(np.array(reach), half)
 
 
 def _count(offsets: Offsets) -> int:
     """So many offsets, 0 among them."""
-    middle = offsets.half.shape[1] // 2
-    inside = [2 * half[middle - reach : middle + reach + 1] + 1 for reach, half in zip(offsets.reach, offsets.half)]
-    return int(inside[0].sum() + 2 * sum(one.sum() for one in inside[1:]))
+    lengths = [2 * half[: reach + 1] + 1 for reach, half in zip(offsets.reach, offsets.half)]
+    planes = [int(2 * row.sum() - row[0]) for row in lengths]
+    return planes[0] + 2 * sum(planes[1:])
 
 
 def _neighbours(bonds: Any) -> np.ndarray:

@@ -213,6 +213,8 @@ class Bonds:
             return self.force
         for bonds, images, receivers in self.lists[1:]:
             self._add_forces(bonds, images, receivers, motion, M, control, self.force)
+        if self.d == 2:
+            sweeps.fold_rows(self.force)
         return self.force
 
 

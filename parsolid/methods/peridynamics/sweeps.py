@@ -15,7 +15,7 @@ LLVM makes one vector instruction of each:
 
     motion (n, 8)   X 0 f 0          sums, M, C (n, 12)   the three columns of a matrix          force (owned, 4)
 
-In the plane they are motion (n, 4) = X f, a matrix (n, 4) column by column, and force (owned, 4), half of it unused.
+In the plane they are motion (n, 4) = X f, a matrix (n, 4) column by column, and force (owned, 4) in two halves.
 """
 
 from typing import NamedTuple
@@ -117,7 +117,7 @@ def add_gradients_in_plane(bonds, images, receivers, motion, sums):
                 other = (R[0] * other[0] + T[0], R[1] * other[1] + T[1], Q[0] * other[2], Q[1] * other[3])
             step = subtract(other, own)
             g0, g1 = bonds.weight[k] * step[0], bonds.weight[k] * step[1]
-            d = (step[2] * g0, step[3] * g0, step[2] * g1, step[3] * g1)
+            d = multiply((step[2], step[3], step[2], step[3]), (g0, g0, g1, g1))
             s = add(s, d)
             if b < receivers:
                 add_to_row(sums, b, 0, d)
@@ -158,42 +158,41 @@ def add_forces_in_space(bonds, images, receivers, motion, M, C, force):
 
 @kernel
 def add_forces_in_plane(bonds, images, receivers, motion, M, C, force):
-    """As `add_forces_in_space`."""
+    """As `add_forces_in_space`; forces are (f0 + f2, f1 + f3) of their rows, see `fold_rows`."""
     for a in range(bonds.start.shape[0] - 1):
-        own, M_a, t0, t1 = load_row(motion, a, 0), load_row(M, a, 0), force[a, 0], force[a, 1]
+        own, M_a, total = load_row(motion, a, 0), load_row(M, a, 0), load_row(force, a, 0)
         if C is not None:
             C_a = load_row(C, a, 0)
         for k in range(bonds.start[a], bonds.start[a + 1]):
-            b, w = bonds.neighbour[k], bonds.weight[k]
+            b = bonds.neighbour[k]
             other, M_b = load_row(motion, b, 0), load_row(M, b, 0)
             if images is not None:
                 c = images.code[k]
-                Q0, Q1, R0, R1 = (
-                    images.signs[c, 0],
-                    images.signs[c, 1],
-                    images.reflections[c, 0],
-                    images.reflections[c, 1],
+                Q, R, T = (
+                    load_row(images.signs, c, 0),
+                    load_row(images.reflections, c, 0),
+                    load_row(images.shifts, c, 0),
                 )
-                other = (
-                    R0 * other[0] + images.shifts[c, 0],
-                    R1 * other[1] + images.shifts[c, 1],
-                    Q0 * other[2],
-                    Q1 * other[3],
-                )
-                M_b = multiply((Q0 * R0, Q1 * R0, Q0 * R1, Q1 * R1), M_b)
-            step, m = scale(w, subtract(other, own)), add(M_a, M_b)
-            f0, f1 = m[0] * step[0] + m[2] * step[1], m[1] * step[0] + m[3] * step[1]
+                other = (R[0] * other[0] + T[0], R[1] * other[1] + T[1], Q[0] * other[2], Q[1] * other[3])
+                M_b = multiply((Q[0] * R[0], Q[1] * R[0], Q[0] * R[1], Q[1] * R[1]), M_b)
+            s = scale(bonds.weight[k], subtract(other, own))
+            t = multiply(add(M_a, M_b), (s[0], s[0], s[1], s[1]))
             if C is not None:
                 C_b = load_row(C, b, 0)
                 if images is not None:
-                    C_b = multiply((1.0, Q0 * Q1, Q0 * Q1, 1.0), C_b)
-                c = add(C_a, C_b)
-                f0, f1 = f0 + (c[0] * step[2] + c[2] * step[3]), f1 + (c[1] * step[2] + c[3] * step[3])
-            t0, t1 = t0 + f0, t1 + f1
+                    C_b = multiply((1.0, Q[0] * Q[1], Q[0] * Q[1], 1.0), C_b)
+                t = add(t, multiply(add(C_a, C_b), (s[2], s[2], s[3], s[3])))
+            total = add(total, t)
             if b < receivers:
-                force[b, 0] -= f0
-                force[b, 1] -= f1
-        force[a, 0], force[a, 1] = t0, t1
+                store_row(force, b, 0, subtract(load_row(force, b, 0), t))
+        store_row(force, a, 0, total)
+
+
+@kernel
+def fold_rows(force):
+    """Forces (f0 + f2, f1 + f3, 0, 0) from rows of the plane."""
+    for a in range(force.shape[0]):
+        store_row(force, a, 0, (force[a, 0] + force[a, 2], force[a, 1] + force[a, 3], 0.0, 0.0))
 
 
 @kernel
