@@ -8,11 +8,12 @@ over offsets o of the lattice, with h o for a bond,
         =  sum_o [V M(a + o) h o + V C f(a + o)]  +  M_a sum_o V(a + o) h o  +  C_a sum_b V_b (f_b - f_a)
            -  sum_o V C(a + o) f_a,
 
-with V = 0 where a place is empty. The offsets are rows of bonds along the fast axis, of some lengths. Over such a row about every place, the even sum
-of values, and the odd sum of values times their distance, are found once for each length, and given to all places that
-see the row, 29 in place of 122 offsets with a horizon of three spacings. All places of a plane are one row of memory,
-with zeros between the lines of the lattice and beyond them, so that loops are long and need not look for ends. Fields
-are less that of one particle, so that a body that is moved has the forces of one at rest.
+with V = 0 where a place is empty. The offsets are rows of bonds along the fast axis, of some lengths. Over such a row
+about every place, the even sum of values, and the odd sum of values times their distance, are found once for each
+length, and given to all places that see the row, 29 in place of 122 offsets with a horizon of three spacings. All
+places of a plane are one row of memory, with zeros between the lines of the lattice and beyond them, so that loops are
+long and need not look for ends. Fields are less that of one particle, so that a body that is moved has the forces of
+one at rest.
 """
 
 from typing import Any, NamedTuple
@@ -55,9 +56,9 @@ class Box(NamedTuple):
 
 
 class Placed(NamedTuple):
-    """Of particles, ghosts behind: place (n,) int64 among all of the box; volume (n,). Of owned ones, sums over offsets,
-    themselves among them: volumes (owned,), and moments (owned, 3) of volumes along first, second and fast axis, in
-    spacings.
+    """Of particles, ghosts behind: place (n,) int64 among all of the box; volume (n,). Of owned ones, sums over
+    offsets, themselves among them: volumes (owned,), and moments (owned, 3) of volumes along first, second and fast
+    axis, in spacings.
 
     axis: which of these three each axis of space is; spacing [m]: tuples of d, so that kernels know d.
     """

@@ -44,7 +44,7 @@ class BondBasedForces(BondForces):
 
     def _add_forces(self, field: str, message: str, linear: bool) -> np.ndarray:
         self.evaluations += 1
-        force, bonds, micromodulus = self.bonds.force, self.bonds, self.particles["micromodulus"]
+        force, bonds, micromodulus = self.rows, self.bonds, self.particles["micromodulus"]
         force[:] = 0.0
         bonds.fill(field, 0, self.owned)
         self.particles.send(message)

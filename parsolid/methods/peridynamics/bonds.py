@@ -66,7 +66,7 @@ class Bonds:
         else:
             self._add_gradients, self._add_forces = sweeps.add_gradients_in_plane, sweeps.add_forces_in_plane
         self.motion: dict[str, np.ndarray] = {}
-        self.sums, self.force = aligned_zeros(self.owned, row), aligned_zeros(self.owned, 4)
+        self.sums = aligned_zeros(self.owned, row)
         self.determinant = np.zeros(self.owned)
         self.refresh_shapes(np.ones(self.owned, bool))
         raise_together(comm, self._unsupported())
@@ -135,7 +135,7 @@ class Bonds:
     def arrays(self) -> list[np.ndarray]:
         """What counts as memory besides the particles."""
         kept = [array for bonds, images, _ in self.lists for array in (*bonds, *(images or ()))]
-        return [*kept, self.sums, self.force, *self.motion.values(), *(self.lattice.arrays() if self.lattice else ())]
+        return [*kept, self.sums, *self.motion.values(), *(self.lattice.arrays() if self.lattice else ())]
 
     # --- shape tensors ----------------------------------------------------------------------------------------
 
@@ -199,23 +199,23 @@ class Bonds:
             self._add_gradients(bonds, images, receivers, motion, self.sums)
         return self.sums
 
-    def divergence(self, name: str, control: np.ndarray | None) -> np.ndarray:
-        """Force (owned, 4) [N] of the rows of `bond_stress`, which ghosts get first, and of a control on a field, of
-        which gradients were taken; control (n, 12 or 4): rows of C, ghosts behind, or None."""
+    def divergence(self, name: str, control: np.ndarray | None, force: np.ndarray) -> np.ndarray:
+        """Fill force (owned, 4) [N] with that of the rows of `bond_stress`, which ghosts get first, and of a control on
+        a field, of which gradients were taken; control (n, 12 or 4): rows of C, ghosts behind, or None."""
         motion, M = self.motion_of(name), self.particles.storage("bond_stress")
-        self.force[:] = 0.0
+        force[:] = 0.0
         self.particles.send("record")
         if self.lattice is None:
-            self._add_forces(self.inner, None, self.owned, motion, M, control, self.force)
+            self._add_forces(self.inner, None, self.owned, motion, M, control, force)
         self.particles.receive("record")
         if self.lattice is not None:
-            self.lattice.forces(motion, M, control, self.force)
-            return self.force
+            self.lattice.forces(motion, M, control, force)
+            return force
         for bonds, images, receivers in self.lists[1:]:
-            self._add_forces(bonds, images, receivers, motion, M, control, self.force)
+            self._add_forces(bonds, images, receivers, motion, M, control, force)
         if self.d == 2:
-            sweeps.fold_rows(self.force)
-        return self.force
+            sweeps.fold_rows(force)
+        return force
 
 
 def horizons(settings: Any, particle_set: Any) -> np.ndarray:

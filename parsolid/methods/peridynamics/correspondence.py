@@ -34,6 +34,7 @@ from parsolid.methods.peridynamics.solids import (
     undeformed_wave_modulus,
 )
 from parsolid.methods.peridynamics.sweeps import copy_to_columns
+from parsolid.pairs.lattice_convolution import aligned_zeros
 from parsolid.particles.declaration import Columns, Field, Rows
 from parsolid.tensors import IDENTITY, combine, determinant, general, matmul, plus, symmetric_part
 
@@ -56,7 +57,7 @@ class BondForces:
         self.owned, self.plane = bonds.owned, True if bonds.d == 2 else None
         self.d = self.particles.fields["displacement"].components
         self.laws = [(block.first, block.last, block.law) for block in blocks]
-        self.evaluations = 0
+        self.evaluations, self.rows = 0, aligned_zeros(self.owned, 4)
         self.projected = np.flatnonzero(fixed.any(axis=1))
         # factors of rows of M that leave (M + Q M R)/2, Q = -1, of particles on fixed planes
         factors = np.ones((len(self.projected), bonds.d))
@@ -82,11 +83,11 @@ class BondForces:
         """The part (owned,) of a particle on this side of mirror planes."""
         return self.particles.owned_rows("share")
 
-    def divergence(self, field: str, control: np.ndarray | None) -> np.ndarray:
-        """Force (owned, 4) [N] of the rows of M, see `Bonds.divergence`."""
+    def divergence(self, field: str, control: np.ndarray | None, force: np.ndarray) -> np.ndarray:
+        """Fill force (owned, 4) [N] with that of the rows of M, see `Bonds.divergence`."""
         if len(self.projected):
             self.particles.storage("bond_stress")[self.projected] *= self.projection
-        return self.bonds.divergence(field, control)
+        return self.bonds.divergence(field, control, force)
 
     def of_stress(self, stress: np.ndarray) -> np.ndarray:
         """Force (owned, d) [N] of given stresses (owned, d, d) [Pa] without control; what balances a consistent
@@ -94,7 +95,7 @@ class BondForces:
         d = self.bonds.d
         rows = self.particles.storage("bond_stress")[: self.owned].reshape(self.owned, d, -1)
         rows[:, :, :d] = (stress @ self.bonds.inverse_shapes()).swapaxes(1, 2)
-        return self.divergence("displacement", None)[:, : self.d].copy()
+        return self.divergence("displacement", None, self.rows)[:, : self.d].copy()
 
     def displacement_gradients(self) -> np.ndarray:
         """grad u (owned, d, d) with the ghosts' displacements of the last evaluation."""
@@ -182,7 +183,7 @@ class CorrespondenceForces(BondForces):
         if self.tensors is not None:
             sums = self.bonds.gradients("displacement", message)
             self.tensors.store_stresses(step, sums, self.particles.storage("bond_stress"))
-            total = total + self.divergence("displacement", None)
+            total = total + self.divergence("displacement", None, self.rows)
         return self.store(total)
 
     def _evaluate_memory(self, memory: RelaxingDisplacement, message: str | None) -> np.ndarray:
@@ -190,11 +191,13 @@ class CorrespondenceForces(BondForces):
         laws = memory.laws
         if self.tensors is not None:
             laws = [(first, last, None) for first, last, _ in laws]
-        memory.force[:] = self._linear_force(memory.field, laws, self.controls[self.memories.index(memory)], message)
-        return memory.force
+        control = self.controls[self.memories.index(memory)]
+        return self._linear_force(memory.field, laws, control, message, memory.force)
 
-    def _linear_force(self, field: str, laws: list[Any], control: np.ndarray | None, message: str | None) -> np.ndarray:
-        """Force (owned, 4) [N] of a field by linear laws, of which None has no stress, and by a control."""
+    def _linear_force(
+        self, field: str, laws: list[Any], control: np.ndarray | None, message: str | None, force: np.ndarray
+    ) -> np.ndarray:
+        """Fill force (owned, 4) [N] with that of a field by linear laws, of which None has no stress, and a control."""
         sums, M = self.bonds.gradients(field, message), self.particles.storage("bond_stress")
         if len(self.memories) > 1:
             M[: self.owned] = 0.0
@@ -202,7 +205,7 @@ class CorrespondenceForces(BondForces):
         for first, last, law in laws:
             law = NO_STRESS if law is None else kernel_law(law)
             store_linear_stresses(self.plane, first, last, law, inverse, volume, control, sums, M)
-        return self.divergence(field, control)
+        return self.divergence(field, control, force)
 
     def settle(self, step: float) -> float:
         """End a step [s] at the displacement of the last evaluation; the energy dissipated over it [J]."""
@@ -260,7 +263,7 @@ class CorrespondenceForces(BondForces):
             np.multiply(change, factor, out=trial)
             # a rank without particles of a series has an empty block, which begins where the next one does
             mine = [one for one in laws if any(one[:2] == other[:2] for other in memory.laws)]
-            total += self._linear_force("trial_displacement", mine, control, "trial")
+            total += self._linear_force("trial_displacement", mine, control, "trial", self.rows)
             self.evaluations += 1
         return total
 
@@ -381,6 +384,15 @@ def gradient_at(plane, sums, inverse, volume, a):
 
 
 @inlined
+def matmul_in(plane, A, B):
+    """A B; in the plane, of tensors without components out of it."""
+    if plane is not None:
+        return (A[0] * B[0] + A[1] * B[3], A[0] * B[1] + A[1] * B[4], 0.0,
+                A[3] * B[0] + A[4] * B[3], A[3] * B[1] + A[4] * B[4], 0.0, 0.0, 0.0, 0.0)  # fmt: skip
+    return matmul(A, B)
+
+
+@inlined
 def inverse_at(inverse, a):
     """K^-1 of a particle, nine numbers."""
     return general((inverse[0, a], inverse[1, a], inverse[2, a], inverse[3, a], inverse[4, a], inverse[5, a]))
@@ -412,9 +424,9 @@ def store_linear_stresses(plane, first, last, law, inverse, volume, control, sum
     for a in range(first, last):
         G = gradient_at(plane, sums, inverse, volume, a)
         e = symmetric_part(G)
-        S = matmul(general(linear_stress(law, e, e)), inverse_at(inverse, a))
+        S = matmul_in(plane, general(linear_stress(law, e, e)), inverse_at(inverse, a))
         if control is not None:
-            S = combine(1.0, S, -1.0, matmul(control_at(plane, control, a), G))
+            S = combine(1.0, S, -1.0, matmul_in(plane, control_at(plane, control, a), G))
         store_rows(plane, M, a, S)
 
 
@@ -435,7 +447,7 @@ def store_stresses(plane, first, last, law, weights, inverse, volume, history, s
     """M = P K^-1 of particles first..last-1 after a step with the weights of `step_weights`."""
     for a in range(first, last):
         G = gradient_at(plane, sums, inverse, volume, a)
-        store_rows(plane, M, a, matmul(stress_after(law, weights, history, a, G), inverse_at(inverse, a)))
+        store_rows(plane, M, a, matmul_in(plane, stress_after(law, weights, history, a, G), inverse_at(inverse, a)))
 
 
 @exact

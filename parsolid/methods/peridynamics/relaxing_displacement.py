@@ -14,6 +14,7 @@ import numpy as np
 
 from parsolid.kernels import exact
 from parsolid.materials.viscoelastic.prony import branch_weights, dissipation_weights
+from parsolid.pairs.lattice_convolution import aligned_zeros
 from parsolid.particles.declaration import Columns, Field
 
 # an evaluation of the force (owned, 4) [N] that is linear in the field of a memory
@@ -37,7 +38,7 @@ class RelaxingDisplacement:
         self.ratios, self.times = np.array(series[0], float), np.array(series[1], float)
         self.rows = np.concatenate([np.arange(first, last) for first, last, _ in laws] or [np.zeros(0, np.int64)])
         d, branches, declare = particles.fields["displacement"].components, len(self.ratios), particles.declare
-        self.d, self.force = d, np.zeros((particles.owned, 4))
+        self.d, self.force = d, aligned_zeros(particles.owned, 4)
         kept: dict[str, Any] = {"checkpointed": branches > 0, "mirror": "vector", "layout": Columns()}
         self.field = f"relaxing_displacement{mark}" if branches else "displacement"
         if branches:

@@ -175,13 +175,14 @@ def add_forces_in_plane(bonds, images, receivers, motion, M, C, force):
                 )
                 other = (R[0] * other[0] + T[0], R[1] * other[1] + T[1], Q[0] * other[2], Q[1] * other[3])
                 M_b = multiply((Q[0] * R[0], Q[1] * R[0], Q[0] * R[1], Q[1] * R[1]), M_b)
-            s = scale(bonds.weight[k], subtract(other, own))
-            t = multiply(add(M_a, M_b), (s[0], s[0], s[1], s[1]))
+            s, m = scale(bonds.weight[k], subtract(other, own)), add(M_a, M_b)
+            t = (m[0] * s[0], m[1] * s[0], m[2] * s[1], m[3] * s[1])
             if C is not None:
                 C_b = load_row(C, b, 0)
                 if images is not None:
                     C_b = multiply((1.0, Q[0] * Q[1], Q[0] * Q[1], 1.0), C_b)
-                t = add(t, multiply(add(C_a, C_b), (s[2], s[2], s[3], s[3])))
+                m = add(C_a, C_b)
+                t = (t[0] + m[0] * s[2], t[1] + m[1] * s[2], t[2] + m[2] * s[3], t[3] + m[3] * s[3])
             total = add(total, t)
             if b < receivers:
                 store_row(force, b, 0, subtract(load_row(force, b, 0), t))
