@@ -58,7 +58,10 @@ class QuasiStatic:
 
     # --- a step ------------------------------------------------------------------------------------------------
 
-    def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
+    def advance_positions(self, time: float, step: float, ledger: Any) -> None:
+        """Nothing: a balance is one with the positions at the end of its step."""
+
+    def complete_step(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """One material step [s] from a time [s]; False, with a `fault`, when balance was lost on the way."""
         sound = self.material_step(time, step, ledger, announce)
         fracture = self.body.fracture

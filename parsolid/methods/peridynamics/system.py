@@ -153,9 +153,13 @@ class Peridynamics(PairMethod):
         """The time solver's step [s]; the first call is collective."""
         return self.solver.stable_step()
 
-    def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
-        """One step of the time solver."""
-        return bool(self.solver.advance(time, step, ledger, announce))
+    def advance_positions(self, time: float, step: float, ledger: Any) -> None:
+        """The first part of a step of the time solver."""
+        self.solver.advance_positions(time, step, ledger)
+
+    def complete_step(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
+        """The second part."""
+        return bool(self.solver.complete_step(time, step, ledger, announce))
 
     @property
     def placements(self) -> int:  # type: ignore[override]
@@ -180,13 +184,13 @@ class Peridynamics(PairMethod):
         """Those of supports and of prescribed motion."""
         return self.conditions.constrained
 
-    def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
-        """See `ParticleSystem.kick`; raises SolverError where there is no motion that an impulse could change."""
+    def take_external_forces(self, keep_rows: bool) -> None:
+        """See `ParticleSystem`; raises SolverError where there is no motion that forces could change."""
         if self.settings.solution.kind == "quasi-static":
             raise SolverError(
-                'method.solution.kind: expected "explicit" for impulses, found equilibrium without inertia'
+                'method.solution.kind: expected "explicit" with contact, ties and tools, found equilibrium'
             )
-        return super().kick(impulse, rows)
+        super().take_external_forces(keep_rows)
 
     def energies(self) -> tuple[float, float]:
         """Kinetic and stored energy [J] of this rank's particles, the stabiliser's included."""

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.methods.leapfrog import Leapfrog, drift
+from parsolid.scene.method_settings import KINETIC_OFFSET
 from parsolid.solvers import largest_eigenvalue, start_vector
 
 # leapfrog likes steps of one length: the bound of stiffness is followed in stairs
@@ -67,13 +68,8 @@ class VelocityVerlet:
 
     # --- a step -----------------------------------------------------------------------------------------------
 
-    def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
-        """One step [s] from a time [s]; what broke in its state breaks at its start."""
-        self.advance_positions(time, step, ledger)
-        return self.complete_step(time, step, ledger, announce)
-
     def advance_positions(self, time: float, step: float, ledger: Any) -> None:
-        """Break the bonds that ranks have found to fail; opening half kick, drift and prescribed motion."""
+        """Break the bonds that ranks have found to fail; opening half kick, drift and prescribed motion of a step [s]."""
         body = self.body
         if body.fracture is not None:
             body.fracture.break_what_ranks_found(ledger)
@@ -97,8 +93,8 @@ class VelocityVerlet:
             body.fracture.look()
         if not early:
             announce(self.finite, self.stable_step())
-        self.leapfrog.close_step(time + step, step)
-        self.leapfrog.book(step, ledger, dissipated, "leapfrog_oscillation")
+        self.leapfrog.close_step(time + step, step, body.substeps)
+        self.leapfrog.book(step, ledger, dissipated, KINETIC_OFFSET)
         return bool(self.finite and forces.sound)
 
     # --- what is asked of it ----------------------------------------------------------------------------------
