@@ -125,11 +125,15 @@ class Conditions(Loads):
         self._any_held = anywhere(self.comm, bool(self.held.any()))
         self._any_constrained = self._any_held or self.motion.there
         if self._any_held:
-            self.particles.declare(Field("held_components", self.dimension, "1", layout=Columns()), 1.0 * self.held)
+            self.particles.declare(
+                Field("held_components", self.dimension, "1", mirror="vector", layout=Columns()), 1.0 * self.held
+            )
         if self._any_constrained:
             free = np.where(self.held, 0.0, 1.0)
             free[self.motion.rows, self.motion.axes] = 0.0
-            self.particles.declare(Field("free_components", self.dimension, "1", layout=Columns()), free)
+            self.particles.declare(
+                Field("free_components", self.dimension, "1", mirror="vector", layout=Columns()), free
+            )
 
     # --- what integrators ask -----------------------------------------------------------------------------------
 

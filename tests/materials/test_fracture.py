@@ -6,21 +6,15 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from decomposition.compiled import compiled
 from parsolid.materials.damage.bond_based import influence_moment, micromodulus
 from parsolid.materials.damage.fracture import breaking_limit, critical_bond_energy, critical_stretch
 from parsolid.materials.viscoelastic.prony_stated import StatedProny
+from parsolid.methods.peridynamics.bonds import INFLUENCES
 from parsolid.methods.peridynamics.settings import Damage
-from parsolid.pairs.radial_weights import INFLUENCES, influence
 from parsolid.scene.declared import model_of
 
 E, GC, DELTA = 72e9, 135.0, 2e-3
 K3 = E / (3.0 * (1.0 - 2.0 * 0.25))
-
-
-@compiled
-def at(kind, q):
-    return influence(kind, q)
 
 
 @pytest.mark.parametrize("name", INFLUENCES)

@@ -67,7 +67,8 @@ def settings(**changes):
 def solver_of(chain, chosen):
     """The time solver on a chain without prescribed motion."""
     points = Particles(np.zeros(len(chain.identifier), np.int64))
-    body = SimpleNamespace(comm=chain.comm, operator=chain, loads=SimpleNamespace(jumps=()), particles=points)
+    conditions = SimpleNamespace(times=(), planes=())
+    body = SimpleNamespace(comm=chain.comm, operator=chain, conditions=conditions, particles=points)
     return QuasiStatic(body, chosen)
 
 

@@ -65,12 +65,13 @@ def bond_vectors(motion, Q, R, T, a, b):
     Seen from its other end a bond without an image has the negatives, to the bit, so that two ranks decide alike about
     one across their border. That does not hold with an image: whoever decides looks at both (a, b') and (b, a').
     """
-    d = 2 if motion.shape[1] == 4 else 3
-    f, last = 2 * (d - 1), d - 1
+    # in the plane the third component is a number times 0
+    f = motion.shape[1] // 2
+    last, third = f // 2 + f // 4 - 1, f // 4 * 1.0
     xi = (R[0] * motion[b, 0] + T[0] - motion[a, 0], R[1] * motion[b, 1] + T[1] - motion[a, 1],
-          R[2] * motion[b, last] + T[2] - motion[a, last] if d == 3 else 0.0)  # fmt: skip
+          third * (R[2] * motion[b, last] + T[2] - motion[a, last]))  # fmt: skip
     jump = (Q[0] * motion[b, f] - motion[a, f], Q[1] * motion[b, f + 1] - motion[a, f + 1],
-            Q[2] * motion[b, f + last] - motion[a, f + last] if d == 3 else 0.0)  # fmt: skip
+            third * (Q[2] * motion[b, f + last] - motion[a, f + last]))  # fmt: skip
     return xi, jump
 
 

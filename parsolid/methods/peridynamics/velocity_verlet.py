@@ -69,7 +69,7 @@ class VelocityVerlet:
     # --- a step -----------------------------------------------------------------------------------------------
 
     def advance_positions(self, time: float, step: float, ledger: Any) -> None:
-        """Break the bonds that ranks have found to fail; opening half kick, drift and prescribed motion of a step [s]."""
+        """Break the bonds that ranks have found to fail; opening half kick, drift and prescribed motion."""
         body = self.body
         if body.fracture is not None:
             body.fracture.break_what_ranks_found(ledger)
