@@ -6,8 +6,9 @@ import numpy as np
 from points import COPPER, scene
 from solids import SOFT, tables
 
+from parsolid.boundary.conditions import Conditions
 from parsolid.methods.mpm.grid_conditions import GridConditions
-from parsolid.methods.peridynamics.loads import PeridynamicLoads
+from parsolid.methods.peridynamics.forces import particles_of
 from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.methods.ulsph.boundaries import BoundarySet
 from parsolid.methods.ulsph.fields import declare_motion
@@ -33,6 +34,8 @@ KINDS = {
     "micro_clamped": {"plane": "X = 0"},
 }
 PRONY = {"kind": "prony", "density": 1000.0, "youngs_modulus": 7e6, "poissons_ratio": 0.3, "terms": []}
+from parsolid.scene.boundaries.surface import Pressure
+from parsolid.scene.boundaries.traction import Traction
 
 
 def table(kind: str, method: str = "tlsph") -> dict:
@@ -66,7 +69,7 @@ def translated(comm, data: dict):
     if scene.method.kind == "tlsph":
         return build_boundaries(comm, scene, particle_set, Particles(particle_set.body))
     if scene.method.kind == "peridynamics":
-        return PeridynamicLoads(comm, scene, particle_set, Particles(particle_set.body))
+        return Conditions(comm, scene, particle_set, particles_of(scene, particle_set), others=(Traction, Pressure))
     if scene.method.kind == "ulsph":
         particles = Particles(particle_set.body)
         declare_generated(particles, particle_set)

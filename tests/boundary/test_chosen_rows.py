@@ -16,7 +16,6 @@ from parsolid.boundary.rows import Chosen
 from parsolid.boundary.surface_loads import Pressed, Pulled, Sprung
 from parsolid.exact import SOLUTIONS
 from parsolid.methods.mpm.grid_conditions import GridConditions
-from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.particles.container import Particles
 from parsolid.particles.generation import generate
 from parsolid.scene import load_scene, parse_scene
@@ -65,17 +64,6 @@ def test_heat_enters_particles_at_its_plane_and_not_those_of_a_step_behind():
     power = np.zeros((particles.owned, 1))
     HeatSupply(declared, particles, False).surfaces[0].put(power, 0.0)
     assert np.flatnonzero(power).tolist() == np.flatnonzero(particle_set.position[:, 0] < spacing).tolist()
-
-
-def test_a_prescribed_displacement_is_that_after_its_jump_unless_asked():
-    history = {"rows": [[0.0, 1.0], [0.2, 1.0], [0.2, 3.0]]}
-    pulled = {"kind": "displacement", "plane": "X = 1", "displacement": ["2", "free"], "history": history}
-    scene = parse_scene(tables_of("peridynamics", pulled))
-    particle_set = generate(scene, MPI.COMM_SELF)
-    loads = PeridynamicLoads(MPI.COMM_SELF, scene, particle_set, contained(particle_set))
-    prescribed = loads.prescribed
-    assert set(prescribed.values("displacement", 0.2)) == {6.0}
-    assert set(prescribed.values("displacement", 0.2, True)) == {2.0}
 
 
 def test_a_manufactured_load_is_the_body_force_of_its_solution():

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+<<<<<<< HEAD
 from parsolid.kernels import exact, inlined, kernel
 from parsolid.materials.viscoelastic.prony import Prony, branch_weights
 from parsolid.methods.peridynamics.bonds import MATRIX_ROW, Bonds
@@ -37,6 +38,16 @@ from parsolid.methods.peridynamics.sweeps import copy_to_columns
 from parsolid.pairs.lattice_convolution import aligned_zeros
 from parsolid.particles.declaration import Columns, Field, Rows
 from parsolid.tensors import IDENTITY, combine, determinant, general, matmul, plus, symmetric_part
+=======
+from decomposition.compiled import compiled
+from decomposition.deferred import register_jitable
+from parsolid.materials.viscoelastic.prony_lanes import small_strain, stress
+from parsolid.numerics.dispatch import generic
+from parsolid.numerics.lanes import WIDTH, broadcast, load
+from parsolid.numerics.layout import Plane, load_correction, load_gradient, load_six, store_matrix
+from parsolid.numerics.tensors import SymmetricPlane, Tensor, lane_of_symmetric
+from parsolid.pairs.terms import AlongBonds, ShearScaled, record_columns
+>>>>>>> main
 
 
 class BondForces:
