@@ -35,13 +35,8 @@ warnings.filterwarnings("ignore", category=NumbaIRAssumptionWarning)
 
 # "contract": fused multiply-adds and no other reordering, so that results are reproducible
 # error_model "numpy": no test for division by zero, whose branch would keep a loop from being vectorised
-<<<<<<< HEAD
-SCALAR_OPTIONS = {"fastmath": {"contract"}, "error_model": "numpy"}
-kernel = njit(cache=True, **SCALAR_OPTIONS)
-exact = njit(cache=True, error_model="numpy")
-=======
 kernel = njit(cache=True, fastmath={"contract"}, error_model="numpy")
->>>>>>> main
+exact = njit(cache=True, error_model="numpy")
 reduction = njit(cache=True, fastmath={"contract", "reassoc", "nsz"}, error_model="numpy")
 
 

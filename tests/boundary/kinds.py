@@ -16,6 +16,8 @@ from parsolid.particles.container import Particles
 from parsolid.particles.generated import declare_generated
 from parsolid.particles.generation import generate
 from parsolid.scene import parse_scene
+from parsolid.scene.boundaries.surface import Pressure
+from parsolid.scene.boundaries.traction import Traction
 
 KINDS = {
     "fixed": {"plane": "X = 0"},
@@ -34,8 +36,6 @@ KINDS = {
     "micro_clamped": {"plane": "X = 0"},
 }
 PRONY = {"kind": "prony", "density": 1000.0, "youngs_modulus": 7e6, "poissons_ratio": 0.3, "terms": []}
-from parsolid.scene.boundaries.surface import Pressure
-from parsolid.scene.boundaries.traction import Traction
 
 
 def table(kind: str, method: str = "tlsph") -> dict:

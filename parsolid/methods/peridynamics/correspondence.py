@@ -16,9 +16,8 @@ from typing import Any
 
 import numpy as np
 
-<<<<<<< HEAD
 from parsolid.kernels import exact, inlined, kernel
-from parsolid.materials.viscoelastic.prony import Prony, branch_weights
+from parsolid.materials.viscoelastic.prony import Prony, branch_weights, linear_stress
 from parsolid.methods.peridynamics.bonds import MATRIX_ROW, Bonds
 from parsolid.methods.peridynamics.relaxing_displacement import RelaxingDisplacement
 from parsolid.methods.peridynamics.solids import (
@@ -28,7 +27,6 @@ from parsolid.methods.peridynamics.solids import (
     initial_history,
     is_small_strain,
     kernel_law,
-    linear_stress,
     series_of,
     step_weights,
     stress_after,
@@ -38,16 +36,6 @@ from parsolid.methods.peridynamics.sweeps import copy_to_columns
 from parsolid.pairs.lattice_convolution import aligned_zeros
 from parsolid.particles.declaration import Columns, Field, Rows
 from parsolid.tensors import IDENTITY, combine, determinant, general, matmul, plus, symmetric_part
-=======
-from decomposition.compiled import compiled
-from decomposition.deferred import register_jitable
-from parsolid.materials.viscoelastic.prony_lanes import small_strain, stress
-from parsolid.numerics.dispatch import generic
-from parsolid.numerics.lanes import WIDTH, broadcast, load
-from parsolid.numerics.layout import Plane, load_correction, load_gradient, load_six, store_matrix
-from parsolid.numerics.tensors import SymmetricPlane, Tensor, lane_of_symmetric
-from parsolid.pairs.terms import AlongBonds, ShearScaled, record_columns
->>>>>>> main
 
 
 class BondForces:

@@ -10,7 +10,7 @@ n): first what it knows of the deformation before the step, then one tensor of e
 `weights` (terms, k) are those of a step, of `step_weights`. In the plane F_33 = 1 and nothing else is out of it.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -21,11 +21,19 @@ from parsolid.materials.law_functions import law_function
 from parsolid.materials.viscoelastic import maxwell
 from parsolid.materials.viscoelastic.hyperelastic_series import HyperelasticSeries
 from parsolid.materials.viscoelastic.prony import (
+    LinearSolid,
     Prony,
+    branch_form,
     branch_weights,
     dissipation_weights,
+    equilibrium_form,
+    free_work,
     free_work_weights,
+    linear_solid,
+    linear_stress,
     pressure_wave_modulus,
+    strain_of,
+    with_lateral,
 )
 from parsolid.tensors import (
     IDENTITY,
@@ -41,31 +49,12 @@ from parsolid.tensors import (
     matmul,
     plus,
     plus_symmetric,
-    symmetric_part,
     times,
     times_symmetric,
     trace_symmetric,
 )
 
 NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-
-class LinearSolid(NamedTuple):
-    """sigma = (bulk tr e + first tr r) 1 + 2 shear r [Pa] of a strain e and a relaxing strain r = e + sum gamma_j e_j.
-
-    bulk is 0 where everything relaxes, K where the bulk is elastic, and first is then -2/3 shear. free: directions
-    without stress, 1 in plane stress and 2 in a bar, else 0; lateral: so many where the strain along them is history.
-    finite: whether e is Green and Lagrange's strain and sigma the second Piola-Kirchhoff stress. undeformed: rho c^2
-    [Pa] of pressure waves at rest, before anything has relaxed.
-    """
-
-    shear: float
-    first: float
-    bulk: float
-    free: float
-    lateral: float
-    finite: bool
-    undeformed: float
 
 
 # sigma = 0: a law that leaves the control of zero-energy modes alone
@@ -123,27 +112,9 @@ def end_of_step(law, weights, history, a, G, plane):
 
 
 @inlined
-def linear_stress(law, strain, relaxing):
-    """Stress [Pa] of both strains with their lateral components; exactly 0 along free directions."""
-    mean = law.bulk * trace_symmetric(strain) + law.first * trace_symmetric(relaxing)
-    S = add_spherical(times_symmetric(2.0 * law.shear, relaxing), mean)
-    if law.free > 0.0:
-        return (S[0], (2.0 - law.free) * S[1], 0.0, S[3], 0.0, 0.0)
-    return S
-
-
-@inlined
-def branch_form(law, A, B):
-    """Energy density 1/2 A : C : B [J/m^3] of a branch over gamma_j; with an elastic bulk of the deviators alone."""
-    return law.shear * contract_symmetric(A, B) + 0.5 * law.first * trace_symmetric(A) * trace_symmetric(B)
-
-
-@inlined
 def strains(law, weights, history, a, G):
     """Strain and relaxing strain after a step, with their lateral components."""
-    strain = symmetric_part(G)
-    if law.finite:
-        strain = combine_symmetric(1.0, strain, 0.5, gram(G))
+    strain = strain_of(law, G)
     change = combine_symmetric(1.0, strain, -1.0, tensor_at(history, 0, a))
     relaxing, factor = strain, 0.0
     for j in range(weights.shape[0]):
@@ -151,15 +122,7 @@ def strains(law, weights, history, a, G):
         relaxing = combine_symmetric(1.0, relaxing, weights[j, 0], branch)
         factor += weights[j, 0] * weights[j, 2]
     if law.lateral > 0.0:
-        # 0 = K tr(e) + 2 G dev(r) along the free directions, solved for their strain; r_33 holds what is carried over
-        n, carried = law.lateral, relaxing[2]
-        driven = (relaxing[0], (2.0 - n) * relaxing[1], 0.0, relaxing[3], 0.0, 0.0)
-        own = 2.0 * law.shear * (1.0 - n / 3.0)
-        driving = law.bulk * trace_symmetric(strain) + law.first * trace_symmetric(driven) + own * carried
-        e = driving * (-1.0 / (n * law.bulk + own * (1.0 + factor)))
-        r = e * (1.0 + factor) + carried
-        strain = (strain[0], strain[1] + (n - 1.0) * e, strain[2] + e, strain[3], 0.0, 0.0)
-        relaxing = (driven[0], driven[1] + (n - 1.0) * r, r, driven[3], 0.0, 0.0)
+        strain, relaxing = with_lateral(law, strain, relaxing, factor)
     return strain, relaxing
 
 
@@ -177,17 +140,13 @@ def _linear_end_of_step(law, weights, history, a, G, plane):
     strain, relaxing = strains(law, weights, history, a, G)
     old = tensor_at(history, 0, a)
     change = combine_symmetric(1.0, strain, -1.0, old)
-    stored = branch_form(law, strain, strain) + 0.5 * law.bulk * trace_symmetric(strain) ** 2
+    stored = equilibrium_form(law, strain, strain)
     lost = 0.0
     for j in range(weights.shape[0]):
         w, e = weights[j], tensor_at(history, 1 + j, a)
         loss = w[3] * branch_form(law, e, e) + w[4] * branch_form(law, e, change)
         loss += w[5] * branch_form(law, change, change)
-        if law.lateral > 0.0:
-            # along free directions stress vanishes at both ends of a step, and with strain linear between them not in
-            # between: nobody does that work, and in truth the lateral strain follows at once and dissipates it
-            deviator = w[6] * (e[2] - trace_symmetric(e) / 3.0) + w[7] * (change[2] - trace_symmetric(change) / 3.0)
-            loss -= law.lateral * law.shear * deviator * change[2]
+        loss += free_work(law, w[6], w[7], e, change)
         lost += 2.0 * w[0] * loss
         e = combine_symmetric(w[1], e, w[2], change)
         stored += w[0] * branch_form(law, e, e)
@@ -332,20 +291,7 @@ def kernel_law(law: Any) -> Any:
     """A law as kernels take it."""
     if isinstance(law, HyperelasticSeries):
         return law._replace(solid=law.solid._replace(zeta=law.solid.zeta or 0.0))
-    if not isinstance(law, Prony):
-        return law
-    elastic_bulk = law.bulk_modulus is not None
-    first = -2.0 / 3.0 * law.shear_modulus if elastic_bulk else law.first_lame
-    free = law.free_directions or 0.0
-    return LinearSolid(
-        law.shear_modulus,
-        first,
-        law.bulk_modulus or 0.0,
-        free,
-        free if elastic_bulk else 0.0,
-        law.finite_strain is not None,
-        undeformed_wave_modulus(law),
-    )
+    return linear_solid(law) if isinstance(law, Prony) else law
 
 
 def is_small_strain(law: Any) -> bool:

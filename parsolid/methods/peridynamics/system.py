@@ -15,12 +15,8 @@ from parsolid.boundary.conditions import Conditions
 from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.collective import SolverError, maximum
 from parsolid.materials.registry import laws_of
-<<<<<<< HEAD
 from parsolid.materials.viscoelastic.prony import Prony
 from parsolid.methods.leapfrog import kinetic_energy
-=======
-from parsolid.materials.viscoelastic.prony_lanes import Prony
->>>>>>> main
 from parsolid.methods.pair_method import PairMethod
 from parsolid.methods.peridynamics.damage import fracture_of
 from parsolid.methods.peridynamics.forces import build_forces, particles_of

@@ -9,17 +9,8 @@ from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.damage.bond_based import BondBased
 from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.materials.viscoelastic.hyperelastic_series import HyperelasticSeries
-<<<<<<< HEAD:parsolid/methods/peridynamics/tangent.py
 from parsolid.materials.viscoelastic.prony import Prony, algorithmic_factor
 from parsolid.methods.peridynamics.solids import is_small_strain, series_of
-=======
-from parsolid.materials.viscoelastic.prony_lanes import Prony, algorithmic_factor
-from parsolid.methods.peridynamics.bond_force import BondForce
-from parsolid.methods.peridynamics.loads import PeridynamicLoads
-from parsolid.methods.peridynamics.tensor_history import is_small_strain
-from parsolid.methods.peridynamics.unlike_series import UnlikeSeries
-from parsolid.methods.peridynamics.viscoelastic_history import ViscoelasticHistory, scale_rows, series_of
->>>>>>> main:parsolid/methods/peridynamics/operator.py
 
 # of the spacing, by how much a difference quotient displaces a particle at most
 _SHIFT = 1e-6
