@@ -2,14 +2,13 @@
 
 import copy
 
-import numpy as np
 from points import COPPER, scene
 from solids import SOFT, tables
 
 from parsolid.boundary.conditions import Conditions
-from parsolid.methods.mpm.grid_conditions import GridConditions
+from parsolid.methods.mpm.conditions import GridConditions
+from parsolid.methods.mpm.points import MaterialPoints
 from parsolid.methods.peridynamics.forces import particles_of
-from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.methods.ulsph.boundaries import BoundarySet
 from parsolid.methods.ulsph.fields import declare_motion
 from parsolid.particles.container import Particles
@@ -67,7 +66,9 @@ def translated(comm, data: dict):
     scene = parse_scene(data)
     particle_set = generate(scene, comm)
     if scene.method.kind == "tlsph":
-        return build_boundaries(comm, scene, particle_set, Particles(particle_set.body))
+        particles = Particles(particle_set.body)
+        declare_generated(particles, particle_set)
+        return Conditions(comm, scene, particle_set, particles)
     if scene.method.kind == "peridynamics":
         return Conditions(comm, scene, particle_set, particles_of(scene, particle_set), others=(Traction, Pressure))
     if scene.method.kind == "ulsph":
@@ -75,4 +76,4 @@ def translated(comm, data: dict):
         declare_generated(particles, particle_set)
         declare_motion(particles, particle_set.position, None, None, False)
         return BoundarySet(comm, scene, particle_set, particles)
-    return GridConditions(comm, scene, particle_set.position, np.zeros(4))
+    return GridConditions(comm, scene, particle_set, MaterialPoints(scene, particle_set))
