@@ -1,0 +1,202 @@
+"""Deformation and stress of particles whose neighbours stand in lists: from the rows of the gradient sweep to those of
+the divergence sweep (`pairs.list_sweeps`), tile by tile."""
+
+from parsolid.kernels import kernel
+from parsolid.methods.tlsph.point_update import (
+    TILE,
+    largest_modulus,
+    load,
+    relax_over_step,
+    stage_tile,
+    store,
+    update_tile,
+    waves_tile,
+)
+from parsolid.methods.tlsph.tile_fields import copy_branches_in, copy_branches_out, copy_in, copy_out, load_deformation
+from parsolid.tensors import matmul, matmul_transposed, plus, times
+
+
+@kernel
+def load_gradient(d, places, sums, correction, volume, i, n, tiles):
+    """G = S L^T / V of n particles from row i on, eq (70): L is symmetric only where spacings are equal. Sets the rows
+    of the sums to zero, while they are in the cache; L stays in its tile."""
+    stride = 4 if d == 3 else 2
+    for p in range(n):
+        row = sums[i + p]
+        for j in range(d):
+            for k in range(d):
+                tiles.S[(3 * k + j) * TILE + p] = row[stride * j + k]
+        for c in range(row.size):
+            row[c] = 0.0
+        tiles.volume[p] = volume[i + p]
+    copy_in(tiles.L, places.tensor, correction, i, n)
+    for p in range(TILE):
+        store(tiles.G, p, times(1.0 / tiles.volume[p], matmul_transposed(load(tiles.S, p), load(tiles.L, p))))
+    if d == 2:
+        for p in range(TILE):
+            tiles.G[8 * TILE + p] = 0.0
+
+
+@kernel
+def store_record(d, half, i, n, record, inverse, tiles):
+    """P L, half the velocity gradient (or none of it, half = 0) and half impedances of n particles from row i on into
+    their rows. inverse: F_r^-1 of an updated reference, in which the gradient is G F_r^-1, or None."""
+    for p in range(TILE):
+        store(tiles.S, p, matmul(load(tiles.P, p), load(tiles.L, p)))
+    if inverse is not None:
+        for p in range(TILE):
+            store(tiles.G, p, matmul(load(tiles.G, p), load(inverse, p)))
+    S, G, Z = tiles.S, tiles.G, tiles.impedance
+    if d == 3:
+        for p in range(n):
+            row = record[i + p]
+            row[0], row[1], row[2], row[3] = S[p], S[3 * TILE + p], S[6 * TILE + p], Z[p]
+            row[4], row[5], row[6], row[7] = S[TILE + p], S[4 * TILE + p], S[7 * TILE + p], Z[TILE + p]
+            row[8], row[9], row[10], row[11] = S[2 * TILE + p], S[5 * TILE + p], S[8 * TILE + p], 0.0
+            row[12], row[13], row[14] = half * G[p], half * G[3 * TILE + p], half * G[6 * TILE + p]
+            row[16], row[17], row[18] = half * G[TILE + p], half * G[4 * TILE + p], half * G[7 * TILE + p]
+            row[20], row[21], row[22] = half * G[2 * TILE + p], half * G[5 * TILE + p], half * G[8 * TILE + p]
+    else:
+        for p in range(n):
+            row = record[i + p]
+            row[0], row[1], row[2], row[3] = S[p], S[3 * TILE + p], S[TILE + p], S[4 * TILE + p]
+            row[4], row[5] = half * G[p], half * G[3 * TILE + p]
+            row[6], row[7] = half * G[TILE + p], half * G[4 * TILE + p]
+            row[8], row[9] = Z[p], Z[TILE + p]
+
+
+@kernel
+def store_waves(d, i, n, rows, Q, isotropic):
+    """Wave tensors of a tile into their rows; isotropic: half rho c_s where it has no direction, beside the pressure
+    waves."""
+    for p in range(n):
+        row = rows[i + p]
+        if d == 3:
+            row[0], row[1], row[2], row[3] = Q[p], Q[TILE + p], Q[2 * TILE + p], isotropic
+            row[4], row[5], row[6] = Q[3 * TILE + p], Q[4 * TILE + p], Q[5 * TILE + p]
+        else:
+            row[0], row[1], row[2], row[3] = Q[p], Q[TILE + p], Q[3 * TILE + p], isotropic
+
+
+@kernel
+def add_initial_stress(F, initial, P):
+    """P += F S0 on a tile."""
+    for p in range(TILE):
+        store(P, p, plus(load(P, p), matmul(load(F, p), load(initial, p))))
+
+
+@kernel
+def advance_step(
+    law, step, d, signals, branches, half, first, last, places,
+    gradient, jacobian, field_A, correction, pair_volume, volume, push, inverse, initial,
+    sums, record, tiles, A, branch_sum, push_tile, inverse_tile,
+):  # fmt: skip
+    """Leapfrog: state of particles first .. last - 1 after a step [s] with their velocity gradients in its middle, and
+    records of the new state.
+
+    Arguments as in `point_update.update_tile`; fields (components, n): deformation gradient, jacobian (n,), A of the
+    branches, correction, push and inverse of an updated reference, initial stress [Pa]; pair_volume, volume (n,) [m^3];
+    those and tiles of what a scene lacks are None. half: 1/2, or 0 without reconstruction.
+
+    Returns (whether all Jacobians are positive, energy dissipated in branches [J], greatest signal [sqrt(Pa)]).
+    """
+    sound, dissipated, greatest = True, 0.0, 0.0
+    for i in range(first, last, TILE):
+        n = min(TILE, last - i)
+        load_gradient(d, places, sums, correction, pair_volume, i, n, tiles)
+        copy_in(tiles.F, places.tensor, gradient, i, n)
+        if A is not None:
+            copy_branches_in(A, places.symmetric, field_A, i, n)
+        if push is not None:
+            copy_in(push_tile, places.tensor, push, i, n)
+            copy_in(inverse_tile, places.tensor, inverse, i, n)
+        update_tile(
+            law, step, d == 2, signals, branches, tiles.F, tiles.G, A, branch_sum, push_tile,
+            tiles.J, tiles.P, tiles.impedance, tiles.signal, tiles.lost,
+        )  # fmt: skip
+        if initial is not None:
+            copy_in(tiles.initial, places.tensor, initial, i, n)
+            add_initial_stress(tiles.F, tiles.initial, tiles.P)
+        copy_out(gradient, i, n, tiles.F, places.tensor)
+        if A is not None:
+            copy_branches_out(field_A, i, n, A, places.symmetric)
+            for p in range(n):
+                dissipated += tiles.lost[p] * volume[i + p]
+        store_record(d, half, i, n, record, inverse_tile, tiles)
+        for p in range(n):
+            jacobian[i + p] = tiles.J[p]
+            sound = sound and tiles.J[p] > 0.0
+            # max gives its second argument where either is not a number
+            greatest = max(greatest, tiles.signal[p])
+    return sound, dissipated, greatest
+
+
+@kernel
+def advance_stage(
+    law, keep, take, step, at_start, at_end, d, branches, half, isotropic, first, last, places,
+    gradient, cofactors, jacobian, gradient_start, cofactors_start, jacobian_start, field_A,
+    correction, pair_volume, volume, push, inverse, initial,
+    sums, record, fast, slow, tiles, A, branch_sum, push_tile, inverse_tile,
+):  # fmt: skip
+    """SSP-RK3: one stage y <- keep y_start + take (y + step dy/dt) of particles first .. last - 1, with records of the
+    state before it; at_start, at_end: whether it is the first or the last of the step.
+
+    Arguments as in `point_update.stage_tile` and `advance_step`; fast, slow: rows of wave tensors, or None.
+
+    Returns (whether all Jacobians are positive, dissipation rate of branches [W], greatest rho c_p^2 [Pa] of the state at
+    the end of the step).
+    """
+    sound, rate, largest = True, 0.0, 0.0
+    for i in range(first, last, TILE):
+        n = min(TILE, last - i)
+        load_gradient(d, places, sums, correction, pair_volume, i, n, tiles)
+        load_deformation(tiles, places, gradient, cofactors, jacobian, i, n)
+        if at_start:
+            copy_out(gradient_start, i, n, tiles.F, places.tensor)
+            if cofactors is not None:
+                copy_out(cofactors_start, i, n, tiles.H, places.tensor)
+            for p in range(n):
+                jacobian_start[i + p] = tiles.J[p]
+        copy_in(tiles.F_start, places.tensor, gradient_start, i, n)
+        if cofactors is not None:
+            copy_in(tiles.H_start, places.tensor, cofactors_start, i, n)
+        for p in range(n):
+            tiles.J_start[p] = jacobian_start[i + p]
+        if A is not None:
+            copy_branches_in(A, places.symmetric, field_A, i, n)
+        if push is not None:
+            copy_in(push_tile, places.tensor, push, i, n)
+            copy_in(inverse_tile, places.tensor, inverse, i, n)
+        if initial is not None:
+            for p in range(TILE):
+                store(tiles.initial, p, load(tiles.F, p))
+        stage_tile(
+            law, keep, take, step, branches, tiles.F, tiles.H, tiles.J, tiles.F_start, tiles.H_start, tiles.J_start,
+            tiles.G, A, branch_sum, push_tile, tiles.P, tiles.fast, tiles.slow, tiles.lost,
+        )  # fmt: skip
+        if initial is not None:
+            copy_in(tiles.S, places.tensor, initial, i, n)
+            add_initial_stress(tiles.initial, tiles.S, tiles.P)
+        copy_out(gradient, i, n, tiles.F, places.tensor)
+        if cofactors is not None:
+            copy_out(cofactors, i, n, tiles.H, places.tensor)
+        for p in range(n):
+            jacobian[i + p] = tiles.J[p]
+            sound = sound and tiles.J[p] > 0.0
+        store_record(d, half, i, n, record, inverse_tile, tiles)
+        if fast is not None:
+            store_waves(d, i, n, fast, tiles.fast, isotropic)
+        if slow is not None:
+            store_waves(d, i, n, slow, tiles.slow, 0.0)
+        if A is not None:
+            for p in range(n):
+                rate += tiles.lost[p] * volume[i + p]
+            if at_end:
+                relax_over_step(branches, tiles.F, tiles.F_start, A)
+                copy_branches_out(field_A, i, n, A, places.symmetric)
+        if at_end:
+            waves_tile(
+                law, d == 2, branches, tiles.F, tiles.H, tiles.J, A, branch_sum, tiles.fast, tiles.slow, tiles.bound
+            )
+            largest = largest_modulus(largest, tiles.fast, tiles.bound, n)
+    return sound, rate, largest
