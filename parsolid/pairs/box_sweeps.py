@@ -259,6 +259,16 @@ def copy_to_box(box, field, array):
         row += width
 
 
+@kernel
+def copy_from_box(box, array, field):
+    """The way back of `copy_to_box`."""
+    row, width = box.first, box.last_node - box.first_node
+    for i in range(box.first_plane, box.last_plane):
+        for c in range(field.shape[0]):
+            copy(field[c, row : row + width], in_plane(array, c, box, i, box.first_node, box.last_node))
+        row += width
+
+
 # --- the boxes of a rank ------------------------------------------------------------------------------------------
 
 

@@ -1,0 +1,129 @@
+"""Deformation and stress of boxes: velocity gradients along the axes and the new state, plane by plane while the plane is
+in the cache."""
+
+from parsolid.kernels import kernel
+from parsolid.methods.tlsph.list_update import add_initial_stress
+from parsolid.methods.tlsph.point_update import (
+    TILE,
+    largest_modulus,
+    load,
+    relax_over_step,
+    stage_tile,
+    store,
+    update_tile,
+    waves_tile,
+)
+from parsolid.methods.tlsph.tile_fields import copy_branches_in, copy_branches_out, copy_in, copy_out, load_deformation
+from parsolid.pairs.box_sweeps import gradient_in_plane
+
+
+@kernel
+def advance_box(
+    box, law, step, d, signals, branches, places, v, gradient, jacobian, field_A, volume, initial, G, P, Z,
+    tiles, A, branch_sum,
+):  # fmt: skip
+    """Leapfrog: state of the nodes of a box after a step [s] with their velocity gradients in its middle.
+
+    Fields (components, n): gradient, the deformation gradient F, jacobian (n,), field_A of the branches, volume (n,)
+    [m^3], initial stress [Pa]; box arrays: v, and G, P, Z, which are filled. Z: None without dissipation. Otherwise as
+    in `list_update.advance_step`, as is what is returned.
+    """
+    sound, dissipated, greatest, row = True, 0.0, 0.0, box.first
+    for i in range(box.first_plane, box.last_plane):
+        gradient_in_plane(box, i, v, G)
+        for a in range(box.first_node, box.last_node, TILE):
+            n, place = min(TILE, box.last_node - a), box.start + i * box.nodes + a
+            copy_in(tiles.G, places.tensor, G, place, n)
+            copy_in(tiles.F, places.tensor, gradient, row, n)
+            if A is not None:
+                copy_branches_in(A, places.symmetric, field_A, row, n)
+            update_tile(
+                law, step, d == 2, signals, branches, tiles.F, tiles.G, A, branch_sum, None,
+                tiles.J, tiles.P, tiles.impedance, tiles.signal, tiles.lost,
+            )  # fmt: skip
+            if initial is not None:
+                copy_in(tiles.initial, places.tensor, initial, row, n)
+                add_initial_stress(tiles.F, tiles.initial, tiles.P)
+            copy_out(gradient, row, n, tiles.F, places.tensor)
+            copy_out(P, place, n, tiles.P, places.tensor)
+            if Z is not None:
+                for p in range(n):
+                    Z[0, place + p], Z[1, place + p] = tiles.impedance[p], tiles.impedance[TILE + p]
+            if A is not None:
+                copy_branches_out(field_A, row, n, A, places.symmetric)
+                for p in range(n):
+                    dissipated += tiles.lost[p] * volume[row + p]
+            for p in range(n):
+                jacobian[row + p] = tiles.J[p]
+                sound = sound and tiles.J[p] > 0.0
+                # max gives its second argument where either is not a number
+                greatest = max(greatest, tiles.signal[p])
+            row += n
+    return sound, dissipated, greatest
+
+
+@kernel
+def advance_box_stage(
+    box, law, keep, take, step, at_start, at_end, d, branches, places,
+    v, gradient, cofactors, jacobian, gradient_start, cofactors_start, jacobian_start, field_A,
+    volume, initial, kept_stress, G, P, Z, tiles, A, branch_sum,
+):  # fmt: skip
+    """SSP-RK3: one stage of the nodes of a box; box arrays and fields as in `advance_box`, else as in
+    `list_update.advance_stage`. Z (2 d, places): halves of the density times the moduli of pressure and shear waves
+    along each axis."""
+    sound, rate, largest, row = True, 0.0, 0.0, box.first
+    for i in range(box.first_plane, box.last_plane):
+        gradient_in_plane(box, i, v, G)
+        for a in range(box.first_node, box.last_node, TILE):
+            n, place = min(TILE, box.last_node - a), box.start + i * box.nodes + a
+            copy_in(tiles.G, places.tensor, G, place, n)
+            load_deformation(tiles, places, gradient, cofactors, jacobian, row, n)
+            if at_start:
+                copy_out(gradient_start, row, n, tiles.F, places.tensor)
+                if cofactors is not None:
+                    copy_out(cofactors_start, row, n, tiles.H, places.tensor)
+                for p in range(n):
+                    jacobian_start[row + p] = tiles.J[p]
+            copy_in(tiles.F_start, places.tensor, gradient_start, row, n)
+            if cofactors is not None:
+                copy_in(tiles.H_start, places.tensor, cofactors_start, row, n)
+            for p in range(n):
+                tiles.J_start[p] = jacobian_start[row + p]
+            if A is not None:
+                copy_branches_in(A, places.symmetric, field_A, row, n)
+            if initial is not None:
+                for p in range(TILE):
+                    store(tiles.initial, p, load(tiles.F, p))
+            stage_tile(
+                law, keep, take, step, branches, tiles.F, tiles.H, tiles.J, tiles.F_start, tiles.H_start, tiles.J_start,
+                tiles.G, A, branch_sum, None, tiles.P, tiles.fast, tiles.slow, tiles.lost,
+            )  # fmt: skip
+            if kept_stress is not None:
+                copy_out(kept_stress, row, n, tiles.P, places.tensor)
+            if initial is not None:
+                copy_in(tiles.S, places.tensor, initial, row, n)
+                add_initial_stress(tiles.initial, tiles.S, tiles.P)
+            copy_out(gradient, row, n, tiles.F, places.tensor)
+            if cofactors is not None:
+                copy_out(cofactors, row, n, tiles.H, places.tensor)
+            copy_out(P, place, n, tiles.P, places.tensor)
+            for k in range(d):
+                for p in range(n):
+                    if Z is not None:
+                        Z[k, place + p], Z[d + k, place + p] = tiles.fast[k * TILE + p], tiles.slow[k * TILE + p]
+            for p in range(n):
+                jacobian[row + p] = tiles.J[p]
+                sound = sound and tiles.J[p] > 0.0
+            if A is not None:
+                for p in range(n):
+                    rate += tiles.lost[p] * volume[row + p]
+                if at_end:
+                    relax_over_step(branches, tiles.F, tiles.F_start, A)
+                    copy_branches_out(field_A, row, n, A, places.symmetric)
+            if at_end:
+                waves_tile(
+                    law, d == 2, branches, tiles.F, tiles.H, tiles.J, A, branch_sum, tiles.fast, tiles.slow, tiles.bound
+                )
+                largest = largest_modulus(largest, tiles.fast, tiles.bound, n)
+            row += n
+    return sound, rate, largest
