@@ -1,11 +1,13 @@
 """Bodies whose particles find their neighbours in pair lists: the sweeps of a step with the messages between ranks."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from decomposition.talking import TALKING
 from parsolid.kernels import kernel
+from parsolid.materials.hyperelastic.functions import isotropic_shear_modulus
+from parsolid.methods.tlsph.list_update import advance_stage, advance_step
 from parsolid.numerics.lanes import aligned_zeros
 from parsolid.pairs.list_sweeps import (
     ROWS,
@@ -18,23 +20,28 @@ from parsolid.pairs.list_sweeps import (
 )
 from parsolid.pairs.list_weights import ListWeights
 from parsolid.pairs.pair_list import Neighbours
+from parsolid.solvers.runge_kutta import Stage
 
 
 class ListBodies:
-    """The particles of a rank in rows of some ranges, and what their sweeps read and write (`list_sweeps`).
+    """The particles of a rank that find their neighbours in lists, and what their sweeps read and write.
 
-    waves: 0 without dissipation, 1 with mean impedances, 2 with pressure waves by direction, 3 with both by direction.
-    near: lists of pairs; motion, sums, record, fast, slow, force: rows of particles, ghosts and mirror images.
+    waves: what impedances depend on, 0: there is no dissipation, 1: mean impedances, 2: pressure waves by direction, 3:
+    both waves by direction. near: lists of pairs. motion, sums, record, fast, slow, force: rows of particles, ghosts and
+    mirror images, see `list_sweeps`.
     """
 
     near: Neighbours
 
-    def __init__(self, comm: Any, particles: Any, weights: ListWeights, codes: Any, waves: int, unbonded: Any) -> None:
-        """codes: `boundary.mirror_planes.MirrorCodes` or None; unbonded: see `Neighbours`."""
-        self.comm, self.particles, self.weights, self.codes, self.waves = comm, particles, weights, codes, waves
-        self.unbonded = unbonded
-        self.dimension = particles.owned_rows("position").shape[1]
+    def __init__(self, system: Any, weights: ListWeights, waves: int, unbonded: Any) -> None:
+        """system: `system.TotalLagrangianSPH` with its fields declared; unbonded: see `Neighbours`."""
+        self.system, self.weights, self.waves, self.unbonded = system, weights, waves, unbonded
+        self.particles, self.dimension, self.codes = system.particles, system.dimension, system.conditions.codes
         self.columns = ROWS[self.dimension]
+        self.half = 0.5 if system.settings.reconstruction else 0.0
+        # half of rho c_s, where shear waves have one speed in a law
+        moduli = {one: isotropic_shear_modulus(one.law) or 0.0 for one in system.blocks}
+        self.isotropic = {one: 0.5 * float(np.sqrt(one.law.density * modulus)) for one, modulus in moduli.items()}
         self._exchanges: list[Any] = []
 
     def rebuild(
@@ -45,7 +52,7 @@ class ListBodies:
             exchange.free()
         self.particles.detach()
         near = Neighbours(
-            self.comm, self.codes, self.weights.support, positions, body, metric, volume, self.unbonded, even
+            self.system.comm, self.codes, self.weights.support, positions, body, metric, volume, self.unbonded, even
         )
         self.near = near
         self.particles.attach(near.halo)
@@ -77,35 +84,101 @@ class ListBodies:
         """Bytes that this rank sends in one evaluation."""
         return self._motion.bytes_sent + self._record.bytes_sent
 
-    def gradient(self, ranges: Sequence[tuple[int, int]], velocity: np.ndarray, position: np.ndarray) -> None:
-        """Sums of the velocity gradient; ranges: rows [first, last) that lists concern; velocity, position (d, n)."""
-        near, d = self.near, self.dimension
-        sweep = gradient_in_space if d == 3 else gradient_in_plane
-        for first, last in ranges:
-            gather_motion(first, last, velocity, position, self.motion, self.columns.position)
-        self._motion.start()
-        sweep(near.inner, self.motion, self.sums)
-        self._motion.finish()
-        if len(near.images.source):
-            mirror_motion(near.local, near.images, self.motion, self.columns.position, self.columns.reference)
-        sweep(near.outer, self.motion, self.sums)
-        clear_rows(near.owned, near.rows, self.sums)
+    def advance_step(self, step: float) -> tuple[bool, float, float]:
+        """Deformation and stress after a step [s] of leapfrog: (whether all Jacobians are positive, energy [J] that
+        branches have dissipated, the stable step [s] of the new state)."""
+        self._sweep_gradients()
+        leapfrog, sound, dissipated, stable = self.system.leapfrog, True, 0.0, np.inf
+        for block in self.system.blocks:
+            positive, lost, signal = advance_step(
+                block.solid, step, self.dimension, leapfrog.signals, block.branches(step), self.half,
+                block.first, block.last, block.places, *self._fields(block), self.sums, self.record,
+                block.tiles, block.A, block.branch_sum, *self._tiles_of_reference(block),
+            )  # fmt: skip
+            sound, dissipated = sound and positive, dissipated + lost
+            stable = min(stable, leapfrog.step_of(block.law.density, signal))
+        return sound, dissipated, stable
 
-    def divergence(self, ranges: Sequence[tuple[int, int]], stress_force: np.ndarray, dissipative: np.ndarray) -> None:
-        """Forces [N] of the records into fields (d, n) at the rows of the ranges."""
-        near, at = self.near, self.columns
-        self._record.start()
+    def advance_stage(self, stage: Stage, step: float) -> tuple[bool, float, float]:
+        """Deformation after a stage of SSP-RK3 and stress before it: (whether all Jacobians are positive, dissipation
+        rate [W] of branches, after the last stage the stable step [s])."""
+        self._sweep_gradients()
+        staged, sound, dissipated, stable = self.system.staged_step, True, 0.0, np.inf
+        stored, kept = self.particles.storage, None if staged.losses is None else staged.losses.stress_of(stage)
+        start = [stored(f"{name}_at_start") for name in ("deformation_gradient", "jacobian")]
+        cofactors = (stored("cofactor"), stored("cofactor_at_start")) if self.dimension == 3 else (None, None)
+        for block in self.system.blocks:
+            gradient, jacobian, *fields = self._fields(block)
+            positive, rate, modulus = advance_stage(
+                block.solid, stage.keep, stage.take, step, stage.first, stage.last, self.dimension,
+                block.branches_at_stage(stage.time, step), self.half, self.isotropic[block],
+                block.first, block.last, block.places, gradient, cofactors[0], jacobian,
+                start[0], cofactors[1], start[1][0], *fields, kept, self.sums, self.record, self.fast, self.slow,
+                block.tiles, block.A, block.branch_sum, *self._tiles_of_reference(block),
+            )  # fmt: skip
+            sound, dissipated = sound and positive, dissipated + rate
+            stable = min(stable, staged.step_of(block.law, modulus))
+        return sound, dissipated, stable
+
+    def _fields(self, block: Any) -> tuple[Any, ...]:
+        """Deformation gradient, Jacobian, branches, correction, volumes in pairs and of the body, updated reference,
+        initial stress."""
+        stored, moved = self.particles.storage, "push" in self.particles
+        return (
+            *(stored("deformation_gradient"), stored("jacobian")[0], block.branch_field, stored("correction")),
+            *(stored("pair_volume")[0], stored("volume")[0]),
+            *((stored("push"), stored("inverse")) if moved else (None, None)),
+            stored("initial_stress") if "initial_stress" in self.particles else None,
+        )
+
+    def _tiles_of_reference(self, block: Any) -> tuple[Any, Any]:
+        return (block.push, block.inverse) if "push" in self.particles else (None, None)
+
+    def find_forces(self) -> None:
+        """T and D [N] of the records, in the fields stress_force and dissipative_force."""
+        near, at, stored = self.near, self.columns, self.particles.storage
+        with TALKING:
+            self._record.start()
         self._sweep_forces(near.inner)
-        self._record.finish()
+        with TALKING:
+            self._record.finish()
         if len(near.images.source):
             mirror_records(near.local, near.images, self.record, at.gradient)
             for waves in (self.fast, self.slow):
                 if waves is not None:
                     mirror_waves(near.local, near.images, waves)
         self._sweep_forces(near.outer)
-        for first, last in ranges:
-            scatter_forces(first, last, self.force, stress_force, dissipative, at.force // 2)
+        T, D = stored("stress_force"), stored("dissipative_force")
+        for block in self.system.blocks:
+            scatter_forces(block.first, block.last, self.force, T, D, at.force // 2)
         clear_rows(near.owned, near.rows, self.force)
+
+    def displacement_gradient(self) -> np.ndarray:
+        """grad u (owned, d, d) by the scheme's own operator; collective."""
+        d, of = self.dimension, self.particles.owned_rows
+        velocity = of("velocity").copy()
+        of("velocity")[:] = of("position") - of("reference_position")
+        self._sweep_gradients()
+        of("velocity")[:] = velocity
+        columns = self.sums[: self.near.owned].reshape(self.near.owned, d, -1)[:, :, :d].swapaxes(1, 2).copy()
+        clear_rows(0, self.near.owned, self.sums)
+        L = of("correction").reshape(-1, d, d)
+        return np.asarray(columns @ L.swapaxes(1, 2) / of("pair_volume")[:, None, None])
+
+    def _sweep_gradients(self) -> None:
+        near, at, stored = self.near, self.columns, self.particles.storage
+        sweep = gradient_in_space if self.dimension == 3 else gradient_in_plane
+        for block in self.system.blocks:
+            gather_motion(block.first, block.last, stored("velocity"), stored("position"), self.motion, at.position)
+        with TALKING:
+            self._motion.start()
+        sweep(near.inner, self.motion, self.sums)
+        with TALKING:
+            self._motion.finish()
+        if len(near.images.source):
+            mirror_motion(near.local, near.images, self.motion, at.position, at.reference)
+        sweep(near.outer, self.motion, self.sums)
+        clear_rows(near.owned, near.rows, self.sums)
 
     def _sweep_forces(self, pairs: Any) -> None:
         if self.waves == 0:
