@@ -9,7 +9,7 @@ adjoint. Each cell with steps h_k adds g_ab = e_k prod_{j != k} h_j / 2^d to eac
 to the volume of each corner, and prod_{j != k} h_j / 2^(d-1) to the areas at the corners of each free face.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from itertools import product
 from typing import NamedTuple
 
@@ -27,9 +27,24 @@ class Cells(NamedTuple):
     area: np.ndarray
 
 
-def cells_around(
-    index: list[np.ndarray], axes: list[Axis], holds: Callable[[list[np.ndarray]], np.ndarray]
-) -> Cells:
+class NodesOfCells(NamedTuple):
+    """Of particles with pair lists: number (n,) int64 of the lattice, -1 on none; spacing (n, d) [m]; weight (n, d, 2)
+    of `Cells`."""
+
+    number: np.ndarray
+    spacing: np.ndarray
+    weight: np.ndarray
+
+    @classmethod
+    def of(cls, spacing: np.ndarray, bodies: Iterable[tuple[int, np.ndarray, Cells]]) -> "NodesOfCells":
+        """spacing (n, d) [m]; bodies: number, rows (k,) and cells of each."""
+        result = cls(np.full(len(spacing), -1), spacing.copy(), np.zeros((*spacing.shape, 2)))
+        for number, rows, cells in bodies:
+            result.number[rows], result.weight[rows] = number, cells.weight
+        return result
+
+
+def cells_around(index: list[np.ndarray], axes: list[Axis], holds: Callable[[list[np.ndarray]], np.ndarray]) -> Cells:
     """index: d arrays (n,) of nodes; holds: which cells, by d arrays of lower nodes, exist."""
     n, d = len(index[0]), len(axes)
     steps = np.array([axis.step for axis in axes])

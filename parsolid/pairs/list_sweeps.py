@@ -154,7 +154,11 @@ def divergence_in_plane(pairs, motion, record, fast, slow, force):
         for k in range(start[a], start[a + 1]):
             b = neighbour[k]
             g1, g2, jump_factor = weight[k, 0], weight[k, 1], weight[k, 2]
-            S, grad, step = add(P, load_row(record, b, 0)), add(G, load_row(record, b, 4)), subtract(load_row(motion, b, 0), here)
+            S, grad, step = (
+                add(P, load_row(record, b, 0)),
+                add(G, load_row(record, b, 4)),
+                subtract(load_row(motion, b, 0), here),
+            )
             back1, back2 = X1 - motion[b, 4], X2 - motion[b, 5]
             u1 = step[0] + grad[0] * back1 + grad[2] * back2
             u2 = step[1] + grad[1] * back1 + grad[3] * back2

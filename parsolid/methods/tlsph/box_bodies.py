@@ -113,6 +113,12 @@ class BoxBodies:
             result[rows] = field[:, rows].T.reshape(-1, self.dimension, self.dimension)
 
     @property
+    def ghosts(self) -> int:
+        """Nodes of other ranks that this one knows, corners included."""
+        own = sum(block.last - block.first for block in self.blocks)
+        return sum(box.planes * box.nodes for box, _ in self.parts) - own
+
+    @property
     def directed_pairs(self) -> int:
         """Interactions counted once a particle: nodes that differ along one axis, by the weights of the gradient."""
         total = 0

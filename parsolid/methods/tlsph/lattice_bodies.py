@@ -1,7 +1,7 @@
 """Bodies whose particles are the nodes of a lattice: boxes, whose sums run along their axes (`pairs.box_sweeps`), and
 perforated boxes, whose cells give weights to pair lists (`pairs.cell_weights`)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -32,6 +32,8 @@ _DAMPING = {False: 1.0, True: 4.0 / 3.0}
 _THINNEST = 0.2
 # of axes of fourth order, which alone have it
 _FED = "with them method.dissipation would feed waves; more particles change slower, or less of it"
+# a hair more than the offset of the farthest neighbour
+_HAIR = 1.02
 _NO_EDGES = "method.clamp_edges: expected 0 unless a fixed plane meets a free face of a box on a lattice, found {:g}"
 # least planes of a rank's part at the end of a box: of fourth order its nodes reach three planes, and stand together
 _END_PLANES = {"fourth-order": 4, "cells": 2}
@@ -49,6 +51,11 @@ class LatticeBody(NamedTuple):
     first_identifier: int
     clamp_edges: np.ndarray
     cells: Cells | None
+
+    @property
+    def reach(self) -> float:
+        """Distance of the farthest neighbour in spacings, and a hair more."""
+        return _HAIR * (REACH if self.fourth_order else 1)
 
     @property
     def frequency(self) -> float:
@@ -250,51 +257,38 @@ class BoxCuts:
 
     def __init__(self, scene: Any, ranks: int) -> None:
         kinds = weights_of_bodies(scene.method.pair_weights, scene)
-        self.bodies = boxes_of(scene, kinds)
+        self.bodies, self._every = boxes_of(scene, kinds), len(kinds)
         self.nodes = [_box_of_nodes(filling_of(scene.bodies[i], scene.dimension), kinds[i]) for i in self.bodies]
         self.parts = cut_boxes(self.nodes, ranks)
 
     def owners(self, comm: Any, particle_set: ParticleSet) -> np.ndarray:
         """Rank (n,) int32 of the nodes of boxes, -1 of other particles; collective."""
         owner = np.full(len(particle_set), -1, np.int32)
-        if not self.bodies:
-            return owner
-        first = _first_identifiers(comm, max(self.bodies) + 1, _only(particle_set, self.bodies))
-        for body, nodes, parts in zip(self.bodies, self.nodes, self.parts):
-            rows = np.flatnonzero(particle_set.body == body)
-            shape = tuple(len(places) for places in nodes.places)
-            index = np.unravel_index(particle_set.identifier[rows] - int(first[body]), shape)
-            owner[rows] = owners(parts, nodes.axes, list(index))
+        for rows, index, nodes, parts in self._places(comm, particle_set):
+            owner[rows] = owners(parts, nodes.axes, index)
         return owner
 
     def order(self, comm: Any, particle_set: ParticleSet, order: np.ndarray, group: np.ndarray) -> np.ndarray:
-        """Order (n,) by group, and within groups of boxes by their memory axes, else as in `order`; group (n,): equal for
-        the particles of a box alone; collective."""
+        """Order (n,) by group, and within it along the memory axes of a box, else as in `order`; group (n,): every box
+        has one of its own; collective."""
         within = np.empty(len(order), np.int64)
         within[order] = np.arange(len(order))
-        if self.bodies:
-            first = _first_identifiers(comm, max(self.bodies) + 1, _only(particle_set, self.bodies))
-            for body, nodes in zip(self.bodies, self.nodes):
-                rows = np.flatnonzero(particle_set.body == body)
-                shape = tuple(len(places) for places in nodes.places)
-                index = np.unravel_index(particle_set.identifier[rows] - int(first[body]), shape)
-                within[rows] = np.ravel_multi_index([index[axis] for axis in nodes.axes], nodes.shape)
+        for rows, index, nodes, _ in self._places(comm, particle_set):
+            within[rows] = np.ravel_multi_index([index[axis] for axis in nodes.axes], nodes.shape)
         return np.lexsort((within, group))
+
+    def _places(self, comm: Any, particle_set: ParticleSet) -> Iterator[tuple[Any, ...]]:
+        """Of each box: rows (n,) of the particles here, their d indices (n,) along the axes in space, nodes, parts."""
+        first = _first_identifiers(comm, self._every, particle_set)
+        for body, nodes, parts in zip(self.bodies, self.nodes, self.parts):
+            rows = np.flatnonzero(particle_set.body == body)
+            shape = tuple(len(places) for places in nodes.places)
+            yield rows, list(np.unravel_index(particle_set.identifier[rows] - int(first[body]), shape)), nodes, parts
 
 
 def boxes_of(scene: Any, kinds: list[str]) -> list[int]:
     """Bodies that are boxes with weights of lattices."""
     return [i for i, kind in enumerate(kinds) if kind in ON_LATTICES and scene.bodies[i].shape.kind == "box"]
-
-
-def _only(particle_set: ParticleSet, bodies: list[int]) -> Any:
-    here = np.isin(particle_set.body, bodies)
-    return _Identified(particle_set.body[here], particle_set.identifier[here])
-
-
-class _Identified(NamedTuple):
-    body: np.ndarray
-    identifier: np.ndarray
 
 
 def _box_of_nodes(filling: Any, kind: str) -> BoxOfNodes:

@@ -16,7 +16,13 @@ import numpy as np
 
 from parsolid.kernels import inlined, kernel
 from parsolid.materials.hyperelastic.functions import pressure_waves, shear_waves, stress
-from parsolid.materials.viscoelastic.maxwell import branch_dissipation, branch_stress, branch_waves, relaxation_loss, relaxed
+from parsolid.materials.viscoelastic.maxwell import (
+    branch_dissipation,
+    branch_stress,
+    branch_waves,
+    relaxation_loss,
+    relaxed,
+)
 from parsolid.tensors import (
     cofactor,
     combine,
@@ -157,7 +163,10 @@ def update_tile(
             # rho_r^2 c_r^2 of the moved reference: F_r Q F_r^T / J_r^2
             fast, slow = congruence(load(push, p), fast), congruence(load(push, p), slow)
             fast, slow = in_directions(plane, fast), in_directions(plane, slow)
-        impedance[p], impedance[TILE + p] = 0.5 * mean_impedance(law.density, fast), 0.5 * mean_impedance(law.density, slow)
+        impedance[p], impedance[TILE + p] = (
+            0.5 * mean_impedance(law.density, fast),
+            0.5 * mean_impedance(law.density, slow),
+        )
 
 
 @kernel
@@ -205,8 +214,12 @@ def stage_tile(
             Q_p, Q_s = congruence(load(push, p), Q_p), congruence(load(push, p), Q_s)
         store(P, p, P_old)
         half = 0.5 * law.density
-        store_symmetric(fast, p, (half * Q_p[0], half * Q_p[1], half * Q_p[2], half * Q_p[3], half * Q_p[4], half * Q_p[5]))
-        store_symmetric(slow, p, (half * Q_s[0], half * Q_s[1], half * Q_s[2], half * Q_s[3], half * Q_s[4], half * Q_s[5]))
+        store_symmetric(
+            fast, p, (half * Q_p[0], half * Q_p[1], half * Q_p[2], half * Q_p[3], half * Q_p[4], half * Q_p[5])
+        )
+        store_symmetric(
+            slow, p, (half * Q_s[0], half * Q_s[1], half * Q_s[2], half * Q_s[3], half * Q_s[4], half * Q_s[5])
+        )
         dH, dJ = cross(F_old, grad_v), contract(H_old, grad_v)
         store(H, p, combine(keep, load(H_start, p), take, combine(1.0, H_old, step, dH)))
         store(F, p, combine(keep, load(F_start, p), take, combine(1.0, F_old, step, grad_v)))

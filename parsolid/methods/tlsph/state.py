@@ -5,7 +5,14 @@ from typing import Any
 import numpy as np
 
 from parsolid.methods.tlsph.point_update import Branches, make_tile
-from parsolid.methods.tlsph.tile_fields import PLACES, make_branch_tiles, make_tiles, stored_energy, stresses, wave_speeds
+from parsolid.methods.tlsph.tile_fields import (
+    PLACES,
+    make_branch_tiles,
+    make_tiles,
+    stored_energy,
+    stresses,
+    wave_speeds,
+)
 from parsolid.materials.viscoelastic.maxwell import dissipation_factor, loss_weights, relaxation_weights
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field, Within

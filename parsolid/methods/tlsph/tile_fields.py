@@ -65,7 +65,9 @@ class Tiles(NamedTuple):
 def make_tiles() -> Tiles:
     """Tiles of sound particles."""
     numbers, two, symmetric = {"J", "J_start", "signal", "lost", "volume"}, {"impedance", "bound"}, {"fast", "slow"}
-    sizes = {name: 1 if name in numbers else 2 if name in two else 6 if name in symmetric else 9 for name in Tiles._fields}
+    sizes = {
+        name: 1 if name in numbers else 2 if name in two else 6 if name in symmetric else 9 for name in Tiles._fields
+    }
     return Tiles(**{name: make_tile(size) for name, size in sizes.items()})
 
 
@@ -129,7 +131,11 @@ def load_deformation(tiles, places, gradient, cofactors, jacobian, i, n):
                 tiles.H[8 * TILE + p] = jacobian[i + p]
     else:
         for p in range(TILE):
-            tiles.J[p] = tiles.F[p] * tiles.H[p] + tiles.F[TILE + p] * tiles.H[TILE + p] + tiles.F[2 * TILE + p] * tiles.H[2 * TILE + p]
+            tiles.J[p] = (
+                tiles.F[p] * tiles.H[p]
+                + tiles.F[TILE + p] * tiles.H[TILE + p]
+                + tiles.F[2 * TILE + p] * tiles.H[2 * TILE + p]
+            )
 
 
 @kernel
@@ -167,7 +173,9 @@ def stresses(law, branches, first, last, places, gradient, cofactors, jacobian, 
 
 
 @kernel
-def wave_speeds(law, plane, signals, branches, first, last, places, gradient, cofactors, jacobian, field_A, tiles, A, branch_sum):
+def wave_speeds(
+    law, plane, signals, branches, first, last, places, gradient, cofactors, jacobian, field_A, tiles, A, branch_sum
+):
     """(Greatest rho c_p^2 [Pa], greatest weighted sum of wave speeds [sqrt(Pa)] as in `update_tile`) of particles
     first .. last - 1."""
     largest, greatest = 0.0, 0.0

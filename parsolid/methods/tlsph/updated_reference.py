@@ -122,6 +122,7 @@ class UpdatedReference:
         except SolverError as error:
             self.fault = str(error)
         return self.fault is None
+
     def _to_original(self) -> None:
         """Corrections and volumes as `moved` says."""
         rows, d, F = self.particles.owned_rows, self.dimension, self._matrices(_GRADIENT)
