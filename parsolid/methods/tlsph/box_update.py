@@ -29,6 +29,8 @@ def advance_box(
     in `list_update.advance_step`, as is what is returned.
     """
     sound, dissipated, greatest, row = True, 0.0, 0.0, box.first
+    if d == 2:
+        tiles.G[:] = 0.0
     for i in range(box.first_plane, box.last_plane):
         gradient_in_plane(box, i, v, G)
         for a in range(box.first_node, box.last_node, TILE):
@@ -72,6 +74,8 @@ def advance_box_stage(
     `list_update.advance_stage`. Z (2 d, places): halves of the density times the moduli of pressure and shear waves
     along each axis."""
     sound, rate, largest, row = True, 0.0, 0.0, box.first
+    if d == 2:
+        tiles.G[:] = 0.0
     for i in range(box.first_plane, box.last_plane):
         gradient_in_plane(box, i, v, G)
         for a in range(box.first_node, box.last_node, TILE):
