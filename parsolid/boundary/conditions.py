@@ -21,7 +21,8 @@ applies supports, prescribed motion (`of(MotionCondition)`, with its `course`) a
 `find_reported` with its loads, `observe(duration, velocity)` and `report` at the end of its step.
 
 Vectors are arrays (d, n) with a row for each component. `external_force` and `loads` are forces [N] on the parts of
-particles on this side of mirror planes; `force` and `damping` are those on whole particles.
+particles on this side of mirror planes; `force` and `damping` are those on whole particles. The force of contact, tools
+and ties is a field of the particles (`EXTERNAL_FORCE`), which integrators add; supports and motion resist it, too.
 
 A new kind is a class of its keys in `scene/boundaries/`; if it derives from `Traction`, `Pressure` or `MotionCondition`
 there, that is all. A new load is a class in `boundary.forces`; a new constraint is one in `boundary.constraints`.
@@ -47,6 +48,10 @@ from parsolid.scene.boundaries.condition import Condition
 from parsolid.scene.boundaries.support import Support
 from parsolid.scene.regions import selected
 from parsolid.scene.schema import Scene
+
+# fields (d, n) of particles on which contact, tools or ties act: their force [N] in the present places, and impulses
+# [N s] at the end of a step, on the parts of particles on this side of mirror planes
+EXTERNAL_FORCE, EXTERNAL_IMPULSE = "external_force", "external_impulse"
 
 
 class _Holder(NamedTuple):
@@ -211,6 +216,8 @@ class Conditions(Loads):
         result = force[:, rows] if damping is None else force[:, rows] + damping[:, rows]
         if "share" in self.particles:
             result = self.particles.owned_rows("share")[rows] * result
+        if EXTERNAL_FORCE in self.particles:
+            result = result + self.particles.owned_rows(EXTERNAL_FORCE).T[:, rows]
         return result if external is None else result + external[:, rows]
 
     def observe(self, duration: float, velocity: np.ndarray | None = None) -> None:

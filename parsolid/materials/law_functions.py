@@ -65,8 +65,8 @@ def _kind_of_type(law: Any) -> tuple[Any, set[str]]:
 
 
 def law_function(declaration: Callable[..., Any]) -> Any:
-    """A function whose first argument is the law; raises TypeError, with both names, for a law that does not
-    implement it.
+    """A function of tuples and numbers whose first argument is the law; raises TypeError, with both names, for a law
+    that does not implement it.
 
     function.of(*kinds, lacking="a b") and function.otherwise (for all other laws) register implementations;
     function.has(kind) tells whether a type of laws has its own.
@@ -80,7 +80,7 @@ def law_function(declaration: Callable[..., Any]) -> Any:
     def choose(law, *arguments):
         return choices.find(*_kind_of_type(law))
 
-    overload(function, inline="always", strict=False)(choose)
+    overload(function, strict=False, inline="always")(choose)
 
     def of(*kinds: Any, lacking: str = "") -> Callable[[Callable[..., Any]], Callable[..., Any]]:
         def register(implementation: Callable[..., Any]) -> Callable[..., Any]:

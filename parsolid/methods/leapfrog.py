@@ -2,7 +2,8 @@
 
     v' = v + dt/2 (F + D + L)/m,   x += dt v',   forces of the new state,   v = v' + dt/2 (F + D + L)/m
 
-F: internal forces; D: dissipative forces (Riemann dissipation, artificial viscosity); L: external forces. Works are
+F: internal forces; D: dissipative forces (Riemann dissipation, artificial viscosity); L: loads, what holds particles,
+and forces of contact, tools and ties, whose work is a change of the energy that these store. Works are
 those on v', the velocity in the middle of the step, in both halves: the work of a force over a step is the mean of both
 ends times the displacement. Kinetic energy then changes by all works and by the difference of the kinetic offset,
 sum m |dt a/2|^2 / 2 with the total acceleration a, of both ends of the step: velocity Verlet conserves
@@ -14,8 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parsolid.boundary.conditions import Conditions
-from parsolid.kernels import reduction
+from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE, Conditions
+from parsolid.kernels import kernel, reduction
 from parsolid.particles.container import Particles
 
 
@@ -30,12 +31,13 @@ class KickEnergies(NamedTuple):
 
 
 @reduction
-def kick(n, opening, half, v, force, damping, mass, share, external, free):
+def kick(n, opening, half, v, force, damping, mass, share, external, interaction, free):
     """v after half a step `half` [s] of n particles; see `KickEnergies` for what it gives, as a tuple.
 
     v [m/s], force, damping or None [N], all (d, n or more); mass (n,) [kg] of whole particles; share (n,): the part of
-    a particle on this side of mirror planes, None where all are whole; external (d, n) [N] on that part, or None; free
-    (d, n): 0 where a component does not follow forces, else 1, or None. opening: whether this is the first half of a
+    a particle on this side of mirror planes, None where all are whole; external (d, n) [N] on that part, or None;
+    interaction: the same of contact, tools and ties, whose work is not counted; free (d, n): 0 where a component does
+    not follow forces, else 1, or None. opening: whether this is the first half of a
     step, so that its middle is after the kick.
     """
     work, dissipated, offset, centred = 0.0, 0.0, 0.0, 0.0
@@ -55,6 +57,8 @@ def kick(n, opening, half, v, force, damping, mass, share, external, free):
             change = half * acting / whole
             if external is not None:
                 change += half * external[c, a] / part
+            if interaction is not None:
+                change += half * interaction[c, a] / part
             if free is not None:
                 change *= free[c, a]
             old = velocity[a]
@@ -67,6 +71,20 @@ def kick(n, opening, half, v, force, damping, mass, share, external, free):
             dissipated -= resistance * middle
             centred += resistance * change if opening else -resistance * change
     return half * work, half * dissipated, 0.5 * offset, 0.5 * half * centred
+
+
+@kernel
+def add_impulse(n, v, impulse, mass, share, free):
+    """v += P/m of n particles, by impulses (d, n) [N s] on their parts on this side of mirror planes; see `kick`."""
+    for c in range(v.shape[0]):
+        for a in range(n):
+            part = mass[a]
+            if share is not None:
+                part *= share[a]
+            change = impulse[c, a] / part
+            if free is not None:
+                change *= free[c, a]
+            v[c, a] += change
 
 
 @reduction
@@ -98,7 +116,9 @@ def kinetic_energy(n, v, mass, share):
 class Leapfrog:
     """Half kicks of a rank's particles with their boundary conditions, and the energies of a step.
 
-    The particles have fields "velocity" and "position" in columns (d, n), and "mass".
+    The particles have fields "velocity" and "position" in columns (d, n), and "mass". Where contact, tools or ties act
+    on them they have "external_force" and "external_impulse" (d, n), too: the force [N] of the present places, of which
+    each kick takes its half, and impulses [N s] that the closing kick adds once.
     """
 
     def __init__(self, particles: Particles, conditions: Conditions, force: str, damping: str | None = None):
@@ -120,6 +140,15 @@ class Leapfrog:
     def close_step(self, time: float, step: float) -> None:
         """Closing half kick of a step [s] that ends at a time [s]."""
         self.closing = self._half_kick(False, time, step)
+        if EXTERNAL_IMPULSE in self.particles:
+            impulse = self.particles.storage(EXTERNAL_IMPULSE)
+            add_impulse(
+                self.particles.owned,
+                self.particles.storage("velocity"),
+                impulse,
+                *self._inertia(),
+                self.conditions.free,
+            )
         self.conditions.impose(time)
 
     def book(self, step: float, ledger: Any, internal: float, offset_term: str | None) -> None:
@@ -135,12 +164,14 @@ class Leapfrog:
         particles, conditions = self.particles, self.conditions
         storage = particles.storage
         force, damping = storage(self._force), None if self._damping is None else storage(self._damping)
+        interaction = storage(EXTERNAL_FORCE) if EXTERNAL_FORCE in particles else None
         external = conditions.external_force(time, force, damping, before_jump=not opening)
         if not opening:
             conditions.observe(0.5 * step)
-        share = particles.owned_rows("share") if "share" in particles else None
-        mass: np.ndarray = particles.owned_rows("mass")
-        v = storage("velocity")
-        return KickEnergies(
-            *kick(particles.owned, opening, 0.5 * step, v, force, damping, mass, share, external, conditions.free)
-        )
+        arrays = storage("velocity"), force, damping, *self._inertia(), external, interaction, conditions.free
+        return KickEnergies(*kick(particles.owned, opening, 0.5 * step, *arrays))
+
+    def _inertia(self) -> tuple[np.ndarray, np.ndarray | None]:
+        """Masses of whole particles and their parts on this side of mirror planes, as kernels take them."""
+        of = self.particles.owned_rows
+        return of("mass"), of("share") if "share" in self.particles else None

@@ -63,6 +63,9 @@ class ListWeights:
         everywhere = near.with_ghosts_and_images(correction, "tensor")
         for pairs in near.lists:
             jump_factors(pairs, everywhere, self.dissipation, self.directional)
+            if self.rounded:
+                d = correction.shape[1]
+                pairs.weight[:, d] = pairs.weight[:, d].astype(np.float32)
         return correction
 
 

@@ -133,11 +133,17 @@ def test_centred_dissipation_is_that_of_mean_velocities():
     chance = np.random.default_rng(5)
     v, force, damping = chance.normal(size=(3, 3, 20))
     mass, share = chance.uniform(1.0, 2.0, (2, 20))
-    external, free = chance.normal(size=(3, 20)), np.where(chance.uniform(size=(3, 20)) < 0.2, 0.0, 1.0)
+    external, interaction, free = (
+        *chance.normal(size=(2, 3, 20)),
+        np.where(chance.uniform(size=(3, 20)) < 0.2, 0.0, 1.0),
+    )
     for opening in (True, False):
         old, half = v.copy(), 0.05
-        work, dissipated, offset, centred = kick(20, opening, half, v, force, damping, mass, share, external, free)
-        np.testing.assert_allclose(v - old, free * half * ((force + damping) / mass + external / (mass * share)))
+        work, dissipated, offset, centred = kick(
+            20, opening, half, v, force, damping, mass, share, external, interaction, free
+        )
+        acting = (force + damping) / mass + (external + interaction) / (mass * share)
+        np.testing.assert_allclose(v - old, free * half * acting)
         middle = v if opening else old
         assert work == pytest.approx(half * np.sum(external * middle))
         assert dissipated == pytest.approx(-half * np.sum(share * damping * middle))

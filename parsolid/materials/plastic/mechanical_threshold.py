@@ -5,7 +5,7 @@
 from typing import Annotated, NamedTuple
 
 from parsolid.elementary import exp, log, power
-from parsolid.kernels import inlined
+from parsolid.kernels import scalar
 from parsolid.materials.declaration import Parameter, law
 from parsolid.materials.plastic.functions import flow_stress
 
@@ -42,7 +42,7 @@ class MechanicalThreshold(NamedTuple):
     saturation_rate: Annotated[float, Parameter("1/s", "edot_s", above=0.0)]
 
 
-@inlined
+@scalar
 def _hardened(alpha, strain):
     """x with int_0^x dx'/(1 - tanh(alpha x')/tanh alpha) = strain, by Halley's method.
 
@@ -61,13 +61,13 @@ def _hardened(alpha, strain):
     for _ in range(_HALLEY_STEPS):
         w = exp(logarithm)
         decay = exp(-2.0 * w)
-        # where the difference has no digits left, sinh w = w
+        # where the difference has no digits left, sinh w = w; what it would be is computed all the same
         short = w < 1e-5
         twice = 2.0 * w if short else 1.0 - decay
         log_sinh = w + log(0.5 * twice)
         value = (logarithm if short else log_sinh) - slope * w - c
         rise = w * ((1.0 + decay) / twice - slope)
-        bend = rise - 4.0 * w * w * decay / (twice * twice)
+        bend = rise - 4.0 * (w / twice) * (w / twice) * decay
         logarithm = logarithm - value * rise / (rise * rise - 0.5 * value * bend)
     return 1.0 - exp(logarithm) / alpha
 

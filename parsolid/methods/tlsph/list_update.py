@@ -13,7 +13,7 @@ from parsolid.methods.tlsph.point_update import (
     waves_tile,
 )
 from parsolid.methods.tlsph.tile_fields import copy_branches_in, copy_branches_out, copy_in, copy_out, load_deformation
-from parsolid.tensors import matmul, matmul_transposed, plus, times
+from parsolid.tensors import cofactor, matmul, matmul_transposed, plus, times
 
 
 @kernel
@@ -163,6 +163,11 @@ def advance_stage(
             copy_in(tiles.H_start, places.tensor, cofactors_start, i, n)
         for p in range(n):
             tiles.J_start[p] = jacobian_start[i + p]
+        if cofactors is None:
+            # linear in F in the plane
+            for p in range(TILE):
+                store(tiles.H_start, p, cofactor(load(tiles.F_start, p)))
+                tiles.H_start[8 * TILE + p] = tiles.J_start[p]
         if A is not None:
             copy_branches_in(A, places.symmetric, field_A, i, n)
         if push is not None:
