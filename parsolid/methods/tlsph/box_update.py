@@ -13,7 +13,7 @@ from parsolid.methods.tlsph.point_update import (
     update_tile,
     waves_tile,
 )
-from parsolid.methods.tlsph.tile_fields import copy_branches_in, copy_branches_out, copy_in, copy_out, load_deformation
+from parsolid.methods.tlsph.tile_fields import copy_branches_in, copy_branches_out, copy_in, copy_out, load_stage
 from parsolid.pairs.box_sweeps import gradient_in_plane
 
 
@@ -81,18 +81,10 @@ def advance_box_stage(
         for a in range(box.first_node, box.last_node, TILE):
             n, place = min(TILE, box.last_node - a), box.start + i * box.nodes + a
             copy_in(tiles.G, places.tensor, G, place, n)
-            load_deformation(tiles, places, gradient, cofactors, jacobian, row, n)
-            if at_start:
-                copy_out(gradient_start, row, n, tiles.F, places.tensor)
-                if cofactors is not None:
-                    copy_out(cofactors_start, row, n, tiles.H, places.tensor)
-                for p in range(n):
-                    jacobian_start[row + p] = tiles.J[p]
-            copy_in(tiles.F_start, places.tensor, gradient_start, row, n)
-            if cofactors is not None:
-                copy_in(tiles.H_start, places.tensor, cofactors_start, row, n)
-            for p in range(n):
-                tiles.J_start[p] = jacobian_start[row + p]
+            load_stage(
+                tiles, places, at_start, gradient, cofactors, jacobian,
+                gradient_start, cofactors_start, jacobian_start, row, n,
+            )  # fmt: skip
             if A is not None:
                 copy_branches_in(A, places.symmetric, field_A, row, n)
             if initial is not None:

@@ -12,8 +12,8 @@ from parsolid.methods.tlsph.point_update import (
     update_tile,
     waves_tile,
 )
-from parsolid.methods.tlsph.tile_fields import copy_branches_in, copy_branches_out, copy_in, copy_out, load_deformation
-from parsolid.tensors import cofactor, matmul, matmul_transposed, plus, times
+from parsolid.methods.tlsph.tile_fields import copy_branches_in, copy_branches_out, copy_in, copy_out, load_stage
+from parsolid.tensors import matmul, matmul_transposed, plus, times
 
 
 @kernel
@@ -151,23 +151,10 @@ def advance_stage(
     for i in range(first, last, TILE):
         n = min(TILE, last - i)
         load_gradient(d, places, sums, correction, pair_volume, i, n, tiles)
-        load_deformation(tiles, places, gradient, cofactors, jacobian, i, n)
-        if at_start:
-            copy_out(gradient_start, i, n, tiles.F, places.tensor)
-            if cofactors is not None:
-                copy_out(cofactors_start, i, n, tiles.H, places.tensor)
-            for p in range(n):
-                jacobian_start[i + p] = tiles.J[p]
-        copy_in(tiles.F_start, places.tensor, gradient_start, i, n)
-        if cofactors is not None:
-            copy_in(tiles.H_start, places.tensor, cofactors_start, i, n)
-        for p in range(n):
-            tiles.J_start[p] = jacobian_start[i + p]
-        if cofactors is None:
-            # linear in F in the plane
-            for p in range(TILE):
-                store(tiles.H_start, p, cofactor(load(tiles.F_start, p)))
-                tiles.H_start[8 * TILE + p] = tiles.J_start[p]
+        load_stage(
+            tiles, places, at_start, gradient, cofactors, jacobian,
+            gradient_start, cofactors_start, jacobian_start, i, n,
+        )  # fmt: skip
         if A is not None:
             copy_branches_in(A, places.symmetric, field_A, i, n)
         if push is not None:

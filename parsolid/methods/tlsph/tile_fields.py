@@ -139,6 +139,30 @@ def load_deformation(tiles, places, gradient, cofactors, jacobian, i, n):
 
 
 @kernel
+def load_stage(
+    tiles, places, at_start, gradient, cofactors, jacobian, gradient_start, cofactors_start, jacobian_start, i, n
+):  # fmt: skip
+    """F, H and J of n particles from row i on, and those at the start of the step, which is now if at_start."""
+    load_deformation(tiles, places, gradient, cofactors, jacobian, i, n)
+    if at_start:
+        copy_out(gradient_start, i, n, tiles.F, places.tensor)
+        if cofactors is not None:
+            copy_out(cofactors_start, i, n, tiles.H, places.tensor)
+        for p in range(n):
+            jacobian_start[i + p] = tiles.J[p]
+    copy_in(tiles.F_start, places.tensor, gradient_start, i, n)
+    for p in range(n):
+        tiles.J_start[p] = jacobian_start[i + p]
+    if cofactors is not None:
+        copy_in(tiles.H_start, places.tensor, cofactors_start, i, n)
+    else:
+        # linear in F in the plane
+        for p in range(TILE):
+            store(tiles.H_start, p, cofactor(load(tiles.F_start, p)))
+            tiles.H_start[8 * TILE + p] = tiles.J_start[p]
+
+
+@kernel
 def stored_energy(law, branches, first, last, places, gradient, cofactors, jacobian, field_A, volume, tiles, A):
     """Sum of W V [J] over particles first .. last - 1, eqs (19), (20) of Lee et al.; volume (n,): tributary."""
     total = 0.0
