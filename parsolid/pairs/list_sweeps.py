@@ -28,8 +28,6 @@ None where shear waves have one speed in all directions.
 
 from typing import NamedTuple
 
-import numpy as np
-
 from parsolid.kernels import inlined, kernel
 from parsolid.pairs.rows_of_four import add, add_scaled, load_row, scale, store_row, subtract
 

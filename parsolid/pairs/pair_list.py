@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from decomposition.halo import Halo
-from parsolid.collective import maximum, raise_together
+from parsolid.collective import raise_together
 from parsolid.kernels import kernel
 from parsolid.pairs.candidates import (
     bonded_only,
@@ -33,8 +33,8 @@ class PairList(NamedTuple):
 class MirrorImages(NamedTuple):
     """Images of particles in mirror planes and in their edges and corners, (k,) and (k, d).
 
-    source: rows of the originals. With Q (signs) of a vector, R (reflection) of a place, the shift T of the planes and a
-    sign s of the stress (stress_sign), the image of a particle has v' = Q v, X' = R X + T, x' = X' + Q (x - X),
+    source: rows of the originals. With Q (signs) of a vector, R (reflection) of a place, the shift T of the planes and
+    a sign s of the stress (stress_sign), the image of a particle has v' = Q v, X' = R X + T, x' = X' + Q (x - X),
     P' L' = s Q P L Q, grad v' = Q grad v R, and symmetric tensors of the reference R S R.
     """
 

@@ -6,9 +6,9 @@ import numpy as np
 from points import COPPER, scene
 from solids import SOFT, tables
 
+from parsolid.boundary.conditions import Conditions
 from parsolid.methods.mpm.grid_conditions import GridConditions
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
-from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.methods.ulsph.boundaries import BoundarySet
 from parsolid.methods.ulsph.fields import declare_motion
 from parsolid.particles.container import Particles
@@ -64,7 +64,9 @@ def translated(comm, data: dict):
     scene = parse_scene(data)
     particle_set = generate(scene, comm)
     if scene.method.kind == "tlsph":
-        return build_boundaries(comm, scene, particle_set, Particles(particle_set.body))
+        particles = Particles(particle_set.body)
+        declare_generated(particles, particle_set)
+        return Conditions(comm, scene, particle_set, particles)
     if scene.method.kind == "peridynamics":
         return PeridynamicLoads(comm, scene, particle_set, Particles(particle_set.body))
     if scene.method.kind == "ulsph":

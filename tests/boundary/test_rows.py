@@ -9,7 +9,6 @@ from parsolid.boundary.loads import InTime
 from parsolid.methods.mpm.grid_conditions import GridConditions
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
-from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Field
 from parsolid.particles.generation import generate
@@ -57,25 +56,6 @@ MOVING = [
     {"kind": "traction", "plane": "Y = 1", "traction": [0.0, "X*t"]},
 ]
 LOADS = {"body_force": ["X", "t*Y"], "acceleration": [0.0, -9.81]}
-
-
-def test_loads_and_prescribed_velocities_of_tlsph(comm):
-    scene = parse_scene(tables_of("tlsph", *MOVING) | {"loads": LOADS})
-    particle_set = generate(scene, comm)
-    particles = contained(particle_set)
-    still = contained(particle_set)
-    fixed, found = (build_boundaries(comm, scene, particle_set, one) for one in (still, particles))
-    for again in range(3):
-        for time in (0.0, 0.7):
-            loads = by_particle(particles, found.loads_at(time))
-            assert np.array_equal(loads, by_particle(still, fixed.loads_at(time)))
-            if comm.size == 1 and time > 0.0:
-                assert len(np.unique(loads[:, 1])) > 9
-            expected = spread(still, fixed.prescribed, "velocity", time)
-            assert np.array_equal(spread(particles, found.prescribed, "velocity", time), expected)
-        if again < 2:
-            shuffle(particles)
-    assert particles.layout > 2
 
 
 @pytest.mark.parametrize("traction", ["consistent", "horizon", "single-layer"])

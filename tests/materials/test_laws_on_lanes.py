@@ -19,10 +19,20 @@ from parsolid.materials.viscoelastic.maxwell_lanes import (
     relaxation_weights,
     relaxed,
 )
-from parsolid.methods.tlsph.deformation import current_branches
+from parsolid.numerics.dispatch import none_without
 from parsolid.numerics.lanes import lane
 from parsolid.numerics.layout import LAYOUT, load_branch, load_deformation
 from parsolid.numerics.tensors import add, gram, lane_of_general, lane_of_stored_symmetric, scale
+
+
+@none_without("branches")
+def current_branches(space, law, branches, i, F):
+    """sum mu_alpha A_alpha of the stored A."""
+    total = scale(0.0, gram(F))
+    for alpha in range(len(law.branch_moduli)):
+        total = add(total, scale(law.branch_moduli[alpha], load_branch(space, branches, alpha, i)))
+    return total
+
 
 LAWS = {
     "neo-hookean": MooneyRivlin(1100.0, 3.0, None, 7.0, (2.0, 5.0), (0.1, 3.0)),

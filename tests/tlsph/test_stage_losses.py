@@ -50,19 +50,19 @@ def test_a_wrong_force_is_not_taken_for_what_stages_take(what, monkeypatch):
     """One that is 1 % too large, or not of its stored energy."""
     simulation = ringing()
     system = simulation.systems[0]
-    name = "divergence" if what == "force" else "gradient"
-    pass_of, field = getattr(system.pairs, name), "pair_force" if what == "force" else "pair_sums"
+    name = "find_forces" if what == "force" else "_sweep_gradients"
+    sweep = getattr(system.lists, name)
 
-    def wrong(*arguments):
-        pass_of(*arguments)
-        system.particles.storage(field)[: system.owned] *= 1.01
+    def wrong():
+        sweep()
+        (system.particles.storage("stress_force") if what == "force" else system.lists.sums)[:] *= 1.01
 
-    monkeypatch.setattr(system.pairs, name, wrong)
+    monkeypatch.setattr(system.lists, name, wrong)
     found = columns(simulation)
     assert np.abs(found["balance"]).max() > 2e-3 * found["kinetic"][0]
 
 
 def test_where_bodies_do_not_meet_nothing_is_told():
     simulation = ringing(contact=[])
-    assert "first_stage_acceleration" not in simulation.systems[0].particles
+    assert "stress_of_stage_0" not in simulation.systems[0].particles
     assert columns(simulation)["dissipation_numerical"][-1] == 0.0

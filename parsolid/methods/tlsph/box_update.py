@@ -2,7 +2,7 @@
 in the cache."""
 
 from parsolid.kernels import kernel
-from parsolid.methods.tlsph.list_update import add_initial_stress
+from parsolid.methods.tlsph.list_update import add_initial_stress, load_start, store_deformation
 from parsolid.methods.tlsph.point_update import (
     TILE,
     largest_modulus,
@@ -13,8 +13,8 @@ from parsolid.methods.tlsph.point_update import (
     update_tile,
     waves_tile,
 )
-from parsolid.methods.tlsph.tile_fields import copy_branches_in, copy_branches_out, copy_in, copy_out, load_stage
-from parsolid.pairs.box_sweeps import gradient_in_plane
+from parsolid.methods.tlsph.tile_fields import copy_branches_in, copy_branches_out, copy_in, copy_out, load_deformation
+from parsolid.pairs.box_sweeps import copy, gradient_in_plane
 
 
 @kernel
@@ -49,14 +49,14 @@ def advance_box(
             copy_out(gradient, row, n, tiles.F, places.tensor)
             copy_out(P, place, n, tiles.P, places.tensor)
             if Z is not None:
-                for p in range(n):
-                    Z[0, place + p], Z[1, place + p] = tiles.impedance[p], tiles.impedance[TILE + p]
+                copy(Z[0, place : place + n], tiles.impedance[:n])
+                copy(Z[1, place : place + n], tiles.impedance[TILE : TILE + n])
             if A is not None:
                 copy_branches_out(field_A, row, n, A, places.symmetric)
                 for p in range(n):
                     dissipated += tiles.lost[p] * volume[row + p]
+            copy(jacobian[row : row + n], tiles.J[:n])
             for p in range(n):
-                jacobian[row + p] = tiles.J[p]
                 sound = sound and tiles.J[p] > 0.0
                 # max gives its second argument where either is not a number
                 greatest = max(greatest, tiles.signal[p])
@@ -81,10 +81,10 @@ def advance_box_stage(
         for a in range(box.first_node, box.last_node, TILE):
             n, place = min(TILE, box.last_node - a), box.start + i * box.nodes + a
             copy_in(tiles.G, places.tensor, G, place, n)
-            load_stage(
-                tiles, places, at_start, gradient, cofactors, jacobian,
-                gradient_start, cofactors_start, jacobian_start, row, n,
-            )  # fmt: skip
+            load_deformation(tiles, places, gradient, cofactors, jacobian, row, n)
+            if at_start:
+                store_deformation(tiles, places, gradient_start, cofactors_start, jacobian_start, row, n)
+            load_start(tiles, places, gradient_start, cofactors_start, jacobian_start, row, n)
             if A is not None:
                 copy_branches_in(A, places.symmetric, field_A, row, n)
             if initial is not None:
@@ -99,16 +99,13 @@ def advance_box_stage(
             if initial is not None:
                 copy_in(tiles.S, places.tensor, initial, row, n)
                 add_initial_stress(tiles.initial, tiles.S, tiles.P)
-            copy_out(gradient, row, n, tiles.F, places.tensor)
-            if cofactors is not None:
-                copy_out(cofactors, row, n, tiles.H, places.tensor)
+            store_deformation(tiles, places, gradient, cofactors, jacobian, row, n)
             copy_out(P, place, n, tiles.P, places.tensor)
-            for k in range(d):
-                for p in range(n):
-                    if Z is not None:
-                        Z[k, place + p], Z[d + k, place + p] = tiles.fast[k * TILE + p], tiles.slow[k * TILE + p]
+            if Z is not None:
+                for k in range(d):
+                    copy(Z[k, place : place + n], tiles.fast[k * TILE : k * TILE + n])
+                    copy(Z[d + k, place : place + n], tiles.slow[k * TILE : k * TILE + n])
             for p in range(n):
-                jacobian[row + p] = tiles.J[p]
                 sound = sound and tiles.J[p] > 0.0
             if A is not None:
                 for p in range(n):

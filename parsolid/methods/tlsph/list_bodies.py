@@ -27,8 +27,8 @@ class ListBodies:
     """The particles of a rank that find their neighbours in lists, and what their sweeps read and write.
 
     waves: what impedances depend on, 0: there is no dissipation, 1: mean impedances, 2: pressure waves by direction, 3:
-    both waves by direction. near: lists of pairs. motion, sums, record, fast, slow, force: rows of particles, ghosts and
-    mirror images, see `list_sweeps`.
+    both waves by direction. near: lists of pairs. motion, sums, record, fast, slow, force: rows of particles, of ghosts
+    and of mirror images, see `list_sweeps`.
     """
 
     near: Neighbours

@@ -12,8 +12,8 @@ from parsolid.methods.tlsph.point_update import (
     update_tile,
     waves_tile,
 )
-from parsolid.methods.tlsph.tile_fields import copy_branches_in, copy_branches_out, copy_in, copy_out, load_stage
-from parsolid.tensors import matmul, matmul_transposed, plus, times
+from parsolid.methods.tlsph.tile_fields import copy_branches_in, copy_branches_out, copy_in, copy_out, load_deformation
+from parsolid.tensors import cofactor, matmul, matmul_transposed, plus, times
 
 
 @kernel
@@ -67,8 +67,10 @@ def store_record(d, half, i, n, record, inverse, tiles):
 
 @kernel
 def store_waves(d, i, n, rows, Q, isotropic):
-    """Wave tensors of a tile into their rows; isotropic: half rho c_s where it has no direction, beside the pressure
-    waves."""
+    """Wave tensors of a tile into their rows, if there are any; isotropic: half rho c_s where it has no direction,
+    beside the pressure waves."""
+    if rows is None:
+        return
     for p in range(n):
         row = rows[i + p]
         if d == 3:
@@ -132,6 +134,30 @@ def advance_step(
 
 
 @kernel
+def load_start(tiles, places, gradient, cofactors, jacobian, i, n):
+    """F, H and J at the start of the step of n particles from row i on, as `load_deformation` takes them."""
+    copy_in(tiles.F_start, places.tensor, gradient, i, n)
+    for p in range(n):
+        tiles.J_start[p] = jacobian[i + p]
+    if cofactors is not None:
+        copy_in(tiles.H_start, places.tensor, cofactors, i, n)
+    else:
+        for p in range(TILE):
+            store(tiles.H_start, p, cofactor(load(tiles.F_start, p)))
+            tiles.H_start[8 * TILE + p] = tiles.J_start[p]
+
+
+@kernel
+def store_deformation(tiles, places, gradient, cofactors, jacobian, i, n):
+    """F, H and J of n particles into rows from i on, as `load_deformation` takes them."""
+    copy_out(gradient, i, n, tiles.F, places.tensor)
+    if cofactors is not None:
+        copy_out(cofactors, i, n, tiles.H, places.tensor)
+    for p in range(n):
+        jacobian[i + p] = tiles.J[p]
+
+
+@kernel
 def advance_stage(
     law, keep, take, step, at_start, at_end, d, branches, half, isotropic, first, last, places,
     gradient, cofactors, jacobian, gradient_start, cofactors_start, jacobian_start, field_A,
@@ -144,17 +170,17 @@ def advance_stage(
     Arguments as in `point_update.stage_tile` and `advance_step`; fast, slow: rows of wave tensors, or None;
     kept_stress (4 or 9, n): takes P of the stage, or None.
 
-    Returns (whether all Jacobians are positive, dissipation rate of branches [W], greatest rho c_p^2 [Pa] of the state at
-    the end of the step).
+    Returns (whether all Jacobians are positive, dissipation rate of branches [W], greatest rho c_p^2 [Pa] of the state
+    at the end of the step).
     """
     sound, rate, largest = True, 0.0, 0.0
     for i in range(first, last, TILE):
         n = min(TILE, last - i)
         load_gradient(d, places, sums, correction, pair_volume, i, n, tiles)
-        load_stage(
-            tiles, places, at_start, gradient, cofactors, jacobian,
-            gradient_start, cofactors_start, jacobian_start, i, n,
-        )  # fmt: skip
+        load_deformation(tiles, places, gradient, cofactors, jacobian, i, n)
+        if at_start:
+            store_deformation(tiles, places, gradient_start, cofactors_start, jacobian_start, i, n)
+        load_start(tiles, places, gradient_start, cofactors_start, jacobian_start, i, n)
         if A is not None:
             copy_branches_in(A, places.symmetric, field_A, i, n)
         if push is not None:
@@ -172,17 +198,12 @@ def advance_stage(
             add_initial_stress(tiles.initial, tiles.S, tiles.P)
         if kept_stress is not None:
             copy_out(kept_stress, i, n, tiles.P, places.tensor)
-        copy_out(gradient, i, n, tiles.F, places.tensor)
-        if cofactors is not None:
-            copy_out(cofactors, i, n, tiles.H, places.tensor)
+        store_deformation(tiles, places, gradient, cofactors, jacobian, i, n)
         for p in range(n):
-            jacobian[i + p] = tiles.J[p]
             sound = sound and tiles.J[p] > 0.0
         store_record(d, half, i, n, record, inverse_tile, tiles)
-        if fast is not None:
-            store_waves(d, i, n, fast, tiles.fast, isotropic)
-        if slow is not None:
-            store_waves(d, i, n, slow, tiles.slow, 0.0)
+        store_waves(d, i, n, fast, tiles.fast, isotropic)
+        store_waves(d, i, n, slow, tiles.slow, 0.0)
         if A is not None:
             for p in range(n):
                 rate += tiles.lost[p] * volume[i + p]

@@ -1,9 +1,9 @@
 """Deformation, stress and wave speeds of single particles, on tiles of 32.
 
 A tile holds the tensors of TILE particles in flat arrays: component c of particle p stands at c * TILE + p, general
-tensors with nine components, symmetric ones with six (`parsolid.tensors`). Flat tiles stay in the first-level cache, and
-LLVM sees that their components do not overlap, without which it does not vectorise these loops. In plane strain the
-components out of the plane are those of F33 = 1; `plane` excludes that direction from wave speeds.
+tensors with nine components, symmetric ones with six (`parsolid.tensors`). Flat tiles stay in the first-level cache,
+and LLVM sees that their components do not overlap, without which it does not vectorise these loops. In plane strain
+the components out of the plane are those of F33 = 1; `plane` excludes that direction from wave speeds.
 
 Whatever sums over neighbours (pair lists, box sweeps) loads a tile, calls `update_tile` (leapfrog) or `stage_tile`
 (SSP-RK3), and stores what it needs. A tile that is only partly filled must hold sound values in the rest, as
@@ -92,9 +92,10 @@ def make_tile(components):
 
 
 @inlined
-def in_directions(plane, Q):
-    """A wave tensor whose eigenvalues are those of directions in the plane, where `plane` is true."""
-    return (Q[0], Q[1], 0.5 * (Q[0] + Q[1]) if plane else Q[2], Q[3], Q[4], Q[5])
+def in_directions(third, Q):
+    """A wave tensor whose eigenvalues are those of directions in the plane for third = 0, of all for third = 1."""
+    # a factor, as numba warns of conditions in inlined functions
+    return (Q[0], Q[1], third * Q[2] + (1.0 - third) * 0.5 * (Q[0] + Q[1]), Q[3], Q[4], Q[5])
 
 
 @inlined
@@ -143,6 +144,7 @@ def update_tile(
             relax_branch(k, branches, step, F, G, A[6 * TILE * k : 6 * TILE * (k + 1)], branch_sum, lost)
             total += branches.moduli[k]
     p1, s1, p2, s2, p3, s3 = signals
+    third = 0.0 if plane else 1.0
     for p in range(TILE):
         F_new = combine(1.0, load(F, p), step, load(G, p))
         H = cofactor(F_new)
@@ -156,13 +158,13 @@ def update_tile(
         store(F, p, F_new)
         store(P, p, P_new)
         J[p] = J_new
-        fast, slow = in_directions(plane, fast), in_directions(plane, slow)
+        fast, slow = in_directions(third, fast), in_directions(third, slow)
         c_p, c_s = largest_eigenvalue_bound(fast) ** 0.5, largest_eigenvalue_bound(slow) ** 0.5
-        signal[p] = max(p1 * c_p + s1 * c_s, max(p2 * c_p + s2 * c_s, p3 * c_p + s3 * c_s))
+        signal[p] = max(p1 * c_p + s1 * c_s, p2 * c_p + s2 * c_s, p3 * c_p + s3 * c_s)
         if push is not None:
             # rho_r^2 c_r^2 of the moved reference: F_r Q F_r^T / J_r^2
             fast, slow = congruence(load(push, p), fast), congruence(load(push, p), slow)
-            fast, slow = in_directions(plane, fast), in_directions(plane, slow)
+            fast, slow = in_directions(third, fast), in_directions(third, slow)
         impedance[p], impedance[TILE + p] = (
             0.5 * mean_impedance(law.density, fast),
             0.5 * mean_impedance(law.density, slow),
@@ -188,7 +190,7 @@ def branches_at_stage(k, branches, F, F_start, A, branch_sum, rate):
 def stage_tile(
     law, keep, take, step, branches, F, H, J, F_start, H_start, J_start, G, A, branch_sum, push, P, fast, slow, rate
 ):  # fmt: skip
-    """SSP-RK3: one stage y <- keep y_start + take (y + step dy/dt) of F, H and J of a tile, eqs (72b)-(72d) of Lee et al.
+    """SSP-RK3: one stage y <- keep y_start + take (y + step dy/dt) of F, H and J of a tile, eqs (72b) to (72d).
 
     Fills P [Pa] and, of the state before the stage, halves of rho^2 times the wave tensors of pressure (fast, 6 TILE)
     and shear (slow); rate: dissipation [W/m^3] of the branches, times its factor in the integral over the step.
@@ -270,13 +272,14 @@ def waves_tile(law, plane, branches, F, H, J, A, branch_sum, fast, slow, bound):
     total = 0.0
     if A is not None:
         total = sum_branches(branches, A, branch_sum)
+    third = 0.0 if plane else 1.0
     for p in range(TILE):
         F_now, H_now, J_now = load(F, p), load(H, p), J[p]
         Q_p, Q_s = pressure_waves(law, F_now, H_now, J_now), shear_waves(law, F_now)
         if A is not None:
             S = load_symmetric(branch_sum, p)
             Q_p, Q_s = plus_symmetric(Q_p, branch_waves(total, S, H_now, J_now)), plus_symmetric(Q_s, S)
-        Q_p, Q_s = in_directions(plane, Q_p), in_directions(plane, Q_s)
+        Q_p, Q_s = in_directions(third, Q_p), in_directions(third, Q_s)
         store_symmetric(fast, p, Q_p)
         store_symmetric(slow, p, Q_s)
         bound[p], bound[TILE + p] = largest_eigenvalue_bound(Q_p), largest_eigenvalue_bound(Q_s)

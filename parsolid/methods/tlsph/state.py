@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from parsolid.materials.viscoelastic.maxwell import dissipation_factor, loss_weights, relaxation_weights
 from parsolid.methods.tlsph.point_update import Branches, make_tile
 from parsolid.methods.tlsph.tile_fields import (
     PLACES,
@@ -13,7 +14,6 @@ from parsolid.methods.tlsph.tile_fields import (
     stresses,
     wave_speeds,
 )
-from parsolid.materials.viscoelastic.maxwell import dissipation_factor, loss_weights, relaxation_weights
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field, Within
 from parsolid.particles.generated import declare_generated
@@ -115,7 +115,7 @@ class LawBlock:
         return result
 
     def wave_speeds(self, signals: tuple[float, ...]) -> tuple[float, float]:
-        """Greatest rho c_p^2 [Pa] and greatest signal [sqrt(Pa)] of the present state, see `tile_fields.wave_speeds`."""
+        """Greatest rho c_p^2 [Pa] and greatest signal [sqrt(Pa)] now, see `tile_fields.wave_speeds`."""
         rows, tiles = (self.first, self.last, self.places), (self.tiles, self.A, self.branch_sum)
         arguments = (self.dimension == 2, signals, self.branches(0.0), *rows, *self._state(), *tiles)
         largest, greatest = wave_speeds(self.solid, *arguments)

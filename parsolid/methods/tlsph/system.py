@@ -6,7 +6,7 @@ import numpy as np
 
 from parsolid.boundary.conditions import Conditions
 from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
-from parsolid.collective import anywhere, maximum, minimum
+from parsolid.collective import anywhere, minimum
 from parsolid.materials.blocks import block_numbers
 from parsolid.materials.hyperelastic.functions import elastic_moduli, isotropic_shear_modulus
 from parsolid.materials.registry import laws_of
@@ -39,10 +39,11 @@ from parsolid.scene import initial_deformation_gradient, initial_displacement, i
 class TotalLagrangianSPH(ParticleSystem):
     """The method on one rank.
 
-    blocks: ranges of particles that share a law, first those of bodies with pair lists, then every box for itself.
-    lists, boxes: `ListBodies`, `BoxBodies`, None where the scene has no such bodies. sweeps: what finds velocity gradients and forces, each for its bodies:
-    it has advance_step(step), advance_stage(stage, step), find_forces() and displacement_gradient(), see `ListBodies`.
-    leapfrog or staged_step: the integrator, the other is None.
+    blocks: ranges of particles that share a law, first those of bodies with pair lists, then every box for itself;
+    branches: most of any law. lists, boxes: `ListBodies` and `BoxBodies`, None where the scene has no such bodies;
+    sweeps: those there are, which find velocity gradients and forces, each for its bodies: advance_step(step),
+    advance_stage(stage, step), find_forces(), displacement_gradient(result). leapfrog or staged_step: the integrator,
+    the other is None.
     """
 
     def __init__(self, comm: Any, scene: Any, particle_set: Any) -> None:
@@ -55,9 +56,8 @@ class TotalLagrangianSPH(ParticleSystem):
         groups = _groups_of(self.laws, boxes_of(scene, self.body_weights))
         self.particles = Particles(particle_set.body, groups)
         self.staged = self.settings.integrator == "ssp-rk3"
-        declare_fields(
-            self.particles, particle_set, max(len(law.branch_moduli or ()) for law in self.laws), self.staged
-        )
+        self.branches = max(len(law.branch_moduli or ()) for law in self.laws)
+        declare_fields(self.particles, particle_set, self.branches, self.staged)
         ends, law_of_group = self.particles.bounds.tolist(), dict(zip(groups.tolist(), self.laws))
         found = [(first, last, law_of_group[g]) for g, (first, last) in enumerate(zip(ends, ends[1:])) if last > first]
         self.blocks = [LawBlock(self.particles, *one) for one in found]
@@ -170,13 +170,13 @@ class TotalLagrangianSPH(ParticleSystem):
             derived &= ~where
         if self.initial_stress is not None:
             self.initial_stress.begin(*place)
-        self._complete_strain(derived)
+        self.complete_strain(derived)
         take_state(self.comm, scene, self, particle_set)
         self.conditions.hold(0.0)
         if take_forces(self.comm, scene, self) and self.leapfrog is not None:
             self.leapfrog.forces_of = 0
 
-    def _complete_strain(self, derived: np.ndarray) -> None:
+    def complete_strain(self, derived: np.ndarray) -> None:
         """H and J at time 0 from F; derived (n,): particles whose F is that of their displacement, by the scheme's own
         gradient. Collective."""
         rows, d, owned = self.particles.owned_rows, self.dimension, self.owned

@@ -38,8 +38,8 @@ PLACES = {
 
 
 class Tiles(NamedTuple):
-    """Scratch tiles of one law: deformation F, H, J, velocity gradient G, stress P, wave tensors and bounds, corrections
-    L and sums S of gradients, and those that an option needs; A and branch_sum are None without branches."""
+    """Scratch tiles of one law: deformation F, H, J, also at the start of a step, velocity gradient G, stress P, wave
+    tensors and their bounds, corrections L and sums S of gradients, and those that an option needs."""
 
     F: np.ndarray
     H: np.ndarray
@@ -80,18 +80,19 @@ def make_branch_tiles(branches: int) -> tuple[Any, Any]:
 def copy_in(tile, places, field, i, n):
     """Components of n particles from row i on into a tile."""
     for c in range(places.size):
-        row, first = field[c], places[c] * TILE
-        for p in range(n):
-            tile[first + p] = row[i + p]
+        # slices, in which no index is negative, are copied by vectors
+        row, part = field[c, i : i + n], tile[places[c] * TILE : places[c] * TILE + n]
+        for p in range(part.size):
+            part[p] = row[p]
 
 
 @kernel
 def copy_out(field, i, n, tile, places):
     """Components of n particles of a tile into rows i .. i + n - 1."""
     for c in range(places.size):
-        row, first = field[c], places[c] * TILE
-        for p in range(n):
-            row[i + p] = tile[first + p]
+        row, part = field[c, i : i + n], tile[places[c] * TILE : places[c] * TILE + n]
+        for p in range(part.size):
+            row[p] = part[p]
 
 
 @kernel
@@ -136,30 +137,6 @@ def load_deformation(tiles, places, gradient, cofactors, jacobian, i, n):
                 + tiles.F[TILE + p] * tiles.H[TILE + p]
                 + tiles.F[2 * TILE + p] * tiles.H[2 * TILE + p]
             )
-
-
-@kernel
-def load_stage(
-    tiles, places, at_start, gradient, cofactors, jacobian, gradient_start, cofactors_start, jacobian_start, i, n
-):  # fmt: skip
-    """F, H and J of n particles from row i on, and those at the start of the step, which is now if at_start."""
-    load_deformation(tiles, places, gradient, cofactors, jacobian, i, n)
-    if at_start:
-        copy_out(gradient_start, i, n, tiles.F, places.tensor)
-        if cofactors is not None:
-            copy_out(cofactors_start, i, n, tiles.H, places.tensor)
-        for p in range(n):
-            jacobian_start[i + p] = tiles.J[p]
-    copy_in(tiles.F_start, places.tensor, gradient_start, i, n)
-    for p in range(n):
-        tiles.J_start[p] = jacobian_start[i + p]
-    if cofactors is not None:
-        copy_in(tiles.H_start, places.tensor, cofactors_start, i, n)
-    else:
-        # linear in F in the plane
-        for p in range(TILE):
-            store(tiles.H_start, p, cofactor(load(tiles.F_start, p)))
-            tiles.H_start[8 * TILE + p] = tiles.J_start[p]
 
 
 @kernel
@@ -213,5 +190,5 @@ def wave_speeds(
         largest = largest_modulus(largest, tiles.fast, tiles.bound, n)
         for p in range(n):
             c_p, c_s = tiles.bound[p] ** 0.5, tiles.bound[TILE + p] ** 0.5
-            greatest = max(greatest, max(p1 * c_p + s1 * c_s, max(p2 * c_p + s2 * c_s, p3 * c_p + s3 * c_s)))
+            greatest = max(greatest, p1 * c_p + s1 * c_s, p2 * c_p + s2 * c_s, p3 * c_p + s3 * c_s)
     return largest, greatest

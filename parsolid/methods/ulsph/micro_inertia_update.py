@@ -8,10 +8,11 @@ import math
 
 from decomposition.compiled import compiled
 from decomposition.deferred import register_jitable
-from parsolid.materials.plastic.jaumann_rate import elastic_increment, jaumann_turn, returned_deviator
-from parsolid.materials.plastic.micro_inertia import (
+from parsolid.materials.plastic.jaumann_rate_lanes import elastic_increment, jaumann_turn, returned_deviator
+from parsolid.materials.plastic.micro_inertia_lanes import (
     advance_fluxes,
     advance_heat_flux,
+    advance_micro,
     curl_rate,
     deviatoric_energy,
     gradient_energy,
@@ -20,7 +21,6 @@ from parsolid.materials.plastic.micro_inertia import (
     pressure,
     volumetric_energy,
 )
-from parsolid.materials.plastic.micro_inertia_solve import advance_micro
 from parsolid.methods.ulsph.layout import (
     bounded_inverse,
     load_correction,

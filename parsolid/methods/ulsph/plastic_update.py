@@ -23,7 +23,7 @@ from parsolid.materials.failure.failing import (
 )
 from parsolid.materials.failure.failure import Loading
 from parsolid.materials.plastic import radial_return, rate_form  # noqa: F401  (their overloads)
-from parsolid.materials.plastic.jaumann_rate import elastic_increment, jaumann_turn
+from parsolid.materials.plastic.jaumann_rate_lanes import elastic_increment, jaumann_turn
 from parsolid.materials.plastic.plasticity import (
     cold_pressure,
     deviator_update,

@@ -10,8 +10,7 @@ import numpy as np
 from parsolid.materials.blocks import MaterialBlock
 from parsolid.materials.plastic import plastic_evaluation
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
-from parsolid.materials.plastic.micro_inertia import MicroInertia, heat_time_step
-from parsolid.materials.plastic.micro_inertia_solve import increments_of
+from parsolid.materials.plastic.micro_inertia_lanes import MicroInertia, heat_time_step, increments_of
 from parsolid.methods.failure_fields import FAILURE_DISSIPATION
 from parsolid.methods.ulsph import micro_inertia_update, plastic_update
 from parsolid.methods.ulsph.fields import OF_FAILURE, Body, body_of
