@@ -29,7 +29,8 @@ class Box(NamedTuple):
     first: row of its first node in the fields; start: place of its first node in box arrays; planes, nodes: how many
     planes its box arrays have and how many nodes a plane, with ghosts; row: nodes along the fastest axis of space, 1 in
     the plane; first_plane, last_plane, first_node, last_node: own planes and nodes of a plane, the last ones excluded.
-    axes: the axis in space of each memory axis. Tables as in `box_weights.AxisTables`, those of axis 0 by plane, the
+    axes: the axis in space of each memory axis. far_nodes, far_offsets: own nodes of a plane with a neighbour three steps
+    off along the axes within planes, and whether it is the one below (0) or above (6). Tables as in `box_weights.AxisTables`, those of axis 0 by plane, the
     others by node of a plane: gradient, divergence (2, 7, n), jump (2, 2, n), half_step (n,). length (planes,) [m],
     area (nodes,) [m^2]: their product is the volume of a node.
     """
@@ -44,6 +45,8 @@ class Box(NamedTuple):
     first_node: int
     last_node: int
     axes: tuple[int, ...]
+    far_nodes: tuple[np.ndarray, ...]
+    far_offsets: tuple[np.ndarray, ...]
     gradient: tuple[np.ndarray, ...]
     divergence: tuple[np.ndarray, ...]
     jump: tuple[np.ndarray, ...]
@@ -84,24 +87,76 @@ def in_plane(f, c, box, i, first, last):
 
 
 @kernel
+def add_scaled_five(out, weights, f, place, stride):
+    """out (n,) += sum of weights[k] f[place + (k - 3) stride + p] over k = 1 .. 5."""
+    n = out.size
+    w1, w2, w3, w4, w5 = weights[1], weights[2], weights[3], weights[4], weights[5]
+    a, b = f[place - 2 * stride : place - 2 * stride + n], f[place - stride : place - stride + n]
+    c = f[place : place + n]
+    d, e = f[place + stride : place + stride + n], f[place + 2 * stride : place + 2 * stride + n]
+    for p in range(n):
+        sum_ = out[p] + w1 * a[p]
+        sum_ += w2 * b[p]
+        sum_ += w3 * c[p]
+        sum_ += w4 * d[p]
+        out[p] = sum_ + w5 * e[p]
+
+
+@kernel
+def add_weighted_five(out, weights, first, f, place, stride):
+    """out (n,) += sum of weights[k, first + p] f[place + (k - 3) stride + p] over k = 1 .. 5."""
+    n = out.size
+    w1, w2, w3 = weights[1, first : first + n], weights[2, first : first + n], weights[3, first : first + n]
+    w4, w5 = weights[4, first : first + n], weights[5, first : first + n]
+    a, b = f[place - 2 * stride : place - 2 * stride + n], f[place - stride : place - stride + n]
+    c = f[place : place + n]
+    d, e = f[place + stride : place + stride + n], f[place + 2 * stride : place + 2 * stride + n]
+    for p in range(n):
+        sum_ = out[p] + w1[p] * a[p]
+        sum_ += w2[p] * b[p]
+        sum_ += w3[p] * c[p]
+        sum_ += w4[p] * d[p]
+        out[p] = sum_ + w5[p] * e[p]
+
+
+@kernel
+def add_far(out, weights, nodes, offsets, f, place, stride):
+    """Add to out what its nodes have of the neighbours three steps off."""
+    for q in range(nodes.size):
+        k, p = offsets[q], nodes[q]
+        out[p] += weights[k, p] * f[place + p + (k - REACH) * stride]
+
+
+@kernel
 def add_differences(box, tables, c, i, f, components, outs):
     """Add to outs[k], rows of the nodes of plane i, the sums along memory axis k of component components[k] of f, which
-    is of the direction c."""
+    is of the direction c. Sums have the same order whatever the range of nodes is, so that they have the same bits."""
     first, last, nodes = box.first_node, box.last_node, box.nodes
-    along = int(box.axes[0] == c)
-    for k in range(2 * REACH + 1):
-        weight = tables[0][along, k, i]
-        if weight != 0.0:
-            add_scaled(outs[0][first:last], weight, in_plane(f, components[0], box, i + k - REACH, first, last))
-    for axis in range(1, len(box.axes)):
-        along, stride = int(box.axes[axis] == c), box.row if axis == 1 else 1
-        for k in range(2 * REACH + 1):
-            # no slice begins before the plane or ends behind it; weights are 0 where a row ends
+    place, end = box.start + i * nodes, f.shape[1]
+    for axis in range(len(box.axes)):
+        weights = tables[axis][int(box.axes[axis] == c)]
+        row, out = f[components[axis]], outs[axis]
+        stride = nodes if axis == 0 else box.row if axis == 1 else 1
+        # neighbours of the last node of a row are in the next one, where weights are 0; not beyond the whole array
+        if place + first - 2 * stride >= 0 and place + last + 2 * stride <= end:
+            if axis == 0:
+                add_scaled_five(out[first:last], weights[:, i], row, place + first, stride)
+            else:
+                add_weighted_five(out[first:last], weights, first, row, place + first, stride)
+        else:
+            for k in range(1, 2 * REACH):
+                shift = (k - REACH) * stride
+                p, q = max(first, -place - shift), min(last, end - place - shift)
+                if p < q and axis == 0:
+                    add_scaled(out[p:q], weights[k, i], row[place + shift + p : place + shift + q])
+                elif p < q:
+                    add_weighted(out[p:q], weights[k, p:q], row[place + shift + p : place + shift + q])
+        for k in (0, 2 * REACH):
             shift = (k - REACH) * stride
-            p, q = max(first, -shift), min(last, nodes - shift)
-            if p < q:
-                weights = tables[axis][along, k, p:q]
-                add_weighted(outs[axis][p:q], weights, in_plane(f, components[axis], box, i, p + shift, q + shift))
+            if axis == 0 and weights[k, i] != 0.0:
+                add_scaled(out[first:last], weights[k, i], row[place + shift + first : place + shift + last])
+        if axis > 0:
+            add_far(out, weights, box.far_nodes[axis], box.far_offsets[axis], row, place, stride)
 
 
 @kernel
@@ -165,10 +220,10 @@ def flux_in_strain_plane(half_step, v, v_b, x, x_b, G, G_b, Z, Z_b, directional,
 
 
 @kernel
-def fluxes(box, axis, i, j, first, last, shift, half_step, v, x, G, Z, directional, flux):
+def fluxes(box, axis, i, j, first, last, shift, half_step, v, x, G, Z, directional, flux, begin):
     """Fluxes between nodes first .. last - 1 of plane i and those `shift` behind them in plane j, their neighbours
-    above along a memory axis, into rows first .. last - 1 of flux."""
-    d, k = v.shape[0], box.axes[axis]
+    above along a memory axis, into the rows of flux (d, ..) from `begin` on."""
+    d, k, end = v.shape[0], box.axes[axis], begin + last - first
     a, b, A, B = first, last, first + shift, last + shift
     pressure, shear = 0, 1
     if directional is not None:
@@ -184,8 +239,7 @@ def fluxes(box, axis, i, j, first, last, shift, half_step, v, x, G, Z, direction
             (in_plane(x, 0, box, j, A, B), in_plane(x, 1, box, j, A, B), in_plane(x, 2, box, j, A, B)),
             (in_plane(G, k, box, i, a, b), in_plane(G, 3 + k, box, i, a, b), in_plane(G, 6 + k, box, i, a, b)),
             (in_plane(G, k, box, j, A, B), in_plane(G, 3 + k, box, j, A, B), in_plane(G, 6 + k, box, j, A, B)),
-            here, there, directional,
-            (flux[0, a:b], flux[1, a:b], flux[2, a:b]),
+            here, there, directional, (flux[0, begin:end], flux[1, begin:end], flux[2, begin:end]),
         )  # fmt: skip
     else:
         flux_in_strain_plane(
@@ -196,9 +250,32 @@ def fluxes(box, axis, i, j, first, last, shift, half_step, v, x, G, Z, direction
             (in_plane(x, 0, box, j, A, B), in_plane(x, 1, box, j, A, B)),
             (in_plane(G, k, box, i, a, b), in_plane(G, 2 + k, box, i, a, b)),
             (in_plane(G, k, box, j, A, B), in_plane(G, 2 + k, box, j, A, B)),
-            here, there, directional,
-            (flux[0, a:b], flux[1, a:b]),
+            here, there, directional, (flux[0, begin:end], flux[1, begin:end]),
         )  # fmt: skip
+
+
+@kernel
+def add_fluxes(out, jump, first, above, below):
+    """out (n,) += jump[0, first + p] above[p] + jump[1, first + p] below[p]."""
+    n = out.size
+    to_above, from_below = jump[0, first : first + n], jump[1, first : first + n]
+    for p in range(n):
+        out[p] += to_above[p] * above[p] + from_below[p] * below[p]
+
+
+@kernel
+def add_plane_fluxes(out, jump, above, below):
+    """out (n,) = jump[0] above + jump[1] below."""
+    to_above, from_below = jump[0], jump[1]
+    for p in range(out.size):
+        out[p] = to_above * above[p] + from_below * below[p]
+
+
+@kernel
+def scale_to_volume(out, length, area, f):
+    """out (n,) = length area f."""
+    for p in range(out.size):
+        out[p] = length * area[p] * f[p]
 
 
 @kernel
@@ -209,44 +286,42 @@ def divergence_pass(box, P, v, x, G, Z, directional, force, dissipation):
     that no result depends on where a box is cut.
     """
     d, nodes, first, last = v.shape[0], box.nodes, box.first_node, box.last_node
-    stress, upwind = np.zeros((d, nodes)), np.zeros((d, nodes))
-    below, above, flux, half_step = np.zeros((d, nodes)), np.zeros((d, nodes)), np.zeros((d, nodes)), np.zeros(nodes)
+    row, n, area = box.first, last - first, box.area[first:last]
+    sum_, below, above, half_step = np.zeros((d, nodes)), np.zeros((d, n)), np.zeros((d, n)), np.zeros(nodes)
+    # of pairs of a node with the one before it (flux[:, p]) and the one behind (flux[:, p + shift]) along axes 1 and 2
+    along_rows, in_rows = np.zeros((d, n + box.row)), np.zeros((d, n + 1))
     if Z is not None and box.first_plane > 0:
         i = box.first_plane - 1
         fill(half_step, box.half_step[0][i])
-        fluxes(box, 0, i, i + 1, first, last, 0, half_step, v, x, G, Z, directional, above)
+        fluxes(box, 0, i, i + 1, first, last, 0, half_step, v, x, G, Z, directional, above, 0)
     for i in range(box.first_plane, box.last_plane):
         for c in range(d):
-            fill(stress[c], 0.0)
+            stress = sum_[c]
+            fill(stress, 0.0)
             columns = (d * c + box.axes[0], d * c + box.axes[1], d * c + box.axes[-1])
-            add_differences(box, box.divergence, c, i, P, columns, (stress[c], stress[c], stress[c]))
+            add_differences(box, box.divergence, c, i, P, columns, (stress, stress, stress))
+            scale_to_volume(force[c, row : row + n], box.length[i], area, stress[first:last])
         if Z is not None:
             below, above = above, below
             if i + 1 < box.planes:
                 fill(half_step, box.half_step[0][i])
-                fluxes(box, 0, i, i + 1, first, last, 0, half_step, v, x, G, Z, directional, above)
-            for c in range(d):
-                jump = box.jump[0][int(box.axes[0] == c)]
-                fill(upwind[c], 0.0)
-                if i + 1 < box.planes:
-                    add_scaled(upwind[c, first:last], jump[0, i], above[c, first:last])
-                if i > 0:
-                    add_scaled(upwind[c, first:last], jump[1, i], below[c, first:last])
+                fluxes(box, 0, i, i + 1, first, last, 0, half_step, v, x, G, Z, directional, above, 0)
             for axis in range(1, len(box.axes)):
-                shift = box.row if axis == 1 else 1
+                shift, flux = (box.row, along_rows) if axis == 1 else (1, in_rows)
                 # pairs with an own node
                 p, q = max(0, first - shift), min(nodes, last + shift) - shift
-                fluxes(box, axis, i, i, p, q, shift, box.half_step[axis], v, x, G, Z, directional, flux)
-                for c in range(d):
-                    jump = box.jump[axis][int(box.axes[axis] == c)]
-                    add_weighted(upwind[c, p:q], jump[0, p:q], flux[c, p:q])
-                    add_weighted(upwind[c, p + shift : q + shift], jump[1, p + shift : q + shift], flux[c, p:q])
-        row = box.first + (i - box.first_plane) * (last - first)
-        for c in range(d):
-            for p in range(first, last):
-                volume = box.length[i] * box.area[p]
-                force[c, row + p - first] = volume * stress[c, p]
-                dissipation[c, row + p - first] = volume * upwind[c, p]
+                begin = p - (first - shift)
+                fluxes(box, axis, i, i, p, q, shift, box.half_step[axis], v, x, G, Z, directional, flux, begin)
+            for c in range(d):
+                upwind = sum_[c, :n]
+                jump = box.jump[0][int(box.axes[0] == c), :, i]
+                add_plane_fluxes(upwind, jump, above[c], below[c])
+                jump = box.jump[1][int(box.axes[1] == c)]
+                add_fluxes(upwind, jump, first, along_rows[c, box.row :], along_rows[c, :n])
+                if len(box.axes) > 2:
+                    add_fluxes(upwind, box.jump[-1][int(box.axes[-1] == c)], first, in_rows[c, 1:], in_rows[c, :n])
+                scale_to_volume(dissipation[c, row : row + n], box.length[i], area, upwind)
+        row += n
 
 
 @kernel
@@ -390,6 +465,11 @@ def _box_of(one: BoxOnRank, part: np.ndarray, bound: np.ndarray, start: int) -> 
         return tuple(np.ascontiguousarray(table) for table in tables)
 
     length, *across = by_node("length")
+    gradient, far = by_node("gradient"), []
+    for axis in range(len(axes)):
+        offset, node = np.nonzero(gradient[axis][:, :: 2 * REACH].any(axis=0)) if axis else np.zeros((2, 0), np.int64)
+        own = (node >= first[1] * row) & (node < last[1] * row)
+        far.append((node[own], 2 * REACH * offset[own]))
     return Box(
         first=one.first,
         start=start,
@@ -401,7 +481,9 @@ def _box_of(one: BoxOnRank, part: np.ndarray, bound: np.ndarray, start: int) -> 
         first_node=int(first[1]) * row,
         last_node=int(last[1]) * row,
         axes=axes,
-        gradient=by_node("gradient"),
+        far_nodes=tuple(node for node, _ in far),
+        far_offsets=tuple(offset for _, offset in far),
+        gradient=gradient,
         divergence=by_node("divergence"),
         jump=by_node("jump"),
         half_step=by_node("half_step"),

@@ -1,6 +1,8 @@
 """Deformation and stress of boxes: velocity gradients along the axes and the new state, plane by plane while the plane is
 in the cache."""
 
+import numpy as np
+
 from parsolid.kernels import kernel
 from parsolid.methods.tlsph.list_update import add_initial_stress, load_start, store_deformation
 from parsolid.methods.tlsph.point_update import (
@@ -18,6 +20,21 @@ from parsolid.pairs.box_sweeps import copy, gradient_in_plane
 
 
 @kernel
+def take_extremes(J, signal, least, most):
+    """Least J and greatest signal so far, lane by lane of tiles, which is done by vectors; what is not a number stays."""
+    for p in range(J.size):
+        least[p] = least[p] if (least[p] <= J[p]) | (least[p] != least[p]) else J[p]
+        most[p] = most[p] if (most[p] >= signal[p]) | (most[p] != most[p]) else signal[p]
+
+
+@kernel
+def add_products(total, a, b):
+    """total (n,) += a b."""
+    for p in range(a.size):
+        total[p] += a[p] * b[p]
+
+
+@kernel
 def advance_box(
     box, law, step, d, signals, branches, places, v, gradient, jacobian, field_A, volume, initial, G, P, Z,
     tiles, A, branch_sum,
@@ -28,7 +45,7 @@ def advance_box(
     [m^3], initial stress [Pa]; box arrays: v, and G, P, Z, which are filled. Z: None without dissipation. Otherwise as
     in `list_update.advance_step`, as is what is returned.
     """
-    sound, dissipated, greatest, row = True, 0.0, 0.0, box.first
+    row, least, most, dissipated = box.first, np.ones(TILE), np.zeros(TILE), np.zeros(TILE)
     if d == 2:
         tiles.G[:] = 0.0
     for i in range(box.first_plane, box.last_plane):
@@ -53,15 +70,17 @@ def advance_box(
                 copy(Z[1, place : place + n], tiles.impedance[TILE : TILE + n])
             if A is not None:
                 copy_branches_out(field_A, row, n, A, places.symmetric)
-                for p in range(n):
-                    dissipated += tiles.lost[p] * volume[row + p]
+                add_products(dissipated[:n], tiles.lost[:n], volume[row : row + n])
             copy(jacobian[row : row + n], tiles.J[:n])
-            for p in range(n):
-                sound = sound and tiles.J[p] > 0.0
-                # max gives its second argument where either is not a number
-                greatest = max(greatest, tiles.signal[p])
+            take_extremes(tiles.J[:n], tiles.signal[:n], least, most)
             row += n
-    return sound, dissipated, greatest
+    sound, total, greatest = True, 0.0, 0.0
+    for p in range(TILE):
+        sound = sound and least[p] > 0.0
+        total += dissipated[p]
+        # max gives its second argument where either is not a number
+        greatest = max(greatest, most[p])
+    return sound, total, greatest
 
 
 @kernel
