@@ -126,7 +126,7 @@ def test_a_box_in_the_middle_of_the_fields_writes_its_own_rows():
     v, x = smooth_motion(alone.place())
     n, results = v.shape[1], []
     for case, first in ((alone, 0), (within, 5)):
-        velocity, position = np.full((2, 3, n + 9), np.nan)
+        velocity, position = np.full((2, 3, n + 9), 1e30)
         velocity[:, first : first + n], position[:, first : first + n] = v, x
         case.sweeps.exchange_motion(velocity, position)
         case.sweeps.gradient()

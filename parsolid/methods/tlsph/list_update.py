@@ -12,41 +12,55 @@ from parsolid.methods.tlsph.point_update import (
     update_tile,
     waves_tile,
 )
-from parsolid.methods.tlsph.tile_fields import copy_branches_in, copy_branches_out, copy_in, copy_out, load_deformation
+from parsolid.methods.tlsph.tile_fields import (
+    copy,
+    copy_branches_in,
+    copy_branches_out,
+    copy_in,
+    copy_out,
+    load_deformation,
+)
 from parsolid.tensors import cofactor, matmul, matmul_transposed, plus, times
 
 
 @kernel
-def load_gradient(d, places, sums, correction, volume, i, n, tiles):
-    """G = S L^T / V of n particles from row i on, eq (70): L is symmetric only where spacings are equal. Sets the rows
-    of the sums to zero, while they are in the cache; L stays in its tile."""
-    stride = 4 if d == 3 else 2
-    for p in range(n):
-        row = sums[i + p]
-        for j in range(d):
-            for k in range(d):
-                tiles.S[(3 * k + j) * TILE + p] = row[stride * j + k]
-        for c in range(row.size):
-            row[c] = 0.0
-        tiles.volume[p] = volume[i + p]
-    copy_in(tiles.L, places.tensor, correction, i, n)
+def load_gradient(d, tensor, sums, correction, volume, i, n, S, L, V, G):
+    """G = S L^T / V of n particles from row i on into a tile, eq (70): L is symmetric only where spacings are equal.
+
+    Sets the rows of the sums to zero, while they are in the cache; L stays in its tile. S, V: scratch tiles.
+    """
+    if d == 3:
+        for p in range(n):
+            row = sums[i + p]
+            S[p], S[3 * TILE + p], S[6 * TILE + p] = row[0], row[1], row[2]
+            S[TILE + p], S[4 * TILE + p], S[7 * TILE + p] = row[4], row[5], row[6]
+            S[2 * TILE + p], S[5 * TILE + p], S[8 * TILE + p] = row[8], row[9], row[10]
+            row[0], row[1], row[2], row[3], row[4], row[5] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            row[6], row[7], row[8], row[9], row[10], row[11] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    else:
+        for p in range(n):
+            row = sums[i + p]
+            S[p], S[3 * TILE + p], S[TILE + p], S[4 * TILE + p] = row[0], row[1], row[2], row[3]
+            row[0], row[1], row[2], row[3] = 0.0, 0.0, 0.0, 0.0
+    copy(V[:n], volume[i : i + n])
+    copy_in(L, tensor, correction, i, n)
     for p in range(TILE):
-        store(tiles.G, p, times(1.0 / tiles.volume[p], matmul_transposed(load(tiles.S, p), load(tiles.L, p))))
+        store(G, p, times(1.0 / V[p], matmul_transposed(load(S, p), load(L, p))))
     if d == 2:
         for p in range(TILE):
-            tiles.G[8 * TILE + p] = 0.0
+            G[8 * TILE + p] = 0.0
 
 
 @kernel
-def store_record(d, half, i, n, record, inverse, tiles):
+def store_record(d, half, i, n, record, inverse, P, L, G, Z, S):
     """P L, half the velocity gradient (or none of it, half = 0) and half impedances of n particles from row i on into
-    their rows. inverse: F_r^-1 of an updated reference, in which the gradient is G F_r^-1, or None."""
+    their rows. inverse: F_r^-1 of an updated reference, in which the gradient is G F_r^-1, or None; S: a scratch
+    tile."""
     for p in range(TILE):
-        store(tiles.S, p, matmul(load(tiles.P, p), load(tiles.L, p)))
+        store(S, p, matmul(load(P, p), load(L, p)))
     if inverse is not None:
         for p in range(TILE):
-            store(tiles.G, p, matmul(load(tiles.G, p), load(inverse, p)))
-    S, G, Z = tiles.S, tiles.G, tiles.impedance
+            store(G, p, matmul(load(G, p), load(inverse, p)))
     if d == 3:
         for p in range(n):
             row = record[i + p]
@@ -103,58 +117,60 @@ def advance_step(
     Returns (whether all Jacobians are positive, energy dissipated in branches [J], greatest signal [sqrt(Pa)]).
     """
     sound, dissipated, greatest = True, 0.0, 0.0
+    # out of their tuples once: each time costs a count of references
+    tensor, symmetric, F, J, G, P, L, S, V = (
+        places.tensor, places.symmetric, tiles.F, tiles.J, tiles.G, tiles.P, tiles.L, tiles.S, tiles.volume
+    )  # fmt: skip
+    Z, signal, lost, stress = tiles.impedance, tiles.signal, tiles.lost, tiles.initial
     for i in range(first, last, TILE):
         n = min(TILE, last - i)
-        load_gradient(d, places, sums, correction, pair_volume, i, n, tiles)
-        copy_in(tiles.F, places.tensor, gradient, i, n)
+        load_gradient(d, tensor, sums, correction, pair_volume, i, n, S, L, V, G)
+        copy_in(F, tensor, gradient, i, n)
         if A is not None:
-            copy_branches_in(A, places.symmetric, field_A, i, n)
+            copy_branches_in(A, symmetric, field_A, i, n)
         if push is not None:
-            copy_in(push_tile, places.tensor, push, i, n)
-            copy_in(inverse_tile, places.tensor, inverse, i, n)
+            copy_in(push_tile, tensor, push, i, n)
+            copy_in(inverse_tile, tensor, inverse, i, n)
         update_tile(
-            law, step, d == 2, signals, branches, tiles.F, tiles.G, A, branch_sum, push_tile,
-            tiles.J, tiles.P, tiles.impedance, tiles.signal, tiles.lost,
+            law, step, d == 2, signals, branches, F, G, A, branch_sum, push_tile, J, P, Z, signal, lost
         )  # fmt: skip
         if initial is not None:
-            copy_in(tiles.initial, places.tensor, initial, i, n)
-            add_initial_stress(tiles.F, tiles.initial, tiles.P)
-        copy_out(gradient, i, n, tiles.F, places.tensor)
+            copy_in(stress, tensor, initial, i, n)
+            add_initial_stress(F, stress, P)
+        copy_out(gradient, i, n, F, tensor)
         if A is not None:
-            copy_branches_out(field_A, i, n, A, places.symmetric)
+            copy_branches_out(field_A, i, n, A, symmetric)
             for p in range(n):
-                dissipated += tiles.lost[p] * volume[i + p]
-        store_record(d, half, i, n, record, inverse_tile, tiles)
+                dissipated += lost[p] * volume[i + p]
+        store_record(d, half, i, n, record, inverse_tile, P, L, G, Z, S)
+        copy(jacobian[i : i + n], J[:n])
         for p in range(n):
-            jacobian[i + p] = tiles.J[p]
-            sound = sound and tiles.J[p] > 0.0
+            sound = sound and J[p] > 0.0
             # max gives its second argument where either is not a number
-            greatest = max(greatest, tiles.signal[p])
+            greatest = max(greatest, signal[p])
     return sound, dissipated, greatest
 
 
 @kernel
-def load_start(tiles, places, gradient, cofactors, jacobian, i, n):
+def load_start(F, H, J, tensor, gradient, cofactors, jacobian, i, n):
     """F, H and J at the start of the step of n particles from row i on, as `load_deformation` takes them."""
-    copy_in(tiles.F_start, places.tensor, gradient, i, n)
-    for p in range(n):
-        tiles.J_start[p] = jacobian[i + p]
+    copy_in(F, tensor, gradient, i, n)
+    copy(J[:n], jacobian[i : i + n])
     if cofactors is not None:
-        copy_in(tiles.H_start, places.tensor, cofactors, i, n)
+        copy_in(H, tensor, cofactors, i, n)
     else:
         for p in range(TILE):
-            store(tiles.H_start, p, cofactor(load(tiles.F_start, p)))
-            tiles.H_start[8 * TILE + p] = tiles.J_start[p]
+            store(H, p, cofactor(load(F, p)))
+            H[8 * TILE + p] = J[p]
 
 
 @kernel
-def store_deformation(tiles, places, gradient, cofactors, jacobian, i, n):
+def store_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n):
     """F, H and J of n particles into rows from i on, as `load_deformation` takes them."""
-    copy_out(gradient, i, n, tiles.F, places.tensor)
+    copy_out(gradient, i, n, F, tensor)
     if cofactors is not None:
-        copy_out(cofactors, i, n, tiles.H, places.tensor)
-    for p in range(n):
-        jacobian[i + p] = tiles.J[p]
+        copy_out(cofactors, i, n, H, tensor)
+    copy(jacobian[i : i + n], J[:n])
 
 
 @kernel
@@ -174,45 +190,48 @@ def advance_stage(
     at the end of the step).
     """
     sound, rate, largest = True, 0.0, 0.0
+    # out of their tuples once: each time costs a count of references
+    tensor, symmetric, F, H, J, F0, H0, J0 = (
+        places.tensor, places.symmetric, tiles.F, tiles.H, tiles.J, tiles.F_start, tiles.H_start, tiles.J_start
+    )  # fmt: skip
+    G, P, L, S, V, Z, lost = tiles.G, tiles.P, tiles.L, tiles.S, tiles.volume, tiles.impedance, tiles.lost
+    Q_p, Q_s, bound, F_before = tiles.fast, tiles.slow, tiles.bound, tiles.initial
     for i in range(first, last, TILE):
         n = min(TILE, last - i)
-        load_gradient(d, places, sums, correction, pair_volume, i, n, tiles)
-        load_deformation(tiles, places, gradient, cofactors, jacobian, i, n)
+        load_gradient(d, tensor, sums, correction, pair_volume, i, n, S, L, V, G)
+        load_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n)
         if at_start:
-            store_deformation(tiles, places, gradient_start, cofactors_start, jacobian_start, i, n)
-        load_start(tiles, places, gradient_start, cofactors_start, jacobian_start, i, n)
+            store_deformation(F, H, J, tensor, gradient_start, cofactors_start, jacobian_start, i, n)
+        load_start(F0, H0, J0, tensor, gradient_start, cofactors_start, jacobian_start, i, n)
         if A is not None:
-            copy_branches_in(A, places.symmetric, field_A, i, n)
+            copy_branches_in(A, symmetric, field_A, i, n)
         if push is not None:
-            copy_in(push_tile, places.tensor, push, i, n)
-            copy_in(inverse_tile, places.tensor, inverse, i, n)
+            copy_in(push_tile, tensor, push, i, n)
+            copy_in(inverse_tile, tensor, inverse, i, n)
         if initial is not None:
             for p in range(TILE):
-                store(tiles.initial, p, load(tiles.F, p))
+                store(F_before, p, load(F, p))
         stage_tile(
-            law, keep, take, step, branches, tiles.F, tiles.H, tiles.J, tiles.F_start, tiles.H_start, tiles.J_start,
-            tiles.G, A, branch_sum, push_tile, tiles.P, tiles.fast, tiles.slow, tiles.lost,
+            law, keep, take, step, branches, F, H, J, F0, H0, J0, G, A, branch_sum, push_tile, P, Q_p, Q_s, lost
         )  # fmt: skip
         if initial is not None:
-            copy_in(tiles.S, places.tensor, initial, i, n)
-            add_initial_stress(tiles.initial, tiles.S, tiles.P)
+            copy_in(S, tensor, initial, i, n)
+            add_initial_stress(F_before, S, P)
         if kept_stress is not None:
-            copy_out(kept_stress, i, n, tiles.P, places.tensor)
-        store_deformation(tiles, places, gradient, cofactors, jacobian, i, n)
+            copy_out(kept_stress, i, n, P, tensor)
+        store_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n)
         for p in range(n):
-            sound = sound and tiles.J[p] > 0.0
-        store_record(d, half, i, n, record, inverse_tile, tiles)
-        store_waves(d, i, n, fast, tiles.fast, isotropic)
-        store_waves(d, i, n, slow, tiles.slow, 0.0)
+            sound = sound and J[p] > 0.0
+        store_record(d, half, i, n, record, inverse_tile, P, L, G, Z, S)
+        store_waves(d, i, n, fast, Q_p, isotropic)
+        store_waves(d, i, n, slow, Q_s, 0.0)
         if A is not None:
             for p in range(n):
-                rate += tiles.lost[p] * volume[i + p]
+                rate += lost[p] * volume[i + p]
             if at_end:
-                relax_over_step(branches, tiles.F, tiles.F_start, A)
-                copy_branches_out(field_A, i, n, A, places.symmetric)
+                relax_over_step(branches, F, F0, A)
+                copy_branches_out(field_A, i, n, A, symmetric)
         if at_end:
-            waves_tile(
-                law, d == 2, branches, tiles.F, tiles.H, tiles.J, A, branch_sum, tiles.fast, tiles.slow, tiles.bound
-            )
-            largest = largest_modulus(largest, tiles.fast, tiles.bound, n)
+            waves_tile(law, d == 2, branches, F, H, J, A, branch_sum, Q_p, Q_s, bound)
+            largest = largest_modulus(largest, Q_p, bound, n)
     return sound, rate, largest

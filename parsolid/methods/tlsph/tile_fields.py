@@ -77,22 +77,26 @@ def make_branch_tiles(branches: int) -> tuple[Any, Any]:
 
 
 @kernel
+def copy(out, numbers):
+    """Of slices, in which LLVM sees that no index is negative, so that it vectorises the loop."""
+    for p in range(out.size):
+        out[p] = numbers[p]
+
+
+@kernel
 def copy_in(tile, places, field, i, n):
     """Components of n particles from row i on into a tile."""
     for c in range(places.size):
-        # slices, in which no index is negative, are copied by vectors
-        row, part = field[c, i : i + n], tile[places[c] * TILE : places[c] * TILE + n]
-        for p in range(part.size):
-            part[p] = row[p]
+        first = places[c] * TILE
+        copy(tile[first : first + n], field[c, i : i + n])
 
 
 @kernel
 def copy_out(field, i, n, tile, places):
     """Components of n particles of a tile into rows i .. i + n - 1."""
     for c in range(places.size):
-        row, part = field[c, i : i + n], tile[places[c] * TILE : places[c] * TILE + n]
-        for p in range(part.size):
-            row[p] = part[p]
+        first = places[c] * TILE
+        copy(field[c, i : i + n], tile[first : first + n])
 
 
 @kernel
@@ -112,49 +116,44 @@ def copy_branches_out(field, i, n, A, symmetric):
 
 
 @kernel
-def load_deformation(tiles, places, gradient, cofactors, jacobian, i, n):
-    """F, H and J of n particles from row i on.
+def load_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n):
+    """F, H and J of n particles from row i on into tiles.
 
     gradient (4 or 9, n). jacobian (n,), None where J = det F. cofactors (9, n), None where H = cof F, in the plane with
-    H33 = J.
+    H33 = J. tensor: `Places`.
     """
-    copy_in(tiles.F, places.tensor, gradient, i, n)
+    copy_in(F, tensor, gradient, i, n)
     if cofactors is not None:
-        copy_in(tiles.H, places.tensor, cofactors, i, n)
+        copy_in(H, tensor, cofactors, i, n)
     else:
         for p in range(TILE):
-            store(tiles.H, p, cofactor(load(tiles.F, p)))
+            store(H, p, cofactor(load(F, p)))
     if jacobian is not None:
-        for p in range(n):
-            tiles.J[p] = jacobian[i + p]
+        copy(J[:n], jacobian[i : i + n])
         if cofactors is None:
-            for p in range(n):
-                tiles.H[8 * TILE + p] = jacobian[i + p]
+            copy(H[8 * TILE : 8 * TILE + n], J[:n])
     else:
         for p in range(TILE):
-            tiles.J[p] = (
-                tiles.F[p] * tiles.H[p]
-                + tiles.F[TILE + p] * tiles.H[TILE + p]
-                + tiles.F[2 * TILE + p] * tiles.H[2 * TILE + p]
-            )
+            J[p] = F[p] * H[p] + F[TILE + p] * H[TILE + p] + F[2 * TILE + p] * H[2 * TILE + p]
 
 
 @kernel
 def stored_energy(law, branches, first, last, places, gradient, cofactors, jacobian, field_A, volume, tiles, A):
     """Sum of W V [J] over particles first .. last - 1, eqs (19), (20) of Lee et al.; volume (n,): tributary."""
     total = 0.0
+    F, H, J, tensor, symmetric = tiles.F, tiles.H, tiles.J, places.tensor, places.symmetric
     for i in range(first, last, TILE):
         n = min(TILE, last - i)
-        load_deformation(tiles, places, gradient, cofactors, jacobian, i, n)
+        load_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n)
         if A is not None:
-            copy_branches_in(A, places.symmetric, field_A, i, n)
+            copy_branches_in(A, symmetric, field_A, i, n)
         for p in range(n):
-            F = load(tiles.F, p)
-            W = energy(law, F, load(tiles.H, p), tiles.J[p])
+            F_p = load(F, p)
+            W = energy(law, F_p, load(H, p), J[p])
             if A is not None:
                 for k in range(branches.moduli.size):
                     A_k = load_symmetric(A[6 * TILE * k : 6 * TILE * (k + 1)], p)
-                    W += branch_energy(branches.moduli[k], gram(F), tiles.J[p], A_k)
+                    W += branch_energy(branches.moduli[k], gram(F_p), J[p], A_k)
             total += W * volume[i + p]
     return total
 
@@ -162,15 +161,16 @@ def stored_energy(law, branches, first, last, places, gradient, cofactors, jacob
 @kernel
 def stresses(law, branches, first, last, places, gradient, cofactors, jacobian, field_A, tiles, A, branch_sum, out):
     """First Piola-Kirchhoff stresses [Pa] of particles first .. last - 1 into out (last - first, 3, 3)."""
+    F, H, J, P, tensor, symmetric = tiles.F, tiles.H, tiles.J, tiles.P, places.tensor, places.symmetric
     for i in range(first, last, TILE):
         n = min(TILE, last - i)
-        load_deformation(tiles, places, gradient, cofactors, jacobian, i, n)
+        load_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n)
         if A is not None:
-            copy_branches_in(A, places.symmetric, field_A, i, n)
-        stress_tile(law, branches, tiles.F, tiles.H, tiles.J, A, branch_sum, tiles.P)
+            copy_branches_in(A, symmetric, field_A, i, n)
+        stress_tile(law, branches, F, H, J, A, branch_sum, P)
         for p in range(n):
             for c in range(9):
-                out[i - first + p, c // 3, c % 3] = tiles.P[c * TILE + p]
+                out[i - first + p, c // 3, c % 3] = P[c * TILE + p]
 
 
 @kernel
@@ -181,14 +181,16 @@ def wave_speeds(
     first .. last - 1."""
     largest, greatest = 0.0, 0.0
     p1, s1, p2, s2, p3, s3 = signals
+    F, H, J, tensor, symmetric = tiles.F, tiles.H, tiles.J, places.tensor, places.symmetric
+    fast, slow, bound = tiles.fast, tiles.slow, tiles.bound
     for i in range(first, last, TILE):
         n = min(TILE, last - i)
-        load_deformation(tiles, places, gradient, cofactors, jacobian, i, n)
+        load_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n)
         if A is not None:
-            copy_branches_in(A, places.symmetric, field_A, i, n)
-        waves_tile(law, plane, branches, tiles.F, tiles.H, tiles.J, A, branch_sum, tiles.fast, tiles.slow, tiles.bound)
-        largest = largest_modulus(largest, tiles.fast, tiles.bound, n)
+            copy_branches_in(A, symmetric, field_A, i, n)
+        waves_tile(law, plane, branches, F, H, J, A, branch_sum, fast, slow, bound)
+        largest = largest_modulus(largest, fast, bound, n)
         for p in range(n):
-            c_p, c_s = tiles.bound[p] ** 0.5, tiles.bound[TILE + p] ** 0.5
+            c_p, c_s = bound[p] ** 0.5, bound[TILE + p] ** 0.5
             greatest = max(greatest, p1 * c_p + s1 * c_s, p2 * c_p + s2 * c_s, p3 * c_p + s3 * c_s)
     return largest, greatest
