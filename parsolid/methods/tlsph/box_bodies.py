@@ -8,7 +8,7 @@ from parsolid.kernels import kernel
 from parsolid.methods.tlsph.box_update import advance_box, advance_box_stage
 from parsolid.methods.tlsph.lattice_bodies import BoxCuts, LatticeBody
 from parsolid.pairs.box_sweeps import BoxOnRank, BoxSweeps, copy_from_box
-from parsolid.pairs.box_weights import axis_tables
+from parsolid.pairs.box_weights import REACH, axis_tables
 from parsolid.solvers.runge_kutta import Stage
 
 
@@ -71,7 +71,6 @@ class BoxBodies:
         stored, sweeps, staged = self.particles.storage, self.sweeps, self.system.staged_step
         sweeps.exchange_motion(stored("velocity"), stored("position"))
         sound, dissipated, stable = True, 0.0, np.inf
-        kept = None if staged.losses is None else staged.losses.stress_of(stage)
         initial = stored("initial_stress") if "initial_stress" in self.particles else None
         names = ("deformation_gradient", "cofactor", "jacobian")
         F, H, J = (stored(name) if name in self.particles else None for name in names)
@@ -80,7 +79,7 @@ class BoxBodies:
             positive, rate, modulus = advance_box_stage(
                 box, block.solid, stage.keep, stage.take, step, stage.first, stage.last, self.dimension,
                 block.branches_at_stage(stage.time, step), block.places, sweeps.v,
-                F, H, J[0], F0, H0, J0[0], block.branch_field, stored("volume")[0], initial, kept,
+                F, H, J[0], F0, H0, J0[0], block.branch_field, stored("volume")[0], initial,
                 sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum,
             )  # fmt: skip
             sound, dissipated = sound and positive, dissipated + rate
@@ -120,17 +119,15 @@ class BoxBodies:
 
     @property
     def directed_pairs(self) -> int:
-        """Interactions counted once a particle: nodes that differ along one axis, by the weights of the gradient."""
+        """Interactions counted once a particle: nodes that have a weight in the gradient of another one."""
         total = 0
-        for box, block in self.parts:
+        for box, _ in self.parts:
             for axis, table in enumerate(box.gradient):
-                low, high, other = (
-                    (box.first_plane, box.last_plane, box.last_node - box.first_node)
-                    if axis == 0
-                    else (box.first_node, box.last_node, box.last_plane - box.first_plane)
-                )
-                weights = np.delete(table[0, :, low:high], len(table[0]) // 2, axis=0)
-                total += other * int(np.count_nonzero(weights))
+                own, times = slice(box.first_plane, box.last_plane), box.last_node - box.first_node
+                if axis > 0:
+                    own, times = slice(box.first_node, box.last_node), box.last_plane - box.first_plane
+                others = np.delete(table[0][:, own], REACH, axis=0)
+                total += times * int(np.count_nonzero(others))
         return total
 
     def arrays(self) -> list[np.ndarray]:

@@ -18,7 +18,7 @@ from parsolid.methods.leapfrog import drift
 from parsolid.methods.tlsph.body_weights import ON_LATTICES
 from parsolid.methods.tlsph.lattice_bodies import speed_ratio
 from parsolid.pairs.box_stable_step import chords
-from parsolid.scene.method_settings import SWINGS
+from parsolid.scene.method_settings import KINETIC_OFFSET
 
 # Of c_p and c_s in the speed that takes a particle spacing in the largest stable step. The lagged dissipation bounds
 # it: w^2 dt^2 + 2 b dt = 4 where a wave has the frequency w and the damping b. They bound all waves of square and
@@ -46,7 +46,6 @@ class Leapfrog:
         """system: `system.TotalLagrangianSPH`, with its fields declared."""
         self.system = system
         self.kicks = leapfrog.Leapfrog(system.particles, system.conditions, "stress_force", "dissipative_force")
-        system.swings_told = SWINGS in system.settings.energy_terms(scene, ())
         self.forces_of: int | None = None
         self.signals, self.safety = self._bounds()
 
@@ -74,12 +73,7 @@ class Leapfrog:
         found = [self.step_of(one.law.density, one.wave_speeds(self.signals)[1]) for one in self.system.blocks]
         return min(self.system.conditions.largest_step, *found, np.inf)
 
-    def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
-        """One step [s] from a time [s]; see `ParticleSystem.advance`."""
-        self.advance_positions(time, step)
-        return self.complete_step(time, step, ledger, announce)
-
-    def advance_positions(self, time: float, step: float) -> None:
+    def advance_positions(self, time: float, step: float, ledger: Any) -> None:
         """Opening half kick, drift, and prescribed motion."""
         system = self.system
         if self.forces_of != system.reference_updates:
@@ -93,8 +87,8 @@ class Leapfrog:
     def complete_step(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """Forces of the new state, closing half kick, energies."""
         sound, dissipated = self.find_forces(step, announce)
-        self.kicks.close_step(time + step, step)
-        self.kicks.book(step, ledger, dissipated, SWINGS if self.system.swings_told else None)
+        self.kicks.close_step(time + step, step, self.system.substeps)
+        self.kicks.book(step, ledger, dissipated, KINETIC_OFFSET)
         if self.system.fixed_walls is not None:
             self.system.fixed_walls.book(ledger)
         return sound

@@ -109,7 +109,7 @@ class ListBodies:
         rate [W] of branches, after the last stage the stable step [s])."""
         self._sweep_gradients()
         staged, sound, dissipated, stable = self.system.staged_step, True, 0.0, np.inf
-        stored, kept = self.particles.storage, None if staged.losses is None else staged.losses.stress_of(stage)
+        stored = self.particles.storage
         start = [stored(f"{name}_at_start") for name in ("deformation_gradient", "jacobian")]
         cofactors = (stored("cofactor"), stored("cofactor_at_start")) if self.dimension == 3 else (None, None)
         for block in self.blocks:
@@ -118,7 +118,7 @@ class ListBodies:
                 block.solid, stage.keep, stage.take, step, stage.first, stage.last, self.dimension,
                 block.branches_at_stage(stage.time, step), self.half, self.isotropic[block],
                 block.first, block.last, block.places, gradient, cofactors[0], jacobian,
-                start[0], cofactors[1], start[1][0], *fields, kept, self.sums, self.record, self.fast, self.slow,
+                start[0], cofactors[1], start[1][0], *fields, self.sums, self.record, self.fast, self.slow,
                 block.tiles, block.A, block.branch_sum, *self._tiles_of_reference(block),
             )  # fmt: skip
             sound, dissipated = sound and positive, dissipated + rate

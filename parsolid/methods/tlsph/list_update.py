@@ -177,14 +177,13 @@ def store_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n):
 def advance_stage(
     law, keep, take, step, at_start, at_end, d, branches, half, isotropic, first, last, places,
     gradient, cofactors, jacobian, gradient_start, cofactors_start, jacobian_start, field_A,
-    correction, pair_volume, volume, push, inverse, initial, kept_stress,
+    correction, pair_volume, volume, push, inverse, initial,
     sums, record, fast, slow, tiles, A, branch_sum, push_tile, inverse_tile,
 ):  # fmt: skip
     """SSP-RK3: one stage y <- keep y_start + take (y + step dy/dt) of particles first .. last - 1, with records of the
     state before it; at_start, at_end: whether it is the first or the last of the step.
 
-    Arguments as in `point_update.stage_tile` and `advance_step`; fast, slow: rows of wave tensors, or None;
-    kept_stress (4 or 9, n): takes P of the stage, or None.
+    Arguments as in `point_update.stage_tile` and `advance_step`; fast, slow: rows of wave tensors, or None.
 
     Returns (whether all Jacobians are positive, dissipation rate of branches [W], greatest rho c_p^2 [Pa] of the state
     at the end of the step).
@@ -217,8 +216,6 @@ def advance_stage(
         if initial is not None:
             copy_in(S, tensor, initial, i, n)
             add_initial_stress(F_before, S, P)
-        if kept_stress is not None:
-            copy_out(kept_stress, i, n, P, tensor)
         store_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n)
         for p in range(n):
             sound = sound and J[p] > 0.0

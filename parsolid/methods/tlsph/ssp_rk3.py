@@ -12,7 +12,6 @@ from parsolid.kernels import reduction
 from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.materials.viscoelastic.maxwell import total_modulus
 from parsolid.methods.tlsph.lattice_bodies import largest_staged_step
-from parsolid.methods.tlsph.stage_losses import CarriedImpulses, StageLosses
 from parsolid.solvers.runge_kutta import SSP_RK3, Stage
 
 
@@ -22,9 +21,6 @@ class StagedStep:
     def __init__(self, system: Any, scene: Any) -> None:
         """system: `system.TotalLagrangianSPH`, with its fields declared."""
         self.system = system
-        self.carried = CarriedImpulses(system)
-        self.losses = StageLosses(system) if system.settings.tells_of_steps(scene) else None
-        system.losses_told = self.losses is not None
 
     def step_of(self, law: Any, modulus: float) -> float:
         """Largest step [s] for the greatest rho c_p^2 [Pa], eq (79)."""
@@ -44,16 +40,16 @@ class StagedStep:
         found = [self.step_of(one.law, one.wave_speeds((0.0,) * 6)[0]) for one in self.system.blocks]
         return min(self.system.conditions.largest_step, *found, np.inf)
 
-    def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
-        """One step [s] from a time [s]; see `ParticleSystem.advance`."""
-        system, sound, lost = self.system, True, 0.0
+    def advance_positions(self, time: float, step: float, ledger: Any) -> None:
+        """Nothing: forces between bodies, which are found once a step, do not act on stages."""
+
+    def complete_step(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
+        """One step [s] from a time [s]; see `ParticleSystem`."""
+        system, sound = self.system, True
         conditions, walls = system.conditions, system.fixed_walls
         conditions.begin_step(step)
-        self.carried.begin()
         for stage in SSP_RK3:
             conditions.look()
-            if self.losses is not None:
-                self.losses.note_strain(stage)
             positive, internal, stable = True, 0.0, conditions.largest_step
             for bodies in system.sweeps:
                 good, rate, allowed = bodies.advance_stage(stage, step)
@@ -68,9 +64,7 @@ class StagedStep:
             numerical, external = self.advance_motion(stage, time, step)
             ledger.add(stage.quadrature * step, internal, numerical, external)
             sound = sound and positive
-        if self.losses is not None:
-            lost = self.losses.of_step(step)
-        ledger.add(1.0, 0.0, lost, conditions.end_step(step, ledger))
+        ledger.add(1.0, 0.0, 0.0, conditions.end_step(step, ledger))
         if walls is not None:
             walls.book(ledger)
         return sound
@@ -80,19 +74,14 @@ class StagedStep:
         system, conditions = self.system, self.system.conditions
         stored, now = system.particles.storage, time + stage.time * step
         T, D = stored("stress_force"), stored("dissipative_force")
-        self.carried.act(T, step)
         external = conditions.external_force(now, T, D, before_jump=stage.time > 0.0)
         conditions.observe(stage.quadrature * step)
-        if self.losses is not None:
-            self.losses.note_motion(stage, step, T, D, external)
         rates = advance_motion(
             system.owned, stage.first, stage.keep, stage.take, step, stored("velocity"), stored("position"),
             stored("velocity_at_start"), stored("position_at_start"), T, D, system.mass, system.share, external,
             conditions.free,
         )  # fmt: skip
         conditions.impose(time + stage.next_time * step, before_jump=not stage.last)
-        if stage.last:
-            self.carried.end()
         return rates
 
 

@@ -55,9 +55,9 @@ class TotalLagrangianSPH(ParticleSystem):
         self.body_weights = weights_of_bodies(self.settings.pair_weights, scene)
         groups = _groups_of(self.laws, boxes_of(scene, self.body_weights))
         self.particles = Particles(particle_set.body, groups)
-        self.staged = self.settings.integrator == "ssp-rk3"
+        staged = self.settings.integrator == "ssp-rk3"
         self.branches = max(len(law.branch_moduli or ()) for law in self.laws)
-        declare_fields(self.particles, particle_set, self.branches, self.staged)
+        declare_fields(self.particles, particle_set, self.branches, staged)
         ends, law_of_group = self.particles.bounds.tolist(), dict(zip(groups.tolist(), self.laws))
         found = [(first, last, law_of_group[g]) for g, (first, last) in enumerate(zip(ends, ends[1:])) if last > first]
         self.blocks = [LawBlock(self.particles, *one) for one in found]
@@ -73,9 +73,9 @@ class TotalLagrangianSPH(ParticleSystem):
         self.particles.declare(Field("share", 1, "1"), share)
         # the narrowest spacing of all ranks bounds the step (79), so that it does not depend on their number
         self.spacing = minimum(comm, float(particle_set.spacing.min(initial=np.inf)))
-        self.leapfrog = None if self.staged else Leapfrog(self, scene)
-        self.staged_step = StagedStep(self, scene) if self.staged else None
-        self.evaluations, self.landings = (3, ()) if self.staged else (1, self.conditions.times)
+        self.leapfrog = None if staged else Leapfrog(self, scene)
+        self.staged_step = StagedStep(self, scene) if staged else None
+        self.evaluations, self.landings = (3, ()) if staged else (1, self.conditions.times)
         self.initial_stress = initial_stress_of(self, scene)
         self.boxes = self._box_bodies(scene)
         self.lists = self._list_bodies(scene, particle_set)
@@ -126,7 +126,7 @@ class TotalLagrangianSPH(ParticleSystem):
         )
         waves = 0
         if settings.dissipation > 0.0:
-            waves = 1 if not self.staged else 3 if directional else 2
+            waves = 1 if self.staged_step is None else 3 if directional else 2
         cells = None
         if any(one.cells is not None for one in self.lattice_bodies):
             meant = [one for one in self.lattice_bodies if one.cells is not None]
@@ -235,12 +235,18 @@ class TotalLagrangianSPH(ParticleSystem):
         """Whether this rank's particles ask for another reference."""
         return self.reference is not None and self.reference.asks
 
-    def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
-        """One step by the scene's integrator, of a reference that follows where it is moved; collective."""
-        if self.reference is not None and not self.reference.follow(self.news_anywhere):
+    def advance_positions(self, time: float, step: float, ledger: Any) -> None:
+        """See `ParticleSystem`; of a reference that follows where it is moved, collective there."""
+        self.reference_lost = self.reference is not None and not self.reference.follow(self.news_anywhere)
+        if not self.reference_lost:
+            self.integrator.advance_positions(time, step, ledger)
+
+    def complete_step(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
+        """See `ParticleSystem`."""
+        if self.reference_lost:
             announce(False, 0.0)
             return False
-        return bool(self.integrator.advance(time, step, ledger, announce))
+        return bool(self.integrator.complete_step(time, step, ledger, announce))
 
     def energies(self) -> tuple[float, float]:
         """Kinetic and stored energy [J] of this rank's particles, with tributary volumes."""
@@ -249,10 +255,6 @@ class TotalLagrangianSPH(ParticleSystem):
         return float(kinetic), stored + sum(block.energy() for block in self.blocks)
 
     # --- what contact asks ------------------------------------------------------------------------------------
-
-    def kick_before(self, impulse: np.ndarray, rows: np.ndarray) -> None:
-        """See `ParticleSystem.kick_before` and, for stages, `stage_losses.CarriedImpulses`."""
-        (self.kick if self.staged_step is None else self.staged_step.carried.take)(impulse, rows)
 
     def held_components(self) -> np.ndarray | None:
         """Those of supports and of prescribed velocities."""

@@ -58,6 +58,8 @@ class UpdatedLagrangianSPH(PairMethod):
 
     pairs: MovingPairs
     time = supplied = supplied_to_stored = 0.0
+    # whether the sums of forces have the external ones
+    pulled = False
     takes_heat = True
 
     def __init__(self, comm: Any, scene: Scene, particle_set: ParticleSet):
@@ -143,7 +145,7 @@ class UpdatedLagrangianSPH(PairMethod):
         self.advance_state(0.0, 0.0)
         self.sweeps.forces()
         self.advance_gradients(0.0)
-        self.halves.goes_on = previous_state.take_forces(self.comm, scene, self)
+        self.halves.goes_on = self.pulled = previous_state.take_forces(self.comm, scene, self)
 
     def resume(self) -> None:
         """Continue with the lists of the checkpoint; collective."""
@@ -156,30 +158,52 @@ class UpdatedLagrangianSPH(PairMethod):
     def state(self) -> dict[str, Any]:
         """The lists, and whether they are used up; collective."""
         lists = {"pairs": self.pairs.state(), "time": self.time, "news": anywhere(self.comm, self.news)}
-        return lists | {"halves": self.halves.state(self.comm)}
+        return lists | {"halves": self.halves.state(self.comm), "pulled": self.pulled}
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave."""
         self.lists_state, self.time, self.news = state, state["time"], state["news"]
+        self.pulled = state["pulled"]
         if "halves" in state:  # an earlier version has none, and other terms in its ledger, which are refused next
             self.halves.set_state(self.comm, state["halves"])
 
     # --- a step -------------------------------------------------------------------------------------------------
 
-    def advance(self, time: float, step: float, ledger: EnergyLedger, announce: Announce) -> bool:
-        """One step [s] from a time [s]: kick, drift, first pass, state, drift, second pass, kick."""
+    def _pull(self, sign: float) -> None:
+        """Add external forces to the sums of the second pass."""
+        if "external_force" in self.particles:
+            force = self.particles.owned_rows("force_sums")
+            force[:, : self.dimension] += sign * self.particles.owned_rows("external_force")
+
+    def advance_positions(self, time: float, step: float, ledger: EnergyLedger) -> None:
+        """Kick, drift, first pass, state, drift."""
         self.follow_lists(time)
+        if not self.pulled:
+            self._pull(1.0)
         first = self.boundaries.half_kick(time, step, time + 0.5 * step)
         self.drift(0, self.owned, 0.5 * step)
         self.first_pass(0.5 * step)
         sound, plastic, lost = self.advance_state(time + step, step)
         self.drift(0, self.owned + self.particles.ghosts, 0.5 * step)
+        self.opening = first, sound, plastic, lost
+
+    def complete_step(self, time: float, step: float, ledger: EnergyLedger, announce: Announce) -> bool:
+        """Second pass, kick."""
+        first, sound, plastic, lost = self.opening
         self.look_ahead(time + step, step)
         announce(sound, self.stable_step())
         self.sweeps.forces()
+        impulse = self.impulse_at_end(step)
+        self._pull(1.0)
+        self.pulled = True
         second = self.boundaries.half_kick(time + step, step, time + step)
         plastic += self.advance_gradients(step)
         self.book(ledger, step, (plastic, lost), (first, second))
+        if impulse is not None:
+            before = self.particles.owned_rows("velocity").copy()
+            ledger.add(1.0, 0.0, -impulse.act(self.held_components()), 0.0)
+            if self.heating is not None:
+                follow_kick(self, before, np.arange(self.owned))
         return sound
 
     def follow_lists(self, time: float) -> None:
@@ -227,7 +251,7 @@ class UpdatedLagrangianSPH(PairMethod):
         if self.heating is not None:
             ledger.add_term("viscous_heat_to_come", self.halves.follow(heat_to_come(self, step, second[1])))
         self.halves.step, self.halves.goes_on = step, self.halves.goes_on and step == 0.0
-        ledger.add_term("leapfrog_oscillation", second[2] - first[2])
+        ledger.add_term("kinetic_offset", second[2] - first[2])
         terms = {"heat_supplied": self.supplied, "heat_stored": self.supplied_to_stored} | self.updates.taken()
         for name, energy in (terms | (self.deletion.taken() if self.deletion else {})).items():
             ledger.add_term(name, energy)
@@ -242,18 +266,10 @@ class UpdatedLagrangianSPH(PairMethod):
             self.supplied, self.supplied_to_stored = prescribe_temperatures(self, time)
         return sound, plastic, lost
 
-    def expect_kicks(self) -> None:
-        """See `CentredCorrection`: what acts between steps does its work at their ends."""
+    def take_external_forces(self, keep_rows: bool) -> None:
+        """See `CentredCorrection`: what acts in a step besides does its work at its ends."""
+        super().take_external_forces(keep_rows)
         self.correction = self.correction and CentredCorrection(_MOST)
-
-    def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
-        """See `ParticleSystem.kick`; the heat of the viscosity follows the velocities that its work is done with."""
-        rows = np.arange(self.owned) if rows is None else rows
-        before = self.particles.owned_rows("velocity")[rows]
-        gained = super().kick(impulse, rows)
-        if self.heating is not None:
-            follow_kick(self, before, rows)
-        return gained
 
     def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
         """See `ParticleSystem.take_heat`; no particle lies on a mirror plane."""
