@@ -8,8 +8,8 @@ Arrays have one row a component, (c, places): component d c + J of a tensor A in
 particles have the nodes of this rank alone, box arrays (velocity v [m/s], position x [m], velocity gradient G [1/s],
 first Piola-Kirchhoff stress P [Pa], half impedances Z [Pa s/m]) have the ghosts, too.
 
-The dissipation is that of the acoustic Riemann problem between nearest neighbours along the axes (Lee et al., A new
-updated... total Lagrangian SPH, eqs (74), (75)): with the jump u of the velocities, less what both gradients explain of
+The dissipation is that of the acoustic Riemann problem between nearest neighbours along the axes (Lee et al., eqs (74),
+(75)): with the jump u of the velocities, less what both gradients explain of
 it, and n along x_b - x_a the flux from b to a is Z_s u + (Z_p - Z_s) (u . n) n [Pa].
 """
 
@@ -29,10 +29,10 @@ class Box(NamedTuple):
     first: row of its first node in the fields; start: place of its first node in box arrays; planes, nodes: how many
     planes its box arrays have and how many nodes a plane, with ghosts; row: nodes along the fastest axis of space, 1 in
     the plane; first_plane, last_plane, first_node, last_node: own planes and nodes of a plane, the last ones excluded.
-    axes: the axis in space of each memory axis. far_nodes, far_offsets: own nodes of a plane with a neighbour three steps
-    off along the axes within planes, and whether it is the one below (0) or above (6). Tables as in `box_weights.AxisTables`, those of axis 0 by plane, the
-    others by node of a plane: gradient, divergence (2, 7, n), jump (2, 2, n), half_step (n,). length (planes,) [m],
-    area (nodes,) [m^2]: their product is the volume of a node.
+    axes: the axis in space of each memory axis. far_nodes, far_offsets: own nodes of a plane with a neighbour three
+    steps off along the axes within planes, and whether it is the one below (0) or above (6). Tables as in
+    `box_weights.AxisTables`, those of axis 0 by plane, the others by node of a plane: gradient, divergence (2, 7, n),
+    jump (2, 2, n), half_step (n,). length (planes,) [m], area (nodes,) [m^2]: their product is the volume of a node.
     """
 
     first: int

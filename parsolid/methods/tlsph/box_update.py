@@ -21,7 +21,7 @@ from parsolid.pairs.box_sweeps import copy, gradient_in_plane
 
 @kernel
 def take_extremes(J, signal, least, most):
-    """Least J and greatest signal so far, lane by lane of tiles, which is done by vectors; what is not a number stays."""
+    """Least J and greatest signal so far, place by place of tiles, which vectorises; what is not a number stays."""
     for p in range(J.size):
         least[p] = least[p] if (least[p] <= J[p]) | (least[p] != least[p]) else J[p]
         most[p] = most[p] if (most[p] >= signal[p]) | (most[p] != most[p]) else signal[p]
