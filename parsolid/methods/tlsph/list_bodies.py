@@ -20,6 +20,7 @@ from parsolid.pairs.list_sweeps import (
 )
 from parsolid.pairs.list_weights import ListWeights
 from parsolid.pairs.pair_list import Neighbours
+from parsolid.particles.declaration import Columns, Field
 from parsolid.solvers.runge_kutta import Stage
 
 
@@ -39,6 +40,9 @@ class ListBodies:
         self.system, self.blocks, self.weights, self.waves, self.unbonded = system, blocks, weights, waves, unbonded
         self.last = max((block.last for block in blocks), default=0)
         self.particles, self.dimension, self.codes = system.particles, system.dimension, system.conditions.codes
+        columns = {"layout": Columns(), "carried": False}
+        self.particles.declare(Field("correction", self.dimension**2, "", **columns))
+        self.particles.declare(Field("pair_volume", 1, "m^3", **columns), 1.0)
         self.columns = ROWS[self.dimension]
         self.half = 0.5 if system.settings.reconstruction else 0.0
         # half of rho c_s, where shear waves have one speed in a law

@@ -181,14 +181,18 @@ class TotalLagrangianSPH(ParticleSystem):
         gradient. Collective."""
         rows, d, owned = self.particles.owned_rows, self.dimension, self.owned
         if anywhere(self.comm, bool(derived.any())):
-            gradient = np.zeros((owned, d, d))
-            for bodies in self.sweeps:
-                bodies.displacement_gradient(gradient)
-            rows("deformation_gradient")[derived] += gradient.reshape(owned, d * d)[derived]
+            rows("deformation_gradient")[derived] += self.displacement_gradient().reshape(owned, d * d)[derived]
         F = deformation_gradients(self.particles, 0, owned)
         rows("jacobian")[:] = np.linalg.det(F)
         if "cofactor" in self.particles:
             rows("cofactor")[:] = np.cross(F[:, (1, 2, 0)], F[:, (2, 0, 1)]).reshape(owned, 9)
+
+    def displacement_gradient(self) -> np.ndarray:
+        """grad u (owned, d, d) by the scheme's own operators; collective."""
+        result = np.zeros((self.owned, self.dimension, self.dimension))
+        for bodies in self.sweeps:
+            bodies.displacement_gradient(result)
+        return result
 
     @property
     def reference_updates(self) -> int:
