@@ -83,7 +83,7 @@ def store_symmetric(t, p, S):
     t[3 * TILE + p], t[4 * TILE + p], t[5 * TILE + p] = S[3], S[4], S[5]
 
 
-def make_tile(components):
+def make_tile(components: int) -> np.ndarray:
     """A tile of tensors that are 1 (nine or six components), or of numbers that are 1."""
     diagonal = {9: (0, 4, 8), 6: (0, 1, 2)}.get(components, range(components))
     tile = np.zeros((components, TILE))
