@@ -6,7 +6,8 @@ With g_ab = -g_ba, L_a = 1 and A_a the outward area vector of node a (0 inside) 
 
 so that a constant stress has the force of its tractions, gradients of linear fields are exact, and the two sweeps stay
 adjoint. Each cell with steps h_k adds g_ab = e_k prod_{j != k} h_j / 2^d to each of its edges along axis k,
-prod h / 2^d to the volume of each corner, and prod_{j != k} h_j / 2^(d-1) to the areas at the corners of each free face.
+prod h / 2^d to the volume of each corner, and prod_{j != k} h_j / 2^(d-1) to the areas at the corners of each free
+face.
 """
 
 from collections.abc import Callable, Iterable

@@ -2,12 +2,12 @@
 
 import copy
 
-import numpy as np
 from points import COPPER, scene
 from solids import SOFT, tables
 
 from parsolid.boundary.conditions import Conditions
-from parsolid.methods.mpm.grid_conditions import GridConditions
+from parsolid.methods.mpm.conditions import GridConditions
+from parsolid.methods.mpm.points import MaterialPoints
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.methods.ulsph.boundaries import BoundarySet
 from parsolid.methods.ulsph.fields import declare_motion
@@ -74,4 +74,4 @@ def translated(comm, data: dict):
         declare_generated(particles, particle_set)
         declare_motion(particles, particle_set.position, None, None, False)
         return BoundarySet(comm, scene, particle_set, particles)
-    return GridConditions(comm, scene, particle_set.position, np.zeros(4))
+    return GridConditions(comm, scene, particle_set, MaterialPoints(scene, particle_set))

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from kinds import table, tables_of
 
-from parsolid.boundary.heat import HeatSupply
+from parsolid.boundary.heating import HeatSupply
 from parsolid.boundary.loads import InTime
-from parsolid.methods.mpm.grid_conditions import GridConditions
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.particles.container import Particles
@@ -91,14 +90,14 @@ def test_heat_through_planes(comm):
     data = tables_of("mpm", table("heat_flux") | {"heat_flux": "1 + Y*t"}) | {"loads": {"heat_source": "X"}}
     scene = parse_scene(data)
     particle_set = generate(scene, comm)
-    declared = GridConditions(comm, scene, particle_set.position, np.zeros(4)).declared
     particles, still = contained(particle_set), contained(particle_set)
-    fixed, found = (HeatSupply(declared, one, False) for one in (still, particles))
+    fixed, found = (HeatSupply(scene, one, False) for one in (still, particles))
     for _ in range(2):
         shuffle(particles)
-        expected, power = np.zeros((2, particles.owned, 1))
-        fixed.surfaces[0].put(expected, 0.5)
-        found.surfaces[0].put(power, 0.5)
+        expected, power = np.zeros((2, particles.owned))
+        for supply, result in ((fixed, expected), (found, power)):
+            rows, values = supply.powers(0, 0.5)
+            result[rows] = values
         assert np.array_equal(by_particle(particles, power), by_particle(still, expected))
         assert np.array_equal(by_particle(particles, found.sources(0.5)), by_particle(still, fixed.sources(0.5)))
     # eight particles of side 1/8 at X = 0, at Y = 1/16, 3/16 ...

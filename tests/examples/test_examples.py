@@ -26,6 +26,7 @@ BLOCK, BAR = EXAMPLES / "rubber_block.toml", EXAMPLES / "voce_bar.toml"
 METHODS = {
     "tlsph": [],
     "peridynamics": ["method.kind=peridynamics"],
+    "mpm": ['method={kind = "mpm", cell = 0.25}', "bodies.0.placement=cells"],
 }
 
 

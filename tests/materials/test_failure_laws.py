@@ -19,8 +19,7 @@ from parsolid.materials.plastic.equation_of_state import MieGrueneisen
 from parsolid.materials.plastic.linear_hardening import LinearHardening
 from parsolid.materials.plastic.melting import ConstantMelting
 from parsolid.materials.plastic.shear_modulus import ConstantShearModulus
-from parsolid.methods.mpm.plastic_update import advance_stress, new_state
-from parsolid.numerics.layout import LAYOUT
+from parsolid.methods.mpm.plastic_stress import advance_stress, new_state
 from parsolid.numerics.tensors import SymmetricSpace
 from parsolid.scene.failure import library
 
@@ -66,7 +65,7 @@ class Point:
         self.rate.reshape(-1, 3, 4)[0, :, :3] = gradient
         arrays = (self.state, self.motion, self.rate, self.record)
         for _ in range(steps):
-            outcome = advance_stress(LAYOUT[3], 0, 1, self.law, step, None, *arrays)
+            outcome = advance_stress(3, 0, 1, self.law, step, None, *arrays)
             assert outcome[0]
             self.released += outcome[4]
         return self

@@ -25,6 +25,7 @@ BRANCHES = [{"beta": 0.7, "tau": 0.02}]
 METHODS = {
     "tlsph": {"kind": "tlsph"},
     "peridynamics": {"kind": "peridynamics"},
+    "mpm": {"kind": "mpm", "cell": 0.25},
 }
 
 

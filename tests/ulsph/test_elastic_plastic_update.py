@@ -11,7 +11,7 @@ from parsolid.materials.plastic.equation_of_state import LinearElastic, MieGruen
 from parsolid.materials.plastic.linear_hardening import LinearHardening
 from parsolid.materials.plastic.shear_modulus import ConstantShearModulus
 from parsolid.materials.registry import law_of
-from parsolid.methods.mpm.plastic_update import advance_stress, new_state
+from parsolid.methods.mpm.plastic_stress import advance_stress, new_state
 from parsolid.methods.ulsph.fields import Body
 from parsolid.methods.ulsph.plastic_update import advance_state
 from parsolid.methods.ulsph.terms import GradientCorrection
@@ -136,7 +136,7 @@ def material_point(law, gradient, duration, steps, temperature):
     # F+ = (1 + dt l) F, the same deformation as of a steady velocity gradient
     rate.reshape(-1, 3, 4)[0, :, :3] = (expm(duration / steps * gradient) - np.eye(3)) / (duration / steps)
     for _ in range(steps):
-        assert advance_stress(LAYOUT[3], 0, 1, law, duration / steps, None, state, motion, rate, record)[0]
+        assert advance_stress(3, 0, 1, law, duration / steps, None, state, motion, rate, record)[0]
     J = np.linalg.det(state.deformation[:, 0].reshape(3, 3))
     xx, yy, zz, _, yz, xz, xy, _ = record[0] / J
     stress = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -191,6 +191,6 @@ def test_a_particle_without_neighbours_keeps_its_state(dimension):
     before, body = particles.scalars(), particles.body
     body.rate_sums[:] = 0.0
     law, correction = particles.law, GradientCorrection(6.0)
-    assert advance_state(LAYOUT[dimension], 0, 4, law, 1e-8, 1e-8, None, None, correction, body)[0]
+    assert advance_state(dimension, 0, 4, law, 1e-8, 1e-8, None, None, correction, body)[0]
     np.testing.assert_allclose(particles.scalars(), before, rtol=1e-12)
     assert np.isfinite(body.correction).all()

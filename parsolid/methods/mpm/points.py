@@ -1,7 +1,6 @@
-"""Material points of one rank: the container of their fields, and the particles of a
-`decomposition.RankGrid` at once.
-"""
+"""Material points of one rank: what all of them carry, and their motion at time 0."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,31 +9,25 @@ from parsolid.materials.blocks import MaterialBlock, block_numbers, blocks_betwe
 from parsolid.materials.registry import laws_of
 from parsolid.methods.failed_matter import failed_to_delete, note_deleted
 from parsolid.methods.failure_fields import DELETED_KINETIC, DELETED_STORED
-from parsolid.methods.mpm import weights as grid_weights
-from parsolid.methods.mpm.grid import AffineFlip, Apic, Flip, Taylor
-from parsolid.numerics.lanes import aligned_zeros
-from parsolid.numerics.layout import LAYOUT
+from parsolid.methods.mpm.shape_functions import find_base_nodes, make_basis
 from parsolid.particles.container import Particles
-from parsolid.particles.declaration import Columns, Field, Rows, Within
+from parsolid.particles.declaration import Columns, Field, Within
 from parsolid.particles.extents import domain_bounds
 from parsolid.particles.generated import declare_generated
 from parsolid.particles.particle_set import ParticleSet
-from parsolid.scene import Scene
+from parsolid.scene import Scene, initial_deformation_gradient, initial_displacement, initial_velocity
 
 # F of the undeformed body: 11, 12, 21, 22, 33 in two dimensions, its rows in three
 _IDENTITY = {2: (1.0, 0.0, 0.0, 1.0, 1.0), 3: (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)}
-
-
-VelocityTransfer = Flip | Apic | AffineFlip | Taylor
-# transfers that take the nodes' velocities themselves
-_AFFINE: dict[str, type[Apic] | type[Taylor]] = {"apic": Apic, "tpic": Taylor}
+# of the cell, for the gradients of formulas
+_DIFFERENCE = 1e-4
 
 
 class MaterialPoints(Particles):
-    """What all particles carry, see `methods.mpm.grid` for the records; laws declare what theirs carry besides.
+    """Material points, in the records of `transfer`; laws declare what theirs carry besides.
 
-    origin (4,) [m]: of the grid; where: name of the record whose first columns are the places [m] that weights belong
-    to.
+    Also the particles of a `decomposition.grid.RankGrid`. origin (4,) [m]: of the grid; fraction: of FLIP in new
+    velocities.
     """
 
     def __init__(self, scene: Scene, particle_set: ParticleSet):
@@ -43,23 +36,17 @@ class MaterialPoints(Particles):
         self.laws, law_of_body = block_numbers(laws, np.arange(len(laws)))
         super().__init__(particle_set.body, law_of_body)
         self.settings, self.dimension = scene.method, particle_set.position.shape[1]
-        self.origin = aligned_zeros(4)
+        self.axisymmetric = scene.method.geometry == "axisymmetric"
+        self.fraction = 0.0 if scene.method.transfer == "apic" else float(scene.method.flip_fraction)
+        self.origin = np.zeros(4)
         if scene.method.origin is not None:
             self.origin[: self.dimension] = scene.method.origin
-        self.axisymmetric = scene.method.geometry == "axisymmetric"
-        # material kernels see the plane's layout in axisymmetry, too: l33 and F33 are there
-        self.space = LAYOUT[self.dimension]
-        self.where = "reference_position" if scene.method.formulation == "total-lagrangian" else "motion"
-        place = Rows(4) if self.where == "reference_position" else Rows()
-        declare_generated(self, particle_set, reference_position=place)
+        declare_generated(self, particle_set)
         self._declare_motion(particle_set)
-        kinds = {boundary.kind for boundary in scene.boundaries}
-        self._declare_transfer(particle_set, "velocity" in kinds, "heat_flux" in kinds)
+        self._declare_options(particle_set, {boundary.kind for boundary in scene.boundaries})
         self._bases = np.empty((0, self.dimension), np.int64)
-        self._base_offset = grid_weights.base_offset(self.basis)
 
     def _declare_motion(self, particles: ParticleSet) -> None:
-        """The record of motion, deformation and stress."""
         d, density = self.dimension, np.array([law.density for law in self.laws])[self.law_of_body[particles.body]]
         volume = particles.volume * (particles.position[:, 0] if self.axisymmetric else 1.0)
         self.declare(Field("motion", 8, "m kg m/s m^3"))
@@ -73,22 +60,43 @@ class MaterialPoints(Particles):
         self.declare(Field("velocity_gradient", 12, "1/s"))
         self.declare(Field("stress_and_volume", 8, "J", checkpointed=True))
 
-    def _declare_transfer(self, particles: ParticleSet, driven: bool, heated: bool) -> None:
-        """What only some settings need."""
+    def _declare_options(self, particles: ParticleSet, boundaries: set[str]) -> None:
+        """What only some settings and boundaries need."""
         settings, d = self.settings, self.dimension
-        if settings.formulation == "total-lagrangian":
-            self.declare(Field("nominal_stress_and_volume", 12, "J"))
-        # FLIP has slopes beside driven nodes alone: see `transfers.UpdateStressLast`
-        if settings.transfer != "flip" or driven:
+        # FLIP has slopes beside driven nodes alone, see `conditions.GridConditions.keep_slopes_beside_driven`
+        if settings.transfer != "flip" or "velocity" in boundaries:
             self.declare(Field("velocity_slope", 12, "1/s", checkpointed=True))
-        # see `HeatedSurfaces`
-        if heated:
+        # see `heat.HeatedSurfaces`
+        if "heat_flux" in boundaries:
             self.declare(Field("temperature_slope", 4, "K/m", checkpointed=True))
-        if settings.basis in ("ugimp", "cpgimp"):
+        if settings.basis == "ugimp":
             # cells of a particle's own axes count as boxes along the grid
             halves = np.full((len(particles), 4), 0.5)
-            halves[:, :d] = 0.5 * particles.spacing / settings.cell
-            self.declare(Field("half_widths", 4, "1"), np.minimum(halves, 0.5) if settings.basis == "ugimp" else halves)
+            halves[:, :d] = np.minimum(0.5 * particles.spacing / settings.cell, 0.5)
+            self.declare(Field("half_widths", 4, "1", padding=(0.5,) * 4), halves)
+
+    def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
+        """Velocity, position, F, and slopes of the velocity if there are any, at time 0 by the bodies' formulas.
+
+        The slopes are those at the present places; slopes of a body at rest would smooth its first step.
+        """
+        d, place = self.dimension, (scene, particle_set.body, particle_set.position, particle_set.regions)
+        rows = self.owned_rows
+        rows("velocity")[:] = initial_velocity(*place)
+        displacement, given = initial_displacement(*place), initial_deformation_gradient(*place)
+        F = np.tile(np.eye(d), (self.owned, 1, 1))
+        if displacement is not None:
+            rows("position")[:] += displacement
+            F += _gradient(initial_displacement, scene, particle_set)
+        if given is not None:
+            gradient, where = given
+            F[where] = gradient[where]
+        rows("deformation_gradient")[:, : d * d] = F.reshape(-1, d * d)
+        if "velocity_slope" in self:
+            slope = _gradient(initial_velocity, scene, particle_set) @ np.linalg.inv(F)
+            rows("velocity_slope").reshape(-1, 3, 4)[:, :d, :d] = slope
+        if self.axisymmetric:
+            rows("deformation_gradient")[:, 4] = rows("position")[:, 0] / particle_set.position[:, 0]
 
     # --- as kernels take them -------------------------------------------------------------------------------------
 
@@ -98,28 +106,13 @@ class MaterialPoints(Particles):
 
     @property
     def motion(self) -> np.ndarray:
-        """(capacity, 8): x y z m | vx vy vz V0."""
+        """(capacity, 8), see `transfer`."""
         return self.storage("motion")
 
     @property
-    def places(self) -> np.ndarray:
-        """Places (capacity, 4 or 8) [m] that the weights belong to, in the first columns."""
-        return self.storage(self.where)
-
-    @property
     def basis(self) -> Any:
-        """The grid's basis, on the particles' half widths where it needs them."""
-        return grid_weights.make_basis(self.settings.basis, self.find("half_widths"))
-
-    @property
-    def velocity_transfer(self) -> VelocityTransfer:
-        """How particles take velocities from the nodes, one of `grid`."""
-        fraction, slope = float(self.settings.flip_fraction), self.find("velocity_slope")
-        if slope is None:
-            return Flip(fraction)
-        if self.settings.transfer in _AFFINE:
-            return _AFFINE[self.settings.transfer](slope)
-        return AffineFlip(slope, fraction)
+        """The grid's shape functions."""
+        return make_basis(self.settings.basis, self.find("half_widths"))
 
     @property
     def blocks(self) -> list[MaterialBlock]:
@@ -131,29 +124,15 @@ class MaterialPoints(Particles):
         """Those whose particles have a temperature."""
         return [block for block in self.blocks if hasattr(block.law, "specific_heat")]
 
-    # --- as the particles of a RankGrid ---------------------------------------------------------------------------
-
     def bases(self) -> np.ndarray:
         """Base node (capacity, d) of each particle at its present place."""
         if len(self._bases) < self.capacity:
             self._bases = np.empty((self.capacity, self.dimension), np.int64)
-        inverse = 1.0 / self.settings.cell
-        grid_weights.find_bases(0, self.owned, self.places, self.origin, inverse, self._base_offset, self._bases)
+        offset = self.basis.offset
+        find_base_nodes(self.owned, self.motion, self.origin, float(self.settings.cell), offset, self._bases)
         return self._bases
 
-    def names(self) -> np.ndarray:
-        """Global numbers of the particles."""
-        return self.storage("identifier")
-
-    def stretch_domains(self) -> None:
-        """Half widths of convected particles along the grid, from the diagonal of F; others have none that change."""
-        if self.settings.basis == "cpgimp":
-            d, rows = self.dimension, [0, 3] if self.dimension == 2 else [0, 4, 8]
-            stretch = self.storage("deformation_gradient")[rows, : self.owned].T
-            spacing = self.storage("spacing")[: self.owned]
-            self.storage("half_widths")[: self.owned, :d] = 0.5 / self.settings.cell * spacing * stretch
-
-    # --- what fails -----------------------------------------------------------------------------------------------
+    # --- what fails, and heat ---------------------------------------------------------------------------------------
 
     def delete_failed(self) -> dict[str, float]:
         """Take away what has failed since the last time, where laws say so: energies [J] that go with it."""
@@ -227,3 +206,14 @@ class MaterialPoints(Particles):
             here = slice(block.first, block.last)
             total += float(self.motion[here, 3] @ block.law.heat(self["temperature"][here]))
         return total
+
+
+def _gradient(formula: Callable[..., np.ndarray | None], scene: Scene, particle_set: ParticleSet) -> np.ndarray:
+    """(n, d, d) of the bodies' formulas, by reference place, by central differences."""
+    columns, body, place = [], particle_set.body, particle_set.position
+    small = _DIFFERENCE * scene.method.cell
+    for step in small * np.eye(place.shape[1]):
+        ahead, behind = (formula(scene, body, place + s * step, particle_set.regions) for s in (1.0, -1.0))
+        assert ahead is not None and behind is not None
+        columns.append((ahead - behind) / (2.0 * small))
+    return np.stack(columns, axis=2)

@@ -1,9 +1,13 @@
-"""What is shown of material points besides their fields."""
+"""What is shown and told of material points besides their fields."""
+
+from typing import Any
 
 import numpy as np
 
+from parsolid.collective import maximum
 from parsolid.materials.plastic.plastic_evaluation import melting_temperature
-from parsolid.methods.mpm.material_points import MaterialPoints
+from parsolid.methods import failed_matter
+from parsolid.methods.mpm.points import MaterialPoints
 
 # D in cells^2 by a particle's place in its cell, of which no spline but the hat function's depends on it
 _SPREADS = {
@@ -39,14 +43,13 @@ def shown(points: MaterialPoints, name: str, first: int, last: int) -> np.ndarra
 
 
 def _own_angular_momentum(points: MaterialPoints, here: slice) -> np.ndarray | None:
-    """What slopes C carry [kg m^2/s], m eps : C D, (n,) or (n, 3); None where there are no slopes about present places.
+    """What slopes C carry [kg m^2/s], m eps : C D, (n,) or (n, 3); None where there are no slopes.
 
-    D_j = sum_i w_i (x_i - x_p)_j^2 of the nodes of a spline, as in `weights.store_distances`; GIMP functions, of which
-    it follows the particle's domain, are left out.
+    D_j = sum_i w_i (x_i - x_p)_j^2 of the nodes of a spline, as in `shape_functions.put_moments`; GIMP functions, of
+    which it follows the particle's domain, are left out.
     """
     settings = points.settings
-    known = settings.basis in _SPREADS and settings.formulation == "updated" and settings.geometry != "axisymmetric"
-    if "velocity_slope" not in points or not known:
+    if "velocity_slope" not in points or settings.basis not in _SPREADS or points.axisymmetric:
         return None
     places = (points["position"][here] - points.origin[: points.dimension]) / settings.cell
     spread = _SPREADS[settings.basis](places % 1.0) * settings.cell**2 * points["mass"][here][:, None]
@@ -57,19 +60,38 @@ def _own_angular_momentum(points: MaterialPoints, here: slice) -> np.ndarray | N
     return np.stack(turning, axis=1) if points.dimension == 3 else turning[0]
 
 
-def can_melt(points: MaterialPoints) -> bool:
-    """Whether a law has a melting temperature; the same on all ranks."""
-    return any(getattr(law, "melting", None) is not None for law in points.laws)
+def measure(points: MaterialPoints, name: str, plastic_work: float) -> tuple[str, np.ndarray]:
+    """See `protocol.ParticleSystem.measure`."""
+    if name.startswith("maximum_"):
+        field = name.removeprefix("maximum_")
+        values = points.owned_rows(field) if field in points else np.zeros(0)
+        return "maximum", np.array([values.max(initial=0.0)])
+    failed = failed_matter.measure(points, points["mass"][: points.owned], name)
+    if failed is not None:
+        return failed
+    if name == "plastic_work":
+        return "sum", np.array([plastic_work])
+    if name in ("heat", "entropy"):
+        return "sum", np.array([getattr(points, name)()])
+    lower, upper = points.bounds_of_domains()
+    d = points.dimension
+    return ("minimum", lower[:d]) if name == "lower_bounds" else ("maximum", upper[:d])
 
 
-def homologous_temperatures(points: MaterialPoints) -> np.ndarray:
-    """T / T_m of this rank's particles that can melt."""
+def melting_summary(comm: Any, points: MaterialPoints) -> dict[str, Any]:
+    """Particles that have melted if any can; collective."""
+    if all(getattr(law, "melting", None) is None for law in points.laws):
+        return {}
     parts = [np.zeros(0)]
     for block in points.warm_blocks:
         if block.law.melting is not None:
             temperature = points["temperature"][block.first : block.last]
             parts.append(temperature / melting_temperature(block.law, points.jacobian(block.first, block.last)))
-    return np.concatenate(parts)
+    ratios = np.concatenate(parts)
+    return {
+        "melted_particles": comm.allreduce(int((ratios >= 1.0).sum())),
+        "largest_temperature_over_melting": maximum(comm, float(ratios.max(initial=0.0))),
+    }
 
 
 def first_unsound(points: MaterialPoints, listed: np.ndarray) -> tuple[int, str] | None:
