@@ -35,8 +35,8 @@ class ListBodies:
     near: Neighbours
 
     def __init__(self, system: Any, blocks: list[Any], weights: ListWeights, waves: int, unbonded: Any) -> None:
-        """system: `system.TotalLagrangianSPH` with its fields declared; blocks: the `state.LawBlock` of these particles,
-        which are the first ones; unbonded: see `Neighbours`."""
+        """system: `system.TotalLagrangianSPH` with its fields declared; blocks: the `state.LawBlock` of these
+        particles, which are the first ones; unbonded: see `Neighbours`."""
         self.system, self.blocks, self.weights, self.waves, self.unbonded = system, blocks, weights, waves, unbonded
         self.last = max((block.last for block in blocks), default=0)
         self.particles, self.dimension, self.codes = system.particles, system.dimension, system.conditions.codes

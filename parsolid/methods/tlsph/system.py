@@ -1,5 +1,6 @@
 """Upwind total-Lagrangian SPH (Lee et al., sections 5 and 6): state {v, x, F, H, J, A_alpha} of each particle."""
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -59,7 +60,7 @@ class TotalLagrangianSPH(ParticleSystem):
         self.branches = max(len(law.branch_moduli or ()) for law in self.laws)
         declare_fields(self.particles, particle_set, self.branches, staged)
         ends, law_of_group = self.particles.bounds.tolist(), dict(zip(groups.tolist(), self.laws))
-        found = [(first, last, law_of_group[g]) for g, (first, last) in enumerate(zip(ends, ends[1:])) if last > first]
+        found = [(first, last, law_of_group[g]) for g, (first, last) in enumerate(pairwise(ends)) if last > first]
         self.blocks = [LawBlock(self.particles, *one) for one in found]
         without_images = frozenset(i for i, kind in enumerate(self.body_weights) if kind in ON_LATTICES)
         self.conditions = Conditions(comm, scene, particle_set, self.particles, without_images)
