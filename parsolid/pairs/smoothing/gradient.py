@@ -1,8 +1,8 @@
 """What a smoothing kernel offers to the weights of pairs."""
 
-from parsolid.numerics.dispatch import generic
+from parsolid.materials.law_functions import law_function
 
 
-@generic
+@law_function
 def gradient_factor(kernel, q, dimension):
     """c f'(q)/q; zero at q = 0 and outside the support."""
