@@ -1,6 +1,13 @@
-"""Boundary conditions and loads, translated once for all methods.
+"""Boundary conditions and loads, for all methods: see `conditions`.
 
-`declarations` holds what a scene's conditions mean, without any particles; the rest brings it to the particles of a
-rank: mirror planes and clamps (`supports`, `mirror_planes`), prescribed motion (`prescribed`), loads (`loads`), heat
-(`heat`).
+conditions          all of a scene's conditions on a rank's particles, as integrators call them
+loads_on_particles  loads alone, with their reactions
+forces              one class for each kind of load; surface: the particles that it acts on
+motion              prescribed velocity, displacement and rotation
+constraints         supports, mirror planes (`mirror_planes`), inclined rollers
+walls               rigid walls; heating: sources of heat and heat through planes
+reporting           force, moment and work of a condition
+
+declarations, loads, surface_loads, surfaces, prescribed, supports, slides, rows, reactions and heat are what these
+replace; each goes when no method imports it any more.
 """

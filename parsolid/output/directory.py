@@ -16,8 +16,10 @@ from parsolid.output.whereabouts import NAME as TRACEBACK
 RESULTS = (
     "history.csv",
     "history_error.csv",
+    "history*.sums",
     "fields.vtkhdf",
     "fields.*.vtkhdf",
+    "fields_*.vtkhdf",
     "checkpoint.h5",
     "checkpoint.previous.h5",
     "scene.toml",

@@ -1,7 +1,11 @@
-"""The history of a run: one row of numbers a line in history.csv."""
+"""The history of a run: one row of numbers a line in history.csv, and a checksum a line in history.sums.
+
+A row that is damaged on the disk is found when the file is read or gone on with.
+"""
 
 import csv
 import os
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TextIO
@@ -23,7 +27,7 @@ class History:
             raise ValueError(f"columns: expected the first to be 'step', found {columns[:1]}")
         self.path = Path(path)
         self._columns = list(columns)
-        self._file: TextIO | None = None
+        self._files: tuple[TextIO, ...] = ()
 
     def resume(self, at_step: int) -> None:
         """Go on with the file: keep the rows up to and including a step, drop the later ones.
@@ -35,37 +39,42 @@ class History:
             found, rows = _read(self.path)
             if found != self._columns:
                 raise OutputError(f"{self.path}: cannot go on: expected the columns {self._columns}, found {found}")
-        self._begin([row for row in rows if int(row[0]) <= at_step])
+        self._begin([",".join(row) for row in rows if int(row[0]) <= at_step])
 
     def append(self, row: Sequence[float | None]) -> None:
         """Add a row: numbers in the order of the columns, None for an empty cell. Raises OutputError."""
         if len(row) != len(self._columns):
             raise ValueError(f"row: expected {len(self._columns)} values, found {len(row)}")
-        file = self._begin([]) if self._file is None else self._file
+        if not self._files:
+            self._begin([])
+        text = ",".join(map(_text, row))
         try:
-            # one write a row: a killed run leaves at most one line without its end
-            file.write(",".join(map(_text, row)) + "\n")
-            file.flush()
+            # one write a row: a killed run leaves at most one line without its end, and one row without its checksum
+            for file, line in zip(self._files, (text, _checksum(text))):
+                file.write(line + "\n")
+                file.flush()
         except OSError as error:
             raise OutputError(f"cannot write {self.path}: {words(error)}") from error
 
     def close(self) -> None:
         """Close the file; a later row opens none."""
-        if self._file is not None:
-            self._file.close()
+        for file in self._files:
+            file.close()
 
-    def _begin(self, rows: list[list[str]]) -> TextIO:
+    def _begin(self, rows: list[str]) -> None:
         """Write beside and rename, so that a run killed here loses no row."""
-        partial = self.path.with_name(self.path.name + ".partial")
+        lines = [",".join(self._columns), *rows]
         try:
-            with open(partial, "w", newline="") as file:
-                csv.writer(file, lineterminator="\n").writerows([self._columns, *rows])
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(partial, self.path)
-            # stays open between rows
-            self._file = open(self.path, "a", newline="")  # noqa: SIM115
-            return self._file
+            # the rows first: killed between the two renames, every row that is left has its checksum
+            for path, content in ((self.path, lines), (_sums_of(self.path), map(_checksum, lines))):
+                partial = path.with_name(path.name + ".partial")
+                with open(partial, "w", newline="") as file:
+                    file.writelines(f"{line}\n" for line in content)
+                    file.flush()
+                    os.fsync(file.fileno())
+                os.replace(partial, path)
+            # stay open between rows
+            self._files = tuple(open(path, "a", newline="") for path in (self.path, _sums_of(self.path)))  # noqa: SIM115
         except OSError as error:
             raise OutputError(f"cannot write {self.path}: {words(error)}") from error
 
@@ -79,13 +88,39 @@ def read_history(path: Path | str) -> dict[str, list[float]]:
 def _read(path: Path) -> tuple[list[str], list[list[str]]]:
     try:
         text = path.read_text()
-    except OSError as error:
+    except (OSError, UnicodeDecodeError) as error:
         raise OutputError(f"cannot read {path}: {words(error)}") from error
     # what comes after the last line's end was being written when the run was killed
-    columns, *rows = csv.reader(text[: text.rfind("\n") + 1].splitlines()) if "\n" in text else ([],)
+    lines = text[: text.rfind("\n") + 1].splitlines()
+    _compare(path, lines)
+    columns, *rows = csv.reader(lines) if lines else ([],)
     if columns[:1] != ["step"]:
         raise OutputError(f"{path}: not a history (first column: expected 'step', found {columns[:1]})")
     return columns, [row for row in rows if len(row) == len(columns)]
+
+
+def _sums_of(path: Path) -> Path:
+    return path.with_suffix(".sums")
+
+
+def _checksum(line: str) -> str:
+    return f"{zlib.crc32(line.encode()):08x}"
+
+
+def _compare(path: Path, lines: list[str]) -> None:
+    """Raise OutputError unless lines have the checksums that were written with them; without any none is compared.
+
+    The last line may lack one, where the run was killed between the two.
+    """
+    try:
+        stated = _sums_of(path).read_text().split()
+    except (OSError, UnicodeDecodeError):
+        return
+    found = [_checksum(line) for line in lines]
+    wrong = [number for number, (one, other) in enumerate(zip(stated, found), 1) if one != other]
+    if wrong or len(found) - len(stated) > 1:
+        line = wrong[0] if wrong else len(stated) + 1
+        raise OutputError(f"{path}: damaged: line {line} is not as it was written (checksums differ)")
 
 
 def _text(value: float | None) -> str:

@@ -1,6 +1,5 @@
 """How loads go in time: formulas that may jump, and tables of factors."""
 
-import csv
 import itertools
 from copy import copy
 from typing import Annotated, Any, ClassVar
@@ -8,7 +7,9 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field, model_validator
 
+from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import NotNegative, SceneModel, reject
+from parsolid.scene.csv_table import read_csv_table
 from parsolid.scene.formulas import FormulaVector
 from parsolid.scene.shapes import ExistingFile
 
@@ -19,23 +20,22 @@ NEAR = 1e-13
 class FactorHistory(SceneModel):
     """A factor that is linear in time between rows of (time [s], factor); a repeated time is a jump.
 
-    It is 0 before the first row and constant after the last. Rows stand in the scene or in a CSV file with a line of
-    names.
+    It is 0 before the first row and constant after the last. Rows stand in the scene or in a CSV file.
     """
 
     exactly_one: ClassVar = (("rows", "file"),)
     rows: list[Annotated[list[float], Field(min_length=2, max_length=2)]] | None = Field(
         None, min_length=1, description="pairs of time [s] and factor"
     )
-    file: ExistingFile | None = Field(None, description="a CSV file of times [s] and factors under a line of names")
+    file: ExistingFile | None = Field(None, description="a CSV file of times [s] and factors")
 
     @model_validator(mode="after")
     def _in_order(self) -> "FactorHistory":
         key = "rows" if self.file is None else "file"
         try:
             times = [time for time, _ in self.table]
-        except (OSError, ValueError):
-            reject(((key,), "a CSV file of two columns of numbers under a line of names", self.file))
+        except ValueError as error:
+            reject(((key,), "a CSV file of two columns of numbers", Phrase(f"{self.file} ({error})")))
         if not times or not np.isfinite(self.table).all():
             reject(((key,), "finite numbers", self.file or self.rows))
         late = [(i, time) for i, (before, time) in enumerate(zip([0.0, *times], times)) if time < before]
@@ -50,8 +50,7 @@ class FactorHistory(SceneModel):
         if self.rows is not None:
             return self.rows
         assert self.file is not None
-        with open(self.file, newline="", encoding="utf-8") as file:
-            return [[float(time), float(factor)] for time, factor in list(csv.reader(file))[1:]]
+        return np.stack(read_csv_table(str(self.file)), axis=1).tolist()
 
     @property
     def jumps(self) -> list[float]:

@@ -10,6 +10,8 @@ from parsolid.scene.named_regions import Region
 
 # of a spacing: how far from a region a place may be by rounding
 TOLERANCE = 1e-6
+# of a spacing: how far from a face it is decided on which side of it a region lies
+_TOUCHING = 1e-4
 
 
 def mark_lattice(piece: ParticleSet, known: Mapping[str, Region], nodes: bool) -> None:
@@ -59,6 +61,12 @@ def _shares(
             # a node at an edge has no face beyond it
             there &= ~(nodes & (sides[:, k] == sign))
         total += there
+        outward = (_TOUCHING * spacing[:, normal] * sides[:, normal])[:, None] * axes[:, normal]
         for number, region in enumerate(known.values()):
-            within[:, number] += there & _contained(region, places, tolerance, known)
+            inside = there & _contained(region, places, tolerance, known)
+            if not nodes:
+                # a face that a region touches from outside alone is not its face; one in a plane region is
+                beyond = _contained(region, places + outward, tolerance, known)
+                inside &= ~beyond | _contained(region, places - outward, tolerance, known)
+            within[:, number] += inside
     return within / np.maximum(total, 1.0)[:, None]

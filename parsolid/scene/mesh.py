@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.particles.particle_set import ParticleSet
+from parsolid.scene.abaqus import read_abaqus
 from parsolid.scene.bodies import FilledShape
 from parsolid.scene.elements import ELEMENTS, lumped_volumes
 from parsolid.scene.gmsh_text import read_gmsh_text
@@ -30,14 +31,14 @@ def read_mesh(path: str, scale: float, dimension: int) -> tuple[np.ndarray, list
     # a scene without a mesh is spared its half second
     import meshio
 
+    printed = io.StringIO()
     try:
         # some readers print, and meshio leaves the program when none fits
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            mesh = read_gmsh_text(path) or meshio.read(path)
+        with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
+            mesh = read_abaqus(path) if path.lower().endswith(".inp") else read_gmsh_text(path) or meshio.read(path)
     except (Exception, SystemExit) as error:
-        raise SceneError(
-            [f"expected a mesh that meshio reads, found {path} ({type(error).__name__}: {error})"]
-        ) from None
+        reason = " ".join(printed.getvalue().split()) or f"{type(error).__name__}: {error}"
+        raise SceneError([f"expected a mesh that meshio reads, found {path} ({reason}{_remedy(path)})"]) from None
     known = [kind for kind, element in ELEMENTS.items() if element.dimension == dimension]
     kinds = [block.type for block in mesh.cells if len(block.data)]
     others = sorted(set(kinds) - set(known) - set(_LESS_THAN_SOLID[dimension]))
@@ -57,9 +58,29 @@ def read_mesh(path: str, scale: float, dimension: int) -> tuple[np.ndarray, list
         raise SceneError(
             [f"expected {dimension} finite coordinates a node, found {points.shape[1]} or some not finite"]
         )
-    if points.shape[1] > dimension and np.ptp(points[:, dimension:]) > 0.0:
+    if points.shape[1] > dimension and not _is_plane(points, blocks):
         raise SceneError(["expected a plane mesh (one Z for all nodes) in 2-D, found nodes with different Z"])
     return np.ascontiguousarray(points[:, :dimension]), blocks, groups_of(mesh, dimension)
+
+
+def _is_plane(points: np.ndarray, blocks: list[tuple[str, np.ndarray]]) -> bool:
+    """Whether the nodes of elements have one Z, but for the rounding of the program that wrote them."""
+    used = points[np.unique(np.concatenate([cells.ravel() for _, cells in blocks]))]
+    shortest = min(
+        float(np.linalg.norm(points[cells[:, 0]] - points[cells[:, 1]], axis=1).min()) for _, cells in blocks
+    )
+    return bool(np.ptp(used[:, 2:]) <= TOLERANCE * shortest)
+
+
+def _remedy(path: str) -> str:
+    """What to do about the Gmsh files that meshio does not read; empty for others."""
+    if not path.lower().endswith(".msh"):
+        return ""
+    with open(path, "rb") as file:
+        text = file.read()
+    if b"$ParametricNodes" in text:
+        return "; Gmsh writes plain nodes with Mesh.SaveParametric = 0"
+    return "; where only some elements are in a physical group, Gmsh writes those alone with Mesh.SaveAll = 0"
 
 
 def _check_nodes(blocks: list[tuple[str, np.ndarray]], count: int) -> None:
@@ -73,7 +94,8 @@ def _check_nodes(blocks: list[tuple[str, np.ndarray]], count: int) -> None:
 def _check_repeated(points: np.ndarray, blocks: list[tuple[str, np.ndarray]]) -> None:
     """Raise SceneError when an element is there twice, on the same nodes or on others at the same places."""
     place = numbers_of_places(points)
-    for kind, cells in blocks:
+    for kind in dict.fromkeys(kind for kind, _ in blocks):
+        cells = np.concatenate([own for other, own in blocks if other == kind])
         repeated, first = repeated_rows(np.sort(place[cells], axis=1))
         if repeated:
             middle = ", ".join(f"{x:g}" for x in points[cells[first]].mean(axis=0))

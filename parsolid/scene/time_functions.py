@@ -5,13 +5,14 @@ a formula jump, or turn a corner, are found where their arguments are linear in 
 """
 
 import ast
-import csv
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+
+from parsolid.scene.csv_table import read_csv_table
 
 # number of arguments, at least and at most
 ARGUMENTS = {"min": (2, 20), "max": (2, 20), "clip": (3, 3), "ramp": (3, 3), "step": (2, 2), "table": (1, 3)}
@@ -28,28 +29,14 @@ _STRAIGHT = 1e-9
 
 
 class Table:
-    """Two columns of a CSV file with a line of names: linear between rows, constant outside; a repeated place jumps."""
+    """Two columns of a CSV file: linear between rows, constant outside; a repeated place jumps."""
 
     def __init__(self, path: str, column: str | None = None) -> None:
         """column: the name of the values' column, the second one unless given. Raises ValueError for a file that is no
         such table."""
-        file_name = os.path.basename(path)
-        try:
-            with open(path, newline="", encoding="utf-8") as file:
-                names, *lines = [line for line in csv.reader(file) if line]
-        except (OSError, ValueError) as error:
-            raise ValueError(f"no CSV file {file_name!r} ({getattr(error, 'strerror', None) or error})") from None
-        names = [name.strip() for name in names]
-        if column is not None and column not in names:
-            raise ValueError(f"no column {column!r} among {', '.join(names)} of {file_name!r}")
-        number = 1 if column is None else names.index(column)
-        try:
-            rows = np.array([[float(line[0]), float(line[number])] for line in lines]).reshape(-1, 2)
-        except (ValueError, IndexError):
-            raise ValueError(f"a line without two numbers in {file_name!r}") from None
-        if not len(rows) or not np.isfinite(rows).all() or (np.diff(rows[:, 0]) < 0.0).any():
-            raise ValueError(f"no rows, or ones whose first column falls, in {file_name!r}")
-        self.places, self.values = rows.T
+        self.places, self.values = read_csv_table(path, column)
+        if (np.diff(self.places) < 0.0).any():
+            raise ValueError(f"a first column that falls in {os.path.basename(path)!r}")
 
     def at(self, places: np.ndarray) -> np.ndarray:
         """Values at places, after a jump."""

@@ -36,7 +36,9 @@ def test_a_new_run_moves_older_results_aside_each_time(comm, shared_path):
     results = [
         "history.csv",
         "fields.vtkhdf",
+        "history.sums",
         "fields.1.vtkhdf",
+        "fields_rubber.vtkhdf",
         "checkpoint.h5",
         "checkpoint.h5.partial",
         "summary.json",

@@ -49,6 +49,30 @@ class TestHistory:
         write(tmp_path / "history.csv", table[6:], resume_at=5)
         assert (tmp_path / "history.csv").read_bytes() == (tmp_path / "whole.csv").read_bytes()
 
+    def test_every_flipped_bit_is_found(self, tmp_path):
+        path = tmp_path / "history.csv"
+        write(path, rows(6)).close()
+        whole, random = path.read_bytes(), np.random.default_rng(5)
+        for place in random.choice(len(whole), 40, replace=False):
+            damaged = bytearray(whole)
+            damaged[place] ^= 1 << int(random.integers(8))
+            path.write_bytes(damaged)
+            with pytest.raises(OutputError):
+                read_history(path)
+            with pytest.raises(OutputError):
+                write(path, [], resume_at=3)
+        path.write_bytes(whole)
+        assert read_history(path)["step"] == list(range(6))
+
+    def test_a_row_whose_checksum_was_not_written_any_more_is_read(self, tmp_path):
+        path, sums = tmp_path / "history.csv", tmp_path / "history.sums"
+        write(path, rows(4)).close()
+        sums.write_text("".join(sums.read_text().splitlines(keepends=True)[:-1]))
+        assert len(read_history(path)["step"]) == 4
+        sums.write_text("".join(sums.read_text().splitlines(keepends=True)[:-1]))
+        with pytest.raises(OutputError):
+            read_history(path)
+
     def test_resuming_without_a_file_begins_one(self, tmp_path):
         write(tmp_path / "history.csv", rows(2), resume_at=7)
         assert len(read_history(tmp_path / "history.csv")["step"]) == 2

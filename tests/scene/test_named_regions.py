@@ -45,6 +45,21 @@ def test_a_side_of_a_box_has_its_area_however_it_is_named(square, comm, placemen
     assert sums(particle_set, comm, 0)[0] == 3 and last > 1.0
 
 
+@pytest.mark.parametrize(("height", "expected"), [(1.2, 6), (0.0, 15)])
+def test_half_spaces_take_no_cells_that_they_touch_from_outside(square, comm, height, expected):
+    square["bodies"][0]["placement"] = "cells"
+    plane = {"name": "plane", "plane": f"Y = {height}", "side": "above"}
+    shape = {"name": "shape", "shape": {"box": {"lower": [-1.0, height], "upper": [9.0, 9.0]}}}
+    particle_set = marked(square, comm, plane, shape)
+    assert [sums(particle_set, comm, i)[0] for i in (0, 1)] == [expected, expected]
+
+
+def test_a_half_space_beside_the_body_holds_nothing(square, comm):
+    square["bodies"][0]["placement"] = "cells"
+    with pytest.raises(SceneError, match=r"boundaries\.0"):
+        marked(square, comm, {"name": "above", "plane": "Y = 2", "side": "above"})
+
+
 def test_combinations(square, comm):
     particle_set = marked(
         square,

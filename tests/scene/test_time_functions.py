@@ -110,7 +110,7 @@ def test_a_scene_with_a_table_is_written_read_and_compared(folder, square):
     (folder / "pull.csv").write_text("time,force\n0,1\n", encoding="utf-8")
     assert contents(scene) != before and str(folder) not in str(before["loads"])
     (folder / "pull.csv").write_text("time,force\n1,1\n0,2\n", encoding="utf-8")
-    with pytest.raises(SceneError, match=r"loads.acceleration.0: expected .*, or ones whose first column"):
+    with pytest.raises(SceneError, match="loads.acceleration.0: expected "):
         parse_scene(square, folder)
 
 

@@ -11,6 +11,7 @@ from parsolid.scene.formulas import Formula, FormulaVector, VectorOrFree
 from parsolid.scene.load_histories import LoadHistory, Timed
 from parsolid.scene.named_regions import RegionName
 from parsolid.scene.regions import Beside, InBall, InBox, Named, NearestTo, OnPlane, Region
+from parsolid.scene.rigid_motion import RigidMotion
 from parsolid.scene.shapes import Box, Sphere
 
 if TYPE_CHECKING:
@@ -43,20 +44,38 @@ class RegionCondition(Condition):
         return NearestTo(self.point)
 
 
+class MotionCondition(Condition):
+    """A condition that prescribes motion; quantity: "velocity" [m/s] or "displacement" [m], whose values in time are
+    `course`. Components that are None in its formulas are free."""
+
+    quantity: ClassVar[Literal["velocity", "displacement"]] = "displacement"
+
+    @property
+    def course(self) -> LoadHistory | RigidMotion:
+        """The values in time."""
+        raise NotImplementedError
+
+
 @boundary_kind
-class PrescribedVelocity(RegionCondition, Reporting):
+class PrescribedVelocity(RegionCondition, Reporting, MotionCondition):
     """Velocity [m/s] prescribed over a region; components that are "free" follow the equation of motion."""
 
+    quantity: ClassVar = "velocity"
     kind: Literal["velocity"]
     velocity: VectorOrFree = Field(description="a formula in X, Y, Z, t or 'free' for each component [m/s]")
 
+    @property
+    def course(self) -> LoadHistory:
+        """The velocity in time."""
+        return LoadHistory(self.velocity)
+
     def declare(self, to: "Declarations") -> None:
         """A velocity."""
-        to.prescribe(self, "velocity", LoadHistory(self.velocity))
+        to.prescribe(self, "velocity", self.course)
 
 
 @boundary_kind
-class PrescribedDisplacement(RegionCondition, Timed, Reporting):
+class PrescribedDisplacement(RegionCondition, Timed, Reporting, MotionCondition):
     """Displacement [m] prescribed over a region; components that are "free" follow the equation of motion."""
 
     kind: Literal["displacement"]
@@ -73,7 +92,7 @@ class PrescribedDisplacement(RegionCondition, Timed, Reporting):
 
 
 @boundary_kind
-class FictitiousLayer(Condition, Timed, Reporting):
+class FictitiousLayer(Timed, Reporting, MotionCondition):
     """A layer of fictitious particles, the part of a body on one side of a plane, with prescribed displacement.
 
     As wide as the horizon it holds the rest of the body at the plane (Galadima et al., section 8), with an error of

@@ -7,7 +7,7 @@ from pydantic import Field, ValidationInfo, model_validator
 
 from parsolid.scene.base_model import Point, dimension_of, reject
 from parsolid.scene.boundaries.condition import Reporting, boundary_kind
-from parsolid.scene.boundaries.prescribed import RegionCondition
+from parsolid.scene.boundaries.prescribed import MotionCondition, RegionCondition
 from parsolid.scene.formulas import Formula, Scalar, Vector
 from parsolid.scene.rigid_motion import RigidMotion
 from parsolid.scene.validation_errors import NOTHING
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @boundary_kind
-class Rotation(RegionCondition, Reporting):
+class Rotation(RegionCondition, Reporting, MotionCondition):
     """Rotation by an angle [rad] about an axis through a point, which may be displaced [m]; of every particle of a
     region.
 
@@ -54,6 +54,11 @@ class Rotation(RegionCondition, Reporting):
         moved = [(("displacement", i), one) for i, one in enumerate(self.displacement or ())]
         return [(("angle",), self.angle), *moved]
 
+    @property
+    def course(self) -> RigidMotion:
+        """The displacement in time; `course.velocity()` is its velocity."""
+        return RigidMotion(self.centre, self.axis, self.angle, self.displacement)
+
     def declare(self, to: "Declarations") -> None:
         """A rigid motion."""
-        to.prescribe(self, "displacement", RigidMotion(self.centre, self.axis, self.angle, self.displacement))
+        to.prescribe(self, "displacement", self.course)

@@ -66,9 +66,14 @@ class Pressure(Condition, Timed, Reporting):
             return InBall(self.ball.centre, self.ball.radius)
         return super().region
 
+    @property
+    def course(self) -> LoadHistory:
+        """The pressure in time."""
+        return LoadHistory(FormulaVector((self.pressure,)), self)
+
     def declare(self, to: "Declarations") -> None:
         """A force on an area."""
-        to.pressure(self, LoadHistory(FormulaVector((self.pressure,)), self))
+        to.pressure(self, self.course)
 
 
 @boundary_kind

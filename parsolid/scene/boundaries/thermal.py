@@ -24,6 +24,11 @@ class PrescribedTemperature(Condition):
     body: Name | None = None
     temperature: Scalar = Field(description="a formula in X, Y, Z, t [K]")
 
+    @property
+    def course(self) -> LoadHistory:
+        """The temperature in time."""
+        return LoadHistory(FormulaVector((self.temperature,)))
+
     def declare(self, to: "Declarations") -> None:
         """A plane's temperature."""
         to.temperature(self, self.temperature)
@@ -39,6 +44,11 @@ class HeatFlux(Condition):
     body: Name | None = None
     heat_flux: Scalar = Field(description="a formula in X, Y, Z, t [W/m^2]")
 
+    @property
+    def course(self) -> LoadHistory:
+        """The heat flux in time."""
+        return LoadHistory(FormulaVector((self.heat_flux,)))
+
     def declare(self, to: "Declarations") -> None:
         """Heat through an area."""
-        to.heat_flux(self, LoadHistory(FormulaVector((self.heat_flux,))))
+        to.heat_flux(self, self.course)

@@ -1,0 +1,217 @@
+"""Loads on particles: body forces, tractions, pressure that follows the surface, springs and dashpots.
+
+A load gives forces [N] on the parts of particles on this side of mirror planes. A new kind of load is a class of its
+keys in `scene/boundaries/` and a class here, entered with `@load_of`; all methods then apply it, account for its work
+and report its force.
+"""
+
+from collections.abc import Callable
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+
+from parsolid.boundary.surface import Surface
+from parsolid.materials.registry import laws_of
+from parsolid.particles.container import Particles
+from parsolid.particles.selection import Selection
+from parsolid.scene.boundaries.condition import Condition
+from parsolid.scene.boundaries.surface import Pressure, Spring
+from parsolid.scene.boundaries.traction import Traction
+from parsolid.scene.load_histories import LoadHistory
+from parsolid.scene.schema import Scene
+
+# rows of some particles, or all of them
+Rows = np.ndarray | slice
+# of the largest stable step of a spring or dashpot alone
+_SAFETY = 0.8
+
+
+class Load(Protocol):
+    """Forces on some particles of a rank.
+
+    constant: whether they depend on the reference configuration alone; times [s]: at which they jump; largest_step [s]:
+    the largest stable step of its particles under this load alone.
+    """
+
+    constant: bool
+    times: tuple[float, ...]
+
+    def forces(self, time: float, before_jump: bool) -> tuple[Rows, np.ndarray]:
+        """Rows and forces (d, k) [N] at a time [s]; at a jump those before it, or after it."""
+
+    @property
+    def largest_step(self) -> float:
+        """Infinite for all but springs and dashpots."""
+
+
+class Course(Protocol):
+    """Values of place and time, as of `scene.load_histories.LoadHistory`."""
+
+    @property
+    def depends_on_time(self) -> bool:
+        """Whether they change."""
+
+    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
+        """Values (k, components) at reference positions (k, d) [m] and a time [s], at a jump after or before it."""
+
+
+class DistributedLoad:
+    """scale(rows) * course(X, t): a load that depends on reference positions and time alone."""
+
+    largest_step = np.inf
+
+    def __init__(
+        self,
+        particles: Particles,
+        selection: Selection | None,
+        scale: Callable[[Rows], np.ndarray],
+        course: Course,
+        plane: Any = None,
+    ):
+        """selection: the particles, None for all; scale(rows) (k,): from fields that travel with the particles; plane:
+        where the course is evaluated, at the particles' own places unless given."""
+        self.particles, self.selection, self.scale, self.course, self.plane = particles, selection, scale, course, plane
+        self.constant = not course.depends_on_time
+        self.times = tuple(getattr(course, "jump_times", ()))
+        self._layout = -1
+
+    def forces(self, time: float, before_jump: bool) -> tuple[Rows, np.ndarray]:
+        """See `Load`."""
+        if self._layout != self.particles.layout:
+            self._layout = self.particles.layout
+            self._rows: Rows = slice(None) if self.selection is None else self.selection.rows
+            self._scale = self.scale(self._rows)
+            self._places = np.array(self.particles.owned_rows("reference_position")[self._rows], order="C")
+            if self.plane is not None:
+                self._places[:, self.plane.axis] = self.plane.offset
+        return self._rows, self._scale * self.course.evaluate(self._places, time, before_jump).T
+
+    def forget(self) -> None:
+        """Find rows and scale anew at the next call, after masses have changed."""
+        self._layout = -1
+
+
+class ManufacturedBodyForce:
+    """The acceleration [m/s^2] under which an exact solution holds, as a course."""
+
+    depends_on_time = True
+
+    def __init__(self, scene: Scene):
+        # the import takes half a second, which a run without it is spared
+        from parsolid.exact import SOLUTIONS
+
+        assert scene.reference is not None and scene.reference.exact is not None
+        solutions: dict[str, Any] = SOLUTIONS
+        self.solution = solutions[scene.reference.exact].of_scene(scene)
+
+    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
+        """(k, d) at reference positions (k, d) [m] and a time [s]."""
+        return np.asarray(self.solution.body_force(points, time))
+
+
+def tributary_mass(particles: Particles, rows: Rows) -> np.ndarray:
+    """Mass (k,) [kg] of particles on this side of mirror planes."""
+    mass = particles.owned_rows("mass")[rows]
+    return np.asarray(mass * particles.owned_rows("share")[rows] if "share" in particles else mass)
+
+
+def body_loads(scene: Scene, particles: Particles) -> list[Load]:
+    """Loads of a scene on all bodies: force per reference volume, acceleration, that of an exact solution."""
+    density = np.array([law.density for law in laws_of(scene)])
+    loads, result = scene.loads, list[Load]()
+
+    def volume(rows: Rows) -> np.ndarray:
+        return np.asarray(tributary_mass(particles, rows) / density[particles.owned_rows("body")[rows]])
+
+    def mass(rows: Rows) -> np.ndarray:
+        return tributary_mass(particles, rows)
+
+    if loads.body_force is not None:
+        result.append(DistributedLoad(particles, None, volume, LoadHistory(loads.body_force, loads)))
+    if loads.acceleration is not None:
+        result.append(DistributedLoad(particles, None, mass, LoadHistory(loads.acceleration, loads)))
+    if loads.manufactured:
+        result.append(DistributedLoad(particles, None, mass, ManufacturedBodyForce(scene)))
+    return result
+
+
+# the class of the load that a condition means
+_LOADS: dict[type[Condition], Callable[[Any, Surface], Load]] = {}
+_Class = TypeVar("_Class", bound=Callable[..., Any])
+
+
+def load_of(condition: type[Condition]) -> Callable[[_Class], _Class]:
+    """Enter the load, made of (condition, surface), that conditions of a type mean."""
+
+    def enter(load: _Class) -> _Class:
+        _LOADS[condition] = load
+        return load
+
+    return enter
+
+
+def surface_load(condition: Condition) -> Callable[[Any, Surface], Load] | None:
+    """The class of the load of a condition, None where it means none."""
+    return next((_LOADS[kind] for kind in type(condition).__mro__ if kind in _LOADS), None)
+
+
+@load_of(Traction)
+class TractionLoad(DistributedLoad):
+    """A traction per reference area."""
+
+    def __init__(self, condition: Traction, surface: Surface):
+        super().__init__(surface.particles, surface.selection, surface.areas, condition.course)
+
+
+@load_of(Pressure)
+class PressureLoad:
+    """A pressure on the deformed surface: -p cof(F) dA."""
+
+    constant, largest_step = False, np.inf
+
+    def __init__(self, condition: Pressure, surface: Surface):
+        self.course, self.surface, self.particles = condition.course, surface, surface.particles
+        self.times = tuple(self.course.jump_times)
+
+    def forces(self, time: float, before_jump: bool) -> tuple[Rows, np.ndarray]:
+        """See `Load`; by the present deformation gradients of the particles."""
+        rows, of = self.surface.selection.rows, self.particles.owned_rows
+        places = np.ascontiguousarray(of("reference_position")[rows])
+        d = places.shape[1]
+        F = of("deformation_gradient")[rows, : d * d].reshape(-1, d, d)
+        if d == 2:
+            cofactor = np.array([[F[:, 1, 1], -F[:, 1, 0]], [-F[:, 0, 1], F[:, 0, 0]]]).transpose(2, 0, 1)
+        else:
+            cofactor = np.cross(F[:, (1, 2, 0)], F[:, (2, 0, 1)])
+        area = np.einsum("kij,kj->ik", cofactor, self.surface.vectors(rows))
+        return rows, -self.course.evaluate(places, time, before_jump)[:, 0] * area
+
+
+@load_of(Spring)
+class SpringLoad:
+    """Springs and dashpots from the surface to rest: -k u - c v per reference area, or the part along its normal."""
+
+    constant, times = False, ()
+
+    def __init__(self, condition: Spring, surface: Surface):
+        self.stiffness, self.damping = condition.stiffness, condition.damping
+        self.along_normal = condition.along == "normal"
+        self.surface, self.particles = surface, surface.particles
+
+    def forces(self, time: float, before_jump: bool) -> tuple[Rows, np.ndarray]:
+        """See `Load`; by the present positions and velocities."""
+        rows, of = self.surface.selection.rows, self.particles.owned_rows
+        displacement = of("position")[rows] - of("reference_position")[rows]
+        traction = -self.stiffness * displacement - self.damping * of("velocity")[rows]
+        if self.along_normal:
+            normal = self.surface.normals(rows)
+            traction = (traction * normal).sum(axis=1)[:, None] * normal
+        return rows, traction.T * self.surface.areas(rows)
+
+    @property
+    def largest_step(self) -> float:
+        """Largest stable step [s] of the particles' mass on springs and dashpots alone."""
+        rows = self.surface.selection.rows
+        per_mass = self.surface.areas(rows) / tributary_mass(self.particles, rows)
+        rate = np.sqrt(self.stiffness * per_mass) + self.damping * per_mass
+        return float(_SAFETY * 1.7 / rate.max(initial=1e-300))

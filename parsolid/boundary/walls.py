@@ -1,0 +1,90 @@
+"""Rigid walls that bodies run into: planes that move with a constant velocity, with all bodies on one side."""
+
+import numpy as np
+from mpi4py import MPI
+
+from parsolid.boundary.reporting import Reaction
+from parsolid.collective import raise_together
+from parsolid.particles.container import Particles
+from parsolid.scene.boundaries.wall import Wall
+
+# of a spacing: a particle in the middle of a cell on the wall touches it
+_TOUCHING = 1e-6
+
+
+class RigidWall:
+    """One wall. normal (d,): towards the bodies; velocity (d,) [m/s]; sticking: whether it holds what reaches it in all
+    directions, else along its normal alone."""
+
+    def __init__(self, wall: Wall, dimension: int):
+        self.condition, self.axis, self.sticking = wall, wall.plane.axis, wall.contact == "sticking"
+        self.sign = 1.0 if wall.side == "above" else -1.0
+        self.normal = self.sign * np.eye(dimension)[self.axis]
+        self.velocity = np.zeros(dimension) if wall.velocity is None else np.asarray(wall.velocity, float)
+        self.reaction = None if wall.reports is None else Reaction(wall, dimension)
+
+    def offset(self, time: float) -> float:
+        """Where the plane is along its axis at a time [s], in m."""
+        assert self.condition.plane is not None
+        return float(self.condition.plane.offset + self.velocity[self.axis] * time)
+
+    def distance(self, coordinate: np.ndarray, time: float) -> np.ndarray:
+        """From the wall to places with this coordinate (n,) [m] along its axis; negative beyond it."""
+        return np.asarray(self.sign * (coordinate - self.offset(time)))
+
+
+class Walls:
+    """All walls of a scene, as particles meet them: one is caught where half of its spacing reaches the wall, and
+    leaves freely."""
+
+    def __init__(self, comm: MPI.Comm, walls: list[tuple[str, Wall]], particles: Particles):
+        """Raises SolverError on all ranks where a particle stands beyond a wall. Collective."""
+        self.particles = particles
+        self.all = [RigidWall(wall, particles.owned_rows("position").shape[1]) for _, wall in walls]
+        for (key, wall), rigid in zip(walls, self.all):
+            beyond = self._gap(rigid, 0.0) < -_TOUCHING * particles.owned_rows("spacing")[:, rigid.axis]
+            fault = f"{key}: expected all bodies {wall.side} the wall, found particles that it cuts"
+            raise_together(comm, fault if beyond.any() else None)
+
+    def _gap(self, wall: RigidWall, time: float) -> np.ndarray:
+        """From a wall to the faces of the particles' cells (n,) [m]."""
+        half = 0.5 * self.particles.owned_rows("spacing")[:, wall.axis]
+        return wall.distance(self.particles.owned_rows("position")[:, wall.axis], time) - half
+
+    def catch(
+        self,
+        time: float,
+        half: float,
+        opening: bool,
+        before: np.ndarray,
+        acting: tuple[np.ndarray, np.ndarray, np.ndarray | None],
+    ) -> np.ndarray:
+        """Let particles that have reached a wall at a time [s] move with it, after a half kick of a step.
+
+        before (d, n): velocities before the kick over `half` [s]; acting: internal and dissipative forces and loads
+        (d, n) [N] of the kick. Returns what to add [J] to the kick's external work, dissipation, and kinetic offset,
+        with the wall's work on the bodies in the first and the energy lost to particles that are caught in the second.
+        """
+        velocity, mass = self.particles.owned_rows("velocity").T, self.particles.owned_rows("mass")
+        force, damping, loads = acting
+        energies = np.zeros(3)
+        for wall in self.all:
+            reach = _TOUCHING * self.particles.owned_rows("spacing")[:, wall.axis]
+            approaching = wall.sign * (velocity[wall.axis] - wall.velocity[wall.axis]) < 0.0
+            rows = np.flatnonzero((self._gap(wall, time) <= reach) & approaching)
+            change = wall.velocity[:, None] - velocity[:, rows]
+            if not wall.sticking:
+                change *= np.abs(wall.normal)[:, None]
+            impulse = mass[rows] * change
+            of_loads = np.zeros_like(change) if loads is None else loads[:, rows]
+            total = force[:, rows] + damping[:, rows] + of_loads
+            lost = -0.5 * np.sum(impulse * (before[:, rows] - wall.velocity[:, None]))
+            energies += np.sum(impulse, axis=1) @ wall.velocity, lost, 0.5 * half * np.sum(total * change)
+            if opening:
+                # the work of forces is that on the velocity in the middle of the step, which the wall has changed
+                energies += half * np.sum(of_loads * change), -half * np.sum(damping[:, rows] * change), 0.0
+            velocity[:, rows] += change
+            if wall.reaction is not None:
+                places = self.particles.owned_rows("position").T[:, rows]
+                wall.reaction.add(places, impulse, float(impulse.sum(axis=1) @ wall.velocity))
+        return energies

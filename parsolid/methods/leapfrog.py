@@ -1,0 +1,177 @@
+"""Leapfrog (velocity Verlet) of particle methods with one evaluation of forces a step: kick, drift, evaluate, kick.
+
+    v' = v + dt/2 (F + D + L)/m,   x += dt v',   forces of the new state,   v = v' + dt/2 (F + D + L)/m
+
+F: internal forces; D: dissipative forces (Riemann dissipation, artificial viscosity); L: loads, what holds particles,
+and forces of contact, tools and ties, whose work is a change of the energy that these store. Works are
+those on v', the velocity in the middle of the step, in both halves: the work of a force over a step is the mean of both
+ends times the displacement. Kinetic energy then changes by all works and by the difference of the kinetic offset,
+sum m |dt a/2|^2 / 2 with the total acceleration a, of both ends of the step: velocity Verlet conserves
+m/2 v(-1/2).v(+1/2), which is the kinetic energy less this offset (Hairer, Lubich and Wanner, Geometric Numerical
+Integration, 2006, section I.5). The offset swings with the forces and does not grow; nothing but this file books it.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE, Conditions
+from parsolid.kernels import kernel, reduction
+from parsolid.particles.container import Particles
+
+
+class KickEnergies(NamedTuple):
+    """Of half a step [J]: work of external forces, energy taken by dissipative ones, kinetic offset, and by how much
+    the dissipation would be larger with the mean of the velocities before and after."""
+
+    external: float
+    dissipated: float
+    offset: float
+    centred_dissipation: float
+
+
+@reduction
+def kick(n, opening, half, v, force, damping, mass, share, external, interaction, free):
+    """v after half a step `half` [s] of n particles; see `KickEnergies` for what it gives, as a tuple.
+
+    v [m/s], force, damping or None [N], all (d, n or more); mass (n,) [kg] of whole particles; share (n,): the part of
+    a particle on this side of mirror planes, None where all are whole; external (d, n) [N] on that part, or None;
+    interaction: the same of contact, tools and ties, whose work is not counted; free (d, n): 0 where a component does
+    not follow forces, else 1, or None. opening: whether this is the first half of a
+    step, so that its middle is after the kick.
+    """
+    work, dissipated, offset, centred = 0.0, 0.0, 0.0, 0.0
+    for c in range(v.shape[0]):
+        velocity, internal = v[c], force[c]
+        for a in range(n):
+            whole = mass[a]
+            part = whole
+            acting = internal[a]
+            resistance = 0.0
+            if damping is not None:
+                resistance = damping[c, a]
+                acting += resistance
+            if share is not None:
+                part = share[a] * whole
+                resistance *= share[a]
+            change = half * acting / whole
+            if external is not None:
+                change += half * external[c, a] / part
+            if interaction is not None:
+                change += half * interaction[c, a] / part
+            if free is not None:
+                change *= free[c, a]
+            old = velocity[a]
+            new = old + change
+            velocity[a] = new
+            middle = new if opening else old
+            offset += part * change * change
+            if external is not None:
+                work += external[c, a] * middle
+            dissipated -= resistance * middle
+            centred += resistance * change if opening else -resistance * change
+    return half * work, half * dissipated, 0.5 * offset, 0.5 * half * centred
+
+
+@kernel
+def add_impulse(n, v, impulse, mass, share, free):
+    """v += P/m of n particles, by impulses (d, n) [N s] on their parts on this side of mirror planes; see `kick`."""
+    for c in range(v.shape[0]):
+        for a in range(n):
+            part = mass[a]
+            if share is not None:
+                part *= share[a]
+            change = impulse[c, a] / part
+            if free is not None:
+                change *= free[c, a]
+            v[c, a] += change
+
+
+@reduction
+def drift(first, last, step, v, x):
+    """x += step v of particles first..last-1, both (d, n or more); the sum of all velocities, finite if each is."""
+    total = 0.0
+    for c in range(v.shape[0]):
+        velocity, place = v[c], x[c]
+        for a in range(first, last):
+            place[a] += step * velocity[a]
+            total += velocity[a]
+    return total
+
+
+@reduction
+def kinetic_energy(n, v, mass, share):
+    """Sum of 1/2 m v^2 [J] of n particles; share as in `kick`."""
+    energy = 0.0
+    for c in range(v.shape[0]):
+        velocity = v[c]
+        for a in range(n):
+            part = mass[a]
+            if share is not None:
+                part *= share[a]
+            energy += part * velocity[a] * velocity[a]
+    return 0.5 * energy
+
+
+class Leapfrog:
+    """Half kicks of a rank's particles with their boundary conditions, and the energies of a step.
+
+    The particles have fields "velocity" and "position" in columns (d, n), and "mass". Where contact, tools or ties act
+    on them they have "external_force" and "external_impulse" (d, n), too: the force [N] of the present places, of which
+    each kick takes its half, and impulses [N s] that the closing kick adds once.
+    """
+
+    def __init__(self, particles: Particles, conditions: Conditions, force: str, damping: str | None = None):
+        """force, damping: names of fields (d, n) [N] of whole particles."""
+        self.particles, self.conditions, self._force, self._damping = particles, conditions, force, damping
+        self.opening = self.closing = KickEnergies(0.0, 0.0, 0.0, 0.0)
+
+    def open_step(self, time: float, step: float) -> None:
+        """Opening half kick of a step [s] from a time [s]; drifts follow, then `place`."""
+        self.conditions.begin_step(step)
+        self.conditions.impose_mean(time, step)
+        self.opening = self._half_kick(True, time, step)
+
+    def place(self, time: float, step: float) -> None:
+        """After the drifts of a step [s] that ends at a time [s]: prescribed motion, and works of the first half."""
+        self.conditions.place(time, step)
+        self.conditions.observe(0.5 * step)
+
+    def close_step(self, time: float, step: float) -> None:
+        """Closing half kick of a step [s] that ends at a time [s]."""
+        self.closing = self._half_kick(False, time, step)
+        if EXTERNAL_IMPULSE in self.particles:
+            impulse = self.particles.storage(EXTERNAL_IMPULSE)
+            add_impulse(
+                self.particles.owned,
+                self.particles.storage("velocity"),
+                impulse,
+                *self._inertia(),
+                self.conditions.free,
+            )
+        self.conditions.impose(time)
+
+    def book(self, step: float, ledger: Any, internal: float, offset_term: str | None) -> None:
+        """Enter the energies of a step [s] into the ledger; internal: what laws have dissipated [J]; offset_term: under
+        which the ledger has the change of the kinetic offset, None where it has not."""
+        first, second = self.opening, self.closing
+        guided = self.conditions.end_step(step, ledger)
+        ledger.add(1.0, internal, first.dissipated + second.dissipated, first.external + second.external + guided)
+        if offset_term is not None:
+            ledger.add_term(offset_term, second.offset - first.offset)
+
+    def _half_kick(self, opening: bool, time: float, step: float) -> KickEnergies:
+        particles, conditions = self.particles, self.conditions
+        storage = particles.storage
+        force, damping = storage(self._force), None if self._damping is None else storage(self._damping)
+        interaction = storage(EXTERNAL_FORCE) if EXTERNAL_FORCE in particles else None
+        external = conditions.external_force(time, force, damping, before_jump=not opening)
+        if not opening:
+            conditions.observe(0.5 * step)
+        arrays = storage("velocity"), force, damping, *self._inertia(), external, interaction, conditions.free
+        return KickEnergies(*kick(particles.owned, opening, 0.5 * step, *arrays))
+
+    def _inertia(self) -> tuple[np.ndarray, np.ndarray | None]:
+        """Masses of whole particles and their parts on this side of mirror planes, as kernels take them."""
+        of = self.particles.owned_rows
+        return of("mass"), of("share") if "share" in self.particles else None
