@@ -18,7 +18,7 @@ from decomposition.measured_load import MeasuredLoad
 from decomposition.migration import migrate
 from decomposition.partition import bisect
 from parsolid.collective import maximum, raise_together
-from parsolid.pairs.candidates import coincident, images_near, rows_of_images
+from parsolid.pairs.candidates import coincident, images_near
 from parsolid.pairs.displacement import LATE, Allowance, body_bounds, body_motions, skin_use
 from parsolid.particles.declaration import Columns, Field
 
@@ -31,14 +31,10 @@ _HAIR = 1.0 + 1e-9
 
 
 class Pairs(NamedTuple):
-    """Particle a and its neighbours b = neighbour[start[a]] .. neighbour[start[a + 1] - 1].
-
-    code: by which of `MirrorCodes` each neighbour is a mirror image, None where neighbours are particles.
-    """
+    """Particle a and its neighbours, rows neighbour[start[a]] .. neighbour[start[a + 1] - 1]."""
 
     start: np.ndarray
     neighbour: np.ndarray
-    code: np.ndarray | None
 
     @property
     def particle(self) -> np.ndarray:
@@ -48,15 +44,22 @@ class Pairs(NamedTuple):
     def where(self, chosen: np.ndarray) -> "Pairs":
         """The pairs that a mask (pairs,) chooses."""
         before = np.concatenate(([0], np.cumsum(chosen)))
-        code = None if self.code is None else self.code[chosen]
-        return Pairs(before[self.start].astype(np.int64), self.neighbour[chosen], code)
+        return Pairs(before[self.start].astype(np.int64), self.neighbour[chosen])
+
+
+class Images(NamedTuple):
+    """Mirror images that pairs have, rows behind the ghosts: of which particle or ghost each is one, and by which of
+    `MirrorCodes`."""
+
+    source: np.ndarray
+    code: np.ndarray
 
 
 class VerletList:
     """Pairs closer than support (h_a + h_b)/2 (1 + skin) when the list was made.
 
     inner: each pair of owned particles once; outer: pairs of owned particles and ghosts, None on one rank; mirror:
-    owned particles and mirror images, None without mirror planes.
+    owned particles and mirror images, which are rows behind the ghosts, None without mirror planes; images: those rows.
     unbonded: bodies (bodies, bodies) that make no pairs with one another, None where all may; set before `rebuild`.
     load: by which ranks get unlike shares of the particles, None where they get equal ones.
     builds, distributions: how often the list was made and particles were distributed; migrated: particles that this
@@ -70,6 +73,7 @@ class VerletList:
     inner: Pairs
     outer: Pairs | None = None
     mirror: Pairs | None = None
+    images: Images | None = None
     halo: Halo
 
     def __init__(
@@ -220,11 +224,13 @@ class VerletList:
         positions, radius = np.ascontiguousarray(whole[:, :-2]), np.ascontiguousarray(whole[:, -2])
         body = whole[:, -1].astype(np.int64)
         start, neighbour, outer_start, ghost = self._search.find(positions, radius, self.owned)
-        self.inner = self._bonded(Pairs(start, neighbour, None), body)
+        self.inner = self._bonded(Pairs(start, neighbour), body)
         if self.comm.size > 1:
-            self.outer = self._bonded(Pairs(outer_start, ghost, None), body)
+            self.outer = self._bonded(Pairs(outer_start, ghost), body)
         if self.codes is not None:
-            self.mirror = self._bonded(self._images(positions, radius, body), body)
+            mirror, images = self._find_images(positions, radius, body)
+            body = np.concatenate((body, body[images.source]))
+            self.mirror, self.images = self._bonded(mirror, body), images
 
     def _bonded(self, pairs: Pairs, body: np.ndarray) -> Pairs:
         """Without those of bodies (rows,) that make no pairs with one another."""
@@ -232,16 +238,24 @@ class VerletList:
             return pairs
         return pairs.where(~self.unbonded[body[pairs.particle], body[pairs.neighbour]])
 
-    def _images(self, positions: np.ndarray, radius: np.ndarray, body: np.ndarray) -> Pairs:
-        """Pairs of owned particles with images behind mirror planes."""
-        rows, neighbours, kinds = [], [], []
-        reach = np.full(positions.shape[1], self.reach * _HAIR)
-        for code, receivers, givers, images in images_near(positions, body, self.owned, self.codes, reach):
-            start, image = self._search.across(positions[receivers], radius[receivers], images, radius[givers])
-            rows.append(np.repeat(receivers, np.diff(start)))
-            neighbours.append(givers[image])
-            kinds.append(np.full(len(image), code, np.int8))
-        return Pairs(*rows_of_images((rows, neighbours, kinds), self.owned))
+    def _find_images(self, positions: np.ndarray, radius: np.ndarray, body: np.ndarray) -> tuple[Pairs, Images]:
+        """Pairs of owned particles with images behind mirror planes of particles at positions (rows, d), and those
+        images."""
+        particles, sources, codes, images = ([np.zeros(0, np.int64)] for _ in range(4))
+        reach, found = np.full(positions.shape[1], self.reach * _HAIR), 0
+        for code, receivers, givers, places in images_near(positions, body, self.owned, self.codes, reach):
+            start, image = self._search.across(positions[receivers], radius[receivers], places, radius[givers])
+            used, number = np.unique(image, return_inverse=True)
+            particles.append(np.repeat(receivers, np.diff(start)))
+            images.append(len(positions) + found + number)
+            sources.append(givers[used])
+            codes.append(np.full(len(used), code))
+            found += len(used)
+        row, image = np.concatenate(particles), np.concatenate(images)
+        order = np.lexsort((image, row))
+        start = np.concatenate(([0], np.cumsum(np.bincount(row, minlength=self.owned))))
+        pairs = Pairs(start.astype(np.int64), image[order].astype(np.int32))
+        return pairs, Images(np.concatenate(sources), np.concatenate(codes))
 
     def _check(self) -> None:
         """Raise SolverError on all ranks for what no list can be made of."""
@@ -266,7 +280,7 @@ class VerletList:
     def arrays(self) -> list[np.ndarray]:
         """Arrays of the lists, for what counts memory."""
         lists = (pairs for pairs in (self.inner, self.outer, self.mirror) if pairs is not None)
-        return [array for pairs in lists for array in pairs if array is not None]
+        return [array for pairs in lists for array in pairs]
 
     def summary(self) -> dict[str, Any]:
         """How often the list was made, how often too late, and particles that changed their rank; collective."""

@@ -15,16 +15,15 @@ moment sum_b r (x) g_ab/(m_a rho_a), see `update`.
 Kernels read rows of particles: owned ones, ghosts of other ranks, mirror images. P = sigma B/rho^2.
     motion   space [v m | x h]; plane [v x | m h 0 0]
     record   space [P_1 0 | P_2 0 | P_3 0 | rho c v^p T] with the columns of P; plane [P_1 P_2 | rho c v^p T]
-    micro    [X 0] with X = xi B/rho^2, None where no micro-flux flows
-    heat     [Y 0] with Y = q B/rho^2, None where no heat flows
+    flux     space [X 0 | Y 0], plane [X Y]: X = xi B/rho^2 and Y = q B/rho^2, None where neither flows
 and add to rows of owned particles:
     rates    sums of (v_b - v_a) (x) g and r (x) g:
-             space [dv g_1, r_1 g_1 | dv g_2, r_1 g_2 | dv g_3, r_1 g_3 | r_2 g_2, r_3 g_3, r_2 g_3, 0]
-             plane [dv g_1, dv g_2 | r_1 g_1, r_2 g_2, r_1 g_2, 0]
-    flows    [m div xi/rho, m div q/rho]
-    forces   of all causes F and of the artificial viscosity V: space [F 0 | V 0]; plane [F V]
+             space [dv g_1, r_1 g_1 | dv g_2, r_1 g_2 | dv g_3, r_1 g_3 | r_2 g_2, r_3 g_3, r_2 g_3, .]
+             plane [dv g_1, dv g_2 | r_1 g_1, r_2 g_2, r_1 g_2, .]
+    flows    [m div xi/rho, m div q/rho, . .]
+    forces   of stresses F and of the artificial viscosity V: space [F . | V .]; plane [F V]
     heating  q
-    slopes   sums of (v^p_b - v^p_a) g and of (T_b - T_a) g: [micro 0 | heat 0]
+    slopes   sums of (v^p_b - v^p_a) g and of (T_b - T_a) g: space [micro . | heat .]; plane [micro heat]
 pressing is None but for pairs of two bodies that exert no tension on one another.
 """
 
@@ -76,7 +75,7 @@ def traction_in_space(record, a, b, r):
 
 
 @kernel
-def add_rates_in_space(smoothing, pairs, both, pressing, micro, heat, motion, record, rates, flows):
+def add_rates_in_space(smoothing, pairs, both, pressing, flux, motion, record, rates, flows):
     """Add what pairs have of rates and flows; both: whether the neighbours receive it, too."""
     start, neighbour = pairs
     for a in range(start.shape[0] - 1):
@@ -106,10 +105,9 @@ def add_rates_in_space(smoothing, pairs, both, pressing, micro, heat, motion, re
                 store_row(rates, b, 4, add(load_row(rates, b, 4), to_1))
                 store_row(rates, b, 8, add(load_row(rates, b, 8), to_2))
                 store_row(rates, b, 12, add(load_row(rates, b, 12), to_3))
-            if micro is not None or heat is not None:
-                flow_micro = 0.0 if micro is None else flow(micro, a, b, g)
-                flow_heat = 0.0 if heat is None else flow(heat, a, b, g)
-                to_flow = (flow_micro, flow_heat, 0.0, 0.0)
+            if flux is not None:
+                X, Y = add(load_row(flux, a, 0), load_row(flux, b, 0)), add(load_row(flux, a, 4), load_row(flux, b, 4))
+                to_flow = (dot(X, g), dot(Y, g), 0.0, 0.0)
                 sum_flow = add(sum_flow, to_flow)
                 if both:
                     store_row(flows, b, 0, subtract(load_row(flows, b, 0), to_flow))
@@ -120,16 +118,8 @@ def add_rates_in_space(smoothing, pairs, both, pressing, micro, heat, motion, re
         store_row(flows, a, 0, sum_flow)
 
 
-@inlined
-def flow(flux, a, b, g):
-    """(X_a + X_b) . g."""
-    return dot(add(load_row(flux, a, 0), load_row(flux, b, 0)), g)
-
-
 @kernel
-def add_forces_in_space(
-    smoothing, pairs, both, pressing, micro, heat, viscosity, motion, record, forces, heating, slopes
-):
+def add_forces_in_space(smoothing, pairs, both, pressing, flux, viscosity, motion, record, forces, heating, slopes):
     """Add what pairs have of forces, heating and slopes; both: whether the neighbours receive it, too."""
     start, neighbour = pairs
     for a in range(start.shape[0] - 1):
@@ -151,27 +141,23 @@ def add_forces_in_space(
             F = traction_in_space(record, a, b, g)
             if pressing is not None and not dot(F, r) < 0.0:
                 F = (0.0, 0.0, 0.0, 0.0)
+            sum_F = add(sum_F, F)
+            if both:
+                store_row(forces, b, 0, subtract(load_row(forces, b, 0), F))
             if viscosity is not None:
                 approach = dot(subtract(v_b, v_a), r)
                 Pi = viscous_pressure(viscosity, h, approach, square, add(N_a, N_b))
                 V, q = scale(-Pi, g), -0.5 * Pi * product * approach
-                F, sum_V, sum_q = add(F, V), add(sum_V, V), sum_q + q
+                sum_V, sum_q = add(sum_V, V), sum_q + q
                 if both:
                     store_row(forces, b, 4, subtract(load_row(forces, b, 4), V))
                     heating[b] += q
-            sum_F = add(sum_F, F)
-            if both:
-                store_row(forces, b, 0, subtract(load_row(forces, b, 0), F))
-            if micro is not None:
-                to_slope = scale(N_b[2] - N_a[2], g)
-                slope_micro = add(slope_micro, to_slope)
+            if flux is not None:
+                to_micro, to_heat = scale(N_b[2] - N_a[2], g), scale(N_b[3] - N_a[3], g)
+                slope_micro, slope_heat = add(slope_micro, to_micro), add(slope_heat, to_heat)
                 if both:
-                    store_row(slopes, b, 0, add(load_row(slopes, b, 0), to_slope))
-            if heat is not None:
-                to_slope = scale(N_b[3] - N_a[3], g)
-                slope_heat = add(slope_heat, to_slope)
-                if both:
-                    store_row(slopes, b, 4, add(load_row(slopes, b, 4), to_slope))
+                    store_row(slopes, b, 0, add(load_row(slopes, b, 0), to_micro))
+                    store_row(slopes, b, 4, add(load_row(slopes, b, 4), to_heat))
         store_row(forces, a, 0, sum_F)
         store_row(forces, a, 4, sum_V)
         heating[a] = sum_q
@@ -187,7 +173,7 @@ def traction_in_plane(record, a, b, x, y):
 
 
 @kernel
-def add_rates_in_plane(smoothing, pairs, both, pressing, micro, heat, motion, record, rates, flows):
+def add_rates_in_plane(smoothing, pairs, both, pressing, flux, motion, record, rates, flows):
     """As `add_rates_in_space`."""
     start, neighbour = pairs
     for a in range(start.shape[0] - 1):
@@ -213,10 +199,9 @@ def add_rates_in_plane(smoothing, pairs, both, pressing, micro, heat, motion, re
             if both:
                 store_row(rates, b, 0, add(load_row(rates, b, 0), to_0))
                 store_row(rates, b, 4, add(load_row(rates, b, 4), to_1))
-            if micro is not None or heat is not None:
-                flow_micro = 0.0 if micro is None else flow(micro, a, b, (g_x, g_y, 0.0, 0.0))
-                flow_heat = 0.0 if heat is None else flow(heat, a, b, (g_x, g_y, 0.0, 0.0))
-                to_flow = (flow_micro, flow_heat, 0.0, 0.0)
+            if flux is not None:
+                X = add(load_row(flux, a, 0), load_row(flux, b, 0))
+                to_flow = (X[0] * g_x + X[1] * g_y, X[2] * g_x + X[3] * g_y, 0.0, 0.0)
                 sum_flow = add(sum_flow, to_flow)
                 if both:
                     store_row(flows, b, 0, subtract(load_row(flows, b, 0), to_flow))
@@ -226,17 +211,14 @@ def add_rates_in_plane(smoothing, pairs, both, pressing, micro, heat, motion, re
 
 
 @kernel
-def add_forces_in_plane(
-    smoothing, pairs, both, pressing, micro, heat, viscosity, motion, record, forces, heating, slopes
-):
+def add_forces_in_plane(smoothing, pairs, both, pressing, flux, viscosity, motion, record, forces, heating, slopes):
     """As `add_forces_in_space`."""
     start, neighbour = pairs
     for a in range(start.shape[0] - 1):
         if start[a] == start[a + 1]:
             continue
         here, m_a, h_a, N_a = load_row(motion, a, 0), motion[a, 4], motion[a, 5], load_row(record, a, 4)
-        total, sum_q = load_row(forces, a, 0), heating[a]
-        slope_micro, slope_heat = load_row(slopes, a, 0), load_row(slopes, a, 4)
+        sum_F, sum_q, slope = load_row(forces, a, 0), heating[a], load_row(slopes, a, 0)
         for k in range(start[a], start[a + 1]):
             b = neighbour[k]
             step, h = subtract(load_row(motion, b, 0), here), 0.5 * (h_a + motion[b, 5])
@@ -257,21 +239,16 @@ def add_forces_in_plane(
                 sum_q += q
                 if both:
                     heating[b] += q
-            to = (F_x + V_x, F_y + V_y, V_x, V_y)
-            total = add(total, to)
+            F = (F_x, F_y, V_x, V_y)
+            sum_F = add(sum_F, F)
             if both:
-                store_row(forces, b, 0, subtract(load_row(forces, b, 0), to))
-            if micro is not None:
-                to_slope = scale(N_b[2] - N_a[2], (g_x, g_y, 0.0, 0.0))
-                slope_micro = add(slope_micro, to_slope)
+                store_row(forces, b, 0, subtract(load_row(forces, b, 0), F))
+            if flux is not None:
+                micro, heat = N_b[2] - N_a[2], N_b[3] - N_a[3]
+                to_slope = (micro * g_x, micro * g_y, heat * g_x, heat * g_y)
+                slope = add(slope, to_slope)
                 if both:
                     store_row(slopes, b, 0, add(load_row(slopes, b, 0), to_slope))
-            if heat is not None:
-                to_slope = scale(N_b[3] - N_a[3], (g_x, g_y, 0.0, 0.0))
-                slope_heat = add(slope_heat, to_slope)
-                if both:
-                    store_row(slopes, b, 4, add(load_row(slopes, b, 4), to_slope))
-        store_row(forces, a, 0, total)
+        store_row(forces, a, 0, sum_F)
         heating[a] = sum_q
-        store_row(slopes, a, 0, slope_micro)
-        store_row(slopes, a, 4, slope_heat)
+        store_row(slopes, a, 0, slope)
