@@ -1,4 +1,4 @@
-"""exp, log and powers as inlined polynomials: loops that call them are vectorised, which the C library's prevent.
+"""exp, log and powers as polynomials: loops that call them are vectorised, which the C library's prevent.
 
 Within 3 units in the last place for arguments whose results are normal numbers. In plain Python they are those of
 `math`.
@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numba.extending import overload
 
-from parsolid.kernels import inlined
+from parsolid.kernels import SCALAR_OPTIONS, scalar
 
 _LOG2_E = 1.4426950408889634
 _LN2_HIGH, _LN2_LOW = 0.693147180369123816490, 1.90821492927058770002e-10
@@ -22,7 +22,7 @@ def exp(x):
     return math.exp(min(max(x, -708.0), 709.0))
 
 
-@overload(exp, inline="always")
+@overload(exp, jit_options=SCALAR_OPTIONS)
 def _exp(x):
     def polynomial(x):
         bounded = min(max(x, -708.0), 709.0)
@@ -52,7 +52,7 @@ def log(x):
     return math.log(x)
 
 
-@overload(log, inline="always")
+@overload(log, jit_options=SCALAR_OPTIONS)
 def _log(x):
     def polynomial(x):
         bits = np.float64(x).view(np.int64)
@@ -76,7 +76,7 @@ def _log(x):
     return polynomial
 
 
-@inlined
+@scalar
 def power(base, exponent):
     """base^exponent of a base that is not negative; below 1e-300 it counts as that."""
     return exp(exponent * log(max(base, 1e-300)))

@@ -219,3 +219,81 @@ def largest_eigenvalue(S):
     third = d0 * (d1 * d2 - S[5] * S[5]) - S[3] * (S[3] * d2 - S[4] * S[5]) + S[4] * (S[3] * S[5] - S[4] * d1)
     cosine = min(1.0, max(-1.0, third / scale))
     return mean + 2.0 * radius * math.cos(math.acos(cosine) / 3.0)
+
+
+@inlined
+def rotation_step(X):
+    """One step of Newton's method to the rotation R of F = R U, from X = F on: (g X + X^-T/g)/2.
+
+    g^4 = |X^-1|^2/|X|^2 (Higham, SIAM J. Sci. Stat. Comput. 7 (1986) 1160). Converges from any positive determinant;
+    where a step changes X by |dX|^2 < ROTATION_SETTLED, the error left is the square of that, below rounding.
+    """
+    H = cofactor(X)
+    J = X[0] * H[0] + X[1] * H[1] + X[2] * H[2]
+    # X^-T = H/J
+    g = ((contract(H, H) / contract(X, X)) ** 0.5 / J) ** 0.5
+    return combine(0.5 * g, X, 0.5 / (g * J), H)
+
+
+ROTATION_SETTLED = 1e-15
+
+
+@inlined
+def rotation(F):
+    """R of F = R U, of a general tensor with a positive determinant."""
+    X = F
+    for _ in range(30):
+        new = rotation_step(X)
+        change = combine(1.0, new, -1.0, X)
+        X = new
+        if not contract(change, change) > ROTATION_SETTLED:
+            break
+    return X
+
+
+@inlined
+def plane_rotation(F):
+    """R of F = R U in plane strain."""
+    cosine, sine = F[0] + F[4], F[3] - F[1]
+    norm = 1.0 / (cosine * cosine + sine * sine) ** 0.5
+    cosine, sine = norm * cosine, norm * sine
+    return (cosine, -sine, 0.0, sine, cosine, 0.0, 0.0, 0.0, 1.0)
+
+
+@inlined
+def rotation_near(near, F):
+    """R of F = R U to second order of the small rotation that leads from `near` to it: one linear equation.
+
+    With near^T F = exp(w) U, the skew part gives (tr U 1 - U) w = (A32 - A23, A13 - A31, A21 - A12).
+    """
+    A = matmul(transpose(near), F)
+    # the symmetric matrix tr U 1 - U, and its inverse
+    a, b, c = A[4] + A[8], A[0] + A[8], A[0] + A[4]
+    d, e, f = -0.5 * (A[1] + A[3]), -0.5 * (A[2] + A[6]), -0.5 * (A[5] + A[7])
+    p, q, r = b * c - f * f, e * f - d * c, d * f - e * b
+    g = 1.0 / (a * p + d * q + e * r)
+    u, v, w = A[7] - A[5], A[2] - A[6], A[3] - A[1]
+    x = g * (p * u + q * v + r * w)
+    y = g * (q * u + (a * c - e * e) * v + (d * e - a * f) * w)
+    z = g * (r * u + (d * e - a * f) * v + (a * b - d * d) * w)
+    # Cayley's rotation (1 - w/2)^-1 (1 + w/2) = 1 + (w + w w/2)/(1 + w.w/4)
+    h = 1.0 / (1.0 + 0.25 * (x * x + y * y + z * z))
+    k = 0.5 * h
+    turn = (1.0 - k * (y * y + z * z), k * x * y - h * z, k * x * z + h * y,
+            k * x * y + h * z, 1.0 - k * (x * x + z * z), k * y * z - h * x,
+            k * x * z - h * y, k * y * z + h * x, 1.0 - k * (x * x + y * y))  # fmt: skip
+    return matmul(near, turn)
+
+
+@inlined
+def spin_rotation(velocity_gradient, step):
+    """Cayley's rotation (1 - W dt/2)^-1 (1 + W dt/2) of the spin W of a velocity gradient [1/s] over a step [s]."""
+    q = 0.25 * step
+    x = q * (velocity_gradient[7] - velocity_gradient[5])
+    y = q * (velocity_gradient[2] - velocity_gradient[6])
+    z = q * (velocity_gradient[3] - velocity_gradient[1])
+    # A of the axial vector a = (x, y, z): A^2 = a a^T - a.a 1
+    h = 2.0 / (1.0 + x * x + y * y + z * z)
+    return (1.0 - h * (y * y + z * z), h * (x * y - z), h * (x * z + y),
+            h * (x * y + z), 1.0 - h * (x * x + z * z), h * (y * z - x),
+            h * (x * z - y), h * (y * z + x), 1.0 - h * (x * x + y * y))  # fmt: skip

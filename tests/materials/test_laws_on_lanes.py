@@ -13,7 +13,7 @@ from parsolid.materials.hyperelastic.law import (
     shear_wave_tensor,
 )
 from parsolid.materials.hyperelastic.mooney_rivlin import MooneyRivlin
-from parsolid.materials.viscoelastic.maxwell import (
+from parsolid.materials.viscoelastic.maxwell_lanes import (
     branch_dissipation,
     inverse_right_cauchy_green,
     relaxation_weights,

@@ -9,7 +9,7 @@ from decomposition.compiled import compiled
 from parsolid.materials.hyperelastic.evaluation import symmetric_rows, symmetric_tensors
 from parsolid.materials.hyperelastic.hyperbolicity import dissipation_rates, energies, polyconvex_state
 from parsolid.materials.hyperelastic.mooney_rivlin import MooneyRivlin
-from parsolid.materials.viscoelastic.maxwell import (
+from parsolid.materials.viscoelastic.maxwell_lanes import (
     branch_dissipation,
     branch_energy,
     loss_weights,

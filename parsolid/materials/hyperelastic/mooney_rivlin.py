@@ -4,22 +4,19 @@ W = xi (F:F - 3) + zeta (H:H - 3) - 2 (xi + 2 zeta) ln J + lambda_hat/2 (J - 1)^
     + sum_alpha mu_alpha/2 [F^T F : A_alpha - 3 - ln(J^2 det A_alpha)],   A_alpha = C_v,alpha^{-1}
 """
 
-import math
 from typing import Annotated, ClassVar, NamedTuple
 
-from decomposition.deferred import register_jitable
+from parsolid.elementary import log
 from parsolid.materials.declaration import Density, Parameter, Phrase, law
-from parsolid.materials.hyperelastic.law import (
+from parsolid.materials.hyperelastic.functions import (
     elastic_moduli,
-    equilibrium_energy,
-    first_piola_kirchhoff_stress,
+    energy,
     isotropic_shear_modulus,
-    pressure_wave_tensor,
-    shear_wave_tensor,
-    total_modulus,
+    pressure_waves,
+    shear_waves,
+    stress,
 )
-from parsolid.numerics.dispatch import generic, none_without
-from parsolid.numerics.tensors import I, contract, cross, gram, trace, zero_like_gram
+from parsolid.tensors import add_spherical, combine, combine_symmetric, contract, cross, gram, times_symmetric
 
 
 class MooneyRivlin(NamedTuple):
@@ -103,113 +100,78 @@ class StatedMooneyRivlin:
         return details
 
 
-@register_jitable
-def _logarithmic(xi, zeta):
-    """2 (xi + 2 zeta) [Pa], the factor of -ln J."""
-    if zeta is None:
-        return 2.0 * xi
-    return 2.0 * (xi + 2.0 * zeta)
+@energy.of(MooneyRivlin, lacking="zeta")
+def _neo_hookean_energy(law, F, H, J):
+    # (19)
+    return law.xi * (contract(F, F) - 3.0) - 2.0 * law.xi * log(J) + 0.5 * law.lambda_hat * (J - 1.0) * (J - 1.0)
 
 
-@none_without("zeta")
-def _area_stress(zeta, F, H):
-    """Sigma_H x F with Sigma_H = 2 zeta H."""
-    return cross(2.0 * zeta * H, F)
+@energy.of(MooneyRivlin)
+def _energy(law, F, H, J):
+    # (19)
+    chains = law.xi * (contract(F, F) - 3.0) + law.zeta * (contract(H, H) - 3.0)
+    volume = 0.5 * law.lambda_hat * (J - 1.0) * (J - 1.0)
+    return chains - 2.0 * (law.xi + 2.0 * law.zeta) * log(J) + volume
 
 
-@none_without("branch_sum")
-def _viscous_stress(F, branch_sum):
-    """F sum_alpha mu_alpha A_alpha."""
-    return F @ branch_sum
+@stress.of(MooneyRivlin, lacking="zeta")
+def _neo_hookean_stress(law, F, H, J):
+    # (A.1): P = Sigma_F + Sigma_J H
+    return combine(2.0 * law.xi, F, law.lambda_hat * (J - 1.0) - 2.0 * law.xi / J, H)
 
 
-@none_without("zeta")
-def _area_waves(zeta, F):
-    """zeta (tr C I - C), whose normal component is zeta (lambda_1^2 + lambda_2^2) of the surface normal to N."""
+@stress.of(MooneyRivlin)
+def _stress(law, F, H, J):
+    # (A.1): P = Sigma_F + Sigma_H x F + Sigma_J H, Sigma_H = 2 zeta H
+    sigma_J = law.lambda_hat * (J - 1.0) - 2.0 * (law.xi + 2.0 * law.zeta) / J
+    return combine(1.0, combine(2.0 * law.xi, F, sigma_J, H), 2.0 * law.zeta, cross(H, F))
+
+
+@pressure_waves.of(MooneyRivlin, lacking="zeta")
+def _neo_hookean_pressure_waves(law, F, H, J):
+    # (56), exact for every N: 2 xi + f'' Lambda_H^2
+    return add_spherical(times_symmetric(law.lambda_hat + 2.0 * law.xi / (J * J), gram(H)), 2.0 * law.xi)
+
+
+@pressure_waves.of(MooneyRivlin)
+def _pressure_waves(law, F, H, J):
+    # (56), exact for every N: 2 xi + 2 zeta Lambda_T^2 + f'' Lambda_H^2. With C = F^T F the normal component of
+    # tr C 1 - C is Lambda_T^2, the sum of squares of the principal stretches of the surface normal to N
+    curvature, C = law.lambda_hat + 2.0 * (law.xi + 2.0 * law.zeta) / (J * J), gram(F)
+    waves = combine_symmetric(curvature, gram(H), -2.0 * law.zeta, C)
+    return add_spherical(waves, 2.0 * law.xi + 2.0 * law.zeta * (C[0] + C[1] + C[2]))
+
+
+@shear_waves.of(MooneyRivlin, lacking="zeta")
+def _neo_hookean_shear_waves(law, F):
+    return (2.0 * law.xi, 2.0 * law.xi, 2.0 * law.xi, 0.0, 0.0, 0.0)
+
+
+@shear_waves.of(MooneyRivlin)
+def _shear_waves(law, F):
+    # (59) averaged over both waves: 2 xi + zeta Lambda_T^2
     C = gram(F)
-    return -zeta * C + zeta * trace(C) * I
-
-
-@none_without("zeta", "W")
-def _add_area_energy(W, zeta, H):
-    return W + zeta * (contract(H, H) - 3.0)
-
-
-@none_without("zeta")
-def _twice(zeta):
-    return 2.0 * zeta
-
-
-@first_piola_kirchhoff_stress.of(MooneyRivlin)
-def _stress(law, F, H, J, branch_sum):
-    # (A.1): P = Sigma_F + Sigma_H x F + Sigma_J H
-    sigma_J = law.lambda_hat * (J - 1.0) - (_logarithmic(law.xi, law.zeta) + total_modulus(law.branch_moduli)) / J
-    return 2.0 * law.xi * F + sigma_J * H + _area_stress(law.zeta, F, H) + _viscous_stress(F, branch_sum)
-
-
-@shear_wave_tensor.of(MooneyRivlin)
-def _shear_waves(law, F, branch_sum):
-    # (59) averaged over both waves: 2 xi + zeta (lambda_1^2 + lambda_2^2) + N . branch_sum N
-    return zero_like_gram(F) + _area_waves(law.zeta, F) + 2.0 * law.xi * I + branch_sum
-
-
-@pressure_wave_tensor.of(MooneyRivlin)
-def _pressure_waves(law, F, H, J, branch_sum):
-    # (56), exact for every N: 2 xi + 2 zeta Lambda_T^2 + f'' Lambda_H^2 + sum mu_alpha (N . A N + Lambda_H^2 / J^2)
-    curvature = law.lambda_hat + (_logarithmic(law.xi, law.zeta) + total_modulus(law.branch_moduli)) / (J * J)
-    return curvature * gram(H) + 2.0 * law.xi * I + _area_waves(_twice(law.zeta), F) + branch_sum
+    return add_spherical(times_symmetric(-law.zeta, C), 2.0 * law.xi + law.zeta * (C[0] + C[1] + C[2]))
 
 
 @isotropic_shear_modulus.of(MooneyRivlin)
+def _direction_dependent(law):
+    return None
+
+
+@isotropic_shear_modulus.of(MooneyRivlin, lacking="zeta branch_moduli")
 def _isotropic(law):
-    return _without_direction(law.zeta, law.branch_moduli, law.xi)
+    return 2.0 * law.xi
 
 
-@generic
-def _without_direction(zeta, branch_moduli, xi):
-    """2 xi [Pa] where there is neither zeta nor a branch, else None."""
-
-
-@_without_direction.of(None)
-def _without_area(zeta, branch_moduli, xi):
-    return _without_branches(branch_moduli, xi)
-
-
-@_without_direction.otherwise
-def _with_area(zeta, branch_moduli, xi):
-    return None
-
-
-@generic
-def _without_branches(branch_moduli, xi):
-    """2 xi [Pa] where there is no branch, else None."""
-
-
-@_without_branches.of(None)
-def _neo_hookean(branch_moduli, xi):
-    return 2.0 * xi
-
-
-@_without_branches.otherwise
-def _viscous(branch_moduli, xi):
-    return None
+@elastic_moduli.of(MooneyRivlin, lacking="zeta")
+def _neo_hookean_moduli(law):
+    return 2.0 * law.xi, law.lambda_hat
 
 
 @elastic_moduli.of(MooneyRivlin)
-def _undeformed(law):
-    zeta = _or_zero(law.zeta)
-    return 2.0 * (law.xi + zeta), law.lambda_hat + 4.0 * zeta
+def _moduli(law):
+    return 2.0 * (law.xi + law.zeta), law.lambda_hat + 4.0 * law.zeta
 
 
-@register_jitable
-def _or_zero(zeta):
-    if zeta is None:
-        return 0.0
-    return zeta
-
-
-@equilibrium_energy.of(MooneyRivlin)
-def _energy(law, F, H, J):
-    # (19)
-    W = law.xi * (contract(F, F) - 3.0) - _logarithmic(law.xi, law.zeta) * math.log(J)
-    return _add_area_energy(W + 0.5 * law.lambda_hat * (J - 1.0) * (J - 1.0), law.zeta, H)
+from parsolid.materials.hyperelastic import mooney_rivlin_lanes  # noqa: E402, F401  (its functions)

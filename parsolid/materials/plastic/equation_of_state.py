@@ -1,10 +1,10 @@
 """Equations of state P = A(J) + gamma E: Mie-Grueneisen about a linear Hugoniot, and linear elasticity."""
 
-import math
 from typing import Annotated, NamedTuple
 
+from parsolid.elementary import log
 from parsolid.materials.declaration import OfMaterial, Parameter, law
-from parsolid.materials.plastic.plasticity import (
+from parsolid.materials.plastic.functions import (
     cold_pressure,
     grueneisen_coefficient,
     isentropic_bulk_modulus,
@@ -62,7 +62,7 @@ def _room(eos, J):
 
 @cold_pressure.of(LinearElastic)
 def _linear(eos, J):
-    return -eos.bulk_modulus * math.log(J)
+    return -eos.bulk_modulus * log(J)
 
 
 @grueneisen_coefficient.of(LinearElastic)

@@ -1,11 +1,10 @@
 """Flow stress of Johnson & Cook (7th Int. Symp. Ballistics, 1983; Eng. Fract. Mech. 21 (1985) 31)."""
 
-import math
 from typing import Annotated, NamedTuple
 
+from parsolid.elementary import log, power
 from parsolid.materials.declaration import Parameter, law
-from parsolid.materials.plastic.plasticity import flow_stress
-from parsolid.numerics.elementary import choose, power
+from parsolid.materials.plastic.functions import flow_stress
 
 
 @law("flow-stress", "johnson-cook")
@@ -29,7 +28,7 @@ class JohnsonCook(NamedTuple):
 @flow_stress.of(JohnsonCook)
 def _flow(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
     hardened = model.yield_stress + model.hardening * power(plastic_strain, model.exponent)
-    fast = 1.0 + model.rate_sensitivity * math.log(max(rate / model.reference_rate, 1.0))
+    fast = 1.0 + model.rate_sensitivity * log(max(rate / model.reference_rate, 1.0))
     warm = (temperature - model.reference_temperature) / (melting_temperature - model.reference_temperature)
-    softened = 1.0 - power(max(warm, 0.0), model.thermal_exponent)
-    return choose(melting_temperature - temperature, hardened * fast * softened, 0.0)
+    solid = hardened * fast * (1.0 - power(max(warm, 0.0), model.thermal_exponent))
+    return solid if temperature < melting_temperature else 0.0

@@ -3,8 +3,7 @@
 from typing import Annotated, NamedTuple
 
 from parsolid.materials.declaration import Parameter, law
-from parsolid.materials.plastic.plasticity import flow_stress, plastic_increment
-from parsolid.numerics.elementary import choose
+from parsolid.materials.plastic.functions import flow_stress
 
 
 @law("flow-stress", "linear-hardening")
@@ -20,11 +19,4 @@ class LinearHardening(NamedTuple):
 @flow_stress.of(LinearHardening)
 def _flow(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
     solid = model.yield_stress + model.hardening * plastic_strain
-    return choose(melting_temperature - temperature, solid, 0.0)
-
-
-@plastic_increment.of(LinearHardening)
-def _closed_form(flow, trial, expected, plastic_strain, step, temperature, heating, shear_modulus, melting_temperature):
-    yielding = flow_stress(flow, plastic_strain, step, temperature, shear_modulus, melting_temperature)
-    slope = choose(melting_temperature - temperature, flow.hardening, 0.0)
-    return max((trial - yielding) / (3.0 * shear_modulus + slope), 0.0)
+    return solid if temperature < melting_temperature else 0.0

@@ -2,13 +2,14 @@
 2994).
 """
 
-import math
 from typing import Annotated, NamedTuple
 
-from decomposition.deferred import register_jitable
+from parsolid.elementary import exp, log, power
+from parsolid.kernels import scalar
 from parsolid.materials.declaration import Parameter, law
-from parsolid.materials.plastic.plasticity import flow_stress
-from parsolid.numerics.elementary import choose, power, some_positive
+from parsolid.materials.plastic.functions import flow_stress
+
+_HALLEY_STEPS = 8
 
 
 @law("flow-stress", "mechanical-threshold")
@@ -41,49 +42,47 @@ class MechanicalThreshold(NamedTuple):
     saturation_rate: Annotated[float, Parameter("1/s", "edot_s", above=0.0)]
 
 
-@register_jitable
+@scalar
 def _hardened(alpha, strain):
     """x with int_0^x dx'/(1 - tanh(alpha x')/tanh alpha) = strain, by Halley's method.
 
     The integral in closed form with w = alpha (1 - x): ln sinh w - w tanh alpha = c. The unknown is ln w, in which the
-    left side is nearly straight while w is small; the start is right at both ends.
+    left side is nearly straight while w is small; the start is right at both ends, and _HALLEY_STEPS reach round-off
+    for all strains.
     """
-    slope = math.tanh(alpha)
-    c = math.log(math.sinh(alpha)) - alpha * slope - alpha / (math.sinh(alpha) * math.cosh(alpha)) * strain
-    full, first = math.sinh(alpha) * math.exp(-alpha * slope), math.exp(c)
+    grown = exp(alpha)
+    sinh, cosh = 0.5 * (grown - 1.0 / grown), 0.5 * (grown + 1.0 / grown)
+    slope = sinh / cosh
+    c = log(sinh) - alpha * slope - alpha / (sinh * cosh) * strain
+    full, first = sinh * exp(-alpha * slope), exp(c)
     near = first / full
     w = first / (1.0 - slope * first - (1.0 - full / alpha - slope * full) * (near * near * near))
-    logarithm, moving = math.log(w), 1.0 + 0.0 * c
-    for _ in range(20):
-        w = math.exp(logarithm)
-        decay = math.exp(-2.0 * w)
-        # where the difference has no digits left, sinh w = w
-        short = w - 1e-5
-        twice = choose(short, 1.0 - decay, 2.0 * w)
-        value = choose(short, w + math.log(0.5 * twice), logarithm) - slope * w - c
+    logarithm = log(w)
+    for _ in range(_HALLEY_STEPS):
+        w = exp(logarithm)
+        decay = exp(-2.0 * w)
+        # where the difference has no digits left, sinh w = w; what it would be is computed all the same
+        short = w < 1e-5
+        twice = 2.0 * w if short else 1.0 - decay
+        log_sinh = w + log(0.5 * twice)
+        value = (logarithm if short else log_sinh) - slope * w - c
         rise = w * ((1.0 + decay) / twice - slope)
-        bend = rise - 4.0 * w * w * decay / (twice * twice)
-        change = choose(moving, value * rise / (rise * rise - 0.5 * value * bend), 0.0)
-        logarithm = logarithm - change
-        # the error falls with its cube
-        moving = choose(moving, max(change, -change) - 1e-5, moving)
-        if not some_positive(moving):
-            break
-    return 1.0 - math.exp(logarithm) / alpha
+        bend = rise - 4.0 * (w / twice) * (w / twice) * decay
+        logarithm = logarithm - value * rise / (rise * rise - 0.5 * value * bend)
+    return 1.0 - exp(logarithm) / alpha
 
 
 @flow_stress.of(MechanicalThreshold)
 def _flow(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
     thermal = model.boltzmann_over_burgers * temperature / shear_modulus
-    speed = math.log(rate)
-    barrier = thermal / model.activation * max(math.log(model.activation_rate) - speed, 0.0)
+    speed = log(rate)
+    barrier = thermal / model.activation * max(log(model.activation_rate) - speed, 0.0)
     share = power(1.0 - min(power(barrier, 1.0 / model.q), 1.0), 1.0 / model.p)
-    theta = model.hardening + model.hardening_log_rate * speed + model.hardening_root_rate * math.sqrt(rate)
+    theta = model.hardening + model.hardening_log_rate * speed + model.hardening_root_rate * rate**0.5
     # far below its range of rates the fit of theta is negative
     theta = max(theta - model.hardening_temperature * temperature, 0.0)
-    saturation = model.saturation_stress * math.exp(
-        thermal / model.saturation_activation * (speed - math.log(model.saturation_rate))
-    )
+    rise = thermal / model.saturation_activation * (speed - log(model.saturation_rate))
+    saturation = model.saturation_stress * exp(rise)
     threshold = saturation * _hardened(model.alpha, theta * plastic_strain / saturation)
     solid = model.athermal_stress + share * threshold * shear_modulus / model.shear_modulus
-    return choose(melting_temperature - temperature, solid, 0.0)
+    return solid if temperature < melting_temperature else 0.0

@@ -1,10 +1,10 @@
 """Melting temperatures."""
 
-import math
 from typing import Annotated, NamedTuple
 
+from parsolid.elementary import exp, log
 from parsolid.materials.declaration import Parameter, law
-from parsolid.materials.plastic.plasticity import melting_temperature
+from parsolid.materials.plastic.functions import melting_temperature
 
 
 @law("melting", "constant")
@@ -35,4 +35,4 @@ def _constant(model, J):
 def _steinberg(model, J):
     exponent = 2.0 * (model.gamma - model.volume_coefficient - 1.0 / 3.0)
     # eta^b = exp(-b ln J)
-    return model.temperature * math.exp(2.0 * model.volume_coefficient * (1.0 - J) - exponent * math.log(J))
+    return model.temperature * exp(2.0 * model.volume_coefficient * (1.0 - J) - exponent * log(J))

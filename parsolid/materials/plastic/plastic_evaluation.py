@@ -3,7 +3,7 @@
 import numpy as np
 
 from decomposition.compiled import compiled
-from parsolid.materials.plastic import plasticity
+from parsolid.materials.plastic import lanes_laws, plasticity  # noqa: F401
 
 
 def flow_stress(law, plastic_strain, rate, temperature, J=1.0, pressure=0.0) -> np.ndarray:

@@ -3,9 +3,9 @@
 import math
 from typing import Annotated, NamedTuple
 
+from parsolid.elementary import exp, log
 from parsolid.materials.declaration import ATOMIC_MASS_UNIT, OfMaterial, Parameter, law
-from parsolid.materials.plastic.plasticity import flow_stress
-from parsolid.numerics.elementary import choose
+from parsolid.materials.plastic.functions import flow_stress
 
 
 @law("flow-stress", "preston-tonks-wallace")
@@ -36,17 +36,17 @@ class PrestonTonksWallace(NamedTuple):
 def _flow(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
     # the time a transverse wave takes across an atom: xi = 1/2 (4 pi rho/3 M)^(1/3) sqrt(mu/rho)
     spacing = 0.5 * (4.0 * math.pi * model.density / (3.0 * model.atomic_mass)) ** (1.0 / 3.0)
-    frequency = spacing * math.sqrt(shear_modulus / model.density)
-    slow = math.log(model.rate_scale * frequency / rate)
+    frequency = spacing * (shear_modulus / model.density) ** 0.5
+    slow = log(model.rate_scale * frequency / rate)
     thermal = math.erf(model.activation * temperature / melting_temperature * slow)
-    overdriven = model.saturation_cold * math.exp(-model.overdriven_exponent * slow)
-    medium = min(model.medium_yield * math.exp(-model.medium_exponent * slow), overdriven)
+    overdriven = model.saturation_cold * exp(-model.overdriven_exponent * slow)
+    medium = min(model.medium_yield * exp(-model.medium_exponent * slow), overdriven)
     saturation = max(model.saturation_cold - (model.saturation_cold - model.saturation_hot) * thermal, overdriven)
     start = max(model.yield_cold - (model.yield_cold - model.yield_hot) * thermal, medium)
     # Voce hardening from `start` to `saturation`; past the cold saturation there is nothing left to harden
     room, p = max(model.saturation_cold - start, 1e-12), model.hardening_exponent
     b = max(p * (saturation - start) / room, 1e-12)
-    growth = math.exp(b)
-    strained = math.exp(-p * model.hardening * plastic_strain / (room * (growth - 1.0)))
-    stress = saturation + room / p * math.log(1.0 - (1.0 - 1.0 / growth) * strained)
-    return choose(melting_temperature - temperature, 2.0 * shear_modulus * stress, 0.0)
+    growth = exp(b)
+    strained = exp(-p * model.hardening * plastic_strain / (room * (growth - 1.0)))
+    stress = saturation + room / p * log(1.0 - (1.0 - 1.0 / growth) * strained)
+    return 2.0 * shear_modulus * stress if temperature < melting_temperature else 0.0

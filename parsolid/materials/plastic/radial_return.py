@@ -3,6 +3,7 @@
 import math
 
 from decomposition.deferred import register_jitable
+from parsolid.materials.plastic import lanes_laws  # noqa: F401
 from parsolid.materials.plastic.plasticity import SLOWEST_RATE, deviator_update, flow_stress, plastic_increment
 from parsolid.numerics.elementary import choose, some_positive
 from parsolid.numerics.tensors import contract

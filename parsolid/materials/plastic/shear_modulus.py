@@ -2,12 +2,11 @@
 stiffness.
 """
 
-import math
 from typing import Annotated, NamedTuple
 
+from parsolid.elementary import exp, power
 from parsolid.materials.declaration import ATOMIC_MASS_UNIT, OfMaterial, Parameter, law
-from parsolid.materials.plastic.plasticity import shear_modulus
-from parsolid.numerics.elementary import power
+from parsolid.materials.plastic.functions import shear_modulus
 
 _LEAST = 0.01
 
@@ -85,13 +84,13 @@ def _nadal_le_poac(model, J, pressure, temperature, melting_temperature):
     homologous = min(temperature / melting_temperature, 1.0 - 1e-9)
     cold = model.modulus * (1.0 + model.pressure_coefficient * pressure * power(J, 1.0 / 3.0)) * (1.0 - homologous)
     thermal = model.density / (J * model.lindemann * model.atomic_mass) * _BOLTZMANN * temperature
-    fall = 1.0 + math.exp(-(1.0 + 1.0 / model.width) / (1.0 + model.width / (1.0 - homologous)))
+    fall = 1.0 + exp(-(1.0 + 1.0 / model.width) / (1.0 + model.width / (1.0 - homologous)))
     return max((cold + thermal) / fall, _LEAST * model.modulus)
 
 
 @shear_modulus.of(Varshni)
 def _varshni(model, J, pressure, temperature, melting_temperature):
-    drop = model.drop / (math.exp(model.temperature / temperature) - 1.0)
+    drop = model.drop / (exp(model.temperature / temperature) - 1.0)
     return max(model.modulus - drop, _LEAST * model.modulus)
 
 

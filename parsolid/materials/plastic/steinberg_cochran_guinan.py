@@ -1,12 +1,11 @@
 """Flow stress of Steinberg, Cochran & Guinan (J. Appl. Phys. 51 (1980) 1498), with the rate term of Steinberg, Lund."""
 
-import math
 from typing import Annotated, NamedTuple
 
+from parsolid.elementary import exp, power
 from parsolid.materials.declaration import Parameter, law
-from parsolid.materials.plastic.plasticity import flow_stress
-from parsolid.numerics.dispatch import generic
-from parsolid.numerics.elementary import choose, power
+from parsolid.materials.law_functions import law_function
+from parsolid.materials.plastic.functions import flow_stress
 
 _BOLTZMANN = 1.380649e-23
 
@@ -50,29 +49,25 @@ class SteinbergCochranGuinan(NamedTuple):
         return [(("greatest_yield_stress",), bound, self.greatest_yield_stress)]
 
 
-@generic
-def _thermal_stress(activation, rate, temperature):
-    """Y_T [Pa]."""
+@law_function
+def thermal_stress(activation, rate, temperature):
+    """Y_T [Pa] of the thermal activation, 0 without (None)."""
 
 
-@_thermal_stress.of(None)
+@thermal_stress.of(None)
 def _none(activation, rate, temperature):
     return 0.0
 
 
-@_thermal_stress.of(ThermalActivation)
+@thermal_stress.of(ThermalActivation)
 def _bisected(activation, rate, temperature):
     # the rate rises with Y_T: bisection of y = Y_T/Y_P in [0, 1], to 1e-13 of Y_P
-    low, high, barrier = (
-        0.0 * temperature,
-        1.0 + 0.0 * temperature,
-        2.0 * activation.kink_energy / (_BOLTZMANN * temperature),
-    )
+    low, high, barrier = 0.0, 1.0, 2.0 * activation.kink_energy / (_BOLTZMANN * temperature)
     for _ in range(44):
         y = 0.5 * (low + high)
-        waiting = math.exp(barrier * (1.0 - y) * (1.0 - y)) / activation.frequency
+        waiting = exp(barrier * (1.0 - y) * (1.0 - y)) / activation.frequency
         slow = rate * (waiting + activation.drag / (y * activation.peierls_stress)) - 1.0
-        low, high = choose(slow, y, low), choose(slow, high, y)
+        low, high = (y, high) if slow > 0.0 else (low, y)
     return activation.peierls_stress * low
 
 
@@ -80,5 +75,5 @@ def _bisected(activation, rate, temperature):
 def _flow(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
     hardened = power(1.0 + model.hardening * (plastic_strain + model.initial_strain), model.exponent)
     athermal = min(model.yield_stress * hardened, model.greatest_yield_stress)
-    solid = (athermal + _thermal_stress(model.activation, rate, temperature)) * shear_modulus / model.shear_modulus
-    return choose(melting_temperature - temperature, solid, 0.0)
+    solid = (athermal + thermal_stress(model.activation, rate, temperature)) * shear_modulus / model.shear_modulus
+    return solid if temperature < melting_temperature else 0.0

@@ -1,11 +1,10 @@
 """Flow stress of Zerilli & Armstrong for face-centred cubic metals (J. Appl. Phys. 61 (1987) 1816)."""
 
-import math
 from typing import Annotated, NamedTuple
 
+from parsolid.elementary import exp, log
 from parsolid.materials.declaration import Parameter, law
-from parsolid.materials.plastic.plasticity import flow_stress
-from parsolid.numerics.elementary import choose
+from parsolid.materials.plastic.functions import flow_stress
 
 
 @law("flow-stress", "zerilli-armstrong")
@@ -23,6 +22,6 @@ class ZerilliArmstrong(NamedTuple):
 
 @flow_stress.of(ZerilliArmstrong)
 def _flow(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
-    activation = temperature * (model.rate_sensitivity * math.log(rate) - model.softening)
-    solid = model.athermal_stress + model.hardening * math.sqrt(plastic_strain) * math.exp(activation)
-    return choose(melting_temperature - temperature, solid, 0.0)
+    activation = temperature * (model.rate_sensitivity * log(rate) - model.softening)
+    solid = model.athermal_stress + model.hardening * plastic_strain**0.5 * exp(activation)
+    return solid if temperature < melting_temperature else 0.0

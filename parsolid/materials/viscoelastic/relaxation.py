@@ -1,6 +1,6 @@
 """Maxwell branches of a single state over a step: internal variables, and the dissipation as an exact integral.
 
-Over a step C^{-1} is taken as linear in time, as in `materials.viscoelastic.maxwell`; then A - C^{-1} has the closed
+Over a step C^{-1} is taken as linear in time, as in `maxwell_lanes`; then A - C^{-1} has the closed
 form
     D(s) = e^{-s/tau} D(0) - tau (1 - e^{-s/tau}) dC^{-1}/dt,
 so that the dissipation (28) is the integral of mu/(2 tau) C : D A^{-1} D, which is smooth but may live in a short
@@ -13,7 +13,7 @@ import numpy as np
 
 from decomposition.compiled import compiled
 from parsolid.materials.hyperelastic.evaluation import six
-from parsolid.materials.viscoelastic.maxwell import relaxation_weights, relaxed
+from parsolid.materials.viscoelastic.maxwell_lanes import relaxation_weights, relaxed
 from parsolid.numerics.tensors import SymmetricSpace, contract, expand, inverse_symmetric
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(10)

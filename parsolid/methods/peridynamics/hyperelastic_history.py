@@ -8,7 +8,7 @@ from parsolid.materials.viscoelastic.hyperelastic_series import (
     second_piola_kirchhoff_stress,
     solid_energy,
 )
-from parsolid.materials.viscoelastic.maxwell import relaxed
+from parsolid.materials.viscoelastic.maxwell_lanes import relaxed
 from parsolid.methods.peridynamics.tensor_states import (
     largest_principal_value,
     load_state,

@@ -5,7 +5,7 @@ from parsolid.materials.hyperelastic.law import (
     first_piola_kirchhoff_stress,
     pressure_wave_tensor,
 )
-from parsolid.materials.viscoelastic.maxwell import (
+from parsolid.materials.viscoelastic.maxwell_lanes import (
     branch_dissipation,
     branch_energy,
     inverse_right_cauchy_green,

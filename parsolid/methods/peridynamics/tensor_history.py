@@ -9,7 +9,7 @@ import numpy as np
 from decomposition.compiled import compiled
 from parsolid.materials.hyperelastic.law import elastic_moduli, total_modulus
 from parsolid.materials.viscoelastic.hyperelastic_series import HyperelasticSeries
-from parsolid.materials.viscoelastic.maxwell import relaxation_weights
+from parsolid.materials.viscoelastic.maxwell_lanes import relaxation_weights
 from parsolid.materials.viscoelastic.prony import (
     Prony,
     branch_weights,

@@ -16,7 +16,7 @@ from parsolid.materials.hyperelastic.law import (
     pressure_wave_tensor,
     shear_wave_tensor,
 )
-from parsolid.materials.viscoelastic.maxwell import branch_dissipation, relaxed
+from parsolid.materials.viscoelastic.maxwell_lanes import branch_dissipation, relaxed
 from parsolid.methods.tlsph.moved import gradient_in_reference, waves_in_reference
 from parsolid.methods.tlsph.stage_kernels import note_stage, strain_loss
 from parsolid.methods.tlsph.strain import load_strain

@@ -1,7 +1,7 @@
 """One force evaluation a step: velocity Verlet whose dissipation lags by half a step, with exact relaxation.
 
     v' = v + dt/2 [(T + D)/m + load(t)],   x += dt v'
-    F += dt grad v',   H = cof F,   J = det F,   A relaxed exactly (`materials.viscoelastic.maxwell`)
+    F += dt grad v',   H = cof F,   J = det F,   A relaxed exactly (`materials.viscoelastic.maxwell_lanes`)
     T from P(F, A),   D from v', x and the waves of the new state
     v = v' + dt/2 [(T + D)/m + load(t + dt)]
 

@@ -8,7 +8,7 @@ import numpy as np
 from decomposition.compiled import compiled
 from decomposition.deferred import register_jitable
 from parsolid.materials.hyperelastic.law import first_piola_kirchhoff_stress, pressure_wave_tensor, shear_wave_tensor
-from parsolid.materials.viscoelastic.maxwell import relaxation_loss, relaxed
+from parsolid.materials.viscoelastic.maxwell_lanes import relaxation_loss, relaxed
 from parsolid.methods.tlsph.deformation import (
     branch_sum_of,
     current_branches,

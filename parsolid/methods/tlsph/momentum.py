@@ -3,7 +3,7 @@
 from decomposition.compiled import compiled
 from decomposition.deferred import register_jitable
 from parsolid.materials.hyperelastic.law import equilibrium_energy
-from parsolid.materials.viscoelastic.maxwell import branch_energy
+from parsolid.materials.viscoelastic.maxwell_lanes import branch_energy
 from parsolid.methods.tlsph.stage_kernels import clamped, motion_loss
 from parsolid.methods.tlsph.strain import load_strain
 from parsolid.numerics.dispatch import generic

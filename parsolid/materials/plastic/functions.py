@@ -1,0 +1,82 @@
+"""What the parts of an elastic-plastic law offer; each part is a NamedTuple type of its own.
+
+Functions are plain arithmetic on numbers. They are run over many particles at once: where a value depends on a
+condition, write `a if condition else b`, and take exp, log and power from `parsolid.elementary`, so that loops over
+particles are vectorised. The pressure P = -tr(sigma)/3 is positive in compression; E [J/m^3] is the internal energy per
+reference volume; J = rho0/rho.
+"""
+
+import math
+
+from parsolid.kernels import scalar
+from parsolid.materials.law_functions import law_function
+
+# below this equivalent plastic strain rate [1/s] a flow stress counts as rate-independent
+SLOWEST_RATE = 1e-12
+
+
+@law_function
+def flow_stress(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
+    """Flow stress sigma_y [Pa] at an equivalent plastic strain and its rate [1/s]; 0 at and above the melting
+    temperature.
+
+    shear_modulus [Pa] and melting_temperature [K] are those of the current pressure and temperature.
+    """
+
+
+@law_function
+def shear_modulus(model, J, pressure, temperature, melting_temperature):
+    """Shear modulus mu [Pa] at the Jacobian J, the pressure [Pa] and the temperature [K]."""
+
+
+@law_function
+def melting_temperature(model, J):
+    """Melting temperature [K] at the Jacobian J; infinite without a model (None)."""
+
+
+@melting_temperature.of(None)
+def _never(model, J):
+    return math.inf
+
+
+@law_function
+def cold_pressure(eos, J):
+    """A(J) [Pa] of P = A(J) + gamma E."""
+
+
+@law_function
+def grueneisen_coefficient(eos):
+    """gamma of P = A(J) + gamma E, for all states (rho gamma is constant)."""
+
+
+@law_function
+def isentropic_bulk_modulus(eos, J, pressure):
+    """K_s = -J dP/dJ at constant entropy [Pa]."""
+
+
+@law_function
+def room_to_compress(eos, J):
+    """Positive while the equation of state holds at J."""
+
+
+@scalar
+def specific_heat(law, temperature):
+    """C_v [J/(kg K)] of an elastic-plastic law at a temperature [K]."""
+    return law.specific_heat + law.specific_heat_slope * (temperature - law.reference_temperature)
+
+
+@scalar
+def temperature_rise(law, capacity, heat):
+    """x [K] of int C dT = heat [J/m^3] from a temperature on where rho0 C_v is `capacity` [J/(m^3 K)]."""
+    grows = law.density * law.specific_heat_slope
+    return 2.0 * heat / (capacity + (capacity * capacity + 2.0 * grows * heat) ** 0.5)
+
+
+@scalar
+def wave_speed(law, J, pressure, shear_modulus):
+    """c = sqrt((K_s + 4/3 mu)/rho) [m/s] of pressure waves at the Jacobian J, the pressure and the shear modulus [Pa].
+
+    Where tension makes the volume unstable the shear stiffness alone counts.
+    """
+    bulk = max(isentropic_bulk_modulus(law.equation_of_state, J, pressure), 0.0)
+    return ((bulk + 4.0 / 3.0 * shear_modulus) * J / law.density) ** 0.5
