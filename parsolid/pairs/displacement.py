@@ -47,9 +47,7 @@ def body_motions(velocity: np.ndarray, lower: np.ndarray, upper: np.ndarray, cod
     bodies, d = velocity.shape
     filled = (lower <= upper).all(axis=1)
     # whom a box concerns (bodies,), its corners and its velocity
-    boxes: list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
-    for body in np.flatnonzero(filled):
-        boxes.append((np.arange(bodies) != body, lower[body], upper[body], velocity[body]))
+    boxes = [(np.arange(bodies) != A, lower[A], upper[A], velocity[A]) for A in np.flatnonzero(filled)]
     for code in range(0 if codes is None else len(codes.signs)):
         concerned = np.all([plane.concerns(np.arange(bodies)) for plane in codes.planes[code]], axis=0)
         R, T = codes.reflections[code, :d], codes.shifts[code, :d]
