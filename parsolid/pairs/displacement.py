@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parsolid.kernels import inlined, kernel
+from parsolid.kernels import kernel, scalar
 
 # what `skin_use` finds
 SAFE, EXPIRES, LATE = 0, 1, 2
@@ -74,17 +74,15 @@ def body_bounds(position: np.ndarray, body: np.ndarray, bodies: int) -> np.ndarr
     return result
 
 
-@inlined
+@scalar
 def _use(moved, faster, allowed, ahead):
-    # of one particle in one frame, by its squared displacement and relative speed;
+    """What `skin_use` finds of one particle in one frame, by its squared displacement and relative speed."""
     # (p + q)^2 <= 2 p^2 + 2 q^2 spares most particles the roots
-    use = 0
-    if 2.0 * (moved + faster * ahead * ahead) > allowed * allowed:
-        if moved**0.5 > allowed:
-            use = 2
-        elif moved**0.5 + faster**0.5 * ahead > allowed:
-            use = 1
-    return use
+    if 2.0 * (moved + faster * ahead * ahead) <= allowed * allowed:
+        return 0
+    if moved**0.5 > allowed:
+        return 2
+    return 1 if moved**0.5 + faster**0.5 * ahead > allowed else 0
 
 
 @kernel

@@ -4,11 +4,14 @@ The deviator is a Cauchy stress in Jaumann's rate; `materials.plastic.tile_updat
 energies hold the heat of plastic flow, of the artificial viscosity, and what conduction brings.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from parsolid.kernels import kernel
+from parsolid.materials.failure.failure import count_of
+from parsolid.materials.plastic import plastic_evaluation
+from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.tile_update import (
     CRITERIA,
     DAMAGE,
@@ -33,6 +36,7 @@ from parsolid.materials.plastic.tile_update import (
     new_tile,
     start_step,
 )
+from parsolid.methods.failure_fields import FAILURE_DISSIPATION
 from parsolid.methods.ulsph.kinematics import (
     CARRIED,
     CORRECTION,
@@ -48,6 +52,8 @@ from parsolid.methods.ulsph.kinematics import (
     symmetric_times,
     turn_deviator,
 )
+from parsolid.particles.container import Particles
+from parsolid.scene import Scene, initial_zero_energy_temperature
 
 
 class State(NamedTuple):
@@ -65,7 +71,7 @@ class State(NamedTuple):
 
 
 @kernel
-def load_state(state, failing, first, count, tile):
+def load_state(state, failing, strength, first, count, tile):
     """Rows of `tile_update` from the particles' fields."""
     load_columns(state.deviator, 6, first, count, tile, DEVIATOR)
     load_columns(state.plastic_strain, 1, first, count, tile, PLASTIC_STRAIN)
@@ -74,7 +80,8 @@ def load_state(state, failing, first, count, tile):
     if failing is not None:
         load_columns(failing[0], 1, first, count, tile, DAMAGE)
         load_columns(failing[1], failing[1].shape[0], first, count, tile, CRITERIA)
-        load_columns(failing[2], 1, first, count, tile, STRENGTH)
+    if strength is not None:
+        load_columns(strength, 1, first, count, tile, STRENGTH)
 
 
 @kernel
@@ -136,22 +143,25 @@ def advance_state(
     state,
     viscosity,
     failing,
+    strength,
     deleted,
+    tile,
 ):
     """State of particles first..last-1 after a step [s] from the sums of the first sweep.
 
     most, in_plane: see `kinematics`; centred: not None where B is carried on from the middle of the step. None where
     there is no such thing: flows, of heat; viscosity: force, viscous_force, viscous_heat, impulse_power; failing:
-    damage, criterion_damage, strength_factor; deleted: masses. Returns (sound, plastic work, viscous heat, energy that
-    failure released) [J]; sound: no particle is compressed beyond its equation of state, and all are numbers.
+    damage, criterion_damage; strength, its factors; deleted, masses. tile: of `tile_update`, for the law. Returns
+    (sound, plastic work, viscous heat, energy that failure released) [J]; sound: no particle is compressed beyond its
+    equation of state, and all are numbers.
     """
     sound, plastic, viscous, released = True, 0.0, 0.0, 0.0
-    kinematics, tile = np.zeros(ROWS * TILE), new_tile(0 if failing is None else failing[1].shape[0])
+    kinematics = np.zeros(ROWS * TILE)
     for i in range(first, last, TILE):
         count = min(TILE, last - i)
         load_rates(rates, state.mass, state.density, in_plane, deleted, i, count, kinematics)
         load_columns(state.correction, 6, i, count, kinematics, LAST)
-        load_state(state, failing, i, count, tile)
+        load_state(state, failing, strength, i, count, tile)
         fill_idle(law, tile, count)
         find_gradients(step, most, in_plane, kinematics)
         carry_on_correction(0.5 * step if centred is not None else 0.0, mean_step, kinematics)
@@ -184,7 +194,7 @@ def advance_state(
 
 @kernel
 def advance_heat_flux(first, last, conductivity, in_plane, stride, slopes, mass, density, correction, heat_flux, told):
-    """Heat fluxes q = -conductivity grad T (Fourier) from the sums of the second sweep, and q B/rho^2 for neighbours."""
+    """Heat fluxes q = -conductivity grad T (Fourier) from the sums of the second sweep; told: q B/rho^2."""
     for a in range(first, last):
         inverse = 1.0 / (mass[0, a] * density[0, a])
         x, y, z = slopes[a, stride], slopes[a, stride + 1], 0.0
@@ -199,3 +209,97 @@ def advance_heat_flux(first, last, conductivity, in_plane, stride, slopes, mass,
         heat_flux[1, a], told[1, a] = q[1], factor * Y[1]
         if in_plane is None:
             heat_flux[2, a], told[2, a] = q[2], factor * Y[2]
+
+
+class ElasticPlasticSolid:
+    """Particles of one elastic-plastic law on a rank.
+
+    stores_heat: stored energies hold heat, that of the viscosity too; speeds_change: speeds of sound follow the state;
+    plastic_work, viscous_heat, released (by failure) [J]: since `take_energies`.
+    """
+
+    stores_heat = speeds_change = True
+
+    def __init__(self, law: ElasticPlastic):
+        self.law = law
+        self.flows = frozenset() if law.conductivity is None else frozenset({"heat"})
+        self.fields = frozenset({"energy"} if law.conductivity is None else {"energy", "heat_flux"})
+        self.plastic_work = self.viscous_heat = self.released = 0.0
+        self._tile = new_tile(count_of(law.failure))
+
+    def begin(self, scene: Scene, particles: Particles, here: slice) -> None:
+        """The internal energy that belongs to the temperatures at time 0."""
+        of = particles.owned_rows
+        warm = of("temperature")[here]
+        cold = initial_zero_energy_temperature(scene, of("body")[here], warm, self.law.reference_temperature)
+        of("energy")[here] = self.law.internal_energy(warm, cold)
+
+    def advance(self, system: Any, here: slice, step: float) -> tuple[bool, float, float]:
+        """The state after a step [s] from the sums of the first sweep: whether it is sound; heat of plastic flow and
+        numerical loss [J] outside of stored energies, which are none."""
+        particles, law, rates = system.particles, self.law, system.neighbours
+        of = particles.storage
+        state = State(*(of(name) for name in State._fields))
+        viscosity = failing = strength = deleted = None
+        if system.viscosity is not None:
+            viscosity = of("force"), of("viscous_force"), of("viscous_heat"), of("impulse_power")
+        if law.failure is not None:
+            failing = of("damage"), of("criterion_damage")[: count_of(law.failure)]
+            strength = of("strength_factor") if "strength_factor" in particles else None
+            deleted = of("deleted_mass") if "deleted_mass" in particles else None
+        flows = rates.flows if "heat" in self.flows else None
+        how = step, system.viscous_heat.mean_step(step), system.most_correction, system.centred, system.in_plane
+        sound, plastic, viscous, released = advance_state(
+            here.start, here.stop, law, law.failure, *how, rates.rates, flows,
+            state, viscosity, failing, strength, deleted, self._tile,
+        )  # fmt: skip
+        self.plastic_work += plastic
+        self.viscous_heat += viscous
+        self.released += released
+        return sound, 0.0, 0.0
+
+    def advance_fluxes(self, system: Any, here: slice, step: float) -> float:
+        """The heat flux from the sums of the second sweep; nothing is dissipated outside of stored energies."""
+        if "heat" in self.flows:
+            of = system.particles.storage
+            fields = (of(name) for name in ("mass", "density", "correction", "heat_flux", "pair_heat_flux"))
+            slopes, stride = system.neighbours.slopes, system.neighbours.stride
+            advance_heat_flux(here.start, here.stop, self.law.conductivity, system.in_plane, stride, slopes, *fields)
+        return 0.0
+
+    def energies(self, particles: Particles, here: slice) -> tuple[float, float]:
+        """No other kinetic energy than that of the velocity, and internal energy [J]."""
+        of = particles.owned_rows
+        return 0.0, float(of("energy")[here] @ of("mass")[here]) / self.law.density
+
+    def stable_step(self, particles: Particles, here: slice) -> float:
+        """rho C_v h^2/(2 kappa) [s] of conduction by Fourier; infinite without it."""
+        if self.law.conductivity is None:
+            return float(np.inf)
+        of = particles.owned_rows
+        least = float((of("density")[here] * of("smoothing_length")[here] ** 2).min())
+        return float(0.5 * self.law.specific_heat * least / self.law.conductivity)
+
+    def pressures(self, particles: Particles, here: slice) -> np.ndarray:
+        """P (n,) [Pa]."""
+        of = particles.owned_rows
+        return plastic_evaluation.pressure(self.law, self.law.density / of("density")[here], of("energy")[here])
+
+    def room(self, particles: Particles, here: slice) -> np.ndarray | None:
+        """Room (n,) that the equation of state leaves to compress particles, see `room_to_compress`."""
+        return plastic_evaluation.room_to_compress(self.law, self.law.density / particles.owned_rows("density")[here])
+
+    @property
+    def sound_speed(self) -> float:
+        """c_L [m/s] of the undeformed solid at the reference temperature."""
+        mu = plastic_evaluation.shear_modulus(self.law, 1.0, 0.0, self.law.reference_temperature)
+        bulk = plastic_evaluation.isentropic_bulk_modulus(self.law, 1.0, 0.0)
+        return float(np.sqrt((bulk + 4.0 / 3.0 * mu) / self.law.density))
+
+    def take_energies(self) -> dict[str, float]:
+        """Plastic work, viscous heat and what failure released [J], all in stored energies, since this was asked."""
+        result = {"plastic_work": self.plastic_work, "viscous_heat": self.viscous_heat}
+        if self.law.failure is not None:
+            result[FAILURE_DISSIPATION] = self.released
+        self.plastic_work = self.viscous_heat = self.released = 0.0
+        return result

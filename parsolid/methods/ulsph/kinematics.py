@@ -125,8 +125,8 @@ def carry_on_correction(after, since, tile):
 
 @kernel
 def turn_deviator(step, tile, state):
-    """DEVIATOR and STRAIN of a tile of `tile_update` after a step [s] in Jaumann's rate: S turned exactly with the spin,
-    half of dev D dt before and half after the turn."""
+    """DEVIATOR and STRAIN of a tile of `tile_update` after a step [s] in Jaumann's rate: S turned with the spin, half
+    of dev D dt before the turn and half after it."""
     for p in range(TILE):
         L = load_general(tile, GRADIENT, p)
         turn = spin_rotation(L, step)

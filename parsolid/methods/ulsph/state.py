@@ -35,16 +35,19 @@ def declare_particles(particles: Particles, mass: np.ndarray, length: np.ndarray
     particles.declare(told("smoothing_length", unit="m"), length)
 
 
-def declare_state(particles: Particles, dimension: int, micro: set[str], flows: set[str], speeds_change: bool) -> None:
+def declare_state(
+    particles: Particles, dimension: int, of_laws: frozenset[str], flows: frozenset[str], speeds_change: bool
+) -> None:
     """The state, and what neighbours read of it.
 
-    micro: fields of `micro_inertia` laws that at least one law has; flows: "micro", "heat" or both where they flow
+    of_laws: fields that not all laws have, but at least one; flows: "micro", "heat" or both where they flow
     between particles; speeds_change: whether speeds of sound change, so that they are told in every step.
 
     correction: B of the gradients (6: 11 22 33 12 13 23, 33 = 1 in the plane); deviator S [Pa] (6);
     pair_stress: P = sigma B/rho^2, column after column (d d); pair_micro_flux: xi B/rho^2, pair_heat_flux: q B/rho^2;
     force and viscous_force [N]: of stresses and of the artificial viscosity; viscous_heat [W], alike for both particles
-    of a pair; impulse_power [W]: the viscous force times what contact has changed of the velocity since it was found.
+    of a pair; energy E [J/m^3] per reference volume; micro_curl eta, micro_gradient grad v^p, energetic_flux and
+    dissipative_flux xi, heat_flux q: see `micro_inertia`; impulse_power [W]: the viscous force times what contact has changed of the velocity since it was found.
     """
     d = dimension
     record = partial(_kept, ghosts="forward", message="record")
@@ -64,12 +67,17 @@ def declare_state(particles: Particles, dimension: int, micro: set[str], flows: 
         told = _kept(f"pair_{flow}_flux", d, "", ghosts="forward", message="motion", mirror="vector")
         particles.declare(told)
     for field in MICRO_STATE:
-        if micro:
+        if field.name in of_laws:
             known = field.name == "micro_rate" and "micro" in flows
             particles.declare(replace(field, ghosts="forward", message="record") if known else field)
-    units = {"micro_curl": "1/m", "micro_gradient": "1/(m s)", "energetic_flux": "N/m", "dissipative_flux": "N/m"}
-    for name, unit in units.items():
-        if name in micro:
-            particles.declare(_kept(name, 1 if name == "micro_curl" else d, unit))
-    if "heat" in flows:
-        particles.declare(_kept("heat_flux", d, "W/m^2"))
+    others = (
+        _kept("energy", 1, "J/m^3"),
+        _kept("micro_curl", 1, "1/m"),
+        _kept("micro_gradient", d, "1/(m s)"),
+        _kept("energetic_flux", d, "N/m"),
+        _kept("dissipative_flux", d, "N/m"),
+        _kept("heat_flux", d, "W/m^2"),
+    )
+    for field in others:
+        if field.name in of_laws:
+            particles.declare(field)
