@@ -14,11 +14,13 @@ x**0.5 rather than math.sqrt(x) in such loops, for the same reason, and take `ex
 
 import hashlib
 import os
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from numba import config, njit
+from numba.core.errors import NumbaIRAssumptionWarning
 from numba.extending import overload
 
 _ROOT = Path(__file__).parents[1]
@@ -40,6 +42,8 @@ def cache_folder() -> Path:
 
 
 config.CACHE_DIR = str(cache_folder())
+# numba doubts values of `a if condition else b` in functions that it has copied into others, without harm
+warnings.filterwarnings("ignore", category=NumbaIRAssumptionWarning)
 
 # "contract": fused multiply-adds and no other reordering, so that results are reproducible
 # error_model "numpy": no test for division by zero, whose branch would keep a loop from being vectorised

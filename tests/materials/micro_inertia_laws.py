@@ -1,7 +1,10 @@
 """The library's steel with micro-inertia, with and without what can be left out."""
 
+import numpy as np
 from pydantic import TypeAdapter
 
+from parsolid.materials.plastic import micro_inertia_solve as solve
+from parsolid.materials.plastic.micro_inertia import in_numbers
 from parsolid.materials.registry import law_of
 from parsolid.scene.materials import Material
 
@@ -22,3 +25,21 @@ STEEL = stated(
 def classical():
     """Without micro-inertia and relaxation."""
     return STEEL._replace(inertia_length=None, stress_relaxation_time=None)
+
+
+def solved(law, increments, x):
+    """(6, n) of `advance_micro` from (10, n) in the order of its rows, with increments of the law."""
+    result = np.empty((6, x.shape[1]))
+    for first in range(0, x.shape[1], solve.TILE):
+        count = min(solve.TILE, x.shape[1] - first)
+        tile = solve.new_tile()
+        rows = tile.reshape(solve.ROWS, solve.TILE)
+        rows[:10, :count] = x[:, first : first + count]
+        solve.advance_micro(in_numbers(law), increments, tile)
+        result[:, first : first + count] = rows[10:16, :count]
+    return result
+
+
+def advance(law, increments, *state):
+    """The same of one particle, a tuple."""
+    return tuple(solved(law, increments, np.array(state, float)[:, None])[:, 0].tolist())

@@ -117,7 +117,7 @@ def test_rigid_rotation_has_no_strain(comm):
     rows("micro_rate")[:] = 0.0
     # held: S only turns
     system.first_pass(0.0)
-    from parsolid.materials.plastic.jaumann_rate import elastic_increment, jaumann_turn
+    from parsolid.materials.plastic.jaumann_rate_lanes import elastic_increment, jaumann_turn
     from parsolid.numerics.polar import congruence
     from parsolid.numerics.tensors import GeneralPlane, SymmetricPlane
 

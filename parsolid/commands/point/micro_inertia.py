@@ -6,10 +6,10 @@ import numpy as np
 
 from parsolid.commands.point.laws import PathLost
 from parsolid.materials.hyperelastic.evaluation import symmetric_tensors
-from parsolid.materials.plastic import micro_inertia as laws
-from parsolid.materials.plastic.jaumann_rate import elastic_increment, jaumann_turn, returned_deviator
+from parsolid.materials.plastic import micro_inertia_lanes as laws
+from parsolid.materials.plastic.jaumann_rate_lanes import elastic_increment, jaumann_turn, returned_deviator
 from parsolid.materials.plastic.micro_inertia import MicroInertia
-from parsolid.materials.plastic.micro_inertia_solve import advance_micro, increments_of
+from parsolid.materials.plastic.micro_inertia_lanes import advance_micro, increments_of
 from parsolid.numerics.polar import congruence
 from parsolid.numerics.tensors import GeneralSpace, SymmetricSpace, contract
 

@@ -10,7 +10,7 @@ import math
 from typing import NamedTuple
 
 from decomposition.deferred import register_jitable
-from parsolid.materials.failure import johnson_cook_damage, maximum_tension, plastic_strain  # noqa: F401  (overloads)
+from parsolid.materials.failure import lanes_laws  # noqa: F401  (overloads)
 from parsolid.materials.failure.failure import Criteria, damage_after
 from parsolid.materials.plastic.plasticity import isentropic_bulk_modulus
 from parsolid.materials.plastic.specific_heat import temperature_rise

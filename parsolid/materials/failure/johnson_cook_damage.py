@@ -1,13 +1,12 @@
 """Strain to fracture of Johnson & Cook (Eng. Fract. Mech. 21 (1985) 31, eqs (2)-(4))."""
 
-import math
 from typing import Annotated, NamedTuple
 
+from parsolid.elementary import exp, log
+from parsolid.kernels import scalar
 from parsolid.materials.declaration import Parameter, law
-from parsolid.materials.failure.failure import damage_after
-from parsolid.numerics.dispatch import generic
-from parsolid.numerics.elementary import choose
-from parsolid.numerics.tensors import contract
+from parsolid.materials.failure.functions import damage_after
+from parsolid.tensors import contract_symmetric
 
 # of the mises stress [Pa] below which the triaxiality is that of this stress
 _LEAST_STRESS = 1.0
@@ -33,17 +32,13 @@ class JohnsonCookDamage(NamedTuple):
     least_strain: Annotated[float, Parameter("1", "bound of the strain to fracture", above=0.0, default=1e-3)]
 
 
-@generic
+@scalar
 def strain_to_fracture(criterion, triaxiality, rate, temperature, melting_temperature):
     """ef at a ratio of mean stress (tension positive) over von Mises stress, an equivalent plastic strain rate [1/s]
     and a temperature [K].
     """
-
-
-@strain_to_fracture.of(JohnsonCookDamage)
-def _johnson_cook(criterion, triaxiality, rate, temperature, melting_temperature):
-    stressed = criterion.d1 + criterion.d2 * math.exp(min(criterion.d3 * triaxiality, 100.0))
-    fast = 1.0 + criterion.d4 * math.log(max(rate / criterion.reference_rate, 1.0))
+    stressed = criterion.d1 + criterion.d2 * exp(min(criterion.d3 * triaxiality, 100.0))
+    fast = 1.0 + criterion.d4 * log(max(rate / criterion.reference_rate, 1.0))
     warm = (temperature - criterion.reference_temperature) / (melting_temperature - criterion.reference_temperature)
     hot = 1.0 + criterion.d5 * min(max(warm, 0.0), 1.0)
     # two negative factors are no strength
@@ -52,7 +47,7 @@ def _johnson_cook(criterion, triaxiality, rate, temperature, melting_temperature
 
 @damage_after.of(JohnsonCookDamage)
 def _accumulated(criterion, damage, strength, loading):
-    mises = math.sqrt(1.5 * contract(loading.deviator, loading.deviator))
+    mises = (1.5 * contract_symmetric(loading.deviator, loading.deviator)) ** 0.5
     triaxiality = -loading.pressure / max(mises, _LEAST_STRESS)
     limit = strain_to_fracture(criterion, triaxiality, loading.rate, loading.temperature, loading.melting_temperature)
-    return damage + choose(loading.increment, loading.increment / (strength * limit), 0.0)
+    return damage + (loading.increment / (strength * limit) if loading.increment > 0.0 else 0.0)

@@ -3,10 +3,8 @@
 from typing import Annotated, NamedTuple
 
 from parsolid.materials.declaration import Parameter, law
-from parsolid.materials.failure.failure import damage_after
-from parsolid.numerics.dispatch import generic
-from parsolid.numerics.lanes import LANES, from_floats
-from parsolid.numerics.tensors import lane_of_symmetric, largest_eigenvalue
+from parsolid.materials.failure.functions import damage_after
+from parsolid.tensors import largest_eigenvalue
 
 
 @law("failure", "maximum-tension")
@@ -23,26 +21,10 @@ class MeanTension(NamedTuple):
     strength: Annotated[float, Parameter("Pa", "mean stress", above=0.0)]
 
 
-@generic(on="pressure")
-def _largest_principal(deviator, pressure):
-    """The largest principal stress [Pa]."""
-
-
-@_largest_principal.of(LANES)
-def _of_four(deviator, pressure):
-    a, b = largest_eigenvalue(lane_of_symmetric(deviator, 0)), largest_eigenvalue(lane_of_symmetric(deviator, 1))
-    c, d = largest_eigenvalue(lane_of_symmetric(deviator, 2)), largest_eigenvalue(lane_of_symmetric(deviator, 3))
-    return from_floats(a, b, c, d) - pressure
-
-
-@_largest_principal.otherwise
-def _of_one(deviator, pressure):
-    return largest_eigenvalue(deviator) - pressure
-
-
 @damage_after.of(MaximumTension)
 def _by_principal_stress(criterion, damage, strength, loading):
-    return max(damage, _largest_principal(loading.deviator, loading.pressure) / (strength * criterion.strength))
+    principal = largest_eigenvalue(loading.deviator) - loading.pressure
+    return max(damage, principal / (strength * criterion.strength))
 
 
 @damage_after.of(MeanTension)

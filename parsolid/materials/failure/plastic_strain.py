@@ -3,7 +3,7 @@
 from typing import Annotated, NamedTuple
 
 from parsolid.materials.declaration import Parameter, law
-from parsolid.materials.failure.failure import damage_after
+from parsolid.materials.failure.functions import damage_after
 
 
 @law("failure", "plastic-strain")

@@ -6,21 +6,19 @@
     t_q q' + q = -kappa grad T                                 R_1 = (d^p/d_0)^m_1, R_2 = 1 - T*^m_2
     d^p = sqrt(v^p^2 + l_3^2 |grad v^p|^2 + d_reg^2)
 
-The norm is the paper's, |S| = sqrt(S:S) without 3/2. What is left out is None. Scalars are floats or four particles at
-once; densities of energy are per present volume unless said otherwise.
+The norm is the paper's, |S| = sqrt(S:S) without 3/2. Functions take the law of `in_numbers`, in which a length, a time
+or a conductivity that is left out is 0. Densities of energy are per present volume unless said otherwise.
 """
 
-import math
 from typing import NamedTuple
 
-from decomposition.deferred import register_jitable
-from parsolid.numerics.dispatch import generic, none_without
-from parsolid.numerics.elementary import choose, power
-from parsolid.numerics.tensors import expand, formula
+from parsolid.elementary import exp, log, power
+from parsolid.kernels import inlined
+from parsolid.materials.law_functions import law_function
 
 
 class MicroInertia(NamedTuple):
-    """Parameters in SI units; None of those after `initial_micro_stress`: left out, and nothing is computed for it.
+    """Parameters in SI units; None of those after `initial_micro_stress`: left out.
 
     shear_modulus mu, bulk_modulus K [Pa]; specific_heat C_v [J/(kg K)]; reference_temperature T_r,
     melting_temperature T_m [K]; yield_stress S_0, hardening H_0 [Pa], exponent n, rate_exponent m_1, thermal_exponent
@@ -53,264 +51,147 @@ class MicroInertia(NamedTuple):
     conductivity: float | None
 
 
-@register_jitable
-def _raised(base, exponent):
-    """base^exponent of a base that is not negative; NaN stays NaN."""
-    if exponent == 1.0:
-        return 1.0 * base
-    if exponent == 2.0:
-        return base * base
-    return power(base, exponent) + 0.0 * base
+class MicroIncrements(NamedTuple):
+    """What a step is the same of for all particles: step [s], theta, d_0^-m_1, and what relaxes, 1 - exp(-dt/t), of
+    micro-stress, micro-flux and heat flux (1 without a time).
+    """
+
+    step: float
+    theta: float
+    rate_factor: float
+    relax_stress: float | None
+    relax_flux: float | None
+    relax_heat: float | None
 
 
-@register_jitable
-def _with_gradients(length, hardened, curl):
-    """sqrt(f^2 + l_2 eta^p), f without the length."""
-    if length is None:
-        return hardened
-    return math.sqrt(hardened * hardened + length * curl)
+def in_numbers(law):
+    """A law with 0 in place of what it leaves out (None), as functions take it."""
+    return type(law)(*(0.0 if value is None else value for value in law))
 
 
-@generic
+@law_function
 def flow_strength(law, gamma, curl, temperature):
-    """S_g R_2 [Pa] of gamma, eta^p = curl [1/m] (None without hardening_length) and T [K]; 0 from melting on."""
+    """S_g R_2 [Pa] of gamma, eta^p = curl [1/m] and the temperature [K]; 0 from melting on."""
 
 
 @flow_strength.of(MicroInertia)
 def _flow_strength(law, gamma, curl, temperature):
-    hardened = 1.0 + law.hardening / law.yield_stress * _raised(gamma, law.exponent)
+    hardened = 1.0 + law.hardening / law.yield_stress * power(gamma, law.exponent) + 0.0 * gamma
     warm = (temperature - law.reference_temperature) / (law.melting_temperature - law.reference_temperature)
-    warm = choose(-warm, 0.0 * warm, warm)
-    warm = choose(warm - 1.0, 0.0 * warm + 1.0, warm)
-    strength = law.yield_stress * _with_gradients(law.hardening_length, hardened, curl)
-    return strength * (1.0 - _raised(warm, law.thermal_exponent))
+    softened = 1.0 - power(min(max(warm, 0.0), 1.0), law.thermal_exponent) + 0.0 * warm
+    return law.yield_stress * (hardened * hardened + law.hardening_length * curl) ** 0.5 * softened
 
 
-@register_jitable
-def _least_square(length, least, rate, gradient_square):
-    if length is None:
-        return 0.0 * rate + least * least
-    return length * length * gradient_square + least * least
+@inlined
+def least_rate_square(law, gradient_square):
+    """d^p^2 - v^p^2 = l_3^2 |grad v^p|^2 + d_reg^2 [1/s^2]."""
+    return law.dissipative_length * law.dissipative_length * gradient_square + law.regularisation * law.regularisation
 
 
-@register_jitable
-def least_rate_square(law, rate, gradient_square):
-    """d^p^2 - v^p^2 = l_3^2 |grad v^p|^2 + d_reg^2 [1/s^2]; gradient_square is None without dissipative_length."""
-    return _least_square(law.dissipative_length, law.regularisation, rate, gradient_square)
-
-
-@register_jitable
-def _resistance(law, rate, gradient_square, gamma, curl, temperature):
+@inlined
+def resistance(law, rate, gradient_square, gamma, curl, temperature):
     """S_g R_1 R_2/d^p [Pa s]."""
-    square = rate * rate + least_rate_square(law, rate, gradient_square)
-    factor = law.reference_rate ** (-law.rate_exponent)
-    strength = flow_strength(law, gamma, curl, temperature) * factor
-    return strength * math.exp(0.5 * (law.rate_exponent - 1.0) * math.log(square)) + 0.0 * square
+    square = rate * rate + least_rate_square(law, gradient_square)
+    factor = exp(0.5 * (law.rate_exponent - 1.0) * log(square) - law.rate_exponent * log(law.reference_rate))
+    return flow_strength(law, gamma, curl, temperature) * factor + 0.0 * square
 
 
-@generic(on="x")
-def _combined(a, x, b, y):
-    """a x + b y of tuples."""
-
-
-@_combined.of(2)
-def _combined_plane(a, x, b, y):
-    return a * x[0] + b * y[0], a * x[1] + b * y[1]
-
-
-@_combined.of(3)
-def _combined_space(a, x, b, y):
-    return a * x[0] + b * y[0], a * x[1] + b * y[1], a * x[2] + b * y[2]
-
-
-@register_jitable
-def _squared(x):
-    result = x[0] * x[0] + x[1] * x[1]
-    for k in range(2, len(x)):
-        result = result + x[k] * x[k]
-    return result
-
-
-@register_jitable
-def relaxed_share(relax):
-    """What relaxes in a step of what is left: all of it without a relaxation time."""
-    if relax is None:
-        return 1.0
-    return relax
-
-
-@none_without("length")
-def _advanced_energetic(length, law, step, flux, gradient):
-    return _combined(1.0, flux, step * law.yield_stress * length * length, gradient)
-
-
-@none_without("length")
-def _advanced_dissipative(length, law, increments, flux, gradient, rate, gamma, curl, temperature):
-    share = relaxed_share(increments.relax_flux)
-    resistance = _resistance(law, rate, _squared(gradient), gamma, curl, temperature)
-    return _combined(1.0 - share, flux, share * length * length * resistance, gradient)
-
-
-@generic
-def advance_fluxes(law, increments, xi_en, xi_dis, gradient, rate, gamma, curl, temperature):
-    """Energetic and dissipative micro-flux [Pa m] after a step with grad v^p = gradient [1/(m s)] at its end.
-
-    All vectors are tuples of two or three components; xi_en is None without energetic_length, xi_dis without
-    dissipative_length, curl without hardening_length. The dissipative one relaxes exactly, at once without
-    flux_relaxation_time ((3.20), (3.21) with 1/d^p, and in rates that are not objective, as the paper's).
-    """
-
-
-@advance_fluxes.of(MicroInertia)
-def _advance_fluxes(law, increments, xi_en, xi_dis, gradient, rate, gamma, curl, temperature):
-    energetic = _advanced_energetic(law.energetic_length, law, increments.step, xi_en, gradient)
-    dissipative = _advanced_dissipative(
-        law.dissipative_length, law, increments, xi_dis, gradient, rate, gamma, curl, temperature
-    )
-    return energetic, dissipative
-
-
-@none_without("conductivity")
-def _advanced_heat(conductivity, relax, flux, gradient):
-    share = relaxed_share(relax)
-    return _combined(1.0 - share, flux, -share * conductivity, gradient)
-
-
-@register_jitable
-def advance_heat_flux(law, increments, q, temperature_gradient):
-    """Heat flux [W/m^2] after a step with grad T [K/m] at its end, exact relaxation (Cattaneo), Fourier's without
-    heat_relaxation_time; None without conductivity. Tuples of two or three components.
-    """
-    return _advanced_heat(law.conductivity, increments.relax_heat, q, temperature_gradient)
-
-
-@formula
-def _square_across(gradient, direction):
-    """|g|^2 - |N g|^2 of two or three components."""
-    N, count = expand(direction), len(gradient)
-    width = 2 if count == 2 else 3
-    along = [_dot(N[width * i : width * i + count], gradient) for i in range(count)]
-    return _dot(gradient, gradient) - _dot(along, along)
-
-
-def _dot(a, b):
-    result = a[0] * b[0]
-    for first, second in zip(a[1:], b[1:]):
-        result = result + first * second
-    return result
-
-
-@register_jitable
+@inlined
 def curl_rate(gradient, direction):
-    """d(eta^p)/dt = sqrt(|g|^2 - |N g|^2) [1/(m s)] of g = grad v^p, a tuple of two or three components, and N = S/|S|,
-    a symmetric tensor: the norm of the curl of the plastic distortion rate v^p N for a uniform N.
+    """d(eta^p)/dt = sqrt(|g|^2 - |N g|^2) [1/(m s)] of g = grad v^p (three components) and N = S/|S|, symmetric.
+
+    It is the norm of the curl of the plastic distortion rate v^p N for a uniform N.
     """
-    square = _square_across(gradient, direction)
-    return math.sqrt(choose(-square, 0.0 * square, square))
+    N, g = direction, gradient
+    x = N[0] * g[0] + N[3] * g[1] + N[4] * g[2]
+    y = N[3] * g[0] + N[1] * g[1] + N[5] * g[2]
+    z = N[4] * g[0] + N[5] * g[1] + N[2] * g[2]
+    return max(g[0] * g[0] + g[1] * g[1] + g[2] * g[2] - (x * x + y * y + z * z), 0.0) ** 0.5
 
 
-@register_jitable
+@inlined
+def energetic_flux(law, step, flux, gradient):
+    """xi_en [Pa m] after a step [s] with grad v^p [1/(m s)] at its end; three components."""
+    a = step * law.yield_stress * law.energetic_length * law.energetic_length
+    return (flux[0] + a * gradient[0], flux[1] + a * gradient[1], flux[2] + a * gradient[2])
+
+
+@inlined
+def dissipative_flux(law, share, flux, gradient, resistance):
+    """xi_dis [Pa m] after a step in which `share` of it relaxes, with grad v^p at its end ((3.20), (3.21) with 1/d^p,
+    in rates that are not objective, as the paper's)."""
+    a, b = 1.0 - share, share * law.dissipative_length * law.dissipative_length * resistance
+    return (a * flux[0] + b * gradient[0], a * flux[1] + b * gradient[1], a * flux[2] + b * gradient[2])
+
+
+@inlined
+def heat_flux(law, share, flux, temperature_gradient):
+    """q [W/m^2] after a step in which `share` of it relaxes, with grad T [K/m] at its end: Cattaneo's, and Fourier's
+    where all of it does."""
+    a, b, g = 1.0 - share, -share * law.conductivity, temperature_gradient
+    return (a * flux[0] + b * g[0], a * flux[1] + b * g[1], a * flux[2] + b * g[2])
+
+
+@inlined
 def pressure(law, density_ratio):
     """p = K (rho/rho_0 - 1) [Pa], positive in compression (3.13)."""
     return law.bulk_modulus * (density_ratio - 1.0)
 
 
-@register_jitable
+@inlined
 def volumetric_energy(law, density_ratio):
     """K/rho_0 (ln r + 1/r - 1) [J/kg], r = rho/rho_0: what p does in changing the density."""
-    return law.bulk_modulus / law.density * (math.log(density_ratio) + 1.0 / density_ratio - 1.0)
+    return law.bulk_modulus / law.density * (log(density_ratio) + 1.0 / density_ratio - 1.0)
 
 
-@register_jitable
+@inlined
 def deviatoric_energy(law, tau):
     """|S|^2/(4 mu) [J/m^3]."""
     return tau * tau / (4.0 * law.shear_modulus)
 
 
-@register_jitable
-def inertia_per_volume(length, density):
-    """rho l_m^2 [kg/m]."""
-    if length is None:
-        return 0.0 * density
-    return length * length * density
+@inlined
+def gradient_energy(law, flux_square):
+    """|xi_en|^2/(2 S_0 l_1^2) [J/m^3]; 0 where xi_en is."""
+    stiffness = 2.0 * law.yield_stress * law.energetic_length * law.energetic_length
+    return flux_square / max(stiffness, 1e-300)
 
 
-@register_jitable
+@inlined
 def micro_kinetic_energy(law, density, rate):
-    """rho l_m^2 v^p^2/2 [J/m^3]; 0 without inertia_length."""
-    return 0.5 * inertia_per_volume(law.inertia_length, density) * rate * rate
+    """rho l_m^2 v^p^2/2 [J/m^3]."""
+    return 0.5 * law.inertia_length * law.inertia_length * density * rate * rate
 
 
-@generic(on="xi_en")
-def gradient_energy(law, xi_en):
-    """|xi_en|^2/(2 S_0 l_1^2) [J/m^3]; 0 without energetic_length, where xi_en is None."""
-
-
-@gradient_energy.of(None)
-def _no_gradient_energy(law, xi_en):
-    return 0.0
-
-
-@gradient_energy.otherwise
-def _gradient_energy(law, xi_en):
-    return _squared(xi_en) / (2.0 * law.yield_stress * law.energetic_length * law.energetic_length)
-
-
-@register_jitable
-def _delayed(diffusivity, time, length):
-    """Stable step [s] of a flux that relaxes towards -diffusivity grad: that of its wave, or of diffusion if longer.
-
-    With the exact relaxation a mode k is stable while dt D k^2 tanh(dt/(2 t)) <= 2; here k = 2/length.
-    """
-    diffusion = 0.5 * length * length / diffusivity
-    if time is None:
-        return diffusion
-    return max(diffusion, length * math.sqrt(time / diffusivity))
-
-
-@register_jitable
-def _energetic_step(law_length, law, length, inertia):
-    if law_length is None:
-        return 0.0 * inertia + math.inf
-    return length / law_length * math.sqrt(inertia / law.yield_stress)
-
-
-@register_jitable
-def _dissipative_step(law_length, law, length, inertia, rate, gradient_square, gamma, curl, temperature):
-    if law_length is None:
-        return 0.0 * inertia + math.inf
-    resistance = _resistance(law, rate, gradient_square, gamma, curl, temperature)
-    # nothing resists in a melt
-    resistance = choose(resistance, resistance, 1e-300)
-    return _delayed(law_length * law_length * resistance / inertia, law.flux_relaxation_time, length)
-
-
-@register_jitable
+@inlined
 def micro_time_step(law, length, density, rate, gradient_square, gamma, curl, temperature):
     """Stable step [s] of micro-rate and micro-flux at a state, for particles whose operators see wave numbers up to
-    2/length; infinite without energetic and dissipative length.
+    2/length; very long without energetic and dissipative length.
 
     Energetic wave: (l_1/l_m) sqrt(S_0/rho); dissipative wave: (l_3/l_m) sqrt(S_g R_1 R_2/(rho d^p t_xi)), or its
     diffusion where t_xi is shorter than the step. The micro-oscillator and t_pi are implicit and set no limit.
     """
-    inertia = inertia_per_volume(law.inertia_length, density)
-    energetic = _energetic_step(law.energetic_length, law, length, inertia)
-    dissipative = _dissipative_step(
-        law.dissipative_length, law, length, inertia, rate, gradient_square, gamma, curl, temperature
-    )
-    return 1.0 / math.sqrt(1.0 / (energetic * energetic) + 1.0 / (dissipative * dissipative))
+    inertia = max(law.inertia_length * law.inertia_length * density, 1e-300)
+    energetic = law.energetic_length / length * (law.yield_stress / inertia) ** 0.5
+    resisted = resistance(law, rate, gradient_square, gamma, curl, temperature)
+    diffusivity = law.dissipative_length * law.dissipative_length * resisted / inertia
+    dissipative = delayed_rate(diffusivity, law.flux_relaxation_time, length)
+    return 1.0 / (energetic * energetic + dissipative * dissipative + 1e-60) ** 0.5
 
 
-@register_jitable
-def _heat_step(conductivity, law, length):
-    if conductivity is None:
-        return math.inf
-    return _delayed(conductivity / (law.density * law.specific_heat), law.heat_relaxation_time, length)
-
-
-@register_jitable
+@inlined
 def heat_time_step(law, length):
     """Stable step [s] of temperature and heat flux for wave numbers up to 2/length: Cattaneo's wave or diffusion,
-    whichever is longer; infinite without conductivity.
+    whichever is longer; very long without conductivity."""
+    rate = delayed_rate(law.conductivity / (law.density * law.specific_heat), law.heat_relaxation_time, length)
+    return 1.0 / max(rate, 1e-30)
+
+
+@inlined
+def delayed_rate(diffusivity, time, length):
+    """One over the stable step [1/s] of a flux that relaxes towards -diffusivity grad: that of diffusion, or of its
+    wave if that is longer.
+
+    With the exact relaxation a mode k is stable while dt D k^2 tanh(dt/(2 t)) <= 2; here k = 2/length.
     """
-    return _heat_step(law.conductivity, law, length)
+    return min(2.0 * diffusivity / (length * length), (diffusivity / max(time, 1e-200)) ** 0.5 / length)

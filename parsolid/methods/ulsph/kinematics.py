@@ -6,6 +6,7 @@ A tile is a flat array (rows * TILE,) with row r of particle p at r * TILE + p, 
 
 from parsolid.elementary import exp
 from parsolid.kernels import inlined, kernel
+from parsolid.materials.plastic.jaumann_rate import deviatoric_strain
 from parsolid.materials.plastic.tile_update import (
     DEVIATOR,
     STRAIN,
@@ -23,13 +24,10 @@ from parsolid.tensors import (
     general,
     inverse_symmetric,
     matmul,
-    plus_symmetric,
     spin_rotation,
-    symmetric_part,
     times,
     times_symmetric,
     trace,
-    trace_symmetric,
 )
 
 # rows of the tile: L m rho, then L [1/s]; moment m rho, then B; B for the forces; B of the last step;
@@ -130,9 +128,7 @@ def turn_deviator(step, tile, state):
     for p in range(TILE):
         L = load_general(tile, GRADIENT, p)
         turn = spin_rotation(L, step)
-        half = times_symmetric(0.5 * step, symmetric_part(L))
-        half = add_spherical(half, -trace_symmetric(half) / 3.0)
-        store_symmetric(state, STRAIN, p, plus_symmetric(congruence(turn, half), half))
+        store_symmetric(state, STRAIN, p, deviatoric_strain(turn, L, step))
         store_symmetric(state, DEVIATOR, p, congruence(turn, load_symmetric(state, DEVIATOR, p)))
 
 

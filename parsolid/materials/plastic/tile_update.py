@@ -1,0 +1,408 @@
+"""One step of elastic-plastic solids on a tile of 32 particles, for every method that advances a deviator by rates.
+
+    sigma = s - P 1,   P = A(J) + gamma E,   s along the elastic trial s + 2 mu e, returned to the flow stress
+
+A tile is a flat array (rows * TILE,) with row r of particle p at r * TILE + p: in one flat array LLVM sees that rows do
+not overlap, and vectorises the loops. A method makes it by `new_tile`, and for every 32 particles
+
+    copies what they carry into rows; `fill_idle` gives rows of a part-filled tile a state at rest
+    start_step(law, law.failure, tile)         pressure, melting temperature, shear modulus, heat capacity, wave speed
+    adds to HEAT what else heats, which may depend on these (viscous pressure)
+    flow(law, law.failure, step, tile)         return to the flow stress, plastic work
+    finish_step(law, law.failure, step, tile)  energy, temperature, pressure; failure; wave speed
+    copies rows back
+
+Rows that the method fills; those with * are replaced by their values at the end of the step:
+
+    DEVIATOR*        6: s [Pa], components as in `parsolid.tensors`, in the axes of the strain (turned by the method)
+    STRAIN           6: deviatoric strain increment e of the step
+    PLASTIC_STRAIN*  equivalent plastic strain ep;   ENERGY* E [J/m^3] per reference volume;   TEMPERATURE* [K]
+    JACOBIAN, MIDDLE_JACOBIAN, NEW_JACOBIAN: rho0/rho at the start, for work in the step, and at the end
+    HEAT             what heats besides plastic work, conduction included [J/m^3] of reference volume, in the step
+    DAMAGE*, STRENGTH (factor, 1 without scatter), CRITERIA* .. (a row each): of laws that fail
+
+and what the update adds, of the end of the step unless said otherwise:
+
+    PRESSURE [Pa], SHEAR_MODULUS [Pa], MELTING [K] and CAPACITY rho0 C_v [J/(m^3 K)] of its start, SPEED of pressure
+    waves [m/s] (after `start_step`: at the start), INCREMENT of ep, PLASTIC_WORK and RELEASED (elastic energy that
+    failure turns into heat) [J/m^3] of reference volume, ROOM: positive where the state is sound
+
+Failed matter (DAMAGE 1) has no deviator, and a pressure only where it is compressed: in tension a void opens at no
+pressure, and its volume has to close before pressure comes back. The internal energy is continuous at failure: what
+was stored elastically is heat from then on.
+
+`advance_deformation` makes STRAIN and Jacobians from deformation gradients (rows DEFORMATION*, VELOCITY_GRADIENT, and
+ROTATION at the end), for methods that carry an unrotated deviator (rate of Green and Naghdi).
+"""
+
+import numpy as np
+
+from parsolid.kernels import inlined, kernel
+from parsolid.materials.failure.failure import Criteria, Loading
+from parsolid.materials.failure.functions import damage_after
+from parsolid.materials.law_functions import law_function
+from parsolid.materials.plastic.functions import (
+    SLOWEST_RATE,
+    cold_pressure,
+    flow_stress,
+    grueneisen_coefficient,
+    isentropic_bulk_modulus,
+    melting_temperature,
+    room_to_compress,
+    shear_modulus,
+    specific_heat,
+    temperature_rise,
+    wave_speed,
+)
+from parsolid.materials.plastic.linear_hardening import LinearHardening
+from parsolid.tensors import (
+    ROTATION_SETTLED,
+    add_spherical,
+    combine,
+    congruence,
+    contract,
+    contract_symmetric,
+    determinant,
+    inverse,
+    matmul,
+    plane_rotation,
+    plus,
+    rotation_near,
+    rotation_step,
+    symmetric_part,
+    times_symmetric,
+    transpose,
+)
+
+TILE = 32
+DEVIATOR, STRAIN = 0, 6
+PLASTIC_STRAIN, ENERGY, TEMPERATURE = 12, 13, 14
+JACOBIAN, MIDDLE_JACOBIAN, NEW_JACOBIAN = 15, 16, 17
+HEAT, DAMAGE, STRENGTH = 18, 19, 20
+PRESSURE, MELTING, SHEAR_MODULUS, CAPACITY, SPEED = 21, 22, 23, 24, 25
+INCREMENT, PLASTIC_WORK, RELEASED, ROOM = 26, 27, 28, 29
+DEFORMATION, VELOCITY_GRADIENT, ROTATION, VOLUME_RATE = 30, 39, 48, 57
+# scratch of the return: trial von Mises stress, bracket, last point, slope, whether it still moves; work of the stress
+_TRIAL, _LOW, _HIGH, _OLD, _OLD_RESIDUAL, _SLOPE, _MOVES, _WORK, _WORST = 58, 59, 60, 61, 62, 63, 64, 65, 66
+CRITERIA = 67
+# of the return: the residual over the trial stress
+_TOLERANCE, _MOST_STEPS = 1e-10, 80
+
+
+def new_tile(criteria: int = 0) -> np.ndarray:
+    """A tile, of a law with a number of criteria of failure, at rest."""
+    tile = np.zeros((CRITERIA + criteria) * TILE)
+    rows = tile.reshape(-1, TILE)
+    rows[[JACOBIAN, MIDDLE_JACOBIAN, NEW_JACOBIAN, STRENGTH, TEMPERATURE]] = 1.0
+    for first in (DEFORMATION, ROTATION):
+        rows[[first, first + 4, first + 8]] = 1.0
+    return tile
+
+
+@inlined
+def load_symmetric(tile, row, p):
+    """Six rows of particle p from `row` on, a symmetric tensor."""
+    i = row * TILE + p
+    return (tile[i], tile[i + TILE], tile[i + 2 * TILE], tile[i + 3 * TILE], tile[i + 4 * TILE], tile[i + 5 * TILE])
+
+
+@inlined
+def store_symmetric(tile, row, p, S):
+    """Put a symmetric tensor into six rows of particle p."""
+    i = row * TILE + p
+    tile[i], tile[i + TILE], tile[i + 2 * TILE] = S[0], S[1], S[2]
+    tile[i + 3 * TILE], tile[i + 4 * TILE], tile[i + 5 * TILE] = S[3], S[4], S[5]
+
+
+@inlined
+def load_general(tile, row, p):
+    """Nine rows of particle p from `row` on, a general tensor."""
+    i = row * TILE + p
+    return (tile[i], tile[i + TILE], tile[i + 2 * TILE], tile[i + 3 * TILE], tile[i + 4 * TILE],
+            tile[i + 5 * TILE], tile[i + 6 * TILE], tile[i + 7 * TILE], tile[i + 8 * TILE])  # fmt: skip
+
+
+@inlined
+def store_general(tile, row, p, A):
+    """Put a general tensor into nine rows of particle p."""
+    i = row * TILE + p
+    tile[i], tile[i + TILE], tile[i + 2 * TILE] = A[0], A[1], A[2]
+    tile[i + 3 * TILE], tile[i + 4 * TILE], tile[i + 5 * TILE] = A[3], A[4], A[5]
+    tile[i + 6 * TILE], tile[i + 7 * TILE], tile[i + 8 * TILE] = A[6], A[7], A[8]
+
+
+@kernel
+def fill_idle(law, tile, count):
+    """Give all particles of a tile but the first `count` the state of one at rest."""
+    for p in range(count, TILE):
+        for row in range(CRITERIA):
+            tile[row * TILE + p] = 0.0
+        tile[TEMPERATURE * TILE + p] = law.reference_temperature
+        for row in (JACOBIAN, MIDDLE_JACOBIAN, NEW_JACOBIAN, STRENGTH):
+            tile[row * TILE + p] = 1.0
+        for c in (0, 4, 8):
+            tile[(DEFORMATION + c) * TILE + p] = 1.0
+
+
+@kernel
+def advance_deformation(step, plane, tile):
+    """F, its Jacobians and rotation after a step [s] with the VELOCITY_GRADIENT l, and the strain increment in it.
+
+    F+ = (1 + dt l) F = R U. The stretching D is that of half the step in unrotated axes: from l (1 + dt l/2)^-1, which
+    has no symmetric part for a rotation, however large the step. VOLUME_RATE: tr D [1/s]. plane: not None in plane
+    strain and axial symmetry.
+    """
+    for p in range(TILE):
+        F, rate = load_general(tile, DEFORMATION, p), load_general(tile, VELOCITY_GRADIENT, p)
+        new = combine(1.0, F, step, matmul(rate, F))
+        J, new_J = determinant(F), determinant(new)
+        tile[JACOBIAN * TILE + p], tile[NEW_JACOBIAN * TILE + p] = J, new_J
+        tile[MIDDLE_JACOBIAN * TILE + p] = 0.5 * (J + new_J)
+        # the rotation of the middle of the step needs F + F+; both are made from F+ and l again
+        store_general(tile, ROTATION, p, new)
+    if plane is not None:
+        for p in range(TILE):
+            store_general(tile, ROTATION, p, plane_rotation(load_general(tile, ROTATION, p)))
+    else:
+        _rotate(tile)
+    for p in range(TILE):
+        F, rate = load_general(tile, DEFORMATION, p), load_general(tile, VELOCITY_GRADIENT, p)
+        R = load_general(tile, ROTATION, p)
+        new = combine(1.0, F, step, matmul(rate, F))
+        half = (1.0 + 0.5 * step * rate[0], 0.5 * step * rate[1], 0.5 * step * rate[2],
+                0.5 * step * rate[3], 1.0 + 0.5 * step * rate[4], 0.5 * step * rate[5],
+                0.5 * step * rate[6], 0.5 * step * rate[7], 1.0 + 0.5 * step * rate[8])  # fmt: skip
+        D = symmetric_part(matmul(rate, inverse(half)))
+        half_R = plane_rotation(plus(F, new)) if plane is not None else rotation_near(R, plus(F, new))
+        D = congruence(transpose(half_R), D)
+        volume_rate = D[0] + D[1] + D[2]
+        tile[VOLUME_RATE * TILE + p] = volume_rate
+        store_symmetric(tile, STRAIN, p, times_symmetric(step, add_spherical(D, -volume_rate / 3.0)))
+        store_general(tile, DEFORMATION, p, new)
+
+
+@kernel
+def _rotate(tile):
+    """R of the tensors in the rows ROTATION, in their place, by Newton's method until none moves."""
+    for p in range(TILE):
+        tile[_MOVES * TILE + p] = 1.0
+    for _ in range(30):
+        moving = 0
+        for p in range(TILE):
+            X = load_general(tile, ROTATION, p)
+            new = rotation_step(X)
+            change = combine(1.0, new, -1.0, X)
+            # a particle that has settled is not changed again, whatever its neighbours do
+            moves = tile[_MOVES * TILE + p]
+            store_general(tile, ROTATION, p, combine(moves, change, 1.0, X))
+            settled = contract(change, change) <= ROTATION_SETTLED
+            moves = 0.0 if settled else moves
+            tile[_MOVES * TILE + p] = moves
+            moving += 1 if moves > 0.0 else 0
+        if moving == 0:
+            break
+
+
+@kernel
+def start_step(law, failure, tile):
+    """PRESSURE, MELTING, SHEAR_MODULUS, CAPACITY and SPEED of the start of the step."""
+    eos, gamma = law.equation_of_state, grueneisen_coefficient(law.equation_of_state)
+    for p in range(TILE):
+        J, temperature = tile[JACOBIAN * TILE + p], tile[TEMPERATURE * TILE + p]
+        pressure = cold_pressure(eos, J) + gamma * tile[ENERGY * TILE + p]
+        if failure is not None:
+            pressure = pressure if tile[DAMAGE * TILE + p] < 1.0 else max(pressure, 0.0)
+        melting = melting_temperature(law.melting, J)
+        mu = shear_modulus(law.shear_modulus, J, pressure, temperature, melting)
+        tile[PRESSURE * TILE + p], tile[MELTING * TILE + p], tile[SHEAR_MODULUS * TILE + p] = pressure, melting, mu
+        tile[CAPACITY * TILE + p] = law.density * specific_heat(law, temperature)
+        tile[SPEED * TILE + p] = wave_speed(law, J, pressure, mu)
+
+
+@kernel
+def flow(law, failure, step, tile):
+    """Return the deviator to the flow stress after a step [s]: DEVIATOR, PLASTIC_STRAIN, INCREMENT, PLASTIC_WORK."""
+    for p in range(TILE):
+        s, strain = load_symmetric(tile, DEVIATOR, p), load_symmetric(tile, STRAIN, p)
+        twice = 2.0 * tile[SHEAR_MODULUS * TILE + p]
+        trial = (s[0] + twice * strain[0], s[1] + twice * strain[1], s[2] + twice * strain[2],
+                 s[3] + twice * strain[3], s[4] + twice * strain[4], s[5] + twice * strain[5])  # fmt: skip
+        tile[_TRIAL * TILE + p] = (1.5 * contract_symmetric(trial, trial)) ** 0.5
+        tile[INCREMENT * TILE + p] = 0.0
+    if step > 0.0:
+        # without time to flow in, a stress above that of slow flow stays
+        plastic_increments(law.flow_stress, law.taylor_quinney, step, tile)
+    for p in range(TILE):
+        s, strain = load_symmetric(tile, DEVIATOR, p), load_symmetric(tile, STRAIN, p)
+        mu, trial, increment = tile[SHEAR_MODULUS * TILE + p], tile[_TRIAL * TILE + p], tile[INCREMENT * TILE + p]
+        returned = trial - 3.0 * mu * increment
+        factor = returned / trial if increment > 0.0 else 1.0
+        work = tile[NEW_JACOBIAN * TILE + p] * returned * increment
+        if failure is not None:
+            whole = tile[DAMAGE * TILE + p] < 1.0
+            factor, increment, work = (
+                (factor if whole else 0.0),
+                (increment if whole else 0.0),
+                (work if whole else 0.0),
+            )
+        twice = 2.0 * mu
+        new = (factor * (s[0] + twice * strain[0]), factor * (s[1] + twice * strain[1]),
+               factor * (s[2] + twice * strain[2]), factor * (s[3] + twice * strain[3]),
+               factor * (s[4] + twice * strain[4]), factor * (s[5] + twice * strain[5]))  # fmt: skip
+        both = contract_symmetric(s, strain) + contract_symmetric(new, strain)
+        tile[_WORK * TILE + p] = 0.5 * tile[MIDDLE_JACOBIAN * TILE + p] * both
+        store_symmetric(tile, DEVIATOR, p, new)
+        tile[INCREMENT * TILE + p], tile[PLASTIC_WORK * TILE + p] = increment, work
+        tile[PLASTIC_STRAIN * TILE + p] += increment
+
+
+@law_function
+def plastic_increments(flow, taylor_quinney, step, tile):
+    """INCREMENT x of the equivalent plastic strain in a step [s] with
+
+        trial - 3 mu x = sigma_y(ep + x, x/step, T + heating sigma_y x),
+
+    heating: taylor_quinney J/(rho0 C_v) [K/(J/m^3)]; 0 where the trial state is elastic."""
+
+
+@plastic_increments.of(LinearHardening)
+def _linear_increments(flow, taylor_quinney, step, tile):
+    for p in range(TILE):
+        temperature, melting = tile[TEMPERATURE * TILE + p], tile[MELTING * TILE + p]
+        mu = tile[SHEAR_MODULUS * TILE + p]
+        yielding = flow_stress(flow, tile[PLASTIC_STRAIN * TILE + p], step, temperature, mu, melting)
+        slope = flow.hardening if temperature < melting else 0.0
+        tile[INCREMENT * TILE + p] = max((tile[_TRIAL * TILE + p] - yielding) / (3.0 * mu + slope), 0.0)
+
+
+@plastic_increments.otherwise
+def _guarded_increments(flow, taylor_quinney, step, tile):
+    # Newton's method with the slope through the last two points, and bisection where it leaves the bracket
+    flowing = 0
+    for p in range(TILE):
+        trial, mu = tile[_TRIAL * TILE + p], tile[SHEAR_MODULUS * TILE + p]
+        yielding = flow_stress(flow, tile[PLASTIC_STRAIN * TILE + p], SLOWEST_RATE, tile[TEMPERATURE * TILE + p], mu,
+                               tile[MELTING * TILE + p])  # fmt: skip
+        flows = trial > yielding
+        strain = load_symmetric(tile, STRAIN, p)
+        # in steady flow the whole strain of the step is plastic
+        expected, high = (2.0 / 3.0 * contract_symmetric(strain, strain)) ** 0.5, trial / (3.0 * mu)
+        tile[INCREMENT * TILE + p] = min(expected, 0.999 * high) if flows else 0.0
+        tile[_MOVES * TILE + p] = 1.0 if flows else 0.0
+        tile[_LOW * TILE + p], tile[_HIGH * TILE + p], tile[_SLOPE * TILE + p] = 0.0, high, -3.0 * mu
+        tile[_OLD * TILE + p], tile[_OLD_RESIDUAL * TILE + p] = 0.0, 0.0
+        flowing += 1 if flows else 0
+    iteration = 0
+    while flowing > 0 and iteration < _MOST_STEPS:
+        halves = iteration > 12 and iteration % 2 == 0
+        flowing = 0
+        for p in range(TILE):
+            x, trial, mu = tile[INCREMENT * TILE + p], tile[_TRIAL * TILE + p], tile[SHEAR_MODULUS * TILE + p]
+            returned = trial - 3.0 * mu * x
+            heating = taylor_quinney * tile[NEW_JACOBIAN * TILE + p] / tile[CAPACITY * TILE + p]
+            residual = returned - flow_stress(
+                flow, tile[PLASTIC_STRAIN * TILE + p] + x, max(x / step, SLOWEST_RATE),
+                tile[TEMPERATURE * TILE + p] + heating * returned * x, mu, tile[MELTING * TILE + p])  # fmt: skip
+            moves = tile[_MOVES * TILE + p] > 0.0 and abs(residual) > _TOLERANCE * trial
+            low = x if residual > 0.0 else tile[_LOW * TILE + p]
+            high = tile[_HIGH * TILE + p] if residual > 0.0 else x
+            # not through x = 0, where a flow stress in ln(rate) is steep; rounding can spoil it between close points
+            secant = (residual - tile[_OLD_RESIDUAL * TILE + p]) / (x - tile[_OLD * TILE + p])
+            slope = secant if iteration > 0 and secant < 0.0 else tile[_SLOPE * TILE + p]
+            new = x - residual / slope
+            inside = new > low and new < high and not halves
+            new = new if inside else 0.5 * (low + high)
+            tile[_LOW * TILE + p], tile[_HIGH * TILE + p], tile[_SLOPE * TILE + p] = low, high, slope
+            tile[_OLD * TILE + p], tile[_OLD_RESIDUAL * TILE + p] = x, residual
+            tile[INCREMENT * TILE + p] = new if moves else x
+            tile[_MOVES * TILE + p] = 1.0 if moves else 0.0
+            flowing += 1 if moves else 0
+        iteration += 1
+
+
+@kernel
+def finish_step(law, failure, step, tile):
+    """ENERGY, TEMPERATURE, PRESSURE and SPEED of the end of a step [s], and failure in it: DAMAGE, RELEASED.
+
+    Closed form of E+ = E + W + heat - (P + P+)/2 (J+ - J) with P+ = A(J+) + gamma E+; T dS and -gamma T tr d likewise.
+    """
+    eos, gamma = law.equation_of_state, grueneisen_coefficient(law.equation_of_state)
+    for p in range(TILE):
+        new_J, pressure = tile[NEW_JACOBIAN * TILE + p], tile[PRESSURE * TILE + p]
+        change, heat = new_J - tile[JACOBIAN * TILE + p], tile[HEAT * TILE + p]
+        cold, part = cold_pressure(eos, new_J), 0.5 * gamma * change
+        worked = tile[ENERGY * TILE + p] + tile[_WORK * TILE + p] + heat
+        warmed = law.taylor_quinney * tile[PLASTIC_WORK * TILE + p] + heat
+        rise, temperature = temperature_rise(law, tile[CAPACITY * TILE + p], warmed), tile[TEMPERATURE * TILE + p]
+        energy = (worked - 0.5 * (pressure + cold) * change) / (1.0 + part)
+        new_temperature, new_pressure = (temperature * (1.0 - part) + rise) / (1.0 + part), cold + gamma * energy
+        if failure is not None:
+            # a void is open at no pressure
+            opened = tile[DAMAGE * TILE + p] >= 1.0 and new_pressure <= 0.0
+            energy = worked - 0.5 * pressure * change if opened else energy
+            new_temperature = temperature + rise if opened else new_temperature
+            new_pressure = 0.0 if opened else new_pressure
+        tile[ENERGY * TILE + p], tile[TEMPERATURE * TILE + p] = energy, new_temperature
+        tile[PRESSURE * TILE + p], tile[RELEASED * TILE + p] = new_pressure, 0.0
+    if failure is not None:
+        _fail(law, failure, step, tile)
+    for p in range(TILE):
+        J = tile[NEW_JACOBIAN * TILE + p]
+        room = room_to_compress(eos, J)
+        if failure is not None:
+            # failed matter with voids is no faster than undeformed matter
+            J = J if tile[DAMAGE * TILE + p] < 1.0 else min(J, 1.0)
+        speed = wave_speed(law, J, tile[PRESSURE * TILE + p], tile[SHEAR_MODULUS * TILE + p])
+        tile[SPEED * TILE + p] = speed
+        # the speed where the room is none, or not a number
+        tile[ROOM * TILE + p] = room if room < speed else speed
+
+
+@law_function
+def advance_damage(criteria, row, step, tile):
+    """Advance the damage of each criterion of a chain, in rows from `row` on; raises _WORST to the largest."""
+
+
+@advance_damage.of(None)
+def _no_other_criterion(criteria, row, step, tile):
+    return None
+
+
+@advance_damage.of(Criteria)
+def _one_more_criterion(criteria, row, step, tile):
+    for p in range(TILE):
+        increment = tile[INCREMENT * TILE + p]
+        loading = Loading(
+            load_symmetric(tile, DEVIATOR, p), tile[PRESSURE * TILE + p], tile[PLASTIC_STRAIN * TILE + p], increment,
+            increment / max(step, 1e-300), tile[TEMPERATURE * TILE + p], tile[MELTING * TILE + p])  # fmt: skip
+        damage = damage_after(criteria.first, tile[row * TILE + p], tile[STRENGTH * TILE + p], loading)
+        tile[row * TILE + p] = damage
+        tile[_WORST * TILE + p] = max(tile[_WORST * TILE + p], damage)
+    advance_damage(criteria.others, row + 1, step, tile)
+
+
+@kernel
+def _fail(law, failure, step, tile):
+    """DAMAGE after a step [s]; where it reaches 1 the deviator and tension go, and what they stored is heat."""
+    for p in range(TILE):
+        tile[_WORST * TILE + p] = tile[DAMAGE * TILE + p]
+    advance_damage(failure.criteria, CRITERIA, step, tile)
+    for p in range(TILE):
+        old = tile[DAMAGE * TILE + p]
+        damage = min(tile[_WORST * TILE + p], 1.0) if old < 1.0 else old
+        failed, fails = damage >= 1.0, damage >= 1.0 and old < 1.0
+        s, strain, J = load_symmetric(tile, DEVIATOR, p), load_symmetric(tile, STRAIN, p), tile[NEW_JACOBIAN * TILE + p]
+        pressure, mu = tile[PRESSURE * TILE + p], tile[SHEAR_MODULUS * TILE + p]
+        tension, change = min(pressure, 0.0), J - tile[JACOBIAN * TILE + p]
+        # the forces of the next step do not know the stress that is lost, so its half of this step's work was not done
+        unpaid = 0.5 * (J - 0.5 * change) * contract_symmetric(s, strain) - 0.5 * tension * change
+        # beyond the spinodal the bulk modulus says nothing
+        bulk = max(isentropic_bulk_modulus(law.equation_of_state, J, pressure), mu)
+        stored = J * contract_symmetric(s, s) / (4.0 * mu) + J * tension * tension / (2.0 * bulk)
+        released = max(stored - unpaid, 0.0) if fails else 0.0
+        tile[RELEASED * TILE + p], tile[DAMAGE * TILE + p] = released, damage
+        tile[ENERGY * TILE + p] -= unpaid if fails else 0.0
+        tile[TEMPERATURE * TILE + p] += temperature_rise(law, tile[CAPACITY * TILE + p], released)
+        left = 0.0 if failed else 1.0
+        store_symmetric(tile, DEVIATOR, p, times_symmetric(left, s))
+        tile[PRESSURE * TILE + p] = max(pressure, 0.0) if failed else pressure
