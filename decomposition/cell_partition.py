@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 from mpi4py import MPI
+from numba import njit
 
-from decomposition.compiled import compiled
 from decomposition.talking import TALKING
 
 # bounds of parts that reach to infinity
@@ -19,7 +19,7 @@ _FAR = np.int64(1) << 40
 _Range = tuple[int, int, tuple[int, int] | None]
 
 
-@compiled
+@njit(cache=True)
 def _before(cell: np.ndarray, axes: np.ndarray, cut: np.ndarray) -> bool:
     """Whether a cell's index comes before the cut's, axis by axis."""
     for k in range(len(cut)):
@@ -28,7 +28,7 @@ def _before(cell: np.ndarray, axes: np.ndarray, cut: np.ndarray) -> bool:
     return False
 
 
-@compiled
+@njit(cache=True)
 def owners_of(axes: np.ndarray, cuts: np.ndarray, children: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """Owner of each cell; children < 0 stand for rank -1 - child."""
     result = np.zeros(len(cells), np.int32)
@@ -42,7 +42,7 @@ def owners_of(axes: np.ndarray, cuts: np.ndarray, children: np.ndarray, cells: n
     return result
 
 
-@compiled
+@njit(cache=True)
 def _touching(
     axes: np.ndarray, cuts: np.ndarray, children: np.ndarray, nodes: np.ndarray, width: int, here: int
 ) -> np.ndarray:

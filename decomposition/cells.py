@@ -7,8 +7,7 @@ Missing dimensions are one cell thick.
 from typing import NamedTuple
 
 import numpy as np
-
-from decomposition.compiled import compiled
+from numba import njit
 
 _DIGIT = 11
 _BUCKETS = 1 << _DIGIT
@@ -50,7 +49,7 @@ def checked_length(length: float, name: str) -> float:
     return float(length)
 
 
-@compiled
+@njit(cache=True)
 def bounds(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Lower and upper corner (d,), inf and -inf without points; NaN where a coordinate is not finite."""
     dimension = points.shape[1]
@@ -76,7 +75,7 @@ def checked_bounds(points: np.ndarray, name: str = "points") -> tuple[np.ndarray
     return lower, upper
 
 
-@compiled
+@njit(cache=True)
 def stable_order(key: np.ndarray) -> np.ndarray:
     """Order (int32) that sorts non-negative int64 keys, equal ones as they came; a radix sort. Overwrites the keys."""
     n = len(key)
@@ -109,20 +108,20 @@ def stable_order(key: np.ndarray) -> np.ndarray:
     return order
 
 
-@compiled
+@njit(cache=True)
 def cell_coordinate(x: float, lower: float, inverse: float, shape: int) -> np.int64:
     """Cell number along one axis; -2 or shape + 1 when it is farther out than that."""
     return np.int64(min(max(np.floor((x - lower) * inverse), -2.0), shape + 1.0))
 
 
-@compiled
+@njit(cache=True)
 def _slot(key: int, mask: int) -> np.int64:
     """First place to look for a cell's key in the hash table."""
     mixed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
     return np.int64(mixed >> np.uint64(32)) & mask
 
 
-@compiled
+@njit(cache=True)
 def _find(cells: Cells, key: int) -> int:
     """Which stored cell has this key, or -1."""
     mask = len(cells.table) - 1
@@ -134,7 +133,7 @@ def _find(cells: Cells, key: int) -> int:
         slot = (slot + 1) & mask
 
 
-@compiled
+@njit(cache=True)
 def _keys(points: np.ndarray, lower: np.ndarray, inverse: np.ndarray, shape: np.ndarray) -> np.ndarray:
     key = np.empty(len(points), np.int64)
     for i in range(len(points)):
@@ -145,7 +144,7 @@ def _keys(points: np.ndarray, lower: np.ndarray, inverse: np.ndarray, shape: np.
     return key
 
 
-@compiled
+@njit(cache=True)
 def _coordinate(points: np.ndarray, order: np.ndarray, axis: int) -> np.ndarray:
     result = np.zeros(len(order))
     if axis < points.shape[1]:
@@ -154,7 +153,7 @@ def _coordinate(points: np.ndarray, order: np.ndarray, axis: int) -> np.ndarray:
     return result
 
 
-@compiled
+@njit(cache=True)
 def _occupied(key: np.ndarray, order: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Keys of cells that hold points, where each begins in the order, and the hash table over them."""
     n = len(order)
@@ -182,7 +181,7 @@ def _occupied(key: np.ndarray, order: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return cell_key, begin, table
 
 
-@compiled
+@njit(cache=True)
 def _build(points: np.ndarray, lower: np.ndarray, inverse: np.ndarray, shape: np.ndarray) -> Cells:
     key = _keys(points, lower, inverse, shape)
     order = stable_order(key.copy())
@@ -211,7 +210,7 @@ def build_cells(points: np.ndarray, reach: float) -> Cells:
     return _build(points, *grid(lower, upper, reach * _MARGIN, _MOST_CELLS))
 
 
-@compiled
+@njit(cache=True)
 def locate(cells: Cells, point: np.ndarray, place: np.ndarray) -> bool:
     """Put a point's cell coordinates into `place` (3,); True if they changed."""
     changed = False
@@ -222,7 +221,7 @@ def locate(cells: Cells, point: np.ndarray, place: np.ndarray) -> bool:
     return changed
 
 
-@compiled
+@njit(cache=True)
 def surround(cells: Cells, place: np.ndarray, near: np.ndarray) -> int:
     """Fill near (27, 2) with [begin, end) in the order of the occupied cells that touch `place`; return how many."""
     found = 0
@@ -238,7 +237,7 @@ def surround(cells: Cells, place: np.ndarray, near: np.ndarray) -> int:
     return found
 
 
-@compiled
+@njit(cache=True)
 def _within(cells: Cells, points: np.ndarray, reach: float) -> np.ndarray:
     result = np.zeros(len(points), np.bool_)
     place = np.full(3, -9)

@@ -8,8 +8,7 @@ is linear however scattered the points are.
 from typing import Any, NamedTuple
 
 import numpy as np
-
-from decomposition.compiled import compiled
+from numba import njit
 
 from .cells import checked_bounds, checked_points, stable_order
 
@@ -48,7 +47,7 @@ class _Sorted(NamedTuple):
     radius: np.ndarray
 
 
-@compiled
+@njit(cache=True)
 def _keys(
     points: np.ndarray, axes: np.ndarray, lower: np.ndarray, inverse: np.ndarray, shape: np.ndarray
 ) -> np.ndarray:
@@ -62,7 +61,7 @@ def _keys(
     return key
 
 
-@compiled
+@njit(cache=True)
 def _sorted(points: np.ndarray, radius: np.ndarray, first: int, order: np.ndarray, keys: np.ndarray) -> _Sorted:
     """The points `order` of those given, whose rows are counted from `first`."""
     n, d = len(order), points.shape[1]
@@ -84,7 +83,7 @@ def _sorted(points: np.ndarray, radius: np.ndarray, first: int, order: np.ndarra
     return _Sorted(row, key, x, y, z, r)
 
 
-@compiled
+@njit(cache=True)
 def _emit(
     points: _Sorted, others: _Sorted, windows: np.ndarray, later: bool, hits: np.ndarray, begin: np.ndarray
 ) -> np.ndarray:
@@ -134,7 +133,7 @@ def _emit(
     return hits
 
 
-@compiled
+@njit(cache=True)
 def _in_rows(row: np.ndarray, hits: np.ndarray, begin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The hits of sorted points in compressed rows."""
     n = len(row)

@@ -1,8 +1,7 @@
-"""Messages between owners and ghosts: one a neighbour for any set of arrays, packed and unpacked by a numba call each.
+"""Messages between owners and ghosts: one a neighbour for any set of arrays.
 
-A transfer is described by one table of integers, made once: addresses, strides and lengths of the runs of columns that
-stand beside one another in memory, the rows that go to or come from each neighbour, and the message buffer, in which
-rows follow one another. A start is then one numba call with one argument.
+A message holds row after row, each the columns of all arrays. Arrays are packed and unpacked through flat views: column
+k of row i of an array stands at `step * i + columns[k]` of its view.
 """
 
 import weakref
@@ -11,73 +10,47 @@ from typing import Any
 
 import numpy as np
 from mpi4py import MPI
-
-from decomposition.compiled import compiled
-from decomposition.deferred import Elsewhere
+from numba import njit
+from numpy.lib.stride_tricks import as_strided
 
 # MPI promises tags up to 32767
 _TAGS = 1 << 14
-_HEADER = 5
 
 
-def _addresses() -> Any:
-    """Imported with numba; kernels are compiled from its text."""
-    from decomposition import addresses
-
-    return addresses
-
-
-_there = Elsewhere("decomposition.addresses")
-_load, _store, _add, _copy_four = _there.load, _there.store, _there.add, _there.copy_four
+@njit(cache=True)
+def _pack(flat, step, columns, rows, message, width, first):
+    """Copy rows of an array into messages, whose rows are `width` long, from their column `first` on."""
+    for m in range(len(rows)):
+        place, at = step * rows[m], width * m + first
+        for k in range(len(columns)):
+            message[at + k] = flat[place + columns[k]]
 
 
-@compiled
-def _copy(table: np.ndarray, received: bool | None, added: bool | None) -> None:
-    """Copy rows into the messages, row by row; messages into rows where `received` is not None.
-
-    added: not None to add them to the rows, one neighbour after the other.
-    """
-    runs, messages, width, row, message = table[0], table[1], table[2], table[3], table[4]
-    for m in range(messages):
-        for _ in range(table[_HEADER + 3 * runs + m]):
-            number, at = _load(row), message
-            for run in range(_HEADER, _HEADER + 3 * runs, 3):
-                place, last = table[run] + table[run + 1] * number, at + 8 * table[run + 2]
-                if added is None:
-                    while at + 32 <= last:
-                        if received is None:
-                            _copy_four(at, place)
-                        else:
-                            _copy_four(place, at)
-                        at, place = at + 32, place + 32
-                while at < last:
-                    if received is None:
-                        _store(at, _load(place))
-                    elif added is None:
-                        _store(place, _load(at))
-                    else:
-                        _add(place, at)
-                    at, place = at + 8, place + 8
-            row, message = row + 8, message + 8 * width
+@njit(cache=True)
+def _unpack(flat, step, columns, rows, message, width, first):
+    """Copy messages into rows of an array."""
+    for m in range(len(rows)):
+        place, at = step * rows[m], width * m + first
+        for k in range(len(columns)):
+            flat[place + columns[k]] = message[at + k]
 
 
-def _runs(array: np.ndarray) -> list[int]:
-    """Address, row stride and length of each run of columns beside one another, of an array whose first axis counts
-    rows."""
-    offsets = np.zeros(1, np.int64)
-    for length, step in zip(array.shape[1:], array.strides[1:]):
-        offsets = (offsets[:, None] + step * np.arange(length)).ravel()
-    first = np.flatnonzero(np.diff(offsets, prepend=-16) != 8)
-    lengths = np.diff(first, append=len(offsets))
-    found = zip((array.ctypes.data + offsets[first]).tolist(), lengths.tolist())
-    return [number for base, length in found for number in (base, array.strides[0], length)]
+@njit(cache=True)
+def _add(flat, step, columns, rows, message, width, first):
+    """Add messages to rows of an array, one neighbour after the other."""
+    for m in range(len(rows)):
+        place, at = step * rows[m], width * m + first
+        for k in range(len(columns)):
+            flat[place + columns[k]] += message[at + k]
 
 
-def _table(arrays: list[np.ndarray], rows: np.ndarray, counts: Sequence[int], buffer: np.ndarray) -> np.ndarray:
-    runs = [number for array in arrays for number in _runs(array)]
-    width = sum(runs[2::3])
-    header = [len(runs) // 3, len(counts), width, rows.ctypes.data, buffer.ctypes.data]
-    return np.array(header + runs + list(counts), np.int64)
+def _flat(array: np.ndarray, kind: type) -> tuple[np.ndarray, int, np.ndarray]:
+    """A flat view of an array whose first axis counts rows, the step from row to row in it, and places of columns."""
+    columns = np.zeros(1, np.int64)
+    for length, stride in zip(array.shape[1:], array.strides[1:]):
+        columns = (columns[:, None] + stride // 8 * np.arange(length)).ravel()
+    last = (len(array) - 1) * array.strides[0] // 8 + columns.max(initial=0)
+    return as_strided(array.view(kind), (last + 1,), (8,)), array.strides[0] // 8, columns
 
 
 def _release(requests: list[MPI.Prequest]) -> None:
@@ -107,9 +80,9 @@ Side = tuple[Sequence[int], Sequence[int], np.ndarray]
 class Exchange:
     """A set of arrays to be sent from owners to ghosts, or added from ghosts to owners, again and again.
 
-    Made by `Halo.exchange` and `Halo.accumulate`. Holds addresses in the arrays, which it keeps alive and which must
-    not be resized. What is sent is copied at the start; what is received is written at the finish, so between the two
-    the arrays are free. Several may be under way at once if all ranks start them in the same order.
+    Made by `Halo.exchange` and `Halo.accumulate`. Holds views of the arrays, which must not be resized. What is sent is
+    copied at the start; what is received is written at the finish, so between the two the arrays are free. Several may
+    be under way at once if all ranks start them in the same order.
 
     bytes_sent, bytes_received: of one start on this rank; silent: whether start and finish do nothing on it.
     """
@@ -129,19 +102,25 @@ class Exchange:
         for index, array in enumerate(self._arrays):
             _checked(array, index, capacity, accumulate)
         width = sum(int(np.prod(array.shape[1:])) for array in self._arrays)
-        self._rows = outgoing[2], incoming[2]
         self._buffers = np.empty(width * len(outgoing[2])), np.empty(width * len(incoming[2]))
         self.bytes_sent, self.bytes_received = (buffer.nbytes for buffer in self._buffers)
-        self._pack_table = _table(self._arrays, outgoing[2], outgoing[1], self._buffers[0])
-        self._unpack_table = _table(self._arrays, incoming[2], incoming[1], self._buffers[1])
-        self._added = True if accumulate else None
+        self._packed = self._copies(outgoing[2], self._buffers[0], width, np.int64)
+        self._unpacked = self._copies(incoming[2], self._buffers[1], width, np.float64 if accumulate else np.int64)
+        self._unpack = _add if accumulate else _unpack
         self._receives = self._requests(comm.Recv_init, incoming, self._buffers[1], width, tag)
         self._sends = self._requests(comm.Send_init, outgoing, self._buffers[0], width, tag)
         self._all = self._receives + self._sends
         self._finalizer = weakref.finalize(self, _release, self._all.copy())
-        self.silent = not self._all
-        if self.silent:
-            self._turn_into(_nothing)
+        self.silent, self._freed = not self._all, False
+
+    def _copies(self, rows: np.ndarray, buffer: np.ndarray, width: int, kind: type) -> list[tuple[Any, ...]]:
+        """Arguments of `_pack` or `_unpack`, an array each."""
+        copies, first = [], 0
+        for array in self._arrays if len(rows) else ():
+            flat, step, columns = _flat(array, kind)
+            copies.append((flat, step, columns, rows, buffer.view(kind), width, first))
+            first += len(columns)
+        return copies
 
     @staticmethod
     def _requests(
@@ -154,20 +133,24 @@ class Exchange:
             at += width * count
         return requests
 
-    def _turn_into(self, action: Callable[[], None]) -> None:
-        """Let start and finish do something else from now on; both are called in every step, so they ask nothing."""
-        vars(self).update(start=action, finish=action)
-
     def start(self) -> None:
         """Pack and send; returns while the messages travel."""
+        if self._freed:
+            raise RuntimeError("Exchange: expected one that is in use, found it freed")
+        if self.silent:
+            return
         MPI.Prequest.Startall(self._receives)
-        _copy(self._pack_table, None, None)
+        for arguments in self._packed:
+            _pack(*arguments)
         MPI.Prequest.Startall(self._sends)
 
     def finish(self) -> None:
         """Wait for the messages and unpack them."""
+        if self.silent:
+            return
         MPI.Prequest.Waitall(self._all)
-        _copy(self._unpack_table, True, self._added)
+        for arguments in self._unpacked:
+            self._unpack(*arguments)
 
     def progress(self) -> bool:
         """Let MPI move large messages along during long work between start and finish; True when all have arrived."""
@@ -177,12 +160,4 @@ class Exchange:
         """Give the requests back to MPI now; garbage collection does so otherwise. No start may follow."""
         self._finalizer()
         self._all = self._receives = self._sends = []
-        self._turn_into(_freed)
-
-
-def _nothing() -> None:
-    """No neighbours, nothing to do."""
-
-
-def _freed() -> None:
-    raise RuntimeError("Exchange: expected one that is in use, found it freed")
+        self._freed = self.silent = True

@@ -2,8 +2,7 @@
 
 import numpy as np
 from mpi4py import MPI
-
-from decomposition.compiled import compiled
+from numba import njit
 
 from .cells import bounds, checked_points, within_reach
 from .exchange import _TAGS, Exchange
@@ -36,7 +35,7 @@ def _boxes(comm: MPI.Comm, points: np.ndarray, reach: float) -> np.ndarray:
     return boxes[:, :6].reshape(comm.size, 2, 3)[:, :, :d]
 
 
-@compiled
+@njit(cache=True)
 def _near_box(points: np.ndarray, lower: np.ndarray, upper: np.ndarray, reach: float) -> np.ndarray:
     """Rows of points closer than reach to a box; rounding is monotonic:, none that close to a point in it is missed."""
     found = 0

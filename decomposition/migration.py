@@ -4,12 +4,12 @@ from zlib import crc32
 
 import numpy as np
 from mpi4py import MPI
+from numba import njit
 
-from decomposition.compiled import compiled
 from decomposition.talking import TALKING
 
 
-@compiled
+@njit(cache=True)
 def _order_by_owner(owner: np.ndarray, counts: np.ndarray) -> np.ndarray:
     """Rows in the order of their owner, then as they came."""
     cursor = np.zeros(len(counts), np.int64)

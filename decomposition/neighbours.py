@@ -3,8 +3,7 @@
 from typing import Any
 
 import numpy as np
-
-from decomposition.compiled import compiled
+from numba import njit
 
 from .cells import (
     Cells,
@@ -20,7 +19,7 @@ from .cells import (
 )
 
 
-@compiled
+@njit(cache=True)
 def _spread(value: int, dimension: int) -> np.int64:
     """The bits of a cell number, `dimension` places apart."""
     result = np.int64(0)
@@ -31,7 +30,7 @@ def _spread(value: int, dimension: int) -> np.int64:
     return result
 
 
-@compiled
+@njit(cache=True)
 def _morton_keys(points: np.ndarray, lower: np.ndarray, inverse: np.ndarray, shape: np.ndarray) -> np.ndarray:
     n, dimension = points.shape
     key = np.zeros(n, np.int64)
@@ -59,7 +58,7 @@ def order_along_cells(points: np.ndarray, cell: float) -> np.ndarray:
     return stable_order(_morton_keys(points, *grid(lower, upper, size, most))).astype(np.int64)
 
 
-@compiled
+@njit(cache=True)
 def _fullest(begin: np.ndarray) -> int:
     """Points in the cell that has most, at least 1."""
     most = 1
@@ -68,7 +67,7 @@ def _fullest(begin: np.ndarray) -> int:
     return most
 
 
-@compiled
+@njit(cache=True)
 def _visit(cells: Cells, points: np.ndarray, reach: float, at: np.ndarray, neighbour: Any) -> None:
     """Walk through all pairs of a point b and an earlier one a within reach.
 
@@ -109,7 +108,7 @@ def _visit(cells: Cells, points: np.ndarray, reach: float, at: np.ndarray, neigh
                     at[a] += 1
 
 
-@compiled
+@njit(cache=True)
 def _row_starts(order: np.ndarray, count: np.ndarray) -> np.ndarray:
     start = np.zeros(len(order) + 1, np.int64)
     for i in range(len(order)):

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from mpi4py import MPI
-
-from decomposition.compiled import compiled
+from numba import njit
 
 from .exchange import _release
 from .occupied import OccupiedCells, indices_of, words
@@ -33,7 +32,7 @@ class Sharing:
         return len(np.unique(np.concatenate([np.zeros(0, np.int32), *self.shared])))
 
 
-@compiled
+@njit(cache=True)
 def _pack(nodes: np.ndarray, first: int, last: int, slots: np.ndarray, buffer: np.ndarray) -> None:
     width = last - first
     for n in range(len(slots)):
@@ -41,7 +40,7 @@ def _pack(nodes: np.ndarray, first: int, last: int, slots: np.ndarray, buffer: n
             buffer[n * width + c] = nodes[slots[n], first + c]
 
 
-@compiled
+@njit(cache=True)
 def _add_in_rank_order(
     nodes: np.ndarray,
     first: int,
@@ -142,7 +141,7 @@ class NodeSum:
             )
 
 
-@compiled
+@njit(cache=True)
 def _pack_cells(partial: np.ndarray, first: int, last: int, rows: np.ndarray, size: int, buffer: np.ndarray) -> None:
     width = last - first
     for n in range(len(rows)):
@@ -151,7 +150,7 @@ def _pack_cells(partial: np.ndarray, first: int, last: int, rows: np.ndarray, si
                 buffer[(n * size + k) * width + c] = partial[rows[n] * size + k, first + c]
 
 
-@compiled
+@njit(cache=True)
 def _add_cells(
     nodes: np.ndarray,
     first: int,

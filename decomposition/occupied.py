@@ -8,8 +8,7 @@ first.
 from typing import Any, NamedTuple
 
 import numpy as np
-
-from decomposition.compiled import compiled
+from numba import njit
 
 # indices from -2**20 to 2**20 - 1 along each direction
 _BITS = 21
@@ -44,7 +43,7 @@ def indices_of(word: np.ndarray, dimension: int) -> np.ndarray:
     return result
 
 
-@compiled
+@njit(cache=True)
 def _locate(bases: np.ndarray, owned: int, cells: np.ndarray, cell: np.ndarray, start: np.ndarray) -> int:
     """Cell number of each particle and how many each cell has, in start[1:]; returns how many particles have no cell.
 
@@ -81,7 +80,7 @@ def _locate(bases: np.ndarray, owned: int, cells: np.ndarray, cell: np.ndarray, 
     return missing
 
 
-@compiled
+@njit(cache=True)
 def _fill(cell: np.ndarray, owned: int, start: np.ndarray, cursor: np.ndarray, order: np.ndarray) -> None:
     """Turn counts into starts and list the particles of each cell, in the order of storage."""
     for c in range(len(start) - 1):
@@ -93,7 +92,7 @@ def _fill(cell: np.ndarray, owned: int, start: np.ndarray, cursor: np.ndarray, o
             cursor[cell[p]] += 1
 
 
-@compiled
+@njit(cache=True)
 def _order_by_name(start: np.ndarray, order: np.ndarray, names: np.ndarray) -> None:
     """Order the particles within each cell by their names."""
     for c in range(len(start) - 1):

@@ -8,8 +8,7 @@ by rank and row, so that lattices, too, are cut to the particle.
 
 import numpy as np
 from mpi4py import MPI
-
-from decomposition.compiled import compiled
+from numba import njit
 
 from .cells import bounds, checked_points
 from .talking import TALKING
@@ -23,7 +22,7 @@ _SHARES = 2.0**20
 _TIED, _LEFT, _RIGHT = np.int8(0), np.int8(1), np.int8(2)
 
 
-@compiled
+@njit(cache=True)
 def _sortable(bits: np.uint64) -> np.uint64:
     """Unsigned integer in the order of the double that has these bits; the zeros of both signs are one."""
     sign = np.uint64(1) << np.uint64(63)
@@ -32,7 +31,7 @@ def _sortable(bits: np.uint64) -> np.uint64:
     return ~bits if bits & sign else bits | sign
 
 
-@compiled
+@njit(cache=True)
 def _part_bounds(points: np.ndarray, part: np.ndarray, parts: int) -> np.ndarray:
     """Lower and negated upper corner of each part's points: (parts, 2, d)."""
     result = np.full((parts, 2, points.shape[1]), np.inf)
@@ -45,7 +44,7 @@ def _part_bounds(points: np.ndarray, part: np.ndarray, parts: int) -> np.ndarray
     return result
 
 
-@compiled
+@njit(cache=True)
 def _histogram(
     bits: np.ndarray,
     weights: np.ndarray,
@@ -73,7 +72,7 @@ def _histogram(
     return result
 
 
-@compiled
+@njit(cache=True)
 def _split_tied(bits: np.ndarray, part: np.ndarray, side: np.ndarray, axis: np.ndarray, cut: np.ndarray) -> None:
     """Send tied points beside the cut to their side; those on it stay tied."""
     for i in range(len(bits)):
@@ -84,7 +83,7 @@ def _split_tied(bits: np.ndarray, part: np.ndarray, side: np.ndarray, axis: np.n
                 side[i] = _LEFT if key < cut[p] else _RIGHT
 
 
-@compiled
+@njit(cache=True)
 def _tied_weight(weights: np.ndarray, part: np.ndarray, side: np.ndarray, parts: int) -> np.ndarray:
     result = np.zeros(parts, np.int64)
     for i in range(len(part)):
@@ -93,7 +92,7 @@ def _tied_weight(weights: np.ndarray, part: np.ndarray, side: np.ndarray, parts:
     return result
 
 
-@compiled
+@njit(cache=True)
 def _split_by_row(
     weights: np.ndarray, part: np.ndarray, side: np.ndarray, before: np.ndarray, target: np.ndarray
 ) -> None:
@@ -107,7 +106,7 @@ def _split_by_row(
             before[p] += weights[i]
 
 
-@compiled
+@njit(cache=True)
 def _descend(part: np.ndarray, side: np.ndarray, child: np.ndarray) -> None:
     for i in range(len(part)):
         if part[i] >= 0:

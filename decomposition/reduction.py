@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from mpi4py import MPI
+from numba import njit
 
-from decomposition.compiled import compiled
 from decomposition.talking import TALKING
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def sums(comm: MPI.Comm, values: "ArrayLike") -> np.ndarray:
     return result
 
 
-@compiled
+@njit(cache=True)
 def _carry(limbs: np.ndarray) -> None:
     """Bring all limbs but the last into 0 .. 2**32 - 1."""
     for k in range(_LIMBS - 1):
@@ -42,7 +42,7 @@ def _carry(limbs: np.ndarray) -> None:
         limbs[k] &= 0xFFFFFFFF
 
 
-@compiled
+@njit(cache=True)
 def _accumulate(values: np.ndarray, limbs: np.ndarray) -> None:
     """Add doubles exactly; values that are not finite are counted behind the limbs."""
     bits = values.view(np.int64)

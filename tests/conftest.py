@@ -13,7 +13,6 @@ them waiting for ever; then, after a grace, it shows its failure and ends the wh
 import faulthandler
 import os
 import shutil
-import sys
 import time
 import zlib
 from collections import Counter, defaultdict
@@ -225,21 +224,6 @@ def pytest_runtest_makereport(item, call):
     report.outcome = "failed"
     report.longrepr = "\n".join([", ".join(summary), *parts])
     return report
-
-
-# where tools are meshes, what is waiting of their tree is in an array of each call
-_FALLING_BACK = ("parsolid.contact.tools.forces.press",)
-
-
-@pytest.fixture(autouse=True)
-def _no_kernel_of_the_package_falls_back():
-    """None is compiled numba's own way, which takes longer and would not be seen. Of use where kernels are compiled."""
-    fallen = getattr(sys.modules.get("decomposition.compilation"), "FALLEN_BACK", [])
-    before = len(fallen)
-    yield
-    fallen = getattr(sys.modules.get("decomposition.compilation"), "FALLEN_BACK", [])
-    ours = (name for name in fallen[before:] if name.startswith(("parsolid.", "decomposition.")))
-    assert not [name for name in ours if name not in _FALLING_BACK]
 
 
 @pytest.fixture(scope="session")

@@ -6,11 +6,9 @@ what `program` says. Signals, exit status and death go both ways, so a job is la
 other. Kernels that a rank has loaded are loaded before the next one is made. Linux, and MPICH's process manager.
 """
 
-import contextlib
 import functools
 import json
 import os
-import pickle
 import select
 import signal
 import socket
@@ -107,7 +105,6 @@ def serve(address: str) -> None:
     import mpi4py
 
     mpi4py.rc.initialize, mpi4py.rc.finalize = False, True
-    kernels = _Kernels(address + ".kernels")
     for name in _MODULES:
         importlib.import_module(name)
     door = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
@@ -116,49 +113,11 @@ def serve(address: str) -> None:
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
     while door in select.select([door, 0], [], [])[0]:
         line, _ = door.accept()
-        kernels.load()
         if os.fork() == 0:
             door.close()
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
             _keep(line)
         line.close()
-
-
-class _Kernels:
-    """The kernels that ranks have loaded so far, in a file to which every rank adds."""
-
-    def __init__(self, path: str) -> None:
-        from decomposition import kernel_cache
-
-        self.path, self.read = path, 0
-        self.known: set[str] = set()
-        self.compile, kernel_cache._compile = kernel_cache._compile, self._noted
-
-    def _noted(self, dispatcher, as_numba, signature):
-        function = dispatcher.py_func
-        entry = pickle.dumps((function.__module__, function.__qualname__, signature)).hex()
-        if "<locals>" not in function.__qualname__ and entry not in self.known:
-            with open(self.path, "a", encoding="ascii") as file:
-                file.write(entry + "\n")
-        return self.compile(dispatcher, as_numba, signature)
-
-    def load(self) -> None:
-        """What ranks have noted since the last time."""
-        import importlib
-
-        if not os.path.exists(self.path):
-            return
-        with open(self.path, encoding="ascii") as file:
-            file.seek(self.read)
-            lines = file.readlines()
-            self.read = file.tell()
-        for line in dict.fromkeys(line.strip() for line in lines):
-            if line not in self.known:
-                self.known.add(line)
-                # one that cannot be loaded here is loaded by the rank
-                with contextlib.suppress(Exception):
-                    module, name, signature = pickle.loads(bytes.fromhex(line))
-                    getattr(importlib.import_module(module), name).compile(signature)
 
 
 def _keep(line: socket.socket) -> None:

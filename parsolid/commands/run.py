@@ -8,14 +8,14 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from decomposition.compiled import LISTENERS
-from decomposition.kernel_places import folder, wanted_folder
 from parsolid.collective import SolverError, anywhere
 from parsolid.commands.asked import bars_asked, targets
 from parsolid.commands.check_advice import advice, cost_advice, scene_advice, size_advice
 from parsolid.commands.profiling import profiled
 from parsolid.commands.standard_pictures import draw
 from parsolid.contact.relations import relations
+from parsolid.kernel_cache import cache_folder, wanted_folder
+from parsolid.kernels import on_compile
 from parsolid.output.checkpoint import find_checkpoint
 from parsolid.output.directory import occupy
 from parsolid.output.errors import OutputError, together
@@ -116,9 +116,7 @@ def run_alone(comm: MPI.Intracomm, scene: Scene, options: Namespace, began: floa
     """The same without anything beside the run. Collective."""
     with ExitStack() as kept:
         if comm.rank == 0 and not options.quiet:
-            tell = Compilations(folder(), wanted_folder())
-            LISTENERS.append(tell)
-            kept.callback(LISTENERS.remove, tell)
+            kept.enter_context(on_compile(Compilations(cache_folder(), wanted_folder())))
         try:
             simulation, files, restart = _set_up(comm, scene, options, kept)
         except OutputError as error:

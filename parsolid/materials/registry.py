@@ -14,8 +14,9 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 from types import CodeType, ModuleType
-from typing import Any
+from typing import Any, get_type_hints
 
+from parsolid.materials import user
 from parsolid.materials.declaration import Declared, declared_as
 from parsolid.materials.installed import entry_points
 
@@ -163,15 +164,19 @@ def _check_names(code: CodeType, known: set[str]) -> None:
 
 
 def _name_apart(module: ModuleType) -> None:
-    """Give the NamedTuples of a file names that no other text has.
+    """Give the NamedTuples of a file names that no other text has, by which numba's cache finds them.
 
     When Python calls a kernel, numba tells classes apart by their names and the types in them alone: an edited law
     would be computed by the one that this process has called before.
     """
     digest = module.__name__.rpartition("_")[2]
-    for kind in vars(module).values():
+    for kind in list(vars(module).values()):
         if isinstance(kind, type) and issubclass(kind, tuple) and kind.__module__ == module.__name__:
-            kind.__name__ = f"{kind.__qualname__}_{digest[:8]}"
+            # what the annotations name is known in the module of the file alone
+            kind.__annotations__ = get_type_hints(kind, include_extras=True)
+            kind.__name__ = kind.__qualname__ = f"Law_{digest}_{kind.__qualname__}"
+            kind.__module__ = user.__name__
+            setattr(user, kind.__name__, kind)
 
 
 def _complete(declared: Declared) -> None:

@@ -13,7 +13,6 @@ import functools
 import numpy as np
 
 from decomposition.deferred import overload
-from decomposition.kernel_sources import implemented
 from parsolid.numerics.lanes import LANES
 from parsolid.numerics.tensors import Tensor, as_tensor
 
@@ -74,8 +73,6 @@ class Generic:
 
         def decorate(function):
             self.implementations.update(dict.fromkeys(kinds, function))
-            for kind in kinds:
-                implemented(self.stub.__module__, kind, function.__module__)
             return function
 
         return decorate
@@ -83,7 +80,6 @@ class Generic:
     def otherwise(self, function):
         """Decorator of the implementation where no other fits."""
         self.default = function
-        implemented(self.stub.__module__, None, function.__module__)
         return function
 
     def find(self, kind):

@@ -4,11 +4,11 @@ blocks of so many particles.
 What kernels call is in `wide_lanes_lowering`, which is imported when one is compiled.
 """
 
-from decomposition.deferred import Elsewhere, with_numba
-from decomposition.machine_code import features
+from llvmlite import binding
 
-# what a kernel's file is named by: a file of eight lanes must not be found where there are four
-WIDE = 8 if "avx512f" in features() else 4
+from decomposition.deferred import Elsewhere, with_numba
+
+WIDE = 8 if binding.get_host_cpu_features().get("avx512f") else 4
 
 
 def _lowering():

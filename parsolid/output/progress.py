@@ -208,7 +208,7 @@ class Compilations:
         self._stream = stream or sys.stdout
         self._kept = f"kept in {folder}"
         if wanted not in (None, folder):
-            self._kept += f", as {wanted} cannot be written"
+            self._kept += f", as {wanted} cannot be written, or not by you alone"
         self._count, self._began, self._last = 0, 0.0, 0.0
 
     def __call__(self, name: str) -> None:

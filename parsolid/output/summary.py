@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import h5py
+import numba
 import numpy as np
 from mpi4py import MPI
 
 import parsolid
-from decomposition.kernel_places import numba_version
 from parsolid.output.errors import OutputError, words
 
 
@@ -72,7 +72,7 @@ def versions() -> dict[str, str]:
         "parsolid": parsolid.__version__,
         "python": platform.python_version(),
         "numpy": np.__version__,
-        "numba": numba_version(),
+        "numba": numba.__version__,
         "h5py": h5py.__version__,
         "hdf5": h5py.version.hdf5_version,
         "parallel_hdf5": str(h5py.get_config().mpi).lower(),

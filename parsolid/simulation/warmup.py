@@ -10,13 +10,12 @@ from typing import Any
 
 from mpi4py import MPI
 
-from decomposition.compiled import folder
+from parsolid.kernel_cache import cache_folder
 from parsolid.materials.registry import loaded_texts
 from parsolid.methods.small_scene import Tables, small_scene
 from parsolid.observables.declared import field_of
 from parsolid.scene import Scene, parse_scene
 from parsolid.simulation.loop import Simulation
-from parsolid.sources import source_digest
 
 # of a small scene, to measure one
 _IDLE_STEPS = 9
@@ -81,5 +80,5 @@ def compile_kernels(tables: Tables) -> Simulation:
 
 
 def _mark(tables: Tables) -> Path:
-    text = source_digest() + loaded_texts() + json.dumps(tables, sort_keys=True)
-    return folder() / f"warm-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+    text = loaded_texts() + json.dumps(tables, sort_keys=True)
+    return cache_folder() / f"warm-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
