@@ -62,12 +62,13 @@ class Walls:
         """Let particles that have reached a wall at a time [s] move with it, after a half kick of a step.
 
         before (d, n): velocities before the kick over `half` [s]; acting: internal and dissipative forces and loads
-        (d, n) [N] of the kick. Returns what to add [J] to the kick's external work, dissipation, and kinetic offset,
-        with the wall's work on the bodies in the first and the energy lost to particles that are caught in the second.
+        (d, n) [N] of the kick. Returns what to add to the kick's energies [J]: external work, with the wall's on the
+        bodies; loss to dissipative forces, on the mean of the velocities before and after; kinetic offset of all other
+        forces; and the loss to particles that are caught.
         """
         velocity, mass = self.particles.owned_rows("velocity").T, self.particles.owned_rows("mass")
         force, damping, loads = acting
-        energies = np.zeros(3)
+        energies = np.zeros(4)
         for wall in self.all:
             reach = _TOUCHING * self.particles.owned_rows("spacing")[:, wall.axis]
             approaching = wall.sign * (velocity[wall.axis] - wall.velocity[wall.axis]) < 0.0
@@ -77,12 +78,14 @@ class Walls:
                 change *= np.abs(wall.normal)[:, None]
             impulse = mass[rows] * change
             of_loads = np.zeros_like(change) if loads is None else loads[:, rows]
-            total = force[:, rows] + damping[:, rows] + of_loads
-            lost = -0.5 * np.sum(impulse * (before[:, rows] - wall.velocity[:, None]))
-            energies += np.sum(impulse, axis=1) @ wall.velocity, lost, 0.5 * half * np.sum(total * change)
+            work = np.sum(impulse, axis=1) @ wall.velocity
             if opening:
-                # the work of forces is that on the velocity in the middle of the step, which the wall has changed
-                energies += half * np.sum(of_loads * change), -half * np.sum(damping[:, rows] * change), 0.0
+                # the work of loads is that on the velocity in the middle of the step, which the wall has changed
+                work += half * np.sum(of_loads * change)
+            dissipated = -0.5 * half * np.sum(damping[:, rows] * change)
+            offset = 0.5 * half * np.sum((force[:, rows] + of_loads) * change)
+            lost = -0.5 * np.sum(impulse * (before[:, rows] - wall.velocity[:, None]))
+            energies += work, dissipated, offset, lost
             velocity[:, rows] += change
             if wall.reaction is not None:
                 places = self.particles.owned_rows("position").T[:, rows]

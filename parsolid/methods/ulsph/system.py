@@ -250,11 +250,11 @@ class UpdatedLagrangianSPH(ParticleSystem):
         external, lost, to_come = kick.external, 0.0, viscous
         if before is not None:
             force, damping = (self.particles.owned_rows(name).T for name in ("force", "viscous_force"))
-            to_come = self.viscous_loss_of_storing(damping, before, 0.5 * step)
             acting = force, damping, self.conditions.loads(time)
-            work, lost, more = self.walls.catch(time, 0.5 * step, opening, before, acting)
-            external, offset = external + work, offset + more
-        return HalfKick(external, viscous, offset, float(lost), to_come)
+            caught = self.walls.catch(time, 0.5 * step, opening, before, acting)
+            external, viscous, offset, lost = np.array([external, viscous, offset, 0.0]) + caught
+            to_come = self.viscous_loss_of_storing(damping, before, 0.5 * step)
+        return HalfKick(float(external), float(viscous), float(offset), float(lost), to_come)
 
     def book(
         self, step: float, ledger: EnergyLedger, plastic: float, lost: float, opening: "HalfKick", closing: "HalfKick"
