@@ -3,9 +3,9 @@
 import numpy as np
 from mpi4py import MPI
 
+from parsolid.boundary.loads_on_particles import Loads
 from parsolid.boundary.reporting import Reaction
 from parsolid.collective import raise_together
-from parsolid.particles.container import Particles
 from parsolid.scene.boundaries.wall import Wall
 
 # of a spacing: a particle in the middle of a cell on the wall touches it
@@ -37,11 +37,14 @@ class Walls:
     """All walls of a scene, as particles meet them: one is caught where half of its spacing reaches the wall, and
     leaves freely."""
 
-    def __init__(self, comm: MPI.Comm, walls: list[tuple[str, Wall]], particles: Particles):
-        """Raises SolverError on all ranks where a particle stands beyond a wall. Collective."""
-        self.particles = particles
-        self.all = [RigidWall(wall, particles.owned_rows("position").shape[1]) for _, wall in walls]
+    def __init__(self, comm: MPI.Comm, conditions: Loads):
+        """conditions: those of the scene, which report the forces of walls. Raises SolverError on all ranks where a
+        particle stands beyond a wall. Collective."""
+        self.particles = particles = conditions.particles
+        walls = conditions.of(Wall)
+        self.all = [RigidWall(wall, conditions.dimension) for _, wall in walls]
         for (key, wall), rigid in zip(walls, self.all):
+            rigid.reaction = conditions.reaction_of(wall)
             beyond = self._gap(rigid, 0.0) < -_TOUCHING * particles.owned_rows("spacing")[:, rigid.axis]
             fault = f"{key}: expected all bodies {wall.side} the wall, found particles that it cuts"
             raise_together(comm, fault if beyond.any() else None)

@@ -6,11 +6,11 @@ import numpy as np
 from points import COPPER, scene
 from solids import SOFT, tables
 
+from parsolid.boundary.conditions import Conditions
 from parsolid.methods.mpm.grid_conditions import GridConditions
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.methods.tlsph.boundaries import build_boundaries
-from parsolid.methods.ulsph.boundaries import BoundarySet
-from parsolid.methods.ulsph.fields import declare_motion
+from parsolid.methods.ulsph.state import declare_motion
 from parsolid.particles.container import Particles
 from parsolid.particles.generated import declare_generated
 from parsolid.particles.generation import generate
@@ -70,6 +70,6 @@ def translated(comm, data: dict):
     if scene.method.kind == "ulsph":
         particles = Particles(particle_set.body)
         declare_generated(particles, particle_set)
-        declare_motion(particles, particle_set.position, None, None, False)
-        return BoundarySet(comm, scene, particle_set, particles)
+        declare_motion(particles, particle_set.position)
+        return Conditions(comm, scene, particle_set, particles)
     return GridConditions(comm, scene, particle_set.position, np.zeros(4))

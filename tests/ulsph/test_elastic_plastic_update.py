@@ -10,9 +10,9 @@ from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.equation_of_state import LinearElastic, MieGrueneisen
 from parsolid.materials.plastic.linear_hardening import LinearHardening
 from parsolid.materials.plastic.shear_modulus import ConstantShearModulus
+from parsolid.materials.plastic.tile_update import new_tile
 from parsolid.materials.registry import law_of
 from parsolid.methods.mpm.plastic_update import advance_stress, new_state
-from parsolid.materials.plastic.tile_update import new_tile
 from parsolid.methods.ulsph.elastic_plastic import State, advance_state
 from parsolid.numerics.layout import LAYOUT
 from parsolid.scene.plasticity import library

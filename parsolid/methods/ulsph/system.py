@@ -41,7 +41,6 @@ from parsolid.scene import (
     initial_velocity,
 )
 from parsolid.scene.boundaries.micro import MicroClamped
-from parsolid.scene.boundaries.wall import Wall
 from parsolid.scene.regions import selected
 
 # norm of the correction of gradients above which it is scaled down: 10 fails at 600 m/s
@@ -99,10 +98,9 @@ class UpdatedLagrangianSPH(ParticleSystem):
         length = settings.smoothing * np.prod(particle_set.spacing, axis=1) ** (1.0 / self.dimension)
         declare_particles(particles, density * particle_set.volume, length)
         self.conditions = Conditions(comm, scene, particle_set, particles)
-        self.walls = Walls(comm, self.conditions.of(Wall), particles)
+        self.walls = Walls(comm, self.conditions)
         self.leapfrog = Leapfrog(particles, self.conditions, "force", "viscous_force")
-        self.told = [*self.conditions.reactions, *(wall.reaction for wall in self.walls.all if wall.reaction)]
-        self.landings = self.conditions.times
+        self.told, self.landings = self.conditions.reactions, self.conditions.times
         self._declare_state(comm, scene, particle_set, density)
         self.temperatures = Temperatures(comm, scene, particle_set, particles, self.solids)
         self.viscous_heat, self.deletion = ViscousHeat(), None
@@ -260,9 +258,6 @@ class UpdatedLagrangianSPH(ParticleSystem):
         self, step: float, ledger: EnergyLedger, plastic: float, lost: float, opening: "HalfKick", closing: "HalfKick"
     ) -> None:
         """Enter the energies of a step [s]; plastic, lost: plastic heat and numerical loss of the state [J]."""
-        for wall in self.walls.all:
-            if wall.reaction is not None:
-                wall.reaction.finish(step, ledger)
         guided = self.conditions.end_step(step, ledger)
         ledger.add(1.0, plastic, lost + opening.lost + closing.lost, opening.external + closing.external + guided)
         ledger.add_term("viscous_dissipation", self.viscous_loss(step, opening.viscous + closing.viscous))
