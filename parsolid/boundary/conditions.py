@@ -52,6 +52,8 @@ from parsolid.scene.schema import Scene
 # fields (d, n) of particles on which contact, tools or ties act: their force [N] in the present places, and impulses
 # [N s] at the end of a step, on the parts of particles on this side of mirror planes
 EXTERNAL_FORCE, EXTERNAL_IMPULSE = "external_force", "external_impulse"
+# positions (d, n) at the start of the common step, where a system takes several steps of its own in it
+COMMON_START = "common_step_start"
 
 
 class _Holder(NamedTuple):

@@ -34,10 +34,9 @@ def closing_step(seen: Seen, before: np.ndarray, step: float) -> float:
     return float(longest_step(*arrays, step, MOST_CLOSED))
 
 
-def first_steps(seen: Seen, ahead: np.ndarray, time: float) -> float:
-    """Each of two steps [s] from a start; ahead (owned,) [m]: penetrations after a time [s]. That of the second one is
-    agreed on before contact looks at the end of the first."""
-    return min(closing_step(seen, ahead, time), 0.5 * meeting_step(seen.constants, seen.level, ahead, time))
+def first_step(seen: Seen, ahead: np.ndarray, time: float) -> float:
+    """The step [s] from a start; ahead (owned,) [m]: penetrations after a time [s]."""
+    return min(closing_step(seen, ahead, time), meeting_step(seen.constants, seen.level, ahead, time))
 
 
 def step_from_rest(seen: Seen, pushed: np.ndarray, time: float) -> float:
@@ -55,13 +54,11 @@ def meeting_step(constants: np.ndarray, now: np.ndarray, ahead: np.ndarray, time
 
 
 def step_ahead(
-    matter: passes.Matter, lists: passes.Lists, moved: np.ndarray, step: float, coming: float, time: float
+    matter: passes.Matter, lists: passes.Lists, level: np.ndarray, moved: np.ndarray, step: float, time: float
 ) -> float:
-    """`meeting_step` for a time [s] after the step [s] that comes, of entries that go on as in the last one [s]; inf
-    where they are too slow for it.
+    """`meeting_step` for a time [s] in which entries go on as in the last step [s]; inf where they are too slow for it.
 
-    The step that comes has been agreed on when contact looks at the state before it. moved (n, d) [m]: displacements in
-    the last step of entries, those of ghosts behind.
+    level (owned,) [m]: penetrations; moved (n, d) [m]: displacements in the last step, those of ghosts behind.
     """
     if step == 0.0 or not len(moved):
         return float(np.inf)
@@ -70,8 +67,7 @@ def step_ahead(
     most = _SLOW * FAST / float(matter.constants[:, 3].max())
     if time / step * span <= most:
         return float(np.inf)
-    first, last = (levels_at(matter, lists, matter.place + when / step * moved) for when in (coming, coming + time))
-    return meeting_step(matter.constants, first, last, time)
+    return meeting_step(matter.constants, level, levels_at(matter, lists, matter.place + time / step * moved), time)
 
 
 def levels_at(matter: passes.Matter, lists: passes.Lists, place: np.ndarray) -> np.ndarray:

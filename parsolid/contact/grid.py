@@ -11,7 +11,7 @@ from parsolid.scene.contact import grid_pairs
 def expect_blows(scene: Scene, number: int, system: ParticleSystem) -> None:
     """Let a system, of a number in the scene, give energies of one time where others act on its nodes."""
     if any(number in pair for pair in grid_pairs(scene)):
-        system.expect_kicks()
+        system.take_external_forces(keep_rows=False)
 
 
 def build_grid_contact(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[Interaction]:

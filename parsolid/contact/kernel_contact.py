@@ -4,8 +4,7 @@
 
 The forces are the gradient of U, between pairs and along their connection, so that momentum and angular momentum are
 kept; friction is a tangential spring of stiffness kappa A_i/2 a particle, with Coulomb's limit (Cundall and Strack,
-Geotechnique 29, 1979), whose reaction is spread by weights exact for linear fields. They act as impulses between the
-steps of all systems.
+Geotechnique 29, 1979), whose reaction is spread by weights exact for linear fields.
 """
 
 from typing import Any
@@ -15,7 +14,7 @@ import numpy as np
 from parsolid.collective import maximum, minimum, raise_together
 from parsolid.contact import passes, pressing
 from parsolid.contact.boxes import Boxes
-from parsolid.contact.closing import FAST, Seen, closing_step, first_steps, step_ahead, step_from_rest
+from parsolid.contact.closing import FAST, Seen, closing_step, first_step, step_ahead, step_from_rest
 from parsolid.contact.depth import fill_depths, overlap
 from parsolid.contact.friction_kernels import friction
 from parsolid.contact.heat_kernels import others_heat, own_heat
@@ -28,7 +27,7 @@ from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.particles.declaration import Field, Rows
 from parsolid.scene import Scene
-from parsolid.scene.contact import CONTACT_TERMS, OSCILLATION, of_model
+from parsolid.scene.contact import CONTACT_TERMS, of_model
 
 # steps between looks at how far particles have moved, at least and at most, where bodies are near and where all are
 # apart; lists are asked for when they may not hold until twice the next look, and for as many steps more
@@ -44,15 +43,14 @@ def declare_fields(scene: Scene, system: ParticleSystem) -> None:
     slots, d = slots_of(scene), system.dimension
     if not slots:
         return
-    system.expect_kicks()
-    system.expect_lists()
+    system.take_external_forces(keep_rows=True)
     particles = system.particles
     vector: dict[str, Any] = {"mirror": "vector", "layout": Rows(d)}
     particles.declare(Field("contact_depth", slots, "1", checkpointed=True, layout=Rows(slots)))
     particles.declare(Field("contact_level", slots, "m", layout=Rows(slots)))
     particles.declare(Field("contact_listed", d, "m", **vector))
-    # place [m] and velocity [m/s] at the start of a step
-    particles.declare(Field("contact_start", 2 * d, "1", layout=Rows(2 * d)))
+    # place at the start of a step
+    particles.declare(Field("contact_start", d, "m", **vector))
     particles.declare(Field("contact_force", d, "N", shown=True, checkpointed=True, **vector))
     if any(one.friction for one in of_model(scene.contact, "kernel")):
         particles.declare(Field("contact_stick", slots * d, "m", checkpointed=True, layout=Rows(slots * d)))
@@ -61,7 +59,7 @@ def declare_fields(scene: Scene, system: ParticleSystem) -> None:
 class KernelContact(Interaction):
     """All contacts of a scene, on one rank."""
 
-    terms = CONTACT_TERMS | OSCILLATION
+    terms = CONTACT_TERMS
 
     def __init__(self, comm: Any, scene: Scene, systems: list[ParticleSystem]) -> None:
         """systems: of the scene, whose particles have the fields of `declare_fields`. Collective."""
@@ -78,8 +76,6 @@ class KernelContact(Interaction):
         self._kept: float | None = None
         self._placed: tuple[int | None, ...] = ()
         self._until_look, self._nearest = 0, np.inf
-        # the least of all ranks, where lists were made in this step
-        self._agreed: float | None = None
         # what bodies that are apart allow of a step [s] from the start, and of how many steps yet
         self._starting = np.inf, 0
         # what systems allow of a step [s] where bodies come so fast that contact looks ahead, else 0
@@ -95,24 +91,26 @@ class KernelContact(Interaction):
             self._step = max(self._soon, minimum(self.comm, min(one.stable_step() for one in self.systems)))
         self.rebuild(time)
         # found anew, forces of friction differ from those that made them in the last bits
-        kept = [one.forces[1].copy() for one in self.recipients] if self.restarted else []
+        kept = [one.forces[0].copy() for one in self.recipients] if self.restarted else []
         self._colours(anew=True, ahead=2.0 * self._step)
         ahead = self.level.copy()
-        deepest = self.evaluate(None, held=True)
+        deepest = self._find_forces(None, held=True)
         if not self.restarted:
             # of no speed yet, what presses at the start is seen to go by its forces alone
             self._colours(anew=True, ahead=self._soon, pushed=True)
-            pushed, _ = self.level.copy(), self.evaluate(None, held=True)
+            pushed, _ = self.level.copy(), self._find_forces(None, held=True)
             pressed = minimum(self.comm, step_from_rest(self._seen(), pushed, self._soon))
             self._starting = min(max(0.5 * (self.boxes.expires - time), self._soon), pressed), _STARTING
-        self._nearest = first_steps(self._seen(), ahead, 2.0 * self._step)
+        self._nearest = first_step(self._seen(), ahead, 2.0 * self._step)
         if self._kept is not None and self.entries.segments:
             self._nearest = self._kept
         for one, force in zip(self.recipients, kept):
             one.resume(force)
         if self._energies is not None:
             self.energy, self.stuck = self._energies
-        first, self.restarted, self._agreed = not self.restarted, False, None
+        for one in self.recipients:
+            one.give(0.0)
+        first, self.restarted = not self.restarted, False
         depth, where = deepest if first and self.rebuilds == 1 else (0.0, -1)
         side = next((self.sides.sides[one.side] for one in self.entries.segments if where < one.last), None)
         raise_together(self.comm, overlap(depth, side, self.sides, self.names) if side and where >= 0 else None)
@@ -137,8 +135,8 @@ class KernelContact(Interaction):
 
     # --- in a step ----------------------------------------------------------------------------------------------
 
-    def before(self, time: float, step: float, ledger: EnergyLedger) -> None:
-        """Half a kick with the forces of the last evaluation; new lists where a rank has asked for them."""
+    def start_step(self, time: float, step: float, ledger: EnergyLedger) -> None:
+        """New lists where a rank has asked for them."""
         self._step = step or self._step
         if self.news_anywhere:
             energy = self.energy
@@ -149,12 +147,10 @@ class KernelContact(Interaction):
             for system in self.systems:
                 # the start of the step, of particles that had no entry, too
                 start, position = map(system.particles.owned_rows, ("contact_start", "position"))
-                start[:, : position.shape[1]] = position
-        for one in self.recipients:
-            one.kick(step, None)
+                start[:] = position
 
-    def after(self, time: float, step: float, ledger: EnergyLedger) -> None:
-        """Forces in the new places, half a kick, and what went into the ledger."""
+    def evaluate(self, time: float, step: float, ledger: EnergyLedger) -> None:
+        """Forces in the new places, and what went into the ledger."""
         # where all are apart no row is in any list
         if self.boxes.any_near:
             placed = self.placements
@@ -162,11 +158,11 @@ class KernelContact(Interaction):
                 self.rebuild(time)
         if self.entries.segments or self.energy or self.stuck:
             energy, stuck = self.energy, self.stuck
-            self.evaluate(ledger, held=step == 0.0)
+            self._find_forces(ledger, held=step == 0.0)
             ledger.add_term("contact_energy", self.energy - energy)
             ledger.add_term("stick_energy", self.stuck - stuck)
             for one in self.recipients:
-                one.kick(step, ledger)
+                one.give(step)
         self._starting = self._starting[0], max(self._starting[1] - (step > 0.0), 0)
         self._until_look -= 1
         if self._until_look <= 0 and not self.news:
@@ -205,11 +201,11 @@ class KernelContact(Interaction):
             rows = system.particles.owned_rows
             rows("contact_listed")[:] = rows("position")
             if self.rebuilds == 0 or self.restarted:
-                rows("contact_start")[:, : system.dimension] = rows("position")
+                rows("contact_start")[:] = rows("position")
         # particles so fast that they use up their lists before they can be made anew may all press
         soon = max(self._step, self._soon)
-        fastest, agreed = maximum(self.comm, np.array([self.boxes.fastest(_AHEAD * soon), -self._nearest]))
-        fast, self._agreed = bool(fastest * soon > FAST * self.boxes.reach.min()), -float(agreed)
+        fastest = maximum(self.comm, self.boxes.fastest(_AHEAD * soon))
+        fast = bool(fastest * soon > FAST * self.boxes.reach.min())
         # the step may get as long as systems allow before contact has a say
         self._free = minimum(self.comm, min(one.stable_step() for one in self.systems)) if fast else 0.0
         if fast:
@@ -258,7 +254,7 @@ class KernelContact(Interaction):
 
     # --- forces ---------------------------------------------------------------------------------------------------
 
-    def evaluate(self, ledger: EnergyLedger | None, held: bool) -> tuple[float, int]:
+    def _find_forces(self, ledger: EnergyLedger | None, held: bool) -> tuple[float, int]:
         """Energy, forces and friction in the present places; the deepest penetration [m], and of which entry.
 
         held: nothing has moved since the last evaluation, or it is the first; the stick history stays as it is.
@@ -268,8 +264,7 @@ class KernelContact(Interaction):
         deepest = self._colours(anew=held)
         if not held:
             soon = max(self._step, self._soon, self._free)
-            coming, self._agreed = min(self._nearest if self._agreed is None else self._agreed, soon), None
-            going_on = self.matter, entries.lists, self.moved, self._step, coming, soon
+            going_on = self.matter, entries.lists, self.level, self.moved, self._step, soon
             self._nearest = min(closing_step(self._seen(), before, self._step), step_ahead(*going_on))
         self.stuck = 0.0
         if self.rubs:
@@ -280,9 +275,8 @@ class KernelContact(Interaction):
         opens_or_closes = pressing.forces(owned, self.matter, lists, self.record, 1, None, self.extra)
         if ledger is not None and self.warms:
             self._warm(ledger)
-        work = sum(one.take(self.force, self.extra if opens_or_closes else None) for one in self.recipients)
-        if ledger is not None:
-            ledger.add(1.0, 0.0, 0.0, work)
+        for one in self.recipients:
+            one.take(self.force, self.extra if opens_or_closes else None)
         return deepest
 
     def _seen(self) -> Seen:

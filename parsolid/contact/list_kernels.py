@@ -109,39 +109,23 @@ def give_levels(level, first, rows, slot, target):
 
 @compiled
 def hand_over(entry, recipient, part, force, extra, forces):
-    """Forces (3, k, d) of recipients in new places: those so far, the sums of the forces (n, d) of their entries (m,),
-    times the part (m,) that they are of whole particles' where not None, and of what these have besides, None without
-    any."""
-    for k in range(forces.shape[1]):
-        for i in range(forces.shape[2]):
-            forces[0, k, i], forces[1, k, i], forces[2, k, i] = forces[1, k, i], 0.0, 0.0
+    """Forces (2, k, d) of recipients: the sums of the forces (n, d) of their entries (m,), times the part (m,) that
+    they are of whole particles' where not None, and of what the impulse has besides, None without any."""
+    forces[:] = 0.0
     for m in range(len(entry)):
         share = 1.0 if part is None else part[m]
         for i in range(force.shape[1]):
-            forces[1, recipient[m], i] += share * force[entry[m], i]
+            forces[0, recipient[m], i] += share * force[entry[m], i]
             if extra is not None:
-                forces[2, recipient[m], i] += share * extra[entry[m], i]
+                forces[1, recipient[m], i] += share * extra[entry[m], i]
 
 
 @compiled
-def start_anew(rows, force, position, shown, start, started):
-    """Forces (k, d) and places of rows (k,) into those that are shown and that steps start from, (n, d) and (n, 2 d);
-    what stood there into started (k, 2 d)."""
-    d = force.shape[1]
+def start_anew(rows, force, position, shown, start):
+    """Forces (k, d) and places of rows (k,) into those that are shown and from which the next step starts, (n, d)."""
     for k in range(len(rows)):
-        a = rows[k]
-        for i in range(d):
-            started[k, i], started[k, d + i] = start[a, i], start[a, d + i]
-            shown[a, i], start[a, i] = force[k, i], position[a, i]
-
-
-@compiled
-def keep_velocities(rows, velocity, start):
-    """Velocities of rows (k,) behind the places (n, 2 d) from which a step starts."""
-    d = velocity.shape[1]
-    for k in range(len(rows)):
-        for i in range(d):
-            start[rows[k], d + i] = velocity[rows[k], i]
+        for i in range(force.shape[1]):
+            shown[rows[k], i], start[rows[k], i] = force[k, i], position[rows[k], i]
 
 
 @compiled
@@ -155,27 +139,6 @@ def spread(moved):
         among += (high - low) ** 2
         both += 4.0 * max(high, -low) ** 2
     return among, both
-
-
-@compiled
-def impulses(rows, force, more, share, time):
-    """The rows (k,) on which a force (k, d) acts, and its impulse in a time [s] on the part `share` of each; more
-    (k, d): added to it where not None."""
-    acting = np.empty(len(rows), np.int64)
-    count = 0
-    for k in range(len(rows)):
-        some = False
-        for i in range(force.shape[1]):
-            some = some or force[k, i] + (0.0 if more is None else more[k, i]) != 0.0
-        acting[count] = k
-        count += some
-    result, chosen = np.empty((count, force.shape[1])), np.empty(count, np.int64)
-    for m in range(count):
-        k = acting[m]
-        chosen[m] = rows[k]
-        for i in range(force.shape[1]):
-            result[m, i] = time * share[k] * (force[k, i] + (0.0 if more is None else more[k, i]))
-    return chosen, result
 
 
 @compiled(error_model="numpy")
@@ -211,49 +174,6 @@ def time_left(place, velocity, listed, body, of_body, near, ahead):
             if gap < (rows[p, 4, 1] + speed * left) ** 2:
                 left = min(left, (rows[p, 4, 0] - math.sqrt(square)) / speed)
     return left
-
-
-@compiled
-def oscillation(rows, step, every, forces, mass, share, held, start, velocity, position):
-    """What leapfrog's kinetic energy has at the end of a step [s] beyond that at its start of swings from the middle of
-    the step, sum m (v - v_mid)^2/2 [J], of rows (k,) on which contact acts.
-
-    forces (3, k, d) [N]: of contact at the start, at the end, and what its last impulse has besides; every: whether all
-    forces count, else only what contact adds to the others'; start (k, 2 d): place and velocity at the start;
-    velocity, position (n, d): at the end.
-    """
-    total, d = 0.0, forces.shape[2]
-    for k in range(len(rows)):
-        a = rows[k]
-        whole = mass[a] * share[a]
-        for i in range(d):
-            if (forces[0, k, i] == 0.0 and forces[1, k, i] == 0.0) or (held is not None and held[k, i]):
-                continue
-            weight = 0.5 * step * share[a] / whole
-            before, after = weight * forces[0, k, i], weight * (forces[1, k, i] + forces[2, k, i])
-            middle = (position[a, i] - start[k, i]) / step
-            first, last = middle - start[k, d + i], velocity[a, i] - middle
-            total += 0.5 * whole * (last * last - first * first)
-            if not every:
-                first, last = first - before, last - after
-                total -= 0.5 * whole * (last * last - first * first)
-    return total
-
-
-@compiled
-def given_by_closing(rows, step, forces, mass, share, held, start, velocity, position):
-    """Kinetic energy [J] that rows (k,) have from forces F that act in all stages of a step [s] and (F' - F) step/2 at
-    its end, beyond (F + F')/2 along their way; arguments as in `oscillation`."""
-    total, d = 0.0, forces.shape[2]
-    for k in range(len(rows)):
-        a = rows[k]
-        for i in range(d):
-            if held is not None and held[k, i]:
-                continue
-            impulse = 0.5 * step * share[a] * (forces[1, k, i] + forces[2, k, i] - forces[0, k, i])
-            mean = velocity[a, i] - 0.5 * impulse / (mass[a] * share[a])
-            total += impulse * (mean - (position[a, i] - start[k, i]) / step)
-    return total
 
 
 @compiled

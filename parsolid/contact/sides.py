@@ -31,7 +31,6 @@ class BodyFacts(NamedTuple):
     speed: float
     nodal: bool
     undamped: bool
-    staged: bool
 
 
 class Side(NamedTuple):
@@ -136,7 +135,7 @@ def _side(
     softer = min((A, B), key=lambda body: body.modulus / body.spacing)
     depth, colour, slope = _table(A.spacing, B.spacing, B.nodal, reach, dimension)
     own_colour, _ = lattice_colour(0.5 * A.spacing, A.spacing, A.nodal, reach, dimension)
-    shaken = _LESS if any(body.undamped or body.staged for body in (A, B)) else 1.0
+    shaken = _LESS if A.undamped or B.undamped else 1.0
     shaken = _LEAST if A.undamped and B.undamped else shaken
     frequency = np.sqrt(2.0 * contact.stiffness) * softer.speed / softer.spacing
     safety = _SAFETY * max(contact.stiffness, 1.0) ** _STIFF * shaken
@@ -182,8 +181,8 @@ def _facts(comm: Any, scene: Scene, systems: list[ParticleSystem], used: list[in
             stated = scene.bodies[body]
             # one row of nodes lies in the middle of its layer
             nodal = stated.placed_on == "nodes" and 1 not in (stated.particles or ())
-            damping = system.undamped, system.staged
-            result[body] = BodyFacts(coarsest, modulus, float(np.sqrt(modulus / density)), nodal, *damping)
+            speed = float(np.sqrt(modulus / density))
+            result[body] = BodyFacts(coarsest, modulus, speed, nodal, system.undamped)
     return result
 
 

@@ -1,4 +1,4 @@
-"""What acts between the particles of systems besides their own steps, as impulses between the steps of all systems."""
+"""What acts between the particles of systems besides their own forces: contact, tools and ties."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -9,9 +9,11 @@ from parsolid.methods.protocol import EnergyLedger
 class Interaction:
     """Contact or the like, between the particles of any systems; what a simulation asks of it.
 
-    Strang's splitting: half a kick with the forces at the present places before the systems advance, half a kick with
-    the forces at the new places after it, by `ParticleSystem.kick`. It is of second order and touches no method's step.
-    Rows of particles change only while systems advance: `ParticleSystem.placements` tells.
+    In a step all systems advance their positions, interactions find their forces there, and systems complete the step
+    with them. Forces are added to the particles' field `boundary.conditions.EXTERNAL_FORCE`, which is zero before, and
+    which integrators take as they take gravity; what a force of the middle of the step would have done besides, where
+    contact has begun or ended, to EXTERNAL_IMPULSE. Rows of particles change only while systems advance:
+    `ParticleSystem.placements` tells.
 
     energy_scale: an energy [J], the same on all ranks, of which the balance has the round-off in any case.
     terms: the energy terms it adds to the ledger, with their signs, see `simulation.ledger.Ledger`.
@@ -25,17 +27,16 @@ class Interaction:
     news_anywhere: bool = False
 
     def begin(self, time: float) -> None:
-        """Forces of the state at hand, at time 0 or at that of a restart [s]; collective."""
+        """Forces of the state at hand, at time 0 or at that of a restart [s], added as in a step; collective."""
 
-    def before(self, time: float, step: float, ledger: EnergyLedger) -> None:
-        """Half a kick before a step [s] from a time [s], of length 0 too. Collective only where `news_anywhere`.
+    def start_step(self, time: float, step: float, ledger: EnergyLedger) -> None:
+        """Before systems advance by a step [s] from a time [s], of length 0 too; collective where `news_anywhere`."""
 
-        Energy that it supplies or takes goes to the ledger.
+    def evaluate(self, time: float, step: float, ledger: EnergyLedger) -> None:
+        """Forces in the positions at the end of a step [s] at a time [s]; sets `news`.
+
+        Energy that it stores, dissipates or supplies goes to the ledger.
         """
-        raise NotImplementedError
-
-    def after(self, time: float, step: float, ledger: EnergyLedger) -> None:
-        """Half a kick after a step [s] that has ended at a time [s]; sets `news`."""
         raise NotImplementedError
 
     def stable_step(self) -> float:

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from parsolid.boundary.conditions import EXTERNAL_IMPULSE
+from parsolid.methods.leapfrog import ImpulseAtEnd
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.pairs.pair_lists import PairLists
 
@@ -10,6 +12,12 @@ class PairMethod(ParticleSystem):
     """A method with pair lists, whose particles have the field "mass" [kg], and "share" where planes cut any."""
 
     pairs: PairLists
+
+    def impulse_at_end(self, step: float) -> ImpulseAtEnd | None:
+        """Of the step [s] under way, before its closing kick."""
+        if EXTERNAL_IMPULSE not in self.particles:
+            return None
+        return ImpulseAtEnd(self.particles, self.substeps * step)
 
     @property
     def directed_pairs(self) -> int:  # type: ignore[override]

@@ -5,15 +5,15 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from parsolid.boundary.conditions import COMMON_START, EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.boundary.mirror_planes import MirrorPlane
 from parsolid.boundary.reactions import Told, told_by
 from parsolid.materials.registry import laws_of
-from parsolid.methods.impulses import give
 from parsolid.particles.container import Particles
+from parsolid.particles.declaration import Columns, Field
 from parsolid.particles.distribution import sort_for_speed
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene
-from parsolid.scene.method_settings import SWINGS
 
 # what a file of fields has in any case
 ALWAYS_WRITTEN = ("identifier", "body", "volume")
@@ -52,9 +52,7 @@ class ParticleSystem:
     landings: times [s] at which a step must end; even_steps: whether steps between two of them have one length
     (leapfrog near its limit gains energy where they change).
     takes_heat: whether any of its laws has a temperature, see `take_heat`; undamped: whether nothing takes from waves
-    of a few spacings, so that faces in contact rattle on; staged: whether a step has stages of its own;
-    swings_told: whether the ledger has leapfrog's swings of its own forces although its settings do not say so;
-    losses_told: whether it has what stages of a step take.
+    of a few spacings, so that faces in contact rattle on.
     substep, substeps: number of its step in the present one of all systems, and how many those are.
     evaluations: force evaluations a step; directed_pairs: interactions counted once a particle; farthest: distance of
     a neighbour of this rank's [m], where neighbours stand along lines and fill no ball.
@@ -81,9 +79,6 @@ class ParticleSystem:
     energy_scale: float = 0.0
     takes_heat: bool = False
     undamped: bool = False
-    staged: bool = False
-    swings_told: bool = False
-    losses_told: bool = False
     substep: int = 0
     substeps: int = 1
     evaluations: int = 1
@@ -116,19 +111,6 @@ class ParticleSystem:
         """The part (owned,) of a particle on this side of mirror planes."""
         return self.particles.owned_rows("share") if "share" in self.particles else np.ones(self.owned)
 
-    @property
-    def verlet(self) -> str | None:
-        """Whose swings about the middle of a step contact books; None where velocities are not of the time of places.
-
-        "all" where none is in a ledger, "others" where that of its own forces is; "stages": no swings, but what closing
-        impulses give beyond the mean of both.
-        """
-        if self.losses_told:
-            return "stages"
-        if self.swings_told or SWINGS in self.settings.ledger_terms:
-            return "others"
-        return None if getattr(self.settings, "integrator", None) is None else "all"
-
     def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
         """Set the state at time 0; collective."""
         raise NotImplementedError
@@ -153,12 +135,22 @@ class ParticleSystem:
         """Largest step [s] of this rank's particles in the current state."""
         raise NotImplementedError
 
-    def advance(self, time: float, step: float, ledger: EnergyLedger, announce: Announce) -> bool:
-        """One step from `time` [s]; False when the state is not sound (no longer a solid).
+    def advance_positions(self, time: float, step: float, ledger: EnergyLedger) -> None:
+        """The first part of a step [s] from a time [s], after which positions are those at its end."""
+        raise NotImplementedError
+
+    def complete_step(self, time: float, step: float, ledger: EnergyLedger, announce: Announce) -> bool:
+        """The second part of a step [s] from a time [s], with the external forces of the new positions; False when the
+        state is not sound (no longer a solid).
 
         announce(sound, stable step [s] of this rank after the step) is called once, as early as these are known.
         """
         raise NotImplementedError
+
+    def advance(self, time: float, step: float, ledger: EnergyLedger, announce: Announce) -> bool:
+        """A whole step [s] from a time [s] under the external forces that there are, see `complete_step`."""
+        self.advance_positions(time, step, ledger)
+        return self.complete_step(time, step, ledger, announce)
 
     @property
     def symmetry_planes(self) -> list[MirrorPlane]:
@@ -177,28 +169,25 @@ class ParticleSystem:
         """Components (owned, d) of velocities that boundaries hold or prescribe, true there; None without any."""
         return None
 
-    def expect_kicks(self) -> None:
-        """Declare what kicks take; asked for before a restart puts fields back, where any may come."""
+    def take_external_forces(self, keep_rows: bool) -> None:
+        """Declare the fields of forces and impulses of contact, tools and ties, before a restart puts fields back.
+
+        keep_rows: let particles keep their rows for some steps where they would change ranks in any.
+        """
+        if EXTERNAL_FORCE in self.particles:
+            return
+        for name, unit in ((EXTERNAL_FORCE, "N"), (EXTERNAL_IMPULSE, "N s")):
+            field = Field(name, self.dimension, unit, checkpointed=True, mirror="vector", layout=Columns())
+            self.particles.declare(field)
+        if self.settings.substeps not in (None, 1):
+            self.particles.declare(Field(COMMON_START, self.dimension, "m", mirror="vector", layout=Columns()))
 
     def follow_work(self, work: list[float], number: int) -> None:
         """Where the loop counts this rank's seconds in the steps of each system, of which this is a number."""
 
-    def expect_lists(self) -> None:
-        """Let particles keep their rows for some steps where they would change ranks in any; as `expect_kicks`."""
-
-    def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
-        """Give impulses (n, d) [N s] to the velocities of owned rows (n,), each once; all of them unless given.
-
-        An impulse is that on the part of a particle on this side of mirror planes; components that are held keep their
-        velocity. Between steps only. Returns the kinetic energy [J] that the particles gain.
-        """
-        rows = np.arange(self.owned) if rows is None else rows
-        velocity, held = self.particles.owned_rows("velocity"), self.held_components()
-        return float(give(rows, impulse, self.mass, self.share, held, velocity))
-
-    def kick_before(self, impulse: np.ndarray, rows: np.ndarray) -> None:
-        """Give impulses (k, d) [N s] of forces that act until the end of the step that comes; half of what they do."""
-        self.kick(impulse, rows)
+    def late_impulse(self) -> np.ndarray:
+        """Impulses (owned, d) [N s] of external forces up to the present that velocities do not have yet."""
+        return np.zeros((self.owned, self.dimension))
 
     def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
         """Heat (n,) [J] into owned rows (n,), of whole particles; what of it the stored energy holds [J].

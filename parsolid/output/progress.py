@@ -21,7 +21,7 @@ _COMPILING_SECONDS = 5.0
 
 _WORDS_OF_TERMS = {
     "dissipation_fracture": "fracture",
-    "leapfrog_oscillation": "oscillation of the steps",
+    "kinetic_offset": "kinetic offset of the steps",
     "work_fixed_walls": "from fixed walls",
 }
 

@@ -8,12 +8,13 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from parsolid.scene.base_model import NotNegative, SceneModel
+from parsolid.scene.method_settings import KINETIC_OFFSET
 from parsolid.scene.validation_errors import fault, suggestion
 
-# what contact and tools add to the ledger: parts of what is stored, and what friction takes; and what leapfrog adds by
-# the end of a step and takes by the next; signs as in `simulation.ledger`
+# what contact and tools add to the ledger: parts of what is stored, and what friction takes; and the kinetic offset of
+# free tools, see `methods.leapfrog`; signs as in `simulation.ledger`
 CONTACT_TERMS = {"contact_energy": 0, "stick_energy": 0, "friction_dissipation": 1}
-OSCILLATION = {"contact_oscillation": -1}
+TOOL_TERMS = {KINETIC_OFFSET: -1}
 # what of friction's dissipation is in stored energies, for laws that store heat
 FRICTION_HEAT = {"friction_heat": -1}
 # what contact on a grid takes from velocities of nodes that close, and from those that slide
@@ -57,7 +58,7 @@ class BodyPair(NamedTuple):
 def energy_terms(contacts: Any, tools: Any, materials: list[Any]) -> dict[str, int]:
     """What contacts and tools of a scene with these kinds of materials add to the ledger."""
     forces, grid = of_model(contacts, "kernel"), of_model(contacts, "grid")
-    terms = (CONTACT_TERMS | OSCILLATION if forces or tools else {}) | (GRID_TERMS if grid else {})
+    terms = (CONTACT_TERMS if forces or tools else {}) | (TOOL_TERMS if tools else {}) | (GRID_TERMS if grid else {})
     rubs = any(one.friction for one in (*forces, *grid, *tools))
     warms = rubs and "elastic-plastic" in materials
     return terms | (FRICTION_HEAT if warms else {})

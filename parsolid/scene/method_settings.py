@@ -8,8 +8,8 @@ from pydantic import Field, model_validator
 from parsolid.particles import declaration as particles
 from parsolid.scene.base_model import Positive, SceneModel, reject
 
-# what leapfrog's kinetic energy has at the end of a step beyond that in its middle, of a method's own forces
-SWINGS = "leapfrog_oscillation"
+# by how much leapfrog's kinetic energy at the ends of steps exceeds the one that is conserved, see `methods.leapfrog`
+KINETIC_OFFSET = "kinetic_offset"
 # place, what was expected, what was found
 Detail = tuple[tuple[str | int, ...], str, object]
 
@@ -47,7 +47,7 @@ class MethodSettings(SceneModel):
     evolved: ClassVar[tuple[str, ...]] = ("velocity",)
     evolved_of_particles: ClassVar[tuple[str, ...]] = ()
     evolved_forces: ClassVar[tuple[str, ...]] = ()
-    evolved_between: ClassVar[tuple[str, ...]] = ("contact_stick", "stick_*", "impulse", "moved")
+    evolved_between: ClassVar[tuple[str, ...]] = ("contact_stick", "stick_*", "external_impulse", "moved")
     pressed: ClassVar[tuple[str, ...]] = ("plane", "where")
     loads: ClassVar[tuple[str, ...]] = ("body_force", "acceleration")
     declared_fields: ClassVar[tuple[particles.Field, ...]] = ()

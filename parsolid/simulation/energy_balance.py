@@ -5,6 +5,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from parsolid.scene.method_settings import KINETIC_OFFSET
+
+# of the largest energy, by how much leapfrog's kinetic energy may differ from the one that is conserved
+_OFFSET = 0.05
 # of the methods' energy scale, what rounding leaves; of the largest energy, what is worth a word
 _ROUND_OFF, _TOLD = 1e-12, 1e-5
 # what a load does in one step is as large as what the step leaves out of the balance: energies are taken to grow for
@@ -35,16 +39,17 @@ class EnergyBalance:
     What is not accounted for has not been brought by anything, and a jump of the loads is no step.
 
     limits: what the scene allows; largest: the largest kinetic or stored energy or external work so far [J]; worst: the
-    largest |balance| so far [J]; entered: the most energy that has gone in so far, what there was at the start and the
-    external work [J]; lost, viscous: the numerical dissipation and what artificial viscosity took [J] by the last row;
-    growth: the most that went in within a step of late [J]; broken: the first balance [J] beyond the limit, None while
-    there was none.
+    largest |balance| so far [J]; offset: the largest change of leapfrog's kinetic offset [J]; entered: the most energy
+    that has gone in so far, what there was at the start and the external work [J]; lost, viscous: the numerical
+    dissipation and what artificial viscosity took [J] by the last row; growth: the most that went in within a step of
+    late [J]; broken: the first balance [J] beyond the limit, None while there was none.
     """
 
     def __init__(self, limits: EnergyLimits, viscous_terms: Sequence[str] = ()) -> None:
         """viscous_terms: entries of a row that the artificial viscosity fills."""
         self.limits, self.viscous_terms = limits, viscous_terms
         self.largest = self.worst = self.entered = self.lost = self.viscous = self.growth = self.gained = 0.0
+        self.offset = 0.0
         self.broken: float | None = None
 
     def judge(
@@ -65,6 +70,7 @@ class EnergyBalance:
         self.lost, self.viscous = row["dissipation_numerical"], sum(row[name] for name in self.viscous_terms)
         # where numerical dissipation is what closes the balance, that is all there is to see of what comes from nowhere
         self.gained = max(self.gained, -self.lost)
+        self.offset = max(self.offset, *(abs(row[name]) for name in row if name.startswith(KINETIC_OFFSET)), 0.0)
         self.entered = max(self.entered, initial + row["work_external"])
         measure = self.largest + _STEPS_TO_COME * self.growth
         allowed = self.limits.balance_limit * measure + _ROUND_OFF * scale + np.finfo(float).tiny
@@ -91,6 +97,7 @@ class EnergyBalance:
             energy / self.entered if self.entered > _ROUND_OFF * scale else 0.0 for energy in (self.lost, self.viscous)
         )
         limits, gained = self.limits, self.relative(self.gained, scale) or 0.0
+        offset = self.relative(self.offset, scale) or 0.0
         word, reason = (
             "resolved",
             f"at most {balance:.2g} of the energy unaccounted for, {share:.2g} lost in the scheme",
@@ -104,6 +111,11 @@ class EnergyBalance:
             word = "dissipative"
             reason = f"the scheme, not the material, took {share:.2g} of the energy that went in"
             reason += f" (method.dissipation_warning = {limits.dissipation_warning:g})"
+        if offset > _OFFSET:
+            word = "unbalanced"
+            reason = (
+                f"the time step is too long: within a step kinetic energy swings by {offset:.2g} of the largest energy"
+            )
         if doubts:
             word, reason = "inapplicable", doubts[0]
         if not balance <= limits.balance_warning or self.broken is not None:
@@ -117,6 +129,7 @@ class EnergyBalance:
         return {
             "energy_balance_largest": balance,
             "energy_given_by_scheme": gained,
+            "kinetic_offset_largest": offset,
             "dissipation_numerical": self.lost,
             "dissipation_numerical_share": share,
             **({"artificial_viscosity_share": viscous} if self.viscous_terms else {}),

@@ -1,6 +1,7 @@
 """The loop: choose a step, advance, look, judge."""
 
 import time as clock
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from math import inf, isfinite, sqrt
@@ -8,6 +9,7 @@ from typing import Any, Protocol
 
 from decomposition.reduction import MinimumAhead
 from decomposition.talking import TALKING
+from parsolid.boundary.conditions import COMMON_START, EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.contact.grid import build_grid_contact
 from parsolid.contact.kernel_contact import build_contact
 from parsolid.contact.tie import build_ties
@@ -104,8 +106,7 @@ class Simulation:
         self.subcycling = Subcycling(comm, self.systems, restart.header.get("stable_steps") if restart else None)
         if restart:
             restart.apply(self)
-        for interaction in self.interactions:
-            interaction.begin(self.clock.time)
+        self._begin_interactions(restart is not None)
         self._minimum: MinimumAhead | None = None
         # what the systems have announced of the step under way, and the wishes that go with it
         self._told: list[float] = []
@@ -116,6 +117,17 @@ class Simulation:
         self.first_step = self.clock.step
         self.particles: int = comm.allreduce(sum(system.owned for system in self.systems))
         self.setup_seconds = clock.perf_counter() - self.clock.began
+
+    def _begin_interactions(self, restarted: bool) -> None:
+        """Forces at the start; those of a checkpoint stay, which found anew differ in the last bits. Collective."""
+        acted_on = [system.particles for system in self.systems if EXTERNAL_FORCE in system.particles]
+        kept = [particles.owned_rows(EXTERNAL_FORCE).copy() for particles in acted_on]
+        for particles in acted_on:
+            particles.owned_rows(EXTERNAL_FORCE)[:] = 0.0
+        for interaction in self.interactions:
+            interaction.begin(self.clock.time)
+        for particles, force in zip(acted_on, kept if restarted else []):
+            particles.owned_rows(EXTERNAL_FORCE)[:] = force
 
     def energies(self) -> tuple[float, float]:
         """Kinetic and stored energy [J] of this rank's particles."""
@@ -233,40 +245,69 @@ class Simulation:
         self._wishes = wishes
         self.ledger.begin_step()
         for interaction in self.interactions:
-            interaction.before(self.clock.time, step, self.ledger)
-        before, sent = clock.perf_counter(), TALKING.seconds
-        advance = self._advance_system if len(self.systems) == 1 else self._advance_and_count
+            interaction.start_step(self.clock.time, step, self.ledger)
+        started, sent = clock.perf_counter(), TALKING.seconds
         for number in range(len(self.systems)):
-            advance(number, step)
-        after = clock.perf_counter()
+            self._counting(self._advance_positions, number, step)
+        positions = clock.perf_counter()
         self.phases.sent += TALKING.seconds - sent
-        for interaction in self.interactions:
-            interaction.after(arrival, step, self.ledger)
-            self.failed = self.failed or not interaction.sound()
+        self._find_external_forces(arrival, step)
+        forces, sent = clock.perf_counter(), TALKING.seconds
+        for number in range(len(self.systems)):
+            self._counting(self._complete_step, number, step)
+        self.phases.sent += TALKING.seconds - sent
         self.clock.time, self.clock.step_size = arrival, step
         self.clock.step += 1
         now = clock.perf_counter()
         if self.interactions:
-            self.phases.contact += before - began + now - after
+            self.phases.contact += started - began + forces - positions
         self.phases.sent_processor += TALKING.processor_seconds - sent_processor
         self._count(now - began, clock.process_time() - processor_began)
 
-    def _advance_system(self, number: int, step: float) -> None:
-        """One step [s] of one system, or several of its own."""
+    def _advance_positions(self, number: int, step: float) -> None:
+        """Positions of one system at the end of a step [s]; of several steps of its own all but the second part of the
+        last, under the external forces that there are."""
         system, count = self.systems[number], self.subcycling.count(number, step)
+        if COMMON_START in system.particles:
+            system.particles.owned_rows(COMMON_START)[:] = system.particles.owned_rows("position")
         for k in range(count):
-            system.substep = k
-            announce = partial(self._hear, system) if k == count - 1 else self._hear_within
-            if not system.advance(self.clock.time + k * (step / count), step / count, self._ledgers[number], announce):
+            system.substep, time = k, self.clock.time + k * (step / count)
+            if k == count - 1:
+                system.advance_positions(time, step / count, self._ledgers[number])
+            elif not system.advance(time, step / count, self._ledgers[number], self._hear_within):
                 self.failed = True
             if k < count - 1:
                 # what all ranks must act on, they have
                 system.news_anywhere = False
 
-    def _advance_and_count(self, number: int, step: float) -> None:
-        """One step [s] of one of several systems, and what work it is for this rank."""
+    def _find_external_forces(self, time: float, step: float) -> None:
+        """Forces of all interactions at the end of a step [s] at a time [s].
+
+        A system with several steps of its own has had the forces F of the start in all of them, and takes half of one
+        with the new ones F': the rest of (F + F') step/2 is an impulse.
+        """
+        acted_on = [system for system in self.systems if EXTERNAL_FORCE in system.particles]
+        before = [system.particles.owned_rows(EXTERNAL_FORCE).copy() for system in acted_on if system.substeps > 1]
+        for system in acted_on:
+            system.particles.owned_rows(EXTERNAL_FORCE)[:] = 0.0
+        for interaction in self.interactions:
+            interaction.evaluate(time, step, self.ledger)
+            self.failed = self.failed or not interaction.sound()
+        for system, force in zip((one for one in acted_on if one.substeps > 1), before):
+            owned, rest = system.particles.owned_rows, 0.5 * step * (1.0 - 1.0 / system.substeps)
+            owned(EXTERNAL_IMPULSE)[:] += rest * (owned(EXTERNAL_FORCE) - force)
+
+    def _complete_step(self, number: int, step: float) -> None:
+        """The second part of a step [s] of one system, or of the last of its own."""
+        system = self.systems[number]
+        time, own = self.clock.time + (system.substeps - 1) * (step / system.substeps), step / system.substeps
+        if not system.complete_step(time, own, self._ledgers[number], partial(self._hear, system)):
+            self.failed = True
+
+    def _counting(self, part: Callable[[int, float], None], number: int, step: float) -> None:
+        """A part of a step [s] of one system, and what work it is for this rank."""
         began, waited = clock.perf_counter(), TALKING.seconds
-        self._advance_system(number, step)
+        part(number, step)
         if self.clock.step > self.first_step:
             # without what the first step of a program loads
             self.clock.work[number] += clock.perf_counter() - began - (TALKING.seconds - waited)

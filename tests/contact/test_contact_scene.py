@@ -20,12 +20,11 @@ def faults(**change) -> str:
     return str(error.value)
 
 
-def test_only_bodies_in_contact_are_told_what_stages_do():
-    data = bars(method=SPH | {"integrator": "ssp-rk3"})
-    far = data["bodies"][1] | {"name": "far", "shape": {"box": {"lower": [8.0, 0.0], "upper": [9.0, 1.0]}}}
-    scene = parse_scene(data | {"bodies": [*data["bodies"], far], "contact": [{"bodies": ["left", "right"]}]})
-    assert "stages keep angular momentum" in scene.method.notes(scene, (0, 1))[0]
-    assert not scene.method.notes(scene, (2,))
+def test_stages_are_refused_where_forces_are_found_once_a_step():
+    staged, tool = SPH | {"integrator": "ssp-rk3"}, {"shape": {"sphere": {"centre": [9.0, 9.0], "radius": 1.0}}}
+    for more in ({}, {"contact": [], "tools": [tool | {"name": "ball"}]}):
+        assert "method.integrator" in faults(method=staged, **more)
+    assert parse_scene(bars(method={"kind": "tlsph"})).method.integrator == "leapfrog"
 
 
 def test_nonsense_is_refused_by_its_key():

@@ -37,7 +37,7 @@ def momentum(sim: Simulation) -> np.ndarray:
     total = np.zeros(2)
     for system in sim.systems:
         rows = system.particles.owned_rows
-        total += (rows("mass")[:, None] * rows("velocity")).sum(axis=0) + rows("impulse").sum(axis=0)
+        total += (rows("mass")[:, None] * rows("velocity")).sum(axis=0) + system.late_impulse().sum(axis=0)
     return total
 
 

@@ -48,8 +48,7 @@ def momenta(sim) -> dict[str, np.ndarray]:
     for system in sim.systems:
         rows, owned = system.particles.owned_rows, system.owned
         along = system.mass[:owned] * system.share[:owned] * rows("velocity")[:, 0]
-        if "impulse" in system.particles:
-            along = along + rows("impulse")[:, 0]
+        along = along + system.late_impulse()[:, 0]
         np.add.at(found, np.asarray(system.bodies)[rows("body")], along)
     return {"momenta": sim.comm.allreduce(found)}
 

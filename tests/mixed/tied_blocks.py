@@ -33,7 +33,7 @@ def motion(sim) -> dict[str, float]:
     for system in sim.systems:
         rows, owned = system.particles.owned_rows, system.owned
         p = (system.mass[:owned] * system.share[:owned])[:, None] * rows("velocity")
-        p = p + (rows("impulse") if "impulse" in system.particles else 0.0)
+        p = p + system.late_impulse()
         x = rows("position")
         found += [*p.sum(axis=0), np.sum(x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0])]
     return {"motion": sim.comm.allreduce(found)}

@@ -73,7 +73,7 @@ def test_no_negative_step_is_told(comm):
         announce(False, 1.0)
         return True
 
-    sim.systems[0].advance = lost
+    sim.systems[0].complete_step = lost
     with pytest.raises(RunFailed, match="the state was lost within the step") as error:
         follow(sim, Record(), 5)
     assert "time step" not in str(error.value)

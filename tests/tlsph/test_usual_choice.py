@@ -50,7 +50,6 @@ def test_resolved_boxes_that_state_nothing_close_and_take_one_evaluation_a_step(
         tables(method={"integrator": "ssp-rk3"}),
         tables(method={"cfl": 0.7}),
         tables(method={"reconstruction": False}),
-        tables(tools=[{"name": "floor", "shape": {"plane": {"point": [0, -1], "normal": [0, 1]}}}]),
     ],
     ids=lambda data: str({key: data[key] for key in ("method", "bodies", "tools") if key in data})[:120],
 )

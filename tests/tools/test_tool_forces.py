@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from parsolid.contact.tools import forces
-from parsolid.contact.tools.forces import Frame, Friction, Resistance
+from parsolid.contact.tools.forces import Approach, Frame, Friction, Resistance
 from parsolid.contact.tools.rigid_body import rotation_matrix, turn
 from parsolid.contact.tools.shapes import Ball, Block, HalfSpace, Rod
 from parsolid.contact.tools.surface import make_surface
@@ -29,7 +29,21 @@ def pressed(shape, places, friction=None):
     resistance = Resistance(np.full(n, 0.1), np.full(n, 3.0), 2.0)
     body, meant = np.zeros(n, np.int64), np.ones(1, bool)
     level, new = np.zeros(n), True
-    arguments = (friction, resistance, n, places, body, meant, rows, found, None, level, new, sums)
+    arguments = (
+        friction,
+        resistance,
+        n,
+        places,
+        body,
+        meant,
+        rows,
+        found,
+        None,
+        level,
+        new,
+        sums,
+        Approach(0.0, 0.0, places),
+    )
     count, _ = forces.press(shape, FRAME, *arguments)
     result = np.zeros((n, 3))
     result[rows[:count]] = found[0, :count]

@@ -16,7 +16,7 @@ SPACING = 0.1
 EXPLICIT = {"kind": "peridynamics", "horizon_ratio": 3.0, "solution": {"kind": "explicit"}}
 METHODS = {
     "tlsph": ({"kind": "tlsph", "integrator": "leapfrog"}, _HYPER, "nodes"),
-    "tlsph-stages": ({"kind": "tlsph"}, _HYPER, "cells"),
+    "tlsph-cells": ({"kind": "tlsph", "integrator": "leapfrog"}, _HYPER, "cells"),
     "peridynamics": (EXPLICIT, _BONDED, "cells"),
     "ulsph": ({"kind": "ulsph"}, _METAL, "cells"),
     "mpm": ({"kind": "mpm", "cell": 2.0 * SPACING}, _METAL, "cells"),
@@ -57,9 +57,7 @@ class Watch:
         for system in sim.systems:
             m = (system.mass[: system.owned] * system.share[: system.owned])[:, None]
             v, x = system.particles.owned_rows("velocity"), system.particles.owned_rows("position")
-            if "impulse" in system.particles:
-                # what waits for the next step
-                v = v + system.particles.owned_rows("impulse")[:, : v.shape[1]] / m
+            v = v + system.late_impulse() / m
             momentum, mass, first = momentum + (m * v).sum(axis=0), mass + m.sum(), first + (m * x).sum(axis=0)
             if x.shape[1] > 1:
                 flat = np.zeros((len(m), 3 - x.shape[1]))

@@ -20,5 +20,4 @@ def build_ties(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[I
 def declare_tie_fields(scene: Scene, system: ParticleSystem) -> None:
     """What a system's particles need to be tied, before its state is set; nothing where there are no ties."""
     if any({first, second} & set(system.bodies) for first, second, _ in tied_pairs(scene)):
-        system.expect_kicks()
-        system.expect_lists()
+        system.take_external_forces(keep_rows=True)

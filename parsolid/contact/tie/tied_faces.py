@@ -152,7 +152,6 @@ class TiedFaces:
         self.force = np.zeros((self.owned, self._dimension))
         self.reference = self._gathered("reference_position")[:, : self._dimension]
         self._message = self.halo.exchange([self.moved])
-        self._fresh = True
 
     def lists(self) -> tuple[Any, ...]:
         """Starts, rows, weights and stiffness [N/m] of the springs."""
@@ -165,28 +164,6 @@ class TiedFaces:
             self._message.start()
             self._message.finish()
         self.energy = kernels.pull(*self.lists(), self.counted, self.moved, self.owned, self.force)
-        self._fresh = False
-
-    def advance(self, step: float) -> float:
-        """Forces at new places after a step [s]; the work [J] of those who guide particles that are pulled."""
-        held = self._held()
-        if held is None:
-            self.evaluate()
-            return 0.0
-        # in a step that makes lists anew the old places of their particles are not known
-        fresh, before, force = self._fresh, self.moved[: self.owned].copy(), self.force.copy()
-        self.evaluate()
-        moved = step * self._gathered("velocity") if fresh else self.moved[: self.owned] - before
-        force = self.force if fresh else 0.5 * (force + self.force)
-        return -float(np.sum(moved[held] * force[held]))
-
-    def _held(self) -> np.ndarray | None:
-        """Components (owned, d) that boundaries guide, of the owned particles."""
-        known = [side.system.held_components() for side in self.sides]
-        if all(one is None for one in known):
-            return None
-        d, parts = self._dimension, zip(known, self.rows)
-        return np.concatenate([np.zeros((len(rows), d), bool) if one is None else one[rows] for one, rows in parts])
 
     def pulled(self) -> list[tuple[TiedBody, np.ndarray, np.ndarray]]:
         """Both bodies with rows of particles and the forces [N] on them."""

@@ -1,9 +1,10 @@
-"""Ties of a scene as one interaction: springs between the faces of bodies of different methods, as half kicks."""
+"""Ties of a scene as one interaction: springs between the faces of bodies of different methods."""
 
 from typing import Any
 
 import numpy as np
 
+from parsolid.boundary.conditions import EXTERNAL_FORCE
 from parsolid.collective import maximum
 from parsolid.contact.tie.tied_faces import TiedBody, TiedFaces
 from parsolid.methods.interaction import Interaction
@@ -53,6 +54,7 @@ class Ties(Interaction):
         self._build()
         for face in self.faces:
             face.evaluate()
+        self._give()
 
     def _build(self) -> None:
         self._placed = self.placements
@@ -70,28 +72,21 @@ class Ties(Interaction):
     def _energy(self) -> float:
         return sum(face.energy for face in self.faces)
 
-    def before(self, time: float, step: float, ledger: EnergyLedger) -> None:
-        """Half a kick with the forces of the last evaluation."""
-        self._kick(step, opening=True)
-
-    def after(self, time: float, step: float, ledger: EnergyLedger) -> None:
-        """Forces in the new places, half a kick, and what went into the ledger."""
+    def evaluate(self, time: float, step: float, ledger: EnergyLedger) -> None:
+        """Forces in the new places, and what went into the ledger."""
         energy, placed = self._energy, self.placements
         if None in placed or placed != self._placed:
             self._build()
-        work = sum(face.advance(step) for face in self.faces)
+        for face in self.faces:
+            face.evaluate()
         ledger.add_term("tie_energy", self._energy - energy)
-        ledger.add(1.0, 0.0, 0.0, work)
-        self._kick(step, opening=False)
+        self._give()
 
-    def _kick(self, step: float, opening: bool) -> None:
-        """Half a step [s] of the forces."""
-        if step == 0.0:
-            return
+    def _give(self) -> None:
+        """Add the forces to those on the particles."""
         for face in self.faces:
             for side, rows, force in face.pulled():
-                give = side.system.kick_before if opening else side.system.kick
-                give(0.5 * step * force, rows)
+                side.system.particles.owned_rows(EXTERNAL_FORCE)[rows] += force
 
     def stable_step(self) -> float:
         """Of the springs on this rank, alone."""

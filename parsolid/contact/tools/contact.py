@@ -9,28 +9,31 @@ from decomposition.reduction import sums as over_ranks
 from parsolid.collective import SolverError, minimum, raise_together
 from parsolid.contact.tools import forces
 from parsolid.contact.tools.bodies import make_body, shaped
-from parsolid.contact.tools.rigid_body import FreeBody, GuidedBody, rotation_vector
-from parsolid.contact.tools.swings import Swing
+from parsolid.contact.tools.rigid_body import FreeBody, GuidedBody, Pose, rotation_vector
 from parsolid.contact.tools.touch import STIFFNESS, Touch, meant_by
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.scene import Scene
-from parsolid.scene.contact import CONTACT_TERMS, OSCILLATION
+from parsolid.scene.contact import CONTACT_TERMS, TOOL_TERMS
 from parsolid.scene.load_histories import LoadHistory
+from parsolid.scene.method_settings import KINETIC_OFFSET
 from parsolid.scene.previous_results import tools_at
 
 # of a spacing, what a body may reach into a tool at the start
 _OVERLAP = 0.5
-# by what squares of frequencies count more where nothing damps what a contact shakes, or stages do: half the step
-_SHAKEN = 4.0
+# w dt of steps, w the frequency of a particle on the contact's spring: what a body that bounces gains in a step grows
+# with its square, which waves of the body take up again, unless nothing damps them
+_STEP, _STEP_UNDAMPED = 1.0, 0.5
+# the same of a free tool on the springs of all particles that it may touch in the next step
+_STEP_OF_TOOL = 0.25
 
 
 class Tool:
     """One tool, the same on all ranks.
 
     own (18,): `forces.press`'s sums over all systems on this rank; total: over all ranks, of a free tool. quiet_until
-    [s]: before it nothing touches a free tool, on any rank; step [s]: the last one. whole: of the force [N] over that
-    of what the systems' masses are of.
+    [s]: before it nothing touches a free tool, on any rank; longest [s]: a step that is longer than any stable one of
+    what it may touch. whole: of the force [N] over that of what the systems' masses are of.
     """
 
     def __init__(self, stated: Any, dimension: int, polar: bool):
@@ -44,7 +47,7 @@ class Tool:
         self.touches: list[Touch] = []
         self.own, self.total = np.zeros(forces.SUMS), np.zeros(forces.SUMS)
         self.quiet_until = -np.inf
-        self.step = 0.0
+        self.longest = 0.0
         # goes on from a checkpoint, or from another run's state
         self.resumed = False
 
@@ -60,7 +63,7 @@ class Tool:
         return float(np.linalg.norm(pose.velocity)) + (turning * self.far if turning else 0.0)
 
     def resultant(self, opening: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Force [N] and moment [N m] on the particles of the impulse before or after a step, of a free tool on all
+        """Force [N] and moment [N m] on the particles before or after a step, of a free tool on all
         ranks."""
         sums = self.total if self.free else self.own
         force, moment = sums[forces.FORCE], sums[forces.MOMENT]
@@ -80,7 +83,7 @@ class RigidTools(Interaction):
     The stored energy of what is pressed, and of friction's springs, is part of the ledger's.
     """
 
-    terms = CONTACT_TERMS | OSCILLATION
+    terms = CONTACT_TERMS | TOOL_TERMS
 
     def __init__(self, comm: Any, scene: Scene, systems: list[ParticleSystem]):
         """systems: of the scene, whose particles have the fields of `touch.declare`.
@@ -100,12 +103,9 @@ class RigidTools(Interaction):
                 meant = meant_by(tool.stated, scene, system)
                 if meant.any():
                     tool.touches.append(Touch(tool, system, meant, signal))
-                    # before the first step, one that is surely longer
-                    tool.step = max(tool.step, self._spacing(tool.touches[-1]) / signal)
+                    tool.longest = max(tool.longest, self._spacing(tool.touches[-1]) / signal)
         self._refuse_small()
         self.energy_scale = max((self._particle_energy(system) for system in systems), default=0.0)
-        touched = [[touch for tool in self.tools for touch in tool.touches if touch.system is one] for one in systems]
-        self.swings = [Swing(system, touches) for system, touches in zip(systems, touched) if touches]
         self._take_results(scene)
         self._shown = np.zeros(2)
 
@@ -141,6 +141,7 @@ class RigidTools(Interaction):
             if isinstance(tool.body, GuidedBody):
                 tool.body.follow(time)
         self._evaluate(time, slipping=None)
+        self._give(0.0)
         if any(tool.resumed for tool in self.tools):
             self._shown = self._energies()
         for number, tool in enumerate(self.tools):
@@ -177,18 +178,16 @@ class RigidTools(Interaction):
             f"found {tool.name!r} within {named} by {depth:g} m"
         )
 
-    def before(self, time: float, step: float, ledger: EnergyLedger) -> None:
-        """Half a kick, then the tools move on."""
-        for swing in self.swings:
-            swing.begin()
+    def start_step(self, time: float, step: float, ledger: EnergyLedger) -> None:
+        """Half a kick of the tools, then they move on."""
         self._kick(time, 0.5 * step, ledger, opening=True)
         for tool in self.tools:
-            tool.step = step or tool.step
             tool.body.drift(time, step)
 
-    def after(self, time: float, step: float, ledger: EnergyLedger) -> None:
-        """Forces at the new places, and half a kick; collective where tools with mass may be touched."""
+    def evaluate(self, time: float, step: float, ledger: EnergyLedger) -> None:
+        """Forces at the new places, and half a kick of the tools; collective where free ones may be touched."""
         self._evaluate(time, slipping=True)
+        self._give(step)
         stored = self._energies()
         ledger.add_term("friction_dissipation", sum(float(tool.own[forces.LOST]) for tool in self.tools))
         stored_heat = sum(touch.warm() for tool in self.tools for touch in tool.touches)
@@ -198,8 +197,6 @@ class RigidTools(Interaction):
             ledger.add_term(name, float(change))
         self._shown = stored
         self._kick(time, 0.5 * step, ledger, opening=False)
-        for swing in self.swings:
-            swing.end(step, ledger)
 
     def _evaluate(self, time: float, slipping: bool | None) -> None:
         """Forces of all tools at a time [s]; slipping: None where those that go on ask for what is recorded again."""
@@ -217,22 +214,44 @@ class RigidTools(Interaction):
             for tool, until in zip(apart, minimum(self.comm, np.array(quiet))):
                 tool.quiet_until = float(until)
 
-    def _kick(self, time: float, step: float, ledger: EnergyLedger, opening: bool) -> None:
-        """The impulses of a time [s] over a step [s], on particles and on tools."""
-        work = 0.0
+    def _give(self, step: float) -> None:
+        """Add the forces to those on the particles, and the impulse that a step [s] has besides."""
         for tool in self.tools:
             for touch in tool.touches:
-                work -= touch.kick(step, opening)
-            force, moment = tool.resultant(opening)
+                touch.give(step)
+
+    def _kick(self, time: float, step: float, ledger: EnergyLedger, opening: bool) -> None:
+        """Half a kick of the tools over a time `step` [s], with the forces of a time [s].
+
+        A free tool is leapfrog's like particles, with their kinetic offset, see `methods.leapfrog`.
+        """
+        work = lost = 0.0
+        for tool in self.tools:
+            force, moment = tool.resultant(opening=True)
             if isinstance(tool.body, FreeBody):
                 before = tool.body.pose.velocity, tool.body.angular
                 tool.body.kick(-step * force, -step * moment)
                 work += self._weigh(tool.body, time, step)
-                swing = tool.body.energy_of_change(*before) if self.comm.rank == 0 else 0.0
-                ledger.add_term("contact_oscillation", -swing if opening else swing)
+                offset = tool.body.energy_of_change(*before) if self.comm.rank == 0 else 0.0
+                ledger.add_term(KINETIC_OFFSET, -offset if opening else offset)
+                if not opening:
+                    lost += self._give_rest(tool, step, *before)
             else:
-                work += step * tool.body.pose.power(force, moment)
-        ledger.add(1.0, 0.0, 0.0, work)
+                work += step * tool.body.pose.power(*tool.resultant(opening))
+        ledger.add(1.0, 0.0, lost, work)
+
+    def _give_rest(self, tool: Tool, step: float, velocity: np.ndarray, angular: np.ndarray) -> float:
+        """What the impulse at the end of a step has besides, on a free tool; velocity, angular: in the middle of the
+        step. The energy [J] that this takes beyond its work in the middle, on one rank, see `methods.leapfrog`."""
+        body, (force, moment) = tool.body, tool.resultant(opening=True)
+        whole, turning = tool.resultant(opening=False)
+        impulse, twist = -step * (whole - force), -step * (turning - moment)
+        if not isinstance(body, FreeBody) or not (impulse.any() or twist.any()):
+            return 0.0
+        before, middle = body.kinetic, Pose(body.pose.place, body.pose.rotation, velocity, body.spin_of(angular))
+        body.kick(impulse, twist)
+        done = middle.power(body.free * impulse, twist if body.turns else np.zeros(3))
+        return done - (body.kinetic - before) if self.comm.rank == 0 else 0.0
 
     def _weigh(self, body: FreeBody, time: float, step: float) -> float:
         """Gravity's impulse over a step [s] from a time [s]; its work [J], on one rank."""
@@ -246,16 +265,16 @@ class RigidTools(Interaction):
         return body.kinetic - before if self.comm.rank == 0 else 0.0
 
     def stable_step(self) -> float:
-        """Half the limit of the stiffest contact on this rank: what a body that bounces gains in a step grows with its
-        square; a quarter where nothing damps that, or stages do."""
+        """What springs of contact allow on this rank, of particles and of free tools."""
         square = 0.0
         for tool in self.tools:
             for touch in tool.touches:
-                own = touch.greatest_square
-                if own > 0.0 and isinstance(tool.body, FreeBody):
-                    own += tool.body.square_of(tool.total[forces.STIFFNESS], tool.total[forces.TURNING])
-                shaken = touch.system.undamped or touch.system.staged
-                square = max(square, _SHAKEN * own if shaken else own)
+                if touch.greatest_square > 0.0:
+                    own = touch.greatest_square / (_STEP_UNDAMPED if touch.system.undamped else _STEP) ** 2
+                    if isinstance(tool.body, FreeBody):
+                        of_tool = tool.body.square_of(tool.total[forces.STIFFNESS], tool.total[forces.TURNING])
+                        own += of_tool / _STEP_OF_TOOL**2
+                    square = max(square, own)
         return np.inf if square == 0.0 else float(1.0 / np.sqrt(square))
 
     def _energies(self) -> np.ndarray:

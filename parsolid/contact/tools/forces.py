@@ -179,13 +179,33 @@ def _force(friction, frame, i, x, y, z, n, depth, k, heat, sums):
     return fx, fy, fz
 
 
+class Approach(NamedTuple):
+    """How far particles and tool may come nearer: a time [s], the greatest speed of the tool's points [m/s], and the
+    velocities (n, d) of the particles."""
+
+    time: float
+    speed: float
+    velocity: np.ndarray
+
+
+@register_jitable
+def _speed(velocity, i):
+    square = 0.0
+    for k in range(velocity.shape[1]):
+        square += velocity[i, k] * velocity[i, k]
+    return math.sqrt(square)
+
+
 @compiled(error_model="numpy")
-def press(shape, frame, friction, resistance, owned, places, body, meant, rows, forces, heat, level, new, sums):
+def press(
+    shape, frame, friction, resistance, owned, places, body, meant, rows, forces, heat, level, new, sums, approach
+):
     """Forces (2, owned, d) [N] on the `rows` of particles that a shape touches, and their `sums` as named above: the
     force, and what the impulse at the end of the step has besides, see `passes.crossing`.
 
     meant (bodies,): bodies that it is for; heat (owned,): what friction takes of each [J], or None; level (owned,): how
-    deep [m] each is, below zero where it is apart, of the last call unless `new`. Returns how many rows there are, the
+    deep [m] each is, below zero where it is apart, of the last call unless `new`. Stiffnesses are those of all
+    particles that the shape may touch in the time of `approach`. Returns how many rows there are, the
     least distance [m] of any face of a particle from the shape (below zero where it touches).
     """
     count, clearance = 0, math.inf
@@ -199,12 +219,20 @@ def press(shape, frame, friction, resistance, owned, places, body, meant, rows, 
         radius = resistance.radius[i]
         u, v, w = _to_frame(frame, x, y, z)
         pressed = level[i] > 0.0 and not new
+        reach = approach.time * (approach.speed + _speed(approach.velocity, i))
         # of what has just parted the direction counts, too
-        away, nx, ny, nz = distance(shape, u, v, w, math.inf if pressed else radius)
+        away, nx, ny, nz = distance(shape, u, v, w, math.inf if pressed else radius + reach)
         depth, k = radius - away, resistance.factor * resistance.stiffness[i]
         clearance = min(clearance, -depth)
         more = 0.0 if new else k * crossing(level[i], depth)
         level[i] = depth
+        if depth > -reach:
+            # the tangential spring of friction has half the stiffness
+            share = 0.0 if friction is None else 0.5
+            p, q, r = v * nz - w * ny, w * nx - u * nz, u * ny - v * nx
+            lever = p * p + q * q + r * r
+            sums[STIFFNESS] += k
+            sums[TURNING] += k * (lever + share * (u * u + v * v + w * w - lever))
         if friction is None and not (depth > 0.0 or pressed):
             continue
         n = _turned(frame.rotation, nx, ny, nz)
@@ -218,9 +246,6 @@ def press(shape, frame, friction, resistance, owned, places, body, meant, rows, 
         count += 1
         _add_up(sums, 0, a, b, c, fx, fy, fz)
         _add_up(sums, 12, a, b, c, more * n[0], more * n[1], more * n[2])
-        if depth > 0.0:
-            sums[STIFFNESS] += k
-            sums[TURNING] += k * (a * a + b * b + c * c)
     sums[COUNT] = count
     return count, clearance
 

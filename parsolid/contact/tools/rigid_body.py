@@ -80,9 +80,13 @@ class FreeBody:
     def _to_axes(self, vector: np.ndarray) -> np.ndarray:
         return np.asarray(self.axes.T @ (self.pose.matrix.T @ vector))
 
+    def spin_of(self, angular: np.ndarray) -> np.ndarray:
+        """Spin (3,) [rad/s] in space of an angular momentum along the principal axes."""
+        return np.asarray(self.pose.matrix @ (self.axes @ (angular / self.inertia)))
+
     def _follow_spin(self) -> None:
         if self.turns:
-            self.pose.spin = self.pose.matrix @ (self.axes @ (self.angular / self.inertia))
+            self.pose.spin = self.spin_of(self.angular)
 
     @property
     def kinetic(self) -> float:

@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 
+from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.contact.tools import forces
-from parsolid.contact.tools.forces import Frame, Friction, Resistance
+from parsolid.contact.tools.forces import Approach, Frame, Friction, Resistance
 from parsolid.contact.tools.resistance import radii, stiffnesses
-from parsolid.contact.tools.swings import declare_swing
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.declaration import Field
 from parsolid.scene import Scene
@@ -16,8 +16,8 @@ from parsolid.scene import Scene
 RADIUS, STIFFNESS = "tool_radius", "tool_stiffness"
 # of the time in which particle and tool would meet, should both gain the speed of sound
 _LOOK_AFTER = 0.5
-# in so many steps what is near may be touched: until then steps are as short as contact wants
-_NEAR = 4.0
+# in so many of the longest steps what is near may be touched: until then steps are as short as contact wants
+_NEAR = 2.0
 
 
 def record_of(tool: str) -> str:
@@ -35,7 +35,7 @@ def declare(scene: Scene, system: ParticleSystem) -> None:
     touching = [tool for tool in scene.tools if meant_by(tool, scene, system).any()]
     if not touching:
         return
-    system.expect_kicks()
+    system.take_external_forces(keep_rows=False)
     particles = system.particles
     in_cells = np.array([scene.bodies[number].placed_on == "cells" for number in system.bodies])
     moduli = np.array([system.wave_modulus(body)[0] for body in range(len(system.bodies))])
@@ -43,7 +43,6 @@ def declare(scene: Scene, system: ParticleSystem) -> None:
     polar = getattr(system.settings, "geometry", None) == "axisymmetric"
     particles.declare(Field(RADIUS, 1, "m"), radius)
     particles.declare(Field(STIFFNESS, 1, "N/m"), stiffnesses(particles, radius, width, moduli, polar))
-    declare_swing(system)
     for tool in touching:
         particles.declare(Field(level_of(tool.name), 1, "m"))
         if tool.friction > 0.0:
@@ -120,6 +119,7 @@ class Touch:
             particles.storage(level_of(tool.name)),
             not self._followed,
             self.sums,
+            Approach(tool.longest, tool.speed(time), particles["velocity"]),
         )
         self._followed = True
         self._look_ahead(time)
@@ -130,10 +130,10 @@ class Touch:
         if layout != self._layout:
             self._layout, self._hardest = layout, self._hardest_of_all()
         speed = self.signal + self.tool.speed(time)
-        if self.clearance > _NEAR * self.tool.step * speed:
+        if self.clearance > _NEAR * self.tool.longest * speed:
             # what moves faster than that will be seen in time
             speed += forces.fastest(system.particles.owned, system.particles["velocity"])
-        near = self.clearance <= _NEAR * self.tool.step * speed
+        near = self.clearance <= _NEAR * self.tool.longest * speed
         self.greatest_square = self._hardest if near else 0.0
         self.quiet_until = -np.inf if near else time + _LOOK_AFTER * self.clearance / speed
 
@@ -153,13 +153,9 @@ class Touch:
         warmed = np.flatnonzero(self.heat[: self.system.owned])
         return self.system.take_heat(0.5 * self.heat[warmed], warmed)
 
-    def kick(self, step: float, opening: bool) -> float:
-        """Give the particles the forces' impulses of a time [s], before or after the step; the energy [J] that held
-        components take."""
-        if not self.count or step == 0.0:
-            return 0.0
-        velocity, held = self.system.particles.owned_rows("velocity"), self.system.held_components()
-        impulse = step * (self.forces[0] if opening else self.forces.sum(axis=0))
-        taken = 0.0 if held is None else float(np.sum(impulse * velocity[self.rows] * held[self.rows]))
-        (self.system.kick_before if opening else self.system.kick)(impulse, self.rows)
-        return taken
+    def give(self, step: float) -> None:
+        """Add the forces to those on the particles, and the impulse that a step [s] has besides."""
+        if self.count:
+            owned = self.system.particles.owned_rows
+            owned(EXTERNAL_FORCE)[self.rows] += self.forces[0]
+            owned(EXTERNAL_IMPULSE)[self.rows] += 0.5 * step * self.forces[1]

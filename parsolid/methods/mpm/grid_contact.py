@@ -24,7 +24,7 @@ class GridContact(Interaction):
         self.systems = list({id(one): one for systems, _ in meetings for one in systems}.values())
         self.warms = any(friction and any(one.takes_heat for one in systems) for systems, friction in meetings)
 
-    def before(self, time: float, step: float, ledger: EnergyLedger) -> None:
+    def start_step(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Velocities of the nodes after the step's forces and contact."""
         if step == 0.0:
             return
@@ -35,7 +35,7 @@ class GridContact(Interaction):
         if self.warms:
             ledger.add_term("friction_heat", sum(warmed))
 
-    def after(self, time: float, step: float, ledger: EnergyLedger) -> None:
+    def evaluate(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """What contact has taken."""
         if step == 0.0:
             return

@@ -137,7 +137,20 @@ class MaterialPoint(ParticleSystem):
 
     # --- a step -------------------------------------------------------------------------------------------------
 
-    def advance(self, time: float, step: float, ledger: EnergyLedger, announce: Announce) -> bool:
+    def advance_positions(self, time: float, step: float, ledger: EnergyLedger) -> None:
+        """All of a step: external forces of its end act in the next one."""
+
+        def note(sound: bool, stable: float) -> None:
+            self.noted = sound, stable
+
+        self.sound = self._advance(time, step, ledger, note)
+
+    def complete_step(self, time: float, step: float, ledger: EnergyLedger, announce: Announce) -> bool:
+        """See `ParticleSystem`."""
+        announce(*self.noted)
+        return self.sound
+
+    def _advance(self, time: float, step: float, ledger: EnergyLedger, announce: Announce) -> bool:
         """One step from `time` [s]."""
         self.nodes.follow_cells()
         if self.conduction is not None:
@@ -174,16 +187,6 @@ class MaterialPoint(ParticleSystem):
         self.surface_loads.add_to(result, time)
         return result
 
-    def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
-        """Impulses act in the next step by way of the nodes: what only particles had, no node would know of. None of
-        the energy is in the particles yet."""
-        self.points.owned_rows("impulse")[slice(None) if rows is None else rows] += impulse
-        return 0.0
-
-    def kick_before(self, impulse: np.ndarray, rows: np.ndarray) -> None:
-        """These do their work on the way that comes. See `ParticleSystem.kick_before`."""
-        self.points.owned_rows("opening")[rows] += impulse
-
     @property
     def takes_heat(self) -> bool:  # type: ignore[override]
         """Elastic-plastic laws have a temperature."""
@@ -201,19 +204,25 @@ class MaterialPoint(ParticleSystem):
             return self.points.layout
         return self.residence.placements if self.residence.kept else None
 
-    def expect_kicks(self) -> None:
-        """See `waiting.WaitingImpulses`."""
+    def take_external_forces(self, keep_rows: bool) -> None:
+        """See `waiting.WaitingImpulses` and `Residence.keep`."""
+        super().take_external_forces(keep_rows)
+        if keep_rows:
+            self.residence.keep()
         if self.waiting is None:
             self.waiting = self.transfer.waiting = WaitingImpulses(self.points)
             self.materials.centre()
 
+    def late_impulse(self) -> np.ndarray:
+        """Velocities are of the middle of the last step."""
+        if self.waiting is None:
+            return super().late_impulse()
+        rows = self.points.owned_rows
+        return np.asarray(rows("external_impulse") + 0.5 * self.waiting.step * rows("external_force"))
+
     def follow_work(self, work: list[float], number: int) -> None:
         """See `Residence.follow_work`."""
         self.residence.follow_work(work, number)
-
-    def expect_lists(self) -> None:
-        """See `Residence.keep`."""
-        self.residence.keep()
 
     @property
     def symmetry_planes(self) -> list[MirrorPlane]:

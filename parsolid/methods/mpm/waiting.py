@@ -27,14 +27,14 @@ class WaitingImpulses:
         self.points, self.step, self.goes_on = points, 0.0, False
         # work [J] of the first halves of stresses, which velocities do not have yet; of all forces in a step
         self.behind, self.work = 0.0, 0.0
-        for name, kept in (("impulse", True), ("opening", False)):
-            points.declare(Field(name, points.dimension, "N s", checkpointed=kept))
         points.declare(Field("moved", points.dimension, "m/s", checkpointed=True))
+        self.mean = "moved"
+        if points.settings.substeps not in (None, 1):
+            self.mean = "moved_in_common_step"
+            points.declare(Field(self.mean, points.dimension, "m/s", checkpointed=True))
         # number of the step in the common one and how many there are
         self.place = 0, 1
         self._ways = aligned_zeros((0, 4))
-        if points.settings.substeps not in (None, 1):
-            points.declare(Field("given_impulse", points.dimension, "N s"))
 
     def kicked(self, step: float) -> float:
         """For how long [s] forces of the present places act in a step [s]: half of it and of the last one."""
@@ -51,13 +51,13 @@ class WaitingImpulses:
         if step == 0.0:
             return forces
         rows = self.points.owned_rows
-        impulse, opening, result = rows("impulse"), rows("opening"), forces
-        self.work = self.behind + float(np.sum(impulse * rows("moved")))
-        if place[1] > 1 and place[0] == 0:
-            rows("given_impulse")[:] = opening
-        if impulse.any() or opening.any():
+        force, impulse, result = rows("external_force"), rows("external_impulse"), forces
+        kicked = self.kicked(step)
+        self.work = self.behind + float(np.sum((kicked - 0.5 * step) * force * rows("moved")))
+        self.work += float(np.sum(impulse * rows(self.mean)))
+        if force.any() or impulse.any():
             result = aligned_zeros((self.points.capacity, 4)) if forces is None else forces.copy()
-            result[: self.points.owned, : self.points.dimension] += (impulse + opening) / self.kicked(step)
+            result[: self.points.owned, : self.points.dimension] += force + impulse / kicked
             impulse[:] = 0.0
         return result
 
@@ -69,13 +69,14 @@ class WaitingImpulses:
 
     def note_work(self, step: float) -> None:
         """Add what forces do [J] in a step [s] that moves and strains particles, before stresses change."""
-        storage, rows, (number, count) = self.points.storage, self.points.owned_rows, self.place
-        moved, opening, owned = rows("moved"), rows("opening"), self.points.owned
+        storage, rows = self.points.storage, self.points.owned_rows
+        moved, owned = rows("moved"), self.points.owned
         now = self._ways[:owned, : self.points.dimension]
-        first = opening if count == 1 else rows("given_impulse")
-        self.work += float(np.sum(first * now)) / count
-        opening[:] = 0.0
-        moved[:] = now / count + (moved if number else 0.0)
+        self.work += 0.5 * step * float(np.sum(rows("external_force") * now))
+        moved[:] = now
+        if self.mean != "moved":
+            number, count = self.place
+            rows(self.mean)[:] = now / count + (rows(self.mean) if number else 0.0)
         rate = storage("velocity_gradient")
         if "nominal_stress_and_volume" in self.points:
             # gradients by reference place
@@ -102,7 +103,8 @@ class WaitingImpulses:
     def energy(self) -> float:
         """What particles will have gained by the time of their places [J]: velocities are half a step behind."""
         rows = self.points.owned_rows
-        return float(np.sum(rows("impulse") * rows("moved"))) + self.behind
+        first_half = 0.5 * self.step * np.sum(rows("external_force") * rows("moved"))
+        return float(first_half + np.sum(rows("external_impulse") * rows(self.mean))) + self.behind
 
     def state(self, comm: MPI.Comm) -> dict[str, Any]:
         """What a restart needs besides fields; collective."""

@@ -219,7 +219,7 @@ class Peridynamics(MethodSettings):
     }
     reactions: ClassVar = ("fixed", "roller", "velocity", "rotation", "displacement", "layer", "traction", "pressure")
     pictured_fields: ClassVar = ("damage", "pressure")
-    ledger_terms: ClassVar = {"dissipation_fracture": 1, "leapfrog_oscillation": -1, "residual_work": 0}
+    ledger_terms: ClassVar = {"dissipation_fracture": 1, "kinetic_offset": -1, "residual_work": 0}
     extra_fields: ClassVar = {"damage": "scalar"}
     extra_quantities: ClassVar = {"broken_bonds": "scalar", "crack_tip": "vector"}
 

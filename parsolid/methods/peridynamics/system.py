@@ -143,9 +143,15 @@ class Peridynamics(PairMethod):
         """The time solver's step [s]; the first call is collective."""
         return self.solver.stable_step()
 
-    def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
+    def advance_positions(self, time: float, step: float, ledger: Any) -> None:
+        """See `ParticleSystem`."""
+        if hasattr(self.solver, "advance_positions"):
+            self.solver.advance_positions(time, step, ledger)
+
+    def complete_step(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """One step of the time solver."""
-        sound = self.solver.advance(time, step, ledger, announce)
+        advance = self.solver.complete_step if hasattr(self.solver, "complete_step") else self.solver.advance
+        sound = advance(time, step, ledger, announce)
         for told in self.told:
             told.finish(step, ledger)
         return sound
@@ -176,13 +182,13 @@ class Peridynamics(PairMethod):
         free = self.loads.free
         return None if free.all() else ~free
 
-    def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
-        """See `ParticleSystem.kick`; raises SolverError where there is no motion that an impulse could change."""
+    def take_external_forces(self, keep_rows: bool) -> None:
+        """See `ParticleSystem`; raises SolverError where there is no motion that forces could change."""
         if self.settings.solution.kind == "quasi-static":
             raise SolverError(
-                'method.solution.kind: expected "explicit" for impulses, found equilibrium without inertia'
+                'method.solution.kind: expected "explicit" with contact, ties and tools, found equilibrium'
             )
-        return super().kick(impulse, rows)
+        super().take_external_forces(keep_rows)
 
     def energies(self) -> tuple[float, float]:
         """Kinetic and stored energy [J] of this rank's particles, the stabiliser's included."""

@@ -73,22 +73,40 @@ class VelocityVerlet(TimeSolver):
 
     # --- a step ------------------------------------------------------------------------------------------------
 
-    def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
-        """One step [s] from a time [s]; what broke in its state breaks at its start."""
-        fracture, history = self.body.fracture, self.body.history
+    def _pull(self, sign: float) -> None:
+        """Add external forces to those of bonds, or take them back."""
+        body = self.body
+        if "external_force" in body.particles:
+            force = sign * body.particles.owned_rows("external_force") / body.share[:, None]
+            body.engine.force[: body.owned, : body.dimension] += force
+
+    def advance_positions(self, time: float, step: float, ledger: Any) -> None:
+        """Opening half kick and drift of a step [s] from a time [s]; what broke in its state breaks at its start."""
+        fracture = self.body.fracture
         fracture.break_what_ranks_found(ledger)
+        self._pull(1.0)
         before = self.guided_motion()
         work, swing = self.half_velocity(time, step, after_jump=True)
-        sound = self.new_positions(time, step)
+        self.opening = before, work, swing, self.new_positions(time, step)
+
+    def complete_step(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
+        """Forces of the new state and closing half kick."""
+        fracture, history = self.body.fracture, self.body.history
+        before, work, swing, sound = self.opening
         report = partial(self._report, announce, sound)
         fracture.before_forces(report)
         history.internal_force(step)
         lost = history.settle(step)
         fracture.after_forces(report)
+        impulse, given = self.body.impulse_at_end(step), 0.0
+        self._pull(1.0)
         more, swings = self.half_velocity(time + step, step, after_jump=False)
         guided = self.guided_velocity(before, time, step)
-        ledger.add(1.0, lost, 0.0, work + more + guided)
-        ledger.add_term("leapfrog_oscillation", swings - swing)
+        self._pull(-1.0)
+        if impulse is not None:
+            given = impulse.act(self.body.held_components())
+        ledger.add(1.0, lost, -given, work + more + guided)
+        ledger.add_term("kinetic_offset", swings - swing)
         return sound and self.body.engine.sound
 
     def _report(self, announce: Any, sound: bool) -> None:

@@ -31,7 +31,7 @@ from parsolid.numerics.lanes import WIDTH
 from parsolid.numerics.wide_lanes import WIDE
 from parsolid.numerics.wide_space import WIDE_SPACE
 from parsolid.pairs.axis_waves import wave_forms
-from parsolid.scene.method_settings import SWINGS
+from parsolid.scene.method_settings import KINETIC_OFFSET
 
 # Of c_p and c_s in the speed that takes a particle spacing in the largest stable step. The lagged dissipation bounds
 # it: w^2 dt^2 + 2 b dt = 4 where a wave has the frequency w and the damping b. They bound all waves of square and
@@ -50,15 +50,13 @@ def wave_weights(dimension: int, smoothing: float) -> WaveWeights:
 class Leapfrog:
     """Moves one rank's particles.
 
-    forces_of: how often the reference had been moved when the forces of the state were found, None before that;
-    swings: True where the ledger has what kinetic energy swings within a step, else None.
+    forces_of: how often the reference had been moved when the forces of the state were found, None before that.
     """
 
     def __init__(self, system: Any, scene: Any) -> None:
         """system: `system.TotalLagrangianSPH`, whose particles have the fields of a step without stages."""
         self.system = system
-        system.swings_told = SWINGS in system.settings.energy_terms(scene, ())
-        self.swings = system.swings_told or None
+        self.swings = True
         system.boundaries.declare_free()
         self.forces_of: int | None = None
         self.weights, self.safety = self._bounds()
@@ -89,22 +87,39 @@ class Leapfrog:
     def _step_of(self, block: MaterialBlock, signal: float) -> float:
         return self.safety * self.system.spacing * np.sqrt(block.law.density) / signal if signal > 0.0 else 0.0
 
-    def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
-        """One step [s] from a time [s]."""
+    def _pull(self, sign: float) -> None:
+        """Add external forces to those of the pairs, or take them back."""
+        system = self.system
+        if "external_force" in system.particles:
+            d, force = system.dimension, system.particles.storage("pair_force")
+            force[: system.owned, :d] += sign * system.particles.owned_rows("external_force") / system.share[:, None]
+
+    def advance_positions(self, time: float, step: float, ledger: Any) -> None:
+        """Opening half kick and drift."""
         system, boundaries = self.system, self.system.boundaries
         if self.forces_of != self._reference_updates:
             self.evaluate()
         boundaries.prescribe_mean(time, step, system.kinematics)
-        taken, work, swing = self._half_kick(True, time, step)
+        self._pull(1.0)
+        self.opening = self._half_kick(True, time, step)
+
+    def complete_step(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
+        """Forces of the new state and closing half kick."""
+        system, boundaries = self.system, self.system.boundaries
+        taken, work, swing = self.opening
         system.pairs.gradient("motion")
         sound, internal, stable = self._advance_strain_of_all(step)
         announce(sound, stable)
         system.pairs.divergence(system.pairs.terms)
+        impulse = system.impulse_at_end(step)
+        self._pull(1.0)
         more, done, swings = self._half_kick(False, time + step, step)
+        self._pull(-1.0)
+        if impulse is not None:
+            more -= impulse.act(system.held_components())
         boundaries.prescribe(time + step, system.kinematics)
         ledger.add(1.0, internal, taken + more, work + done + system.prescribed_energy_gain())
-        if self.swings:
-            ledger.add_term("leapfrog_oscillation", swings - swing)
+        ledger.add_term(KINETIC_OFFSET, swings - swing)
         return sound
 
     def evaluate(self) -> None:

@@ -16,9 +16,10 @@ from parsolid.methods.tlsph.body_weights import (
 from parsolid.pairs.smoothing import kernel_names
 from parsolid.scene.base_model import NotNegative, Positive, reject
 from parsolid.scene.contact import of_model
-from parsolid.scene.method_settings import SWINGS, Detail, MethodSettings
+from parsolid.scene.method_settings import KINETIC_OFFSET, Detail, MethodSettings
 
 # keys of which a scene that states one has chosen for itself
+_OF_STEPS = {"integrator", "cfl", "safety"}
 _CHOSEN = {"kernel", "smoothing", "weights", "pair_correction", "integrator", "cfl", "safety"}
 # what images at fixed planes do beyond what is adjoint, see `fixed_walls`
 FIXED_WALLS = "work_fixed_walls"
@@ -134,32 +135,28 @@ class TotalLagrangianSPH(MethodSettings):
     def energy_terms(self, scene: Any, bodies: Iterable[int]) -> dict[str, int]:
         """Also what fixed planes give to bodies that have images there, and what leapfrog swings within a step."""
         terms, planes = super().energy_terms(scene, bodies), [one for one in scene.boundaries if one.kind == "fixed"]
-        if self.integrator == "leapfrog" and self.tells_of_steps(scene):
-            terms[SWINGS] = -1
+        if self.integrator == "leapfrog":
+            terms[KINETIC_OFFSET] = -1
         images = self.pair_weights not in ON_LATTICES and any(one.plane is not None for one in planes)
         return terms | ({FIXED_WALLS: -1} if images else {})
 
     def usual(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
         """Weights that close with one evaluation a step where every example of the tables confirms them: boxes of eight
-        nodes or more along each axis that touch nothing, in scenes that state no kernel, weights or integrator."""
-        meets = scene.contact or scene.tie or scene.tools or scene.methods is not None
+        nodes or more along each axis that touch nothing, in scenes that state no kernel, weights or integrator. One
+        evaluation a step where bodies meet, as forces of contact, tools and ties are found once a step."""
+        if _meets(scene):
+            return {} if _OF_STEPS & self.model_fields_set else {"integrator": "leapfrog", "cfl": None, "safety": 0.9}
         # jumps that are not reconstructed take more of what is resolved with weights in closed form (docs/weights.md)
         own = _CHOSEN & self.model_fields_set or self.reference == "updated" or not self.reconstruction
-        if own or meets or not all_resolved_boxes(scene, bodies):
+        if own or scene.methods is not None or not all_resolved_boxes(scene, bodies):
             return {}
         return {"weights": "best", "integrator": "leapfrog", "cfl": None, "safety": 0.9}
 
-    def tells_of_steps(self, scene: Any) -> bool:
-        """Whether the ledger has what steps do to energies by themselves: leapfrog, and stages where bodies meet;
-        none beside ties, which tell none of theirs."""
-        return bool(self.integrator == "leapfrog" or scene.contact or scene.tools) and not scene.tie
-
     def notes(self, scene: Any, bodies: Iterable[int]) -> list[str]:
-        """Faces that are loaded through weights which do not close, where others would; contact between stages; mass
-        that is not told."""
+        """Faces that are loaded through weights which do not close, where others would; mass that is not told."""
         told = f"mass, and the weight that clamps bear, are told without {self.clamp_edges:g} of that of these edges"
         less = [f"method.clamp_edges: {told}"] if self.clamp_edges else []
-        return self._notes_of_weights(scene, bodies) + self._notes_of_contact(scene, bodies) + less
+        return self._notes_of_weights(scene, bodies) + less
 
     def unheard(self, scene: Any, bodies: Iterable[int]) -> frozenset[str]:
         """What kernels are, where all weights are in closed form."""
@@ -169,16 +166,11 @@ class TotalLagrangianSPH(MethodSettings):
     def choices(self, scene: Any, bodies: Iterable[int]) -> list[str]:
         """Weights and integrator, where the scene leaves both to its bodies."""
         usual = self.usual(scene, bodies)
-        told = " and ".join(f"method.{key} = {usual[key]!r}" for key in ("weights", "integrator") if usual)
-        why = f"unless stated, as all bodies are boxes of {RESOLVED} nodes or more along each axis"
-        return [f"{told} {why}"] if usual else []
-
-    def _notes_of_contact(self, scene: Any, bodies: Iterable[int]) -> list[str]:
-        named = {name for one in of_model(scene.contact, "kernel") for name in one.bodies}
-        if self.integrator == "leapfrog" or not named.intersection(scene.bodies[i].name for i in bodies):
-            return []
-        said = "stages keep angular momentum of bodies in contact to 1e-6 of what they bring, at best, and damp what"
-        return [f"{said} it shakes; method.integrator = 'leapfrog' without dissipation keeps it to round-off"]
+        told = " and ".join(f"method.{key} = {usual[key]!r}" for key in ("weights", "integrator") if key in usual)
+        why = f"all bodies are boxes of {RESOLVED} nodes or more along each axis"
+        if _meets(scene):
+            why = "forces between bodies are found once a step"
+        return [f"{told} unless stated, as {why}"] if usual else []
 
     def _notes_of_weights(self, scene: Any, bodies: Iterable[int]) -> list[str]:
         loaded = any(one.kind in ("traction", "pressure") for one in scene.boundaries)
@@ -202,6 +194,9 @@ class TotalLagrangianSPH(MethodSettings):
         faults: list[Detail] = [
             (("boundaries", i, "kind"), expected, kind) for i, kind in kinds if kind == "antisymmetric"
         ]
+        if self.integrator == "ssp-rk3" and _OF_STEPS & self.model_fields_set and _meets(scene):
+            expected = "'leapfrog' with contact, tools and ties, whose forces are found once a step"
+            faults.append((("method", "integrator"), expected, self.integrator))
         faults += lattice_faults(self.pair_weights, scene) + self._grading_faults(scene)
         return faults + self._edge_faults(scene)
 
@@ -224,3 +219,8 @@ class TotalLagrangianSPH(MethodSettings):
         others = [i for i in graded if meets or kinds[i] not in ON_LATTICES or self.integrator != "leapfrog"]
         found = Phrase(f"{self.pair_weights!r} weights with {self.integrator!r}{' and contact' if meets else ''}")
         return [(("bodies", i, "grading"), expected, found) for i in others]
+
+
+def _meets(scene: Any) -> bool:
+    """Whether forces act between bodies of a scene besides those of methods."""
+    return bool(of_model(scene.contact, "kernel") or scene.tie or scene.tools)

@@ -17,7 +17,6 @@ from parsolid.methods.tlsph import state
 from parsolid.methods.tlsph.advice import advice_of
 from parsolid.methods.tlsph.body_weights import ON_LATTICES, weights_are_tabled, weights_of_bodies
 from parsolid.methods.tlsph.boundaries import build_boundaries
-from parsolid.methods.tlsph.carried_impulses import CarriedImpulses
 from parsolid.methods.tlsph.deformation import Relaxation, advance_deformation, largest_wave_modulus
 from parsolid.methods.tlsph.displacement import complete_strain
 from parsolid.methods.tlsph.dissipation import dissipation_of
@@ -25,7 +24,6 @@ from parsolid.methods.tlsph.fixed_walls import watch_fixed_walls
 from parsolid.methods.tlsph.initial_stress import initial_stress_of
 from parsolid.methods.tlsph.lattice_bodies import put_on_lattices
 from parsolid.methods.tlsph.leapfrog import Leapfrog
-from parsolid.methods.tlsph.stage_losses import stage_accelerations, tell_stage_losses
 from parsolid.methods.tlsph.state import Body
 from parsolid.methods.tlsph.stresses import deformation_gradients, first_piola_kirchhoff_stresses
 from parsolid.methods.tlsph.updated_reference import UpdatedReference
@@ -72,9 +70,8 @@ class TotalLagrangianSPH(PairMethod):
         self.pairs = self._pair_system(particle_set, weights_are_tabled(scene))
         self.pairs.unbonded = scene.unbonded
         fixed = self.settings.reference == "fixed"
-        self.staged = staged = self.settings.integrator == "ssp-rk3"
+        staged = self.settings.integrator == "ssp-rk3"
         self.leapfrog = None if staged else Leapfrog(self, scene)
-        self.carried = CarriedImpulses(self)
         watch_fixed_walls(self)
         self.evaluations, self.landings = (len(self.stages), ()) if staged else (1, self.boundaries.jump_times)
         state.declare_motion(self.particles, particle_set, fixed, staged)
@@ -83,7 +80,6 @@ class TotalLagrangianSPH(PairMethod):
         volume = particle_set.volume / share
         self.particles.declare(Field("mass", 1, "kg"), volume * density)
         self.particles.declare(Field("share", 1, "1"), share)
-        tell_stage_losses(self, scene)
         self.initial_stress = initial_stress_of(self, scene)
         metric = metrics(particle_set.spacing, particle_set.axes, self._smoothing())
         updated = (self.pairs, self.settings, particle_set.position, self.boundaries)
@@ -198,19 +194,25 @@ class TotalLagrangianSPH(PairMethod):
         """Whether this rank's particles ask for another reference."""
         return self.reference is not None and self.reference.asks
 
-    def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
-        """One step by the scene's integrator, of a reference that follows where it is moved; collective."""
-        if self.reference is not None and not self.reference.follow(self.news_anywhere):
+    def advance_positions(self, time: float, step: float, ledger: Any) -> None:
+        """See `ParticleSystem`; collective where the reference is moved."""
+        self.lost_reference = self.reference is not None and not self.reference.follow(self.news_anywhere)
+        if self.lost_reference:
+            return
+        if self.boundaries.reactions is not None:
+            self.boundaries.reactions.begin()
+        if self.leapfrog is not None:
+            self.leapfrog.advance_positions(time, step, ledger)
+
+    def complete_step(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
+        """See `ParticleSystem`; stages do all of a step here."""
+        if self.lost_reference:
             announce(False, 0.0)
             return False
-        advance = self.advance_in_stages if self.leapfrog is None else self.leapfrog.advance
-        reactions = self.boundaries.reactions
-        if self.carried.waiting:
-            self.carried.begin()
-        if reactions is not None:
-            reactions.begin()
+        advance = self.advance_in_stages if self.leapfrog is None else self.leapfrog.complete_step
         sound = advance(time, step, ledger, announce)
         self.boundaries.place(time + step)
+        reactions = self.boundaries.reactions
         if reactions is not None:
             reactions.finish(step, self.mass, self.share, ledger)
         return sound
@@ -260,25 +262,17 @@ class TotalLagrangianSPH(PairMethod):
         boundaries, stored, mass, share = self.boundaries, self.particles.storage, self.mass, self.share
         kinematics, force = stored("kinematics"), stored("pair_force")
         loads, _ = boundaries.meet(time + stage.time * step, stage.time > 0.0, force, mass, share)
-        if self.carried.waiting:
-            self.carried.act(force, step)
         if boundaries.reactions is not None:
             boundaries.reactions.book(stage.quadrature, stage.quadrature * step)
         held = boundaries.prescribed_power(kinematics, force, mass, share, loads)
         arrays = (kinematics, stored("motion_at_start"), force, stored("pair_sums"))
-        told = stage_accelerations(self) if self.losses_told else (None, None)
+        told = (None, None)
         dissipation, power, lost = self._advance_motion(
             self.space, self.owned, stage.update(step), *arrays, mass, share, loads, boundaries.clamp, *told
         )
         self.lost += lost
         boundaries.prescribe(time + stage.next_time * step, kinematics, before=not stage.last)
-        if stage.last and self.carried.waiting:
-            self.carried.end()
         return dissipation, held + power
-
-    def kick_before(self, impulse: np.ndarray, rows: np.ndarray) -> None:
-        """See `ParticleSystem.kick_before` and, for stages, `CarriedImpulses`."""
-        (self.carried.take if self.leapfrog is None else self.kick)(impulse, rows)
 
     def prescribed_energy_gain(self) -> float:
         """Kinetic energy [J] that prescribed components gained since the last call: the work of what moves them."""

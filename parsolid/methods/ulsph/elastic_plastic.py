@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from parsolid.boundary.conditions import EXTERNAL_FORCE
 from parsolid.kernels import kernel
 from parsolid.materials.failure.failure import count_of
 from parsolid.materials.plastic import plastic_evaluation
@@ -110,19 +111,22 @@ def advance_density(density, reference, first, count, kinematics, tile):
 
 
 @kernel
-def viscous_losses(step, mean_step, mass, force, viscous_force, heat, impulse_power, first, count, tile):
+def viscous_losses(step, mean_step, mass, force, viscous_force, heat, impulse_power, external, first, count, tile):
     """HEAT [J] of the artificial viscosity: the loss that its forces V are in both half kicks around their time, the
     halves of the step before and of this one, together mean_step [s].
 
     The sums q = -V.v are of velocities v half a step before these kicks, d and d' of which change v by d F/2m and
-    d' F/2m: -V.dv of both is h q - h^2 V.F/2m with h = (d + d')/2, also where d is 0. What contact has changed between
-    them, w = V.dv, meets the second one alone.
+    d' F/2m with all forces F: -V.dv of both is h q - h^2 V.F/2m with h = (d + d')/2, also where d is 0. What impulses
+    of contact change between them, w = V.dv, meets the second one alone. external: forces of contact, None without.
     """
     for p in range(count):
         a = first + p
         power = 0.0
         for c in range(force.shape[0]):
-            power += viscous_force[c, a] * (force[c, a] + viscous_force[c, a])
+            acting = force[c, a] + viscous_force[c, a]
+            if external is not None:
+                acting += external[c, a]
+            power += viscous_force[c, a] * acting
         loss = heat[0, a] - 0.5 * mean_step / mass[0, a] * power
         tile[HEAT * TILE + p] = mean_step * loss - 0.5 * step * impulse_power[0, a]
 
@@ -142,6 +146,7 @@ def advance_state(
     flows,
     state,
     viscosity,
+    external,
     failing,
     strength,
     deleted,
@@ -150,7 +155,7 @@ def advance_state(
     """State of particles first..last-1 after a step [s] from the sums of the first sweep.
 
     most, in_plane: see `kinematics`; centred: not None where B is carried on from the middle of the step. None where
-    there is no such thing: flows, of heat; viscosity: force, viscous_force, viscous_heat, impulse_power; failing:
+    there is no such thing: flows, of heat; viscosity: force, viscous_force, viscous_heat, impulse_power; external forces; failing:
     damage, criterion_damage; strength, its factors; deleted, masses. tile: of `tile_update`, for the law. Returns
     (sound, plastic work, viscous heat, energy that failure released) [J]; sound: no particle is compressed beyond its
     equation of state, and all are numbers.
@@ -170,7 +175,7 @@ def advance_state(
         start_step(law, failure, tile)
         tile[HEAT * TILE : (HEAT + 1) * TILE] = 0.0
         if viscosity is not None:
-            viscous_losses(step, mean_step, state.mass, *viscosity, i, count, tile)
+            viscous_losses(step, mean_step, state.mass, *viscosity, external, i, count, tile)
         for p in range(count):
             per_volume = law.density / state.mass[0, i + p]
             if deleted is None or deleted[0, i + p] <= 0.0:
@@ -241,6 +246,7 @@ class ElasticPlasticSolid:
         of = particles.storage
         state = State(*(of(name) for name in State._fields))
         viscosity = failing = strength = deleted = None
+        external = of(EXTERNAL_FORCE) if EXTERNAL_FORCE in particles else None
         if system.viscosity is not None:
             viscosity = of("force"), of("viscous_force"), of("viscous_heat"), of("impulse_power")
         if law.failure is not None:
@@ -251,7 +257,7 @@ class ElasticPlasticSolid:
         how = step, system.viscous_heat.mean_step(step), system.most_correction, system.centred, system.in_plane
         sound, plastic, viscous, released = advance_state(
             here.start, here.stop, law, law.failure, *how, rates.rates, flows,
-            state, viscosity, failing, strength, deleted, self._tile,
+            state, viscosity, external, failing, strength, deleted, self._tile,
         )  # fmt: skip
         self.plastic_work += plastic
         self.viscous_heat += viscous

@@ -70,7 +70,7 @@ class UpdatedLagrangianSPH(MethodSettings):
     pictured_fields: ClassVar = ("plastic_strain", "temperature", "pressure")
     ledger_terms: ClassVar = {
         "viscous_dissipation": 1,
-        "leapfrog_oscillation": -1,
+        "kinetic_offset": -1,
         "heat_supplied": 0,
         "heat_stored": -1,
         "plastic_work": 0,

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from decomposition.measured_load import MeasuredLoad
-from parsolid.boundary.conditions import Conditions
+from parsolid.boundary.conditions import EXTERNAL_IMPULSE, Conditions
 from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.boundary.walls import Walls
 from parsolid.collective import anywhere, maximum
@@ -50,7 +50,8 @@ _SOLIDS: dict[type, Any] = {MicroInertia: MicroInertiaSolid, ElasticPlastic: Ela
 
 class HalfKick(NamedTuple):
     """Energies of a half kick [J]: external work; loss to the artificial viscosity; kinetic offset of all other forces;
-    loss to walls; the part of the viscous loss that stored energies take up in the next step."""
+    loss to walls, and to impulses of contact; the part of the viscous loss that stored energies take up in the next
+    step."""
 
     external: float
     viscous: float
@@ -79,7 +80,7 @@ class UpdatedLagrangianSPH(ParticleSystem):
 
     solids: of each law, what its particles do between the sweeps; most_correction: bound of the correction of
     gradients, None without one; centred: not None where the correction is carried on from the middle of the step,
-    because contact acts between steps; in_plane: not None in plane strain.
+    because contact acts at the ends of steps; in_plane: not None in plane strain.
     """
 
     time = 0.0
@@ -170,12 +171,7 @@ class UpdatedLagrangianSPH(ParticleSystem):
 
     # --- a step -------------------------------------------------------------------------------------------------
 
-    def advance(self, time: float, step: float, ledger: EnergyLedger, announce: Announce) -> bool:
-        """One step [s] from a time [s]."""
-        self.advance_positions(time, step)
-        return self.complete_step(time, step, ledger, announce)
-
-    def advance_positions(self, time: float, step: float) -> None:
+    def advance_positions(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Opening half kick, state from the rates in the middle of the step [s], and drift to its end."""
         self.rebuild_expired_list(time)
         self.opening = self.half_kick(True, time, step)
@@ -234,25 +230,42 @@ class UpdatedLagrangianSPH(ParticleSystem):
 
     def half_kick(self, opening: bool, time: float, step: float) -> "HalfKick":
         """Opening or closing half kick of a step [s] with the forces of a time [s]; walls catch particles after it."""
-        needed = self.walls.all or (self.warms and not all(solid.stores_heat for solid in self.solids))
-        before = self.particles.owned_rows("velocity").T.copy() if needed else None
+        of = self.particles.owned_rows
+        before = of("velocity").T.copy()
         if opening:
             self.leapfrog.open_step(time, step)
-            kick = self.leapfrog.opening
+            kick, gained = self.leapfrog.opening, 0.0
         else:
-            self.leapfrog.close_step(time, step)
-            kick = self.leapfrog.closing
+            struck = self.impulse_of_contact()
+            self.leapfrog.close_step(time, step, self.substeps)
+            kick, gained = self.leapfrog.closing, self.leapfrog.gained
+            before += struck
         # the loss to the viscosity is that on the mean of both velocities, which laws take up as heat
-        viscous, centred = kick.dissipated + kick.centred_dissipation, kick.centred_dissipation
+        centred = kick.centred_dissipation
         offset = kick.offset - centred if opening else kick.offset + centred
-        external, lost, to_come = kick.external, 0.0, viscous
-        if before is not None:
-            force, damping = (self.particles.owned_rows(name).T for name in ("force", "viscous_force"))
-            acting = force, damping, self.conditions.loads(time)
-            caught = self.walls.catch(time, 0.5 * step, opening, before, acting)
-            external, viscous, offset, lost = np.array([external, viscous, offset, 0.0]) + caught
-            to_come = self.viscous_loss_of_storing(damping, before, 0.5 * step)
-        return HalfKick(float(external), float(viscous), float(offset), float(lost), to_come)
+        energies = np.array([kick.external, kick.dissipated + gained + centred, offset, -gained])
+        if self.walls.all:
+            acting = of("force").T, of("viscous_force").T, self.conditions.loads(time)
+            energies += self.walls.catch(time, 0.5 * step, opening, before, acting)
+        to_come = energies[1]
+        if self.warms and not all(solid.stores_heat for solid in self.solids):
+            mean = 0.5 * (before + of("velocity").T)
+            storing = [here for solid, here in self.parts() if solid.stores_heat]
+            to_come = -0.5 * step * sum(np.sum(of("viscous_force").T[:, here] * mean[:, here]) for here in storing)
+        return HalfKick(*map(float, (*energies, to_come)))
+
+    def impulse_of_contact(self) -> np.ndarray:
+        """Changes (d, owned) of velocities [m/s] by the impulses of contact that follow the closing kick; of the two
+        half kicks of the viscous forces of its time only the next one comes after it."""
+        of = self.particles.owned_rows
+        if EXTERNAL_IMPULSE not in self.particles:
+            return np.zeros((self.dimension, self.owned))
+        change = of(EXTERNAL_IMPULSE).T / self.mass
+        constrained = self.conditions.constrained
+        if constrained is not None:
+            change[constrained.T] = 0.0
+        of("impulse_power")[:] = np.sum(of("viscous_force").T * change, axis=0)
+        return change
 
     def book(
         self, step: float, ledger: EnergyLedger, plastic: float, lost: float, opening: "HalfKick", closing: "HalfKick"
@@ -263,7 +276,7 @@ class UpdatedLagrangianSPH(ParticleSystem):
         ledger.add_term("viscous_dissipation", self.viscous_loss(step, opening.viscous + closing.viscous))
         if self.warms:
             ledger.add_term("viscous_heat_to_come", self.viscous_heat.finish(step, closing.to_come))
-        ledger.add_term("leapfrog_oscillation", closing.offset - opening.offset)
+        ledger.add_term("kinetic_offset", closing.offset - opening.offset)
         ledger.add_term("heat_supplied", self.temperatures.supplied)
         ledger.add_term("heat_stored", self.temperatures.stored)
         for part in (*self.solids, *([] if self.deletion is None else [self.deletion])):
@@ -277,13 +290,6 @@ class UpdatedLagrangianSPH(ParticleSystem):
             return taken
         heat = self.particles.owned_rows("viscous_heat")
         return step * float(sum(heat[here].sum() for solid, here in self.parts() if not solid.stores_heat))
-
-    def viscous_loss_of_storing(self, damping: np.ndarray, before: np.ndarray, half: float) -> float:
-        """What viscous forces (d, owned) took in a half kick [s] from particles whose stored energy takes it up [J];
-        before (d, owned): velocities before it."""
-        mean = 0.5 * (before + self.particles.owned_rows("velocity").T)
-        parts = (np.sum(damping[:, here] * mean[:, here]) for solid, here in self.parts() if solid.stores_heat)
-        return -half * float(sum(parts))
 
     @property
     def warms(self) -> bool:
@@ -318,21 +324,12 @@ class UpdatedLagrangianSPH(ParticleSystem):
         self.checkpoint, self.time, self.news = state, state["time"], state["news"]
         self.viscous_heat.set_state(self.comm, state["viscous_heat"])
 
-    # --- contact acts between steps ------------------------------------------------------------------------------
+    # --- contact --------------------------------------------------------------------------------------------------
 
-    def expect_kicks(self) -> None:
+    def take_external_forces(self, keep_rows: bool) -> None:
         """Forces of contact do their work at the ends of steps, for which the correction is carried on."""
+        super().take_external_forces(keep_rows)
         self.centred = True
-
-    def kick(self, impulse: np.ndarray, rows: np.ndarray | None = None) -> float:
-        """See `ParticleSystem.kick`. Of the two half kicks of the viscous forces only the second one comes after it."""
-        rows = np.arange(self.owned) if rows is None else rows
-        of = self.particles.owned_rows
-        before = of("velocity")[rows]
-        gained = super().kick(impulse, rows)
-        if self.warms:
-            of("impulse_power")[rows] += np.sum(of("viscous_force")[rows] * (of("velocity")[rows] - before), axis=1)
-        return gained
 
     def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
         """See `ParticleSystem.take_heat`; no particle lies on a mirror plane."""
