@@ -155,10 +155,10 @@ def advance_state(
     """State of particles first..last-1 after a step [s] from the sums of the first sweep.
 
     most, in_plane: see `kinematics`; centred: not None where B is carried on from the middle of the step. None where
-    there is no such thing: flows, of heat; viscosity: force, viscous_force, viscous_heat, impulse_power; external forces; failing:
-    damage, criterion_damage; strength, its factors; deleted, masses. tile: of `tile_update`, for the law. Returns
-    (sound, plastic work, viscous heat, energy that failure released) [J]; sound: no particle is compressed beyond its
-    equation of state, and all are numbers.
+    there is no such thing: flows, of heat; viscosity: force, viscous_force, viscous_heat, impulse_power; external:
+    forces of contact; failing: damage, criterion_damage; strength, its factors; deleted, masses. tile: of
+    `tile_update`, for the law. Returns (sound, plastic work, viscous heat, energy that failure released) [J]; sound: no
+    particle is compressed beyond its equation of state, and all are numbers.
     """
     sound, plastic, viscous, released = True, 0.0, 0.0, 0.0
     kinematics = np.zeros(ROWS * TILE)
