@@ -58,19 +58,23 @@ class Deletion:
             # those of its whole mass, whose heat the next state would take up
             for name in ("force", "viscous_force", "viscous_heat", "impulse_power"):
                 of(name)[rows] = 0.0
-            self.lighten()
+            self.hold()
             self.system.conditions.forget_masses()
             left = self.system.energies()
             self._energies = {DELETED_KINETIC: kinetic - left[0], DELETED_STORED: stored - left[1]}
         else:
-            self.lighten()
+            self.hold()
+
+    def hold(self) -> None:
+        """Take mass and motion of deleted particles."""
+        self.lighten()
+        self.particles.owned_rows("velocity")[self.particles.owned_rows("deleted_mass") > 0.0] = 0.0
 
     def lighten(self) -> None:
-        """Take mass and motion of deleted particles, also after a restart, whose masses are those of time 0."""
+        """Take the mass of deleted particles; also after a restart, whose masses are those of time 0."""
         of = self.particles.owned_rows
         gone = of("deleted_mass") > 0.0
         of("mass")[gone] = _left_of(of("deleted_mass")[gone])
-        of("velocity")[gone] = 0.0
 
     def take_energies(self) -> dict[str, float]:
         """Energies [J] that went with particles since this was asked."""
